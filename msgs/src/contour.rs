@@ -1,0 +1,232 @@
+//! The neutral events between a dialect and the planner.
+//!
+//! A dialect turns its words into these; the planner reads nothing else and
+//! never sees a G number. Order is order of execution.
+
+use crate::geometry::{AxisSet, Plane, Position, Shape};
+use serde::{Deserialize, Serialize};
+
+/// What a part program means, before any compensation.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ProgrammedContour {
+    /// Where the tool is before the first event, in the work frame.
+    pub start: Position,
+    /// Axes whose start value the motions rely on although the program never
+    /// named them first (an arc, an incremental move or a lead-on from an
+    /// unnamed position). A driver runs the program only from there.
+    pub assumed_axes: AxisSet,
+    /// All events in order of execution.
+    pub events: Vec<ContourEvent>,
+}
+
+/// One event and the block it comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContourEvent {
+    pub source: Source,
+    pub kind: ContourEventKind,
+}
+
+/// The place in the part program that an event or element comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub struct Source {
+    /// Line, from 1; 0 when there is none.
+    pub line: u32,
+    /// The N number, if the block has one.
+    pub block: Option<u32>,
+    /// First column of the block, from 1, in characters.
+    pub column: u16,
+    /// Length of the block, in characters.
+    pub length: u16,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ContourEventKind {
+    /// The tool moves.
+    Motion(Motion),
+    /// The plane of compensation is selected.
+    Plane(Plane),
+    /// Where the next compensation takes its radius from.
+    Radius(RadiusSource),
+    /// Compensation is switched on, or to the other side, or again; it takes
+    /// effect with the next motion in the plane.
+    Select { side: CutterSide, approach: Option<Approach> },
+    /// Compensation is switched off with the next motion in the plane.
+    Cancel { exit: Option<Approach> },
+    /// How outside corners are rounded from here on.
+    Corner(OutsideCorner),
+    /// Something for the machine that is not motion of the contour.
+    Action(Action),
+}
+
+/// One motion; it starts where the motion before it ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    pub shape: Shape,
+    pub end: Position,
+    pub class: MotionClass,
+    /// Feed rate in force, mm/min; 0 for rapids.
+    pub feed_mm_per_min: f64,
+    /// The axes that the block names (G1 X10 Y10: XY), whether they move or not.
+    pub axes: AxisSet,
+}
+
+/// How the axes move together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum MotionClass {
+    /// As fast as the machine can, along the line (G0).
+    Rapid,
+    /// At a feed rate along the path (G1, G2, G3).
+    Feed,
+    /// Each axis by itself; the path between the ends is not known (`MoveRapid`).
+    NonCoordinated,
+}
+
+/// The side of the contour that the tool runs on, seen along the direction of motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CutterSide {
+    /// G41.
+    Left,
+    /// G42.
+    Right,
+}
+
+/// How a start or an end behind the contour is reached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Approach {
+    /// Around the end point as around a corner (840C G455).
+    Corner,
+    /// Straight to the point perpendicular to the contour (840C G456).
+    Normal,
+}
+
+/// What the tool does at a corner that turns away from it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OutsideCorner {
+    /// A circle about the corner (840C G450).
+    Arc,
+    /// On to the intersection of the two offsets, however far that is.
+    Intersection,
+    /// Intersection for obtuse corners; each offset lengthened by the radius
+    /// and joined by a line for acute ones (840C G451).
+    ExtendByRadius,
+}
+
+/// Where the compensation radius comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RadiusSource {
+    /// The tool in the spindle.
+    SpindleTool,
+    /// The tool of this number (LinuxCNC `D`).
+    Tool(u32),
+    /// The offset register of this number (`D` on 840C and NCT).
+    Offset(u32),
+    /// This diameter, mm (LinuxCNC `G41.1 D`).
+    Diameter(f64),
+    /// This radius, mm (Automation1 `G43 P`).
+    Radius(f64),
+    /// The tool in the spindle and this radius added, mm (MASSO `P`).
+    SpindleToolPlus(f64),
+}
+
+/// Something for the machine that is not motion of the contour.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Action {
+    /// `S`, revolutions per minute.
+    SpindleSpeed { rpm: f64 },
+    /// `M3`, `M4`, `M5`.
+    Spindle(SpindleMode),
+    /// `M7`, `M8`, `M9`.
+    Coolant(CoolantMode),
+    /// `T`: the tool that the next change puts in.
+    SelectTool { tool: u32 },
+    /// `M6`: the tool that is in the spindle afterwards.
+    ChangeTool { tool: u32 },
+    /// `G43 H` and `G49`: the tool length offset; the loader gives the number
+    /// (`None`: cancel), the planner fills in the length from the tool table.
+    ToolLength { offset: Option<u32>, length_mm: f64 },
+    /// `G54` to `G59`: 1 to 6. Positions after it are in that system.
+    WorkOffset { system: u8 },
+    /// `G4`, seconds.
+    Dwell { seconds: f64 },
+    /// A word that only the machine understands: `M62`, `H3`.
+    Auxiliary { letter: char, number: f64 },
+    /// `M0`, or `M1` when optional: motion ends, and goes on when told.
+    Stop { optional: bool },
+    /// `G28`, or `G30` when second: these axes go to the stored position.
+    Reference { axes: AxisSet, second: bool },
+    /// `G53`: a move in machine coordinates, mm; only the axes that are named.
+    MachineMove { target: Position, axes: AxisSet, rapid: bool, feed_mm_per_min: f64 },
+    /// `M2`, or `M30` when it rewinds.
+    ProgramEnd { rewind: bool },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum SpindleMode {
+    Clockwise,
+    CounterClockwise,
+    Off,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum CoolantMode {
+    Mist,
+    Flood,
+    Off,
+}
+
+impl Action {
+    /// The kind as `kerf plan --json` and the messages name it.
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Self::SpindleSpeed { .. } | Self::Spindle(_) => "spindle",
+            Self::Coolant(_) => "coolant",
+            Self::SelectTool { .. } | Self::ChangeTool { .. } => "tool",
+            Self::Dwell { .. } => "dwell",
+            Self::Stop { .. } => "stop_point",
+            Self::ProgramEnd { .. } => "program_end",
+            Self::ToolLength { .. }
+            | Self::WorkOffset { .. }
+            | Self::Auxiliary { .. }
+            | Self::Reference { .. }
+            | Self::MachineMove { .. } => "aux",
+        }
+    }
+
+    /// The canonical word: `S80`, `M3`, `G4 P0.5`.
+    pub fn text(&self) -> String {
+        match *self {
+            Self::SpindleSpeed { rpm } => format!("S{rpm}"),
+            Self::Spindle(SpindleMode::Clockwise) => "M3".into(),
+            Self::Spindle(SpindleMode::CounterClockwise) => "M4".into(),
+            Self::Spindle(SpindleMode::Off) => "M5".into(),
+            Self::Coolant(CoolantMode::Mist) => "M7".into(),
+            Self::Coolant(CoolantMode::Flood) => "M8".into(),
+            Self::Coolant(CoolantMode::Off) => "M9".into(),
+            Self::SelectTool { tool } => format!("T{tool}"),
+            Self::ChangeTool { .. } => "M6".into(),
+            Self::ToolLength { offset: Some(offset), .. } => format!("G43 H{offset}"),
+            Self::ToolLength { offset: None, .. } => "G49".into(),
+            Self::WorkOffset { system } => format!("G{}", 53 + u32::from(system)),
+            Self::Dwell { seconds } => format!("G4 P{seconds}"),
+            Self::Auxiliary { letter, number } => format!("{letter}{number}"),
+            Self::Stop { optional: false } => "M0".into(),
+            Self::Stop { optional: true } => "M1".into(),
+            Self::Reference { axes, second } => {
+                format!("G{} {}", if second { 30 } else { 28 }, axes.letters())
+            }
+            Self::MachineMove { target, axes, rapid, .. } => {
+                let mut text = format!("G53 G{}", u8::from(!rapid));
+                for axis in (0..3).filter(|&axis| axes.contains(axis)) {
+                    text += &format!(" {}{}", crate::geometry::AXIS_LETTERS[axis], target[axis]);
+                }
+                text
+            }
+            Self::ProgramEnd { rewind: false } => "M2".into(),
+            Self::ProgramEnd { rewind: true } => "M30".into(),
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! What is known of the machine, and what is not.
+//!
+//! In millimetres and revolutions per minute; [`Mode::Unknown`] is an answer.
+
+use crate::contour::CutterSide;
+use crate::geometry::Position;
+
+/// What the machine does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub enum Mode {
+    /// Not known: the link is lost or nothing was heard yet.
+    #[default]
+    Unknown,
+    /// No port is open.
+    Disconnected,
+    Idle,
+    Run,
+    Hold,
+    Jog,
+    Alarm,
+    Door,
+    Check,
+    Home,
+    Sleep,
+    ToolChange,
+}
+
+impl Mode {
+    /// The name as `kerf status` prints it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unknown => "UNKNOWN",
+            Self::Disconnected => "DISCONNECTED",
+            Self::Idle => "IDLE",
+            Self::Run => "RUN",
+            Self::Hold => "HOLD",
+            Self::Jog => "JOG",
+            Self::Alarm => "ALARM",
+            Self::Door => "DOOR",
+            Self::Check => "CHECK",
+            Self::Home => "HOME",
+            Self::Sleep => "SLEEP",
+            Self::ToolChange => "TOOL_CHANGE",
+        }
+    }
+}
+
+/// The state of the machine as last heard.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MachineState {
+    pub mode: Mode,
+    /// Why it is in this mode, where that is not obvious: `LINK_LOST`, `FEED_HOLD`, an alarm's text.
+    pub reason: String,
+    /// In the machine frame, mm; `None` when nothing reliable was heard.
+    pub machine_position: Option<Position>,
+    /// In the work frame, mm; `None` until the offset is known too.
+    pub work_position: Option<Position>,
+    pub feed_mm_per_min: f64,
+    pub spindle_rpm: f64,
+    /// The program that runs or ran last; empty when none.
+    pub program_id: String,
+    /// The source line that is being cut; 0 when none.
+    pub line: u32,
+    /// The firmware's alarm, 0 when none.
+    pub alarm_code: u16,
+    /// Whether the position can be trusted since the last homing.
+    pub is_homed: bool,
+    /// The side of the element that is being cut; `None` when not compensated.
+    pub compensation: Option<CutterSide>,
+    /// Seconds since the last status report; infinite when there was none.
+    pub link_age_s: f64,
+    /// Feed, rapid and spindle override, percent.
+    pub overrides_percent: [u8; 3],
+    /// Input pins that are active, as the firmware letters them: `XZP`.
+    pub pins: String,
+}

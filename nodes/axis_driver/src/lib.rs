@@ -1,0 +1,1 @@
+//! Compensated path to motion controller, over a serial line.

@@ -1,0 +1,1 @@
+//! Programmed contour and tool table to compensated path.

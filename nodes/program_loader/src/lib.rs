@@ -1,0 +1,1 @@
+//! Part program text to programmed contour.
