@@ -3,11 +3,23 @@
 //! The checked types of the field come first: [`contour`], [`path`],
 //! [`machine`], [`diagnostic`], [`tool_table`], [`profile`]. Cores use these
 //! and nothing else; they are in millimetres, as part programs are.
+//!
+//! [`wire`] holds what ROS 2 sends, in SI units, made of the interface files;
+//! [`interface`] what all of it has in common; [`schema`] what bags and peers
+//! want to know of it. [`convert`] goes between the two, [`units`] holds the
+//! only place where millimetres meet metres, and [`chunk`] cuts what is too long
+//! for a message.
 
+pub mod chunk;
 pub mod contour;
+pub mod convert;
 pub mod diagnostic;
 pub mod geometry;
+pub mod interface;
 pub mod machine;
 pub mod path;
 pub mod profile;
+pub mod schema;
 pub mod tool_table;
+pub mod units;
+pub mod wire;

@@ -1,0 +1,79 @@
+//! Finds the interface files of a package and of those that it borrows from.
+//!
+//! The package's own lie in `msg`, `srv` and `action`; those of a package P
+//! that it uses lie in `share/P/msg` and so on, as an ROS installation has them.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use super::Refusal;
+use super::name::{Kind, TypeName, check_package, check_type};
+use super::registry::InterfaceFile;
+
+/// Reads all files below `root`, sorted by path; refuses what does not belong.
+pub fn read_all(root: &Path, package: &str) -> Result<Vec<InterfaceFile>, Vec<Refusal>> {
+    let mut files = Vec::new();
+    let mut refusals = Vec::new();
+    read_package(root, "", package, &mut files, &mut refusals);
+    for package in entries(&root.join("share"), "share", &mut refusals) {
+        let folder = format!("share/{package}/");
+        read_package(root, &folder, &package, &mut files, &mut refusals);
+    }
+    if refusals.is_empty() { Ok(files) } else { Err(refusals) }
+}
+
+fn read_package(
+    root: &Path,
+    prefix: &str,
+    package: &str,
+    files: &mut Vec<InterfaceFile>,
+    refusals: &mut Vec<Refusal>,
+) {
+    for kind in Kind::ALL {
+        let folder = format!("{prefix}{}", kind.folder());
+        for entry in entries(&root.join(&folder), &folder, refusals) {
+            let path = format!("{folder}/{entry}");
+            match read(root, &path, package, kind, &entry) {
+                Ok(file) => files.push(file),
+                Err(message) => refusals.push(Refusal { file: path, line: 0, message }),
+            }
+        }
+    }
+}
+
+fn read(
+    root: &Path,
+    path: &str,
+    package: &str,
+    kind: Kind,
+    entry: &str,
+) -> Result<InterfaceFile, String> {
+    let stem = entry.strip_suffix(kind.folder()).and_then(|stem| stem.strip_suffix('.'));
+    let stem = stem.ok_or(format!("only .{} files belong here", kind.folder()))?;
+    check_package(package)?;
+    check_type(stem)?;
+    let text = fs::read_to_string(root.join(path)).map_err(|error| error.to_string())?;
+    Ok(InterfaceFile { name: TypeName::new(package, kind, stem), path: path.into(), text })
+}
+
+/// Names in a folder, sorted; none when it does not exist. Hidden ones do not count.
+fn entries(folder: &Path, label: &str, refusals: &mut Vec<Refusal>) -> Vec<String> {
+    let names = fs::read_dir(folder).and_then(|entries| {
+        entries
+            .map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()))
+            .collect::<io::Result<Vec<String>>>()
+    });
+    match names {
+        Ok(mut names) => {
+            names.retain(|name| !name.starts_with('.'));
+            names.sort();
+            names
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
+        Err(error) => {
+            refusals.push(Refusal { file: label.into(), line: 0, message: error.to_string() });
+            Vec::new()
+        }
+    }
+}

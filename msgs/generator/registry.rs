@@ -1,0 +1,248 @@
+//! All definitions together: those of the files and those that ROS derives.
+//!
+//! Knows what a service and an action become on the wire, and that every type
+//! that is named exists and none contains itself.
+
+use std::collections::BTreeMap;
+
+use super::Refusal;
+use super::model::{Definition, Field, Role};
+use super::name::{Kind, TypeName};
+use super::syntax::{self, Section};
+
+/// A file with its place in its package.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct InterfaceFile {
+    /// The package, the folder and the file name without extension.
+    pub name: TypeName,
+    /// Path from the package folder, for messages.
+    pub path: String,
+    pub text: String,
+}
+
+/// Definitions by their full names, in the order of those.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Registry {
+    definitions: BTreeMap<String, Definition>,
+}
+
+impl Registry {
+    /// Reads all files and derives what belongs to them.
+    ///
+    /// A name with an underscore is taken for a derived type that is given as
+    /// text, as schemas do; [`super::files`] lets none through.
+    ///
+    /// # Errors
+    /// Everything that is wrong, in the order of the files.
+    pub fn from_files(files: &[InterfaceFile]) -> Result<Self, Vec<Refusal>> {
+        let mut registry = Self::default();
+        let mut refusals = Vec::new();
+        for file in files {
+            if let Err(more) = registry.add_file(file) {
+                refusals.extend(more);
+            }
+        }
+        if refusals.is_empty() {
+            refusals = registry.check();
+        }
+        if refusals.is_empty() { Ok(registry) } else { Err(refusals) }
+    }
+
+    pub fn get(&self, name: &TypeName) -> Option<&Definition> {
+        self.definitions.get(&name.to_string())
+    }
+
+    /// The definition of a type that is known to exist.
+    pub fn expect(&self, name: &TypeName) -> &Definition {
+        self.get(name).unwrap_or_else(|| panic!("{name} was checked to exist"))
+    }
+
+    /// All definitions, in the order of their names.
+    pub fn iter(&self) -> impl Iterator<Item = &Definition> {
+        self.definitions.values()
+    }
+
+    fn insert(&mut self, definition: Definition) {
+        self.definitions.insert(definition.name.to_string(), definition);
+    }
+
+    fn add_file(&mut self, file: &InterfaceFile) -> Result<(), Vec<Refusal>> {
+        let name = &file.name;
+        let is_derived = name.name.contains('_');
+        let sections = syntax::split(&file.path, &file.text);
+        match (name.kind, &sections[..]) {
+            (kind, [whole]) if kind == Kind::Msg || is_derived => {
+                self.insert(syntax::parse(name.clone(), *whole)?);
+            }
+            (kind, [request, response]) if kind == Kind::Srv || is_derived => {
+                self.add_service(name, &file.text, *request, *response)?;
+            }
+            (Kind::Action, [goal, result, feedback]) => {
+                self.add_action(file, *goal, *result, *feedback)?;
+            }
+            (kind, sections) => {
+                let wanted = match kind {
+                    Kind::Msg => 0,
+                    Kind::Srv => 1,
+                    Kind::Action => 2,
+                };
+                let message = format!(
+                    "a .{} file has {wanted} lines of ---, not {}",
+                    kind.folder(),
+                    sections.len() - 1
+                );
+                return Err(vec![Refusal { file: file.path.clone(), line: 0, message }]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Request, response, event, and the service as a whole.
+    fn add_service(
+        &mut self,
+        name: &TypeName,
+        text: &str,
+        request: Section<'_>,
+        response: Section<'_>,
+    ) -> Result<(), Vec<Refusal>> {
+        let request = syntax::parse(name.derived("_Request"), request)?;
+        let mut response = syntax::parse(name.derived("_Response"), response)?;
+        if response.doc.is_empty() {
+            response.doc = vec![format!("The answer of `{name}`.")];
+        }
+        let of = &name.name;
+        let event = format!(
+            "service_msgs/ServiceEventInfo info\n{of}_Request[<=1] request\n{of}_Response[<=1] response\n"
+        );
+        let mut event = syntax::parse(name.derived("_Event"), derived(&request.file, &event))?;
+        event.role = Role::Event;
+        let parts = ["request_message", "response_message", "event_message"];
+        let fields = [&request, &response, &event]
+            .iter()
+            .zip(parts)
+            .map(|(part, field)| Field::derived(field, part.name.clone()))
+            .collect();
+        self.insert(Definition {
+            name: name.clone(),
+            role: Role::Service,
+            doc: request.doc.clone(),
+            fields,
+            constants: Vec::new(),
+            text: text.into(),
+            file: request.file.clone(),
+        });
+        self.insert(request);
+        self.insert(response);
+        self.insert(event);
+        Ok(())
+    }
+
+    /// Goal, result, feedback, what carries them, and the action as a whole.
+    fn add_action(
+        &mut self,
+        file: &InterfaceFile,
+        goal: Section<'_>,
+        result: Section<'_>,
+        feedback: Section<'_>,
+    ) -> Result<(), Vec<Refusal>> {
+        const GOAL_ID: &str = "unique_identifier_msgs/UUID goal_id\n";
+        let name = &file.name;
+        let of = &name.name;
+        let goal = syntax::parse(name.derived("_Goal"), goal)?;
+        let mut result = syntax::parse(name.derived("_Result"), result)?;
+        let mut feedback = syntax::parse(name.derived("_Feedback"), feedback)?;
+        for (part, what) in [(&mut result, "The result"), (&mut feedback, "The feedback")] {
+            if part.doc.is_empty() {
+                part.doc = vec![format!("{what} of `{name}`.")];
+            }
+        }
+
+        let services = [
+            (
+                "_SendGoal",
+                format!("{GOAL_ID}{of}_Goal goal\n"),
+                "bool accepted\nbuiltin_interfaces/Time stamp\n".to_string(),
+            ),
+            ("_GetResult", GOAL_ID.to_string(), format!("int8 status\n{of}_Result result\n")),
+        ];
+        for (suffix, request, response) in &services {
+            self.add_service(
+                &name.derived(suffix),
+                &format!("{request}---\n{response}"),
+                derived(&file.path, request),
+                derived(&file.path, response),
+            )?;
+        }
+        let message = format!("{GOAL_ID}{of}_Feedback feedback\n");
+        let message =
+            syntax::parse(name.derived("_FeedbackMessage"), derived(&file.path, &message))?;
+
+        let fields = [
+            ("goal", "_Goal"),
+            ("result", "_Result"),
+            ("feedback", "_Feedback"),
+            ("send_goal_service", "_SendGoal"),
+            ("get_result_service", "_GetResult"),
+            ("feedback_message", "_FeedbackMessage"),
+        ]
+        .map(|(field, suffix)| Field::derived(field, name.derived(suffix)));
+        self.insert(Definition {
+            name: name.clone(),
+            role: Role::Action,
+            doc: goal.doc.clone(),
+            fields: fields.into(),
+            constants: Vec::new(),
+            text: file.text.clone(),
+            file: file.path.clone(),
+        });
+        for part in [goal, result, feedback, message] {
+            self.insert(part);
+        }
+        Ok(())
+    }
+
+    fn check(&self) -> Vec<Refusal> {
+        let mut refusals = Vec::new();
+        for definition in self.iter() {
+            for (field, name) in definition.references() {
+                if self.get(name).is_none() {
+                    refusals.push(Refusal {
+                        file: definition.file.clone(),
+                        line: field.line,
+                        message: format!("{} is a {name}, which no file defines", field.name),
+                    });
+                }
+            }
+        }
+        if refusals.is_empty() {
+            refusals.extend(self.iter().filter_map(|definition| self.check_finite(definition)));
+        }
+        refusals
+    }
+
+    /// Refuses a type that reaches itself through its fields.
+    fn check_finite(&self, root: &Definition) -> Option<Refusal> {
+        let mut seen = Vec::new();
+        let mut queue: Vec<(&Field, &TypeName)> = root.references().collect();
+        let origin = queue.clone();
+        while let Some((_, name)) = queue.pop() {
+            if *name == root.name {
+                return Some(Refusal {
+                    file: root.file.clone(),
+                    line: origin.first().map_or(0, |(field, _)| field.line),
+                    message: format!("{} contains itself", root.name),
+                });
+            }
+            if !seen.contains(&name) {
+                seen.push(name);
+                queue.extend(self.expect(name).references());
+            }
+        }
+        None
+    }
+}
+
+/// Text that no file holds, with the file that it is derived from.
+fn derived<'a>(file: &'a str, text: &'a str) -> Section<'a> {
+    Section { file, first_line: 0, text }
+}

@@ -1,0 +1,261 @@
+//! Writes the code: wire structs, the table of schemas, the list of messages.
+//!
+//! One struct per message, laid out as the definition is, so that serde meets
+//! the fields in the order of CDR. Field names are those of ROS, except that a
+//! Rust keyword gets an underscore behind it.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use super::model::{Base, Constant, Definition, Field, Primitive, Role, Shape};
+use super::name::{Kind, TypeName};
+use super::registry::Registry;
+use super::value::Value;
+use super::{Refusal, description, schema};
+
+/// The longest array that serde and `Default` are made for.
+const LONGEST_ARRAY: usize = 32;
+
+/// The modules of all packages with their structs.
+///
+/// # Errors
+/// Definitions that have no Rust counterpart.
+pub fn wire(registry: &Registry) -> Result<String, Vec<Refusal>> {
+    let mut modules: BTreeMap<(&str, Kind), String> = BTreeMap::new();
+    let mut refusals = Vec::new();
+    for definition in registry.iter() {
+        let name = &definition.name;
+        let out = modules.entry((&name.package, name.kind)).or_default();
+        match definition.role {
+            Role::Message => message(out, definition, &mut refusals),
+            Role::Service => marker(out, definition, "Service", &["Request", "Response"]),
+            Role::Action => marker(out, definition, "Action", &["Goal", "Result", "Feedback"]),
+            Role::Event => {}
+        }
+    }
+    if !refusals.is_empty() {
+        return Err(refusals);
+    }
+    let mut text = String::new();
+    let mut package = "";
+    for ((of, kind), body) in &modules {
+        if *of != package {
+            text.push_str(if package.is_empty() { "" } else { "}\n" });
+            line(&mut text, &format!("/// Package `{of}`.\npub mod {of} {{"));
+            package = of;
+        }
+        let folder = kind.folder();
+        line(&mut text, &format!("/// From `{of}/{folder}`.\npub mod {folder} {{\n{body}}}"));
+    }
+    text.push_str("}\n");
+    Ok(text)
+}
+
+/// The rows of the table of schemas, sorted by name.
+pub fn schemas(registry: &Registry) -> String {
+    let mut text = String::from("&[\n");
+    for definition in registry.iter() {
+        let schema = schema::text(definition, registry);
+        let hash = description::rihs01(definition, registry);
+        line(
+            &mut text,
+            &format!(
+                "TypeInfo {{ name: {:?}, schema_text: {schema:?}, rihs01: {hash:?} }},",
+                definition.name.to_string()
+            ),
+        );
+    }
+    text.push(']');
+    text
+}
+
+/// A macro that hands the names and types of all messages to another macro.
+pub fn every_message(registry: &Registry) -> String {
+    let mut rows = String::new();
+    for definition in registry.iter().filter(|definition| definition.role == Role::Message) {
+        let path = rust_path(&definition.name, "$crate");
+        line(&mut rows, &format!("{:?} => {path},", definition.name.to_string()));
+    }
+    format!(
+        "/// Calls `$callback!` once with `\"pkg/msg/Type\" => path::to::Type,` for every message.\n\
+         #[macro_export]\nmacro_rules! for_every_message {{\n\
+         ($callback:ident) => {{ $callback! {{\n{rows}}} }};\n}}\n"
+    )
+}
+
+fn message(out: &mut String, definition: &Definition, refusals: &mut Vec<Refusal>) {
+    let name = struct_name(&definition.name);
+    let has_defaults = definition.fields.iter().any(|field| field.default.is_some());
+    doc(out, &definition.doc, &format!("`{}`.", definition.name));
+    let derived = if has_defaults { "" } else { "Default, " };
+    line(
+        out,
+        &format!(
+            "#[derive(Debug, Clone, PartialEq, {derived}::serde::Serialize, ::serde::Deserialize)]\npub struct {name} {{"
+        ),
+    );
+    for field in &definition.fields {
+        if let Shape::Array(count) = field.shape
+            && count > LONGEST_ARRAY
+        {
+            refusals.push(Refusal {
+                file: definition.file.clone(),
+                line: field.line,
+                message: format!(
+                    "{}: arrays of more than {LONGEST_ARRAY} elements are not made; take a sequence [<={count}]",
+                    field.name
+                ),
+            });
+        }
+        struct_field(out, field);
+    }
+    out.push_str("}\n");
+    if has_defaults {
+        default(out, &name, &definition.fields);
+    }
+    if !definition.constants.is_empty() {
+        line(out, &format!("impl {name} {{"));
+        for item in &definition.constants {
+            constant(out, item);
+        }
+        out.push_str("}\n");
+    }
+    line(
+        out,
+        &format!(
+            "impl crate::interface::Message for {name} {{\nconst TYPE_NAME: &'static str = {:?};\n}}",
+            definition.name.to_string()
+        ),
+    );
+}
+
+fn struct_field(out: &mut String, field: &Field) {
+    let mut notes = field.doc.clone();
+    if let Base::Text { bound: Some(bound) } = field.base {
+        notes.push(format!("At most {bound} bytes."));
+    }
+    if let Shape::Sequence { bound: Some(bound) } = field.shape {
+        notes.push(format!("At most {bound} element{}.", if bound == 1 { "" } else { "s" }));
+    }
+    doc(out, &notes, "");
+    let (name, is_renamed) = field_name(&field.name);
+    if is_renamed {
+        line(out, &format!("#[serde(rename = {:?})]", field.name));
+    }
+    let base = base_type(&field.base);
+    let of = match field.shape {
+        Shape::Single => base,
+        Shape::Array(count) => format!("[{base}; {count}]"),
+        Shape::Sequence { .. } => {
+            if base == "u8" {
+                // One copy instead of a call per byte; the bytes are the same.
+                line(out, "#[serde(with = \"::serde_bytes\")]");
+            }
+            format!("::std::vec::Vec<{base}>")
+        }
+    };
+    line(out, &format!("pub {name}: {of},"));
+}
+
+fn default(out: &mut String, name: &str, fields: &[Field]) {
+    line(out, &format!("impl Default for {name} {{\nfn default() -> Self {{\nSelf {{"));
+    for field in fields {
+        let value = match &field.default {
+            None => "::std::default::Default::default()".into(),
+            Some(value) => literal(value, &field.base, field.shape),
+        };
+        line(out, &format!("{}: {value},", field_name(&field.name).0));
+    }
+    out.push_str("}\n}\n}\n");
+}
+
+fn constant(out: &mut String, constant: &Constant) {
+    doc(out, &constant.doc, "");
+    let (of, value) = match (&constant.base, &constant.value) {
+        (Base::Primitive(primitive), value) => {
+            (primitive.rust(), literal(value, &constant.base, Shape::Single))
+        }
+        (_, Value::Text(text)) => ("&'static str", format!("{text:?}")),
+        (_, other) => unreachable!("{other:?} was parsed as a text"),
+    };
+    line(out, &format!("pub const {}: {of} = {value};", constant.name));
+}
+
+fn literal(value: &Value, base: &Base, shape: Shape) -> String {
+    match value {
+        Value::Bool(value) => value.to_string(),
+        Value::Integer(value) => value.to_string(),
+        Value::Float(value) if *base == Base::Primitive(Primitive::F32) => {
+            format!("{value:?}_f32")
+        }
+        Value::Float(value) => format!("{value:?}_f64"),
+        Value::Text(text) => format!("::std::string::String::from({text:?})"),
+        Value::List(values) => {
+            let values: Vec<_> =
+                values.iter().map(|value| literal(value, base, Shape::Single)).collect();
+            let start = if matches!(shape, Shape::Array(_)) { "[" } else { "::std::vec![" };
+            format!("{start}{}]", values.join(", "))
+        }
+    }
+}
+
+/// An empty type that stands for a service or an action.
+fn marker(out: &mut String, definition: &Definition, of: &str, parts: &[&str]) {
+    let name = struct_name(&definition.name);
+    doc(out, &definition.doc, &format!("`{}`.", definition.name));
+    line(
+        out,
+        &format!(
+            "#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]\npub struct {name};\nimpl crate::interface::{of} for {name} {{"
+        ),
+    );
+    for part in parts {
+        line(out, &format!("type {part} = {name}{part};"));
+    }
+    line(out, &format!("const TYPE_NAME: &'static str = {:?};\n}}", definition.name.to_string()));
+}
+
+fn doc(out: &mut String, lines: &[String], otherwise: &str) {
+    if lines.is_empty() && !otherwise.is_empty() {
+        line(out, &format!("/// {otherwise}"));
+    }
+    for text in lines {
+        line(out, &format!("/// {text}"));
+    }
+}
+
+fn line(out: &mut String, text: &str) {
+    writeln!(out, "{text}").expect("a String takes everything");
+}
+
+fn base_type(base: &Base) -> String {
+    match base {
+        Base::Primitive(primitive) => primitive.rust().into(),
+        Base::Text { .. } => "::std::string::String".into(),
+        Base::Message(name) => rust_path(name, "crate"),
+    }
+}
+
+fn rust_path(name: &TypeName, root: &str) -> String {
+    format!("{root}::wire::{}::{}::{}", name.package, name.kind.folder(), struct_name(name))
+}
+
+/// `LoadProgram_Request` is `LoadProgramRequest`.
+fn struct_name(name: &TypeName) -> String {
+    name.name.replace('_', "")
+}
+
+/// The field in Rust, and whether that is another name than in ROS.
+fn field_name(name: &str) -> (String, bool) {
+    const KEYWORDS: &[&str] = &[
+        "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate",
+        "do", "dyn", "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl",
+        "in", "let", "loop", "macro", "match", "mod", "move", "mut", "override", "priv", "pub",
+        "ref", "return", "self", "static", "struct", "super", "trait", "true", "try", "type",
+        "typeof", "unsafe", "unsized", "use", "virtual", "where", "while", "yield",
+    ];
+    match KEYWORDS.contains(&name) {
+        true => (format!("{name}_"), true),
+        false => (name.into(), false),
+    }
+}
