@@ -1,0 +1,252 @@
+//! Long things in short messages: a manifest and numbered, checksummed chunks.
+//!
+//! A message stays under [`MESSAGE_BYTES_MAX`], whatever it holds. The sender
+//! cuts once and makes any chunk at any time; the receiver collects chunks in
+//! any order, asks for what is missing, and gets the whole value only when
+//! every count and checksum agrees.
+
+mod collect;
+
+pub use collect::{Chunk, ChunkError, Collector};
+
+use crate::contour::{ContourEvent, ContourEventKind, ProgrammedContour};
+use crate::convert::path_element_to_wire;
+use crate::path::CompensatedPath;
+use crate::wire::cnc_msgs::msg as wire;
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use std::sync::Arc;
+
+/// No message is larger than this: peers on other DDS implementations lose more.
+pub const MESSAGE_BYTES_MAX: usize = 60_000;
+
+/// What the body of a chunk may take; the rest is for the envelope and a service reply around it.
+const BODY_BYTES_MAX: usize = 48_000;
+
+/// No program, contour or path is longer than this many events or elements.
+pub const ITEM_COUNT_MAX: u64 = 50_000_000;
+
+/// Upper bounds of a CDR struct without its strings, bytes.
+const ELEMENT_BYTES: usize = 136;
+const FUNCTION_BYTES: usize = 88;
+const EVENT_BYTES: usize = 136;
+
+/// CDR, little-endian, without the four bytes of encapsulation.
+pub fn cdr<T: Serialize>(value: &T) -> Vec<u8> {
+    cdr_encoding::to_vec::<T, byteorder::LittleEndian>(value)
+        .expect("a struct of numbers, strings and sequences always has a CDR form")
+}
+
+/// Lower-case hexadecimal digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// SHA-256 of some bytes, 64 hex digits.
+pub fn sha256_hex(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+/// The id of a program: the same text under the same control is the same program.
+pub fn program_id(controller: &str, text: &[u8]) -> String {
+    let mut hasher = Sha256::new();
+    hasher.update(controller.as_bytes());
+    hasher.update([0]);
+    hasher.update(text);
+    hex(&hasher.finalize()[..8])
+}
+
+/// A program text, cut.
+#[derive(Debug, Clone)]
+pub struct ProgramChunks {
+    pub program_id: String,
+    pub text: Vec<u8>,
+}
+
+impl ProgramChunks {
+    /// Number of chunks; one even for an empty text, so that there is something to receive.
+    pub fn count(&self) -> u32 {
+        self.text.len().div_ceil(BODY_BYTES_MAX).max(1) as u32
+    }
+
+    /// The chunk of this number, if there is one.
+    pub fn chunk(&self, index: u32) -> Option<wire::ProgramChunk> {
+        if index >= self.count() {
+            return None;
+        }
+        let from = index as usize * BODY_BYTES_MAX;
+        let data = &self.text[from..self.text.len().min(from + BODY_BYTES_MAX)];
+        Some(wire::ProgramChunk {
+            program_id: self.program_id.clone(),
+            index,
+            chunk_count: self.count(),
+            data: data.to_vec(),
+            crc32: crc32fast::hash(data),
+        })
+    }
+}
+
+/// A contour, cut.
+#[derive(Debug, Clone)]
+pub struct ContourChunks {
+    program_id: String,
+    contour: ProgrammedContour,
+    /// First event of each chunk, and the end.
+    cuts: Vec<usize>,
+    sha256: String,
+}
+
+impl ContourChunks {
+    /// Cuts it; the checksum over all chunks is computed once, here.
+    pub fn new(program_id: String, contour: ProgrammedContour) -> Self {
+        let mut cuts = vec![0];
+        let mut bytes = 0;
+        for (index, event) in contour.events.iter().enumerate() {
+            let size = EVENT_BYTES + action_bytes(event);
+            if bytes + size > BODY_BYTES_MAX {
+                cuts.push(index);
+                bytes = 0;
+            }
+            bytes += size;
+        }
+        cuts.push(contour.events.len());
+        let mut chunks = Self { program_id, contour, cuts, sha256: String::new() };
+        let mut hasher = Sha256::new();
+        for index in 0..chunks.count() {
+            hasher.update(cdr(&chunks.events(index)));
+        }
+        chunks.sha256 = hex(&hasher.finalize());
+        chunks
+    }
+
+    /// The contour that was cut.
+    pub fn contour(&self) -> &ProgrammedContour {
+        &self.contour
+    }
+
+    pub fn count(&self) -> u32 {
+        (self.cuts.len() - 1) as u32
+    }
+
+    /// SHA-256 over the bodies of all chunks.
+    pub fn sha256(&self) -> &str {
+        &self.sha256
+    }
+
+    fn events(&self, index: u32) -> Vec<wire::ContourEvent> {
+        let range = self.cuts[index as usize]..self.cuts[index as usize + 1];
+        self.contour.events[range].iter().map(Into::into).collect()
+    }
+
+    /// The chunk of this number, if there is one.
+    pub fn chunk(&self, index: u32) -> Option<wire::ContourChunk> {
+        if index >= self.count() {
+            return None;
+        }
+        let events = self.events(index);
+        Some(wire::ContourChunk {
+            program_id: self.program_id.clone(),
+            index,
+            chunk_count: self.count(),
+            first_event: self.cuts[index as usize] as u64,
+            crc32: crc32fast::hash(&cdr(&events)),
+            events,
+        })
+    }
+}
+
+fn action_bytes(event: &ContourEvent) -> usize {
+    match event.kind {
+        ContourEventKind::Action(action) => FUNCTION_BYTES + action.text().len(),
+        _ => 0,
+    }
+}
+
+/// A path, cut.
+#[derive(Debug, Clone)]
+pub struct PathChunks {
+    program_id: String,
+    revision: u64,
+    path: Arc<CompensatedPath>,
+    /// First element and first event of each chunk, and the end.
+    cuts: Vec<(usize, usize)>,
+    sha256: String,
+}
+
+impl PathChunks {
+    /// Cuts it; the checksum over all chunks is computed once, here.
+    pub fn new(program_id: String, revision: u64, path: Arc<CompensatedPath>) -> Self {
+        let mut cuts = vec![(0, 0)];
+        let (mut bytes, mut event) = (0, 0);
+        for element in 0..=path.elements.len() {
+            // Events stand in the chunk of the element that they come before.
+            while path.events.get(event).is_some_and(|next| next.at_element <= element) {
+                let size = EVENT_BYTES + FUNCTION_BYTES + path.events[event].action.text().len();
+                if bytes + size > BODY_BYTES_MAX {
+                    cuts.push((element, event));
+                    bytes = 0;
+                }
+                bytes += size;
+                event += 1;
+            }
+            if element < path.elements.len() {
+                if bytes + ELEMENT_BYTES > BODY_BYTES_MAX {
+                    cuts.push((element, event));
+                    bytes = 0;
+                }
+                bytes += ELEMENT_BYTES;
+            }
+        }
+        cuts.push((path.elements.len(), path.events.len()));
+        let mut chunks = Self { program_id, revision, path, cuts, sha256: String::new() };
+        let mut hasher = Sha256::new();
+        for index in 0..chunks.count() {
+            hasher.update(cdr(&chunks.body(index)));
+        }
+        chunks.sha256 = hex(&hasher.finalize());
+        chunks
+    }
+
+    /// The path that was cut.
+    pub fn path(&self) -> &Arc<CompensatedPath> {
+        &self.path
+    }
+
+    pub fn count(&self) -> u32 {
+        (self.cuts.len() - 1) as u32
+    }
+
+    /// SHA-256 over the bodies of all chunks.
+    pub fn sha256(&self) -> &str {
+        &self.sha256
+    }
+
+    fn body(&self, index: u32) -> (Vec<wire::PathElement>, Vec<wire::PathEvent>) {
+        let (from, to) = (self.cuts[index as usize], self.cuts[index as usize + 1]);
+        let elements = (from.0..to.0)
+            .map(|index| {
+                path_element_to_wire(self.path.start_of(index), &self.path.elements[index])
+            })
+            .collect();
+        (elements, self.path.events[from.1..to.1].iter().map(Into::into).collect())
+    }
+
+    /// The chunk of this number, if there is one.
+    pub fn chunk(&self, index: u32) -> Option<wire::PathChunk> {
+        if index >= self.count() {
+            return None;
+        }
+        let body = self.body(index);
+        let crc32 = crc32fast::hash(&cdr(&body));
+        Some(wire::PathChunk {
+            program_id: self.program_id.clone(),
+            revision: self.revision,
+            index,
+            chunk_count: self.count(),
+            first_element: self.cuts[index as usize].0 as u64,
+            elements: body.0,
+            events: body.1,
+            crc32,
+        })
+    }
+}

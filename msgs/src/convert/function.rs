@@ -1,0 +1,132 @@
+//! Machine functions.
+
+use super::{WireError, number, position};
+use crate::contour::{Action, CoolantMode, SpindleMode};
+use crate::geometry::AxisSet;
+use crate::units::{
+    m_from_mm, m_per_s_from_mm_per_min, mm_from_m, mm_per_min_from_m_per_s, point_from_position,
+    rad_per_s_from_rpm, rpm_from_rad_per_s,
+};
+use crate::wire::cnc_msgs::msg as wire;
+
+impl From<&Action> for wire::MachineFunction {
+    fn from(action: &Action) -> Self {
+        let mut out = Self { text: action.text(), ..Self::default() };
+        out.kind = match *action {
+            Action::SpindleSpeed { rpm } => {
+                out.value = rad_per_s_from_rpm(rpm);
+                Self::SPINDLE_SPEED
+            }
+            Action::Spindle(SpindleMode::Clockwise) => Self::SPINDLE_CLOCKWISE,
+            Action::Spindle(SpindleMode::CounterClockwise) => Self::SPINDLE_COUNTERCLOCKWISE,
+            Action::Spindle(SpindleMode::Off) => Self::SPINDLE_OFF,
+            Action::Coolant(CoolantMode::Mist) => Self::COOLANT_MIST,
+            Action::Coolant(CoolantMode::Flood) => Self::COOLANT_FLOOD,
+            Action::Coolant(CoolantMode::Off) => Self::COOLANT_OFF,
+            Action::SelectTool { tool } => {
+                out.number = tool;
+                Self::SELECT_TOOL
+            }
+            Action::ChangeTool { tool } => {
+                out.number = tool;
+                Self::CHANGE_TOOL
+            }
+            Action::ToolLength { offset: Some(offset), length_mm } => {
+                out.number = offset;
+                out.value = m_from_mm(length_mm);
+                Self::TOOL_LENGTH
+            }
+            Action::ToolLength { offset: None, .. } => Self::TOOL_LENGTH_CANCEL,
+            Action::WorkOffset { system } => {
+                out.number = system.into();
+                Self::WORK_OFFSET
+            }
+            Action::Dwell { seconds } => {
+                out.value = seconds;
+                Self::DWELL
+            }
+            Action::Auxiliary { letter, number } => {
+                out.text = letter.to_string();
+                out.value = number;
+                Self::AUXILIARY
+            }
+            Action::Stop { optional: false } => Self::STOP,
+            Action::Stop { optional: true } => Self::OPTIONAL_STOP,
+            Action::Reference { axes, second } => {
+                out.axes = axes.bits();
+                if second { Self::REFERENCE_SECOND } else { Self::REFERENCE_FIRST }
+            }
+            Action::MachineMove { target, axes, rapid, feed_mm_per_min } => {
+                out.axes = axes.bits();
+                out.target = point_from_position(target);
+                out.value = m_per_s_from_mm_per_min(feed_mm_per_min);
+                if rapid { Self::MACHINE_RAPID } else { Self::MACHINE_FEED }
+            }
+            Action::ProgramEnd { rewind: false } => Self::PROGRAM_END,
+            Action::ProgramEnd { rewind: true } => Self::PROGRAM_END_REWIND,
+        };
+        out
+    }
+}
+
+impl TryFrom<&wire::MachineFunction> for Action {
+    type Error = WireError;
+
+    fn try_from(function: &wire::MachineFunction) -> Result<Self, WireError> {
+        type W = wire::MachineFunction;
+        let value = number("value", function.value)?;
+        let axes = AxisSet::from_bits(function.axes);
+        let machine_move = |rapid| -> Result<Self, WireError> {
+            Ok(Self::MachineMove {
+                target: position("target", &function.target)?,
+                axes,
+                rapid,
+                feed_mm_per_min: mm_per_min_from_m_per_s(value),
+            })
+        };
+        Ok(match function.kind {
+            W::SPINDLE_SPEED => Self::SpindleSpeed { rpm: rpm_from_rad_per_s(value) },
+            W::SPINDLE_CLOCKWISE => Self::Spindle(SpindleMode::Clockwise),
+            W::SPINDLE_COUNTERCLOCKWISE => Self::Spindle(SpindleMode::CounterClockwise),
+            W::SPINDLE_OFF => Self::Spindle(SpindleMode::Off),
+            W::COOLANT_MIST => Self::Coolant(CoolantMode::Mist),
+            W::COOLANT_FLOOD => Self::Coolant(CoolantMode::Flood),
+            W::COOLANT_OFF => Self::Coolant(CoolantMode::Off),
+            W::SELECT_TOOL => Self::SelectTool { tool: function.number },
+            W::CHANGE_TOOL => Self::ChangeTool { tool: function.number },
+            W::TOOL_LENGTH => {
+                Self::ToolLength { offset: Some(function.number), length_mm: mm_from_m(value) }
+            }
+            W::TOOL_LENGTH_CANCEL => Self::ToolLength { offset: None, length_mm: 0.0 },
+            W::WORK_OFFSET => match u8::try_from(function.number) {
+                Ok(system @ 1..=6) => Self::WorkOffset { system },
+                _ => return Err(WireError::Constant { field: "number", value: function.number }),
+            },
+            W::DWELL if value >= 0.0 => Self::Dwell { seconds: value },
+            W::DWELL => return Err(WireError::Number { field: "value", value }),
+            W::AUXILIARY => {
+                let mut letters = function.text.chars();
+                match (letters.next(), letters.next()) {
+                    (Some(letter), None) if letter.is_ascii_uppercase() => {
+                        Self::Auxiliary { letter, number: value }
+                    }
+                    _ => {
+                        return Err(WireError::Text {
+                            field: "text",
+                            value: function.text.clone(),
+                        });
+                    }
+                }
+            }
+            W::STOP => Self::Stop { optional: false },
+            W::OPTIONAL_STOP => Self::Stop { optional: true },
+            W::REFERENCE_FIRST => Self::Reference { axes, second: false },
+            W::REFERENCE_SECOND => Self::Reference { axes, second: true },
+            W::MACHINE_RAPID => machine_move(true)?,
+            W::MACHINE_FEED => machine_move(false)?,
+            W::PROGRAM_END => Self::ProgramEnd { rewind: false },
+            W::PROGRAM_END_REWIND => Self::ProgramEnd { rewind: true },
+            value => return Err(WireError::Constant { field: "kind", value: value.into() }),
+        })
+    }
+}

@@ -1,0 +1,71 @@
+//! The state of the machine.
+
+use crate::contour::CutterSide;
+use crate::machine::{MachineState, Mode};
+use crate::units::{m_per_s_from_mm_per_min, point_from_position, rad_per_s_from_rpm};
+use crate::wire::cnc_msgs::msg as wire;
+use crate::wire::std_msgs::msg::Header;
+
+/// The constant of a mode in `MachineState` and in the feedback of actions.
+pub const fn mode_to_wire(mode: Mode) -> u8 {
+    type W = wire::MachineState;
+    match mode {
+        Mode::Unknown => W::STATE_UNKNOWN,
+        Mode::Disconnected => W::STATE_DISCONNECTED,
+        Mode::Idle => W::STATE_IDLE,
+        Mode::Run => W::STATE_RUN,
+        Mode::Hold => W::STATE_HOLD,
+        Mode::Jog => W::STATE_JOG,
+        Mode::Alarm => W::STATE_ALARM,
+        Mode::Door => W::STATE_DOOR,
+        Mode::Check => W::STATE_CHECK,
+        Mode::Home => W::STATE_HOME,
+        Mode::Sleep => W::STATE_SLEEP,
+        Mode::ToolChange => W::STATE_TOOL_CHANGE,
+    }
+}
+
+/// The mode of a constant; one that is not known is [`Mode::Unknown`].
+pub fn mode_from_wire(state: u8) -> Mode {
+    const MODES: [Mode; 12] = [
+        Mode::Unknown,
+        Mode::Disconnected,
+        Mode::Idle,
+        Mode::Run,
+        Mode::Hold,
+        Mode::Jog,
+        Mode::Alarm,
+        Mode::Door,
+        Mode::Check,
+        Mode::Home,
+        Mode::Sleep,
+        Mode::ToolChange,
+    ];
+    MODES.into_iter().find(|&mode| mode_to_wire(mode) == state).unwrap_or_default()
+}
+
+/// The state as a message; the header says when it was heard and in which frame it is.
+pub fn machine_state_to_wire(header: Header, state: &MachineState) -> wire::MachineState {
+    let [feed, rapid, spindle] = state.overrides_percent.map(|percent| f64::from(percent) / 100.0);
+    wire::MachineState {
+        header,
+        state: mode_to_wire(state.mode),
+        reason: state.reason.clone(),
+        position_known: state.machine_position.is_some() && state.work_position.is_some(),
+        machine_position: point_from_position(state.machine_position.unwrap_or_default()),
+        work_position: point_from_position(state.work_position.unwrap_or_default()),
+        feed_rate: m_per_s_from_mm_per_min(state.feed_mm_per_min),
+        spindle_speed: rad_per_s_from_rpm(state.spindle_rpm),
+        program_id: state.program_id.clone(),
+        line: state.line,
+        alarm_code: state.alarm_code,
+        is_homed: state.is_homed,
+        cutter_radius_active_left: state.compensation == Some(CutterSide::Left),
+        cutter_radius_active_right: state.compensation == Some(CutterSide::Right),
+        link_age: state.link_age_s,
+        feed_override: feed,
+        rapid_override: rapid,
+        spindle_override: spindle,
+        pins: state.pins.clone(),
+    }
+}
