@@ -1,0 +1,151 @@
+//! Answering requests.
+//!
+//! Knows how a request's identity travels in each mapping, and sends the
+//! answer back to whom it belongs. Decides nothing about the content.
+//!
+//! A request is read, answered and only then the next one read, in the order of
+//! arrival, so that two settings are applied as they were sent. Where answers
+//! take long and do not depend on each other, requests are answered at once.
+
+use crate::interface::Service;
+use crate::node::Endpoints;
+use crate::publisher::Drops;
+use crate::subscription::{Reader, sample_info};
+use crate::time::RosTime;
+use crate::wire::{CycloneHeader, Framed, Gid, ServiceMapping};
+use ros2_client::MessageInfo;
+use rustdds::no_key::DataWriterCdr;
+use rustdds::{SampleIdentity, Timestamp, WriteOptionsBuilder};
+use std::future::Future;
+use std::sync::Arc;
+use tokio::sync::Semaphore;
+use tokio::task::JoinSet;
+
+/// Answers that may be in the making at once for one concurrent service.
+const CONCURRENT_MAX: usize = 256;
+
+/// Who asks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RequestInfo {
+    /// The client, as its middleware names it; the first twelve bytes tell
+    /// its process.
+    pub client: Gid,
+    /// The client's number for the request.
+    pub sequence: i64,
+    /// Wall time at which the request arrived here.
+    pub reception_time: RosTime,
+}
+
+/// One server: where requests come in and replies go out.
+pub(crate) struct Server<S: Service> {
+    reader: Reader<S::Request>,
+    replies: Replies<S>,
+}
+
+/// The reply writer; shared by the answers that are in the making.
+pub(crate) struct Replies<S: Service> {
+    mapping: ServiceMapping,
+    writer: Arc<DataWriterCdr<Framed<S::Response>>>,
+    drops: Arc<Drops>,
+}
+
+impl<S: Service> Clone for Replies<S> {
+    fn clone(&self) -> Self {
+        Self {
+            mapping: self.mapping,
+            writer: Arc::clone(&self.writer),
+            drops: Arc::clone(&self.drops),
+        }
+    }
+}
+
+impl<S: Service + 'static> Server<S> {
+    pub(crate) fn new(
+        endpoints: Endpoints<S::Request, S::Response>,
+        mapping: ServiceMapping,
+    ) -> Self {
+        let Endpoints { name, reader, writer } = endpoints;
+        let drops = Arc::new(Drops::new(format!("replies of {name}")));
+        Self { reader, replies: Replies { mapping, writer: Arc::new(writer), drops } }
+    }
+
+    /// The next request.
+    async fn next(&mut self) -> (S::Request, RequestInfo) {
+        let (framed, info) = self.reader.next().await;
+        let request = request_info(framed.header, &info);
+        (framed.body, request)
+    }
+
+    /// Answers requests one after the other, for ever.
+    pub(crate) async fn serve<F, Fut>(mut self, mut handler: F)
+    where
+        F: FnMut(S::Request, RequestInfo) -> Fut,
+        Fut: Future<Output = S::Response>,
+    {
+        loop {
+            let (request, info) = self.next().await;
+            let response = handler(request, info).await;
+            self.replies.send(info, response);
+        }
+    }
+
+    /// Answers each request by itself, for ever.
+    pub(crate) async fn serve_concurrently<F, Fut>(mut self, handler: F)
+    where
+        F: Fn(S::Request, RequestInfo) -> Fut,
+        Fut: Future<Output = S::Response> + Send + 'static,
+    {
+        let room = Arc::new(Semaphore::new(CONCURRENT_MAX));
+        let mut answers = JoinSet::new();
+        loop {
+            let (request, info) = self.next().await;
+            // The semaphore is never closed.
+            let Ok(permit) = Arc::clone(&room).acquire_owned().await else { return };
+            while answers.try_join_next().is_some() {}
+            let (answer, replies) = (handler(request, info), self.replies.clone());
+            answers.spawn(async move {
+                let response = answer.await;
+                replies.send(info, response);
+                drop(permit);
+            });
+        }
+    }
+}
+
+impl<S: Service> Replies<S> {
+    fn send(&self, to: RequestInfo, response: S::Response) {
+        let header = match self.mapping {
+            ServiceMapping::Enhanced => None,
+            ServiceMapping::Cyclone => Some(CycloneHeader::new(to.client, to.sequence)),
+        };
+        let identity = SampleIdentity {
+            writer_guid: rustdds::GUID::from_bytes(to.client.0),
+            sequence_number: to.sequence.into(),
+        };
+        let options = WriteOptionsBuilder::new()
+            .source_timestamp(Timestamp::now())
+            .related_sample_identity(identity)
+            .build();
+        let reply = Framed { header, body: response };
+        if let Err(error) = self.writer.write_with_options(reply, options) {
+            self.drops.add(&error.to_string());
+        }
+    }
+}
+
+fn request_info(header: Option<CycloneHeader>, info: &MessageInfo) -> RequestInfo {
+    let sample = sample_info(info);
+    let (client, sequence) = match (header, info.related_request_id()) {
+        (Some(header), _) => (header.client(sample.publisher), header.sequence()),
+        // Fast DDS names the client and leaves the number to the sample.
+        (None, Some(id)) if id.sequence_number == UNKNOWN_SEQUENCE => {
+            (id.writer_gid.into(), sample.sequence)
+        }
+        (None, Some(id)) => (id.writer_gid.into(), id.sequence_number),
+        (None, None) => (sample.publisher, sample.sequence),
+    };
+    RequestInfo { client, sequence, reception_time: sample.reception_time }
+}
+
+/// `SEQUENCENUMBER_UNKNOWN` of RTPS: the high half -1, the low half 0.
+const UNKNOWN_SEQUENCE: i64 = -(1 << 32);

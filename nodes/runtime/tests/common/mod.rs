@@ -1,0 +1,68 @@
+//! What the tests on a real loopback network share: message types of their own,
+//! nodes in a domain of this process, and patience.
+#![allow(dead_code, unreachable_pub)]
+
+use runtime::environment::Environment;
+use runtime::interface::{Action, Message, Service};
+use runtime::names::{Names, Remap};
+use runtime::{ServiceMapping, Session};
+use serde::{Deserialize, Serialize};
+use std::future::Future;
+use std::time::Duration;
+
+macro_rules! message {
+    ($name:ident, $type_name:literal { $($field:ident: $kind:ty),* }) => {
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        pub struct $name { $(pub $field: $kind),* }
+        impl Message for $name { const TYPE_NAME: &'static str = $type_name; }
+    };
+}
+
+message!(Text, "std_msgs/msg/String" { data: String });
+message!(Count, "std_msgs/msg/UInt32" { data: u32 });
+message!(Sum, "example_interfaces/srv/AddTwoInts_Response" { sum: i64 });
+message!(Terms, "example_interfaces/srv/AddTwoInts_Request" { a: i64, b: i64 });
+message!(Order, "example_interfaces/action/Fibonacci_Goal" { order: i32 });
+message!(Sequence, "example_interfaces/action/Fibonacci_Result" { sequence: Vec<i32> });
+message!(Partial, "example_interfaces/action/Fibonacci_Feedback" { sequence: Vec<i32> });
+
+pub struct AddTwoInts;
+impl Service for AddTwoInts {
+    type Request = Terms;
+    type Response = Sum;
+    const TYPE_NAME: &'static str = "example_interfaces/srv/AddTwoInts";
+}
+
+pub struct Fibonacci;
+impl Action for Fibonacci {
+    type Goal = Order;
+    type Result = Sequence;
+    type Feedback = Partial;
+    const TYPE_NAME: &'static str = "example_interfaces/action/Fibonacci";
+}
+
+/// Long enough that only a broken build reaches it.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A domain of this test process; `offset` keeps the tests of one process apart.
+pub fn domain(offset: u16) -> u16 {
+    1 + ((std::process::id() * 7 + u32::from(offset) * 13) % 100) as u16
+}
+
+pub fn start(name: &str, domain_id: u16) -> Session {
+    start_with(name, domain_id, ServiceMapping::Enhanced)
+}
+
+pub fn start_with(name: &str, domain_id: u16, mapping: ServiceMapping) -> Session {
+    let names = Names::new(name, &[] as &[Remap]).expect("a valid name");
+    let environment = Environment { domain_id, mapping, ..Environment::default() };
+    Session::start(names, environment).expect("a node")
+}
+
+/// Fails the test, rather than hang, when something never comes.
+pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
+    match tokio::time::timeout(PATIENCE, future).await {
+        Ok(value) => value,
+        Err(_) => panic!("{what} did not come within {PATIENCE:?}"),
+    }
+}

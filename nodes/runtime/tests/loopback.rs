@@ -1,0 +1,146 @@
+//! Topics and services between two nodes on the loopback interface.
+
+mod common;
+
+use common::{AddTwoInts, Count, Sum, Terms, Text, domain, soon, start, start_with};
+use runtime::{CallError, Qos, ServiceMapping};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn samples_arrive_in_order_with_sender_number_and_times() {
+    let (left, right) = (start("left", domain(0)), start("right", domain(0)));
+    let publisher = left.handle().publisher::<Text>("chatter", Qos::DEFAULT).expect("publisher");
+    let qos = Qos::DEFAULT.with_depth(1000);
+    let mut subscription = right.handle().subscription::<Text>("chatter", qos).expect("reader");
+    assert!(soon("a match", publisher.wait_for_subscriber(common::PATIENCE)).await);
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    for index in 0..100 {
+        assert!(publisher.publish(Text { data: format!("{index}") }));
+    }
+    for index in 0..100 {
+        let (text, info) = soon("a sample", subscription.next()).await;
+        assert_eq!(text.data, format!("{index}"));
+        assert_eq!(info.publisher, publisher.gid());
+        assert_eq!(info.sequence, index + 1);
+        assert!(info.source_time.expect("stamped") <= info.reception_time);
+    }
+    // The biggest message that the stack sends.
+    let big = "x".repeat(59_000);
+    assert!(publisher.publish(Text { data: big.clone() }));
+    assert_eq!(soon("the big one", subscription.next()).await.0.data, big);
+    drop((publisher, subscription));
+    left.stop().await;
+    right.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_late_joiner_gets_what_is_latched_and_the_newest_comes_last() {
+    let left = start("left", domain(1));
+    let publisher = left.handle().publisher::<Count>("state", Qos::LATCHED).expect("publisher");
+    for data in 1..=5 {
+        assert!(publisher.publish(Count { data }));
+    }
+    let right = start("right", domain(1));
+    let qos = Qos::LATCHED.with_depth(100);
+    let mut subscription = right.handle().subscription::<Count>("state", qos).expect("reader");
+    let mut newest = soon("the latched value", subscription.next()).await.0.data;
+    while newest != 5 {
+        let next = soon("the newest value", subscription.next()).await.0.data;
+        assert!(next > newest, "{next} after {newest}");
+        newest = next;
+    }
+    drop((publisher, subscription));
+    left.stop().await;
+    right.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_sender_of_another_type_is_counted_and_passed_over() {
+    let (left, right) = (start("left", domain(2)), start("right", domain(2)));
+    let wrong = left.handle().publisher::<Count>("chatter", Qos::DEFAULT).expect("publisher");
+    let mut subscription =
+        right.handle().subscription::<Text>("chatter", Qos::DEFAULT.with_depth(100)).expect("sub");
+    assert!(soon("a match", wrong.wait_for_subscriber(common::PATIENCE)).await);
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    for _ in 0..3 {
+        assert!(wrong.publish(Count { data: 4_000_000_000 }));
+    }
+    let sane = left.handle().publisher::<Text>("chatter", Qos::DEFAULT).expect("publisher");
+    assert!(soon("a match", sane.wait_for_subscriber(common::PATIENCE)).await);
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    assert!(sane.publish(Text { data: "good".into() }));
+    assert_eq!(soon("the good one", subscription.next()).await.0.data, "good");
+    assert_eq!(subscription.undecodable(), 3);
+    drop((wrong, sane, subscription));
+    left.stop().await;
+    right.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn eight_calls_at_once_each_get_their_own_answer_in_either_mapping() {
+    for (offset, mapping) in [(3, ServiceMapping::Enhanced), (4, ServiceMapping::Cyclone)] {
+        let server = start_with("server", domain(offset), mapping);
+        let asker = start_with("asker", domain(offset), mapping);
+        let served = Arc::new(AtomicU32::new(0));
+        let count = Arc::clone(&served);
+        let answer = move |terms: Terms, _| {
+            count.fetch_add(1, Ordering::Relaxed);
+            async move { Sum { sum: terms.a + terms.b } }
+        };
+        server.handle().service::<AddTwoInts, _, _>("add", answer).expect("service");
+        let client = asker.handle().client::<AddTwoInts>("add").expect("client");
+        let calls = (0..8).map(|a| {
+            let client = client.clone();
+            tokio::spawn(async move { client.call(Terms { a, b: 40 }).await })
+        });
+        for (a, call) in calls.collect::<Vec<_>>().into_iter().enumerate() {
+            let sum = soon("an answer", call).await.expect("no panic").expect("an answer").sum;
+            assert_eq!(sum, a as i64 + 40);
+        }
+        assert_eq!(served.load(Ordering::Relaxed), 8);
+        drop(client);
+        server.stop().await;
+        asker.stop().await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_call_to_nobody_says_that_no_such_node_answered() {
+    let asker = start("asker", domain(5));
+    let client = asker.handle().client::<AddTwoInts>("/nobody/add").expect("client");
+    let error = client.call(Terms { a: 1, b: 2 }).await.expect_err("nobody is there");
+    assert!(matches!(error, CallError::NoServer { .. }));
+    let text = error.to_string();
+    assert!(text.contains("no such node answered within 5 s"), "{text}");
+    assert!(text.contains("/nobody/add"), "{text}");
+    drop(client);
+    asker.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_that_keeps_silent_is_told_from_one_that_is_not_there() {
+    let (server, asker) = (start("server", domain(6)), start("asker", domain(6)));
+    let silent = |_: Terms, _| std::future::pending::<Sum>();
+    server.handle().concurrent_service::<AddTwoInts, _, _>("add", silent).expect("service");
+    let client = asker.handle().client::<AddTwoInts>("add").expect("client");
+    assert!(soon("a server", client.wait_for_server(common::PATIENCE)).await);
+    let within = Duration::from_millis(300);
+    let error = client.call_within(Terms { a: 1, b: 2 }, within).await.expect_err("silence");
+    assert!(matches!(error, CallError::NoAnswer { .. }), "{error}");
+    drop(client);
+    server.stop().await;
+    asker.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_panic_in_a_task_stops_the_node_and_says_why() {
+    let session = start("fragile", domain(7));
+    session.handle().spawn("thinker", async { panic!("no idea") });
+    soon("the stop", session.handle().shutdown().requested()).await;
+    assert!(session.handle().shutdown().is_failure());
+    let reason = session.handle().shutdown().reason().expect("a reason");
+    assert!(reason.contains("thinker") && reason.contains("no idea"), "{reason}");
+    session.stop().await;
+}
