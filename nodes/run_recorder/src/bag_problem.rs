@@ -1,0 +1,67 @@
+//! What can be wrong with a bag: why it cannot be opened, and what is missing from one that can.
+//!
+//! Positions are bytes from the beginning of the named file.
+
+use std::io;
+
+/// Why a bag cannot be read at all.
+#[derive(Debug, thiserror::Error)]
+pub enum BagError {
+    #[error("{path} is not there")]
+    Missing { path: String },
+    #[error("{path} is neither a bag directory nor an .mcap file")]
+    NoPath { path: String },
+    #[error("{directory} holds no .mcap file, so it is not a bag")]
+    EmptyDirectory { directory: String },
+    #[error("{directory}/metadata.yaml names {file}, which is not there")]
+    MissingFile { directory: String, file: String },
+    #[error(
+        "{directory}/metadata.yaml cannot be read: {why}; move it away to read the .mcap alone"
+    )]
+    Metadata { directory: String, why: String },
+    #[error("{file} is empty (0 bytes); the recorder died before it wrote anything")]
+    ZeroLength { file: String },
+    #[error("{file} is not an MCAP file: it does not begin with the eight magic bytes")]
+    NotABag { file: String },
+    #[error("{file} ends at byte {length}, before its header; nothing in it can be read")]
+    NoHeader { file: String, length: u64 },
+    #[error("{file} has the profile \"{profile}\"; only bags of profile \"ros2\" can be read")]
+    WrongProfile { file: String, profile: String },
+    #[error("reading {file} failed: {cause}")]
+    Io { file: String, cause: io::Error },
+}
+
+/// What is wrong with a bag that can be read in part.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Problem {
+    #[error("there is no metadata.yaml: the recorder did not finish")]
+    NoMetadataFile,
+    #[error(
+        "{file} ends at byte {length} without a footer; its last whole record ends at byte {at}"
+    )]
+    Truncated { file: String, at: u64, length: u64 },
+    #[error(
+        "{file}: the record at byte {at} claims {claimed} bytes, {available} follow; nothing behind it can be read"
+    )]
+    CutRecord { file: String, at: u64, claimed: u64, available: u64 },
+    #[error("{file}: the chunk at byte {at} is damaged: {why}; its messages are left out")]
+    DamagedChunk { file: String, at: u64, why: String },
+    #[error("{file}: the record at byte {at} is damaged: {why}")]
+    DamagedRecord { file: String, at: u64, why: String },
+    #[error("topic {topic} has no schema, so its messages cannot be decoded")]
+    SchemaMissing { topic: String },
+    #[error(
+        "{file}: a message at byte {at} is of channel {channel}, which is not defined; left out"
+    )]
+    UnknownChannel { file: String, at: u64, channel: u16 },
+    #[error("{file}: behind the footer at byte {at} there is something else")]
+    AfterFooter { file: String, at: u64 },
+    #[error("the index promises {promised} messages, {found} can be read")]
+    MessagesMissing { promised: u64, found: u64 },
+    #[error(
+        "from {log_time_ns} ns on messages come out of order: chunks overlap by more than the window, or state wrong times"
+    )]
+    OrderNotKept { log_time_ns: u64 },
+    #[error("the recorder says that it is not complete: {reason}")]
+    RecorderSays { reason: String },
+}

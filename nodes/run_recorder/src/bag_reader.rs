@@ -1,0 +1,432 @@
+//! Opens a bag: its topics, definitions, attachments and what is wrong with it.
+//!
+//! Works on anything that reads and seeks; paths are for [`crate::files`].
+//! A whole bag is opened from its outline, a broken-off one by reading it once.
+//! Messages come from [`Bag::messages`] in the order of time.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Seek, SeekFrom};
+use std::sync::Arc;
+
+use mcap::records::{self, Record, SchemaHeader, op};
+
+pub use crate::bag_messages::{BagMessage, MessageFilter, Messages, WINDOW_BYTES};
+pub use crate::bag_problem::{BagError, Problem};
+use crate::bag_writer::{QOS_KEY, TYPE_HASH_KEY};
+use crate::metadata::{BagSummary, TopicSummary};
+use crate::qos::{QosProfile, profiles_from_yaml};
+pub use crate::records::RECORD_SIZE_MAX;
+use crate::records::{FRAME, parse_body};
+use crate::scan::{AttachmentPlace, Stretch, read_bytes, scan};
+use crate::schema::{MessageSchema, SchemaError};
+
+/// The metadata record a run begins with.
+pub const RUN_RECORD: &str = "cnc_run";
+/// The metadata record a run ends with: `complete` and `reasons`.
+pub const RESULT_RECORD: &str = "cnc_run_result";
+
+/// One file of a bag.
+#[derive(Debug)]
+pub struct BagSource<R> {
+    /// Its name in messages to people.
+    pub name: String,
+    pub reader: R,
+}
+
+/// A definition embedded in the bag.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BagSchema {
+    /// `package/msg/Type`.
+    pub name: String,
+    /// `ros2msg` in bags of ours.
+    pub encoding: String,
+    pub text: Vec<u8>,
+}
+
+impl BagSchema {
+    /// Reads the definition, for [`crate::decode::decode`].
+    pub fn parse(&self) -> Result<Arc<MessageSchema>, SchemaError> {
+        MessageSchema::from_bytes(&self.name, &self.text)
+    }
+}
+
+/// One topic of a bag.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BagChannel {
+    pub topic: String,
+    /// Missing in bags of others at times; then messages cannot be decoded.
+    pub schema: Option<Arc<BagSchema>>,
+    /// `cdr` in bags of ROS.
+    pub message_encoding: String,
+    /// What its publishers offered; empty if not recorded or not readable.
+    pub qos: Vec<QosProfile>,
+    /// `RIHS01_` and 64 digits, empty if not known.
+    pub type_hash: String,
+    /// The channel's metadata as written.
+    pub metadata: BTreeMap<String, String>,
+    /// Messages in the bag.
+    pub message_count: u64,
+}
+
+impl BagChannel {
+    /// `package/msg/Type`, empty without a schema.
+    pub fn type_name(&self) -> &str {
+        self.schema.as_ref().map_or("", |schema| &schema.name)
+    }
+}
+
+/// A record of keys and values.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BagMetadata {
+    pub name: String,
+    pub values: BTreeMap<String, String>,
+}
+
+/// A file inside the bag; [`Bag::read_attachment`] reads it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BagAttachmentInfo {
+    pub name: String,
+    pub media_type: String,
+    /// Nanoseconds since the epoch.
+    pub log_time_ns: u64,
+    /// Bytes.
+    pub size: u64,
+    source: usize,
+    place: AttachmentPlace,
+}
+
+/// An opened bag.
+#[derive(Debug)]
+pub struct Bag<R> {
+    pub(crate) sources: Vec<BagSource<R>>,
+    pub(crate) stretches: Vec<(usize, Stretch)>,
+    /// Place in `channels` by file and the file's own number.
+    pub(crate) channel_of: BTreeMap<(usize, u16), usize>,
+    pub(crate) channels: Vec<Arc<BagChannel>>,
+    pub(crate) problems: Vec<Problem>,
+    attachments: Vec<BagAttachmentInfo>,
+    metadata: Vec<BagMetadata>,
+    time_range_ns: Option<(u64, u64)>,
+    library: String,
+    is_finished: bool,
+}
+
+impl<R: Read + Seek> Bag<R> {
+    /// Opens a bag of one file.
+    pub fn open(name: &str, reader: R) -> Result<Self, BagError> {
+        Self::from_sources(vec![BagSource { name: name.to_owned(), reader }])
+    }
+
+    /// Opens a bag of several files, in their order. All must be readable at least in part.
+    pub fn from_sources(mut sources: Vec<BagSource<R>>) -> Result<Self, BagError> {
+        let mut outline = Outline::default();
+        let mut is_finished = true;
+        let mut is_outlined = true;
+        let mut time_range_ns = None;
+        let mut stretches = Vec::new();
+        let mut attachments = Vec::new();
+        let mut metadata = Vec::new();
+        let mut problems = Vec::new();
+        let mut library = String::new();
+        for (index, source) in sources.iter_mut().enumerate() {
+            let found = scan(&source.name, &mut source.reader)?;
+            library = found.library;
+            is_finished &= found.is_finished;
+            problems.extend(found.problems);
+            stretches.extend(found.stretches.into_iter().map(|stretch| (index, stretch)));
+            metadata.extend(
+                found
+                    .metadata
+                    .into_iter()
+                    .map(|record| BagMetadata { name: record.name, values: record.metadata }),
+            );
+            attachments.extend(found.attachments.into_iter().map(|place| BagAttachmentInfo {
+                name: place.name.clone(),
+                media_type: place.media_type.clone(),
+                log_time_ns: place.log_time_ns,
+                size: place.size,
+                source: index,
+                place,
+            }));
+            for (header, text) in found.schemas {
+                outline.schema(index, header, text);
+            }
+            for channel in found.channels {
+                outline.channel(index, channel);
+            }
+            match found.statistics {
+                Some(statistics) if found.is_finished && outline.knows_all(index, &statistics) => {
+                    outline.take_counts(index, &statistics);
+                    if statistics.message_count > 0 {
+                        let (start, end) =
+                            (statistics.message_start_time, statistics.message_end_time);
+                        widen(&mut time_range_ns, start);
+                        widen(&mut time_range_ns, end.max(start));
+                    }
+                }
+                _ => is_outlined = false,
+            }
+        }
+        let mut bag = Self {
+            sources,
+            stretches,
+            channel_of: BTreeMap::new(),
+            channels: Vec::new(),
+            problems,
+            attachments,
+            metadata,
+            time_range_ns,
+            library,
+            is_finished,
+        };
+        if !is_outlined {
+            bag.read_once(&mut outline)?;
+        }
+        bag.take_outline(outline);
+        bag.recorder_says();
+        Ok(bag)
+    }
+
+    /// The topics, in the order of their definition.
+    pub fn channels(&self) -> &[Arc<BagChannel>] {
+        &self.channels
+    }
+
+    /// Files inside the bag.
+    pub fn attachments(&self) -> &[BagAttachmentInfo] {
+        &self.attachments
+    }
+
+    /// Records of keys and values, in the order of the file.
+    pub fn metadata(&self) -> &[BagMetadata] {
+        &self.metadata
+    }
+
+    /// The last record of this name.
+    pub fn metadata_named(&self, name: &str) -> Option<&BTreeMap<String, String>> {
+        let mut records = self.metadata.iter().rev();
+        records.find(|record| record.name == name).map(|record| &record.values)
+    }
+
+    /// The program that wrote the bag, as its header says.
+    pub fn library(&self) -> &str {
+        &self.library
+    }
+
+    /// What is wrong; grows while messages are read, since chunks are checked then.
+    pub fn problems(&self) -> &[Problem] {
+        &self.problems
+    }
+
+    /// Notes what is wrong outside the files' content.
+    pub fn add_problem(&mut self, problem: Problem) {
+        if !self.problems.contains(&problem) {
+            self.problems.push(problem);
+        }
+    }
+
+    /// Whether the bag was closed properly, lost nothing, and nothing wrong was met so far.
+    ///
+    /// Damage inside a chunk shows only when it is read: see [`Bag::verify`].
+    pub fn is_complete(&self) -> bool {
+        self.is_finished && self.problems.is_empty()
+    }
+
+    /// The figures of the bag.
+    pub fn summary(&self) -> BagSummary {
+        let topics = self.channels.iter().map(|channel| TopicSummary {
+            topic: channel.topic.clone(),
+            type_name: channel.type_name().to_owned(),
+            type_hash: channel.type_hash.clone(),
+            qos: channel.qos.clone(),
+            message_count: channel.message_count,
+        });
+        BagSummary {
+            topics: topics.collect(),
+            message_count: self.channels.iter().map(|c| c.message_count).sum(),
+            time_range_ns: self.time_range_ns,
+        }
+    }
+
+    /// All messages by (log time, place in the file).
+    pub fn messages(&mut self) -> Messages<'_, R> {
+        self.messages_where(MessageFilter::default())
+    }
+
+    /// The messages that a filter lets through, by (log time, place in the file).
+    pub fn messages_where(&mut self, filter: MessageFilter) -> Messages<'_, R> {
+        Messages::new(self, filter)
+    }
+
+    /// Reads an attachment whole.
+    pub fn read_attachment(&mut self, info: &BagAttachmentInfo) -> Result<Vec<u8>, BagError> {
+        let source = &mut self.sources[info.source];
+        let io_error = |cause| BagError::Io { file: source.name.clone(), cause };
+        let at = info.place.offset + FRAME as u64;
+        source.reader.seek(SeekFrom::Start(at)).map_err(io_error)?;
+        let body = read_bytes(&mut source.reader, info.place.record_length).map_err(io_error)?;
+        match parse_body(op::ATTACHMENT, &body) {
+            Ok(Record::Attachment { data, .. }) => Ok(data.into_owned()),
+            // It was whole when the bag was opened.
+            _ => Err(io_error(std::io::ErrorKind::InvalidData.into())),
+        }
+    }
+
+    /// Reads every chunk and message once; afterwards [`Bag::problems`] is the whole truth.
+    pub fn verify(&mut self) -> Result<(), BagError> {
+        let promised = self.summary().message_count;
+        let mut found = 0;
+        for message in self.messages() {
+            message?;
+            found += 1;
+        }
+        if found < promised {
+            self.add_problem(Problem::MessagesMissing { promised, found });
+        }
+        Ok(())
+    }
+
+    /// Reads every chunk for its channels and counts, where the closing index does not tell.
+    fn read_once(&mut self, outline: &mut Outline) -> Result<(), BagError> {
+        outline.counts.fill(0);
+        self.time_range_ns = None;
+        for index in 0..self.stretches.len() {
+            let (source, _) = self.stretches[index];
+            let time_range_ns = &mut self.time_range_ns;
+            let visited = crate::bag_messages::visit_stretch(
+                &mut self.sources,
+                self.stretches[index],
+                |opcode, body, _| match parse_body(opcode, body) {
+                    Ok(Record::Schema { header, data }) => {
+                        outline.schema(source, header, data.into_owned());
+                    }
+                    Ok(Record::Channel(channel)) => outline.channel(source, channel),
+                    Ok(Record::Message { header, .. }) => {
+                        if outline.count(source, header.channel_id) {
+                            widen(time_range_ns, header.log_time);
+                        }
+                    }
+                    _ => {}
+                },
+            )?;
+            if let Some(problem) = visited {
+                self.add_problem(problem);
+            }
+        }
+        Ok(())
+    }
+
+    fn take_outline(&mut self, outline: Outline) {
+        for (source, channel) in outline.order {
+            let schema = outline.schemas.get(&(source, channel.schema_id)).cloned();
+            let place = outline.place_of[&(source, channel.id)];
+            self.channel_of.insert((source, channel.id), place);
+            if place < self.channels.len() {
+                continue;
+            }
+            if schema.is_none() {
+                self.add_problem(Problem::SchemaMissing { topic: channel.topic.clone() });
+            }
+            let text = |key: &str| channel.metadata.get(key).map_or("", String::as_str);
+            self.channels.push(Arc::new(BagChannel {
+                qos: profiles_from_yaml(text(QOS_KEY)).unwrap_or_default(),
+                type_hash: text(TYPE_HASH_KEY).to_owned(),
+                message_count: outline.counts[place],
+                topic: channel.topic,
+                schema,
+                message_encoding: channel.message_encoding,
+                metadata: channel.metadata,
+            }));
+        }
+    }
+
+    fn recorder_says(&mut self) {
+        let Some(result) = self.metadata_named(RESULT_RECORD) else {
+            return;
+        };
+        if result.get("complete").is_none_or(|complete| complete != "true") {
+            let reason = result.get("reasons").cloned().unwrap_or_default();
+            self.add_problem(Problem::RecorderSays { reason });
+        }
+    }
+}
+
+/// Puts a time into a range.
+fn widen(range: &mut Option<(u64, u64)>, time: u64) {
+    let (start, end) = range.unwrap_or((time, time));
+    *range = Some((start.min(time), end.max(time)));
+}
+
+/// Channels and schemas as they come up, files told apart.
+#[derive(Default)]
+struct Outline {
+    schemas: BTreeMap<(usize, u16), Arc<BagSchema>>,
+    order: Vec<(usize, records::Channel)>,
+    place_of: BTreeMap<(usize, u16), usize>,
+    /// Messages by place.
+    counts: Vec<u64>,
+}
+
+impl Outline {
+    fn schema(&mut self, source: usize, header: SchemaHeader, text: Vec<u8>) {
+        if header.id == 0 {
+            return;
+        }
+        self.schemas.entry((source, header.id)).or_insert_with(|| {
+            Arc::new(BagSchema { name: header.name, encoding: header.encoding, text })
+        });
+    }
+
+    fn channel(&mut self, source: usize, channel: records::Channel) {
+        let key = (source, channel.id);
+        if self.place_of.contains_key(&key) {
+            return;
+        }
+        // The files of one bag number their channels each for itself.
+        let same = self.order.iter().find(|(other, known)| {
+            *other != source
+                && known.topic == channel.topic
+                && known.message_encoding == channel.message_encoding
+                && self.schemas.get(&(*other, known.schema_id))
+                    == self.schemas.get(&(source, channel.schema_id))
+        });
+        let place = match same {
+            Some((other, known)) => self.place_of[&(*other, known.id)],
+            None => {
+                self.counts.push(0);
+                self.counts.len() - 1
+            }
+        };
+        self.place_of.insert(key, place);
+        self.order.push((source, channel));
+    }
+
+    fn count(&mut self, source: usize, channel: u16) -> bool {
+        let Some(place) = self.place_of.get(&(source, channel)) else {
+            return false;
+        };
+        self.counts[*place] += 1;
+        true
+    }
+
+    /// Whether the outside of a file tells of every channel it counts, and its schema.
+    fn knows_all(&self, source: usize, statistics: &records::Statistics) -> bool {
+        let of_source = || self.order.iter().filter(|(other, _)| *other == source);
+        of_source().count() >= statistics.channel_count as usize
+            && of_source().all(|(_, channel)| {
+                channel.schema_id == 0 || self.schemas.contains_key(&(source, channel.schema_id))
+            })
+            && statistics
+                .channel_message_counts
+                .keys()
+                .all(|channel| self.place_of.contains_key(&(source, *channel)))
+    }
+
+    fn take_counts(&mut self, source: usize, statistics: &records::Statistics) {
+        for (channel, count) in &statistics.channel_message_counts {
+            if let Some(place) = self.place_of.get(&(source, *channel)) {
+                self.counts[*place] = self.counts[*place].saturating_add(*count);
+            }
+        }
+    }
+}

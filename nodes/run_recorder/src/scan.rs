@@ -1,0 +1,326 @@
+//! Finds the records of one file without decoding what can wait.
+//!
+//! Walks the frames from the first byte on, so that it needs neither footer nor
+//! index and reads a broken-off file up to its last whole record. Chunks are
+//! noted by place and time; [`crate::bag_messages`] decodes them when their time comes.
+
+use std::io::{self, Read, Seek, SeekFrom};
+
+use mcap::records::{Channel, Record, SchemaHeader, Statistics, op};
+
+use crate::bag_problem::{BagError, Problem};
+use crate::bag_writer::PROFILE;
+use crate::records::{CHUNK_HEAD, ChunkHead, FRAME, Frame, RECORD_SIZE_MAX, parse_body};
+
+/// Loose messages are read in stretches of at most this many bytes and messages.
+const STRETCH_BYTES: u64 = 1024 * 1024;
+const STRETCH_MESSAGES: usize = 8192;
+/// Bytes before the data of a message: channel, sequence number and two times.
+const MESSAGE_HEAD: usize = 22;
+
+/// A stretch of a file that holds messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Stretch {
+    pub(crate) kind: StretchKind,
+    /// Place of the first frame in the file.
+    pub(crate) offset: u64,
+    /// Bytes, frames included.
+    pub(crate) length: u64,
+    /// Earliest and latest log time in it.
+    pub(crate) start_ns: u64,
+    pub(crate) end_ns: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum StretchKind {
+    /// One chunk record.
+    Chunk,
+    /// Records that are in no chunk.
+    Loose { messages: usize },
+}
+
+/// Where an attachment lies.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct AttachmentPlace {
+    pub(crate) name: String,
+    pub(crate) media_type: String,
+    pub(crate) log_time_ns: u64,
+    pub(crate) size: u64,
+    pub(crate) offset: u64,
+    pub(crate) record_length: u64,
+}
+
+/// What stands outside the chunks of one file.
+#[derive(Debug, Default)]
+pub(crate) struct Scan {
+    pub(crate) library: String,
+    pub(crate) stretches: Vec<Stretch>,
+    pub(crate) schemas: Vec<(SchemaHeader, Vec<u8>)>,
+    pub(crate) channels: Vec<Channel>,
+    pub(crate) attachments: Vec<AttachmentPlace>,
+    pub(crate) metadata: Vec<mcap::records::Metadata>,
+    pub(crate) statistics: Option<Statistics>,
+    /// Footer and closing magic are there.
+    pub(crate) is_finished: bool,
+    pub(crate) problems: Vec<Problem>,
+}
+
+/// Walks one file.
+pub(crate) fn scan<R: Read + Seek>(file: &str, reader: &mut R) -> Result<Scan, BagError> {
+    let io_error = |cause: io::Error| BagError::Io { file: file.to_owned(), cause };
+    let length = reader.seek(SeekFrom::End(0)).map_err(io_error)?;
+    if length == 0 {
+        return Err(BagError::ZeroLength { file: file.to_owned() });
+    }
+    reader.seek(SeekFrom::Start(0)).map_err(io_error)?;
+    let mut walk = Walk { file, reader, length, at: 0, position: 0, scan: Scan::default() };
+    walk.magic_and_header()?;
+    walk.records().map_err(io_error)?;
+    Ok(walk.scan)
+}
+
+struct Walk<'a, R> {
+    file: &'a str,
+    reader: &'a mut R,
+    length: u64,
+    /// Place of the record at hand.
+    at: u64,
+    /// Place of the reader.
+    position: u64,
+    scan: Scan,
+}
+
+impl<R: Read + Seek> Walk<'_, R> {
+    fn magic_and_header(&mut self) -> Result<(), BagError> {
+        let file = self.file.to_owned();
+        let length = self.length;
+        let no_header = || BagError::NoHeader { file: file.clone(), length };
+        let io_error = |cause| BagError::Io { file: file.clone(), cause };
+        let magic_length = mcap::MAGIC.len() as u64;
+        let beginning = self.take(length.min(magic_length)).map_err(io_error)?;
+        self.at = self.position;
+        if beginning != mcap::MAGIC[..beginning.len()] {
+            return Err(BagError::NotABag { file });
+        }
+        let Some(frame) = self.frame().map_err(io_error)? else {
+            return Err(no_header());
+        };
+        if frame.length > self.length - self.at - FRAME as u64 {
+            return Err(no_header());
+        }
+        if frame.opcode != op::HEADER || frame.length > RECORD_SIZE_MAX {
+            return Err(BagError::NotABag { file });
+        }
+        let body = self.body(frame).map_err(io_error)?;
+        let Ok(Record::Header(header)) = parse_body(frame.opcode, &body) else {
+            return Err(BagError::NotABag { file });
+        };
+        if header.profile != PROFILE {
+            return Err(BagError::WrongProfile { file, profile: header.profile });
+        }
+        self.scan.library = header.library;
+        self.at = self.position;
+        Ok(())
+    }
+
+    /// Walks the records behind the header. `at` is always the place of the next frame.
+    fn records(&mut self) -> io::Result<()> {
+        loop {
+            let Some(frame) = self.frame()? else {
+                return Ok(self.broken_off());
+            };
+            let available = self.length - self.at - FRAME as u64;
+            if frame.length > available {
+                return Ok(self.problem(Problem::CutRecord {
+                    file: self.file.to_owned(),
+                    at: self.at,
+                    claimed: frame.length,
+                    available,
+                }));
+            }
+            if frame.opcode == op::FOOTER {
+                return self.end(frame);
+            }
+            self.record(frame)?;
+            self.at += FRAME as u64 + frame.length;
+            self.go_to(self.at)?;
+        }
+    }
+
+    fn record(&mut self, frame: Frame) -> io::Result<()> {
+        match frame.opcode {
+            op::CHUNK => self.chunk(frame),
+            op::MESSAGE => self.message(frame),
+            op::ATTACHMENT => self.attachment(frame),
+            op::SCHEMA | op::CHANNEL | op::METADATA | op::STATISTICS => self.small(frame),
+            // Indexes only repeat what is found anyway; unknown kinds are for others.
+            _ => Ok(()),
+        }
+    }
+
+    fn chunk(&mut self, frame: Frame) -> io::Result<()> {
+        if frame.length < CHUNK_HEAD as u64 {
+            return Ok(self.damaged("the chunk is shorter than its head"));
+        }
+        let head = ChunkHead::parse(&self.head()?);
+        self.scan.stretches.push(Stretch {
+            kind: StretchKind::Chunk,
+            offset: self.at,
+            length: FRAME as u64 + frame.length,
+            start_ns: head.start_ns,
+            end_ns: head.end_ns,
+        });
+        Ok(())
+    }
+
+    fn message(&mut self, frame: Frame) -> io::Result<()> {
+        if frame.length < MESSAGE_HEAD as u64 {
+            return Ok(self.damaged("the message is shorter than its head"));
+        }
+        let head: [u8; MESSAGE_HEAD] = self.head()?;
+        // Channel and sequence number come before the log time.
+        let time = u64::from_le_bytes(std::array::from_fn(|i| head[6 + i]));
+        let length = FRAME as u64 + frame.length;
+        if let Some(last) = self.scan.stretches.last_mut()
+            && let StretchKind::Loose { messages } = &mut last.kind
+            && last.offset + last.length == self.at
+            && last.length + length <= STRETCH_BYTES
+            && *messages < STRETCH_MESSAGES
+        {
+            *messages += 1;
+            last.length += length;
+            last.start_ns = last.start_ns.min(time);
+            last.end_ns = last.end_ns.max(time);
+            return Ok(());
+        }
+        self.scan.stretches.push(Stretch {
+            kind: StretchKind::Loose { messages: 1 },
+            offset: self.at,
+            length,
+            start_ns: time,
+            end_ns: time,
+        });
+        Ok(())
+    }
+
+    fn attachment(&mut self, frame: Frame) -> io::Result<()> {
+        if frame.length > RECORD_SIZE_MAX {
+            return Ok(self.damaged("the attachment is larger than this reader takes"));
+        }
+        let body = self.body(frame)?;
+        match parse_body(frame.opcode, &body) {
+            Ok(Record::Attachment { header, data, .. }) => {
+                self.scan.attachments.push(AttachmentPlace {
+                    name: header.name,
+                    media_type: header.media_type,
+                    log_time_ns: header.log_time,
+                    size: data.len() as u64,
+                    offset: self.at,
+                    record_length: frame.length,
+                });
+            }
+            Ok(_) => {}
+            Err(why) => self.damaged(&why),
+        }
+        Ok(())
+    }
+
+    fn small(&mut self, frame: Frame) -> io::Result<()> {
+        if frame.length > RECORD_SIZE_MAX {
+            return Ok(self.damaged("it is larger than this reader takes"));
+        }
+        let body = self.body(frame)?;
+        match parse_body(frame.opcode, &body) {
+            Ok(Record::Schema { header, data }) => {
+                self.scan.schemas.push((header, data.into_owned()));
+            }
+            Ok(Record::Channel(channel)) => self.scan.channels.push(channel),
+            Ok(Record::Metadata(metadata)) => self.scan.metadata.push(metadata),
+            Ok(Record::Statistics(statistics)) => self.scan.statistics = Some(statistics),
+            Ok(_) => {}
+            Err(why) => self.damaged(&why),
+        }
+        Ok(())
+    }
+
+    fn end(&mut self, frame: Frame) -> io::Result<()> {
+        self.at += FRAME as u64 + frame.length;
+        self.go_to(self.at)?;
+        let behind = self.length - self.at;
+        let magic = self.take(behind.min(mcap::MAGIC.len() as u64 + 1))?;
+        if magic.starts_with(mcap::MAGIC) {
+            self.scan.is_finished = true;
+            if magic.len() > mcap::MAGIC.len() {
+                self.problem(Problem::AfterFooter {
+                    file: self.file.to_owned(),
+                    at: self.at + mcap::MAGIC.len() as u64,
+                });
+            }
+        } else {
+            self.broken_off();
+        }
+        Ok(())
+    }
+
+    /// The frame at `at`, and the reader right behind it; `None` if the file ends before.
+    fn frame(&mut self) -> io::Result<Option<Frame>> {
+        if self.length.saturating_sub(self.at) < FRAME as u64 {
+            return Ok(None);
+        }
+        Ok(Some(Frame::parse(&self.head()?)))
+    }
+
+    /// The body behind the frame just read, whose length was compared with the file's.
+    fn body(&mut self, frame: Frame) -> io::Result<Vec<u8>> {
+        self.take(frame.length)
+    }
+
+    fn head<const N: usize>(&mut self) -> io::Result<[u8; N]> {
+        let mut head = [0; N];
+        self.reader.read_exact(&mut head)?;
+        self.position += N as u64;
+        Ok(head)
+    }
+
+    fn take(&mut self, count: u64) -> io::Result<Vec<u8>> {
+        let bytes = read_bytes(self.reader, count)?;
+        self.position += count;
+        Ok(bytes)
+    }
+
+    /// Moves the reader, inside its buffer if it has one.
+    fn go_to(&mut self, place: u64) -> io::Result<()> {
+        let distance = i64::try_from(place).map_err(io::Error::other)?
+            - i64::try_from(self.position).map_err(io::Error::other)?;
+        self.reader.seek_relative(distance)?;
+        self.position = place;
+        Ok(())
+    }
+
+    fn broken_off(&mut self) {
+        self.problem(Problem::Truncated {
+            file: self.file.to_owned(),
+            at: self.at,
+            length: self.length,
+        });
+    }
+
+    fn damaged(&mut self, why: &str) {
+        self.problem(Problem::DamagedRecord {
+            file: self.file.to_owned(),
+            at: self.at,
+            why: why.to_owned(),
+        });
+    }
+
+    fn problem(&mut self, problem: Problem) {
+        self.scan.problems.push(problem);
+    }
+}
+
+/// Reads exactly `count` bytes.
+pub(crate) fn read_bytes<R: Read>(reader: &mut R, count: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    reader.by_ref().take(count).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 == count { Ok(bytes) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
+}
