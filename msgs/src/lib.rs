@@ -10,6 +10,7 @@
 //! only place where millimetres meet metres, and [`chunk`] cuts what is too long
 //! for a message.
 
+pub mod cdr;
 pub mod chunk;
 pub mod contour;
 pub mod convert;

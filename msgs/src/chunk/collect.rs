@@ -1,6 +1,7 @@
 //! Puts chunks together again.
 
-use super::{ITEM_COUNT_MAX, cdr, hex};
+use super::{ITEM_COUNT_MAX, hex};
+use crate::cdr;
 use crate::contour::{ContourEventKind, ProgrammedContour};
 use crate::convert::{WireError, checked_position};
 use crate::geometry::{AxisSet, Shape};
@@ -76,7 +77,7 @@ impl Chunk for wire::ContourChunk {
         (self.crc32, crc32fast::hash(&self.body()))
     }
     fn body(&self) -> Vec<u8> {
-        cdr(&self.events)
+        cdr::body(&self.events)
     }
 }
 
@@ -94,7 +95,7 @@ impl Chunk for wire::PathChunk {
         (self.crc32, crc32fast::hash(&self.body()))
     }
     fn body(&self) -> Vec<u8> {
-        cdr(&(&self.elements, &self.events))
+        cdr::body(&(&self.elements, &self.events))
     }
 }
 

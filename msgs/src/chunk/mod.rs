@@ -9,11 +9,11 @@ mod collect;
 
 pub use collect::{Chunk, ChunkError, Collector};
 
+use crate::cdr;
 use crate::contour::{ContourEvent, ContourEventKind, ProgrammedContour};
 use crate::convert::path_element_to_wire;
 use crate::path::CompensatedPath;
 use crate::wire::cnc_msgs::msg as wire;
-use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
@@ -30,12 +30,6 @@ pub const ITEM_COUNT_MAX: u64 = 50_000_000;
 const ELEMENT_BYTES: usize = 136;
 const FUNCTION_BYTES: usize = 88;
 const EVENT_BYTES: usize = 136;
-
-/// CDR, little-endian, without the four bytes of encapsulation.
-pub fn cdr<T: Serialize>(value: &T) -> Vec<u8> {
-    cdr_encoding::to_vec::<T, byteorder::LittleEndian>(value)
-        .expect("a struct of numbers, strings and sequences always has a CDR form")
-}
 
 /// Lower-case hexadecimal digits.
 pub fn hex(bytes: &[u8]) -> String {
@@ -113,7 +107,7 @@ impl ContourChunks {
         let mut chunks = Self { program_id, contour, cuts, sha256: String::new() };
         let mut hasher = Sha256::new();
         for index in 0..chunks.count() {
-            hasher.update(cdr(&chunks.events(index)));
+            hasher.update(cdr::body(&chunks.events(index)));
         }
         chunks.sha256 = hex(&hasher.finalize());
         chunks
@@ -149,7 +143,7 @@ impl ContourChunks {
             index,
             chunk_count: self.count(),
             first_event: self.cuts[index as usize] as u64,
-            crc32: crc32fast::hash(&cdr(&events)),
+            crc32: crc32fast::hash(&cdr::body(&events)),
             events,
         })
     }
@@ -201,7 +195,7 @@ impl PathChunks {
         let mut chunks = Self { program_id, revision, path, cuts, sha256: String::new() };
         let mut hasher = Sha256::new();
         for index in 0..chunks.count() {
-            hasher.update(cdr(&chunks.body(index)));
+            hasher.update(cdr::body(&chunks.body(index)));
         }
         chunks.sha256 = hex(&hasher.finalize());
         chunks
@@ -237,7 +231,7 @@ impl PathChunks {
             return None;
         }
         let body = self.body(index);
-        let crc32 = crc32fast::hash(&cdr(&body));
+        let crc32 = crc32fast::hash(&cdr::body(&body));
         Some(wire::PathChunk {
             program_id: self.program_id.clone(),
             revision: self.revision,
