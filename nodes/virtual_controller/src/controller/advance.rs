@@ -1,0 +1,215 @@
+//! Lets time pass: motion, dwells, homing and doors, up to the next event and on.
+
+use std::time::Duration;
+
+use super::foreground::Action;
+use super::{Controller, Door, State};
+use crate::homing::{HomingStep, position_after_homing};
+use crate::motion::{Happening, steps_from_mm};
+
+/// What a distance ahead leads to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Obstacle {
+    Probe,
+    Switch,
+}
+
+impl Controller {
+    /// Brings the controller to `now`; a time in the past changes nothing.
+    pub fn advance(&mut self, now: Duration) {
+        self.work();
+        let mut left_s = now.saturating_sub(self.now).as_secs_f64();
+        self.now = self.now.max(now);
+        while left_s > 0.0 && self.is_busy() {
+            left_s -= self.step(left_s);
+            self.work();
+        }
+        // What is due at this very instant, such as the end of a block.
+        while self.is_busy() && self.seconds_to_next().is_some_and(|s| s <= 0.0) {
+            self.step(0.0);
+            self.work();
+        }
+    }
+
+    /// Returns when [`Self::advance`] should be called next; `None`: when bytes arrive.
+    ///
+    /// The same clock as everywhere, never before `now`. Motion nobody waits
+    /// for is no event: a position is worked out when it is asked for.
+    pub fn next_event(&self, now: Duration) -> Option<Duration> {
+        if !self.transmit.is_empty() {
+            return Some(now);
+        }
+        let is_awaited = !self.script.is_empty()
+            || !self.receive_buffer.is_empty()
+            || self.probing.is_some()
+            || self.obstacle().is_some()
+            || matches!(self.state, State::Homing(_) | State::SoftLimit);
+        if !is_awaited || !self.is_busy() {
+            return None;
+        }
+        // Rounded up, so that the event is due when the time has come.
+        let seconds = self.seconds_to_next()?;
+        let event = self.now + Duration::from_secs_f64(seconds.min(1e6)) + Duration::from_nanos(1);
+        Some(event.max(now))
+    }
+
+    /// Is anything going on that takes time?
+    fn is_busy(&self) -> bool {
+        self.is_moving() || self.dwell_left_s().is_some() || self.is_waiting_without_motion()
+    }
+
+    fn is_waiting_without_motion(&self) -> bool {
+        matches!(self.state, State::Homing(_) | State::Door(Door::Resuming { .. }))
+    }
+
+    fn is_braking(&self) -> bool {
+        match &self.state {
+            State::Hold { is_stopped: false }
+            | State::Jog { is_cancelled: true }
+            | State::Door(Door::Stopping)
+            | State::SoftLimit => true,
+            State::Run => self.probing.as_ref().is_some_and(|p| p.contact_steps.is_some()),
+            _ => false,
+        }
+    }
+
+    fn is_moving(&self) -> bool {
+        matches!(self.state, State::Run | State::Jog { .. }) || self.is_braking()
+    }
+
+    fn dwell_left_s(&self) -> Option<f64> {
+        let is_running = matches!(self.state, State::Idle | State::Run);
+        match self.script.front() {
+            Some(Action::Dwell { left_s }) if is_running => Some(*left_s),
+            _ => None,
+        }
+    }
+
+    /// The nearest switch or probe contact on the block in motion, mm ahead.
+    fn obstacle(&self) -> Option<(f64, Obstacle)> {
+        if !self.is_moving() {
+            return None;
+        }
+        let (unit, remaining) = self.planner.heading()?;
+        let at = self.position();
+        let settings = &self.memory.settings;
+        let switch = match settings.hard_limits() {
+            true => self.plant.way_to_switch(at, unit, settings),
+            false => None,
+        };
+        let probe = match &self.probing {
+            Some(probing) if probing.contact_steps.is_none() => {
+                self.plant.way_to_probe_change(at, unit)
+            }
+            _ => None,
+        };
+        let switch = switch.map(|way| (way, Obstacle::Switch));
+        let probe = probe.map(|way| (way, Obstacle::Probe));
+        switch
+            .into_iter()
+            .chain(probe)
+            .filter(|(way, _)| *way <= remaining)
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
+    fn seconds_to_next(&self) -> Option<f64> {
+        let motion = match &self.state {
+            State::Homing(homing) => {
+                Some(homing.seconds_to_next(&self.plant, &self.memory.settings))
+            }
+            State::Door(Door::Resuming { left_s }) => Some(*left_s),
+            _ if self.is_moving() => {
+                let trip = self.obstacle().map(|(way, _)| way);
+                self.planner.seconds_to_next(self.is_braking(), trip).or(Some(0.0))
+            }
+            _ => None,
+        };
+        [motion, self.dwell_left_s()].into_iter().flatten().min_by(f64::total_cmp)
+    }
+
+    /// Lets at most `seconds` pass, up to the next event; returns the seconds used.
+    fn step(&mut self, seconds: f64) -> f64 {
+        let dwell = self.dwell_left_s();
+        let limit = dwell.map_or(seconds, |left| seconds.min(left));
+        let used = if let State::Homing(homing) = &mut self.state {
+            let (used, step) = homing.advance(limit, &self.plant, &self.memory.settings);
+            self.after_homing_step(step);
+            used
+        } else if let State::Door(Door::Resuming { left_s }) = &mut self.state {
+            let used = limit.min(*left_s);
+            *left_s -= used;
+            if *left_s <= 0.0 {
+                self.resume();
+            }
+            used
+        } else if self.is_moving() {
+            let obstacle = self.obstacle();
+            let trip = obstacle.map(|(way, _)| way);
+            let (used, happening) = self.planner.advance(limit, self.is_braking(), trip);
+            self.after_motion(happening, obstacle.map(|(_, what)| what));
+            used
+        } else {
+            limit
+        };
+        if let Some(Action::Dwell { left_s }) = self.script.front_mut() {
+            if dwell.is_some() {
+                *left_s = (*left_s - used).max(0.0);
+            }
+        }
+        used
+    }
+
+    fn after_motion(&mut self, happening: Happening, obstacle: Option<Obstacle>) {
+        match (happening, obstacle) {
+            (Happening::Tripped, Some(Obstacle::Switch)) => self.hit_limit(),
+            (Happening::Tripped, Some(Obstacle::Probe)) => {
+                let steps = self.planner.position_steps(&self.memory.settings);
+                if let Some(probing) = &mut self.probing {
+                    probing.contact_steps = Some(steps);
+                }
+            }
+            _ => {}
+        }
+        let is_at_rest = self.planner.is_empty() || happening == Happening::Stopped;
+        if !self.is_moving() || !is_at_rest {
+            return;
+        }
+        match self.state {
+            State::Run if self.probing.is_some() => self.finish_probe(),
+            State::Run => self.state = State::Idle,
+            State::Jog { .. } => {
+                self.planner.clear(&self.memory.settings);
+                self.sync_parser();
+                self.state = State::Idle;
+            }
+            State::Hold { .. } => self.state = State::Hold { is_stopped: true },
+            State::Door(Door::Stopping) => self.state = State::Door(Door::Stopped),
+            State::SoftLimit => self.critical(crate::codes::Alarm::SoftLimit),
+            _ => {}
+        }
+    }
+
+    fn after_homing_step(&mut self, step: HomingStep) {
+        match step {
+            HomingStep::Going => {}
+            HomingStep::Failed(alarm) => self.fail_homing(alarm),
+            HomingStep::Finished => {
+                let settings = &self.memory.settings;
+                let physical = crate::axes::add(self.position(), self.plant.offset);
+                let machine = position_after_homing(settings);
+                self.plant.offset = crate::axes::subtract(physical, machine);
+                self.planner.clear(settings);
+                self.planner.set_position_steps(steps_from_mm(machine, settings));
+                self.sync_parser();
+                self.state = State::Idle;
+                self.work();
+                if std::mem::take(&mut self.has_pending_report) {
+                    self.report_status();
+                }
+                if std::mem::take(&mut self.has_pending_hold) {
+                    self.feed_hold();
+                }
+            }
+        }
+    }
+}

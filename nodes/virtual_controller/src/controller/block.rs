@@ -1,0 +1,141 @@
+//! From a checked block to the actions it consists of, in the order of the firmware.
+
+use super::foreground::Action;
+use super::{Controller, State};
+use crate::axes::Vector;
+use crate::codes::ErrorCode;
+use crate::gcode::{Checked, Effect, FeedMode, Flow, Kind, NonModal, check};
+use crate::motion::{Move, Pace};
+
+impl Controller {
+    /// Checks a program line and queues what it asks for.
+    pub(super) fn block(&mut self, text: &str) -> Result<(), ErrorCode> {
+        let kind = Kind::Program { has_mist: self.build.has_mist };
+        let block = check(text, kind, &self.parser, &self.memory.systems)?;
+        self.queue_accessories(&block);
+        self.queue_offsets(&block);
+        self.queue_motion(&block);
+        match block.flow {
+            Some(Flow::Pause) => self.script.extend([Action::Synchronize, Action::Pause]),
+            Some(Flow::End) => self.script.extend([Action::Synchronize, Action::ProgramEnd]),
+            None => {}
+        }
+        // The coordinate system changes when motion has ended, in its own action.
+        let system = self.parser.modal.coordinate_system;
+        self.parser.modal = block.modal;
+        self.parser.modal.coordinate_system = system;
+        self.parser.feed = block.feed;
+        self.parser.spindle_rpm = block.spindle_rpm;
+        self.parser.tool = block.tool;
+        self.parser.line_number = block.line_number;
+        Ok(())
+    }
+
+    /// Checks a `$J=` line and queues it.
+    pub(super) fn jog(&mut self, text: &str) -> Result<(), ErrorCode> {
+        let block = check(text, Kind::Jog, &self.parser, &self.memory.systems)?;
+        let Effect::Line(target) = block.effect else { return Err(ErrorCode::NoAxisWords) };
+        let settings = &self.memory.settings;
+        if settings.soft_limits() && !settings.within_travel(target) {
+            return Err(ErrorCode::JogOutOfTravel);
+        }
+        self.parser.position_in_machine = target;
+        self.script.push_back(Action::Jog(Move {
+            target_in_machine: target,
+            pace: Pace::Feed(block.feed),
+            line_number: block.line_number,
+            ignores_overrides: true,
+        }));
+        Ok(())
+    }
+
+    fn queue_accessories(&mut self, block: &Checked) {
+        let is_spindle_changed = block.modal.spindle != self.parser.modal.spindle
+            || (block.spindle_rpm != self.parser.spindle_rpm
+                && block.modal.spindle != crate::gcode::Spindle::Off);
+        if is_spindle_changed {
+            self.script.extend([Action::Synchronize, Action::Spindle(block.modal.spindle)]);
+        }
+        if block.modal.coolant != self.parser.modal.coolant {
+            self.script.extend([Action::Synchronize, Action::Coolant(block.modal.coolant)]);
+        }
+        if let Some(left_s) = block.dwell_s {
+            self.script.extend([Action::Synchronize, Action::Dwell { left_s }]);
+        }
+    }
+
+    fn queue_offsets(&mut self, block: &Checked) {
+        let mut after_motion = |action| self.script.extend([Action::Synchronize, action]);
+        if block.tool_length != self.parser.tool_length {
+            after_motion(Action::SetToolLength(block.tool_length));
+        }
+        if block.modal.coordinate_system != self.parser.modal.coordinate_system {
+            after_motion(Action::SelectSystem(block.modal.coordinate_system));
+        }
+        match &block.non_modal {
+            Some(NonModal::SetWorkOffset { system, offset }) => {
+                after_motion(Action::SetWorkOffset { system: *system, offset: *offset });
+            }
+            Some(NonModal::SetG92(offset)) => after_motion(Action::SetG92(*offset)),
+            Some(NonModal::Store { g30 }) => {
+                let at = self.parser.position_in_machine;
+                after_motion(Action::StorePosition { g30: *g30, at });
+            }
+            Some(NonModal::GoTo { g30, over }) => {
+                let systems = &self.memory.systems;
+                let end = if *g30 { systems.g30 } else { systems.g28 };
+                if let Some(over) = over {
+                    self.queue_line(*over, Pace::Rapid, block.line_number);
+                }
+                self.queue_line(end, Pace::Rapid, block.line_number);
+            }
+            None => {}
+        }
+    }
+
+    fn queue_motion(&mut self, block: &Checked) {
+        let pace = match block.modal.feed_mode {
+            FeedMode::UnitsPerMinute => Pace::Feed(block.feed),
+            FeedMode::InverseTime => Pace::InverseTime(block.feed),
+        };
+        let line_number = block.line_number;
+        match &block.effect {
+            Effect::None => {}
+            Effect::Rapid(target) => self.queue_line(*target, Pace::Rapid, line_number),
+            Effect::Line(target) => self.queue_line(*target, pace, line_number),
+            Effect::Arc(arc) => {
+                self.parser.position_in_machine = arc.end;
+                let chords = arc.clone().chords(self.memory.settings.arc_tolerance_mm());
+                let pace = match pace {
+                    Pace::InverseTime(per_min) => {
+                        Pace::InverseTime(per_min * f64::from(chords.count))
+                    }
+                    other => other,
+                };
+                self.script.push_back(Action::Chords { chords, pace, line_number });
+            }
+            Effect::Probe { target, away, miss_is_fine } => {
+                let motion =
+                    Move { target_in_machine: *target, pace, line_number, ignores_overrides: true };
+                if self.state == State::Check {
+                    self.parser.position_in_machine = *target;
+                }
+                self.script.extend([
+                    Action::Synchronize,
+                    Action::Probe { motion, away: *away, miss_is_fine: *miss_is_fine },
+                    Action::FinishProbe,
+                ]);
+            }
+        }
+    }
+
+    fn queue_line(&mut self, target_in_machine: Vector, pace: Pace, line_number: u32) {
+        self.parser.position_in_machine = target_in_machine;
+        self.script.push_back(Action::Move(Move {
+            target_in_machine,
+            pace,
+            line_number,
+            ignores_overrides: false,
+        }));
+    }
+}

@@ -1,0 +1,194 @@
+//! The `$` commands.
+
+use super::foreground::Action;
+use super::{Controller, State};
+use crate::codes::ErrorCode;
+use crate::gcode::{CoordinateSystems, read_number};
+use crate::homing::Homing;
+use crate::settings::Settings;
+
+/// Characters of a stored line.
+const STORED_CHARACTERS_MAX: usize = 79;
+
+impl Controller {
+    /// Does the command behind a `$`; the caller answers.
+    pub(super) fn system_command(&mut self, command: &str) -> Result<(), ErrorCode> {
+        match command {
+            "" => {
+                self.report_help();
+                return Ok(());
+            }
+            "$" if matches!(self.state, State::Run) => return Err(ErrorCode::NotIdle),
+            "$" => {
+                self.report_settings();
+                return Ok(());
+            }
+            "G" => {
+                self.report_parser_state();
+                return Ok(());
+            }
+            "C" => return self.toggle_check(),
+            "X" => return self.unlock(),
+            _ => {}
+        }
+        if let Some(jog) = command.strip_prefix('J') {
+            if !matches!(self.state, State::Idle | State::Jog { .. }) {
+                return Err(ErrorCode::NotIdle);
+            }
+            let text = jog.strip_prefix('=').ok_or(ErrorCode::InvalidStatement)?;
+            return self.jog(text);
+        }
+        if matches!(command.as_bytes()[0], b'$' | b'G' | b'C' | b'X') {
+            return Err(ErrorCode::InvalidStatement);
+        }
+        if !matches!(self.state, State::Idle | State::Alarm { .. }) {
+            return Err(ErrorCode::NotIdle);
+        }
+        match command {
+            "#" => self.report_offsets(),
+            "H" => return self.start_homing(),
+            "SLP" => self.script.push_back(Action::Sleep),
+            "I" => self.report_build(),
+            "N" => self.report_startup_lines(),
+            _ if command.starts_with("I=") => {
+                self.memory.build_info = stored(&command[2..])?;
+            }
+            _ if command.starts_with("RST=") => return self.restore(&command[4..]),
+            _ if command.starts_with('N') => return self.store_startup_line(&command[1..]),
+            _ => return self.store_setting(command),
+        }
+        Ok(())
+    }
+
+    fn toggle_check(&mut self) -> Result<(), ErrorCode> {
+        match self.state {
+            State::Check => {
+                self.message("Disabled");
+                self.script.push_back(Action::Restart);
+            }
+            State::Idle => {
+                self.state = State::Check;
+                self.message("Enabled");
+            }
+            _ => return Err(ErrorCode::NotIdle),
+        }
+        Ok(())
+    }
+
+    fn unlock(&mut self) -> Result<(), ErrorCode> {
+        if matches!(self.state, State::Alarm { .. }) {
+            if self.plant.is_door_open {
+                return Err(ErrorCode::DoorOpen);
+            }
+            self.message("Caution: Unlocked");
+            self.state = State::Idle;
+        }
+        Ok(())
+    }
+
+    fn start_homing(&mut self) -> Result<(), ErrorCode> {
+        if !self.memory.settings.homing_enabled() {
+            return Err(ErrorCode::HomingDisabled);
+        }
+        if self.plant.is_door_open {
+            return Err(ErrorCode::DoorOpen);
+        }
+        self.state = State::Homing(Homing::new(self.position(), &self.memory.settings));
+        self.queue_startup_lines();
+        Ok(())
+    }
+
+    /// `$RST=`: settings, offsets, or everything; then a reset.
+    fn restore(&mut self, what: &str) -> Result<(), ErrorCode> {
+        let (settings, offsets) = match what {
+            "$" => (true, false),
+            "#" => (false, true),
+            "*" => (true, true),
+            _ => return Err(ErrorCode::InvalidStatement),
+        };
+        if settings {
+            self.memory.settings = self.build.settings.clone();
+        }
+        if offsets {
+            self.memory.systems = CoordinateSystems::default();
+        }
+        if settings && offsets {
+            self.memory.startup = Default::default();
+            self.memory.build_info.clear();
+        }
+        self.message("Restoring defaults");
+        self.script.push_back(Action::Restart);
+        Ok(())
+    }
+
+    /// `$n=v`.
+    fn store_setting(&mut self, command: &str) -> Result<(), ErrorCode> {
+        let (number, value) = parse_setting(command)?;
+        let steps_before = self.memory.settings.steps_per_mm();
+        self.memory.settings.set(number, value)?;
+        if self.memory.settings.steps_per_mm() != steps_before {
+            // The steps stay; what they mean in millimetres has changed.
+            self.sync_parser();
+        }
+        Ok(())
+    }
+
+    /// `$N0=` and `$N1=`: the line is executed, then stored.
+    fn store_startup_line(&mut self, command: &str) -> Result<(), ErrorCode> {
+        if self.state != State::Idle {
+            return Err(ErrorCode::NotIdle);
+        }
+        let (number, rest) = read_number(command).ok_or(ErrorCode::BadNumber)?;
+        let text = rest.strip_prefix('=').ok_or(ErrorCode::InvalidStatement)?;
+        let index = match number.trunc() as i64 {
+            0 => 0,
+            1 => 1,
+            _ => return Err(ErrorCode::InvalidStatement),
+        };
+        let text = stored(text)?;
+        self.block(&text)?;
+        self.script.push_back(Action::StoreStartup { index, text });
+        Ok(())
+    }
+
+    pub(super) fn queue_startup_lines(&mut self) {
+        let lines = (0..self.memory.startup.len()).filter(|&i| !self.memory.startup[i].is_empty());
+        self.script.extend(lines.map(Action::Startup));
+    }
+
+    pub(super) fn run_startup_line(&mut self, index: usize) {
+        let text = self.memory.startup[index].clone();
+        let behind = std::mem::take(&mut self.script);
+        let answer = self.block(&text);
+        self.script.push_back(Action::Echo { text, answer });
+        self.script.extend(behind);
+    }
+}
+
+fn stored(text: &str) -> Result<String, ErrorCode> {
+    if text.len() > STORED_CHARACTERS_MAX {
+        return Err(ErrorCode::StoredLineTooLong);
+    }
+    Ok(text.to_string())
+}
+
+/// Reads `n=v`.
+fn parse_setting(text: &str) -> Result<(u8, f64), ErrorCode> {
+    let (number, rest) = read_number(text).ok_or(ErrorCode::BadNumber)?;
+    let value = rest.strip_prefix('=').ok_or(ErrorCode::InvalidStatement)?;
+    let (value, rest) = read_number(value).ok_or(ErrorCode::BadNumber)?;
+    if !rest.is_empty() || !(0.0..=255.0).contains(&number) {
+        return Err(ErrorCode::InvalidStatement);
+    }
+    Ok((number.trunc() as u8, value))
+}
+
+impl Settings {
+    /// Stores a line `$n=v`, blanks allowed; says with grbl's code why it cannot.
+    pub fn set_line(&mut self, line: &str) -> Result<(), ErrorCode> {
+        let line: String = line.chars().filter(|c| !c.is_whitespace()).collect();
+        let text = line.strip_prefix('$').ok_or(ErrorCode::InvalidStatement)?;
+        let (number, value) = parse_setting(text)?;
+        self.set(number, value)
+    }
+}

@@ -1,0 +1,317 @@
+//! Checks one block against the rules of grbl 1.1 and says what it would do.
+//!
+//! The order of the checks decides which code a block with two faults gets,
+//! so it follows the firmware. Nothing takes effect here.
+
+use crate::axes::{AXES, Vector};
+use crate::codes::ErrorCode;
+use crate::gcode::arc::Arc;
+use crate::gcode::sort::{AxisCommand, GROUPS_OF_JOGS, ToolLength, Words, ZeroGroup, index, sort};
+use crate::gcode::{CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserState, Units};
+
+/// Millimetres of an inch.
+const MM_PER_INCH: f64 = 25.4;
+/// N may not be larger.
+const LINE_NUMBER_MAX: f64 = 10_000_000.0;
+
+/// Program or jog (`$J=`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Program { has_mist: bool },
+    Jog,
+}
+
+/// A block that may be executed.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Checked {
+    /// The modal state after it.
+    pub(crate) modal: Modal,
+    pub(crate) feed: f64,
+    pub(crate) spindle_rpm: f64,
+    pub(crate) tool: u8,
+    pub(crate) line_number: u32,
+    pub(crate) dwell_s: Option<f64>,
+    pub(crate) tool_length: f64,
+    pub(crate) non_modal: Option<NonModal>,
+    pub(crate) effect: Effect,
+    pub(crate) flow: Option<Flow>,
+}
+
+/// Motion of a block.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Effect {
+    None,
+    Rapid(Vector),
+    Line(Vector),
+    Arc(Arc),
+    Probe { target: Vector, away: bool, miss_is_fine: bool },
+}
+
+/// Commands of group 0 that are not motion themselves.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum NonModal {
+    SetWorkOffset {
+        system: usize,
+        offset: Vector,
+    },
+    /// G28 or G30, over an intermediate point if axis words are given.
+    GoTo {
+        g30: bool,
+        over: Option<Vector>,
+    },
+    /// G28.1 or G30.1.
+    Store {
+        g30: bool,
+    },
+    /// G92 and G92.1.
+    SetG92(Vector),
+}
+
+/// M0, M2 and M30.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Flow {
+    Pause,
+    End,
+}
+
+/// Checks a line (upper case, without blanks) and says what it does.
+pub(crate) fn check(
+    line: &str,
+    kind: Kind,
+    state: &ParserState,
+    systems: &CoordinateSystems,
+) -> Result<Checked, ErrorCode> {
+    let mut modal = state.modal;
+    if kind == Kind::Jog {
+        modal.motion = Motion::Line;
+        modal.feed_mode = FeedMode::UnitsPerMinute;
+    }
+    let mut w = sort(line, kind, &mut modal)?;
+    if w.has_axis() && w.axis_command.is_none() {
+        w.axis_command = Some(AxisCommand::Motion);
+    }
+
+    let line_number = w.take('N').unwrap_or(0.0);
+    if line_number > LINE_NUMBER_MAX {
+        return Err(ErrorCode::InvalidLineNumber);
+    }
+    if kind == Kind::Jog {
+        let may = matches!(w.zero, None | Some(ZeroGroup::MachineCoordinates));
+        if w.groups & !GROUPS_OF_JOGS != 0 || !may || w.tool_length.is_some() {
+            return Err(ErrorCode::InvalidJog);
+        }
+    }
+    let mm = if modal.units == Units::Inches { MM_PER_INCH } else { 1.0 };
+    let feed = feed(&mut w, kind, &modal, state, mm)?;
+    let spindle_rpm = if kind == Kind::Jog { None } else { w.take('S') };
+    let tool = if kind == Kind::Jog { None } else { w.take('T') };
+    let dwell_s = match w.zero {
+        Some(ZeroGroup::Dwell) => Some(w.take('P').ok_or(ErrorCode::ValueWordMissing)?),
+        _ => None,
+    };
+    let mut tool_length = state.tool_length;
+    match w.tool_length {
+        Some(ToolLength::Dynamic) => {
+            if w.axis(0).is_some() || w.axis(1).is_some() || w.axis(2).is_none() {
+                return Err(ErrorCode::DynamicOffsetAxis);
+            }
+            tool_length = w.axis(2).unwrap_or(0.0) * mm;
+        }
+        Some(ToolLength::Cancel) => tool_length = 0.0,
+        None => {}
+    }
+
+    // The offsets in force for this very block: G54..G59 act first.
+    let after = ParserState { modal, tool_length, ..state.clone() };
+    let non_modal_words = w.zero;
+    let target = target(&w, &after, systems, mm);
+    let non_modal = non_modal(&mut w, &after, systems, target, mm)?;
+    if non_modal_words == Some(ZeroGroup::MachineCoordinates)
+        && !matches!(modal.motion, Motion::Rapid | Motion::Line)
+    {
+        return Err(ErrorCode::G53InvalidMotion);
+    }
+    let effect = motion(&mut w, kind, &modal, state, target, feed, mm)?;
+
+    if w.axis_command.is_some() {
+        (0..AXES).for_each(|axis| w.values[index('X') + axis] = None);
+    }
+    if w.values.iter().any(Option::is_some) {
+        return Err(ErrorCode::UnusedWords);
+    }
+    if kind == Kind::Jog && effect == Effect::None {
+        return Err(ErrorCode::NoAxisWords);
+    }
+    Ok(Checked {
+        modal,
+        feed,
+        spindle_rpm: spindle_rpm.unwrap_or(state.spindle_rpm),
+        tool: tool.map_or(state.tool, |tool| tool as u8),
+        line_number: line_number as u32,
+        dwell_s,
+        tool_length,
+        non_modal,
+        effect,
+        flow: w.flow,
+    })
+}
+
+/// Returns the feed in force: mm/min, or moves per minute in G93; 0 is undefined.
+fn feed(
+    w: &mut Words,
+    kind: Kind,
+    modal: &Modal,
+    state: &ParserState,
+    mm: f64,
+) -> Result<f64, ErrorCode> {
+    let given = w.take('F');
+    match modal.feed_mode {
+        FeedMode::InverseTime => {
+            let moves = w.axis_command == Some(AxisCommand::Motion)
+                && !matches!(modal.motion, Motion::None | Motion::Rapid);
+            match given {
+                None if moves => Err(ErrorCode::UndefinedFeed),
+                given => Ok(given.unwrap_or(0.0)),
+            }
+        }
+        FeedMode::UnitsPerMinute => Ok(match given {
+            Some(feed) => feed * mm,
+            None if kind == Kind::Jog => 0.0,
+            None if state.modal.feed_mode == FeedMode::UnitsPerMinute => state.feed,
+            None => 0.0,
+        }),
+    }
+}
+
+/// Returns where the axis words point, in machine coordinates.
+fn target(w: &Words, after: &ParserState, systems: &CoordinateSystems, mm: f64) -> Vector {
+    let offset = after.work_offset(systems);
+    let is_machine = w.zero == Some(ZeroGroup::MachineCoordinates);
+    std::array::from_fn(|axis| match w.axis(axis) {
+        None => after.position_in_machine[axis],
+        Some(value) if is_machine => value * mm,
+        Some(value) => match after.modal.distance {
+            Distance::Absolute => value * mm + offset[axis],
+            Distance::Incremental => value * mm + after.position_in_machine[axis],
+        },
+    })
+}
+
+fn non_modal(
+    w: &mut Words,
+    after: &ParserState,
+    systems: &CoordinateSystems,
+    target: Vector,
+    mm: f64,
+) -> Result<Option<NonModal>, ErrorCode> {
+    let position = after.position_in_machine;
+    let along_z = |axis: usize| if axis == 2 { after.tool_length } else { 0.0 };
+    Ok(match w.zero {
+        Some(ZeroGroup::SetOffset) => {
+            if !w.has_axis() {
+                return Err(ErrorCode::NoAxisWords);
+            }
+            let (Some(p), Some(l)) = (w.take('P'), w.take('L')) else {
+                return Err(ErrorCode::ValueWordMissing);
+            };
+            if p.trunc() > 6.0 {
+                return Err(ErrorCode::UnsupportedCoordinateSystem);
+            }
+            let from_position = match l.trunc() as i64 {
+                20 => true,
+                2 if w.get('R').is_none() => false,
+                _ => return Err(ErrorCode::Unsupported),
+            };
+            let system = match p.trunc() as usize {
+                0 => after.modal.coordinate_system,
+                system => system - 1,
+            };
+            let mut offset = systems.work[system];
+            for (axis, offset) in offset.iter_mut().enumerate() {
+                if let Some(value) = w.axis(axis) {
+                    *offset = match from_position {
+                        true => position[axis] - after.g92[axis] - along_z(axis) - value * mm,
+                        false => value * mm,
+                    };
+                }
+            }
+            Some(NonModal::SetWorkOffset { system, offset })
+        }
+        Some(ZeroGroup::SetG92) => {
+            if !w.has_axis() {
+                return Err(ErrorCode::NoAxisWords);
+            }
+            let work = systems.work[after.modal.coordinate_system];
+            Some(NonModal::SetG92(std::array::from_fn(|axis| match w.axis(axis) {
+                Some(value) => position[axis] - work[axis] - along_z(axis) - value * mm,
+                None => after.g92[axis],
+            })))
+        }
+        Some(ZeroGroup::ClearG92) => Some(NonModal::SetG92([0.0; AXES])),
+        Some(ZeroGroup::Store { g30 }) => Some(NonModal::Store { g30 }),
+        Some(ZeroGroup::GoTo { g30 }) => {
+            Some(NonModal::GoTo { g30, over: w.has_axis().then_some(target) })
+        }
+        Some(ZeroGroup::Dwell | ZeroGroup::MachineCoordinates) | None => None,
+    })
+}
+
+fn motion(
+    w: &mut Words,
+    kind: Kind,
+    modal: &Modal,
+    state: &ParserState,
+    target: Vector,
+    feed: f64,
+    mm: f64,
+) -> Result<Effect, ErrorCode> {
+    if modal.motion == Motion::None {
+        return if w.has_axis() { Err(ErrorCode::AxisWordsExist) } else { Ok(Effect::None) };
+    }
+    if w.axis_command != Some(AxisCommand::Motion) {
+        return Ok(Effect::None);
+    }
+    if modal.motion == Motion::Rapid {
+        return Ok(if w.has_axis() { Effect::Rapid(target) } else { Effect::None });
+    }
+    if feed <= 0.0 {
+        return Err(ErrorCode::UndefinedFeed);
+    }
+    let start = state.position_in_machine;
+    let clockwise = modal.motion == Motion::ArcClockwise;
+    match modal.motion {
+        Motion::Line if w.has_axis() => Ok(Effect::Line(target)),
+        Motion::Line if kind == Kind::Jog => Err(ErrorCode::NoAxisWords),
+        Motion::Line => Ok(Effect::None),
+        Motion::ArcClockwise | Motion::ArcCounterclockwise => {
+            let (a, b, _) = modal.plane.axes();
+            if !w.has_axis() {
+                return Err(ErrorCode::NoAxisWords);
+            }
+            if w.axis(a).is_none() && w.axis(b).is_none() {
+                return Err(ErrorCode::NoAxisWordsInPlane);
+            }
+            if let Some(radius) = w.take('R') {
+                let radius = radius * mm;
+                return Arc::from_radius(modal.plane, start, target, radius, clockwise)
+                    .map(Effect::Arc);
+            }
+            let letters = ['I', 'J', 'K'];
+            if w.get(letters[a]).is_none() && w.get(letters[b]).is_none() {
+                return Err(ErrorCode::NoOffsetsInPlane);
+            }
+            let offset = letters.map(|letter| w.take(letter).unwrap_or(0.0) * mm);
+            Arc::from_offsets(modal.plane, start, target, offset, clockwise).map(Effect::Arc)
+        }
+        Motion::Probe { away, miss_is_fine } => {
+            if !w.has_axis() {
+                return Err(ErrorCode::NoAxisWords);
+            }
+            if target == start {
+                return Err(ErrorCode::InvalidTarget);
+            }
+            Ok(Effect::Probe { target, away, miss_is_fine })
+        }
+        Motion::Rapid | Motion::None => Ok(Effect::None),
+    }
+}

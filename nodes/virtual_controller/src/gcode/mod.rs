@@ -1,0 +1,17 @@
+//! The G-code of grbl 1.1: words, modal state, checks, arcs.
+//!
+//! Knows what a line means and whether it may be said; moves nothing. A line
+//! is checked whole before anything of it takes effect.
+
+pub(crate) mod arc;
+mod check;
+mod modal;
+mod sort;
+mod words;
+
+pub(crate) use check::{Checked, Effect, Flow, Kind, NonModal, check};
+pub(crate) use modal::{
+    Coolant, CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserState, Plane, Spindle,
+    Units,
+};
+pub(crate) use words::read_number;

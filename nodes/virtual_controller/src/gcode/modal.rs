@@ -1,0 +1,162 @@
+//! What stays in force from block to block.
+
+use crate::axes::{Vector, add};
+
+/// Group 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Motion {
+    /// G0.
+    #[default]
+    Rapid,
+    /// G1.
+    Line,
+    /// G2.
+    ArcClockwise,
+    /// G3.
+    ArcCounterclockwise,
+    /// G38.2 to G38.5.
+    Probe {
+        /// G38.4, G38.5: until contact is lost.
+        away: bool,
+        /// G38.3, G38.5: a miss is no alarm.
+        miss_is_fine: bool,
+    },
+    /// G80.
+    None,
+}
+
+/// Group 2.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Plane {
+    /// G17.
+    #[default]
+    Xy,
+    /// G18.
+    Zx,
+    /// G19.
+    Yz,
+}
+
+impl Plane {
+    /// The two axes of the plane, in the order in which G3 turns, and the third.
+    pub(crate) fn axes(self) -> (usize, usize, usize) {
+        match self {
+            Self::Xy => (0, 1, 2),
+            Self::Zx => (2, 0, 1),
+            Self::Yz => (1, 2, 0),
+        }
+    }
+}
+
+/// Group 3.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Distance {
+    /// G90.
+    #[default]
+    Absolute,
+    /// G91.
+    Incremental,
+}
+
+/// Group 5.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum FeedMode {
+    /// G94.
+    #[default]
+    UnitsPerMinute,
+    /// G93.
+    InverseTime,
+}
+
+/// Group 6.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Units {
+    /// G21.
+    #[default]
+    Millimetres,
+    /// G20.
+    Inches,
+}
+
+/// M3, M4, M5.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Spindle {
+    /// M5.
+    #[default]
+    Off,
+    /// M3.
+    Clockwise,
+    /// M4.
+    Counterclockwise,
+}
+
+/// M7, M8, M9.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Coolant {
+    /// M8.
+    pub(crate) flood: bool,
+    /// M7.
+    pub(crate) mist: bool,
+}
+
+/// The modal groups.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Modal {
+    /// Group 1.
+    pub(crate) motion: Motion,
+    /// Group 2.
+    pub(crate) plane: Plane,
+    /// Group 3.
+    pub(crate) distance: Distance,
+    /// Group 5.
+    pub(crate) feed_mode: FeedMode,
+    /// Group 6.
+    pub(crate) units: Units,
+    /// Group 12: 0 for G54 to 5 for G59.
+    pub(crate) coordinate_system: usize,
+    /// Group 7 of M.
+    pub(crate) spindle: Spindle,
+    /// Group 8 of M.
+    pub(crate) coolant: Coolant,
+}
+
+/// Offsets that outlive a reset.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct CoordinateSystems {
+    /// G54 to G59, millimetres in machine coordinates.
+    pub(crate) work: [Vector; 6],
+    /// G28, millimetres in machine coordinates.
+    pub(crate) g28: Vector,
+    /// G30, millimetres in machine coordinates.
+    pub(crate) g30: Vector,
+}
+
+/// What the parser remembers; a reset forgets it.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct ParserState {
+    /// The modal groups.
+    pub(crate) modal: Modal,
+    /// F, mm/min; moves per minute in G93.
+    pub(crate) feed: f64,
+    /// S, rpm.
+    pub(crate) spindle_rpm: f64,
+    /// T.
+    pub(crate) tool: u8,
+    /// N of the last block that had one, else 0.
+    pub(crate) line_number: u32,
+    /// Where the last queued move ends, millimetres in machine coordinates.
+    pub(crate) position_in_machine: Vector,
+    /// G92, millimetres.
+    pub(crate) g92: Vector,
+    /// G43.1, millimetres along Z.
+    pub(crate) tool_length: f64,
+}
+
+impl ParserState {
+    /// Returns the sum of all offsets: machine = work + this.
+    pub(crate) fn work_offset(&self, systems: &CoordinateSystems) -> Vector {
+        let mut offset = add(systems.work[self.modal.coordinate_system], self.g92);
+        offset[2] += self.tool_length;
+        offset
+    }
+}

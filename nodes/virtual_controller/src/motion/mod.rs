@@ -1,0 +1,12 @@
+//! How the axes move: a queue of straight blocks and one exact velocity profile.
+//!
+//! Invariant: everything here is a function of what was queued and of the
+//! seconds that passed; nothing knows lines, answers or states.
+
+mod planner;
+mod ramp;
+
+pub(crate) use planner::{
+    BLOCKS_MAX, Happening, Move, Overrides, Pace, Planner, mm_from_steps, steps_from_mm,
+};
+pub(crate) use ramp::{Ramp, next_ramp};

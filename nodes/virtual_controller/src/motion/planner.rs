@@ -1,0 +1,330 @@
+//! The planner queue: 15 blocks, junction speeds, look-ahead, and execution in time.
+//!
+//! Invariants: the planned entry speed of a block never exceeds what the
+//! junction, the speeds on both sides and the braking distance to a stop at
+//! the end of the queue allow; positions at rest are whole steps.
+
+use std::collections::VecDeque;
+
+use crate::axes::{self, Vector};
+use crate::motion::ramp::{Ramp, braking_ramp, next_ramp};
+use crate::settings::Settings;
+
+/// Blocks the queue holds.
+pub(crate) const BLOCKS_MAX: usize = 15;
+/// No block is slower than this, mm/min.
+const FEED_MIN_MM_PER_MIN: f64 = 1.0;
+/// Directions whose cosine is closer to one than this go straight on or straight back.
+const STRAIGHT: f64 = 1e-6;
+
+/// The speed a move was programmed with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Pace {
+    Rapid,
+    /// G94, mm/min.
+    Feed(f64),
+    /// G93, moves per minute.
+    InverseTime(f64),
+}
+
+/// A straight move to be queued.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Move {
+    pub(crate) target_in_machine: Vector,
+    pub(crate) pace: Pace,
+    pub(crate) line_number: u32,
+    /// Jogs and probing are not slowed by the feed override of programs.
+    pub(crate) ignores_overrides: bool,
+}
+
+/// Feed and rapid override, percent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Overrides {
+    pub(crate) feed_percent: u8,
+    pub(crate) rapid_percent: u8,
+}
+
+impl Default for Overrides {
+    fn default() -> Self {
+        Self { feed_percent: 100, rapid_percent: 100 }
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Block {
+    start_mm: Vector,
+    unit: Vector,
+    length_mm: f64,
+    end_steps: [i64; 3],
+    acceleration: f64,
+    /// What the axes can do along this block, mm/s.
+    rapid_rate: f64,
+    /// `None`: rapid.
+    feed_rate: Option<f64>,
+    ignores_overrides: bool,
+    junction_speed: f64,
+    entry_speed: f64,
+    line_number: u32,
+}
+
+impl Block {
+    fn nominal(&self, overrides: Overrides) -> f64 {
+        let of = |rate: f64, percent: u8| match self.ignores_overrides {
+            true => rate,
+            false => rate * f64::from(percent) / 100.0,
+        };
+        let wanted = match self.feed_rate {
+            None => of(self.rapid_rate, overrides.rapid_percent),
+            Some(rate) => of(rate, overrides.feed_percent).min(self.rapid_rate),
+        };
+        wanted.max(FEED_MIN_MM_PER_MIN / 60.0)
+    }
+}
+
+/// What ended a step of [`Planner::advance`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Happening {
+    /// The time ran out, or a ramp went over into the next.
+    Nothing,
+    /// A block is done and its place in the queue free.
+    BlockDone,
+    /// Braking came to rest.
+    Stopped,
+    /// The distance asked for was reached.
+    Tripped,
+}
+
+/// The queue and the block in motion.
+#[derive(Debug, Clone)]
+pub(crate) struct Planner {
+    queue: VecDeque<Block>,
+    /// Of the block in motion.
+    done_mm: f64,
+    speed: f64,
+    /// Where the axes rest when the queue is empty, else where the last block starts counting.
+    rest_steps: [i64; 3],
+    overrides: Overrides,
+}
+
+impl Planner {
+    pub(crate) fn new(position_steps: [i64; 3]) -> Self {
+        Self {
+            queue: VecDeque::new(),
+            done_mm: 0.0,
+            speed: 0.0,
+            rest_steps: position_steps,
+            overrides: Overrides::default(),
+        }
+    }
+
+    pub(crate) fn is_full(&self) -> bool {
+        self.queue.len() >= BLOCKS_MAX
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.queue.is_empty()
+    }
+
+    pub(crate) fn free(&self) -> usize {
+        BLOCKS_MAX.saturating_sub(self.queue.len())
+    }
+
+    /// Speed along the path, mm/min.
+    pub(crate) fn speed_mm_per_min(&self) -> f64 {
+        self.speed * 60.0
+    }
+
+    /// N of the block in motion, 0 when it has none.
+    pub(crate) fn line_number(&self) -> u32 {
+        self.queue.front().map_or(0, |block| block.line_number)
+    }
+
+    /// Machine position now, in steps.
+    pub(crate) fn position_steps(&self, settings: &Settings) -> [i64; 3] {
+        match self.queue.front() {
+            None => self.rest_steps,
+            Some(block) => {
+                let at = axes::add(block.start_mm, axes::scale(block.unit, self.done_mm));
+                steps_from_mm(at, settings)
+            }
+        }
+    }
+
+    /// Direction of the block in motion, and how far its end is, mm.
+    pub(crate) fn heading(&self) -> Option<(Vector, f64)> {
+        self.queue.front().map(|block| (block.unit, block.length_mm - self.done_mm))
+    }
+
+    pub(crate) fn overrides(&self) -> Overrides {
+        self.overrides
+    }
+
+    pub(crate) fn set_overrides(&mut self, overrides: Overrides) {
+        self.overrides = overrides;
+        self.replan();
+    }
+
+    /// Forgets everything queued and rests where the axes are.
+    pub(crate) fn clear(&mut self, settings: &Settings) {
+        let position = self.position_steps(settings);
+        *self = Self { overrides: self.overrides, ..Self::new(position) };
+    }
+
+    /// Declares where the axes are; the queue must be empty.
+    pub(crate) fn set_position_steps(&mut self, steps: [i64; 3]) {
+        assert!(self.queue.is_empty(), "the position is only set at rest");
+        self.rest_steps = steps;
+    }
+
+    /// Appends a move; one of less than a step is left out.
+    pub(crate) fn push(&mut self, motion: &Move, settings: &Settings) {
+        let start_steps = self.queue.back().map_or(self.rest_steps, |block| block.end_steps);
+        let end_steps = steps_from_mm(motion.target_in_machine, settings);
+        if start_steps == end_steps {
+            return;
+        }
+        let start_mm = mm_from_steps(start_steps, settings);
+        let way = axes::subtract(mm_from_steps(end_steps, settings), start_mm);
+        let length_mm = axes::length(way);
+        let unit = axes::scale(way, 1.0 / length_mm);
+        let rates = settings.max_rate_mm_per_min();
+        let feed_rate = match motion.pace {
+            Pace::Rapid => None,
+            Pace::Feed(mm_per_min) => Some(mm_per_min / 60.0),
+            Pace::InverseTime(per_min) => Some(per_min * length_mm / 60.0),
+        };
+        let junction_speed =
+            self.queue.back().map_or(0.0, |last| junction_speed(last.unit, unit, settings));
+        self.queue.push_back(Block {
+            start_mm,
+            unit,
+            length_mm,
+            end_steps,
+            acceleration: axes::limit_along(unit, settings.acceleration_mm_per_s2()),
+            rapid_rate: axes::limit_along(unit, rates) / 60.0,
+            feed_rate,
+            ignores_overrides: motion.ignores_overrides,
+            junction_speed,
+            entry_speed: 0.0,
+            line_number: motion.line_number,
+        });
+        self.replan();
+    }
+
+    /// Finds the entry speeds: backwards what can be braked, forwards what can be reached.
+    fn replan(&mut self) {
+        let nominal: Vec<f64> = self.queue.iter().map(|b| b.nominal(self.overrides)).collect();
+        let reach = |v: f64, a: f64, way: f64| (v * v + 2.0 * a * way).sqrt();
+        let mut next_entry = 0.0;
+        for i in (1..self.queue.len()).rev() {
+            let block = &mut self.queue[i];
+            let most = block.junction_speed.min(nominal[i - 1]).min(nominal[i]);
+            block.entry_speed = most.min(reach(next_entry, block.acceleration, block.length_mm));
+            next_entry = block.entry_speed;
+        }
+        let mut entry = self.speed;
+        let mut done = self.done_mm;
+        for i in 1..self.queue.len() {
+            let before = &self.queue[i - 1];
+            let most = reach(entry, before.acceleration, before.length_mm - done);
+            let block = &mut self.queue[i];
+            block.entry_speed = block.entry_speed.min(most);
+            entry = block.entry_speed;
+            done = 0.0;
+        }
+    }
+
+    fn ramp(&self, braking: bool) -> Option<Ramp> {
+        let block = self.queue.front()?;
+        let remaining = block.length_mm - self.done_mm;
+        Some(if braking {
+            braking_ramp(remaining, self.speed, block.acceleration)
+        } else {
+            let exit = self.queue.get(1).map_or(0.0, |next| next.entry_speed);
+            let nominal = block.nominal(self.overrides);
+            next_ramp(remaining, self.speed, nominal, exit, block.acceleration)
+        })
+    }
+
+    /// Moves for at most `seconds`, up to the next happening; returns the seconds used.
+    ///
+    /// `trip_mm` is a distance from here within the block in motion at which to stop counting.
+    pub(crate) fn advance(
+        &mut self,
+        seconds: f64,
+        braking: bool,
+        trip_mm: Option<f64>,
+    ) -> (f64, Happening) {
+        let Some(ramp) = self.ramp(braking) else {
+            return (seconds, if braking { Happening::Stopped } else { Happening::Nothing });
+        };
+        if let Some(trip) = trip_mm.filter(|&trip| trip <= ramp.distance_mm) {
+            let at = ramp.time_to(self.speed, trip);
+            if at <= seconds {
+                self.speed = ramp.after(self.speed, at).1;
+                self.done_mm += trip;
+                return (at, Happening::Tripped);
+            }
+        }
+        if seconds < ramp.duration_s {
+            let (distance, speed) = ramp.after(self.speed, seconds);
+            self.done_mm += distance.min(ramp.distance_mm);
+            self.speed = speed;
+            return (seconds, Happening::Nothing);
+        }
+        self.speed = ramp.end_speed_mm_per_s;
+        self.done_mm += ramp.distance_mm;
+        if ramp.finishes {
+            let block = self.queue.pop_front().expect("a ramp belongs to a block");
+            self.done_mm = 0.0;
+            self.rest_steps = block.end_steps;
+            if self.queue.is_empty() {
+                self.speed = 0.0;
+            }
+            return (ramp.duration_s, Happening::BlockDone);
+        }
+        let stopped = braking && self.speed <= 0.0;
+        if stopped {
+            self.replan();
+        }
+        (ramp.duration_s, if stopped { Happening::Stopped } else { Happening::Nothing })
+    }
+
+    /// Returns the seconds until the ramp in motion ends or the trip is reached.
+    pub(crate) fn seconds_to_next(&self, braking: bool, trip_mm: Option<f64>) -> Option<f64> {
+        let ramp = self.ramp(braking)?;
+        Some(match trip_mm.filter(|&trip| trip <= ramp.distance_mm) {
+            Some(trip) => ramp.time_to(self.speed, trip),
+            None => ramp.duration_s,
+        })
+    }
+}
+
+/// Returns the speed at which the corner between two directions may be taken, mm/s.
+///
+/// A circle that stays within `$11` of the corner and touches both sides is
+/// taken at the acceleration the axes have towards its centre.
+fn junction_speed(before: Vector, after: Vector, settings: &Settings) -> f64 {
+    let cosine = axes::dot(before, after);
+    if cosine > 1.0 - STRAIGHT {
+        return f64::INFINITY;
+    }
+    if cosine < STRAIGHT - 1.0 {
+        return 0.0;
+    }
+    let inward = axes::subtract(after, before);
+    let inward = axes::scale(inward, 1.0 / axes::length(inward));
+    let acceleration = axes::limit_along(inward, settings.acceleration_mm_per_s2());
+    let sine_half = ((1.0 + cosine) / 2.0).sqrt();
+    (acceleration * settings.junction_deviation_mm() * sine_half / (1.0 - sine_half)).sqrt()
+}
+
+pub(crate) fn steps_from_mm(mm: Vector, settings: &Settings) -> [i64; 3] {
+    let steps_per_mm = settings.steps_per_mm();
+    std::array::from_fn(|i| (mm[i] * steps_per_mm[i]).round() as i64)
+}
+
+pub(crate) fn mm_from_steps(steps: [i64; 3], settings: &Settings) -> Vector {
+    let steps_per_mm = settings.steps_per_mm();
+    std::array::from_fn(|i| steps[i] as f64 / steps_per_mm[i])
+}

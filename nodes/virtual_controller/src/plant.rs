@@ -1,0 +1,98 @@
+//! The machine around the controller: switches, door, probe.
+//!
+//! Knows where the axes physically stand relative to what the controller
+//! believes, and which pins that presses. Limit switches sit at both ends of
+//! the travel (physical 0 and minus `$130`..`$132`) and are wired only when
+//! `$21` or `$22` is on, so that a machine without homing may have its zero
+//! anywhere.
+
+use crate::axes::{AXES, Vector};
+use crate::settings::Settings;
+
+/// How far behind its nominal place a switch closes, mm.
+const SWITCH_MM: f64 = 1e-6;
+
+/// Pins and places.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Plant {
+    /// Physical = machine + this, mm.
+    pub(crate) offset: Vector,
+    /// Switches held closed by hand.
+    pub(crate) held: [bool; AXES],
+    /// Switches that never close.
+    pub(crate) dead: [bool; AXES],
+    pub(crate) is_door_open: bool,
+    /// Physical Z of the surface a probe finds, mm.
+    pub(crate) probe_surface_z: Option<f64>,
+}
+
+impl Plant {
+    fn has_switches(settings: &Settings) -> bool {
+        settings.hard_limits() || settings.homing_enabled()
+    }
+
+    pub(crate) fn pressed(&self, machine: Vector, settings: &Settings) -> [bool; AXES] {
+        let travel = settings.max_travel_mm();
+        std::array::from_fn(|i| {
+            let physical = machine[i] + self.offset[i];
+            let beyond = physical > SWITCH_MM || physical < -travel[i] - SWITCH_MM;
+            self.held[i] || (beyond && !self.dead[i] && Self::has_switches(settings))
+        })
+    }
+
+    /// Returns the way along `unit` from `machine` to the next switch, mm.
+    pub(crate) fn way_to_switch(
+        &self,
+        machine: Vector,
+        unit: Vector,
+        settings: &Settings,
+    ) -> Option<f64> {
+        if !Self::has_switches(settings) {
+            return None;
+        }
+        let travel = settings.max_travel_mm();
+        (0..AXES)
+            .filter(|&i| unit[i].abs() > 1e-12 && !self.dead[i])
+            .filter_map(|i| {
+                let physical = machine[i] + self.offset[i];
+                let switch =
+                    if unit[i] > 0.0 { 2.0 * SWITCH_MM } else { -travel[i] - 2.0 * SWITCH_MM };
+                let way = (switch - physical) / unit[i];
+                (way >= 0.0).then_some(way)
+            })
+            .min_by(f64::total_cmp)
+    }
+
+    /// Returns the way in one axis and direction to its homing switch, mm; zero when on it.
+    pub(crate) fn way_home(
+        &self,
+        axis: usize,
+        machine: f64,
+        negative: bool,
+        settings: &Settings,
+    ) -> Option<f64> {
+        if self.held[axis] {
+            return Some(0.0);
+        }
+        if self.dead[axis] {
+            return None;
+        }
+        let physical = machine + self.offset[axis];
+        let way = match negative {
+            true => physical + settings.max_travel_mm()[axis],
+            false => -physical,
+        };
+        Some(way.max(0.0))
+    }
+
+    pub(crate) fn touches_probe(&self, machine: Vector) -> bool {
+        self.probe_surface_z.is_some_and(|z| machine[2] + self.offset[2] <= z)
+    }
+
+    /// Returns the way along `unit` to where the probe pin changes, mm.
+    pub(crate) fn way_to_probe_change(&self, machine: Vector, unit: Vector) -> Option<f64> {
+        let z = self.probe_surface_z?;
+        let way = (z - machine[2] - self.offset[2]) / unit[2];
+        (unit[2].abs() > 1e-12 && way >= 0.0).then_some(way)
+    }
+}

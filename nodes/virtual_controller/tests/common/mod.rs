@@ -1,0 +1,80 @@
+//! A bench: a controller, a fake clock, and what was said.
+#![allow(dead_code)]
+
+use std::time::Duration;
+
+use virtual_controller::{Build, Controller, Settings};
+
+pub(crate) struct Bench {
+    pub(crate) controller: Controller,
+    pub(crate) now: Duration,
+}
+
+/// Fast axes, and a finer step than any tolerance of the tests.
+pub(crate) fn settings(lines: &[&str]) -> Settings {
+    let mut settings = Settings::default();
+    for axis in 0..3 {
+        settings.set(100 + axis, 250.0).unwrap();
+        settings.set(110 + axis, 6000.0).unwrap();
+        settings.set(120 + axis, 100.0).unwrap();
+    }
+    for line in lines {
+        settings.set_line(line).unwrap_or_else(|code| panic!("{line}: {code}"));
+    }
+    settings
+}
+
+impl Bench {
+    pub(crate) fn new(lines: &[&str]) -> Self {
+        Self::with(Build::new(settings(lines)))
+    }
+
+    pub(crate) fn with(build: Build) -> Self {
+        let mut bench = Self { controller: Controller::with_build(build), now: Duration::ZERO };
+        bench.heard();
+        bench
+    }
+
+    /// What the controller has said since the last time, lines joined by ` / `.
+    pub(crate) fn heard(&mut self) -> String {
+        let mut bytes = Vec::new();
+        self.controller.transmit(&mut bytes);
+        let text = String::from_utf8(bytes).unwrap();
+        text.split("\r\n").filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" / ")
+    }
+
+    pub(crate) fn send(&mut self, bytes: &[u8]) -> String {
+        self.controller.receive(self.now, bytes);
+        self.heard()
+    }
+
+    /// Sends a line and returns what comes back at once.
+    pub(crate) fn say(&mut self, line: &str) -> String {
+        self.send(format!("{line}\n").as_bytes())
+    }
+
+    pub(crate) fn wait(&mut self, seconds: f64) -> String {
+        self.now += Duration::from_secs_f64(seconds);
+        self.controller.advance(self.now);
+        self.heard()
+    }
+
+    /// Goes from event to event until nothing is awaited; returns what was heard.
+    pub(crate) fn settle(&mut self) -> String {
+        let mut heard = vec![self.heard()];
+        while let Some(event) = self.controller.next_event(self.now) {
+            self.now = event;
+            self.controller.advance(event);
+            heard.push(self.heard());
+        }
+        heard.retain(|text| !text.is_empty());
+        heard.join(" / ")
+    }
+
+    /// The status report without its occasional fields.
+    pub(crate) fn status(&mut self) -> String {
+        let report = self.send(b"?");
+        let end = report.find("|WCO").or(report.find("|Ov")).unwrap_or(report.len() - 1);
+        report[..end].trim_start_matches('<').to_string()
+    }
+}
