@@ -25,7 +25,7 @@ pub const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 /// without it, none with it).
 const SETTLE: Duration = Duration::from_millis(100);
 /// After this long an idempotent request is sent again.
-const RESEND_PERIOD: Duration = Duration::from_secs(1);
+const RESEND_AFTER: Duration = Duration::from_secs(1);
 
 /// Why there is no answer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -138,6 +138,17 @@ impl<S: Service + 'static> Client<S> {
         request: &S::Request,
         answer_within: Duration,
     ) -> Result<S::Response, CallError> {
+        self.call_again(request, answer_within, |_| RESEND_AFTER).await
+    }
+
+    /// Asks again whenever the time that `resend_after` gives for the number
+    /// of requests so far is over.
+    pub(crate) async fn call_again(
+        &self,
+        request: &S::Request,
+        answer_within: Duration,
+        resend_after: impl Fn(usize) -> Duration,
+    ) -> Result<S::Response, CallError> {
         let start = Instant::now();
         let mut forget = Forget { shared: &self.shared, sequences: Vec::new() };
         let mut answers = Vec::new();
@@ -151,9 +162,10 @@ impl<S: Service + 'static> Client<S> {
             let left = answer_within.saturating_sub(start.elapsed());
             // An answer to any of the attempts will do.
             let any = futures::future::select_ok(answers.iter_mut());
-            match tokio::time::timeout(left.min(RESEND_PERIOD), any).await {
+            let period = resend_after(forget.sequences.len());
+            match tokio::time::timeout(left.min(period), any).await {
                 Ok(Ok((response, _))) => return Ok(response),
-                _ if left <= RESEND_PERIOD => return Err(self.no_answer(answer_within)),
+                _ if left <= period => return Err(self.no_answer(answer_within)),
                 _ => {}
             }
         }

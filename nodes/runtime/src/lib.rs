@@ -1,10 +1,10 @@
 //! The shell all nodes share; the only crate that knows ros2-client.
 
+pub mod action;
 mod cancel;
 mod client;
 pub mod environment;
 mod graph;
-pub mod interface;
 pub mod names;
 mod node;
 mod publisher;
@@ -13,6 +13,8 @@ mod service;
 mod subscription;
 mod time;
 mod wire;
+
+pub use cnc_msgs::interface;
 
 pub use cancel::Shutdown;
 pub use client::{ANSWER_WITHIN, CallError, Client, SERVER_WITHIN};

@@ -163,8 +163,18 @@ impl Handle {
     /// # Errors
     /// The name is not valid, or DDS refused.
     pub fn publisher<T: Message>(&self, topic: &str, qos: Qos) -> Result<Publisher<T>, NodeError> {
+        self.publisher_of(topic, T::TYPE_NAME, qos)
+    }
+
+    /// The same for a type whose name is only known at run time.
+    pub(crate) fn publisher_of<T: Message>(
+        &self,
+        topic: &str,
+        type_name: &str,
+        qos: Qos,
+    ) -> Result<Publisher<T>, NodeError> {
         let name = self.inner.names.resolve(topic)?;
-        let dds = self.topic(&format!("rt{name}"), &dds_type(T::TYPE_NAME, ""), qos)?;
+        let dds = self.topic(&format!("rt{name}"), &dds_type(type_name, ""), qos)?;
         let inner = self.with_node(&name, |node| node.create_publisher::<T>(&dds, None))?;
         Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph)))
     }
@@ -178,8 +188,18 @@ impl Handle {
         topic: &str,
         qos: Qos,
     ) -> Result<Subscription<T>, NodeError> {
+        self.subscription_of(topic, T::TYPE_NAME, qos)
+    }
+
+    /// The same for a type whose name is only known at run time.
+    pub(crate) fn subscription_of<T: Message>(
+        &self,
+        topic: &str,
+        type_name: &str,
+        qos: Qos,
+    ) -> Result<Subscription<T>, NodeError> {
         let name = self.inner.names.resolve(topic)?;
-        let (dds_name, dds_type) = (format!("rt{name}"), dds_type(T::TYPE_NAME, ""));
+        let (dds_name, dds_type) = (format!("rt{name}"), dds_type(type_name, ""));
         Ok(Subscription::new(self.reader(name, &dds_name, &dds_type, qos, Decoder::plain())?))
     }
 
@@ -193,7 +213,7 @@ impl Handle {
         F: FnMut(S::Request, RequestInfo) -> Fut + Send + 'static,
         Fut: Future<Output = S::Response> + Send + 'static,
     {
-        let server = self.server::<S>(name)?;
+        let server = self.server::<S>(name, S::TYPE_NAME)?;
         self.spawn(&format!("service {name}"), server.serve(handler));
         Ok(())
     }
@@ -208,15 +228,34 @@ impl Handle {
         F: Fn(S::Request, RequestInfo) -> Fut + Send + 'static,
         Fut: Future<Output = S::Response> + Send + 'static,
     {
-        let server = self.server::<S>(name)?;
+        self.concurrent_service_of::<S, F, Fut>(name, S::TYPE_NAME, handler)
+    }
+
+    /// The same for a type whose name is only known at run time.
+    pub(crate) fn concurrent_service_of<S, F, Fut>(
+        &self,
+        name: &str,
+        type_name: &str,
+        handler: F,
+    ) -> Result<(), NodeError>
+    where
+        S: Service + 'static,
+        F: Fn(S::Request, RequestInfo) -> Fut + Send + 'static,
+        Fut: Future<Output = S::Response> + Send + 'static,
+    {
+        let server = self.server::<S>(name, type_name)?;
         self.spawn(&format!("service {name}"), server.serve_concurrently(handler));
         Ok(())
     }
 
-    fn server<S: Service + 'static>(&self, name: &str) -> Result<Server<S>, NodeError> {
+    fn server<S: Service + 'static>(
+        &self,
+        name: &str,
+        type_name: &str,
+    ) -> Result<Server<S>, NodeError> {
         let name = self.inner.names.resolve(name)?;
         let (request_topic, reply_topic) = service_topics(&name);
-        let (request_type, reply_type) = service_types::<S>();
+        let (request_type, reply_type) = service_types(type_name);
         let mapping = self.inner.environment.mapping;
         let writer = self.writer(&reply_topic, &reply_type)?;
         let decoder = Decoder::of_service(mapping);
@@ -235,9 +274,18 @@ impl Handle {
     /// # Errors
     /// The name is not valid, or DDS refused.
     pub fn client<S: Service + 'static>(&self, name: &str) -> Result<Client<S>, NodeError> {
+        self.client_of(name, S::TYPE_NAME)
+    }
+
+    /// The same for a type whose name is only known at run time.
+    pub(crate) fn client_of<S: Service + 'static>(
+        &self,
+        name: &str,
+        type_name: &str,
+    ) -> Result<Client<S>, NodeError> {
         let name = self.inner.names.resolve(name)?;
         let (request_topic, reply_topic) = service_topics(&name);
-        let (request_type, reply_type) = service_types::<S>();
+        let (request_type, reply_type) = service_types(type_name);
         let mapping = self.inner.environment.mapping;
         let decoder = Decoder::of_service(mapping);
         let reader = self.reader(

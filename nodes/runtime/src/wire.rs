@@ -9,7 +9,6 @@
 //! whole participant down. A sample that does not fit its type, with bytes
 //! missing or more than padding left over, becomes an `Err` with the reason.
 
-use crate::interface::Service;
 use serde::de::{DeserializeOwned, DeserializeSeed, Error, SeqAccess, Visitor};
 use serde::ser::SerializeTuple;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -88,8 +87,8 @@ pub(crate) fn service_topics(name: &str) -> (String, String) {
 }
 
 /// The DDS types of a service: request, reply.
-pub(crate) fn service_types<S: Service>() -> (String, String) {
-    (dds_type(S::TYPE_NAME, "_Request"), dds_type(S::TYPE_NAME, "_Response"))
+pub(crate) fn service_types(type_name: &str) -> (String, String) {
+    (dds_type(type_name, "_Request"), dds_type(type_name, "_Response"))
 }
 
 /// What Cyclone puts before a request and its reply.

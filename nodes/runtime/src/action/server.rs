@@ -1,0 +1,353 @@
+//! Offering an action.
+//!
+//! The node takes offers from [`ActionServer::next_goal`] and accepts or
+//! rejects each; how many may be active at once is its decision. Every request
+//! is answered: an offer that is dropped is rejected, a goal that is dropped is
+//! aborted, a result can be had for a quarter of an hour.
+
+use super::GoalId;
+use super::goals::{Answer, Goals, Offer, Outcome};
+use super::messages::{
+    ActionNames, FeedbackMessage, GetResult, GetResultResponse, SendGoal, SendGoalResponse,
+};
+use crate::interface::Action;
+use crate::node::{Handle, NodeError};
+use crate::publisher::Publisher;
+use crate::qos::Qos;
+use crate::service::RequestInfo;
+use crate::time::RosTime;
+use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
+use cnc_msgs::wire::action_msgs::srv::CancelGoal;
+use cnc_msgs::wire::builtin_interfaces::msg::Time;
+use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::{mpsc, oneshot, watch};
+
+/// Offers that may wait for the node.
+const OFFERS_MAX: usize = 16;
+/// How long the node may think about an offer.
+const DECIDE_WITHIN: Duration = Duration::from_secs(4);
+
+/// The server of action `A`, as its node sees it.
+pub struct ActionServer<A: Action> {
+    offers: mpsc::Receiver<GoalOffer<A>>,
+}
+
+/// A goal that somebody wants, not yet accepted.
+pub struct GoalOffer<A: Action> {
+    goal: A::Goal,
+    id: GoalId,
+    info: RequestInfo,
+    /// Taken when the decision falls.
+    pending: Option<(Arc<Shared<A>>, oneshot::Sender<Option<RosTime>>)>,
+}
+
+/// A goal that is being worked on.
+pub struct Goal<A: Action> {
+    goal: A::Goal,
+    id: GoalId,
+    info: RequestInfo,
+    shared: Arc<Shared<A>>,
+    /// Used when the goal is dropped without an end.
+    fallback: Option<A::Result>,
+}
+
+struct Shared<A: Action> {
+    name: String,
+    goals: Mutex<Goals<A::Result>>,
+    changes: watch::Sender<u64>,
+    feedback: Publisher<FeedbackMessage<A::Feedback>>,
+    status: Publisher<GoalStatusArray>,
+    handle: Handle,
+    start: Instant,
+}
+
+impl Handle {
+    /// Offers an action.
+    ///
+    /// # Errors
+    /// The name is not valid, or DDS refused.
+    pub fn action_server<A>(&self, name: &str) -> Result<ActionServer<A>, NodeError>
+    where
+        A: Action + 'static,
+        A::Result: Default,
+    {
+        let name = self.names().resolve(name)?;
+        let names = ActionNames::new::<A>(&name);
+        let shared = Arc::new(Shared::<A> {
+            name,
+            goals: Mutex::new(Goals::new()),
+            changes: watch::Sender::new(0),
+            feedback: self.publisher_of(&names.feedback.0, &names.feedback.1, Qos::DEFAULT)?,
+            status: self.publisher(&names.status, Qos::LATCHED)?,
+            handle: self.clone(),
+            start: Instant::now(),
+        });
+        let (sender, offers) = mpsc::channel(OFFERS_MAX);
+
+        let state = Arc::clone(&shared);
+        self.concurrent_service_of::<SendGoal<A>, _, _>(
+            &names.send_goal.0,
+            &names.send_goal.1,
+            move |request, info| {
+                let (state, sender) = (Arc::clone(&state), sender.clone());
+                async move {
+                    let id = GoalId(request.goal_id.uuid);
+                    let accepted = state.decide(id, request.goal, info, &sender).await;
+                    let (sec, nanosec) = accepted.unwrap_or_default().parts();
+                    SendGoalResponse { accepted: accepted.is_some(), stamp: Time { sec, nanosec } }
+                }
+            },
+        )?;
+
+        let state = Arc::clone(&shared);
+        self.service::<CancelGoal, _, _>(&names.cancel_goal, move |request, info| {
+            let response = state.goals().cancel(&request.goal_info);
+            tracing::info!(
+                "{}: {} asks to cancel; {} goals are being canceled (code {})",
+                state.name,
+                info.client,
+                response.goals_canceling.len(),
+                response.return_code
+            );
+            state.changed();
+            std::future::ready(response)
+        })?;
+
+        let state = Arc::clone(&shared);
+        self.concurrent_service_of::<GetResult<A>, _, _>(
+            &names.get_result.0,
+            &names.get_result.1,
+            move |request, _| {
+                let state = Arc::clone(&state);
+                async move { state.result(GoalId(request.goal_id.uuid)).await }
+            },
+        )?;
+        shared.changed();
+        Ok(ActionServer { offers })
+    }
+}
+
+impl<A: Action> ActionServer<A> {
+    /// The next goal that somebody wants; may be dropped while it waits.
+    /// `None` when the node stops. It must be decided within 4 s.
+    pub async fn next_goal(&mut self) -> Option<GoalOffer<A>> {
+        self.offers.recv().await
+    }
+}
+
+impl<A: Action> GoalOffer<A> {
+    /// What is wanted.
+    pub fn goal(&self) -> &A::Goal {
+        &self.goal
+    }
+
+    /// The goal's name.
+    pub fn id(&self) -> GoalId {
+        self.id
+    }
+
+    /// Who wants it.
+    pub fn info(&self) -> RequestInfo {
+        self.info
+    }
+
+    /// Takes the goal on: from now on it is executing.
+    ///
+    /// `None` when that took too long: the client has been told "rejected"
+    /// meanwhile, and nothing may move.
+    pub fn accept(mut self) -> Option<Goal<A>>
+    where
+        A::Result: Default,
+    {
+        // Only `drop`, `reject` and this take it.
+        let (shared, decision) = self.pending.take().expect("an offer is decided once");
+        let now = shared.handle.now();
+        let mut goals = shared.goals();
+        if decision.send(Some(now)).is_err() {
+            return None;
+        }
+        goals.accept(self.id, now);
+        drop(goals);
+        shared.changed();
+        let (goal, id, info) = (self.goal.clone(), self.id, self.info);
+        Some(Goal { goal, id, info, shared, fallback: Some(A::Result::default()) })
+    }
+
+    /// Refuses the goal. ROS carries no reason to the client; it goes to the log.
+    pub fn reject(mut self, reason: &str) {
+        self.refuse(reason);
+    }
+
+    fn refuse(&mut self, reason: &str) {
+        if let Some((shared, decision)) = self.pending.take() {
+            let mut goals = shared.goals();
+            if decision.send(None).is_ok() {
+                goals.reject(self.id);
+                drop(goals);
+                tracing::warn!("{}: goal {} is rejected: {reason}", shared.name, self.id);
+                shared.changed();
+            }
+        }
+    }
+}
+
+impl<A: Action> Drop for GoalOffer<A> {
+    fn drop(&mut self) {
+        self.refuse("the node did not decide on it");
+    }
+}
+
+impl<A: Action> Goal<A> {
+    /// What is wanted.
+    pub fn goal(&self) -> &A::Goal {
+        &self.goal
+    }
+
+    /// The goal's name.
+    pub fn id(&self) -> GoalId {
+        self.id
+    }
+
+    /// Who wanted it.
+    pub fn info(&self) -> RequestInfo {
+        self.info
+    }
+
+    /// Tells how far it is; dropped when the transport is full.
+    pub fn feedback(&self, feedback: A::Feedback) {
+        let goal_id = UUID { uuid: self.id.0 };
+        self.shared.feedback.publish(FeedbackMessage { goal_id, feedback });
+    }
+
+    /// Whether somebody wants it canceled.
+    pub fn is_cancel_requested(&self) -> bool {
+        self.shared.goals().is_canceling(self.id)
+    }
+
+    /// Waits until somebody wants it canceled; may be dropped and asked again.
+    pub async fn cancel_requested(&self) {
+        let mut changes = self.shared.changes.subscribe();
+        while !self.is_cancel_requested() {
+            // The sender lives as long as `self`.
+            drop(changes.changed().await);
+        }
+    }
+
+    /// Ends the goal and hands its result to all who ask.
+    pub fn end(mut self, outcome: Outcome, result: A::Result) {
+        self.fallback = None;
+        self.shared.end(self.id, outcome, result);
+    }
+}
+
+impl<A: Action> Drop for Goal<A> {
+    fn drop(&mut self) {
+        if let Some(result) = self.fallback.take() {
+            tracing::error!("{}: goal {} was given up and is aborted", self.shared.name, self.id);
+            self.shared.end(self.id, Outcome::Aborted, result);
+        }
+    }
+}
+
+impl<A: Action> Shared<A> {
+    fn goals(&self) -> MutexGuard<'_, Goals<A::Result>> {
+        self.goals.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Tells watchers and waiting requests that a goal's state is another.
+    fn changed(&self) {
+        // Under the lock, so that statuses go out in the order of the changes.
+        let goals = self.goals();
+        self.status.publish(GoalStatusArray { status_list: goals.statuses() });
+        drop(goals);
+        self.changes.send_modify(|count| *count = count.wrapping_add(1));
+    }
+
+    fn end(&self, id: GoalId, outcome: Outcome, result: A::Result) {
+        self.goals().end(id, outcome, result, self.start.elapsed());
+        self.changed();
+    }
+
+    /// When the goal was accepted, or `None` if it was not.
+    async fn decide(
+        self: &Arc<Self>,
+        id: GoalId,
+        goal: A::Goal,
+        info: RequestInfo,
+        offers: &mpsc::Sender<GoalOffer<A>>,
+    ) -> Option<RosTime> {
+        let offer = self.goals().offer(id);
+        match offer {
+            Offer::Accepted(stamp) => Some(stamp),
+            Offer::Undecided => {
+                let mut changes = self.changes.subscribe();
+                while self.goals().is_undecided(id) {
+                    drop(changes.changed().await);
+                }
+                self.goals().accepted(id)
+            }
+            Offer::New => {
+                let (sender, mut decision) = oneshot::channel();
+                let pending = Some((Arc::clone(self), sender));
+                // An offer that finds no room is dropped, and with it rejected.
+                drop(offers.try_send(GoalOffer { goal, id, info, pending }));
+                if let Ok(decided) = tokio::time::timeout(DECIDE_WITHIN, &mut decision).await {
+                    return decided.ok().flatten();
+                }
+                // From here on the node can no longer accept it.
+                let mut goals = self.goals();
+                decision.close();
+                if let Ok(decided) = decision.try_recv() {
+                    return decided;
+                }
+                goals.reject(id);
+                drop(goals);
+                tracing::error!("{}: goal {id} is rejected: the node is too busy", self.name);
+                self.changed();
+                None
+            }
+        }
+    }
+
+    /// Waits for the end of the goal; at once for one that is not known.
+    async fn result(&self, id: GoalId) -> GetResultResponse<A::Result>
+    where
+        A::Result: Default,
+    {
+        let mut changes = self.changes.subscribe();
+        loop {
+            changes.borrow_and_update();
+            let answer = self.goals().answer(id);
+            match answer {
+                Answer::Ended(outcome, result) => {
+                    return GetResultResponse { status: outcome.status(), result };
+                }
+                Answer::Unknown => {
+                    let (status, result) = (GoalStatus::STATUS_UNKNOWN, A::Result::default());
+                    return GetResultResponse { status, result };
+                }
+                Answer::NotYet => drop(changes.changed().await),
+            }
+        }
+    }
+}
+
+impl<A: Action> std::fmt::Debug for ActionServer<A> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ActionServer").field("action", &A::TYPE_NAME).finish_non_exhaustive()
+    }
+}
+
+impl<A: Action> std::fmt::Debug for GoalOffer<A> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("GoalOffer").field("id", &self.id).finish_non_exhaustive()
+    }
+}
+
+impl<A: Action> std::fmt::Debug for Goal<A> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Goal").field("id", &self.id).finish_non_exhaustive()
+    }
+}

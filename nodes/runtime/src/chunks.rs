@@ -1,0 +1,127 @@
+//! Long things over DDS: chunks on a topic at a bearable pace, and by service
+//! as fast as the one who asks can take them.
+//!
+//! What a chunk is and how it is cut is said in [`cnc_msgs::chunk`]; this
+//! file knows only how they travel.
+
+use crate::client::{CallError, Client};
+use crate::interface::{Message, Service};
+use crate::node::{Handle, NodeError};
+use crate::qos::Qos;
+use cnc_msgs::cdr;
+use cnc_msgs::chunk::{Chunk, ChunkError, Collector, MESSAGE_BYTES_MAX};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::watch;
+
+/// Time between two chunks on a topic: a reader that died holds at most 8192
+/// of them before its lease ends, and nobody else is slowed.
+const PACE: Duration = Duration::from_millis(10);
+/// What the envelope of a service reply may take beside its chunks, bytes.
+const ENVELOPE_BYTES: usize = 4_000;
+
+/// Makes the chunk of a number; `None` past the last.
+pub type Cut<C> = Arc<dyn Fn(u32) -> Option<C> + Send + Sync>;
+
+/// A topic on which the chunks of the newest thing go out.
+pub struct ChunkTopic<C> {
+    newest: watch::Sender<Option<Cut<C>>>,
+}
+
+impl<C> std::fmt::Debug for ChunkTopic<C> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ChunkTopic").finish_non_exhaustive()
+    }
+}
+
+impl<C: Message> ChunkTopic<C> {
+    /// Makes the topic; nothing goes out yet.
+    ///
+    /// # Errors
+    /// The name is not valid, or DDS refused.
+    pub fn new(handle: &Handle, topic: &str) -> Result<Self, NodeError> {
+        let publisher = handle.publisher::<C>(topic, Qos::EVENTS)?;
+        let (newest, mut changes) = watch::channel(None::<Cut<C>>);
+        handle.spawn(topic, async move {
+            while changes.changed().await.is_ok() {
+                let Some(cut) = changes.borrow_and_update().clone() else { continue };
+                let mut index = 0;
+                while let Some(chunk) = cut(index) {
+                    publisher.publish(chunk);
+                    index += 1;
+                    tokio::time::sleep(PACE).await;
+                    // A newer thing makes the rest of this one worthless.
+                    if changes.has_changed().unwrap_or(true) {
+                        break;
+                    }
+                }
+            }
+        });
+        Ok(Self { newest })
+    }
+
+    /// Sends the chunks of this thing, in place of one that is under way.
+    pub fn send(&self, cut: Cut<C>) {
+        self.newest.send_replace(Some(cut));
+    }
+}
+
+/// The chunks from `first` on that fit one message; at least one if there is one.
+pub fn page<C: Message>(first: u32, cut: &Cut<C>) -> Vec<C> {
+    let mut chunks = Vec::new();
+    let mut bytes = ENVELOPE_BYTES;
+    for index in first.. {
+        let Some(chunk) = cut(index) else { break };
+        bytes += cdr::body(&chunk).len();
+        if bytes > MESSAGE_BYTES_MAX && !chunks.is_empty() {
+            break;
+        }
+        chunks.push(chunk);
+    }
+    chunks
+}
+
+/// Why a long thing could not be had.
+#[derive(Debug, thiserror::Error)]
+pub enum PullError {
+    #[error(transparent)]
+    Call(#[from] CallError),
+    #[error(transparent)]
+    Chunk(#[from] ChunkError),
+    /// The other node says no.
+    #[error("{service} refused: {message}")]
+    Refused { service: String, message: String },
+    #[error("{service} answered without chunk {index}")]
+    NoProgress { service: String, index: u32 },
+}
+
+/// Asks for everything that is missing.
+///
+/// `request` makes a request for the chunks from a number on; `chunks` takes
+/// them out of the answer, or the reason why there are none.
+///
+/// # Errors
+/// The service does not answer, refuses, or its chunks are not what was announced.
+pub async fn pull<S: Service, C: Chunk>(
+    client: &Client<S>,
+    collector: &mut Collector<C>,
+    request: impl Fn(u32) -> S::Request,
+    chunks: impl Fn(S::Response) -> Result<Vec<C>, String>,
+) -> Result<(), PullError>
+where
+    S::Request: Clone,
+{
+    while let Some(first) = collector.missing() {
+        let response = client.call_idempotent(request(first)).await?;
+        let service = || client.name().to_owned();
+        let chunks = chunks(response)
+            .map_err(|message| PullError::Refused { service: service(), message })?;
+        for chunk in chunks {
+            collector.add(chunk)?;
+        }
+        if collector.missing() == Some(first) {
+            return Err(PullError::NoProgress { service: service(), index: first });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,70 @@
+//! What a node was asked, by whom, and what it answered: the `commands` topic.
+
+use crate::interface::Message;
+use crate::node::{Handle, NodeError};
+use crate::publisher::Publisher;
+use crate::qos::Qos;
+use crate::service::RequestInfo;
+use cnc_msgs::cdr;
+use cnc_msgs::wire::cnc_msgs::msg::Command;
+use std::sync::Arc;
+
+/// Longer requests are cut, so that the message stays short.
+const REQUEST_BYTES_MAX: usize = 32 * 1024;
+
+/// Publishes each request with its answer; clones share the publisher.
+#[derive(Debug, Clone)]
+pub struct CommandLog {
+    handle: Handle,
+    publisher: Arc<Publisher<Command>>,
+}
+
+/// What came of a request.
+#[derive(Debug, Clone, Copy)]
+pub struct Answer<'a> {
+    pub success: bool,
+    pub error_code: u16,
+    pub message: &'a str,
+}
+
+impl CommandLog {
+    /// Makes the topic.
+    ///
+    /// # Errors
+    /// DDS refused.
+    pub fn new(handle: &Handle) -> Result<Self, NodeError> {
+        let publisher = handle.publisher::<Command>("commands", Qos::EVENTS)?;
+        Ok(Self { handle: handle.clone(), publisher: Arc::new(publisher) })
+    }
+
+    /// Publishes one request. `endpoint` is the service, action or topic as it
+    /// was given to the handle, `endpoint_type` its full type name.
+    pub fn record<M: Message>(
+        &self,
+        endpoint: &str,
+        endpoint_type: &str,
+        info: &RequestInfo,
+        request: &M,
+        answer: Answer<'_>,
+    ) {
+        let mut request = cdr::body(request);
+        let request_is_cut = request.len() > REQUEST_BYTES_MAX;
+        request.truncate(REQUEST_BYTES_MAX);
+        let names = self.handle.names();
+        self.publisher.publish(Command {
+            stamp: self.handle.now().into(),
+            node: names.fully_qualified(),
+            endpoint: names.resolve(endpoint).unwrap_or_else(|_| endpoint.to_owned()),
+            endpoint_type: endpoint_type.to_owned(),
+            sender: info.client.into(),
+            request,
+            request_is_cut,
+            success: answer.success,
+            error_code: answer.error_code,
+            message: answer.message.to_owned(),
+        });
+        if !answer.success {
+            tracing::warn!("{endpoint} refused: {}", answer.message);
+        }
+    }
+}
