@@ -1,1 +1,20 @@
 //! Compensated path to motion controller, over a serial line.
+//!
+//! The one owner of motion. From the wire upwards: [`report`] reads what the
+//! firmware says and [`codes`] words it; [`link`] counts characters; [`encoder`]
+//! turns a compensated path into lines; [`driver`] decides what is sent and when,
+//! and what is known of the machine; [`journal`] writes its inputs down and plays
+//! them again. All of that is a function of inputs and of the time that comes with
+//! them. `serial` (feature `node`) is the shell with the port, the threads and the
+//! clock. Nothing in here knows ROS.
+//!
+//! None of this is a safety function; an emergency stop is wired.
+
+pub mod codes;
+pub mod driver;
+pub mod encoder;
+pub mod estimate;
+pub mod journal;
+pub mod link;
+pub mod report;
+pub mod tracker;

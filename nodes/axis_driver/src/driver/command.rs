@@ -1,0 +1,315 @@
+//! What can be asked of the driver, and what it says to it at once.
+
+use super::config::{STANDSTILL, START_TOLERANCE_MM};
+use super::proof::{Check, Proof};
+use super::run::Run;
+use super::stop::{HoldWatch, Shutdown};
+use super::{Driver, Origin, Phase, RunOutcome};
+use crate::codes::error_code;
+use crate::encoder::{EncoderConfig, StartProblem, start_at};
+use crate::link::{LineKind, realtime};
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
+use cnc_msgs::machine::Mode;
+use cnc_msgs::path::CompensatedPath;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A request.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Command {
+    /// Runs a path, or only proves that it could be sent. Answered when the whole path
+    /// is proven; [`super::Output::RunFinished`] follows when it was accepted.
+    RunProgram(RunRequest),
+    /// Hold, standstill, reset: the rest of the program is dropped, the position kept.
+    CancelRun,
+    /// Decelerates and keeps what is under way. The spindle keeps turning.
+    FeedHold,
+    /// Goes on after a hold or a program stop.
+    Resume,
+    /// Resets the controller at once. While moving the position is lost.
+    SoftReset,
+    /// Ends an alarm without homing.
+    Unlock,
+    /// Homes all axes.
+    Home,
+    /// The tool that was asked for is in the spindle.
+    ConfirmToolChange,
+    /// Brings everything to a stop as a cancel does; then the port may be closed.
+    Shutdown,
+}
+
+/// What to run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunRequest {
+    pub program_id: String,
+    /// The revision of the path of that program.
+    pub revision: u64,
+    pub path: Arc<CompensatedPath>,
+    /// The source line to begin at; 0 and 1 are the whole program.
+    pub start_line: u32,
+    /// Nothing is sent: the path is encoded from end to end for this controller. (The
+    /// controller's own check mode is not used: it ends in a reset.)
+    pub check_only: bool,
+}
+
+/// Why a command was not followed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{message}")]
+pub struct Refusal {
+    /// See [`error_code`].
+    pub error_code: u16,
+    pub message: String,
+}
+
+impl Refusal {
+    pub(super) fn new(error_code: u16, message: impl Into<String>) -> Self {
+        Self { error_code, message: message.into() }
+    }
+}
+
+/// What to answer now; `None` when the answer comes later.
+type Answer = Option<Result<String, Refusal>>;
+
+fn done(text: &str) -> Answer {
+    Some(Ok(text.to_owned()))
+}
+
+fn refused(code: u16, text: impl Into<String>) -> Answer {
+    Some(Err(Refusal::new(code, text)))
+}
+
+impl Driver {
+    pub(super) fn on_command(&mut self, id: u64, command: Command) {
+        let is_start = matches!(command, Command::RunProgram(_) | Command::Home | Command::Unlock);
+        let answer = if is_start && self.shutdown.is_some() {
+            refused(error_code::SHUTDOWN, "the driver is shutting down")
+        } else {
+            match command {
+                Command::RunProgram(request) => self.run_program(id, request),
+                Command::CancelRun => self.cancel_run(),
+                Command::FeedHold => self.feed_hold(),
+                Command::Resume => self.resume(),
+                Command::SoftReset => self.soft_reset(id),
+                Command::Unlock => self.unlock(id),
+                Command::Home => self.home(id),
+                Command::ConfirmToolChange => self.confirm_tool_change(),
+                Command::Shutdown => self.shut_down(id),
+            }
+        };
+        if let Some(result) = answer {
+            self.reply(id, result);
+        }
+    }
+
+    fn run_program(&mut self, id: u64, request: RunRequest) -> Answer {
+        if self.check.is_some() {
+            return refused(error_code::BUSY, "another program is being checked");
+        }
+        if !request.check_only
+            && let Some(refusal) = self.obstacle()
+        {
+            return Some(Err(refusal));
+        }
+        let config = EncoderConfig {
+            has_mist: self.config.encoder.has_mist || self.machine.has_mist,
+            ..self.config.encoder
+        };
+        let started = start_at(request.path.clone(), config, request.start_line);
+        let (encoder, first_element) = match started {
+            Ok(started) => started,
+            Err(StartProblem::Encode(problem)) => {
+                return refused(error_code::NOT_ENCODABLE, problem.to_string());
+            }
+            Err(problem) => return refused(error_code::START_LINE, problem.to_string()),
+        };
+        let proof = Proof::new(encoder.clone(), self.machine.rates(), &request.path, first_element);
+        if request.check_only {
+            self.check = Some(Check { id, path: request.path, proof });
+            return None;
+        }
+        // Where the words in force are those that the run begins with, this can be said at
+        // once; else it is looked at again when they have been sent.
+        let run = Run::new(id, request, encoder, first_element, proof, &self.machine);
+        if self.machine.work_system == Some(1)
+            && self.machine.has_tool_length == Some(false)
+            && let Some(at) = self.machine.work_position()
+            && let Err(refusal) = check_start(at, run.start(), run.assumed_axes())
+        {
+            return Some(Err(refusal));
+        }
+        self.phase = Phase::Running(Box::new(run));
+        None
+    }
+
+    fn cancel_run(&mut self) -> Answer {
+        if let Some(check) = self.check.take() {
+            let text = "canceled while being checked";
+            self.reply(check.id, Err(Refusal::new(error_code::CANCELED, text)));
+            return done("the check was canceled");
+        }
+        if !matches!(self.phase, Phase::Running(_)) {
+            return refused(error_code::NOTHING_TO_DO, "no program is running");
+        }
+        self.stop_run(RunOutcome::Canceled, error_code::CANCELED, "canceled".into());
+        done("the run is being stopped")
+    }
+
+    fn feed_hold(&mut self) -> Answer {
+        if let Phase::Closed { reason } = &self.phase {
+            return refused(error_code::NOT_CONNECTED, reason.clone());
+        }
+        self.link.send_realtime(realtime::FEED_HOLD);
+        self.hold = Some(HoldWatch::default());
+        if let Phase::Running(run) = &mut self.phase {
+            run.set_held(true);
+        }
+        done("feed hold was sent")
+    }
+
+    fn resume(&mut self) -> Answer {
+        let is_held = self.machine.is_held();
+        match &mut self.phase {
+            Phase::Ready if is_held => {}
+            Phase::Running(run) if run.is_stopping() => {
+                return refused(error_code::BUSY, "the run is being stopped");
+            }
+            Phase::Running(run) if is_held || run.is_held() => run.set_held(false),
+            Phase::Running(run) if run.is_changing_tool() => {
+                let text = "a tool is being changed: confirm_tool_change goes on";
+                return refused(error_code::NOTHING_TO_DO, text);
+            }
+            Phase::Ready | Phase::Running(_) => {
+                return refused(error_code::NOTHING_TO_DO, "the machine does not hold");
+            }
+            _ => return self.obstacle().map(Err),
+        }
+        self.hold = None;
+        self.link.send_realtime(realtime::RESUME);
+        done("resume was sent")
+    }
+
+    fn soft_reset(&mut self, id: u64) -> Answer {
+        if let Phase::Closed { reason } = &self.phase {
+            return refused(error_code::NOT_CONNECTED, reason.clone());
+        }
+        let interrupted = Refusal::new(error_code::SOFT_RESET, "interrupted by a soft reset");
+        match &self.phase {
+            Phase::Running(run) if run.is_proving() => {
+                let Refusal { error_code, message } = interrupted;
+                self.end_run(RunOutcome::Aborted, error_code, message, Phase::Ready);
+            }
+            Phase::Running(_) => {
+                self.reset_run(id);
+                return None;
+            }
+            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
+                let id = *id;
+                self.reply(id, Err(interrupted));
+            }
+            Phase::Connecting(connecting) => {
+                if let Some(id) = connecting.reply_to() {
+                    self.reply(id, Err(interrupted));
+                }
+            }
+            _ => {}
+        }
+        if self.machine.is_moving() {
+            self.machine.is_homed = false;
+        }
+        self.begin_reset(Some(id));
+        None
+    }
+
+    fn unlock(&mut self, id: u64) -> Answer {
+        match (&self.phase, self.machine.mode()) {
+            (Phase::Ready, Mode::Alarm) => {
+                self.link.send_line("$X", LineKind::Slow, Origin::Unlock);
+                let until = self.now + super::config::ANSWER;
+                self.phase = Phase::Unlocking { id, until };
+                None
+            }
+            (Phase::Ready, mode) => {
+                let text = format!("the machine is not in alarm but in {}", mode.name());
+                refused(error_code::NOTHING_TO_DO, text)
+            }
+            _ => self.obstacle().map(Err),
+        }
+    }
+
+    fn home(&mut self, id: u64) -> Answer {
+        match (&self.phase, self.machine.mode()) {
+            (Phase::Ready, Mode::Idle | Mode::Alarm) => {}
+            _ => return self.obstacle().map(Err),
+        }
+        if !self.machine.has_homing() {
+            let text = "homing is switched off in the controller ($22=0)";
+            return refused(error_code::NO_HOMING, text);
+        }
+        self.link.send_line("$H", LineKind::Silent, Origin::Home);
+        self.machine.is_homed = false;
+        let until = self.now + Duration::from_secs(u64::from(self.config.homing_s_max));
+        self.phase = Phase::Homing { id, until };
+        None
+    }
+
+    fn confirm_tool_change(&mut self) -> Answer {
+        let mode = self.machine.mode();
+        match &mut self.phase {
+            Phase::Running(run) if run.is_changing_tool() => {
+                if mode != Mode::Idle || run.is_held() {
+                    let text = format!("the machine is in {}: resume first", mode.name());
+                    return refused(error_code::BUSY, text);
+                }
+                run.go_on();
+                done("the run goes on")
+            }
+            _ => refused(error_code::NOTHING_TO_DO, "no tool change was asked for"),
+        }
+    }
+
+    fn shut_down(&mut self, id: u64) -> Answer {
+        if self.shutdown.is_some() {
+            return refused(error_code::BUSY, "the driver is shutting down already");
+        }
+        self.check = None;
+        match &self.phase {
+            Phase::Running(_) => {
+                let text = "stopped because the driver shuts down".to_owned();
+                self.stop_run(RunOutcome::Aborted, error_code::SHUTDOWN, text);
+            }
+            // Homing does not listen to a hold.
+            Phase::Homing { id, .. } => {
+                let id = *id;
+                let text = "homing was interrupted because the driver shuts down";
+                self.reply(id, Err(Refusal::new(error_code::SHUTDOWN, text)));
+                self.begin_reset(None);
+            }
+            Phase::Closed { .. } => {}
+            _ if self.machine.is_moving() => {
+                self.link.send_realtime(realtime::FEED_HOLD);
+                self.hold = Some(HoldWatch::default());
+            }
+            _ => {}
+        }
+        self.shutdown = Some(Shutdown { id, until: self.now + STANDSTILL * 2 });
+        None
+    }
+}
+
+/// Whether the tool is where a path relies on it to be; work frame, mm.
+pub(super) fn check_start(at: Position, start: Position, axes: AxisSet) -> Result<(), Refusal> {
+    let is_off = |axis: &usize| (at[*axis] - start[*axis]).abs() > START_TOLERANCE_MM + 1e-9;
+    if !(0..3).filter(|axis| axes.contains(*axis)).any(|axis| is_off(&axis)) {
+        return Ok(());
+    }
+    let show = |position: Position| {
+        let words = (0..3).filter(|axis| axes.contains(*axis));
+        words.map(|axis| format!("{}{:.3}", AXIS_LETTERS[axis], position[axis])).collect::<Vec<_>>()
+    };
+    let message = format!(
+        "the path begins at {} but the tool is at {} in the work frame: move it there first",
+        show(start).join(" "),
+        show(at).join(" ")
+    );
+    Err(Refusal::new(error_code::START_POSITION, message))
+}

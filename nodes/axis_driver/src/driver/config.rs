@@ -1,0 +1,67 @@
+//! What the driver can be told, and how long it waits.
+
+use crate::encoder::EncoderConfig;
+use crate::link::LinkConfig;
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+
+/// The parameters of a driver.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DriverConfig {
+    /// Bits per second.
+    pub baud: u32,
+    /// The longest that a feed hold may wait behind what is already under way, ms.
+    pub hold_latency_ms_max: u32,
+    /// Believed instead of what the controller tells of its receive buffer, bytes.
+    pub receive_buffer_bytes: Option<u16>,
+    /// Time between two status requests, ms.
+    pub poll_interval_ms: u32,
+    /// Whether a controller that stands still is reset when the port is opened.
+    pub reset_on_connect: bool,
+    /// What may be sent. `has_mist` is told by the controller.
+    pub encoder: EncoderConfig,
+    /// The longest that homing may take, s.
+    pub homing_s_max: u32,
+}
+
+impl Default for DriverConfig {
+    fn default() -> Self {
+        Self {
+            baud: 115_200,
+            hold_latency_ms_max: 20,
+            receive_buffer_bytes: None,
+            poll_interval_ms: 200,
+            reset_on_connect: true,
+            encoder: EncoderConfig::default(),
+            homing_s_max: 180,
+        }
+    }
+}
+
+impl DriverConfig {
+    pub(super) fn link(&self) -> LinkConfig {
+        LinkConfig {
+            baud: self.baud,
+            hold_latency_ms_max: self.hold_latency_ms_max,
+            receive_buffer_bytes: self.receive_buffer_bytes,
+            poll_interval_ms: self.poll_interval_ms,
+        }
+    }
+}
+
+/// How far the tool may be from where a path begins, mm.
+pub(super) const START_TOLERANCE_MM: f64 = 0.01;
+/// A board that was reset by opening the port has said something by then.
+pub(super) const LISTEN: Duration = Duration::from_millis(2500);
+/// From a reset to the banner, and from a short question to its answer.
+pub(super) const ANSWER: Duration = Duration::from_millis(2000);
+/// From a feed hold to standstill.
+pub(super) const STANDSTILL: Duration = Duration::from_secs(10);
+/// From the first words of a run to a work position.
+pub(super) const WORK_POSITION: Duration = Duration::from_secs(5);
+/// Reports in which a hold must show before it is sent again.
+pub(super) const REPORTS_PER_HOLD: u32 = 2;
+/// How often a hold is sent again.
+pub(super) const HOLDS_MAX: u32 = 5;
+/// Lines that are proven in one go, so that nothing else waits long.
+pub(super) const LINES_PER_SLICE: usize = 5_000;

@@ -1,0 +1,291 @@
+//! From an opened port to a controller that is known.
+//!
+//! Asks first: a machine that moves or holds is held and left to the operator, one
+//! that stands still is reset (if the parameter says so), so that half lines and
+//! modal words of an earlier life are gone. Then build, settings, words in force and
+//! offsets are read, one question at a time.
+
+use super::config::{ANSWER, LISTEN};
+use super::{Driver, LogLevel, Origin, Phase, Refusal};
+use crate::codes::{self, error_code};
+use crate::link::{LineKind, Link, LinkFault, realtime};
+use crate::report::{ControllerState, ReportUnits};
+use cnc_msgs::machine::Mode;
+use std::time::Duration;
+
+/// Build, settings, words in force, offsets.
+const QUERIES: [&str; 4] = ["$I", "$$", "$G", "$#"];
+pub(super) const QUERIES_DONE: usize = QUERIES.len();
+const SETTINGS_QUERY: usize = 1;
+/// Restarts while connecting that are put up with.
+const RESTARTS_MAX: u32 = 3;
+/// What is kept of garbage to show it, characters.
+const SAMPLE_CHARS: usize = 40;
+
+#[derive(Debug)]
+pub(super) struct Connecting {
+    step: Step,
+    until: Duration,
+    restarts: u32,
+    garbage: usize,
+    sample: String,
+    /// The soft reset that began this.
+    reply: Option<u64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Step {
+    Listening,
+    AwaitingBanner,
+    Asking(usize),
+}
+
+impl Connecting {
+    fn new(step: Step, until: Duration, reply: Option<u64>) -> Self {
+        Self { step, until, restarts: 0, garbage: 0, sample: String::new(), reply }
+    }
+
+    pub(super) fn until(&self) -> Duration {
+        self.until
+    }
+
+    pub(super) fn query(&self) -> usize {
+        if let Step::Asking(query) = self.step { query } else { 0 }
+    }
+
+    /// The soft reset that waits for the outcome.
+    pub(super) fn reply_to(&self) -> Option<u64> {
+        self.reply
+    }
+
+    pub(super) fn describe(&self) -> String {
+        match self.step {
+            Step::Listening => "listening".into(),
+            Step::AwaitingBanner => "waiting for the controller to start".into(),
+            Step::Asking(query) => format!("asking {}", QUERIES[query]),
+        }
+    }
+
+    pub(super) fn hear_garbage(&mut self, text: &str) {
+        self.garbage += 1;
+        if self.sample.is_empty() {
+            self.sample = text.chars().take(SAMPLE_CHARS).collect();
+        }
+    }
+}
+
+impl Driver {
+    pub(super) fn on_port_opened(&mut self) {
+        if let Phase::Running(_) = self.phase {
+            self.on_port_closed("the port was opened anew");
+        }
+        self.link = Link::new(self.config.link(), self.now);
+        self.machine.on_port();
+        self.hold = None;
+        self.phase = Phase::Connecting(Connecting::new(Step::Listening, self.now + LISTEN, None));
+    }
+
+    pub(super) fn on_port_closed(&mut self, reason: &str) {
+        let was_active = matches!(self.phase, Phase::Running(_) | Phase::Homing { .. })
+            || self.machine.is_moving()
+            || self.machine.is_silent;
+        if self.is_open() && was_active {
+            self.machine.is_lost = true;
+        }
+        let reason = match self.machine.is_lost {
+            true => format!("LINK_LOST: {reason}; motion may continue"),
+            false => reason.to_owned(),
+        };
+        self.hold = None;
+        let code = error_code::LINK_LOST;
+        let closed = Phase::Closed { reason: reason.clone() };
+        match std::mem::replace(&mut self.phase, closed) {
+            running @ Phase::Running(_) => {
+                self.phase = running;
+                let next = Phase::Closed { reason: reason.clone() };
+                self.end_run(super::RunOutcome::Aborted, code, reason, next);
+            }
+            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
+                self.reply(id, Err(Refusal::new(code, reason)));
+            }
+            Phase::Connecting(Connecting { reply: Some(id), .. }) => {
+                self.reply(id, Err(Refusal::new(code, reason)));
+            }
+            _ => {}
+        }
+        self.machine.is_homed = false;
+        self.machine.status = None;
+    }
+
+    /// Resets the controller and learns it anew.
+    pub(super) fn begin_reset(&mut self, reply: Option<u64>) {
+        self.link.send_reset(self.now);
+        self.hold = None;
+        self.phase =
+            Phase::Connecting(Connecting::new(Step::AwaitingBanner, self.now + ANSWER, reply));
+    }
+
+    /// Asks everything of a controller that has just started.
+    pub(super) fn begin_queries(&mut self, reply: Option<u64>) {
+        let mut connecting = Connecting::new(Step::Asking(0), self.now, reply);
+        if let Phase::Connecting(before) = &self.phase {
+            connecting.restarts = before.restarts;
+        }
+        self.phase = Phase::Connecting(connecting);
+        self.ask(0);
+    }
+
+    fn ask(&mut self, query: usize) {
+        self.link.send_line(QUERIES[query], LineKind::Slow, Origin::Query(query));
+        if let Phase::Connecting(connecting) = &mut self.phase {
+            connecting.step = Step::Asking(query);
+            connecting.until = self.now + ANSWER;
+        }
+    }
+
+    pub(super) fn on_connect_status(&mut self) {
+        let Phase::Connecting(Connecting { step: Step::Listening, .. }) = self.phase else {
+            return;
+        };
+        let is_waiting = self.machine.is_held() || self.machine.is_state(&ControllerState::Tool);
+        if self.machine.is_moving() || is_waiting {
+            if self.machine.is_moving() {
+                self.link.send_realtime(realtime::FEED_HOLD);
+                self.hold = Some(super::stop::HoldWatch::default());
+            }
+            let reason = "DRIVER_RESTARTED: the machine was not idle when the port was opened; \
+                          it was held and keeps what it has; soft_reset to take it over";
+            self.phase = Phase::Adrift { reason: reason.into() };
+            self.log(LogLevel::Warn, reason.into());
+            return;
+        }
+        self.settle();
+    }
+
+    /// The machine stands still: makes sure that nothing of an earlier life is left.
+    fn settle(&mut self) {
+        if self.config.reset_on_connect {
+            self.begin_reset(None);
+        } else {
+            self.link.trust();
+            self.begin_queries(None);
+        }
+    }
+
+    pub(super) fn on_connect_banner(&mut self, text: &str) {
+        let Phase::Connecting(connecting) = &mut self.phase else { return };
+        let reply = connecting.reply;
+        match connecting.step {
+            Step::Listening => self.settle(),
+            Step::AwaitingBanner => self.begin_queries(reply),
+            Step::Asking(_) if connecting.restarts < RESTARTS_MAX => {
+                connecting.restarts += 1;
+                self.log(LogLevel::Warn, format!("the controller restarted again: {text}"));
+                self.begin_queries(reply);
+            }
+            Step::Asking(_) => {
+                let message = "the controller restarts again and again: check its supply";
+                self.fail_to_connect(error_code::RESTARTED, message.into());
+            }
+        }
+    }
+
+    pub(super) fn on_query_answer(&mut self, query: usize, error: Option<u16>) {
+        if let Some(code) = error {
+            let text = codes::describe_error(self.machine.firmware, code);
+            self.log(LogLevel::Warn, format!("{} was refused: {text}", QUERIES[query]));
+        }
+        if query == SETTINGS_QUERY {
+            // What was heard before may have been in the other unit.
+            self.machine.status = None;
+            self.machine.has_units = error.is_none();
+            let is_inch = self.machine.reports_in_inches();
+            let units = if is_inch { ReportUnits::Inches } else { ReportUnits::Millimetres };
+            self.link.set_units(units);
+        }
+        if query + 1 < QUERIES.len() {
+            return self.ask(query + 1);
+        }
+        let Phase::Connecting(connecting) = std::mem::replace(&mut self.phase, Phase::Ready) else {
+            return;
+        };
+        let message = format!(
+            "connected: {:?}, {} planner blocks, at most {} bytes under way",
+            self.machine.firmware,
+            self.machine.planner_blocks(),
+            self.link.window()
+        );
+        self.log(LogLevel::Info, message);
+        if let Some(id) = connecting.reply {
+            self.reply(id, Ok("the controller was reset".into()));
+        }
+    }
+
+    pub(super) fn on_connect_fault(&mut self, fault: &LinkFault) {
+        let Phase::Connecting(connecting) = &mut self.phase else { return };
+        match (fault, connecting.step) {
+            (LinkFault::Damaged { text }, Step::Listening | Step::AwaitingBanner) => {
+                connecting.hear_garbage(&text.clone());
+            }
+            (_, Step::Asking(_)) => {
+                self.fail_to_connect(error_code::PROTOCOL, fault.to_string());
+            }
+            _ => {}
+        }
+    }
+
+    pub(super) fn on_connect_timeout(&mut self) {
+        let Phase::Connecting(connecting) = &self.phase else { return };
+        let waited = match connecting.step {
+            Step::Listening => LISTEN,
+            Step::AwaitingBanner | Step::Asking(_) => ANSWER,
+        };
+        let waited = waited.as_secs_f64();
+        let message = match (connecting.step, connecting.garbage) {
+            (Step::Asking(query), _) => {
+                format!("the controller did not answer {} within {waited} s", QUERIES[query])
+            }
+            (_, 1..) => format!(
+                "what answers is no controller of the grbl family: {} lines such as {:?} in {waited} s; check baud rate and port",
+                connecting.garbage, connecting.sample
+            ),
+            (Step::Listening, 0) => {
+                format!("nothing answered within {waited} s; check port, cable and supply")
+            }
+            (Step::AwaitingBanner, 0) => {
+                format!("no start message came within {waited} s of a reset")
+            }
+        };
+        self.fail_to_connect(error_code::NO_ANSWER, message);
+    }
+
+    fn fail_to_connect(&mut self, code: u16, message: String) {
+        let reason = format!("{message}; soft_reset to try again");
+        let failed = std::mem::replace(&mut self.phase, Phase::Adrift { reason });
+        self.log(LogLevel::Error, message.clone());
+        if let Phase::Connecting(Connecting { reply: Some(id), .. }) = failed {
+            self.reply(id, Err(Refusal::new(code, message)));
+        }
+    }
+
+    /// Why no program can be run now, as far as the link and the machine go.
+    pub(super) fn obstacle(&self) -> Option<Refusal> {
+        let refuse = |code, text: String| Some(Refusal::new(code, text));
+        match &self.phase {
+            Phase::Closed { reason } => refuse(error_code::NOT_CONNECTED, reason.clone()),
+            Phase::Connecting(connecting) => {
+                refuse(error_code::CONNECTING, format!("still {}", connecting.describe()))
+            }
+            Phase::Adrift { reason } => refuse(error_code::NEEDS_RESET, reason.clone()),
+            Phase::Homing { .. } => refuse(error_code::BUSY, "the machine is homing".into()),
+            Phase::Unlocking { .. } => refuse(error_code::BUSY, "an unlock is under way".into()),
+            Phase::Running(_) => refuse(error_code::BUSY, "a program is running".into()),
+            Phase::Ready => match self.machine.mode() {
+                Mode::Idle => None,
+                Mode::Alarm => refuse(error_code::ALARM, self.compose().reason),
+                Mode::Unknown => refuse(error_code::CONNECTING, "no status was heard yet".into()),
+                mode => refuse(error_code::BUSY, format!("the machine is in {}", mode.name())),
+            },
+        }
+    }
+}

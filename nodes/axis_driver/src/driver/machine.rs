@@ -1,0 +1,251 @@
+//! What is known of the machine: the last report, and what lasts between reports.
+
+use super::connect::QUERIES_DONE;
+use super::{Driver, Origin, Phase};
+use crate::codes;
+use crate::estimate::Rates;
+use crate::report::{ControllerState, Firmware, Message, StatusReport};
+use cnc_msgs::geometry::Position;
+use cnc_msgs::machine::{MachineState, Mode};
+use std::collections::BTreeMap;
+
+/// Planner blocks of grbl 1.1 where `[OPT:]` does not say.
+const PLANNER_BLOCKS_DEFAULT: u16 = 15;
+
+#[derive(Debug, Default)]
+pub(super) struct Machine {
+    pub(super) firmware: Firmware,
+    pub(super) settings: BTreeMap<u16, f64>,
+    /// Whether `$13` was read, so that lengths can be believed.
+    pub(super) has_units: bool,
+    pub(super) has_mist: bool,
+    planner_blocks: Option<u16>,
+    pub(super) status: Option<StatusReport>,
+    work_offset: Option<Position>,
+    overrides_percent: [u8; 3],
+    pub(super) alarm_code: u16,
+    pub(super) is_homed: bool,
+    /// 1 to 6; `None` when a program may have left any.
+    pub(super) work_system: Option<u8>,
+    pub(super) has_tool_length: Option<bool>,
+    pub(super) is_silent: bool,
+    /// The port went while the machine moved, and has told nothing since.
+    pub(super) is_lost: bool,
+    pub(super) program_id: String,
+    pub(super) line: u32,
+}
+
+impl Machine {
+    /// A new port: all that was known belongs to the past.
+    pub(super) fn on_port(&mut self) {
+        let program_id = std::mem::take(&mut self.program_id);
+        *self = Self { program_id, line: self.line, is_lost: self.is_lost, ..Self::default() };
+    }
+
+    pub(super) fn on_restart(&mut self, firmware: Firmware) {
+        self.firmware = firmware;
+        self.status = None;
+        self.work_offset = None;
+        self.work_system = Some(1);
+        self.has_tool_length = Some(false);
+        self.overrides_percent = [100; 3];
+        self.is_silent = false;
+    }
+
+    pub(super) fn on_alarm(&mut self, code: u16) {
+        self.alarm_code = code;
+        if codes::is_position_lost(code) {
+            self.is_homed = false;
+        }
+        if let Some(status) = &mut self.status {
+            status.state = ControllerState::Alarm;
+            status.substate = None;
+        }
+    }
+
+    pub(super) fn on_status(&mut self, mut report: StatusReport) {
+        self.is_silent = false;
+        self.is_lost = false;
+        if report.state != ControllerState::Alarm {
+            self.alarm_code = 0;
+        }
+        self.work_offset = report.work_offset.or(self.work_offset);
+        self.overrides_percent = report.overrides_percent.unwrap_or(self.overrides_percent);
+        if let Some(offset) = self.work_offset {
+            let shifted = |position: Position, sign: f64| {
+                [0, 1, 2].map(|axis| position[axis] + sign * offset[axis])
+            };
+            report.work_position =
+                report.work_position.or(report.machine_position.map(|at| shifted(at, -1.0)));
+            report.machine_position =
+                report.machine_position.or(report.work_position.map(|at| shifted(at, 1.0)));
+        }
+        self.status = Some(report);
+    }
+
+    /// Takes a message; gives the receive buffer when it tells of it.
+    pub(super) fn on_message(&mut self, message: &Message) -> Option<Option<u16>> {
+        match message {
+            Message::Options { letters, planner_blocks, receive_bytes } => {
+                self.has_mist = letters.contains('M');
+                self.planner_blocks = *planner_blocks;
+                return Some(*receive_bytes);
+            }
+            Message::Firmware(name) if name == "grblHAL" => self.firmware = Firmware::GrblHal,
+            Message::Version(text) if text.contains("FluidNC") => {
+                self.firmware = Firmware::FluidNc;
+            }
+            Message::ParserState(words) => {
+                let system = words.split(' ').find_map(|word| match word {
+                    "G54" => Some(1),
+                    "G55" => Some(2),
+                    "G56" => Some(3),
+                    "G57" => Some(4),
+                    "G58" => Some(5),
+                    "G59" => Some(6),
+                    _ => None,
+                });
+                self.work_system = system;
+            }
+            Message::ToolLength(length) => self.has_tool_length = Some(length.abs() > 1e-9),
+            _ => {}
+        }
+        None
+    }
+
+    pub(super) fn on_setting(&mut self, number: u16, value: &str) {
+        if let Ok(value) = value.parse::<f64>() {
+            self.settings.insert(number, value);
+        }
+    }
+
+    pub(super) fn reports_in_inches(&self) -> bool {
+        self.settings.get(&13).is_some_and(|value| *value > 0.5)
+    }
+
+    pub(super) fn has_homing(&self) -> bool {
+        self.settings.get(&22).is_none_or(|value| *value > 0.5)
+    }
+
+    pub(super) fn planner_blocks(&self) -> u16 {
+        self.planner_blocks.unwrap_or(PLANNER_BLOCKS_DEFAULT)
+    }
+
+    /// Planner blocks in use, where the report tells.
+    pub(super) fn blocks_in_use(&self) -> Option<usize> {
+        let (free, _) = self.status.as_ref()?.free?;
+        Some(usize::from(self.planner_blocks().saturating_sub(free)))
+    }
+
+    pub(super) fn rates(&self) -> Rates {
+        let mut rates = Rates::default();
+        for axis in 0..3u16 {
+            let read = |base: u16, slot: &mut f64| {
+                if let Some(value) = self.settings.get(&(base + axis)).filter(|v| **v > 0.0) {
+                    *slot = *value;
+                }
+            };
+            read(110, &mut rates.rapid_mm_per_min[usize::from(axis)]);
+            read(120, &mut rates.acceleration_mm_per_s2[usize::from(axis)]);
+        }
+        rates
+    }
+
+    pub(super) fn work_position(&self) -> Option<Position> {
+        self.status.as_ref().filter(|_| self.has_units)?.work_position
+    }
+
+    pub(super) fn feed_override(&self) -> f64 {
+        f64::from(self.overrides_percent[0].max(1)) / 100.0
+    }
+
+    pub(super) fn is_state(&self, state: &ControllerState) -> bool {
+        self.status.as_ref().is_some_and(|status| status.state == *state)
+    }
+
+    pub(super) fn is_moving(&self) -> bool {
+        self.status.as_ref().is_some_and(StatusReport::is_moving)
+    }
+
+    pub(super) fn is_held(&self) -> bool {
+        self.status.as_ref().is_some_and(StatusReport::is_held)
+    }
+
+    pub(super) fn mode(&self) -> Mode {
+        match self.status.as_ref().map(|status| &status.state) {
+            Some(ControllerState::Idle) => Mode::Idle,
+            Some(ControllerState::Run) => Mode::Run,
+            Some(ControllerState::Hold) => Mode::Hold,
+            Some(ControllerState::Jog) => Mode::Jog,
+            Some(ControllerState::Alarm) => Mode::Alarm,
+            Some(ControllerState::Door) => Mode::Door,
+            Some(ControllerState::Check) => Mode::Check,
+            Some(ControllerState::Home) => Mode::Home,
+            Some(ControllerState::Sleep) => Mode::Sleep,
+            Some(ControllerState::Tool) => Mode::ToolChange,
+            Some(ControllerState::Unnamed | ControllerState::Other(_)) | None => Mode::Unknown,
+        }
+    }
+
+    /// The facts; mode and reason are the driver's to judge.
+    pub(super) fn state(&self) -> MachineState {
+        let status = self.status.as_ref();
+        let places = status.filter(|_| self.has_units && !self.is_silent);
+        MachineState {
+            mode: self.mode(),
+            machine_position: places.and_then(|status| status.machine_position),
+            work_position: places.and_then(|status| status.work_position),
+            feed_mm_per_min: places.and_then(|status| status.feed_mm_per_min).unwrap_or(0.0),
+            spindle_rpm: status.and_then(|status| status.spindle_rpm).unwrap_or(0.0),
+            program_id: self.program_id.clone(),
+            line: self.line,
+            alarm_code: self.alarm_code,
+            is_homed: self.is_homed,
+            overrides_percent: self.overrides_percent,
+            pins: status.and_then(|status| status.pins.clone()).unwrap_or_default(),
+            ..MachineState::default()
+        }
+    }
+}
+
+impl Driver {
+    /// Judges mode and reason from what the driver is about and what was heard.
+    pub(super) fn compose_mode(&self, state: &mut MachineState) {
+        if self.machine.is_silent {
+            state.mode = Mode::Unknown;
+        }
+        match &self.phase {
+            Phase::Closed { reason } => {
+                state.mode = if self.machine.is_lost { Mode::Unknown } else { Mode::Disconnected };
+                state.reason.clone_from(reason);
+                (state.machine_position, state.work_position) = (None, None);
+            }
+            Phase::Connecting(connecting) => {
+                state.mode = Mode::Unknown;
+                state.reason = format!("CONNECTING: {}", connecting.describe());
+                debug_assert!(connecting.query() < QUERIES_DONE);
+            }
+            Phase::Adrift { reason } => state.reason.clone_from(reason),
+            Phase::Homing { .. } => state.mode = Mode::Home,
+            Phase::Running(run) => run.compose_mode(state),
+            Phase::Ready | Phase::Unlocking { .. } => {}
+        }
+        if !state.reason.is_empty() {
+            return;
+        }
+        state.reason = match state.mode {
+            Mode::Alarm if state.alarm_code > 0 => {
+                codes::describe_alarm(self.machine.firmware, state.alarm_code)
+            }
+            Mode::Alarm => "ALARM: locked; home or unlock".into(),
+            Mode::Hold => match self.link.oldest() {
+                Some(Origin::Program { text, source_line, .. }) if text == "M0" => {
+                    format!("PROGRAM_STOP: resume goes on (line {source_line})")
+                }
+                _ => "FEED_HOLD".into(),
+            },
+            Mode::Unknown => "no status was heard yet".into(),
+            _ => String::new(),
+        };
+    }
+}

@@ -1,0 +1,404 @@
+//! A compensated path as lines of grbl 1.1, one at a time.
+//!
+//! Knows what grbl can do and how it wants it written; keeps the modal state, so
+//! that nothing is said twice, and the place in the program of every line. What
+//! grbl cannot do is an error that names the source line. Lines are made when they
+//! are asked for: a path is encoded once to prove it and once more to send it, and
+//! is never held as text. Knows nothing of ports or answers.
+
+mod action;
+mod arc;
+mod restart;
+mod words;
+
+use crate::link::LineKind;
+use cnc_msgs::contour::{Source, SpindleMode};
+use cnc_msgs::geometry::{AXIS_LETTERS, Arc, AxisSet, Plane, Position, Shape};
+use cnc_msgs::path::{CompensatedPath, PathElement, Role};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::sync;
+use words::{to_grid, write_word};
+
+pub use restart::{StartProblem, start_at};
+
+/// What the controller takes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct EncoderConfig {
+    /// Bytes of a line without its end; grbl 1.1 takes 79.
+    pub line_bytes_max: usize,
+    /// The largest coordinate, either sign, mm. grbl itself checks nothing: beyond
+    /// what its step counters hold it moves for ever.
+    pub position_mm_max: f64,
+    pub feed_mm_per_min_max: f64,
+    pub spindle_rpm_max: f64,
+    /// Whether the build knows mist coolant (letter M in `[OPT:]`).
+    pub has_mist: bool,
+    /// Whether `M1` stops; grbl ignores the word, so it is sent as `M0` or not at all.
+    pub optional_stop: bool,
+}
+
+impl Default for EncoderConfig {
+    fn default() -> Self {
+        Self {
+            line_bytes_max: 79,
+            position_mm_max: 10_000.0,
+            feed_mm_per_min_max: 60_000.0,
+            spindle_rpm_max: 200_000.0,
+            has_mist: false,
+            optional_stop: false,
+        }
+    }
+}
+
+/// One line and where it comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EncodedLine {
+    /// Without its line end.
+    pub text: String,
+    pub kind: LineKind,
+    /// It is sent when all before it is answered, and nothing follows before its own
+    /// answer: the controller reads or writes its EEPROM and loses bytes meanwhile.
+    pub is_alone: bool,
+    /// The element that this line cuts; `None` when it cuts none.
+    pub element: Option<usize>,
+    /// The line of the part program, 0 when there is none.
+    pub source_line: u32,
+    /// What the element is for.
+    pub role: Role,
+}
+
+/// What comes next.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Step {
+    Line(EncodedLine),
+    /// grbl has no tool change: motion ends, the tool is changed by hand, and the
+    /// program goes on when that is confirmed. The spindle was stopped before.
+    ToolChange {
+        tool: u32,
+        source_line: u32,
+    },
+}
+
+/// Why a path cannot be sent to this controller.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("line {}: {problem}", source_place.line)]
+pub struct EncodeError {
+    /// The place in the part program.
+    pub source_place: Source,
+    pub problem: EncodeProblem,
+}
+
+/// What is wrong; lengths in mm.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum EncodeProblem {
+    #[error("{letter}{value} is not within {max} either side of zero, the most that is sent")]
+    Position { letter: char, value: f64, max: f64 },
+    #[error("the feed rate {value} mm/min is not above 0.0001 and within {max} mm/min")]
+    Feed { value: f64, max: f64 },
+    #[error("the spindle speed {value} rpm is not within 0 and {max} rpm")]
+    SpindleSpeed { value: f64, max: f64 },
+    #[error("the dwell of {value} s is not within 0 and {max} s")]
+    Dwell { value: f64, max: f64 },
+    #[error("a rapid along an arc cannot be sent: give the arc a feed rate")]
+    RapidArc,
+    #[error("the arc from {start:?} to {end:?} about {center:?} cannot be drawn")]
+    Arc { start: Position, end: Position, center: Position },
+    #[error("an arc starts where {axes} has not been given since {since}: move {axes} there first")]
+    UnknownStart { axes: String, since: String },
+    #[error("work system {system} does not exist: 1 to 6 are G54 to G59")]
+    WorkOffset { system: u8 },
+    #[error("this controller has no {word}")]
+    Unsupported { word: String },
+    #[error("{word} stands after the end of the program in line {end}")]
+    AfterEnd { word: String, end: u32 },
+    #[error("the line {text:?} has {bytes} bytes, the controller takes {max}")]
+    LineLength { text: String, bytes: usize, max: usize },
+}
+
+/// The words in force.
+#[derive(Debug, Clone, Default)]
+struct Modal {
+    /// The G word of motion: 0 to 3.
+    motion: Option<u8>,
+    plane: Plane,
+    feed: Option<i64>,
+    /// Axes whose place in the work frame the program has not given since...
+    unknown: AxisSet,
+    /// ...this word.
+    unknown_since: String,
+    ended_at: Option<Source>,
+}
+
+/// Gives the lines of a path in order.
+#[derive(Debug, Clone)]
+pub struct Encoder {
+    path: sync::Arc<CompensatedPath>,
+    config: EncoderConfig,
+    next_element: usize,
+    next_event: usize,
+    modal: Modal,
+    pending: VecDeque<Step>,
+}
+
+/// The words that every run begins with: millimetres, absolute, feed per minute, no
+/// compensation, no tool length offset, first work system.
+pub const PREAMBLE: &str = "G21G90G94G17G40G49G54";
+/// A dwell that is answered when all motion before it has ended.
+pub const SYNC: &str = "G4P0.01";
+
+impl Encoder {
+    /// The whole path, its start being where the tool is. The caller sends
+    /// [`PREAMBLE`] first.
+    pub fn new(path: sync::Arc<CompensatedPath>, config: EncoderConfig) -> Self {
+        Self {
+            path,
+            config,
+            next_element: 0,
+            next_event: 0,
+            modal: Modal::default(),
+            pending: VecDeque::new(),
+        }
+    }
+
+    /// The element that comes next, counted from 0.
+    pub fn next_element(&self) -> usize {
+        self.next_element
+    }
+
+    /// The next step; `None` at the end. After an error nothing useful follows.
+    pub fn next_step(&mut self) -> Option<Result<Step, EncodeError>> {
+        loop {
+            if let Some(step) = self.pending.pop_front() {
+                return Some(Ok(step));
+            }
+            let event = self.path.events.get(self.next_event).copied();
+            let is_event_due = event.is_some_and(|event| event.at_element <= self.next_element);
+            let (source, outcome) = match (event, self.path.elements.get(self.next_element)) {
+                (Some(event), element) if is_event_due || element.is_none() => {
+                    self.next_event += 1;
+                    (event.source, self.encode_action(&event))
+                }
+                (_, Some(element)) => {
+                    let (index, element) = (self.next_element, *element);
+                    self.next_element += 1;
+                    (element.source, self.encode_element(index, &element))
+                }
+                (_, None) => return None,
+            };
+            if let Err(problem) = outcome {
+                return Some(Err(EncodeError { source_place: source, problem }));
+            }
+        }
+    }
+
+    fn encode_element(&mut self, index: usize, element: &PathElement) -> Result<(), EncodeProblem> {
+        self.refuse_after_end("motion")?;
+        let start = self.path.start_of(index);
+        for axis in 0..3 {
+            self.checked_position(AXIS_LETTERS[axis], element.end[axis])?;
+            self.checked_position(AXIS_LETTERS[axis], start[axis])?;
+        }
+        match element.shape {
+            Shape::Line => self.encode_line(index, element, start, element.end),
+            Shape::Arc(arc) => self.encode_arc(index, element, start, &arc),
+        }
+    }
+
+    fn encode_arc(
+        &mut self,
+        index: usize,
+        element: &PathElement,
+        start: Position,
+        arc: &Arc,
+    ) -> Result<(), EncodeProblem> {
+        if element.feed_mm_per_min.is_none() {
+            return Err(EncodeProblem::RapidArc);
+        }
+        let needed = arc.plane.axes().into_iter().filter(|&axis| {
+            axis != arc.plane.axes()[2] || to_grid(start[axis]) != to_grid(element.end[axis])
+        });
+        let needed = needed.fold(AxisSet::NONE, AxisSet::with);
+        let missing = needed.without(needed.without(self.modal.unknown));
+        if !missing.is_empty() {
+            return Err(EncodeProblem::UnknownStart {
+                axes: missing.letters(),
+                since: self.modal.unknown_since.clone(),
+            });
+        }
+        let impossible = EncodeProblem::Arc { start, end: element.end, center: arc.center };
+        let pieces = arc::pieces(start, element.end, arc).ok_or(impossible)?;
+        let mut from = start;
+        for piece in pieces {
+            match piece {
+                arc::Piece::Line { end } => self.encode_line(index, element, from, end)?,
+                arc::Piece::Arc { end } => self.encode_arc_piece(index, element, from, end, arc)?,
+            }
+            from = piece.end();
+        }
+        Ok(())
+    }
+
+    fn encode_line(
+        &mut self,
+        index: usize,
+        element: &PathElement,
+        start: Position,
+        end: Position,
+    ) -> Result<(), EncodeProblem> {
+        let mut text = String::with_capacity(40);
+        let is_rapid = element.feed_mm_per_min.is_none();
+        let (axes, words) = axis_words(element.axes, start, end);
+        if axes.is_empty() {
+            return Ok(());
+        }
+        self.write_motion(&mut text, u8::from(!is_rapid));
+        text += &words;
+        self.write_feed(&mut text, element.feed_mm_per_min)?;
+        self.modal.unknown = self.modal.unknown.without(axes);
+        self.push_motion(text, index, element)
+    }
+
+    fn encode_arc_piece(
+        &mut self,
+        index: usize,
+        element: &PathElement,
+        start: Position,
+        end: Position,
+        arc: &Arc,
+    ) -> Result<(), EncodeProblem> {
+        let mut text = String::with_capacity(60);
+        if self.modal.plane != arc.plane {
+            self.modal.plane = arc.plane;
+            text += match arc.plane {
+                Plane::Xy => "G17",
+                Plane::Zx => "G18",
+                Plane::Yz => "G19",
+            };
+        }
+        self.write_motion(&mut text, if arc.clockwise { 2 } else { 3 });
+        let [first, second, _] = arc.plane.axes();
+        let (axes, mut words) = axis_words(element.axes, start, end);
+        if !axes.contains(first) && !axes.contains(second) {
+            // A full circle still needs a word of its plane.
+            words.clear();
+            let in_plane = AxisSet::NONE.with(first).with(second);
+            words += &axis_words(element.axes.union(in_plane), start, end).1;
+        }
+        text += &words;
+        for axis in [0, 1, 2].into_iter().filter(|axis| [first, second].contains(axis)) {
+            let offset = to_grid(arc.center[axis]) - to_grid(start[axis]);
+            if offset != 0 {
+                write_word(&mut text, ['I', 'J', 'K'][axis], offset);
+            }
+        }
+        self.write_feed(&mut text, element.feed_mm_per_min)?;
+        self.push_motion(text, index, element)
+    }
+
+    fn write_motion(&mut self, text: &mut String, motion: u8) {
+        if self.modal.motion != Some(motion) {
+            self.modal.motion = Some(motion);
+            *text += ["G0", "G1", "G2", "G3"][usize::from(motion)];
+        }
+    }
+
+    fn write_feed(&mut self, text: &mut String, feed: Option<f64>) -> Result<(), EncodeProblem> {
+        let Some(value) = feed else { return Ok(()) };
+        let feed = Some(self.checked_feed(value)?);
+        if self.modal.feed != feed {
+            self.modal.feed = feed;
+            write_word(text, 'F', to_grid(value));
+        }
+        Ok(())
+    }
+
+    fn checked_feed(&self, value: f64) -> Result<i64, EncodeProblem> {
+        let max = self.config.feed_mm_per_min_max;
+        if value.is_finite() && value <= max && to_grid(value) > 0 {
+            return Ok(to_grid(value));
+        }
+        Err(EncodeProblem::Feed { value, max })
+    }
+
+    fn checked_position(&self, letter: char, value: f64) -> Result<i64, EncodeProblem> {
+        let max = self.config.position_mm_max;
+        if value.abs() <= max {
+            return Ok(to_grid(value));
+        }
+        Err(EncodeProblem::Position { letter, value, max })
+    }
+
+    fn refuse_after_end(&self, word: &str) -> Result<(), EncodeProblem> {
+        match self.modal.ended_at {
+            Some(source) => {
+                Err(EncodeProblem::AfterEnd { word: word.to_owned(), end: source.line })
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn push_motion(
+        &mut self,
+        text: String,
+        index: usize,
+        element: &PathElement,
+    ) -> Result<(), EncodeProblem> {
+        self.push(EncodedLine {
+            text,
+            kind: LineKind::Motion,
+            is_alone: false,
+            element: Some(index),
+            source_line: element.source.line,
+            role: element.role,
+        })
+    }
+
+    fn push(&mut self, line: EncodedLine) -> Result<(), EncodeProblem> {
+        let (bytes, max) = (line.text.len(), self.config.line_bytes_max);
+        if bytes > max {
+            return Err(EncodeProblem::LineLength { text: line.text, bytes, max });
+        }
+        self.pending.push_back(Step::Line(line));
+        Ok(())
+    }
+}
+
+/// The words of the axes that are named or change, in the order X Y Z.
+fn axis_words(named: AxisSet, start: Position, end: Position) -> (AxisSet, String) {
+    let mut text = String::with_capacity(30);
+    let mut axes = AxisSet::NONE;
+    for axis in 0..3 {
+        let value = to_grid(end[axis]);
+        if named.contains(axis) || value != to_grid(start[axis]) {
+            write_word(&mut text, AXIS_LETTERS[axis], value);
+            axes = axes.with(axis);
+        }
+    }
+    (axes, text)
+}
+
+impl Modal {
+    /// These axes stand somewhere that the program has not said.
+    fn forget(&mut self, axes: AxisSet, since: &str) {
+        self.unknown = self.unknown.union(axes);
+        since.clone_into(&mut self.unknown_since);
+    }
+
+    /// What the end of the program sets: G1, G17, and whatever F was.
+    fn reset_at_end(&mut self, source: Source) {
+        *self = Self { ended_at: Some(source), ..Self::default() };
+    }
+}
+
+/// `M3`, `M4`, `M5`.
+const fn spindle_word(mode: SpindleMode) -> &'static str {
+    match mode {
+        SpindleMode::Clockwise => "M3",
+        SpindleMode::CounterClockwise => "M4",
+        SpindleMode::Off => "M5",
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,169 @@
+//! All that is not motion of the contour, as grbl says it or cannot.
+
+use super::words::{to_grid, write_word};
+use super::{EncodeProblem, EncodedLine, Encoder, Step, spindle_word};
+use crate::link::LineKind;
+use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
+use cnc_msgs::path::{PathEvent, Role};
+
+/// The longest dwell that is sent, s.
+const DWELL_S_MAX: f64 = 86_400.0;
+
+impl Encoder {
+    pub(super) fn encode_action(&mut self, event: &PathEvent) -> Result<(), EncodeProblem> {
+        let source = event.source;
+        self.refuse_after_end(&event.action.text())?;
+        match event.action {
+            Action::SpindleSpeed { rpm } => {
+                let max = self.config.spindle_rpm_max;
+                if !(0.0..=max).contains(&rpm) {
+                    return Err(EncodeProblem::SpindleSpeed { value: rpm, max });
+                }
+                self.push_action(word('S', rpm), LineKind::Slow, false, source)
+            }
+            Action::Spindle(mode) => {
+                self.push_action(spindle_word(mode).into(), LineKind::Slow, false, source)
+            }
+            Action::Coolant(mode) => self.encode_coolant(mode, source),
+            // grbl keeps no tool; the number comes with the change.
+            Action::SelectTool { .. } => Ok(()),
+            Action::ChangeTool { tool } => {
+                self.push_action("M5".into(), LineKind::Slow, false, source)?;
+                self.pending.push_back(Step::ToolChange { tool, source_line: source.line });
+                Ok(())
+            }
+            Action::ToolLength { offset, length_mm } => {
+                self.checked_position('Z', length_mm)?;
+                self.modal.forget(AxisSet::from_bits(0b100), &event.action.text());
+                let text = match offset {
+                    Some(_) => word_after("G43.1", 'Z', length_mm),
+                    None => "G49".into(),
+                };
+                self.push_action(text, LineKind::Motion, false, source)
+            }
+            Action::WorkOffset { system } => {
+                if !(1..=6).contains(&system) {
+                    return Err(EncodeProblem::WorkOffset { system });
+                }
+                self.modal.forget(AxisSet::ALL, &event.action.text());
+                let text = format!("G{}", 53 + u32::from(system));
+                self.push_action(text, LineKind::Motion, true, source)
+            }
+            Action::Dwell { seconds } => {
+                if !(0.0..=DWELL_S_MAX).contains(&seconds) {
+                    return Err(EncodeProblem::Dwell { value: seconds, max: DWELL_S_MAX });
+                }
+                self.push_action(word_after("G4", 'P', seconds), LineKind::Slow, false, source)
+            }
+            Action::Stop { optional } => {
+                if optional && !self.config.optional_stop {
+                    return Ok(());
+                }
+                self.push_action("M0".into(), LineKind::Slow, false, source)
+            }
+            Action::Reference { axes, second } => self.encode_reference(axes, second, source),
+            Action::MachineMove { target, axes, rapid, feed_mm_per_min } => {
+                let feed = (!rapid).then_some(feed_mm_per_min);
+                self.encode_machine_move(target, axes, feed, source)
+            }
+            Action::ProgramEnd { rewind } => {
+                let text = if rewind { "M30" } else { "M2" };
+                self.modal.reset_at_end(source);
+                self.push_action(text.into(), LineKind::Slow, false, source)
+            }
+            Action::Auxiliary { .. } => {
+                Err(EncodeProblem::Unsupported { word: event.action.text() })
+            }
+        }
+    }
+
+    fn encode_coolant(&mut self, mode: CoolantMode, source: Source) -> Result<(), EncodeProblem> {
+        let text = match mode {
+            CoolantMode::Mist if !self.config.has_mist => {
+                let word = "mist coolant (M7): its firmware is built without".into();
+                return Err(EncodeProblem::Unsupported { word });
+            }
+            CoolantMode::Mist => "M7",
+            CoolantMode::Flood => "M8",
+            CoolantMode::Off => "M9",
+        };
+        self.push_action(text.into(), LineKind::Slow, false, source)
+    }
+
+    /// G28 goes by way of a point; a step of nothing makes that point where the tool is.
+    fn encode_reference(
+        &mut self,
+        axes: AxisSet,
+        second: bool,
+        source: Source,
+    ) -> Result<(), EncodeProblem> {
+        let axes = if axes.is_empty() { AxisSet::ALL } else { axes };
+        let number = if second { 30 } else { 28 };
+        let mut text = format!("G91G{number}");
+        for letter in axes.letters().chars() {
+            write_word(&mut text, letter, 0);
+        }
+        self.modal.forget(axes, &format!("G{number}"));
+        self.push_action(text, LineKind::Motion, true, source)?;
+        self.push_action("G90".into(), LineKind::Motion, false, source)
+    }
+
+    fn encode_machine_move(
+        &mut self,
+        target: Position,
+        axes: AxisSet,
+        feed: Option<f64>,
+        source: Source,
+    ) -> Result<(), EncodeProblem> {
+        let mut text = String::from(if feed.is_none() { "G53G0" } else { "G53G1" });
+        for axis in (0..3).filter(|&axis| axes.contains(axis)) {
+            let steps = self.checked_position(AXIS_LETTERS[axis], target[axis])?;
+            write_word(&mut text, AXIS_LETTERS[axis], steps);
+        }
+        if axes.is_empty() {
+            return Ok(());
+        }
+        self.write_feed(&mut text, feed)?;
+        self.modal.motion = Some(u8::from(feed.is_some()));
+        self.modal.forget(axes, "G53");
+        self.push_action(text, LineKind::Motion, false, source)
+    }
+
+    fn push_action(
+        &mut self,
+        text: String,
+        kind: LineKind,
+        is_alone: bool,
+        source: Source,
+    ) -> Result<(), EncodeProblem> {
+        let source_line = source.line;
+        let role = Role::None;
+        self.push(EncodedLine { text, kind, is_alone, element: None, source_line, role })
+    }
+
+    /// What the words before an element have set, sent anew when a run begins there.
+    pub(super) fn push_restored(&mut self, actions: &[PathEvent]) -> Result<(), EncodeProblem> {
+        actions.iter().try_for_each(|event| self.encode_action(event))?;
+        // The tool stands where the path says; that was asked of the operator.
+        self.modal.unknown = AxisSet::NONE;
+        Ok(())
+    }
+}
+
+/// `S1000`
+fn word(letter: char, value: f64) -> String {
+    word_after("", letter, value)
+}
+
+/// `G4P.5`
+fn word_after(prefix: &str, letter: char, value: f64) -> String {
+    let mut text = prefix.to_owned();
+    write_word(&mut text, letter, to_grid(value));
+    text
+}
+
+/// Whether the spindle turns after this.
+pub(super) const fn turns(mode: SpindleMode) -> bool {
+    !matches!(mode, SpindleMode::Off)
+}

@@ -1,0 +1,303 @@
+//! The record of everything the driver was told and wrote, and its repetition.
+//!
+//! Entries carry the driver's inputs with their times, and the bytes that it wrote.
+//! A path is not in the record: the entry of a run names program and revision, and
+//! whoever plays the record again looks the path up. Where entries are kept is the
+//! shell's business.
+
+use crate::driver::{Command, Driver, DriverConfig, Input, Output, RunRequest};
+use cnc_msgs::path::CompensatedPath;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What an entry is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EntryKind {
+    /// Bytes from the controller.
+    Rx,
+    /// Bytes to the controller; all others are inputs.
+    Tx,
+    /// A port was opened.
+    Opened,
+    /// The port went; the data is the reason.
+    Closed,
+    /// Time passed.
+    Timer,
+    /// A command, as JSON.
+    Command,
+}
+
+/// One entry; sequences begin at 0 and have no gaps.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Entry {
+    pub sequence: u64,
+    /// The time handed to the driver, ns from any zero.
+    pub monotonic_ns: u64,
+    pub kind: EntryKind,
+    pub data: Vec<u8>,
+}
+
+/// Numbers entries.
+#[derive(Debug, Default)]
+pub struct Journal {
+    next_sequence: u64,
+}
+
+impl Journal {
+    /// The entry of an input.
+    pub fn input(&mut self, now: Duration, input: &Input) -> Entry {
+        let (kind, data) = match input {
+            Input::PortOpened => (EntryKind::Opened, Vec::new()),
+            Input::PortClosed { reason } => (EntryKind::Closed, reason.as_bytes().to_vec()),
+            Input::Received(bytes) => (EntryKind::Rx, bytes.clone()),
+            Input::Timer => (EntryKind::Timer, Vec::new()),
+            Input::Command { id, command } => {
+                (EntryKind::Command, command_to_json(*id, command).into_bytes())
+            }
+        };
+        self.entry(now, kind, data)
+    }
+
+    /// The entry of bytes that the driver gave out while it handled the input at `now`.
+    pub fn transmitted(&mut self, now: Duration, bytes: &[u8]) -> Entry {
+        self.entry(now, EntryKind::Tx, bytes.to_vec())
+    }
+
+    fn entry(&mut self, now: Duration, kind: EntryKind, data: Vec<u8>) -> Entry {
+        let sequence = self.next_sequence;
+        self.next_sequence += 1;
+        // 584 years fit.
+        let monotonic_ns = u64::try_from(now.as_nanos()).unwrap_or(u64::MAX);
+        Entry { sequence, monotonic_ns, kind, data }
+    }
+}
+
+/// A command as it stands in an entry.
+#[derive(Debug, Serialize, Deserialize)]
+struct CommandRecord {
+    id: u64,
+    #[serde(flatten)]
+    command: CommandForm,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(tag = "command", rename_all = "snake_case")]
+enum CommandForm {
+    RunProgram { program_id: String, revision: u64, start_line: u32, check_only: bool },
+    CancelRun,
+    FeedHold,
+    Resume,
+    SoftReset,
+    Unlock,
+    Home,
+    ConfirmToolChange,
+    Shutdown,
+}
+
+/// Writes a command: `{"id":7,"command":"feed_hold"}`.
+pub fn command_to_json(id: u64, command: &Command) -> String {
+    let command = match command {
+        Command::RunProgram(request) => CommandForm::RunProgram {
+            program_id: request.program_id.clone(),
+            revision: request.revision,
+            start_line: request.start_line,
+            check_only: request.check_only,
+        },
+        Command::CancelRun => CommandForm::CancelRun,
+        Command::FeedHold => CommandForm::FeedHold,
+        Command::Resume => CommandForm::Resume,
+        Command::SoftReset => CommandForm::SoftReset,
+        Command::Unlock => CommandForm::Unlock,
+        Command::Home => CommandForm::Home,
+        Command::ConfirmToolChange => CommandForm::ConfirmToolChange,
+        Command::Shutdown => CommandForm::Shutdown,
+    };
+    serde_json::to_string(&CommandRecord { id, command })
+        .expect("a struct of numbers and texts is always JSON")
+}
+
+/// Reads a command back; paths come from `lookup`, by program and revision.
+pub fn command_from_json(
+    json: &[u8],
+    lookup: &dyn Fn(&str, u64) -> Option<Arc<CompensatedPath>>,
+) -> Result<(u64, Command), CommandError> {
+    let record: CommandRecord = serde_json::from_slice(json)?;
+    let command = match record.command {
+        CommandForm::RunProgram { program_id, revision, start_line, check_only } => {
+            let Some(path) = lookup(&program_id, revision) else {
+                return Err(CommandError::UnknownPath { program_id, revision });
+            };
+            Command::RunProgram(RunRequest { program_id, revision, path, start_line, check_only })
+        }
+        CommandForm::CancelRun => Command::CancelRun,
+        CommandForm::FeedHold => Command::FeedHold,
+        CommandForm::Resume => Command::Resume,
+        CommandForm::SoftReset => Command::SoftReset,
+        CommandForm::Unlock => Command::Unlock,
+        CommandForm::Home => Command::Home,
+        CommandForm::ConfirmToolChange => Command::ConfirmToolChange,
+        CommandForm::Shutdown => Command::Shutdown,
+    };
+    Ok((record.id, command))
+}
+
+/// Why a command cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum CommandError {
+    #[error("the command is not understood: {0}")]
+    Json(#[from] serde_json::Error),
+    #[error("the path of program {program_id}, revision {revision}, is not at hand")]
+    UnknownPath { program_id: String, revision: u64 },
+}
+
+/// Why a record cannot be played again.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    #[error("entry {wanted} is missing, {found} follows: the record is not complete")]
+    Gap { wanted: u64, found: u64 },
+    #[error("entry {sequence}: {problem}")]
+    Command { sequence: u64, problem: CommandError },
+}
+
+/// What the driver did when the record was played again.
+#[derive(Debug, Default, PartialEq)]
+pub struct Replay {
+    /// The bytes it gave out, as entries without a number of their own: each has the
+    /// time and the sequence of the input that caused it.
+    pub transmitted: Vec<Entry>,
+    /// All other outputs with the time of the input that caused them.
+    pub outputs: Vec<(Duration, Output)>,
+}
+
+/// Plays a record again: the same inputs at the same times to a new driver.
+pub fn replay(
+    entries: &[Entry],
+    lookup: &dyn Fn(&str, u64) -> Option<Arc<CompensatedPath>>,
+    config: DriverConfig,
+) -> Result<Replay, ReplayError> {
+    let mut driver = Driver::new(config);
+    let mut replay = Replay::default();
+    let mut wanted = entries.first().map_or(0, |entry| entry.sequence);
+    for entry in entries {
+        if entry.sequence != wanted {
+            return Err(ReplayError::Gap { wanted, found: entry.sequence });
+        }
+        wanted += 1;
+        let input = match entry.kind {
+            EntryKind::Tx => continue,
+            EntryKind::Rx => Input::Received(entry.data.clone()),
+            EntryKind::Opened => Input::PortOpened,
+            EntryKind::Closed => {
+                Input::PortClosed { reason: String::from_utf8_lossy(&entry.data).into_owned() }
+            }
+            EntryKind::Timer => Input::Timer,
+            EntryKind::Command => {
+                let (id, command) = command_from_json(&entry.data, lookup).map_err(|problem| {
+                    ReplayError::Command { sequence: entry.sequence, problem }
+                })?;
+                Input::Command { id, command }
+            }
+        };
+        let now = Duration::from_nanos(entry.monotonic_ns);
+        driver.handle(now, input);
+        while let Some(output) = driver.poll_output() {
+            match output {
+                Output::Transmit(data) => replay.transmitted.push(Entry {
+                    sequence: entry.sequence,
+                    monotonic_ns: entry.monotonic_ns,
+                    kind: EntryKind::Tx,
+                    data,
+                }),
+                output => replay.outputs.push((now, output)),
+            }
+        }
+    }
+    Ok(replay)
+}
+
+/// The first place where a record and its repetition wrote something else.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Difference {
+    /// Counted in writes, from 0.
+    pub index: usize,
+    pub recorded: Option<Entry>,
+    pub repeated: Option<Entry>,
+}
+
+impl Replay {
+    /// Compares what was written, bytes and times.
+    pub fn first_difference(&self, entries: &[Entry]) -> Option<Difference> {
+        let mut recorded = entries.iter().filter(|entry| entry.kind == EntryKind::Tx);
+        let mut repeated = self.transmitted.iter();
+        for index in 0.. {
+            let (recorded, repeated) = (recorded.next(), repeated.next());
+            match (recorded, repeated) {
+                (None, None) => break,
+                (Some(a), Some(b)) if (a.monotonic_ns, &a.data) == (b.monotonic_ns, &b.data) => {}
+                _ => {
+                    let (recorded, repeated) = (recorded.cloned(), repeated.cloned());
+                    return Some(Difference { index, recorded, repeated });
+                }
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_reads_back_as_it_was_written() {
+        let path = Arc::new(CompensatedPath::default());
+        let run = Command::RunProgram(RunRequest {
+            program_id: "a\"b\n".into(),
+            revision: 3,
+            path: path.clone(),
+            start_line: 12,
+            check_only: true,
+        });
+        let commands = [
+            run,
+            Command::CancelRun,
+            Command::FeedHold,
+            Command::Resume,
+            Command::SoftReset,
+            Command::Unlock,
+            Command::Home,
+            Command::ConfirmToolChange,
+            Command::Shutdown,
+        ];
+        for (id, command) in (7..).zip(commands) {
+            let json = command_to_json(id, &command);
+            let read = command_from_json(json.as_bytes(), &|_, _| Some(path.clone())).unwrap();
+            assert_eq!(read, (id, command));
+        }
+        assert_eq!(command_to_json(7, &Command::FeedHold), r#"{"id":7,"command":"feed_hold"}"#);
+    }
+
+    #[test]
+    fn a_record_with_a_gap_or_without_its_path_is_refused_by_name() {
+        let entry = |sequence, kind, data: &str| Entry {
+            sequence,
+            monotonic_ns: 0,
+            kind,
+            data: data.as_bytes().to_vec(),
+        };
+        let gap = [entry(4, EntryKind::Opened, ""), entry(6, EntryKind::Timer, "")];
+        let problem = replay(&gap, &|_, _| None, DriverConfig::default()).unwrap_err();
+        assert_eq!(
+            problem.to_string(),
+            "entry 5 is missing, 6 follows: the record is not complete"
+        );
+        let json = r#"{"id":1,"command":"run_program","program_id":"p","revision":2,"start_line":0,"check_only":false}"#;
+        let run = [entry(0, EntryKind::Command, json)];
+        let problem = replay(&run, &|_, _| None, DriverConfig::default()).unwrap_err();
+        assert_eq!(
+            problem.to_string(),
+            "entry 0: the path of program p, revision 2, is not at hand"
+        );
+    }
+}

@@ -1,0 +1,327 @@
+//! The wire protocol of grbl 1.1 without a wire.
+//!
+//! Bytes go in with the time they came, bytes and events come out. Knows how many
+//! bytes of which lines the controller has not answered yet, never puts more than
+//! the window into its receive buffer, asks for status, and notices when answers
+//! and lines no longer match. Decides nothing about programs; that is
+//! [`crate::driver`]. `T` is whatever the caller wants back with a line's answer.
+
+mod framing;
+mod health;
+
+use crate::report::{self, Firmware, Message, Report, ReportUnits, StatusReport};
+use framing::Framer;
+use health::{Health, Unanswered};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// Bytes that act at once, wherever they stand.
+pub mod realtime {
+    pub const SOFT_RESET: u8 = 0x18;
+    pub const STATUS: u8 = b'?';
+    pub const FEED_HOLD: u8 = b'!';
+    pub const RESUME: u8 = b'~';
+}
+
+/// The receive buffer of grbl 1.1 on an ATmega328, bytes; what is not told is this.
+const RECEIVE_BYTES_DEFAULT: u16 = 128;
+/// One byte of the ring stays free.
+const RECEIVE_BYTES_SPARE: u16 = 1;
+/// A start, eight data and a stop bit.
+const BITS_PER_BYTE: u64 = 10;
+
+/// What the line is like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LinkConfig {
+    /// Bits per second.
+    pub baud: u32,
+    /// What is queued before a real-time byte takes at most this long on the wire, ms.
+    pub hold_latency_ms_max: u32,
+    /// Believed instead of what the controller tells of its receive buffer, bytes.
+    pub receive_buffer_bytes: Option<u16>,
+    /// Time between two status requests, ms.
+    pub poll_interval_ms: u32,
+}
+
+/// How a line behaves between being read and being answered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LineKind {
+    /// Answered as soon as there is room in the planner.
+    Motion,
+    /// May be answered late while the machine reports `Idle`: dwell, stop, spindle.
+    Slow,
+    /// The controller may report nothing at all until it answers: homing.
+    Silent,
+}
+
+/// What happened.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LinkEvent<T> {
+    /// The oldest line was answered; `error` is the code when it was refused.
+    Answer {
+        tag: T,
+        error: Option<u16>,
+    },
+    /// Motion is locked. Lines that were not answered may never be.
+    Alarm(u16),
+    /// The controller (re)started; all lines that were not answered are gone.
+    Banner {
+        firmware: Firmware,
+        text: String,
+    },
+    Status(StatusReport),
+    Message(Message),
+    Setting {
+        number: u16,
+        value: String,
+    },
+    /// Text without meaning here.
+    Text(String),
+    /// The count of answers can no longer be trusted.
+    Fault(LinkFault),
+    /// Three status requests in a row were not answered.
+    Silent,
+}
+
+/// Why the count of answers can no longer be trusted.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LinkFault {
+    #[error("the controller answered a line that was never sent")]
+    UnexpectedAnswer,
+    #[error("the controller is idle but {lines} lines have no answer: an answer was lost")]
+    LostAnswer { lines: usize },
+    #[error("a damaged line was received: {text:?}")]
+    Damaged { text: String },
+    #[error("the controller holds {held} bytes, {sent} were counted: an answer came twice")]
+    Overfilled { held: usize, sent: usize },
+}
+
+#[derive(Debug)]
+struct Sent<T> {
+    /// What was written for it, with its line end.
+    bytes: usize,
+    kind: LineKind,
+    tag: T,
+}
+
+/// The state of one link. Made anew when a port is opened.
+#[derive(Debug)]
+pub struct Link<T> {
+    config: LinkConfig,
+    framer: Framer,
+    units: ReportUnits,
+    receive_bytes: u16,
+    in_flight: VecDeque<Sent<T>>,
+    in_flight_bytes: usize,
+    /// An alarm or a reset came: answers mean nothing until the next banner.
+    is_forgiving: bool,
+    health: Health,
+    urgent: Vec<u8>,
+    lines: Vec<u8>,
+    events: VecDeque<LinkEvent<T>>,
+}
+
+impl<T> Link<T> {
+    /// A link on which nothing was sent or heard; asks for status from now on.
+    pub fn new(config: LinkConfig, now: Duration) -> Self {
+        Self {
+            config,
+            framer: Framer::default(),
+            units: ReportUnits::default(),
+            receive_bytes: config.receive_buffer_bytes.unwrap_or(RECEIVE_BYTES_DEFAULT),
+            in_flight: VecDeque::new(),
+            in_flight_bytes: 0,
+            is_forgiving: true,
+            health: Health::new(config.poll_interval_ms, now),
+            urgent: Vec::new(),
+            lines: Vec::new(),
+            events: VecDeque::new(),
+        }
+    }
+
+    /// Takes the unit of reports, from `$13`.
+    pub fn set_units(&mut self, units: ReportUnits) {
+        self.units = units;
+    }
+
+    /// Takes the size of the receive buffer that `[OPT:]` told, bytes.
+    pub fn set_receive_bytes(&mut self, bytes: Option<u16>) {
+        let told = bytes.filter(|bytes| *bytes > RECEIVE_BYTES_SPARE);
+        self.receive_bytes =
+            self.config.receive_buffer_bytes.or(told).unwrap_or(RECEIVE_BYTES_DEFAULT);
+    }
+
+    /// The most bytes that may be unanswered: the receive buffer less one, or what
+    /// the wire carries within the hold latency, whichever is less.
+    pub fn window(&self) -> usize {
+        let buffer = u64::from(self.receive_bytes.saturating_sub(RECEIVE_BYTES_SPARE));
+        let bits = u64::from(self.config.hold_latency_ms_max) * u64::from(self.config.baud) / 1000;
+        usize::try_from(buffer.min(bits / BITS_PER_BYTE)).unwrap_or(usize::MAX)
+    }
+
+    /// Whether a line of this many bytes, without its end, may be sent now. A line
+    /// longer than the window goes when nothing else is under way.
+    pub fn has_room(&self, text_bytes: usize) -> bool {
+        self.in_flight.is_empty() || self.in_flight_bytes + text_bytes < self.window()
+    }
+
+    /// Lines that were sent and not answered.
+    pub fn unanswered(&self) -> usize {
+        self.in_flight.len()
+    }
+
+    /// The bytes of those lines, with their ends.
+    pub fn unanswered_bytes(&self) -> usize {
+        self.in_flight_bytes
+    }
+
+    /// What the caller gave with the oldest line that is not answered.
+    pub fn oldest(&self) -> Option<&T> {
+        self.in_flight.front().map(|sent| &sent.tag)
+    }
+
+    /// Sends a line; the caller has asked [`Self::has_room`].
+    ///
+    /// # Panics
+    /// When the text could act on the machine other than as one line.
+    pub fn send_line(&mut self, text: &str, kind: LineKind, tag: T) {
+        let is_plain =
+            text.bytes().all(|byte| matches!(byte, b' '..=b'}') && !b"!?".contains(&byte));
+        assert!(is_plain, "not a line for a controller: {text:?}");
+        self.lines.extend_from_slice(text.as_bytes());
+        self.lines.push(b'\n');
+        let bytes = text.len() + 1;
+        self.in_flight_bytes += bytes;
+        self.in_flight.push_back(Sent { bytes, kind, tag });
+        self.health.on_line_sent(self.in_flight_bytes);
+    }
+
+    /// Sends a byte that acts at once, before all lines that wait for the port.
+    pub fn send_realtime(&mut self, byte: u8) {
+        self.urgent.push(byte);
+    }
+
+    /// Sends a soft reset; whatever was under way is forgotten, here and there.
+    pub fn send_reset(&mut self, now: Duration) {
+        self.lines.clear();
+        self.urgent.push(realtime::SOFT_RESET);
+        self.forget();
+        self.is_forgiving = true;
+        self.health.restart(now);
+    }
+
+    /// Takes it that the controller will answer nothing more until it is reset.
+    pub fn expect_deafness(&mut self) {
+        self.health.set_deaf(true);
+    }
+
+    /// Takes bytes that came from the controller.
+    pub fn receive(&mut self, now: Duration, bytes: &[u8]) {
+        for &byte in bytes {
+            if let Some(line) = self.framer.push(byte) {
+                let report = report::parse(&line, self.units);
+                self.on_report(now, report);
+            }
+        }
+    }
+
+    /// Does what is due: asks for status, notices silence.
+    pub fn handle_time(&mut self, now: Duration) {
+        let is_silence_expected =
+            self.in_flight.front().is_some_and(|sent| sent.kind == LineKind::Silent);
+        if self.health.poll_is_due(now, is_silence_expected) {
+            self.urgent.push(realtime::STATUS);
+            if self.health.is_silent_now() {
+                self.events.push_back(LinkEvent::Silent);
+            }
+        }
+    }
+
+    /// When [`Self::handle_time`] has something to do.
+    pub fn next_deadline(&self) -> Duration {
+        self.health.next_poll_at()
+    }
+
+    /// When the last status report came.
+    pub fn last_status_at(&self) -> Option<Duration> {
+        self.health.last_status_at()
+    }
+
+    pub fn poll_event(&mut self) -> Option<LinkEvent<T>> {
+        self.events.pop_front()
+    }
+
+    /// The bytes to write now, the urgent ones first.
+    pub fn poll_transmit(&mut self) -> Option<Vec<u8>> {
+        let mut bytes = std::mem::take(&mut self.urgent);
+        bytes.append(&mut self.lines);
+        (!bytes.is_empty()).then_some(bytes)
+    }
+
+    fn on_report(&mut self, now: Duration, report: Report) {
+        match report {
+            Report::Ok => self.on_answer(None),
+            Report::Error(code) => self.on_answer(Some(code)),
+            Report::Alarm(code) => {
+                self.is_forgiving = true;
+                self.events.push_back(LinkEvent::Alarm(code));
+            }
+            Report::Banner { firmware, text } => {
+                self.forget();
+                self.is_forgiving = false;
+                self.health.restart(now);
+                self.events.push_back(LinkEvent::Banner { firmware, text });
+            }
+            Report::Status(status) => {
+                let oldest = self.in_flight.front().map(|sent| sent.kind);
+                let unanswered =
+                    Unanswered { lines: self.in_flight.len(), bytes: self.in_flight_bytes };
+                let fault =
+                    self.health.on_status(now, &status, oldest, unanswered, self.receive_bytes);
+                self.events.push_back(LinkEvent::Status(status));
+                if let Some(fault) = fault.filter(|_| !self.is_forgiving) {
+                    self.events.push_back(LinkEvent::Fault(fault));
+                }
+            }
+            Report::Message(message) => self.events.push_back(LinkEvent::Message(message)),
+            Report::Setting { number, value } => {
+                self.events.push_back(LinkEvent::Setting { number, value });
+            }
+            Report::StartupLine(text) | Report::Unknown(text) => {
+                self.events.push_back(LinkEvent::Text(text));
+            }
+            Report::Damaged(text) => {
+                self.events.push_back(LinkEvent::Fault(LinkFault::Damaged { text }));
+            }
+            Report::Empty => {}
+        }
+    }
+
+    fn on_answer(&mut self, error: Option<u16>) {
+        self.health.on_answer();
+        match self.in_flight.pop_front() {
+            Some(Sent { bytes, tag, .. }) => {
+                self.in_flight_bytes -= bytes;
+                self.events.push_back(LinkEvent::Answer { tag, error });
+            }
+            // A line that was under way may still be answered before the banner.
+            None if self.is_forgiving => {}
+            None => self.events.push_back(LinkEvent::Fault(LinkFault::UnexpectedAnswer)),
+        }
+    }
+
+    fn forget(&mut self) {
+        self.in_flight.clear();
+        self.in_flight_bytes = 0;
+        self.lines.clear();
+    }
+
+    /// Believes answers from here on, without a banner: the caller connects to a
+    /// controller that it does not reset.
+    pub fn trust(&mut self) {
+        self.is_forgiving = false;
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,25 @@
+//! Bytes to lines, whatever the bytes are.
+
+/// No firmware says more than this in a line; what is longer is garbage.
+const LINE_BYTES_MAX: usize = 1024;
+
+/// Collects bytes up to a line end. Never holds more than [`LINE_BYTES_MAX`].
+#[derive(Debug, Default)]
+pub(super) struct Framer {
+    line: Vec<u8>,
+}
+
+impl Framer {
+    /// Gives the line that this byte ends. A carriage return is dropped; a line
+    /// that grows too long is given as it is, to be seen as the damage it is.
+    pub(super) fn push(&mut self, byte: u8) -> Option<Vec<u8>> {
+        match byte {
+            b'\n' => Some(std::mem::take(&mut self.line)),
+            b'\r' => None,
+            _ => {
+                self.line.push(byte);
+                (self.line.len() >= LINE_BYTES_MAX).then(|| std::mem::take(&mut self.line))
+            }
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! Whether the other end is there and both ends count the same.
+//!
+//! Asks for status at a fixed rate with one request outstanding, and compares what
+//! reports say of the controller's buffers with what was sent.
+
+use super::{LineKind, LinkFault};
+use crate::report::{ControllerState, StatusReport};
+use std::time::Duration;
+
+/// Requests without an answer until the link counts as lost.
+const MISSED_POLLS_MAX: u32 = 3;
+/// An idle controller reads and answers a motion line at once; this long without an
+/// answer, over several reports, and the answer was lost.
+const IDLE_WITHOUT_ANSWER: Duration = Duration::from_millis(600);
+/// Reports in a row that must show more bytes held than were sent.
+const OVERFILLED_REPORTS: u32 = 2;
+
+/// What was sent and not answered.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Unanswered {
+    pub(super) lines: usize,
+    pub(super) bytes: usize,
+}
+
+#[derive(Debug)]
+pub(super) struct Health {
+    interval: Duration,
+    next_poll_at: Duration,
+    is_asked: bool,
+    is_deaf: bool,
+    missed: u32,
+    last_status_at: Option<Duration>,
+    idle_since: Option<Duration>,
+    /// The most bytes that were unanswered since the last report.
+    peak_bytes: usize,
+    overfilled: u32,
+}
+
+impl Health {
+    pub(super) fn new(interval_ms: u32, now: Duration) -> Self {
+        Self {
+            interval: Duration::from_millis(u64::from(interval_ms.max(1))),
+            next_poll_at: now,
+            is_asked: false,
+            is_deaf: false,
+            missed: 0,
+            last_status_at: None,
+            idle_since: None,
+            peak_bytes: 0,
+            overfilled: 0,
+        }
+    }
+
+    /// The controller starts over.
+    pub(super) fn restart(&mut self, now: Duration) {
+        self.is_asked = false;
+        self.is_deaf = false;
+        self.missed = 0;
+        self.idle_since = None;
+        self.peak_bytes = 0;
+        self.overfilled = 0;
+        self.next_poll_at = now + self.interval;
+    }
+
+    pub(super) fn set_deaf(&mut self, is_deaf: bool) {
+        self.is_deaf = is_deaf;
+    }
+
+    pub(super) fn next_poll_at(&self) -> Duration {
+        self.next_poll_at
+    }
+
+    pub(super) fn last_status_at(&self) -> Option<Duration> {
+        self.last_status_at
+    }
+
+    pub(super) fn on_line_sent(&mut self, in_flight_bytes: usize) {
+        self.idle_since = None;
+        self.peak_bytes = self.peak_bytes.max(in_flight_bytes);
+    }
+
+    pub(super) fn on_answer(&mut self) {
+        self.idle_since = None;
+    }
+
+    /// Whether to ask now. While silence is expected an unanswered request stands.
+    pub(super) fn poll_is_due(&mut self, now: Duration, is_silence_expected: bool) -> bool {
+        if now < self.next_poll_at {
+            return false;
+        }
+        self.next_poll_at = now + self.interval;
+        if self.is_asked && (is_silence_expected || self.is_deaf) {
+            return false;
+        }
+        self.missed = if self.is_asked { self.missed.saturating_add(1) } else { 0 };
+        self.is_asked = true;
+        true
+    }
+
+    /// True once, when the last request made the silence too long.
+    pub(super) fn is_silent_now(&self) -> bool {
+        self.missed == MISSED_POLLS_MAX
+    }
+
+    /// Takes a report; `oldest` is the kind of the oldest line without an answer.
+    pub(super) fn on_status(
+        &mut self,
+        now: Duration,
+        status: &StatusReport,
+        oldest: Option<LineKind>,
+        unanswered: Unanswered,
+        receive_bytes: u16,
+    ) -> Option<LinkFault> {
+        self.is_asked = false;
+        self.is_deaf = false;
+        self.missed = 0;
+        self.last_status_at = Some(now);
+        self.lost_answer(now, status, oldest, unanswered.lines)
+            .or_else(|| self.overfilled(status, unanswered.bytes, receive_bytes))
+    }
+
+    fn lost_answer(
+        &mut self,
+        now: Duration,
+        status: &StatusReport,
+        oldest: Option<LineKind>,
+        lines: usize,
+    ) -> Option<LinkFault> {
+        if status.state != ControllerState::Idle || oldest != Some(LineKind::Motion) {
+            self.idle_since = None;
+            return None;
+        }
+        let since = *self.idle_since.get_or_insert(now);
+        (now >= since + IDLE_WITHOUT_ANSWER).then_some(LinkFault::LostAnswer { lines })
+    }
+
+    fn overfilled(
+        &mut self,
+        status: &StatusReport,
+        unanswered_bytes: usize,
+        receive_bytes: u16,
+    ) -> Option<LinkFault> {
+        let sent = std::mem::replace(&mut self.peak_bytes, unanswered_bytes);
+        let held = usize::from(receive_bytes.saturating_sub(status.free?.1));
+        // Some builds never report the last byte of the ring as free.
+        self.overfilled = if held > sent + 1 { self.overfilled + 1 } else { 0 };
+        (self.overfilled >= OVERFILLED_REPORTS).then_some(LinkFault::Overfilled { held, sent })
+    }
+}

@@ -1,0 +1,278 @@
+use super::*;
+use crate::report::ControllerState;
+use proptest::prelude::*;
+
+const CONFIG: LinkConfig = LinkConfig {
+    baud: 115_200,
+    hold_latency_ms_max: 20,
+    receive_buffer_bytes: None,
+    poll_interval_ms: 200,
+};
+
+fn ms(ms: u64) -> Duration {
+    Duration::from_millis(ms)
+}
+
+/// A link that has seen a banner and no status request yet.
+fn started() -> Link<u32> {
+    let mut link = Link::new(CONFIG, ms(0));
+    link.receive(ms(0), b"\r\nGrbl 1.1h ['$' for help]\r\n");
+    assert!(matches!(link.poll_event(), Some(LinkEvent::Banner { .. })));
+    link
+}
+
+fn events(link: &mut Link<u32>) -> Vec<LinkEvent<u32>> {
+    std::iter::from_fn(|| link.poll_event()).collect()
+}
+
+fn faults(link: &mut Link<u32>) -> Vec<LinkFault> {
+    let fault = |event| match event {
+        LinkEvent::Fault(fault) => Some(fault),
+        _ => None,
+    };
+    events(link).into_iter().filter_map(fault).collect()
+}
+
+#[test]
+fn lines_are_answered_in_the_order_they_were_sent() {
+    let mut link = started();
+    link.send_line("G1X1", LineKind::Motion, 1);
+    link.send_line("G41", LineKind::Motion, 2);
+    assert_eq!(link.poll_transmit(), Some(b"G1X1\nG41\n".to_vec()));
+    assert_eq!((link.unanswered(), link.unanswered_bytes()), (2, 9));
+    link.receive(ms(5), b"ok\r\nerr");
+    link.receive(ms(6), b"or:20\r\n");
+    assert_eq!(
+        events(&mut link),
+        [LinkEvent::Answer { tag: 1, error: None }, LinkEvent::Answer { tag: 2, error: Some(20) }]
+    );
+    assert_eq!((link.unanswered(), link.unanswered_bytes()), (0, 0));
+}
+
+#[test]
+fn the_window_is_the_receive_buffer_less_one_or_the_latency() {
+    let mut link: Link<u32> = Link::new(CONFIG, ms(0));
+    assert_eq!(link.window(), 127);
+    link.set_receive_bytes(Some(1024));
+    assert_eq!(link.window(), 230);
+    link.set_receive_bytes(Some(254));
+    assert_eq!(link.window(), 230);
+    let slow: Link<u32> = Link::new(LinkConfig { baud: 9600, ..CONFIG }, ms(0));
+    assert_eq!(slow.window(), 19);
+    let told = LinkConfig { receive_buffer_bytes: Some(64), ..CONFIG };
+    let mut told: Link<u32> = Link::new(told, ms(0));
+    told.set_receive_bytes(Some(1024));
+    assert_eq!(told.window(), 63);
+}
+
+#[test]
+fn a_line_longer_than_the_window_goes_alone() {
+    let mut link: Link<u32> = Link::new(LinkConfig { baud: 9600, ..CONFIG }, ms(0));
+    assert!(link.has_room(60));
+    link.send_line(&"X".repeat(60), LineKind::Motion, 1);
+    assert!(!link.has_room(1));
+}
+
+#[test]
+fn realtime_bytes_go_first_and_are_not_counted() {
+    let mut link = started();
+    link.send_line("G1X1", LineKind::Motion, 1);
+    link.send_realtime(realtime::FEED_HOLD);
+    assert_eq!(link.poll_transmit(), Some(b"!G1X1\n".to_vec()));
+    assert_eq!(link.unanswered_bytes(), 5);
+}
+
+#[test]
+fn an_answer_to_nothing_is_a_fault_but_not_between_alarm_and_banner() {
+    let mut link = started();
+    link.receive(ms(1), b"ok\r\n");
+    assert_eq!(faults(&mut link), [LinkFault::UnexpectedAnswer]);
+    link.receive(ms(2), b"ALARM:3\r\nok\r\n\r\nGrbl 1.1h ['$' for help]\r\n");
+    assert_eq!(faults(&mut link), []);
+    link.receive(ms(3), b"ok\r\n");
+    assert_eq!(faults(&mut link), [LinkFault::UnexpectedAnswer]);
+}
+
+#[test]
+fn a_reset_forgets_lines_that_were_not_even_written() {
+    let mut link = started();
+    link.send_line("G1X1", LineKind::Motion, 1);
+    link.send_reset(ms(10));
+    assert_eq!(link.poll_transmit(), Some(vec![0x18]));
+    assert_eq!((link.unanswered(), link.unanswered_bytes()), (0, 0));
+    link.receive(ms(11), b"ok\r\n");
+    assert_eq!(events(&mut link), []);
+}
+
+#[test]
+fn a_banner_nobody_asked_for_empties_the_count() {
+    let mut link = started();
+    link.send_line("G1X1", LineKind::Motion, 1);
+    link.receive(ms(1), b"Grbl 1.1h ['$' for help]\r\n");
+    assert!(matches!(events(&mut link)[..], [LinkEvent::Banner { .. }]));
+    assert_eq!(link.unanswered(), 0);
+}
+
+#[test]
+fn damage_is_a_fault_and_other_text_is_not() {
+    for (bytes, is_fault) in [
+        (&b"o\r\n"[..], true),
+        (b"okok\r\n", true),
+        (b"<Idle|MPos:0.0\r\n", true),
+        (b"\xff\xfe\r\n", true),
+        (b"[MSG:Pgm End]\r\n", false),
+        (b"hello\r\n", false),
+        (b"\r\n", false),
+    ] {
+        let mut link = started();
+        link.receive(ms(1), bytes);
+        assert_eq!(!faults(&mut link).is_empty(), is_fault, "{bytes:?}");
+    }
+}
+
+#[test]
+fn garbage_without_a_line_end_is_seen_and_not_hoarded() {
+    let mut link = started();
+    link.receive(ms(1), &[b'U'; 5000]);
+    assert_eq!(events(&mut link).len(), 4);
+}
+
+#[test]
+fn status_is_asked_for_five_times_a_second_with_one_request_under_way() {
+    let mut link: Link<u32> = Link::new(CONFIG, ms(0));
+    let mut asked = 0;
+    for now in (0..1000).step_by(10) {
+        link.handle_time(ms(now));
+        if let Some(bytes) = link.poll_transmit() {
+            assert_eq!(bytes, b"?");
+            asked += 1;
+            link.receive(ms(now + 9), b"<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
+        }
+    }
+    assert_eq!(asked, 5);
+}
+
+#[test]
+fn three_requests_without_an_answer_are_silence_said_once() {
+    let mut link = started();
+    let mut silent_at = Vec::new();
+    for now in (0..5000).step_by(10) {
+        link.handle_time(ms(now));
+        if events(&mut link).contains(&LinkEvent::Silent) {
+            silent_at.push(now);
+        }
+    }
+    assert_eq!(silent_at, [800]);
+}
+
+#[test]
+fn silence_while_homing_or_deaf_is_expected() {
+    let mut link = started();
+    link.send_line("$H", LineKind::Silent, 1);
+    (0..3000).step_by(10).for_each(|now| link.handle_time(ms(now)));
+    assert!(!events(&mut link).contains(&LinkEvent::Silent));
+    let mut link = started();
+    link.expect_deafness();
+    (0..3000).step_by(10).for_each(|now| link.handle_time(ms(now)));
+    assert!(!events(&mut link).contains(&LinkEvent::Silent));
+}
+
+#[test]
+fn a_lost_answer_shows_when_the_machine_stays_idle() {
+    let mut link = started();
+    link.send_line("G1X1", LineKind::Motion, 1);
+    let report = b"<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n";
+    for now in [200, 400, 600] {
+        link.receive(ms(now), report);
+        assert_eq!(faults(&mut link), [], "at {now}");
+    }
+    link.receive(ms(800), report);
+    assert_eq!(faults(&mut link), [LinkFault::LostAnswer { lines: 1 }]);
+}
+
+#[test]
+fn a_dwell_is_idle_without_an_answer_and_no_fault() {
+    let mut link = started();
+    link.send_line("G4P10", LineKind::Slow, 1);
+    for now in (0..10_000).step_by(200) {
+        link.receive(ms(now), b"<Idle|MPos:0.000,0.000,0.000|Bf:15,128|FS:0,0>\r\n");
+    }
+    assert_eq!(faults(&mut link), []);
+}
+
+#[test]
+fn an_answer_that_came_twice_shows_as_more_bytes_held_than_sent() {
+    let mut link = started();
+    let report = b"<Run|MPos:0.000,0.000,0.000|Bf:0,28|FS:0,0>\r\n";
+    link.send_line(&"X".repeat(99), LineKind::Motion, 1);
+    link.receive(ms(1), report);
+    link.receive(ms(2), b"ok\r\n");
+    link.receive(ms(200), report);
+    assert_eq!(faults(&mut link), []);
+    link.receive(ms(400), report);
+    link.receive(ms(600), report);
+    assert!(matches!(faults(&mut link)[..], [LinkFault::Overfilled { held: 100, .. }, ..]));
+}
+
+#[test]
+fn reports_reach_the_caller_in_millimetres() {
+    let mut link = started();
+    link.set_units(ReportUnits::Inches);
+    link.receive(ms(1), b"<Idle|MPos:1.0000,0.0000,0.0000|FS:0,0>\r\n");
+    let Some(LinkEvent::Status(report)) = link.poll_event() else { panic!() };
+    assert_eq!(report.state, ControllerState::Idle);
+    assert_eq!(report.machine_position, Some([25.4, 0.0, 0.0]));
+}
+
+#[test]
+#[should_panic(expected = "not a line")]
+fn a_line_can_never_carry_a_realtime_byte() {
+    started().send_line("G1X1!", LineKind::Motion, 1);
+}
+
+proptest! {
+    /// A controller with a ring of 127 free bytes reads and answers at random times.
+    #[test]
+    fn the_window_is_never_exceeded_whenever_answers_come(
+        lengths in prop::collection::vec(1usize..79, 1..200),
+        reads in prop::collection::vec(0usize..4, 1..100),
+        receive_bytes in 40u16..300,
+    ) {
+        let mut link = started();
+        link.set_receive_bytes(Some(receive_bytes));
+        let window = link.window();
+        let mut held: VecDeque<usize> = VecDeque::new();
+        let mut lines = lengths.iter().copied().peekable();
+        let mut answered = 0;
+        for count in reads.iter().cycle().take(4000) {
+            while let Some(length) = lines.next_if(|length| link.has_room(*length)) {
+                link.send_line(&"X".repeat(length), LineKind::Motion, 0);
+            }
+            for line in link.poll_transmit().unwrap_or_default().split_inclusive(|b| *b == b'\n') {
+                held.push_back(line.len());
+            }
+            let bytes: usize = held.iter().sum();
+            prop_assert!(bytes <= window || held.len() == 1, "{bytes} of {window}");
+            prop_assert_eq!(bytes, link.unanswered_bytes());
+            for _ in 0..*count {
+                if held.pop_front().is_some() {
+                    link.receive(ms(0), b"ok\r\n");
+                    answered += 1;
+                }
+            }
+        }
+        // Answers come now and then: everything got through.
+        if reads.iter().sum::<usize>() * 10 >= reads.len() {
+            prop_assert_eq!(answered, lengths.len());
+        }
+        prop_assert!(faults(&mut link).is_empty());
+    }
+
+    #[test]
+    fn no_bytes_whatever_are_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        let mut link = started();
+        link.send_line("G1X1", LineKind::Motion, 1);
+        link.receive(ms(1), &bytes);
+        events(&mut link);
+    }
+}
