@@ -4,7 +4,7 @@
 //! What a chunk is and how it is cut is said in [`cnc_msgs::chunk`]; this
 //! file knows only how they travel.
 
-use crate::client::{CallError, Client};
+use crate::client::{ANSWER_WITHIN, CallError, Client};
 use crate::interface::{Message, Service};
 use crate::node::{Handle, NodeError};
 use crate::qos::Qos;
@@ -107,12 +107,9 @@ pub async fn pull<S: Service, C: Chunk>(
     collector: &mut Collector<C>,
     request: impl Fn(u32) -> S::Request,
     chunks: impl Fn(S::Response) -> Result<Vec<C>, String>,
-) -> Result<(), PullError>
-where
-    S::Request: Clone,
-{
+) -> Result<(), PullError> {
     while let Some(first) = collector.missing() {
-        let response = client.call_idempotent(request(first)).await?;
+        let response = client.call_idempotent(&request(first), ANSWER_WITHIN).await?;
         let service = || client.name().to_owned();
         let chunks = chunks(response)
             .map_err(|message| PullError::Refused { service: service(), message })?;

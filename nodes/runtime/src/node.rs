@@ -174,7 +174,7 @@ impl Handle {
         qos: Qos,
     ) -> Result<Publisher<T>, NodeError> {
         let name = self.inner.names.resolve(topic)?;
-        let dds = self.topic(&format!("rt{name}"), &dds_type(type_name, ""), qos)?;
+        let dds = self.ros_topic(&name, type_name, qos)?;
         let inner = self.with_node(&name, |node| node.create_publisher::<T>(&dds, None))?;
         Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph)))
     }
@@ -317,6 +317,20 @@ impl Handle {
                 shutdown.fail(&format!("task \"{name}\" panicked: {reason}"));
             }
         });
+    }
+
+    pub(crate) fn participant(&self) -> &DomainParticipant {
+        &self.inner.participant
+    }
+
+    /// The DDS topic of an absolute ROS topic.
+    pub(crate) fn ros_topic(
+        &self,
+        name: &str,
+        type_name: &str,
+        qos: Qos,
+    ) -> Result<Topic, NodeError> {
+        self.topic(&format!("rt{name}"), &dds_type(type_name, ""), qos)
     }
 
     fn topic(&self, name: &str, dds_type: &str, qos: Qos) -> Result<Topic, NodeError> {

@@ -1,0 +1,470 @@
+//! The parameters of a node: what there is, what it may be, what it is.
+//!
+//! Pure. Types are strict as in rclcpp: an integer is no double. Where values
+//! come from is the business of `parameter_file`, and how others read and
+//! change them that of `parameter_services`.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// Declared by every node: whether time comes from `/clock`.
+pub const USE_SIM_TIME: &str = "use_sim_time";
+
+/// A value, and with it the type.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ParameterValue {
+    Bool(bool),
+    Integer(i64),
+    Double(f64),
+    String(String),
+    BoolArray(Vec<bool>),
+    IntegerArray(Vec<i64>),
+    DoubleArray(Vec<f64>),
+    StringArray(Vec<String>),
+}
+
+/// What a number may be, both ends included.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Range {
+    Integer { from: i64, to: i64 },
+    Double { from: f64, to: f64 },
+}
+
+/// A parameter that a node has.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Declared {
+    /// With dots for groups and the unit at the end: `limits.feed_mm_per_min`.
+    pub name: String,
+    /// The value without any file or argument; its type is the parameter's.
+    pub default: ParameterValue,
+    /// One sentence with unit and meaning.
+    pub description: String,
+    pub range: Option<Range>,
+    /// The only strings it may be; empty: any.
+    pub choices: Vec<String>,
+    /// Set at the start, never while the node runs.
+    pub read_only: bool,
+}
+
+impl Declared {
+    /// A parameter of any value of the default's type.
+    pub fn new(name: &str, default: impl Into<ParameterValue>, description: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            default: default.into(),
+            description: description.to_owned(),
+            range: None,
+            choices: Vec::new(),
+            read_only: false,
+        }
+    }
+
+    /// Limits a double, or each of an array, to `from..=to`.
+    #[must_use]
+    pub fn within(mut self, from: f64, to: f64) -> Self {
+        self.range = Some(Range::Double { from, to });
+        self
+    }
+
+    /// Limits an integer, or each of an array, to `from..=to`.
+    #[must_use]
+    pub fn integer_within(mut self, from: i64, to: i64) -> Self {
+        self.range = Some(Range::Integer { from, to });
+        self
+    }
+
+    /// Limits a string to these.
+    #[must_use]
+    pub fn one_of(mut self, choices: &[&str]) -> Self {
+        self.choices = choices.iter().map(|choice| (*choice).to_owned()).collect();
+        self
+    }
+
+    /// Cannot be changed while the node runs.
+    #[must_use]
+    pub fn read_only(mut self) -> Self {
+        self.read_only = true;
+        self
+    }
+
+    /// Whether `value` may be given to the parameter; the reason if not.
+    fn check(&self, value: &ParameterValue) -> Result<(), String> {
+        if value.type_name() != self.default.type_name() {
+            let (given, needed) = (value.type_name(), self.default.type_name());
+            let help = match (&self.default, value) {
+                (ParameterValue::Double(_), ParameterValue::Integer(whole)) => {
+                    format!(": write {whole}.0")
+                }
+                (
+                    ParameterValue::String(_),
+                    ParameterValue::Integer(_)
+                    | ParameterValue::Double(_)
+                    | ParameterValue::Bool(_),
+                ) => format!(": write \"{value}\" in quotes"),
+                (ParameterValue::Bool(_), _) => ": write true or false".to_owned(),
+                (ParameterValue::DoubleArray(_), ParameterValue::IntegerArray(_)) => {
+                    ": write each number with a decimal point".to_owned()
+                }
+                _ => String::new(),
+            };
+            return Err(format!("{value} is {given}, and {needed} is needed{help}"));
+        }
+        let doubles: &[f64] = match value {
+            ParameterValue::Double(number) => std::slice::from_ref(number),
+            ParameterValue::DoubleArray(numbers) => numbers,
+            _ => &[],
+        };
+        let integers: &[i64] = match value {
+            ParameterValue::Integer(number) => std::slice::from_ref(number),
+            ParameterValue::IntegerArray(numbers) => numbers,
+            _ => &[],
+        };
+        if doubles.iter().any(|number| number.is_nan()) {
+            return Err("not a number (NaN) is refused".to_owned());
+        }
+        match self.range {
+            Some(Range::Double { from, to }) => {
+                if let Some(bad) = doubles.iter().find(|number| !(from..=to).contains(*number)) {
+                    return Err(format!("{bad} is not within {from} and {to}"));
+                }
+            }
+            Some(Range::Integer { from, to }) => {
+                if let Some(bad) = integers.iter().find(|number| !(from..=to).contains(*number)) {
+                    return Err(format!("{bad} is not within {from} and {to}"));
+                }
+            }
+            None => {}
+        }
+        match value {
+            ParameterValue::String(text)
+                if !self.choices.is_empty() && !self.choices.contains(text) =>
+            {
+                Err(format!("\"{text}\" is none of {}", self.choices.join(", ")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Why a parameter cannot be had or set.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ParameterError {
+    #[error("{origin}parameter \"{name}\": {reason}")]
+    Value { origin: Origin, name: String, reason: String },
+    #[error("{origin}parameter \"{name}\" is not one of this node's: {known}")]
+    Unknown { origin: Origin, name: String, known: String },
+    #[error("parameter \"{name}\" is read-only: it is set at the start of the node")]
+    ReadOnly { name: String },
+    #[error("parameter \"{name}\" is declared twice")]
+    Twice { name: String },
+}
+
+/// Where a value was found; empty when it came over the network.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Origin(pub String);
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.is_empty() { Ok(()) } else { write!(f, "{}: ", self.0) }
+    }
+}
+
+/// A value for a parameter from a file or an argument.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Override {
+    pub name: String,
+    /// `None` is an empty list, which may be any array.
+    pub value: Option<ParameterValue>,
+    pub origin: Origin,
+    /// It stands where it may be meant for other nodes too: if this node has
+    /// no such parameter, that is no error.
+    pub is_shared: bool,
+}
+
+/// All parameters of a node with their values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameters {
+    entries: BTreeMap<String, (Declared, ParameterValue)>,
+}
+
+impl Parameters {
+    /// Declares `use_sim_time` and the given ones, each with its default.
+    ///
+    /// # Errors
+    /// A name twice, or a default outside its own range.
+    pub fn declare(declared: Vec<Declared>) -> Result<Self, ParameterError> {
+        let sim_time =
+            Declared::new(USE_SIM_TIME, false, "whether time comes from the topic /clock");
+        let mut entries = BTreeMap::new();
+        for parameter in std::iter::once(sim_time).chain(declared) {
+            let (name, value) = (parameter.name.clone(), parameter.default.clone());
+            parameter.check(&value).map_err(|reason| ParameterError::Value {
+                origin: Origin("default".to_owned()),
+                name: name.clone(),
+                reason,
+            })?;
+            if entries.insert(name.clone(), (parameter, value)).is_some() {
+                return Err(ParameterError::Twice { name });
+            }
+        }
+        Ok(Self { entries })
+    }
+
+    /// Takes the values of files and arguments, later ones over earlier ones;
+    /// read-only ones too. Returns what was passed over, for the log.
+    ///
+    /// # Errors
+    /// Each value that does not fit; nothing is taken then.
+    pub fn apply(&mut self, overrides: &[Override]) -> Result<Vec<String>, Vec<ParameterError>> {
+        let mut errors = Vec::new();
+        let mut warnings = Vec::new();
+        let mut taken = self.entries.clone();
+        for found in overrides {
+            let Some((declared, value)) = taken.get_mut(&found.name) else {
+                let is_of_ros = found.name.starts_with("qos_overrides.")
+                    || found.name == "start_type_description_service";
+                if found.is_shared || is_of_ros {
+                    let (origin, name) = (&found.origin, &found.name);
+                    warnings.push(format!("{origin}parameter \"{name}\" has no effect here"));
+                } else {
+                    errors.push(self.unknown(&found.name, found.origin.clone()));
+                }
+                continue;
+            };
+            let given = match &found.value {
+                Some(given) => given.clone(),
+                None => declared.default.emptied(),
+            };
+            match declared.check(&given) {
+                Ok(()) => *value = given,
+                Err(reason) => errors.push(ParameterError::Value {
+                    origin: found.origin.clone(),
+                    name: found.name.clone(),
+                    reason,
+                }),
+            }
+        }
+        if errors.is_empty() {
+            self.entries = taken;
+            Ok(warnings)
+        } else {
+            Err(errors)
+        }
+    }
+
+    /// Whether a running node may be given these values, all together.
+    ///
+    /// # Errors
+    /// The first that does not fit.
+    pub fn check(&self, changes: &[(String, ParameterValue)]) -> Result<(), ParameterError> {
+        for (name, value) in changes {
+            let Some((declared, _)) = self.entries.get(name) else {
+                return Err(self.unknown(name, Origin::default()));
+            };
+            if declared.read_only {
+                return Err(ParameterError::ReadOnly { name: name.clone() });
+            }
+            declared.check(value).map_err(|reason| ParameterError::Value {
+                origin: Origin::default(),
+                name: name.clone(),
+                reason,
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Gives a running node these values, all or none.
+    ///
+    /// # Errors
+    /// The first that does not fit.
+    pub fn set(&mut self, changes: &[(String, ParameterValue)]) -> Result<(), ParameterError> {
+        self.check(changes)?;
+        for (name, value) in changes {
+            if let Some((_, current)) = self.entries.get_mut(name) {
+                *current = value.clone();
+            }
+        }
+        Ok(())
+    }
+
+    /// The value of a parameter, if there is one of this name.
+    pub fn get(&self, name: &str) -> Option<&ParameterValue> {
+        self.entries.get(name).map(|(_, value)| value)
+    }
+
+    /// What a parameter may be.
+    pub fn declared(&self, name: &str) -> Option<&Declared> {
+        self.entries.get(name).map(|(declared, _)| declared)
+    }
+
+    /// All parameters in the order of their names.
+    pub fn iter(&self) -> impl Iterator<Item = (&Declared, &ParameterValue)> {
+        self.entries.values().map(|(declared, value)| (declared, value))
+    }
+
+    fn unknown(&self, name: &str, origin: Origin) -> ParameterError {
+        let known: Vec<&str> = self.entries.keys().map(String::as_str).collect();
+        ParameterError::Unknown { origin, name: name.to_owned(), known: known.join(", ") }
+    }
+}
+
+impl ParameterValue {
+    /// The type with its article, for messages.
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            Self::Bool(_) => "a bool",
+            Self::Integer(_) => "an integer",
+            Self::Double(_) => "a double",
+            Self::String(_) => "a string",
+            Self::BoolArray(_) => "an array of bools",
+            Self::IntegerArray(_) => "an array of integers",
+            Self::DoubleArray(_) => "an array of doubles",
+            Self::StringArray(_) => "an array of strings",
+        }
+    }
+
+    /// The empty array of the same type; other values as they are.
+    fn emptied(&self) -> Self {
+        match self {
+            Self::BoolArray(_) => Self::BoolArray(Vec::new()),
+            Self::IntegerArray(_) => Self::IntegerArray(Vec::new()),
+            Self::DoubleArray(_) => Self::DoubleArray(Vec::new()),
+            Self::StringArray(_) => Self::StringArray(Vec::new()),
+            // Not an array: an empty one does not fit, whatever its type.
+            _ => Self::StringArray(Vec::new()),
+        }
+    }
+}
+
+impl fmt::Display for ParameterValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bool(value) => write!(f, "{value}"),
+            Self::Integer(value) => write!(f, "{value}"),
+            Self::Double(value) => write!(f, "{value:?}"),
+            Self::String(value) => f.write_str(value),
+            Self::BoolArray(values) => write!(f, "{values:?}"),
+            Self::IntegerArray(values) => write!(f, "{values:?}"),
+            Self::DoubleArray(values) => write!(f, "{values:?}"),
+            Self::StringArray(values) => write!(f, "{values:?}"),
+        }
+    }
+}
+
+macro_rules! from {
+    ($($kind:ty => $variant:ident),*) => {
+        $(impl From<$kind> for ParameterValue {
+            fn from(value: $kind) -> Self {
+                Self::$variant(value.into())
+            }
+        })*
+    };
+}
+from!(bool => Bool, i64 => Integer, f64 => Double, &str => String, String => String,
+    Vec<bool> => BoolArray, Vec<i64> => IntegerArray, Vec<f64> => DoubleArray,
+    Vec<String> => StringArray);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn declared() -> Vec<Declared> {
+        vec![
+            Declared::new("port", "", "the serial port").read_only(),
+            Declared::new("baud", 115_200, "bits per second").integer_within(1200, 4_000_000),
+            Declared::new("hold_latency_ms_max", 20.0, "ms").within(1.0, 1000.0),
+            Declared::new("controller", "rs274", "the profile").one_of(&["rs274", "masso"]),
+            Declared::new("home_axes", Vec::<i64>::new(), "axes").integer_within(0, 5),
+        ]
+    }
+
+    fn parameters() -> Parameters {
+        Parameters::declare(declared()).expect("valid")
+    }
+
+    fn found(name: &str, value: impl Into<ParameterValue>) -> Override {
+        Override {
+            name: name.into(),
+            value: Some(value.into()),
+            origin: Origin("f.yaml:3".into()),
+            is_shared: false,
+        }
+    }
+
+    #[test]
+    fn a_value_that_does_not_fit_is_refused_with_its_place_and_a_help() {
+        let table: Vec<(Override, &str)> = vec![
+            (found("hold_latency_ms_max", 5), "5 is an integer, and a double is needed: write 5.0"),
+            (found("port", 5), "write \"5\" in quotes"),
+            (found("use_sim_time", "yes"), "write true or false"),
+            (found("baud", 9600.5), "9600.5 is a double, and an integer is needed"),
+            (found("hold_latency_ms_max", f64::NAN), "NaN"),
+            (found("hold_latency_ms_max", f64::INFINITY), "not within 1 and 1000"),
+            (found("baud", 300), "300 is not within 1200 and 4000000"),
+            (found("home_axes", vec![0, 9]), "9 is not within 0 and 5"),
+            (found("controller", "fanuc"), "\"fanuc\" is none of rs274, masso"),
+            (found("prot", "/dev/ttyS0"), "not one of this node's: baud, controller"),
+        ];
+        for (bad, part) in table {
+            let mut parameters = parameters();
+            let errors = parameters.apply(std::slice::from_ref(&bad)).expect_err(part);
+            let text = errors[0].to_string();
+            assert!(text.starts_with("f.yaml:3: ") && text.contains(part), "{text}");
+            assert_eq!(parameters, self::parameters(), "nothing is taken");
+        }
+    }
+
+    #[test]
+    fn later_values_win_and_all_errors_are_told_at_once() {
+        let mut parameters = parameters();
+        let overrides = [found("baud", 9600), found("port", "a"), found("baud", 19_200)];
+        assert_eq!(parameters.apply(&overrides), Ok(vec![]));
+        assert_eq!(parameters.get("baud"), Some(&ParameterValue::Integer(19_200)));
+        assert_eq!(parameters.get("port"), Some(&"a".into()));
+        let bad = [found("baud", 1), found("x", 1), found("controller", 1)];
+        assert_eq!(parameters.apply(&bad).expect_err("three").len(), 3);
+    }
+
+    #[test]
+    fn what_may_be_meant_for_others_is_only_a_warning() {
+        let mut parameters = parameters();
+        let shared = Override { is_shared: true, ..found("others", 1) };
+        let qos = found("qos_overrides./tf.publisher.depth", 5);
+        assert_eq!(parameters.apply(&[shared, qos]).expect("warnings").len(), 2);
+    }
+
+    #[test]
+    fn an_empty_list_is_any_array_but_no_scalar() {
+        let mut parameters = parameters();
+        let empty = |name: &str| Override { value: None, ..found(name, 0) };
+        assert_eq!(
+            parameters.apply(&[found("home_axes", vec![1]), empty("home_axes")]),
+            Ok(vec![])
+        );
+        assert_eq!(parameters.get("home_axes"), Some(&ParameterValue::IntegerArray(vec![])));
+        assert!(parameters.apply(&[empty("baud")]).is_err());
+        assert!(parameters.apply(&[empty("port")]).is_err());
+    }
+
+    #[test]
+    fn a_running_node_takes_all_changes_or_none_and_no_read_only_one() {
+        let mut parameters = parameters();
+        let good = ("baud".to_owned(), ParameterValue::Integer(9600));
+        let fixed = ("port".to_owned(), ParameterValue::from("b"));
+        let error = parameters.set(&[good.clone(), fixed]).expect_err("read-only");
+        assert!(error.to_string().contains("read-only"), "{error}");
+        assert_eq!(parameters.get("baud"), Some(&ParameterValue::Integer(115_200)));
+        parameters.set(&[good]).expect("fits");
+        assert_eq!(parameters.get("baud"), Some(&ParameterValue::Integer(9600)));
+    }
+
+    #[test]
+    fn a_declaration_is_checked_too() {
+        let twice = vec![Declared::new("a", 1, ""), Declared::new("a", 2, "")];
+        assert!(Parameters::declare(twice).is_err());
+        let outside = vec![Declared::new("a", 1.0, "").within(2.0, 3.0)];
+        assert!(Parameters::declare(outside).is_err());
+        assert!(Parameters::declare(vec![Declared::new(USE_SIM_TIME, true, "")]).is_err());
+        assert!(parameters().get(USE_SIM_TIME).is_some());
+    }
+}

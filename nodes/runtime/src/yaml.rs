@@ -1,0 +1,121 @@
+//! YAML files with errors that say where.
+//!
+//! For tool tables, profiles and parameter files. Knows files and places;
+//! what the content means is the reader's business.
+
+use serde::de::DeserializeOwned;
+use std::path::Path;
+
+/// Files over this size are refused unread: 16 MiB.
+const FILE_MAX: u64 = 16 * 1024 * 1024;
+
+/// What is wrong with a file, and where.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{file}{}{}: {reason}", place(*line), place(*column))]
+pub struct FileError {
+    pub file: String,
+    /// 1-based, where known.
+    pub line: Option<usize>,
+    /// 1-based, where known.
+    pub column: Option<usize>,
+    pub reason: String,
+}
+
+fn place(number: Option<usize>) -> String {
+    number.map(|number| format!(":{number}")).unwrap_or_default()
+}
+
+impl FileError {
+    pub(crate) fn new(file: &str, line: Option<usize>, reason: impl Into<String>) -> Self {
+        Self { file: file.to_owned(), line, column: None, reason: reason.into() }
+    }
+}
+
+/// Reads a value from YAML text; `file` names it in errors.
+///
+/// # Errors
+/// Not YAML, or not of the form of `T`.
+pub fn from_yaml_str<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, FileError> {
+    serde_yaml::from_str(text).map_err(|error| {
+        let location = error.location();
+        let message = error.to_string();
+        // The place is told in front, where editors find it.
+        let reason = match message.rfind(" at line ") {
+            Some(end) if location.is_some() => message[..end].to_owned(),
+            _ => message,
+        };
+        FileError {
+            file: file.to_owned(),
+            line: location.as_ref().map(serde_yaml::Location::line),
+            column: location.as_ref().map(serde_yaml::Location::column),
+            reason,
+        }
+    })
+}
+
+/// Reads a value from a YAML file.
+///
+/// # Errors
+/// The file cannot be read, is not UTF-8, is not YAML, or not of the form of `T`.
+pub fn from_yaml_file<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
+    from_yaml_str(&read_text(path)?, &path.display().to_string())
+}
+
+/// Reads a text file of at most 16 MiB.
+///
+/// # Errors
+/// The file cannot be read, is too long, or is not UTF-8.
+pub(crate) fn read_text(path: &Path) -> Result<String, FileError> {
+    let name = path.display().to_string();
+    let told = |error: std::io::Error| FileError::new(&name, None, error.to_string());
+    let size = std::fs::metadata(path).map_err(told)?.len();
+    if size > FILE_MAX {
+        let reason = format!("{size} bytes; at most {FILE_MAX} are read");
+        return Err(FileError::new(&name, None, reason));
+    }
+    let bytes = std::fs::read(path).map_err(told)?;
+    String::from_utf8(bytes).map_err(|error| {
+        let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = 1 + good.iter().filter(|byte| **byte == b'\n').count();
+        FileError::new(&name, Some(line), "a byte here is not UTF-8")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, PartialEq, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Tool {
+        diameter_mm: f64,
+    }
+
+    #[test]
+    fn errors_name_file_line_and_column() {
+        let table = [
+            ("diameter_mm: 1.0\nlength: 2\n", "t.yaml:2:1: unknown field `length`"),
+            ("diameter_mm: wide\n", "t.yaml:1:14: "),
+            ("diameter_mm: [1\n", "t.yaml:"),
+            ("\tx", "t.yaml:1:"),
+        ];
+        for (text, start) in table {
+            let error = from_yaml_str::<Tool>(text, "t.yaml").expect_err(text).to_string();
+            assert!(error.starts_with(start), "{error}");
+            assert!(!error.contains(" at line "), "{error}");
+        }
+    }
+
+    #[test]
+    fn files_that_cannot_be_read_say_why() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let missing = from_yaml_file::<Tool>(&folder.path().join("none.yaml")).expect_err("none");
+        assert!(missing.to_string().contains("none.yaml: No such file"), "{missing}");
+        let binary = folder.path().join("binary.yaml");
+        std::fs::write(&binary, b"diameter_mm: 1\n# \xff\n").expect("written");
+        let error = from_yaml_file::<Tool>(&binary).expect_err("not UTF-8");
+        assert_eq!(error.line, Some(2), "{error}");
+        assert!(from_yaml_file::<Tool>(folder.path()).is_err());
+    }
+}
