@@ -204,6 +204,21 @@ impl<W: Write> BagWriter<W> {
         Ok(())
     }
 
+    /// Writes one message with the sequence number it had, for copies of bags.
+    pub fn write_with_sequence(
+        &mut self,
+        channel: ChannelIndex,
+        sequence: u32,
+        log_time_ns: u64,
+        publish_time_ns: u64,
+        data: &[u8],
+    ) -> Result<(), BagWriteError> {
+        if let Some(state) = self.channels.get_mut(usize::from(channel.0)) {
+            state.next_sequence = sequence;
+        }
+        self.write(channel, log_time_ns, publish_time_ns, data)
+    }
+
     /// Leaves a gap of `count` in a channel's sequence numbers, for messages known to be lost.
     pub fn skip(&mut self, channel: ChannelIndex, count: u32) -> Result<(), BagWriteError> {
         let state = self
@@ -311,7 +326,7 @@ impl<W: Write> Drop for BagWriter<W> {
     }
 }
 
-fn check_spec(spec: &ChannelSpec) -> Result<(), BagWriteError> {
+pub(crate) fn check_spec(spec: &ChannelSpec) -> Result<(), BagWriteError> {
     if !spec.topic.starts_with('/') || spec.topic.len() < 2 {
         return Err(BagWriteError::TopicName(spec.topic.clone()));
     }

@@ -10,8 +10,19 @@ mod bag_messages;
 mod bag_problem;
 pub mod bag_reader;
 pub mod bag_writer;
+pub mod decode;
+pub mod diff;
+#[cfg(feature = "std-fs")]
+pub mod files;
+pub mod info;
 pub mod metadata;
 pub mod qos;
 mod records;
+pub mod recover;
+#[cfg(feature = "std-fs")]
+pub mod run_bag;
 mod scan;
 pub mod schema;
+pub mod value;
+#[cfg(feature = "std-fs")]
+mod write_queue;

@@ -1,0 +1,163 @@
+//! What a bag holds, as a value and as text for `kerf bag info`.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::io::{Read, Seek};
+
+use serde::Serialize;
+
+use crate::bag_reader::{Bag, RUN_RECORD};
+
+/// One topic.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct TopicInfo {
+    pub topic: String,
+    /// `package/msg/Type`, empty if the bag does not say.
+    pub type_name: String,
+    pub type_hash: String,
+    pub message_count: u64,
+}
+
+/// One file inside the bag.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct AttachmentInfo {
+    pub name: String,
+    pub media_type: String,
+    /// Bytes.
+    pub size: u64,
+}
+
+/// What a bag holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct BagInfo {
+    /// What the caller calls the bag, its path for example.
+    pub bag: String,
+    /// The program that wrote it.
+    pub library: String,
+    /// Closed properly, nothing lost, nothing damaged as far as was read.
+    pub complete: bool,
+    /// What is wrong, a sentence each.
+    pub problems: Vec<String>,
+    pub message_count: u64,
+    /// Log time of the first message, nanoseconds since the epoch.
+    pub start_ns: Option<u64>,
+    /// From the first to the last message, nanoseconds.
+    pub duration_ns: u64,
+    pub topics: Vec<TopicInfo>,
+    pub attachments: Vec<AttachmentInfo>,
+    /// The run's own keys and values: id, program, checksums.
+    pub run: BTreeMap<String, String>,
+}
+
+impl BagInfo {
+    /// Takes stock of an opened bag. Call [`Bag::verify`] before, and damage inside chunks shows too.
+    pub fn new<R: Read + Seek>(name: &str, bag: &Bag<R>) -> Self {
+        let summary = bag.summary();
+        Self {
+            bag: name.to_owned(),
+            library: bag.library().to_owned(),
+            complete: bag.is_complete(),
+            problems: bag.problems().iter().map(ToString::to_string).collect(),
+            message_count: summary.message_count,
+            start_ns: summary.time_range_ns.map(|(start, _)| start),
+            duration_ns: summary.duration_ns(),
+            topics: summary
+                .topics
+                .into_iter()
+                .map(|topic| TopicInfo {
+                    topic: topic.topic,
+                    type_name: topic.type_name,
+                    type_hash: topic.type_hash,
+                    message_count: topic.message_count,
+                })
+                .collect(),
+            attachments: bag
+                .attachments()
+                .iter()
+                .map(|attachment| AttachmentInfo {
+                    name: attachment.name.clone(),
+                    media_type: attachment.media_type.clone(),
+                    size: attachment.size,
+                })
+                .collect(),
+            run: bag.metadata_named(RUN_RECORD).cloned().unwrap_or_default(),
+        }
+    }
+}
+
+impl fmt::Display for BagInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "bag:         {}", self.bag)?;
+        writeln!(f, "written by:  {}", self.library)?;
+        let complete = if self.complete { "yes" } else { "no" };
+        writeln!(f, "complete:    {complete}")?;
+        for problem in &self.problems {
+            writeln!(f, "             {problem}")?;
+        }
+        if let Some(start) = self.start_ns {
+            writeln!(f, "start:       {} UTC", utc(start))?;
+        }
+        writeln!(f, "duration:    {:.3} s", self.duration_ns as f64 / 1e9)?;
+        writeln!(f, "messages:    {}", self.message_count)?;
+        for (key, value) in &self.run {
+            writeln!(f, "run:         {key} = {value}")?;
+        }
+        for attachment in &self.attachments {
+            let AttachmentInfo { name, media_type, size } = attachment;
+            writeln!(f, "attachment:  {name} ({media_type}, {size} bytes)")?;
+        }
+        let width = |text: fn(&TopicInfo) -> usize| self.topics.iter().map(text).max().unwrap_or(0);
+        let topic_width = width(|topic| topic.topic.len());
+        let type_width = width(|topic| topic.type_name.len());
+        for topic in &self.topics {
+            writeln!(
+                f,
+                "topic:       {:topic_width$}  {:type_width$}  {:>9}",
+                topic.topic, topic.type_name, topic.message_count
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// `2026-03-01 12:00:00.250`, from nanoseconds since the epoch.
+fn utc(time_ns: u64) -> String {
+    let milliseconds = time_ns / 1_000_000;
+    let seconds = milliseconds / 1000;
+    let of_day = seconds % 86_400;
+    // Days since 0000-03-01, so that the leap day is a year's last.
+    let days = seconds / 86_400 + 719_468;
+    let of_era = days % 146_097;
+    let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = (month_from_march + 2) % 12 + 1;
+    let year = year_of_era + days / 146_097 * 400 + u64::from(month <= 2);
+    format!(
+        "{year:04}-{month:02}-{day:02} {:02}:{:02}:{:02}.{:03}",
+        of_day / 3600,
+        of_day / 60 % 60,
+        of_day % 60,
+        milliseconds % 1000
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::utc;
+
+    #[test]
+    fn times_are_told_by_the_calendar() {
+        let cases = [
+            (0, "1970-01-01 00:00:00.000"),
+            (951_782_399_999, "2000-02-28 23:59:59.999"),
+            (951_782_400_000, "2000-02-29 00:00:00.000"),
+            (1_772_366_400_250, "2026-03-01 12:00:00.250"),
+            (4_107_542_400_000, "2100-03-01 00:00:00.000"),
+        ];
+        for (milliseconds, expected) in cases {
+            assert_eq!(utc(milliseconds * 1_000_000), expected);
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! Bags that broke off or were damaged: what can be read is read, and nothing panics.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use common::*;
+use run_recorder::bag_reader::{Bag, Problem};
+use run_recorder::bag_writer::LIBRARY;
+use run_recorder::info::BagInfo;
+use run_recorder::recover::recover;
+
+#[test]
+fn a_bag_cut_at_any_byte_gives_everything_flushed_before() {
+    let (bytes, flushes) = bag_bytes(60, 7);
+    for length in 0..bytes.len() {
+        let cut = Cursor::new(bytes[..length].to_vec());
+        let flushed = flushes.iter().rev().find(|(size, _)| *size <= length);
+        let mut bag = match Bag::open("cut.mcap", cut) {
+            Ok(bag) => bag,
+            Err(error) => {
+                assert!(flushed.is_none(), "cut at {length}: {error}");
+                continue;
+            }
+        };
+        assert!(!bag.is_complete(), "cut at {length}");
+        let messages = read_all(&mut bag);
+        let wanted = flushed.map_or(0, |(_, count)| *count);
+        // A chunk that was whole before its flush was reported may be there too.
+        assert!(messages.len() >= wanted, "cut at {length}");
+        if let Some((_, count)) = flushed
+            && flushes.iter().any(|(size, _)| *size == length)
+        {
+            assert_eq!(messages.len(), *count, "cut at {length}");
+        }
+        assert_eq!(bag.summary().message_count, messages.len() as u64);
+    }
+}
+
+#[test]
+fn any_byte_changed_never_panics_and_never_gives_a_wrong_message() {
+    let (bytes, _) = bag_bytes(60, 20);
+    let original = read_all(&mut open(&bytes));
+    for at in 0..bytes.len() {
+        let mut changed = bytes.clone();
+        changed[at] ^= 0x55;
+        let Ok(mut bag) = Bag::open("changed.mcap", Cursor::new(changed)) else {
+            continue;
+        };
+        for message in bag.messages() {
+            let message = message.unwrap();
+            assert!(
+                original.iter().any(|m| m.data == message.data && m.sequence == message.sequence),
+                "byte {at}: {message:?}"
+            );
+        }
+        let info = BagInfo::new("changed", &bag).to_string();
+        assert!(info.contains("messages:"));
+    }
+}
+
+#[test]
+fn a_damaged_chunk_is_left_out_and_named_by_its_place() {
+    let (mut bytes, flushes) = bag_bytes(60, 20);
+    let start = flushes[1].0;
+    // Well inside the compressed part of the second chunk of messages.
+    bytes[start + 9 + 60 + 40] ^= 0xff;
+    let mut bag = open(&bytes);
+    bag.verify().unwrap();
+    assert!(!bag.is_complete());
+    let Problem::DamagedChunk { at, .. } = &bag.problems()[0] else {
+        panic!("{:?}", bag.problems());
+    };
+    assert_eq!(*at, start as u64);
+    assert_eq!(bag.problems()[1], Problem::MessagesMissing { promised: 60, found: 40 });
+    assert_eq!(read_all(&mut bag).len(), 40);
+}
+
+#[test]
+fn a_wrong_checksum_of_an_uncompressed_chunk_is_found() {
+    let mut bytes = Vec::new();
+    let options = mcap::WriteOptions::new().profile("ros2").compression(None);
+    let mut writer = options.create(Cursor::new(&mut bytes)).unwrap();
+    let schema = writer.add_schema("a/msg/A", "ros2msg", b"uint8 a\n").unwrap();
+    let channel = writer.add_channel(schema, "/a", "cdr", &BTreeMap::new()).unwrap();
+    let header = |log_time| mcap::records::MessageHeader {
+        channel_id: channel,
+        sequence: 0,
+        log_time,
+        publish_time: 0,
+    };
+    writer.write_to_known_channel(&header(1), b"\0\x01\0\0needle").unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    assert_eq!(open(&bytes).messages().count(), 1);
+    let at = bytes.windows(6).position(|bytes| bytes == b"needle").unwrap();
+    bytes[at] ^= 1;
+    let mut bag = open(&bytes);
+    assert_eq!(bag.messages().count(), 0);
+    let problem = bag.problems()[0].to_string();
+    assert!(problem.contains("checksum"), "{problem}");
+}
+
+#[test]
+fn bags_without_chunks_index_or_schema_are_read() {
+    let mut bytes = Vec::new();
+    let options =
+        mcap::WriteOptions::new().profile("ros2").use_chunks(false).emit_summary_records(false);
+    let mut writer = options.create(Cursor::new(&mut bytes)).unwrap();
+    let channel = writer.add_channel(0, "/a", "cdr", &BTreeMap::new()).unwrap();
+    for log_time in [5, 3, 4] {
+        let header = mcap::records::MessageHeader {
+            channel_id: channel,
+            sequence: 0,
+            log_time,
+            publish_time: 0,
+        };
+        writer.write_to_known_channel(&header, b"\0\x01\0\0").unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    let mut bag = open(&bytes);
+    let times: Vec<_> = bag.messages().map(|m| m.unwrap().log_time_ns).collect();
+    assert_eq!(times, [3, 4, 5]);
+    assert_eq!(bag.channels()[0].message_count, 3);
+    let expected = Problem::SchemaMissing { topic: "/a".into() };
+    assert_eq!(bag.problems(), [expected]);
+}
+
+#[test]
+fn several_files_are_one_bag() {
+    use run_recorder::bag_reader::BagSource;
+    let (first, _) = bag_bytes(30, 10);
+    let (second, _) = bag_bytes(60, 10);
+    let sources =
+        [first, second].map(|bytes| BagSource { name: "part".into(), reader: Cursor::new(bytes) });
+    let mut bag = Bag::from_sources(sources.into()).unwrap();
+    assert_eq!(bag.channels().len(), 2);
+    assert_eq!(bag.summary().message_count, 90);
+    let messages = read_all(&mut bag);
+    assert_eq!(messages.len(), 90);
+    assert!(messages.is_sorted_by_key(|m| m.log_time_ns));
+}
+
+#[test]
+fn recovering_a_broken_off_bag_makes_a_finished_one_that_says_what_is_missing() {
+    let (bytes, flushes) = bag_bytes(60, 20);
+    let mut broken = open(&bytes[..flushes[2].0 + 100]);
+    let kept = read_all(&mut broken);
+    assert_eq!(kept.len(), 40);
+    let (copy, recovered) =
+        recover(&mut broken, Vec::new(), "copy_0.mcap", &BTreeMap::new()).unwrap();
+    assert_eq!(recovered.summary.message_count, 40);
+    assert_eq!(recovered.left_out, []);
+    let mut bag = open(&copy);
+    let messages = read_all(&mut bag);
+    assert_eq!(messages.len(), 40);
+    assert!(messages.iter().zip(&kept).all(|(a, b)| a == b));
+    // Closed, but not complete, and it knows why.
+    let [Problem::RecorderSays { reason }] = bag.problems() else {
+        panic!("{:?}", bag.problems());
+    };
+    assert!(reason.contains("without a footer") || reason.contains("claims"), "{reason}");
+}
+
+#[test]
+fn recovering_a_whole_bag_copies_it() {
+    let (bytes, _) = bag_bytes(60, 20);
+    let mut bag = open(&bytes);
+    let original = read_all(&mut bag);
+    let (copy, _) = recover(&mut bag, Vec::new(), "c_0.mcap", &BTreeMap::new()).unwrap();
+    let mut copied = open(&copy);
+    assert!(copied.is_complete());
+    assert_eq!(read_all(&mut copied), original);
+}
+
+#[test]
+fn info_tells_what_is_in_a_bag() {
+    let (bytes, _) = bag_bytes(60, 20);
+    let text = BagInfo::new("r1", &open(&bytes)).to_string();
+    let expected = format!(
+        "\
+bag:         r1
+written by:  {LIBRARY}
+complete:    yes
+start:       1970-01-01 00:00:01.000 UTC
+duration:    0.059 s
+messages:    60
+topic:       /mill/log   std_msgs/msg/String                    20
+topic:       /mill/tool  geometry_msgs/msg/PointStamped         40
+"
+    );
+    assert_eq!(text, expected);
+}
