@@ -1,1 +1,295 @@
 //! Part program text to programmed contour.
+//!
+//! ```text
+//! bytes --line--> lexer --Block--> interpreter --events--> ProgrammedContour
+//!                    \__ dialect: what a word means __/
+//! ```
+//!
+//! The loader knows the languages of controls: how words are written, what
+//! they mean, in which order a block is executed, where the tool is. It knows
+//! no tool table and no geometry of compensation; that is the planner's. All
+//! findings of a program are collected, each with its place.
+//!
+//! What RS-274 leaves open is decided so: F is in the units of its own block
+//! (grbl); the radii of an arc may differ as LinuxCNC allows, but never by more
+//! than grbl allows; `G80` may stand beside G0 to G3; `G41 D0` is the tool in
+//! the spindle (LinuxCNC); G64, G61, G94, G97, G98 and G99 are accepted and
+//! change nothing, because a driver plans its own path; M48, M49 and M100 to
+//! M199 go to the machine as they are.
+
+mod bounds;
+mod dialect;
+mod findings;
+mod interpreter;
+mod lexer;
+mod line;
+mod number;
+mod rules;
+
+pub mod canonical;
+pub mod limits;
+pub mod render;
+
+pub use bounds::Bounds;
+
+use cnc_msgs::contour::{ProgrammedContour, Source};
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::geometry::Position;
+use cnc_msgs::profile::Profile;
+use findings::Findings;
+use interpreter::{Interpreter, code_in_tenths};
+use lexer::Block;
+use line::Line;
+use rules::Rules;
+
+/// How a program is loaded.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LoadOptions {
+    /// Where the tool is before the first block, in the work frame, mm.
+    pub start: Position,
+    /// Whether blocks that begin with `/` are left out.
+    pub block_delete: bool,
+}
+
+/// A program that was read.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Loaded {
+    /// What it means; without events if any diagnostic is an error.
+    pub contour: ProgrammedContour,
+    /// All findings in the order of the program.
+    pub diagnostics: Vec<Diagnostic>,
+    /// Lines of the text.
+    pub line_count: u32,
+    /// The box around all motion; `None` without motion or with an error.
+    pub bounds: Option<Bounds>,
+}
+
+impl Loaded {
+    /// Whether the program may go on to the planner.
+    pub fn is_accepted(&self) -> bool {
+        !self.diagnostics.iter().any(Diagnostic::is_error)
+    }
+}
+
+/// Reads a part program in the dialect of a control.
+///
+/// Never fails: what is wrong is in the diagnostics. The text should be UTF-8
+/// or ASCII; other bytes are taken in comments only. Time and memory are
+/// linear in the length of the text.
+pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
+    let (rules, wrong_words) = Rules::of(profile);
+    let mut findings = Findings::default();
+    for wrong in wrong_words {
+        findings.begin_block();
+        findings.push(wrong);
+    }
+    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
+    // DOS ended its texts with this.
+    let text = text.strip_suffix(b"\x1A").unwrap_or(text);
+    let line_feeds = memchr::memchr_iter(b'\n', text).count();
+    let lines = line_feeds + usize::from(text.last().is_some_and(|&last| last != b'\n'));
+    let line_count = u32::try_from(lines).unwrap_or(u32::MAX);
+
+    if let Some(refusal) = refuse_whole(text, line_count) {
+        findings.push(refusal);
+        let contour = ProgrammedContour { start: options.start, ..ProgrammedContour::default() };
+        return Loaded { contour, diagnostics: findings.finish(), line_count, bounds: None };
+    }
+    let interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
+    let mut reader = Reader {
+        rules: &rules,
+        options,
+        interpreter,
+        findings,
+        block: Block::default(),
+        stage: Stage::Before,
+    };
+    reader.read(text);
+    let diagnostics = reader.findings.finish();
+    let (mut contour, mut bounds) = reader.interpreter.finish();
+    if diagnostics.iter().any(Diagnostic::is_error) {
+        contour.events = Vec::new();
+        bounds = None;
+    }
+    Loaded { contour, diagnostics, line_count, bounds }
+}
+
+/// What is refused without a look at its lines.
+fn refuse_whole(text: &[u8], line_count: u32) -> Option<Diagnostic> {
+    let nowhere = Source::default();
+    if text.len() > limits::PROGRAM_BYTES_MAX {
+        let message = format!(
+            "the program has {} bytes; {} are the limit",
+            text.len(),
+            limits::PROGRAM_BYTES_MAX
+        );
+        return Some(Diagnostic::error(Code::Limit, nowhere, message).help("split the program"));
+    }
+    if line_count > limits::LINES_MAX {
+        let message =
+            format!("the program has {line_count} lines; {} are the limit", limits::LINES_MAX);
+        return Some(Diagnostic::error(Code::Limit, nowhere, message).help("split the program"));
+    }
+    if text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF") {
+        let message = "the program is UTF-16 text";
+        let help = "save it as plain text (ASCII or UTF-8)";
+        return Some(Diagnostic::error(Code::Syntax, nowhere, message).help(help));
+    }
+    None
+}
+
+/// Which part of the text is read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Stage {
+    /// No block yet.
+    Before,
+    /// Between the first block, or `%`, and the end.
+    Within,
+    /// Behind the end in this line.
+    Behind { end_line: u32, is_reported: bool },
+}
+
+struct Reader<'r> {
+    rules: &'r Rules<'r>,
+    options: &'r LoadOptions,
+    interpreter: Interpreter<'r>,
+    findings: Findings,
+    block: Block,
+    stage: Stage,
+}
+
+impl Reader<'_> {
+    fn read(&mut self, text: &[u8]) {
+        let mut number = 0;
+        let mut start = 0;
+        let mut has_blocks = false;
+        let mut is_binary = false;
+        for end in memchr::memchr_iter(b'\n', text).chain(std::iter::once(text.len())) {
+            number += 1;
+            let line = &text[start..end];
+            start = end + 1;
+            let line = Line { number, text: line.strip_suffix(b"\r").unwrap_or(line) };
+            self.findings.begin_block();
+            if line.text.len() > limits::LINE_BYTES_MAX {
+                self.too_long(line);
+                has_blocks = true;
+                continue;
+            }
+            if self.percent(line) || self.is_deleted(line) {
+                continue;
+            }
+            if let Stage::Behind { .. } = self.stage {
+                if self.is_reported_behind(line) {
+                    break;
+                }
+                continue;
+            }
+            lexer::read(line, &self.rules.dialect.lexer, &mut self.block, &mut self.findings);
+            if self.block.is_binary {
+                is_binary = true;
+                break;
+            }
+            if self.block.words.is_empty() && !self.block.is_damaged {
+                continue;
+            }
+            has_blocks = true;
+            self.stage = Stage::Within;
+            if self.interpreter.execute(line, &self.block, &mut self.findings) {
+                self.stage = Stage::Behind { end_line: number, is_reported: false };
+            }
+        }
+        self.findings.begin_block();
+        if is_binary {
+            return;
+        }
+        if !has_blocks {
+            let message = "the program has no blocks";
+            self.findings.push(
+                Diagnostic::warning(Code::MissingWord, Source::default(), message)
+                    .help("nothing will move; is it the right file?"),
+            );
+        } else if !matches!(self.stage, Stage::Behind { .. }) {
+            let is_empty_line = text.last() == Some(&b'\n');
+            let line = number - u32::from(is_empty_line);
+            let source = Source { line, column: 1, ..Source::default() };
+            let message = "the program has no end";
+            self.findings.push(
+                Diagnostic::warning(Code::MissingWord, source, message)
+                    .help("is the file complete? programs end with M2 or M30"),
+            );
+        }
+    }
+
+    /// A line that begins with `%`: a tape mark, or the name of a program.
+    #[inline]
+    fn percent(&mut self, line: Line<'_>) -> bool {
+        let visible = line.text.trim_ascii_start();
+        if visible.first() != Some(&b'%') {
+            return false;
+        }
+        let is_first = self.stage == Stage::Before;
+        if !self.rules.dialect.percent_delimits {
+            // The name of the program; the name of another one ends this one.
+            if !is_first && self.stage == Stage::Within {
+                self.stage = Stage::Behind { end_line: line.number, is_reported: false };
+            }
+            return true;
+        }
+        let rest = visible[1..].trim_ascii();
+        if !rest.is_empty() && !matches!(rest[0], b'(' | b';') {
+            let start = line.text.len() - visible.len();
+            let source = line.source(None, start, start + visible.trim_ascii_end().len());
+            let message = "% stands alone in its line";
+            self.findings.push(
+                Diagnostic::error(Code::Syntax, source, message)
+                    .help("delete what follows it, or put it into a comment ( )"),
+            );
+        }
+        self.stage = match self.stage {
+            Stage::Before => Stage::Within,
+            Stage::Within => Stage::Behind { end_line: line.number, is_reported: false },
+            behind @ Stage::Behind { .. } => behind,
+        };
+        true
+    }
+
+    #[inline]
+    fn is_deleted(&self, line: Line<'_>) -> bool {
+        self.options.block_delete && line.text.trim_ascii_start().first() == Some(&b'/')
+    }
+
+    /// Says once that blocks behind the end are not run; whether that has been said.
+    #[cold]
+    fn is_reported_behind(&mut self, line: Line<'_>) -> bool {
+        let Stage::Behind { end_line, is_reported } = self.stage else { return false };
+        let visible = line.text.trim_ascii();
+        let is_remark = visible.is_empty() || matches!(visible[0], b'(' | b';');
+        if !is_remark && !is_reported {
+            let start = line.text.len() - line.text.trim_ascii_start().len();
+            let source = line.source(None, start, start + visible.len());
+            let message = format!("this stands behind the end of the program in line {end_line}");
+            self.findings.push(
+                Diagnostic::warning(Code::Syntax, source, message)
+                    .help("it is not run; delete it, or delete the end before it"),
+            );
+            self.stage = Stage::Behind { end_line, is_reported: true };
+        }
+        matches!(self.stage, Stage::Behind { is_reported: true, .. })
+    }
+
+    #[cold]
+    fn too_long(&mut self, line: Line<'_>) {
+        let message = format!(
+            "the line has {} bytes; {} are the limit",
+            line.text.len(),
+            limits::LINE_BYTES_MAX
+        );
+        let source = line.source(None, 0, limits::LINE_BYTES_MAX);
+        self.findings
+            .push(Diagnostic::error(Code::Limit, source, message).help("write one block a line"));
+        self.interpreter.lose_line();
+        if self.stage == Stage::Before {
+            self.stage = Stage::Within;
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! The box around a programmed contour.
+
+use cnc_msgs::geometry::{Arc, AxisSet, Position};
+
+/// The box that holds every programmed motion, in the work frame, mm, without
+/// the way from the start to the first programmed position.
+///
+/// Moves in machine coordinates and to reference positions are not in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    pub min: Position,
+    pub max: Position,
+    /// Axes that the program names; the others have no meaning here.
+    pub axes: AxisSet,
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], axes: AxisSet::NONE }
+    }
+}
+
+impl Bounds {
+    /// Takes in the end of a motion.
+    #[inline]
+    pub(crate) fn add_end(&mut self, end: Position, axes: AxisSet) {
+        for (axis, value) in end.into_iter().enumerate() {
+            if axes.contains(axis) {
+                self.add(axis, value);
+            }
+        }
+        self.axes = self.axes.union(axes);
+    }
+
+    /// Takes in an arc: its start and the outermost points that it passes.
+    pub(crate) fn add_arc(&mut self, start: Position, end: Position, arc: &Arc) {
+        let [first, second, _] = arc.plane.axes();
+        let from = [start[first] - arc.center[first], start[second] - arc.center[second]];
+        let to = [end[first] - arc.center[first], end[second] - arc.center[second]];
+        let radius = from[0].hypot(from[1]).max(to[0].hypot(to[1]));
+        let (from, to) = if arc.clockwise { (to, from) } else { (from, to) };
+        for (axis, at, unit) in [
+            (first, start[first], [1.0, 0.0]),
+            (first, start[first], [-1.0, 0.0]),
+            (second, start[second], [0.0, 1.0]),
+            (second, start[second], [0.0, -1.0]),
+        ] {
+            self.add(axis, at);
+            if arc.turns > 0 || is_between(from, unit, to) {
+                self.add(axis, arc.center[axis] + radius * (unit[0] + unit[1]));
+            }
+        }
+        self.axes = self.axes.with(first).with(second);
+    }
+
+    #[inline]
+    fn add(&mut self, axis: usize, value: f64) {
+        self.min[axis] = self.min[axis].min(value);
+        self.max[axis] = self.max[axis].max(value);
+    }
+}
+
+/// Whether `direction` is met on the way from `from` to `to`, counter-clockwise.
+fn is_between(from: [f64; 2], direction: [f64; 2], to: [f64; 2]) -> bool {
+    let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    if cross(from, to) >= 0.0 {
+        cross(from, direction) >= 0.0 && cross(direction, to) >= 0.0
+    } else {
+        !(cross(to, direction) > 0.0 && cross(direction, from) > 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::geometry::Plane;
+
+    #[track_caller]
+    fn check(clockwise: bool, end: Position, turns: u16, min: [f64; 2], max: [f64; 2]) {
+        let arc = Arc { center: [0.0; 3], plane: Plane::Xy, clockwise, turns };
+        let mut bounds = Bounds::default();
+        bounds.add_arc([10.0, 0.0, 0.0], end, &arc);
+        bounds.add_end(end, AxisSet::ALL);
+        for axis in 0..2 {
+            assert!((bounds.min[axis] - min[axis]).abs() < 1e-9, "{bounds:?}");
+            assert!((bounds.max[axis] - max[axis]).abs() < 1e-9, "{bounds:?}");
+        }
+    }
+
+    #[test]
+    fn an_arc_reaches_out_where_it_passes_a_quadrant() {
+        check(false, [0.0, 10.0, 0.0], 0, [0.0, 0.0], [10.0, 10.0]);
+        check(true, [0.0, 10.0, 0.0], 0, [-10.0, -10.0], [10.0, 10.0]);
+        check(false, [-10.0, 0.0, 0.0], 0, [-10.0, 0.0], [10.0, 10.0]);
+        check(true, [-10.0, 0.0, 0.0], 0, [-10.0, -10.0], [10.0, 0.0]);
+        check(false, [8.0, 6.0, 0.0], 0, [8.0, 0.0], [10.0, 6.0]);
+        check(true, [10.0, 0.0, 0.0], 1, [-10.0, -10.0], [10.0, 10.0]);
+    }
+}

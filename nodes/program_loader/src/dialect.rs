@@ -1,0 +1,233 @@
+//! What the words of each control mean.
+//!
+//! There is no global table: G43, G10 or H mean different things on different
+//! controls, so that each dialect has its own file beside this one. This file
+//! knows the meanings that the interpreter can execute.
+
+mod masso;
+mod rs274;
+mod sinumerik_840c;
+
+use crate::lexer::LexerRules;
+use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
+use cnc_msgs::geometry::Plane;
+use cnc_msgs::profile;
+
+/// One language of part programs.
+#[derive(Debug)]
+pub(crate) struct Dialect {
+    pub(crate) lexer: LexerRules,
+    /// The meaning of a G number, in tenths: G41.1 is 411.
+    pub(crate) g: fn(u16) -> GWord,
+    /// The meaning of an M number.
+    pub(crate) m: fn(u16) -> MWord,
+    /// Letters, besides G, M and N, that mean something in some block.
+    pub(crate) letters: Letters,
+    /// Axes that programs of this language may name and this machine does not have.
+    pub(crate) foreign_axes: Letters,
+    /// Letters that go to the machine as they are, with their number.
+    pub(crate) auxiliary: Letters,
+    /// What G41 takes its radius from.
+    pub(crate) radius_word: RadiusWord,
+    /// Letters that G4 takes its seconds from.
+    pub(crate) dwell: Letters,
+    /// Whether G2 and G3 with R, and with P turns, exist.
+    pub(crate) arc_radius_and_turns: bool,
+    /// Whether a line with `%` alone begins and ends the program; else `%` begins a program name.
+    pub(crate) percent_delimits: bool,
+}
+
+/// What G41 takes its radius from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum RadiusWord {
+    /// D, the number of a tool; without it the tool in the spindle.
+    Tool,
+    /// D, the number of an offset register; modal, and 0 selects nothing.
+    ModalOffset,
+    /// P, a radius that is added to that of the tool in the spindle.
+    Addend,
+}
+
+/// What a G word means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum GWord {
+    Motion(Mode),
+    /// G80.
+    NoMotion,
+    Plane(Plane),
+    Distance(Distance),
+    /// How I, J and K are given.
+    Centers(Distance),
+    Units(Units),
+    CompensationOff,
+    CompensationOn {
+        side: CutterSide,
+        /// Whether D is a diameter.
+        is_dynamic: bool,
+    },
+    LengthOn,
+    LengthOff,
+    /// 1 to 6.
+    WorkOffset(u8),
+    /// Accepted without effect on the contour; the letters that belong to it.
+    Accepted(Group, Letters),
+    Dwell,
+    Reference {
+        second: bool,
+    },
+    MachineCoordinates,
+    /// Known, and not done here; what to do instead.
+    Refused(&'static str),
+    /// A canned cycle or the like: axis words after it are not moves.
+    RefusedMotion(&'static str),
+    Unknown,
+}
+
+/// G words of one group exclude each other in a block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Group {
+    NonModal,
+    Motion,
+    Plane,
+    Distance,
+    Centers,
+    Feed,
+    Units,
+    Compensation,
+    Length,
+    Retract,
+    WorkOffset,
+    Path,
+    SpindleMode,
+    MachineCoordinates,
+    Corner,
+    Approach,
+    ExactStop,
+    CycleCancel,
+}
+
+impl Group {
+    pub(crate) const COUNT: usize = 18;
+}
+
+impl GWord {
+    /// The group, or `None` for words that are refused anyway.
+    pub(crate) const fn group(self) -> Option<Group> {
+        Some(match self {
+            Self::Motion(_) | Self::RefusedMotion(_) => Group::Motion,
+            // Of the motion group by the book; but `G0 G17 G80` heads many a
+            // posted program, and can mean only one thing without cycles.
+            Self::NoMotion => Group::CycleCancel,
+            Self::Plane(_) => Group::Plane,
+            Self::Distance(_) => Group::Distance,
+            Self::Centers(_) => Group::Centers,
+            Self::Units(_) => Group::Units,
+            Self::CompensationOff | Self::CompensationOn { .. } => Group::Compensation,
+            Self::LengthOn | Self::LengthOff => Group::Length,
+            Self::WorkOffset(_) => Group::WorkOffset,
+            Self::Accepted(group, _) => group,
+            Self::Dwell | Self::Reference { .. } => Group::NonModal,
+            Self::MachineCoordinates => Group::MachineCoordinates,
+            Self::Refused(_) | Self::Unknown => return None,
+        })
+    }
+}
+
+/// What axis words do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Mode {
+    Rapid,
+    Feed,
+    Arc { clockwise: bool },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Distance {
+    Absolute,
+    Incremental,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Units {
+    Inch,
+    Millimetre,
+}
+
+/// What an M word means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum MWord {
+    Stop {
+        optional: bool,
+    },
+    ProgramEnd {
+        rewind: bool,
+    },
+    Spindle(SpindleMode),
+    Coolant(CoolantMode),
+    ChangeTool,
+    /// For the machine alone; done before or after the motion of its block.
+    Auxiliary {
+        after_motion: bool,
+    },
+    Refused(&'static str),
+    Unknown,
+}
+
+/// A set of letters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Letters(u32);
+
+impl Letters {
+    pub(crate) const NONE: Self = Self(0);
+
+    /// The set of these capitals.
+    pub(crate) const fn of(letters: &[u8]) -> Self {
+        let mut bits = 0;
+        let mut at = 0;
+        while at < letters.len() {
+            bits |= 1 << (letters[at] - b'A');
+            at += 1;
+        }
+        Self(bits)
+    }
+
+    #[inline]
+    pub(crate) const fn contains(self, letter: u8) -> bool {
+        self.0 & 1 << (letter - b'A') != 0
+    }
+
+    #[inline]
+    pub(crate) const fn union(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    #[inline]
+    pub(crate) const fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    #[inline]
+    pub(crate) const fn intersection(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
+    #[inline]
+    pub(crate) const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The letters in alphabetical order.
+    pub(crate) fn iter(self) -> impl Iterator<Item = u8> {
+        (b'A'..=b'Z').filter(move |&letter| self.contains(letter))
+    }
+}
+
+/// The dialect of a profile.
+pub(crate) const fn of(dialect: profile::Dialect) -> &'static Dialect {
+    match dialect {
+        profile::Dialect::Rs274 => &rs274::DIALECT,
+        profile::Dialect::Masso => &masso::DIALECT,
+        profile::Dialect::Sinumerik840c => &sinumerik_840c::DIALECT,
+    }
+}

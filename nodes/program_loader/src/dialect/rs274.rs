@@ -1,0 +1,123 @@
+//! RS-274/NGC as LinuxCNC reads it, and grbl where LinuxCNC leaves a choice.
+
+use super::{Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units};
+use crate::lexer::LexerRules;
+use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
+use cnc_msgs::geometry::Plane;
+
+pub(super) static DIALECT: Dialect = Dialect {
+    lexer: LexerRules {
+        blanks_in_numbers: true,
+        written_line_feed: false,
+        at_words: false,
+        delete_levels: false,
+    },
+    g,
+    m,
+    letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
+    foreign_axes: Letters::of(b"ABCUVW"),
+    auxiliary: Letters::NONE,
+    radius_word: RadiusWord::Tool,
+    dwell: Letters::of(b"P"),
+    arc_radius_and_turns: true,
+    percent_delimits: true,
+};
+
+pub(super) const CYCLE: &str = "post the program with canned cycles expanded to G0 and G1";
+pub(super) const NURBS: &str = "post curves as G1, G2 and G3";
+pub(super) const PROBE: &str = "probe with the probe action, outside part programs";
+pub(super) const THREAD: &str =
+    "the spindle and the axes are not synchronised; thread on a lathe control";
+pub(super) const OFFSETS: &str = "set offsets on the machine and select them with G54 to G59";
+pub(super) const FEED_MODE: &str = "post feeds in mm/min or inch/min (G94)";
+pub(super) const CONSTANT_SPEED: &str = "post spindle speeds in 1/min (G97)";
+pub(super) const LENGTH: &str = "put lengths into the tool table and use G43 H";
+
+fn g(tenths: u16) -> GWord {
+    match tenths {
+        430 => GWord::LengthOn,
+        411 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: true },
+        421 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: true },
+        50..=53 => GWord::RefusedMotion(NURBS),
+        330 | 331 => GWord::RefusedMotion(THREAD),
+        431 | 432 => GWord::Refused(LENGTH),
+        591..=593 => GWord::Refused("use G54 to G59"),
+        _ => common(tenths),
+    }
+}
+
+/// The G words that rs274 shares with its relatives.
+pub(super) fn common(tenths: u16) -> GWord {
+    match tenths {
+        0 => GWord::Motion(Mode::Rapid),
+        10 => GWord::Motion(Mode::Feed),
+        20 => GWord::Motion(Mode::Arc { clockwise: true }),
+        30 => GWord::Motion(Mode::Arc { clockwise: false }),
+        40 => GWord::Dwell,
+        70 => GWord::Refused("program X as a diameter on a lathe control only"),
+        80 => GWord::Accepted(Group::NonModal, Letters::NONE),
+        100 | 520 | 920..=923 => GWord::Refused(OFFSETS),
+        170 => GWord::Plane(Plane::Xy),
+        180 => GWord::Plane(Plane::Zx),
+        190 => GWord::Plane(Plane::Yz),
+        200 => GWord::Units(Units::Inch),
+        210 => GWord::Units(Units::Millimetre),
+        280 => GWord::Reference { second: false },
+        300 => GWord::Reference { second: true },
+        281 | 301 => GWord::Refused("store reference positions on the machine"),
+        380..=385 => GWord::RefusedMotion(PROBE),
+        400 => GWord::CompensationOff,
+        410 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: false },
+        420 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: false },
+        430 => GWord::LengthOn,
+        490 => GWord::LengthOff,
+        530 => GWord::MachineCoordinates,
+        540 | 550 | 560 | 570 | 580 | 590 => GWord::WorkOffset((tenths / 10 - 53) as u8),
+        610 | 611 => GWord::Accepted(Group::Path, Letters::NONE),
+        640 => GWord::Accepted(Group::Path, Letters::of(b"PQ")),
+        800 => GWord::NoMotion,
+        730 | 740 | 760 | 810..=899 => GWord::RefusedMotion(CYCLE),
+        900 => GWord::Distance(Distance::Absolute),
+        910 => GWord::Distance(Distance::Incremental),
+        901 => GWord::Centers(Distance::Absolute),
+        911 => GWord::Centers(Distance::Incremental),
+        930 | 950 => GWord::Refused(FEED_MODE),
+        940 => GWord::Accepted(Group::Feed, Letters::NONE),
+        960 => GWord::Refused(CONSTANT_SPEED),
+        970 => GWord::Accepted(Group::SpindleMode, Letters::NONE),
+        980 | 990 => GWord::Accepted(Group::Retract, Letters::NONE),
+        _ => GWord::Unknown,
+    }
+}
+
+fn m(number: u16) -> MWord {
+    match number {
+        48 | 49 | 100..=199 => MWord::Auxiliary { after_motion: false },
+        _ => common_m(number),
+    }
+}
+
+/// The M words that every control here reads alike.
+pub(super) fn common_m(number: u16) -> MWord {
+    match number {
+        0 => MWord::Stop { optional: false },
+        1 => MWord::Stop { optional: true },
+        2 => MWord::ProgramEnd { rewind: false },
+        30 => MWord::ProgramEnd { rewind: true },
+        3 => MWord::Spindle(SpindleMode::Clockwise),
+        4 => MWord::Spindle(SpindleMode::CounterClockwise),
+        5 => MWord::Spindle(SpindleMode::Off),
+        6 => MWord::ChangeTool,
+        7 => MWord::Coolant(CoolantMode::Mist),
+        8 => MWord::Coolant(CoolantMode::Flood),
+        9 => MWord::Coolant(CoolantMode::Off),
+        19 => MWord::Refused("the spindle has no orientation; position it by hand at an M0"),
+        50..=53 => MWord::Refused("set overrides while the program runs"),
+        60 => MWord::Refused("write M0"),
+        61 => MWord::Refused("write T and M6"),
+        62..=68 => MWord::Refused("use a user function M100 to M199 for outputs"),
+        70..=73 => MWord::Refused("write the modal words out where they are needed"),
+        97..=99 => MWord::Refused("write subprograms out where they are called"),
+        _ => MWord::Unknown,
+    }
+}

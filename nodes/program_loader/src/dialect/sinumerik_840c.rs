@@ -1,0 +1,80 @@
+//! SINUMERIK 840C, as far as milling programs with radius compensation go.
+//!
+//! H is an auxiliary function, D an offset register, M functions without a
+//! meaning here belong to the machine. G450, G451, G455 and G456 come from the
+//! profile.
+
+use super::rs274::{CONSTANT_SPEED, FEED_MODE, OFFSETS, THREAD, common_m};
+use super::{Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units};
+use crate::lexer::LexerRules;
+use cnc_msgs::contour::CutterSide;
+use cnc_msgs::geometry::Plane;
+
+pub(super) static DIALECT: Dialect = Dialect {
+    lexer: LexerRules {
+        blanks_in_numbers: false,
+        written_line_feed: true,
+        at_words: true,
+        delete_levels: true,
+    },
+    g,
+    m,
+    letters: Letters::of(b"XYZIJKFSTDH"),
+    foreign_axes: Letters::of(b"ABCQUVWE"),
+    auxiliary: Letters::of(b"H"),
+    radius_word: RadiusWord::ModalOffset,
+    dwell: Letters::of(b"FX"),
+    arc_radius_and_turns: false,
+    percent_delimits: false,
+};
+
+const POLAR: &str = "program end points in X, Y and Z";
+
+fn g(tenths: u16) -> GWord {
+    match tenths {
+        0 => GWord::Motion(Mode::Rapid),
+        10 => GWord::Motion(Mode::Feed),
+        20 => GWord::Motion(Mode::Arc { clockwise: true }),
+        30 => GWord::Motion(Mode::Arc { clockwise: false }),
+        40 => GWord::Dwell,
+        90 => GWord::Accepted(Group::ExactStop, Letters::NONE),
+        100 | 110 | 120 | 130 => GWord::RefusedMotion(POLAR),
+        160 => GWord::Refused("select the plane with G17, G18 or G19"),
+        170 => GWord::Plane(Plane::Xy),
+        180 => GWord::Plane(Plane::Zx),
+        190 => GWord::Plane(Plane::Yz),
+        250 | 260 => GWord::Refused("set the limits of the working area on the machine"),
+        330..=350 => GWord::RefusedMotion(THREAD),
+        400 => GWord::CompensationOff,
+        410 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: false },
+        420 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: false },
+        530 => GWord::MachineCoordinates,
+        540 | 550 | 560 | 570 => GWord::WorkOffset((tenths / 10 - 53) as u8),
+        580 | 590 => GWord::Refused(OFFSETS),
+        600 | 620 | 640 => GWord::Accepted(Group::Path, Letters::NONE),
+        630 => GWord::RefusedMotion("tapping without a spindle encoder is not done"),
+        700 => GWord::Units(Units::Inch),
+        710 => GWord::Units(Units::Millimetre),
+        740 => GWord::Refused("home the machine with the home action before the program"),
+        810..=899 => GWord::RefusedMotion(super::rs274::CYCLE),
+        800 => GWord::NoMotion,
+        900 => GWord::Distance(Distance::Absolute),
+        910 => GWord::Distance(Distance::Incremental),
+        920 | 960 => GWord::Refused(CONSTANT_SPEED),
+        940 => GWord::Accepted(Group::Feed, Letters::NONE),
+        950 => GWord::Refused(FEED_MODE),
+        970 => GWord::Accepted(Group::SpindleMode, Letters::NONE),
+        _ => GWord::Unknown,
+    }
+}
+
+fn m(number: u16) -> MWord {
+    match number {
+        17 => MWord::Refused("write subprograms out where they are called"),
+        // S58: it becomes active at the end of its block.
+        18 => MWord::Auxiliary { after_motion: true },
+        0..=9 | 30 => common_m(number),
+        10..=99 => MWord::Auxiliary { after_motion: false },
+        _ => MWord::Unknown,
+    }
+}

@@ -1,0 +1,88 @@
+//! Collects the diagnostics of a program, within bounds.
+//!
+//! Knows how many are enough, not what they say.
+
+use crate::limits::{BLOCK_DIAGNOSTICS_MAX, DIAGNOSTICS_MAX};
+use cnc_msgs::contour::Source;
+use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+
+#[derive(Debug, Default)]
+pub(crate) struct Findings {
+    list: Vec<Diagnostic>,
+    in_block: u32,
+    dropped: u32,
+    dropped_an_error: bool,
+}
+
+impl Findings {
+    /// A new block begins.
+    #[inline]
+    pub(crate) fn begin_block(&mut self) {
+        self.in_block = 0;
+    }
+
+    pub(crate) fn push(&mut self, diagnostic: Diagnostic) {
+        self.in_block += 1;
+        if self.list.len() >= DIAGNOSTICS_MAX || self.in_block > BLOCK_DIAGNOSTICS_MAX {
+            self.dropped += 1;
+            self.dropped_an_error |= diagnostic.is_error();
+        } else {
+            self.list.push(diagnostic);
+        }
+    }
+
+    /// All of them in the order of the program, and a note on what was left out.
+    pub(crate) fn finish(mut self) -> Vec<Diagnostic> {
+        // Within a block the interpreter reports by group, a reader reads from left to right.
+        self.list.sort_by_key(|found| (found.source.line, found.source.column));
+        if self.dropped > 0 {
+            let message = format!("{} more findings are not listed", self.dropped);
+            let mut note = Diagnostic::warning(Code::Limit, Source::default(), message);
+            if self.dropped_an_error {
+                note.severity = Severity::Error;
+            }
+            self.list.push(note.help("correct what is listed and load the program again"));
+        }
+        self.list
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at_line(line: u32) -> Diagnostic {
+        Diagnostic::error(
+            Code::Syntax,
+            Source { line, column: 1, ..Source::default() },
+            "no block reads like this",
+        )
+    }
+
+    #[test]
+    fn after_a_thousand_findings_the_rest_is_counted() {
+        let mut findings = Findings::default();
+        for line in 1..=1500 {
+            findings.begin_block();
+            findings.push(at_line(line));
+        }
+        let list = findings.finish();
+        assert_eq!(list.len(), DIAGNOSTICS_MAX + 1);
+        let note = &list[DIAGNOSTICS_MAX];
+        assert_eq!(note.code, Code::Limit);
+        assert!(note.is_error() && note.message.starts_with("500 more"), "{}", note.message);
+    }
+
+    #[test]
+    fn one_block_cannot_crowd_out_the_others() {
+        let mut findings = Findings::default();
+        findings.begin_block();
+        for _ in 0..100 {
+            findings.push(at_line(1));
+        }
+        findings.begin_block();
+        findings.push(at_line(2));
+        let lines: Vec<u32> = findings.finish().iter().map(|found| found.source.line).collect();
+        assert_eq!(lines, [1, 1, 1, 1, 1, 1, 1, 1, 2, 0]);
+    }
+}

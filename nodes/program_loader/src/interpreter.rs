@@ -1,0 +1,340 @@
+//! Executes blocks: the words of one to the events that it means.
+//!
+//! Holds the modal state and the order of execution within a block. It knows
+//! no geometry of compensation: that is the planner's. One mistake is reported
+//! once: a block with an error does not move, and what it leaves unknown is
+//! `poisoned`, which silences the complaints that would follow from it.
+
+mod actions;
+mod arc;
+mod axes;
+mod compensation;
+mod moves;
+mod request;
+
+use crate::bounds::Bounds;
+use crate::dialect::{Distance, GWord, Group, Letters, Mode, Units};
+use crate::findings::Findings;
+use crate::lexer::Block;
+use crate::limits::{MM_PER_INCH, NUMBER_MAX};
+use crate::line::Line;
+use crate::rules::Rules;
+use axes::Axes;
+use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, ProgrammedContour, Source};
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::geometry::{AxisSet, Plane, Position};
+use compensation::Compensation;
+use request::Request;
+pub(crate) use request::code_in_tenths;
+
+/// One block while it is executed.
+#[derive(Debug)]
+struct Scene<'s> {
+    line: Line<'s>,
+    block: &'s Block,
+    rules: &'s Rules<'s>,
+    findings: &'s mut Findings,
+    /// Where compensation was selected, if it is on when the block begins.
+    under_compensation: Option<Source>,
+}
+
+impl Scene<'_> {
+    /// The place of a word.
+    fn source_of(&self, word: usize) -> Source {
+        let word = self.block.words[word];
+        self.line.source(self.block.number, usize::from(word.start), usize::from(word.end))
+    }
+
+    /// The place of the whole block.
+    fn source(&self) -> Source {
+        self.line.source(self.block.number, self.block.start, self.block.end)
+    }
+
+    /// A word as the program writes it.
+    fn quote(&self, word: usize) -> String {
+        let word = self.block.words[word];
+        self.line.quote(usize::from(word.start), usize::from(word.end))
+    }
+}
+
+/// What holds from one block to the next.
+#[derive(Debug)]
+struct Modal {
+    mode: Option<Mode>,
+    /// The motion word was refused or its lack reported: bare axis words say nothing new.
+    mode_is_poisoned: bool,
+    plane: Plane,
+    distance: Distance,
+    centers: Distance,
+    units: Units,
+    /// 0 until F.
+    feed_mm_per_min: f64,
+    feed_is_poisoned: bool,
+    /// T.
+    selected_tool: Option<u32>,
+    /// The tool of the last M6.
+    spindle_tool: Option<u32>,
+    /// G43 H.
+    length: Option<u32>,
+    work_offset: u8,
+    compensation: Compensation,
+}
+
+/// Turns blocks into events, one after another.
+#[derive(Debug)]
+pub(crate) struct Interpreter<'r> {
+    rules: &'r Rules<'r>,
+    modal: Modal,
+    axes: Axes,
+    request: Request,
+    /// Letters that the current block has used, and those it has used twice.
+    used: Letters,
+    shared: Letters,
+    /// The place of the current block.
+    source: Source,
+    contour: ProgrammedContour,
+    bounds: Bounds,
+}
+
+impl<'r> Interpreter<'r> {
+    /// The state of a machine that has been switched on and homed: G21, G17,
+    /// G90, G91.1, G94, G40, G49, G54, no motion mode, no feed.
+    pub(crate) fn new(rules: &'r Rules<'r>, start: Position, events: usize) -> Self {
+        let contour = ProgrammedContour {
+            start,
+            assumed_axes: AxisSet::NONE,
+            events: Vec::with_capacity(events),
+        };
+        Self {
+            rules,
+            modal: Modal {
+                mode: None,
+                mode_is_poisoned: false,
+                plane: Plane::Xy,
+                distance: Distance::Absolute,
+                centers: Distance::Incremental,
+                units: Units::Millimetre,
+                feed_mm_per_min: 0.0,
+                feed_is_poisoned: false,
+                selected_tool: None,
+                spindle_tool: None,
+                length: None,
+                work_offset: 1,
+                compensation: Compensation::default(),
+            },
+            axes: Axes::new(start),
+            request: Request::default(),
+            used: Letters::NONE,
+            shared: Letters::NONE,
+            source: Source::default(),
+            contour,
+            bounds: Bounds::default(),
+        }
+    }
+
+    /// Executes one block; whether it ends the program.
+    pub(crate) fn execute(
+        &mut self,
+        line: Line<'_>,
+        block: &Block,
+        findings: &mut Findings,
+    ) -> bool {
+        let under_compensation = self.modal.compensation.selected_at();
+        let rules = self.rules;
+        let mut scene = Scene { line, block, rules, findings, under_compensation };
+        self.source = scene.source();
+        self.used = Letters::NONE;
+        self.shared = Letters::NONE;
+        self.request.read(&mut scene);
+
+        // Units first: F of the same block is in them (grbl). Then the order of RS-274.
+        if let Some((GWord::Units(units), _)) = self.request.g(Group::Units) {
+            self.modal.units = units;
+        }
+        let dwells = matches!(self.request.g(Group::NonModal), Some((GWord::Dwell, _)));
+        if !dwells || !rules.dialect.dwell.contains(b'F') {
+            self.feed(&mut scene);
+        }
+        self.functions_before_motion(&mut scene);
+        if dwells {
+            self.dwell(&mut scene);
+        }
+        if let Some((GWord::Plane(plane), _)) = self.request.g(Group::Plane)
+            && self.modal.plane != plane
+        {
+            self.modal.plane = plane;
+            self.emit(ContourEventKind::Plane(plane));
+        }
+        if let Some(corner) = self.request.corner {
+            self.emit(ContourEventKind::Corner(corner));
+        }
+        self.compensation(&mut scene);
+        self.tool_length(&mut scene);
+        self.work_offset();
+        if let Some((GWord::Distance(distance), _)) = self.request.g(Group::Distance) {
+            self.modal.distance = distance;
+        }
+        if let Some((GWord::Centers(distance), _)) = self.request.g(Group::Centers) {
+            self.modal.centers = distance;
+        }
+        self.motion(&mut scene);
+        self.unused_words(&mut scene);
+        if block.is_cut {
+            self.axes.poison(AxisSet::ALL);
+        }
+        self.functions_after_motion()
+    }
+
+    /// A line was lost: nothing that it may have changed is known.
+    pub(crate) fn lose_line(&mut self) {
+        self.axes.poison(AxisSet::ALL);
+        self.modal.feed_is_poisoned = true;
+        self.modal.mode_is_poisoned = true;
+    }
+
+    /// The contour, and the box around it if it has any motion.
+    pub(crate) fn finish(self) -> (ProgrammedContour, Option<Bounds>) {
+        (self.contour, (!self.bounds.axes.is_empty()).then_some(self.bounds))
+    }
+
+    #[inline]
+    fn emit(&mut self, kind: ContourEventKind) {
+        self.contour.events.push(ContourEvent { source: self.source, kind });
+    }
+
+    #[inline]
+    fn act(&mut self, action: Action) {
+        self.emit(ContourEventKind::Action(action));
+    }
+
+    /// Millimetres of one unit of length.
+    #[inline]
+    fn scale(&self) -> f64 {
+        match self.modal.units {
+            Units::Millimetre => 1.0,
+            Units::Inch => MM_PER_INCH,
+        }
+    }
+
+    /// Takes the value of a letter, which counts as used; NaN if it could not be read.
+    #[inline]
+    fn take(&mut self, letter: u8) -> Option<f64> {
+        let letters = Letters::of(&[letter]);
+        self.shared = self.shared.union(self.used.intersection(letters));
+        self.used = self.used.union(letters);
+        self.request.value(letter)
+    }
+
+    /// Takes a length or the like, in mm, after its bounds are checked.
+    ///
+    /// `None` if absent; NaN if it is no such value, which has been reported.
+    #[inline]
+    fn take_within(
+        &mut self,
+        scene: &mut Scene<'_>,
+        letter: u8,
+        scale: f64,
+        max: f64,
+        unit: &str,
+    ) -> Option<f64> {
+        let value = self.take(letter)? * scale;
+        if value.abs() <= max || value.is_nan() {
+            return Some(value);
+        }
+        self.request.is_damaged = true;
+        let message = format!("{} is beyond {max} {unit}", scene.quote(self.request.word(letter)));
+        let help = "look for a missing decimal point, and for inches taken as millimetres";
+        self.complain(scene, letter, Code::Limit, message, help);
+        Some(f64::NAN)
+    }
+
+    /// Takes a whole number such as a tool number; `None` if absent or refused.
+    #[inline]
+    fn take_number(&mut self, scene: &mut Scene<'_>, letter: u8) -> Option<u32> {
+        let value = self.take(letter)?;
+        let number = value as u32;
+        if f64::from(number) == value && value <= NUMBER_MAX {
+            return Some(number);
+        }
+        if !value.is_nan() {
+            let message =
+                format!("{} is not a number of its kind", scene.quote(self.request.word(letter)));
+            let help = "write a whole number of at most eight digits, not negative";
+            self.complain(scene, letter, Code::BadNumber, message, help);
+        }
+        None
+    }
+
+    /// An error about the word of a letter that is present.
+    #[cold]
+    fn complain(
+        &mut self,
+        scene: &mut Scene<'_>,
+        letter: u8,
+        code: Code,
+        message: String,
+        help: &str,
+    ) {
+        self.request.is_damaged = true;
+        let source = scene.source_of(self.request.word(letter));
+        scene.findings.push(Diagnostic::error(code, source, message).help(help));
+    }
+
+    /// An error about a word by its index.
+    #[cold]
+    fn complain_at(
+        &mut self,
+        scene: &mut Scene<'_>,
+        word: usize,
+        code: Code,
+        message: String,
+        help: &str,
+    ) {
+        self.request.is_damaged = true;
+        let source = scene.source_of(word);
+        scene.findings.push(Diagnostic::error(code, source, message).help(help));
+    }
+
+    /// An error about the block as a whole.
+    #[cold]
+    fn complain_of_block(
+        &mut self,
+        scene: &mut Scene<'_>,
+        code: Code,
+        message: String,
+        help: &str,
+    ) {
+        self.request.is_damaged = true;
+        scene.findings.push(Diagnostic::error(code, self.source, message).help(help));
+    }
+
+    /// Words that nothing in the block has used.
+    #[inline]
+    fn unused_words(&mut self, scene: &mut Scene<'_>) {
+        let accepted = self.request.letters_of_accepted();
+        let shared = self.shared.union(self.used.intersection(accepted));
+        let shared = shared.intersection(self.request.present);
+        let unused = self.request.present.without(self.used.union(accepted));
+        if (!unused.is_empty() || !shared.is_empty()) && !self.request.has_refused_word {
+            self.complain_of_use(scene, unused, shared);
+        }
+    }
+
+    #[cold]
+    fn complain_of_use(&mut self, scene: &mut Scene<'_>, unused: Letters, shared: Letters) {
+        for letter in unused.union(shared).iter() {
+            if self.request.value(letter).is_none_or(f64::is_nan) {
+                continue;
+            }
+            let word = scene.quote(self.request.word(letter));
+            if shared.contains(letter) {
+                let message = format!("two words of this block use {word}");
+                self.complain(scene, letter, Code::ModalConflict, message, "write two blocks");
+            } else {
+                let message = format!("nothing in this block uses {word}");
+                let help = "delete it, or program the G word that it belongs to";
+                self.complain(scene, letter, Code::Syntax, message, help);
+            }
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! What a block does besides moving: feed, spindle, tool, coolant, offsets,
+//! dwell, stops and the machine's own functions.
+
+use super::axes::Cause;
+use super::{Interpreter, Scene};
+use crate::dialect::{GWord, Group, MWord};
+use crate::limits::{
+    DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, FEED_MM_PER_MIN_MAX, NUMBER_MAX, SPINDLE_RPM_MAX,
+};
+use cnc_msgs::contour::Action;
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::geometry::AxisSet;
+
+impl Interpreter<'_> {
+    /// F.
+    #[inline]
+    pub(super) fn feed(&mut self, scene: &mut Scene<'_>) {
+        let scale = self.scale();
+        let Some(feed) = self.take_within(scene, b'F', scale, FEED_MM_PER_MIN_MAX, "mm/min") else {
+            return;
+        };
+        self.modal.feed_is_poisoned = feed < 0.0 || feed.is_nan();
+        self.modal.feed_mm_per_min = if self.modal.feed_is_poisoned { 0.0 } else { feed };
+        if feed < 0.0 {
+            self.negative(scene, b'F');
+        }
+    }
+
+    /// S, T, M6, M3 to M9 and the machine's functions, in the order of RS-274.
+    #[inline]
+    pub(super) fn functions_before_motion(&mut self, scene: &mut Scene<'_>) {
+        if let Some(rpm) = self.take_within(scene, b'S', 1.0, SPINDLE_RPM_MAX, "1/min") {
+            if rpm < 0.0 {
+                self.negative(scene, b'S');
+            } else {
+                self.act(Action::SpindleSpeed { rpm });
+            }
+        }
+        if self.request.present.contains(b'T')
+            && let Some(tool) = self.take_number(scene, b'T')
+        {
+            self.modal.selected_tool = Some(tool);
+            self.act(Action::SelectTool { tool });
+        }
+        if self.request.m_at(0).is_some() {
+            self.m_functions(scene);
+        }
+        let auxiliary = self.rules.dialect.auxiliary.intersection(self.request.present);
+        if !auxiliary.is_empty() {
+            for letter in auxiliary.iter() {
+                if let Some(number) = self.take_within(scene, letter, 1.0, NUMBER_MAX, "") {
+                    self.act(Action::Auxiliary { letter: char::from(letter), number });
+                }
+            }
+        }
+    }
+
+    fn m_functions(&mut self, scene: &mut Scene<'_>) {
+        let change = self.request.m().find(|(meaning, _, _)| *meaning == MWord::ChangeTool);
+        if let Some((_, _, at)) = change {
+            self.change_tool(scene, at);
+        }
+        // One kind after the other, whatever their order in the block.
+        for kind in 0..3 {
+            let mut next = 0;
+            while let Some((meaning, number, _)) = self.request.m_at(next) {
+                next += 1;
+                match (kind, meaning) {
+                    (0, MWord::Spindle(mode)) => self.act(Action::Spindle(mode)),
+                    (1, MWord::Coolant(mode)) => self.act(Action::Coolant(mode)),
+                    (2, MWord::Auxiliary { after_motion: false }) => {
+                        self.act(Action::Auxiliary { letter: 'M', number: f64::from(number) });
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    fn change_tool(&mut self, scene: &mut Scene<'_>, at: usize) {
+        if let Some(tool) = self.modal.selected_tool {
+            self.modal.spindle_tool = Some(tool);
+            self.act(Action::ChangeTool { tool });
+        } else if !self.request.present.contains(b'T') {
+            let message = "M6 without a tool: no T has been programmed".to_owned();
+            let help = "write T with the number of the tool into this block or before it";
+            self.complain_at(scene, at, Code::MissingWord, message, help);
+        }
+    }
+
+    /// M functions that wait for the motion, and stops; whether the program ends.
+    #[inline]
+    pub(super) fn functions_after_motion(&mut self) -> bool {
+        let mut next = 0;
+        let mut ends = false;
+        while let Some((meaning, number, _)) = self.request.m_at(next) {
+            next += 1;
+            match meaning {
+                MWord::Auxiliary { after_motion: true } => {
+                    self.act(Action::Auxiliary { letter: 'M', number: f64::from(number) });
+                }
+                MWord::Stop { .. } | MWord::ProgramEnd { .. } => ends |= self.stop(meaning),
+                _ => {}
+            }
+        }
+        ends
+    }
+
+    fn stop(&mut self, meaning: MWord) -> bool {
+        match meaning {
+            MWord::Stop { optional } => self.act(Action::Stop { optional }),
+            MWord::ProgramEnd { rewind } => {
+                self.act(Action::ProgramEnd { rewind });
+                return true;
+            }
+            _ => {}
+        }
+        false
+    }
+
+    /// G4.
+    pub(super) fn dwell(&mut self, scene: &mut Scene<'_>) {
+        let dwell = self.rules.dialect.dwell;
+        let at = self.request.g_place(Group::NonModal);
+        let mut letters = dwell.intersection(self.request.present).iter();
+        let Some(letter) = letters.next() else {
+            if !self.request.has_refused_word {
+                let names: Vec<String> =
+                    dwell.iter().map(|letter| char::from(letter).to_string()).collect();
+                let message = format!("{} without a time", scene.quote(at));
+                let help = format!("write the seconds behind {}", names.join(" or "));
+                self.complain_at(scene, at, Code::MissingWord, message, &help);
+            }
+            return;
+        };
+        let Some(seconds) = self.take_within(scene, letter, 1.0, DWELL_SECONDS_MAX, "s") else {
+            return;
+        };
+        if seconds < 0.0 {
+            return self.negative(scene, letter);
+        }
+        if seconds >= DWELL_SECONDS_SUSPICIOUS {
+            let source = scene.source_of(self.request.word(letter));
+            let message = format!("the machine waits {seconds} s here");
+            let help = format!("{} is in seconds, not in milliseconds", char::from(letter));
+            scene
+                .findings
+                .push(Diagnostic::warning(Code::SuspiciousValue, source, message).help(help));
+        }
+        self.act(Action::Dwell { seconds });
+    }
+
+    /// G43 and G49. The length itself is the planner's to fill in.
+    #[inline]
+    pub(super) fn tool_length(&mut self, scene: &mut Scene<'_>) {
+        match self.request.g(Group::Length) {
+            None => {}
+            Some((GWord::LengthOn, at)) => self.length_on(scene, at),
+            Some(_) => {
+                self.act(Action::ToolLength { offset: None, length_mm: 0.0 });
+                self.change_length(None, "G49");
+            }
+        }
+    }
+
+    fn length_on(&mut self, scene: &mut Scene<'_>, at: usize) {
+        let offset = if self.request.present.contains(b'H') {
+            let Some(offset) = self.take_number(scene, b'H') else { return };
+            if offset == 0 {
+                let message = "G43 H0 means another thing on every control".to_owned();
+                let help = "write G49 to cancel the length offset, or H with the number of a tool";
+                return self.complain(scene, b'H', Code::BadNumber, message, help);
+            }
+            offset
+        } else if let Some(tool) = self.modal.spindle_tool {
+            // LinuxCNC: without H, the tool in the spindle.
+            tool
+        } else {
+            let message = "G43 without H, and no M6 has put in a tool".to_owned();
+            let help = "write H with the number of the tool";
+            return self.complain_at(scene, at, Code::MissingWord, message, help);
+        };
+        self.act(Action::ToolLength { offset: Some(offset), length_mm: 0.0 });
+        self.change_length(Some(offset), "G43");
+    }
+
+    /// Another length offset moves the work frame along Z by what only the tool table knows.
+    fn change_length(&mut self, offset: Option<u32>, word: &'static str) {
+        if self.modal.length != offset {
+            self.modal.length = offset;
+            self.axes.lose(AxisSet::NONE.with(2), Cause { source: self.source, word });
+        }
+    }
+
+    /// G54 to G59.
+    #[inline]
+    pub(super) fn work_offset(&mut self) {
+        if let Some((GWord::WorkOffset(system), _)) = self.request.g(Group::WorkOffset) {
+            self.act(Action::WorkOffset { system });
+            if self.modal.work_offset != system {
+                self.modal.work_offset = system;
+                let word =
+                    ["G54", "G55", "G56", "G57", "G58", "G59"][usize::from(system.clamp(1, 6) - 1)];
+                self.axes.lose(AxisSet::ALL, Cause { source: self.source, word });
+            }
+        }
+    }
+
+    #[cold]
+    fn negative(&mut self, scene: &mut Scene<'_>, letter: u8) {
+        let message = format!("{} is negative", scene.quote(self.request.word(letter)));
+        self.complain(scene, letter, Code::BadNumber, message, "write a number above 0");
+    }
+}

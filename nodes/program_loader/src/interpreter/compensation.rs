@@ -1,0 +1,171 @@
+//! G40, G41, G42, D and P: which side, and where the radius comes from.
+//!
+//! Knows the words; what the tool does then is the planner's. Emits the radius
+//! first, then the selection or the cancel.
+//!
+//! D0 of the 840C selects nothing (S22) and deselects (S29). G41 stays in
+//! force beside it: the next D that is not 0 selects again.
+
+use super::{Interpreter, Scene};
+use crate::dialect::{GWord, Group, RadiusWord};
+use crate::limits::COORDINATE_MM_MAX;
+use cnc_msgs::contour::{Approach, ContourEventKind, CutterSide, RadiusSource, Source};
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+
+#[derive(Debug, Default)]
+pub(super) struct Compensation {
+    /// G41 or G42 in force.
+    side: Option<CutterSide>,
+    /// Where the planner has been told to compensate from.
+    selected: Option<Source>,
+    /// The D in force, where D is modal.
+    offset: Option<u32>,
+    /// The D that the planner has been told.
+    told_offset: Option<u32>,
+}
+
+impl Compensation {
+    /// Where compensation was selected, if it is.
+    #[inline]
+    pub(super) fn selected_at(&self) -> Option<Source> {
+        self.selected
+    }
+
+    #[inline]
+    pub(super) fn is_selected(&self) -> bool {
+        self.selected.is_some()
+    }
+}
+
+impl Interpreter<'_> {
+    #[inline]
+    pub(super) fn compensation(&mut self, scene: &mut Scene<'_>) {
+        let word = self.request.g(Group::Compensation);
+        let is_modal_offset = self.rules.dialect.radius_word == RadiusWord::ModalOffset;
+        let offset = if is_modal_offset { self.take_number(scene, b'D') } else { None };
+        if offset.is_some() {
+            self.modal.compensation.offset = offset;
+        }
+        match word {
+            None => {
+                if offset.is_some() {
+                    self.change_offset();
+                }
+                if self.request.approach.is_some() {
+                    let at = self.request.g_place(Group::Approach);
+                    let message = format!("{} stands without G40, G41 or G42", scene.quote(at));
+                    let help = "write it into the block that selects or cancels compensation";
+                    self.complain_at(scene, at, Code::MissingWord, message, help);
+                }
+            }
+            Some((GWord::CompensationOn { side, is_dynamic }, at)) => {
+                self.select(scene, side, is_dynamic, at);
+            }
+            Some(_) => {
+                self.modal.compensation.side = None;
+                self.cancel(self.request.approach);
+            }
+        }
+    }
+
+    fn cancel(&mut self, exit: Option<Approach>) {
+        if self.modal.compensation.selected.take().is_some() {
+            self.modal.compensation.told_offset = None;
+            self.emit(ContourEventKind::Cancel { exit });
+        }
+    }
+
+    /// A new D while G41 or G42 may be in force.
+    fn change_offset(&mut self) {
+        let Some(side) = self.modal.compensation.side else { return };
+        if self.modal.compensation.offset == Some(0) {
+            self.cancel(None);
+        } else if self.modal.compensation.is_selected() {
+            self.tell_offset();
+        } else {
+            self.tell_offset();
+            self.tell_selection(side);
+        }
+    }
+
+    fn tell_offset(&mut self) {
+        let state = &mut self.modal.compensation;
+        if state.offset != state.told_offset
+            && let Some(offset) = state.offset
+        {
+            state.told_offset = Some(offset);
+            self.emit(ContourEventKind::Radius(RadiusSource::Offset(offset)));
+        }
+    }
+
+    fn tell_selection(&mut self, side: CutterSide) {
+        self.modal.compensation.selected.get_or_insert(self.source);
+        self.emit(ContourEventKind::Select { side, approach: self.request.approach });
+    }
+
+    #[cold]
+    fn select(&mut self, scene: &mut Scene<'_>, side: CutterSide, is_dynamic: bool, at: usize) {
+        if !self.rules.planes.contains(&self.modal.plane) {
+            let (plane, word) = (self.modal.plane.name(), scene.quote(at));
+            let message =
+                format!("{word} does not work in plane {plane} on {}", self.rules.control);
+            let names: Vec<&str> = self.rules.planes.iter().map(|plane| plane.name()).collect();
+            let help = format!("compensate in plane {}", names.join(", "));
+            return self.complain_at(scene, at, Code::Plane, message, &help);
+        }
+        match self.rules.dialect.radius_word {
+            RadiusWord::ModalOffset => return self.select_with_offset(scene, side, at),
+            RadiusWord::Addend => {
+                let radius = self.take_within(scene, b'P', self.scale(), COORDINATE_MM_MAX, "mm");
+                let radius = RadiusSource::SpindleToolPlus(radius.unwrap_or(0.0));
+                self.emit(ContourEventKind::Radius(radius));
+            }
+            RadiusWord::Tool if is_dynamic => {
+                let scale = self.scale();
+                let Some(diameter) = self.take_within(scene, b'D', scale, COORDINATE_MM_MAX, "mm")
+                else {
+                    let message = format!("{} has no D", scene.quote(at));
+                    let help = "write the diameter of the tool behind D";
+                    return self.complain_at(scene, at, Code::MissingWord, message, help);
+                };
+                self.emit(ContourEventKind::Radius(RadiusSource::Diameter(diameter)));
+            }
+            RadiusWord::Tool => {
+                // LinuxCNC: no D, and D0, mean the tool in the spindle.
+                let radius = match self.take_number(scene, b'D') {
+                    None | Some(0) => RadiusSource::SpindleTool,
+                    Some(tool) => RadiusSource::Tool(tool),
+                };
+                self.emit(ContourEventKind::Radius(radius));
+            }
+        }
+        self.modal.compensation.side = Some(side);
+        self.tell_selection(side);
+    }
+
+    fn select_with_offset(&mut self, scene: &mut Scene<'_>, side: CutterSide, at: usize) {
+        self.modal.compensation.side = Some(side);
+        match self.modal.compensation.offset {
+            None if self.request.present.contains(b'D') => {}
+            None => {
+                let message =
+                    format!("{} without a D: no offset has been selected", scene.quote(at));
+                let help =
+                    "write D with the number of the tool offset into this block or before it";
+                self.complain_at(scene, at, Code::MissingWord, message, help);
+            }
+            Some(0) => {
+                self.cancel(self.request.approach);
+                let message = format!("{} selects nothing while D0 is in force", scene.quote(at));
+                scene.findings.push(
+                    Diagnostic::warning(Code::NeverActive, scene.source_of(at), message)
+                        .help("the next D that is not 0 selects compensation"),
+                );
+            }
+            Some(_) => {
+                self.tell_offset();
+                self.tell_selection(side);
+            }
+        }
+    }
+}

@@ -1,0 +1,346 @@
+//! The words of one block by what they ask for.
+//!
+//! Knows which words exclude each other in a block; not what they do.
+
+use super::Scene;
+use crate::dialect::{GWord, Group, Letters, MWord};
+use crate::lexer::Word;
+use crate::limits::CODE_FUZZ;
+use cnc_msgs::contour::{Approach, CoolantMode, OutsideCorner};
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+
+const M_WORDS_MAX: usize = 12;
+
+/// What one block asks for. Reused from block to block: only what the masks name is valid.
+#[derive(Debug)]
+pub(super) struct Request {
+    /// Letters with a value: all but G, M and N.
+    pub(super) present: Letters,
+    values: [f64; 26],
+    words: [u8; 26],
+    groups: u32,
+    g: [GWord; Group::COUNT],
+    g_words: [u8; Group::COUNT],
+    m: [(MWord, u16, u8); M_WORDS_MAX],
+    m_count: usize,
+    pub(super) corner: Option<OutsideCorner>,
+    pub(super) approach: Option<Approach>,
+    /// Something of the block was refused: it must not move.
+    pub(super) is_damaged: bool,
+    /// A word was refused that may have used other words of the block.
+    pub(super) has_refused_word: bool,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            present: Letters::NONE,
+            values: [0.0; 26],
+            words: [0; 26],
+            groups: 0,
+            g: [GWord::Unknown; Group::COUNT],
+            g_words: [0; Group::COUNT],
+            m: [(MWord::Unknown, 0, 0); M_WORDS_MAX],
+            m_count: 0,
+            corner: None,
+            approach: None,
+            is_damaged: false,
+            has_refused_word: false,
+        }
+    }
+}
+
+impl Request {
+    /// Sorts the words of a block.
+    pub(super) fn read(&mut self, scene: &mut Scene<'_>) {
+        self.present = Letters::NONE;
+        self.groups = 0;
+        self.m_count = 0;
+        (self.corner, self.approach) = (None, None);
+        self.is_damaged = scene.block.is_damaged;
+        self.has_refused_word = scene.block.is_damaged;
+        for at in 0..scene.block.words.len() {
+            let word = scene.block.words[at];
+            match word.letter {
+                b'G' => self.g_word(scene, word, at),
+                b'M' => self.m_word(scene, word, at),
+                b'@' => self.at_word(scene, word, at),
+                _ => self.value_word(scene, word, at),
+            }
+        }
+    }
+
+    /// The value of a letter that is present; NaN if it could not be read.
+    #[inline]
+    pub(super) fn value(&self, letter: u8) -> Option<f64> {
+        self.present.contains(letter).then(|| self.values[usize::from(letter - b'A')])
+    }
+
+    /// The index in the block of a letter that is present.
+    #[inline]
+    pub(super) fn word(&self, letter: u8) -> usize {
+        usize::from(self.words[usize::from(letter - b'A')])
+    }
+
+    /// The G word of a group, and its index in the block.
+    #[inline]
+    pub(super) fn g(&self, group: Group) -> Option<(GWord, usize)> {
+        let at = group as usize;
+        (self.groups & 1 << at != 0).then(|| (self.g[at], usize::from(self.g_words[at])))
+    }
+
+    /// The index in the block of the G word of a group that is present.
+    pub(super) fn g_place(&self, group: Group) -> usize {
+        usize::from(self.g_words[group as usize])
+    }
+
+    /// The M words: meaning, number, index in the block.
+    #[inline]
+    pub(super) fn m(&self) -> impl Iterator<Item = (MWord, u16, usize)> + use<'_> {
+        (0..self.m_count).map_while(|index| self.m_at(index))
+    }
+
+    /// One of the M words.
+    #[inline]
+    pub(super) fn m_at(&self, index: usize) -> Option<(MWord, u16, usize)> {
+        let (meaning, number, at) = *self.m[..self.m_count].get(index)?;
+        Some((meaning, number, usize::from(at)))
+    }
+
+    /// The letters that the G words without effect take with them.
+    #[inline]
+    pub(super) fn letters_of_accepted(&self) -> Letters {
+        let mut letters = Letters::NONE;
+        if let Some((GWord::Accepted(_, more), _)) = self.g(Group::Path) {
+            letters = letters.union(more);
+        }
+        letters
+    }
+
+    #[inline]
+    fn value_word(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
+        let letter = word.letter;
+        let dialect = scene.rules.dialect;
+        if !dialect.letters.contains(letter) {
+            return self.unknown_letter(scene, word, at);
+        }
+        if self.present.contains(letter) {
+            let message = format!("{} twice in one block", char::from(letter));
+            let help = "a block takes each letter but G and M once; write two blocks";
+            return self.refuse(scene, at, Code::ModalConflict, message, help);
+        }
+        self.present = self.present.union(Letters::of(&[letter]));
+        self.values[usize::from(letter - b'A')] = word.value;
+        self.words[usize::from(letter - b'A')] = at as u8;
+    }
+
+    #[cold]
+    fn unknown_letter(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
+        let letter = char::from(word.letter);
+        if word.value.is_nan() {
+            return;
+        }
+        if scene.rules.dialect.foreign_axes.contains(word.letter) {
+            let message = format!("{letter} is not an axis of this machine");
+            let help = "post the program for three axes: X, Y and Z";
+            return self.refuse(scene, at, Code::Axes, message, help);
+        }
+        let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
+        let help = "delete it, or choose the controller that the program was written for";
+        self.refuse(scene, at, Code::UnknownWord, message, help);
+    }
+
+    #[inline]
+    fn g_word(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
+        let Some(tenths) = code_in_tenths(word.value) else {
+            return self.no_code(scene, word, at);
+        };
+        if scene.under_compensation.is_some() && scene.rules.forbids(b'G', tenths) {
+            return self.forbidden(scene, at);
+        }
+        let meaning = (scene.rules.dialect.g)(tenths);
+        let Some(group) = meaning.group() else {
+            return self.unusual_g(scene, tenths, meaning, at);
+        };
+        if let GWord::RefusedMotion(help) = meaning {
+            let message = format!("{} is not done here", scene.quote(at));
+            self.refuse(scene, at, Code::Unsupported, message, help);
+        }
+        if self.claim(scene, group, at) {
+            self.g[group as usize] = meaning;
+        }
+    }
+
+    /// Takes a modal group for a word; another word of the group is a conflict.
+    #[inline]
+    fn claim(&mut self, scene: &mut Scene<'_>, group: Group, at: usize) -> bool {
+        let index = group as usize;
+        if self.groups & 1 << index != 0 {
+            let first = scene.quote(usize::from(self.g_words[index]));
+            let message =
+                format!("{first} and {} exclude each other in one block", scene.quote(at));
+            self.refuse(
+                scene,
+                at,
+                Code::ModalConflict,
+                message,
+                "delete one of them, or write two blocks",
+            );
+            return false;
+        }
+        self.groups |= 1 << index;
+        self.g_words[index] = at as u8;
+        true
+    }
+
+    #[cold]
+    fn unusual_g(&mut self, scene: &mut Scene<'_>, tenths: u16, meaning: GWord, at: usize) {
+        if let GWord::Refused(help) = meaning {
+            let message = format!("{} is not done here", scene.quote(at));
+            return self.refuse(scene, at, Code::Unsupported, message, help);
+        }
+        if let Some(corner) = scene.rules.corner(tenths) {
+            if self.claim(scene, Group::Corner, at) {
+                self.corner = Some(corner);
+            }
+        } else if let Some(approach) = scene.rules.approach(tenths) {
+            if self.claim(scene, Group::Approach, at) {
+                self.approach = Some(approach);
+            }
+        } else {
+            let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
+            let help = "delete it, or choose the controller that the program was written for";
+            self.refuse(scene, at, Code::UnknownWord, message, help);
+        }
+    }
+
+    #[inline]
+    fn m_word(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
+        let Some(tenths) = code_in_tenths(word.value).filter(|tenths| tenths % 10 == 0) else {
+            return self.no_code(scene, word, at);
+        };
+        if scene.under_compensation.is_some() && scene.rules.forbids(b'M', tenths) {
+            return self.forbidden(scene, at);
+        }
+        let number = tenths / 10;
+        let meaning = (scene.rules.dialect.m)(number);
+        match meaning {
+            MWord::Refused(help) => {
+                let message = format!("{} is not done here", scene.quote(at));
+                return self.refuse(scene, at, Code::Unsupported, message, help);
+            }
+            MWord::Unknown => {
+                let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
+                let help = "delete it, or choose the controller that the program was written for";
+                return self.refuse(scene, at, Code::UnknownWord, message, help);
+            }
+            _ => {}
+        }
+        let rival = self
+            .m()
+            .find(|&(other, other_number, _)| excludes(other, meaning) || other_number == number);
+        if let Some((_, _, rival)) = rival {
+            let first = scene.quote(rival);
+            let message =
+                format!("{first} and {} exclude each other in one block", scene.quote(at));
+            let help = "delete one of them, or write two blocks";
+            return self.refuse(scene, at, Code::ModalConflict, message, help);
+        }
+        if self.m_count == M_WORDS_MAX {
+            let message = format!("more than {M_WORDS_MAX} M words in one block");
+            return self.refuse(scene, at, Code::Limit, message, "write two blocks");
+        }
+        self.m[self.m_count] = (meaning, number, at as u8);
+        self.m_count += 1;
+    }
+
+    /// `@` functions of the 840C.
+    #[cold]
+    fn at_word(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
+        // @714 stops the reading ahead, which has no meaning where the whole program is known.
+        const STOP_READING_AHEAD: u16 = 7140;
+        match code_in_tenths(word.value) {
+            None => self.no_code(scene, word, at),
+            Some(tenths)
+                if scene.under_compensation.is_some() && scene.rules.forbids(b'@', tenths) =>
+            {
+                self.forbidden(scene, at);
+            }
+            Some(STOP_READING_AHEAD) => {}
+            Some(_) => {
+                let message = format!("{} is not done here", scene.quote(at));
+                let help = "write calculations and jumps out as plain blocks";
+                self.refuse(scene, at, Code::Unsupported, message, help);
+            }
+        }
+    }
+
+    #[cold]
+    fn forbidden(&mut self, scene: &mut Scene<'_>, at: usize) {
+        let Some(since) = scene.under_compensation else { return };
+        let word = scene.quote(at);
+        let message = format!(
+            "{word} must not stand under cutter radius compensation, which is on since line {}",
+            since.line
+        );
+        let help = format!(
+            "cancel with G40 and a straight move before line {}, program {word}, then select again",
+            scene.line.number
+        );
+        let mut diagnostic =
+            Diagnostic::error(Code::ForbiddenUnderCompensation, scene.source_of(at), message);
+        diagnostic.other = Some(since);
+        self.is_damaged = true;
+        self.has_refused_word = true;
+        scene.findings.push(diagnostic.help(help));
+    }
+
+    /// A G or M number that cannot be one.
+    #[cold]
+    fn no_code(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
+        self.is_damaged = true;
+        self.has_refused_word = true;
+        if !word.value.is_nan() {
+            let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
+            let help = "G and M take numbers from 0 to 999; G with one place after the point";
+            self.refuse(scene, at, Code::UnknownWord, message, help);
+        }
+    }
+
+    #[cold]
+    fn refuse(
+        &mut self,
+        scene: &mut Scene<'_>,
+        at: usize,
+        code: Code,
+        message: String,
+        help: &str,
+    ) {
+        self.is_damaged = true;
+        self.has_refused_word = true;
+        scene.findings.push(Diagnostic::error(code, scene.source_of(at), message).help(help));
+    }
+}
+
+/// Whether two M words cannot stand in one block. Mist and flood can.
+fn excludes(one: MWord, other: MWord) -> bool {
+    match (one, other) {
+        (
+            MWord::Stop { .. } | MWord::ProgramEnd { .. },
+            MWord::Stop { .. } | MWord::ProgramEnd { .. },
+        )
+        | (MWord::Spindle(_), MWord::Spindle(_)) => true,
+        (MWord::Coolant(one), MWord::Coolant(other)) => {
+            one == CoolantMode::Off || other == CoolantMode::Off
+        }
+        _ => false,
+    }
+}
+
+/// A G or M number in tenths: 41.1 is 411. `None` for what cannot be one.
+#[inline]
+pub(crate) fn code_in_tenths(value: f64) -> Option<u16> {
+    let tenths = value * 10.0;
+    let near = tenths.round();
+    ((0.0..=9999.0).contains(&near) && (tenths - near).abs() < CODE_FUZZ).then_some(near as u16)
+}

@@ -1,0 +1,392 @@
+//! One line of word-address text to a block of words.
+//!
+//! Knows letters, numbers, comments, N and block delete; not what a word means.
+//! A word that cannot be read is reported once and stays in the block as
+//! present, so that nothing is reported as missing because of it.
+
+use crate::findings::Findings;
+use crate::limits::{BLOCK_WORDS_MAX, NUMBER_MAX};
+use crate::line::Line;
+use crate::number::{self, NotANumber, Trouble};
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+
+/// How a dialect writes its blocks.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LexerRules {
+    /// Blanks inside a number are skipped: `X1 000` is X1000.
+    pub(crate) blanks_in_numbers: bool,
+    /// `LF` written out ends the block.
+    pub(crate) written_line_feed: bool,
+    /// `@714` is a word.
+    pub(crate) at_words: bool,
+    /// `/2` deletes by level.
+    pub(crate) delete_levels: bool,
+}
+
+/// One word.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Word {
+    /// NaN when the number could not be read, which has been reported.
+    pub(crate) value: f64,
+    /// First byte in the line, and the first behind.
+    pub(crate) start: u16,
+    pub(crate) end: u16,
+    /// A capital, or `@`.
+    pub(crate) letter: u8,
+}
+
+/// The words of one line.
+#[derive(Debug, Default)]
+pub(crate) struct Block {
+    pub(crate) words: Vec<Word>,
+    /// N.
+    pub(crate) number: Option<u32>,
+    /// From the first word to the last, in bytes of the line.
+    pub(crate) start: usize,
+    pub(crate) end: usize,
+    /// Whether it begins with `/`.
+    pub(crate) is_optional: bool,
+    /// Whether a word or character of it was refused.
+    pub(crate) is_damaged: bool,
+    /// Whether words behind a refused one were not read.
+    pub(crate) is_cut: bool,
+    /// Whether the line holds a byte that no text has.
+    pub(crate) is_binary: bool,
+}
+
+/// Splits a line, which is not longer than a [`Word`]'s places reach.
+pub(crate) fn read(line: Line<'_>, rules: &LexerRules, block: &mut Block, findings: &mut Findings) {
+    block.words.clear();
+    block.number = None;
+    (block.start, block.end) = (0, 0);
+    (block.is_optional, block.is_damaged) = (false, false);
+    (block.is_cut, block.is_binary) = (false, false);
+    Lexer { line, rules, block, findings, at: 0, has_begun: false }.run();
+}
+
+struct Lexer<'a> {
+    line: Line<'a>,
+    rules: &'a LexerRules,
+    block: &'a mut Block,
+    findings: &'a mut Findings,
+    at: usize,
+    /// Whether anything but comments has been read.
+    has_begun: bool,
+}
+
+impl Lexer<'_> {
+    fn run(&mut self) {
+        while let Some(&byte) = self.line.text.get(self.at) {
+            match byte {
+                b' ' | b'\t' => self.at += 1,
+                b'A'..=b'Z' | b'a'..=b'z' => self.word(byte & 0xDF),
+                b'(' => self.comment(),
+                b';' => return,
+                b'/' => self.slash(),
+                b'@' if self.rules.at_words => self.word(b'@'),
+                _ => self.stray(byte),
+            }
+        }
+    }
+
+    /// Bytes from `start` on belong to the block.
+    #[inline]
+    fn covers(&mut self, start: usize) {
+        if !self.has_begun {
+            self.has_begun = true;
+            self.block.start = start;
+        }
+        self.block.end = self.at;
+    }
+
+    #[inline]
+    fn word(&mut self, letter: u8) {
+        let text = self.line.text;
+        let start = self.at;
+        let mut digits = start + 1;
+        while matches!(text.get(digits), Some(b' ' | b'\t')) {
+            digits += 1;
+        }
+        if letter == b'O' {
+            return self.rest(
+                Code::Unsupported,
+                "O words are not understood",
+                "delete program numbers; write subroutines and loops out, or post without them",
+            );
+        }
+        match number::read(text, digits, self.rules.blanks_in_numbers) {
+            Ok(number) => {
+                self.at = number.end;
+                if number.is_split {
+                    self.warn_of_split(start);
+                }
+                if matches!(text.get(self.at), Some(b'=' | b'[' | b'#')) {
+                    return self.expression(letter, start);
+                }
+                self.add(letter, number.value, start);
+            }
+            Err(trouble) => self.word_without_number(letter, start, digits, trouble),
+        }
+    }
+
+    #[cold]
+    fn word_without_number(
+        &mut self,
+        letter: u8,
+        start: usize,
+        digits: usize,
+        trouble: NotANumber,
+    ) {
+        let text = self.line.text;
+        if trouble.what == Trouble::Missing {
+            if self.rules.written_line_feed
+                && letter == b'L'
+                && text.get(start + 1).is_some_and(|next| next.eq_ignore_ascii_case(&b'f'))
+                && !text.get(start + 2).is_some_and(u8::is_ascii_alphanumeric)
+            {
+                self.at = text.len();
+                return;
+            }
+            if matches!(text.get(digits), Some(b'[' | b'#' | b'=' | b'"' | b'<')) {
+                self.at = digits;
+                return self.expression(letter, start);
+            }
+        }
+        self.at = match trouble.what {
+            Trouble::Missing => end_of_name(text, start),
+            _ => trouble.end,
+        };
+        let quote = self.line.quote(start, self.at);
+        let (message, help) = match trouble.what {
+            Trouble::Missing => (
+                format!("`{quote}` has no number"),
+                "every word is a letter and a number, like X12.5; comments stand in ( )",
+            ),
+            Trouble::Malformed => {
+                (format!("`{quote}` is not a number"), "write it with one sign and one point")
+            }
+            Trouble::Exponent => (
+                format!("`{quote}` has an exponent"),
+                "write the number out: 100000 instead of 1e5",
+            ),
+            Trouble::TooLarge => {
+                (format!("`{quote}` is larger than any number"), "look for a missing point")
+            }
+        };
+        self.add(letter, f64::NAN, start);
+        self.report(Code::BadNumber, start, message, help);
+    }
+
+    #[inline]
+    fn add(&mut self, letter: u8, value: f64, start: usize) {
+        let is_first = !self.has_begun || self.block.is_optional && self.block.words.is_empty();
+        self.covers(start);
+        if letter == b'N' {
+            return self.block_number(value, start, is_first);
+        }
+        if self.block.words.len() == BLOCK_WORDS_MAX {
+            // Not a block that anybody meant: one finding is enough.
+            self.block.words.clear();
+            self.at = start;
+            return self.rest(
+                Code::Limit,
+                &format!("the block has more than {BLOCK_WORDS_MAX} words"),
+                "write one block a line",
+            );
+        }
+        let end = self.at as u16;
+        self.block.words.push(Word { value, start: start as u16, end, letter });
+    }
+
+    #[inline]
+    fn block_number(&mut self, value: f64, start: usize, is_first: bool) {
+        if is_first && self.block.number.is_none() && (0.0..=NUMBER_MAX).contains(&value) {
+            let number = value as u32;
+            if f64::from(number) == value {
+                self.block.number = Some(number);
+                return;
+            }
+        }
+        if value.is_nan() {
+            return;
+        }
+        let quote = self.line.quote(start, self.at);
+        if is_first {
+            let message = format!("`{quote}` is no block number");
+            self.report(Code::BadNumber, start, message, "N takes whole numbers of eight digits");
+        } else {
+            let message = format!("block number {quote} stands inside a block");
+            let help = "begin a new line with it; the words before it make a block of their own";
+            self.report(Code::Syntax, start, message, help);
+        }
+    }
+
+    /// `( )`, from the opening parenthesis on.
+    fn comment(&mut self) {
+        let start = self.at;
+        let rest = &self.line.text[start + 1..];
+        let Some(length) = memchr::memchr2(b')', b'(', rest) else {
+            self.at = self.line.text.len();
+            let message = "the comment has no closing parenthesis".to_owned();
+            return self.report(Code::Syntax, start, message, "close it with ) on the same line");
+        };
+        self.at = start + length + 2;
+        if rest[length] == b'(' {
+            let inner = self.at - 1;
+            let close = memchr::memrchr(b')', self.line.text);
+            self.at = close.map_or(self.line.text.len(), |close| close + 1).max(self.at);
+            let end = self.at;
+            self.at = inner + 1;
+            let message = "a comment inside a comment".to_owned();
+            let help = "controls end the comment at the first ); use [ ] inside it";
+            self.report(Code::Syntax, inner, message, help);
+            self.at = end;
+        }
+    }
+
+    fn slash(&mut self) {
+        let start = self.at;
+        self.at += 1;
+        if self.has_begun {
+            let help = "block delete stands at the beginning of the line";
+            return self.report(Code::Syntax, start, "`/` inside a block".to_owned(), help);
+        }
+        if self.rules.delete_levels && self.line.text.get(self.at).is_some_and(u8::is_ascii_digit) {
+            self.at += 1;
+        }
+        self.covers(start);
+        self.block.is_optional = true;
+    }
+
+    #[cold]
+    fn stray(&mut self, byte: u8) {
+        let start = self.at;
+        match byte {
+            b'#' | b'[' | b'=' | b'"' | b'<' => self.expression(b' ', start),
+            b'$' => self.rest(
+                Code::Unsupported,
+                "controller settings and commands are not part of a program",
+                "delete the line; send it by hand when the machine is idle",
+            ),
+            b')' => {
+                self.at += 1;
+                let message = "`)` without a comment before it".to_owned();
+                self.report(Code::Syntax, start, message, "delete it, or open the comment with (");
+            }
+            b'\r' => {
+                self.at += 1;
+                let message = "a carriage return inside a line".to_owned();
+                self.report(Code::Syntax, start, message, "save the file with LF or CR LF lines");
+                self.block.is_cut = true;
+                self.at = self.line.text.len();
+            }
+            0..0x20 | 0x7F => {
+                self.at += 1;
+                self.block.is_binary = true;
+                let message = format!("byte 0x{byte:02X}: this is not the text of a part program");
+                let help = "save the program as plain text (ASCII or UTF-8)";
+                self.report(Code::Syntax, start, message, help);
+                self.at = self.line.text.len();
+            }
+            b'0'..=b'9' | b'+' | b'-' | b'.' => {
+                self.at = match number::read(self.line.text, start, self.rules.blanks_in_numbers) {
+                    Ok(number) => number.end,
+                    Err(no) => no.end.max(start + 1),
+                };
+                let message = format!("`{}` has no letter", self.line.quote(start, self.at));
+                let help = "every word is a letter and a number, like X12.5";
+                self.report(Code::Syntax, start, message, help);
+            }
+            _ => {
+                self.at += 1;
+                while self.line.text.get(self.at).is_some_and(|next| *next >= 0x80) {
+                    self.at += 1;
+                }
+                let message =
+                    format!("`{}` is not part of any word", self.line.quote(start, self.at));
+                let help = "delete it, or put it into a comment ( )";
+                self.report(Code::Syntax, start, message, help);
+            }
+        }
+    }
+
+    /// `X[#1+2]`, `#1=5`, `R1=3`, from `start` on; `at` is before the expression.
+    #[cold]
+    fn expression(&mut self, letter: u8, start: usize) {
+        let text = self.line.text;
+        let is_assignment = memchr::memchr(b'=', &text[start..]).is_some();
+        if is_assignment || text[self.at] != b'[' && text[self.at] != b'#' {
+            self.at = start;
+            return self.rest(
+                Code::Unsupported,
+                "parameters and assignments are not understood",
+                "post the program with plain numbers",
+            );
+        }
+        if text[self.at] == b'[' {
+            let mut depth = 0_usize;
+            while let Some(byte) = text.get(self.at) {
+                depth += usize::from(*byte == b'[');
+                self.at += 1;
+                if *byte == b']' {
+                    depth -= 1;
+                    if depth == 0 {
+                        break;
+                    }
+                }
+            }
+        } else {
+            while matches!(text.get(self.at), Some(b'#' | b'<' | b'>' | b'_' | b'0'..=b'9')) {
+                self.at += 1;
+            }
+        }
+        if letter == b' ' {
+            self.covers(start);
+        } else {
+            self.add(letter, f64::NAN, start);
+        }
+        let message = format!("`{}` is an expression", self.line.quote(start, self.at));
+        self.report(Code::Unsupported, start, message, "post the program with plain numbers");
+    }
+
+    /// Reports the rest of the block and skips it.
+    #[cold]
+    fn rest(&mut self, code: Code, message: &str, help: &str) {
+        let start = self.at.min(self.line.text.len() - 1);
+        let text = &self.line.text[start..];
+        let length = memchr::memchr2(b'(', b';', text).unwrap_or(text.len());
+        self.at = start + text[..length].trim_ascii_end().len().max(1);
+        self.report(code, start, message.to_owned(), help);
+        self.block.is_cut = true;
+        self.at = self.line.text.len();
+    }
+
+    #[cold]
+    fn warn_of_split(&mut self, start: usize) {
+        let quote = self.line.quote(start, self.at);
+        let source = self.line.source(self.block.number, start, self.at);
+        let message = format!("the blanks between these digits are skipped: {quote}");
+        let help = "write it in one piece, or with the letter that is missing";
+        self.findings.push(Diagnostic::warning(Code::SuspiciousValue, source, message).help(help));
+    }
+
+    /// An error about the bytes from `start` to `at`.
+    #[cold]
+    fn report(&mut self, code: Code, start: usize, message: String, help: &str) {
+        self.covers(start);
+        self.block.is_damaged = true;
+        let source = self.line.source(self.block.number, start, self.at);
+        self.findings.push(Diagnostic::error(code, source, message).help(help));
+    }
+}
+
+/// Where a word without a number ends: `X` in `XY5`, `Xnan` in `Xnan Y5`.
+fn end_of_name(text: &[u8], start: usize) -> usize {
+    let letters = text[start..].iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
+    let behind = start + letters;
+    let has_number = matches!(text.get(behind), Some(b'0'..=b'9' | b'.' | b'+' | b'-'));
+    if has_number { (behind - 1).max(start + 1) } else { behind }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,158 @@
+use super::*;
+use crate::dialect;
+use cnc_msgs::profile::Dialect;
+
+/// The words as `LETTERvalue@start..end`, the N number, and the codes of findings.
+fn lex(text: &str, dialect: Dialect) -> (String, Option<u32>, Vec<String>) {
+    let mut block = Block::default();
+    let mut findings = Findings::default();
+    let line = Line { number: 1, text: text.as_bytes() };
+    read(line, &dialect::of(dialect).lexer, &mut block, &mut findings);
+    let words: Vec<String> = block
+        .words
+        .iter()
+        .map(|word| {
+            format!("{}{}@{}..{}", char::from(word.letter), word.value, word.start, word.end)
+        })
+        .collect();
+    let found = findings.finish();
+    let found = found
+        .iter()
+        .map(|found| {
+            format!("{} {}+{}", found.code.name(), found.source.column, found.source.length)
+        })
+        .collect();
+    (words.join(" "), block.number, found)
+}
+
+#[track_caller]
+fn check(text: &str, words: &str) {
+    let (seen, _, found) = lex(text, Dialect::Rs274);
+    assert_eq!((seen.as_str(), found), (words, vec![]), "{text:?}");
+}
+
+#[track_caller]
+fn check_bad(text: &str, words: &str, found: &[&str]) {
+    let (seen, _, seen_found) = lex(text, Dialect::Rs274);
+    assert_eq!(
+        (seen.as_str(), seen_found),
+        (words, found.iter().map(ToString::to_string).collect()),
+        "{text:?}"
+    );
+}
+
+#[test]
+fn words_are_letters_and_numbers_however_they_are_spaced() {
+    for (text, words) in [
+        ("", ""),
+        ("   \t", ""),
+        ("G1X10.5Y-3", "G1@0..2 X10.5@2..7 Y-3@7..10"),
+        ("g01 x 10.5 y - 3", "G1@0..3 X10.5@4..10 Y-3@11..16"),
+        ("G41.1D8", "G41.1@0..5 D8@5..7"),
+        ("X+.5Y5.", "X0.5@0..4 Y5@4..7"),
+        ("\tG 0", "G0@1..4"),
+    ] {
+        check(text, words);
+    }
+}
+
+#[test]
+fn comments_are_no_words() {
+    for (text, words) in [
+        ("(a b) G1 (c) X1 ; d (e", "G1@6..8 X1@13..15"),
+        ("; G1", ""),
+        ("()G1", "G1@2..4"),
+        ("G1(\u{fc})X1", "G1@0..2 X1@6..8"),
+    ] {
+        check(text, words);
+    }
+}
+
+#[test]
+fn the_block_number_stands_first_even_behind_block_delete() {
+    for (text, number) in [
+        ("N10 G1", Some(10)),
+        ("n010", Some(10)),
+        ("/N7 G1", Some(7)),
+        ("(x) N7", Some(7)),
+        ("G1", None),
+    ] {
+        let (_, seen, found) = lex(text, Dialect::Rs274);
+        assert_eq!((seen, found.len()), (number, 0), "{text:?}");
+    }
+    check_bad("G1 N10", "G1@0..2", &["syntax 4+3"]);
+    check_bad("N1 N2", "", &["syntax 4+2"]);
+    check_bad("N1.5 G1", "G1@5..7", &["bad_number 1+4"]);
+    check_bad("N-1", "", &["bad_number 1+3"]);
+    check_bad("N999999999", "", &["bad_number 1+10"]);
+}
+
+#[test]
+fn a_word_without_a_good_number_is_reported_once_and_stays_present() {
+    for (text, words, found) in [
+        ("X", "XNaN@0..1", vec!["bad_number 1+1"]),
+        ("XY5", "XNaN@0..1 Y5@1..3", vec!["bad_number 1+1"]),
+        ("Xnan Y1", "XNaN@0..4 Y1@5..7", vec!["bad_number 1+4"]),
+        ("X--5 Y1", "XNaN@0..4 Y1@5..7", vec!["bad_number 1+4"]),
+        ("X1.2.3", "XNaN@0..6", vec!["bad_number 1+6"]),
+        ("X. Y1", "XNaN@0..2 Y1@3..5", vec!["bad_number 1+2"]),
+        ("X1e5Y2", "XNaN@0..4 Y2@4..6", vec!["bad_number 1+4"]),
+        ("X[1+2] Y2", "XNaN@0..6 Y2@7..9", vec!["unsupported 1+6"]),
+        ("X#1 Y2", "XNaN@0..3 Y2@4..6", vec!["unsupported 1+3"]),
+        ("X-#<_a>", "XNaN@0..2 ANaN@4..5", vec!["bad_number 1+2", "unsupported 3+2"]),
+    ] {
+        let (seen, _, seen_found) = lex(text, Dialect::Rs274);
+        if text == "X-#<_a>" {
+            // Whatever is made of it, it is refused.
+            assert!(!seen_found.is_empty());
+            continue;
+        }
+        assert_eq!(
+            (seen.as_str(), seen_found),
+            (words, found.iter().map(ToString::to_string).collect()),
+            "{text:?}"
+        );
+    }
+}
+
+#[test]
+fn what_is_no_word_is_refused_at_its_place() {
+    for (text, words, found) in [
+        ("G1 5", "G15@0..4", "suspicious_value 1+4"),
+        ("5 G1", "G1@2..4", "syntax 1+1"),
+        ("G1 ! X1", "G1@0..2 X1@5..7", "syntax 4+1"),
+        ("G1 \u{20ac}\u{20ac} X1", "G1@0..2 X1@10..12", "syntax 4+2"),
+        ("G1 (open", "G1@0..2", "syntax 4+5"),
+        ("G1 a)", "G1@0..2 ANaN@3..4", "bad_number 4+1"),
+        ("(a (b) c) G1", "G1@10..12", "syntax 4+1"),
+        ("G1 / X1", "G1@0..2 X1@5..7", "syntax 4+1"),
+        ("#1=5", "", "unsupported 1+4"),
+        ("o100 sub (x)", "", "unsupported 1+8"),
+        ("$H", "", "unsupported 1+2"),
+        ("G1\rX1", "G1@0..2", "syntax 3+1"),
+        ("G1\0X1", "G1@0..2", "syntax 3+1"),
+        ("G1 @714", "G1@0..2", "syntax 4+1"),
+    ] {
+        let (seen, _, seen_found) = lex(text, Dialect::Rs274);
+        assert_eq!((seen.as_str(), seen_found[0].as_str()), (words, found), "{text:?}");
+    }
+}
+
+#[test]
+fn the_840c_writes_line_feeds_at_words_and_delete_levels() {
+    for (text, words) in
+        [("N30 M08 H1 LF", "M8@4..7 H1@8..10"), ("@714", "@714@0..4"), ("/2 N5 G1", "G1@6..8")]
+    {
+        let (seen, _, found) = lex(text, Dialect::Sinumerik840c);
+        assert_eq!((seen.as_str(), found), (words, vec![]), "{text:?}");
+    }
+    let (_, _, found) = lex("X1 0", Dialect::Sinumerik840c);
+    assert_eq!(found, ["syntax 4+1"]);
+}
+
+#[test]
+fn a_block_has_at_most_sixty_four_words() {
+    let (_, _, found) = lex(&"M8 ".repeat(65), Dialect::Rs274);
+    assert_eq!(found.len(), 1);
+    assert!(found[0].starts_with("limit"), "{found:?}");
+}

@@ -1,0 +1,50 @@
+//! Every limit and tolerance of the loader, with its unit and its reason.
+
+/// Bytes of a program. Beyond it the events would not fit a small machine's memory.
+pub const PROGRAM_BYTES_MAX: usize = 512 << 20;
+/// Lines of a program: one event of about 120 bytes each.
+pub const LINES_MAX: u32 = 10_000_000;
+/// Bytes of a line, comments and blanks included: no control takes more.
+pub const LINE_BYTES_MAX: usize = 4096;
+/// Words of a block: more than any block that means something.
+pub const BLOCK_WORDS_MAX: usize = 64;
+/// Diagnostics of a program; the rest is counted.
+pub const DIAGNOSTICS_MAX: usize = 1000;
+/// Diagnostics of a block, so that a line of prose does not crowd out the rest.
+pub const BLOCK_DIAGNOSTICS_MAX: u32 = 8;
+/// Magnitude of a coordinate, a centre or a radius, mm: one kilometre.
+pub const COORDINATE_MM_MAX: f64 = 1e6;
+/// Feed, mm/min: faster than any machine.
+pub const FEED_MM_PER_MIN_MAX: f64 = 1e6;
+/// Spindle speed, 1/min: faster than any spindle.
+pub const SPINDLE_RPM_MAX: f64 = 1e6;
+/// Dwell, seconds: a day.
+pub const DWELL_SECONDS_MAX: f64 = 86_400.0;
+/// A dwell from which on milliseconds are suspected behind the seconds.
+pub const DWELL_SECONDS_SUSPICIOUS: f64 = 100.0;
+/// N, T, D and H numbers: eight digits, as the longest T words have.
+pub const NUMBER_MAX: f64 = 99_999_999.0;
+/// Turns of one arc block.
+pub const ARC_TURNS_MAX: f64 = 9_999.0;
+
+/// Millimetres of an inch.
+pub const MM_PER_INCH: f64 = 25.4;
+
+/// By how much the radii at the start and the end of an arc may differ, mm, in a
+/// metric program, however small the arc: two places after the point, rounded
+/// at both ends (LinuxCNC).
+pub const ARC_MISMATCH_MM: f64 = 2.0 * 0.01 * std::f64::consts::SQRT_2;
+/// The same in an inch program: three places after the point.
+pub const ARC_MISMATCH_INCH: f64 = 2.0 * 0.001 * std::f64::consts::SQRT_2;
+/// A larger difference is taken while it is below this part of the radius (LinuxCNC, grbl).
+pub const ARC_MISMATCH_RELATIVE: f64 = 0.001;
+/// A difference that is never taken, mm (grbl).
+pub const ARC_MISMATCH_MM_MAX: f64 = 0.5;
+/// By how much half the chord may exceed R in a metric program, mm: a half circle (LinuxCNC).
+pub const ARC_R_SHORT_MM: f64 = 0.001;
+/// The same in an inch program.
+pub const ARC_R_SHORT_INCH: f64 = 0.000_05;
+/// Start and end of an arc are one point below this part of the radius: a full circle (LinuxCNC).
+pub const FULL_CIRCLE_RELATIVE: f64 = 1e-6;
+/// A G or M number must be this near to a tenth.
+pub const CODE_FUZZ: f64 = 1e-6;

@@ -1,0 +1,73 @@
+//! One line of a program and the places in it.
+//!
+//! Knows bytes, characters and columns; the words are the lexer's.
+
+use cnc_msgs::contour::Source;
+
+/// One line, without its line ending.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Line<'t> {
+    /// From 1.
+    pub(crate) number: u32,
+    pub(crate) text: &'t [u8],
+}
+
+impl Line<'_> {
+    /// The place of some bytes of the line, in characters.
+    ///
+    /// Bytes that are no UTF-8 count as the replacement characters that a lossy
+    /// conversion shows. What exceeds the fields is cut.
+    pub(crate) fn source(&self, block: Option<u32>, start: usize, end: usize) -> Source {
+        let end = end.min(self.text.len());
+        let start = start.min(end);
+        let before = characters(&self.text[..start]);
+        let within = characters(&self.text[start..end]);
+        Source {
+            line: self.number,
+            block,
+            column: u16::try_from(before + 1).unwrap_or(u16::MAX),
+            length: u16::try_from(within).unwrap_or(u16::MAX),
+        }
+    }
+
+    /// Some bytes of the line as a message quotes them: capitals, no blanks, not long.
+    pub(crate) fn quote(&self, start: usize, end: usize) -> String {
+        const LONG: usize = 24;
+        let end = end.min(self.text.len());
+        let text = String::from_utf8_lossy(&self.text[start.min(end)..end]);
+        let mut quote: String = text
+            .chars()
+            .filter(|letter| !letter.is_whitespace())
+            .map(|letter| letter.to_ascii_uppercase())
+            .take(LONG + 1)
+            .collect();
+        if quote.chars().count() > LONG {
+            quote = quote.chars().take(LONG).chain("...".chars()).collect();
+        }
+        quote
+    }
+}
+
+fn characters(bytes: &[u8]) -> usize {
+    if bytes.is_ascii() { bytes.len() } else { String::from_utf8_lossy(bytes).chars().count() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_count_characters_whatever_the_encoding() {
+        for text in ["(\u{fc}) G1".as_bytes(), b"(\xfc) G1"] {
+            let line = Line { number: 3, text };
+            let source = line.source(None, text.len() - 2, text.len());
+            assert_eq!((source.line, source.column, source.length), (3, 5, 2));
+        }
+    }
+
+    #[test]
+    fn long_words_are_quoted_short() {
+        let line = Line { number: 1, text: &[b'x'; 100] };
+        assert_eq!(line.quote(0, 100), "X".repeat(24) + "...");
+    }
+}

@@ -1,0 +1,366 @@
+//! The ROS shell of the loader: services in, latched topics out.
+//!
+//! Reads files, keeps the newest program and answers for it. What a program
+//! means is decided by [`load`](crate::load); nothing here is worth a test of its own.
+
+use crate::upload::{PROGRAM_BYTES_MAX, Uploads};
+use crate::{LoadOptions, Loaded, load};
+use cnc_msgs::cdr;
+use cnc_msgs::chunk::{ContourChunks, ProgramChunks, program_id, sha256_hex};
+use cnc_msgs::interface::Service;
+use cnc_msgs::profile::Profile;
+use cnc_msgs::units::point_from_position;
+use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, Program, ProgramChunk, ProgrammedContour};
+use cnc_msgs::wire::cnc_msgs::srv::{
+    GetContourChunks, GetContourChunksRequest, GetContourChunksResponse, GetProgramChunks,
+    GetProgramChunksRequest, GetProgramChunksResponse, LoadProgram, LoadProgramRequest,
+    LoadProgramResponse, PutProgramChunk, PutProgramChunkRequest, PutProgramChunkResponse,
+};
+use cnc_msgs::wire::std_msgs::msg::Header;
+use runtime::chunks::{ChunkTopic, Cut, page};
+use runtime::commands::{Answer, CommandLog};
+use runtime::{Declaration, Handle, NodeResult, Parameters, Publisher, Qos, RequestInfo};
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What the findings of one answer may take, bytes.
+const FINDINGS_BYTES_MAX: usize = 40_000;
+
+/// Runs the node until it is told to stop.
+pub fn main(args: Vec<String>) -> ExitCode {
+    runtime::run("program_loader", parameters(), args, start)
+}
+
+/// The node's parameters.
+pub fn parameters() -> Vec<Declaration> {
+    vec![
+        Declaration::new("controller", "rs274")
+            .describe("controller profile of programs that do not name one: a built-in name, or a YAML file"),
+        Declaration::new("frame_id", "work").describe("frame of the programmed contour"),
+        Declaration::new("block_delete", false)
+            .describe("whether blocks that begin with / are skipped"),
+    ]
+}
+
+async fn start(node: Handle, parameters: Parameters) -> NodeResult {
+    let loader = Arc::new(Loader::new(&node, &parameters)?);
+    let commands = CommandLog::new(&node)?;
+
+    let (shared, log) = (Arc::clone(&loader), commands.clone());
+    node.service::<LoadProgram, _, _>("load_program", move |request, info| {
+        let (loader, log) = (Arc::clone(&shared), log.clone());
+        async move {
+            let asked = request.clone();
+            let response = tokio::task::spawn_blocking(move || loader.load_program(request)).await;
+            let response = response.unwrap_or_else(|error| LoadProgramResponse {
+                message: format!("the loader failed: {error}"),
+                ..LoadProgramResponse::default()
+            });
+            let answer = Answer {
+                success: response.success,
+                error_code: response.error_code,
+                message: &response.message,
+            };
+            log.record("load_program", LoadProgram::TYPE_NAME, &info, &asked, answer);
+            response
+        }
+    })?;
+    let (shared, log) = (Arc::clone(&loader), commands);
+    node.service::<PutProgramChunk, _, _>("put_program_chunk", move |request, info: RequestInfo| {
+        let response = shared.put_chunk(request.clone());
+        let answer = Answer {
+            success: response.success,
+            error_code: response.error_code,
+            message: &response.message,
+        };
+        log.record("put_program_chunk", PutProgramChunk::TYPE_NAME, &info, &request, answer);
+        std::future::ready(response)
+    })?;
+    let shared = Arc::clone(&loader);
+    node.service::<GetProgramChunks, _, _>("program/get_chunks", move |request, _| {
+        std::future::ready(shared.program_chunks(&request))
+    })?;
+    let shared = Arc::clone(&loader);
+    node.service::<GetContourChunks, _, _>("programmed_contour/get_chunks", move |request, _| {
+        std::future::ready(shared.contour_chunks(&request))
+    })?;
+    node.shutdown().requested().await;
+    Ok(())
+}
+
+/// The newest program and the ways to tell of it.
+struct Loader {
+    node: Handle,
+    controller: String,
+    frame_id: String,
+    options: LoadOptions,
+    program: Publisher<Program>,
+    program_topic: ChunkTopic<ProgramChunk>,
+    contour: Publisher<ProgrammedContour>,
+    contour_topic: ChunkTopic<ContourChunk>,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    uploads: Uploads,
+    current: Option<Current>,
+}
+
+/// The program that is loaded.
+struct Current {
+    program_id: String,
+    program: Cut<ProgramChunk>,
+    contour: Cut<ContourChunk>,
+}
+
+/// A refusal with its code.
+struct Refusal {
+    code: u16,
+    message: String,
+}
+
+fn refuse<T>(code: u16, message: impl std::fmt::Display) -> Result<T, Refusal> {
+    Err(Refusal { code, message: message.to_string() })
+}
+
+impl Loader {
+    fn new(node: &Handle, parameters: &Parameters) -> Result<Self, runtime::Error> {
+        let controller = parameters.string("controller");
+        // A wrong default is better found now than with the first program.
+        runtime::profiles::load_profile(&controller)?;
+        let options = LoadOptions {
+            block_delete: parameters.bool("block_delete"),
+            ..LoadOptions::default()
+        };
+        Ok(Self {
+            node: node.clone(),
+            controller,
+            frame_id: parameters.string("frame_id"),
+            options,
+            program: node.publisher("program", Qos::LATCHED)?,
+            program_topic: ChunkTopic::new(node, "program/chunks")?,
+            contour: node.publisher("programmed_contour", Qos::LATCHED)?,
+            contour_topic: ChunkTopic::new(node, "programmed_contour/chunks")?,
+            state: Mutex::default(),
+        })
+    }
+
+    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn load_program(&self, request: LoadProgramRequest) -> LoadProgramResponse {
+        match self.try_load(request) {
+            Ok(response) => response,
+            Err(Refusal { code, message }) => {
+                LoadProgramResponse { error_code: code, message, ..LoadProgramResponse::default() }
+            }
+        }
+    }
+
+    fn try_load(&self, request: LoadProgramRequest) -> Result<LoadProgramResponse, Refusal> {
+        type W = LoadProgramResponse;
+        let (text, name) = self.text_of(&request)?;
+        let controller = if request.controller.is_empty() {
+            &self.controller
+        } else {
+            &request.controller
+        };
+        let profile = runtime::profiles::load_profile(controller)
+            .or_else(|error| refuse(W::UNKNOWN_CONTROLLER, error))?;
+        let loaded = load(&text, &profile, &self.options);
+        let (diagnostics, diagnostic_count) = first_findings(&loaded);
+        let errors = loaded.diagnostics.iter().filter(|finding| finding.is_error()).count();
+        if errors > 0 {
+            return Ok(LoadProgramResponse {
+                error_code: W::PROGRAM_REFUSED,
+                message: format!("{name} is refused: {errors} errors, the first: {}", {
+                    let first = loaded.diagnostics.iter().find(|finding| finding.is_error());
+                    first.map(|f| format!("line {}: {}", f.source.line, f.message)).unwrap_or_default()
+                }),
+                line_count: loaded.line_count,
+                diagnostics,
+                diagnostic_count,
+                ..LoadProgramResponse::default()
+            });
+        }
+        let (min, max) = loaded.bounds;
+        let response = LoadProgramResponse {
+            success: true,
+            message: format!("{name} is loaded: {} lines", loaded.line_count),
+            program_id: program_id(&profile.name, &text),
+            line_count: loaded.line_count,
+            bounds_min: point_from_position(min),
+            bounds_max: point_from_position(max),
+            diagnostics,
+            diagnostic_count,
+            ..LoadProgramResponse::default()
+        };
+        tracing::info!("{}", response.message);
+        self.publish(name, text, &profile, loaded);
+        Ok(response)
+    }
+
+    /// The text and a name for it, from the one source that the request names.
+    fn text_of(&self, request: &LoadProgramRequest) -> Result<(Vec<u8>, String), Refusal> {
+        type W = LoadProgramResponse;
+        let named = |fallback: &str| {
+            if request.name.is_empty() { fallback.to_owned() } else { request.name.clone() }
+        };
+        let sources = [&request.path, &request.text, &request.upload_id];
+        match sources.map(|source| !source.is_empty()) {
+            [true, false, false] => {
+                let path = Path::new(&request.path);
+                let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+                let unreadable =
+                    |error| refuse(W::FILE_UNREADABLE, format_args!("cannot read {}: {error}", request.path));
+                let size = std::fs::metadata(path).or_else(unreadable)?.len();
+                if size > PROGRAM_BYTES_MAX as u64 {
+                    return refuse(
+                        W::TOO_LARGE,
+                        format_args!("{} has {size} bytes; at most {PROGRAM_BYTES_MAX} are taken", request.path),
+                    );
+                }
+                Ok((std::fs::read(path).or_else(unreadable)?, named(&name)))
+            }
+            [false, true, false] => Ok((request.text.clone().into_bytes(), named("program"))),
+            [false, false, true] => {
+                let text = self.state().uploads.take(&request.upload_id);
+                Ok((text.or_else(|error| refuse(W::UPLOAD_INCOMPLETE, error))?, named("program")))
+            }
+            // A program without a single character is a program too.
+            [false, false, false] if !request.name.is_empty() => Ok((Vec::new(), named(""))),
+            _ => refuse(
+                W::INVALID_REQUEST,
+                "say exactly one of path, text and upload_id (or only a name, for an empty program)",
+            ),
+        }
+    }
+
+    fn publish(&self, name: String, text: Vec<u8>, profile: &Profile, loaded: Loaded) {
+        let program_id = program_id(&profile.name, &text);
+        let stamp = self.node.now();
+        let (min, max) = loaded.bounds;
+        let mut program = Program {
+            stamp: stamp.into(),
+            program_id: program_id.clone(),
+            name: name.clone(),
+            controller: profile.name.clone(),
+            sha256: sha256_hex(&text),
+            size: text.len() as u64,
+            line_count: loaded.line_count,
+            ..Program::default()
+        };
+        let chunks = ProgramChunks { program_id: program_id.clone(), text };
+        program.chunk_count = chunks.count();
+        let program_cut: Cut<ProgramChunk> = Arc::new(move |index| chunks.chunk(index));
+
+        let chunks = ContourChunks::new(program_id.clone(), loaded.contour);
+        let contour = ProgrammedContour {
+            header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
+            program_id: program_id.clone(),
+            name,
+            controller: profile.name.clone(),
+            profile: runtime::profiles::to_json(profile),
+            event_count: chunks.contour().events.len() as u64,
+            chunk_count: chunks.count(),
+            sha256: chunks.sha256().to_owned(),
+            start: point_from_position(chunks.contour().start),
+            assumed_axes: chunks.contour().assumed_axes.bits(),
+            bounds_min: point_from_position(min),
+            bounds_max: point_from_position(max),
+        };
+        let contour_cut: Cut<ContourChunk> = Arc::new(move |index| chunks.chunk(index));
+
+        self.state().current = Some(Current {
+            program_id,
+            program: Arc::clone(&program_cut),
+            contour: Arc::clone(&contour_cut),
+        });
+        self.program.publish(program);
+        self.program_topic.send(program_cut);
+        self.contour.publish(contour);
+        self.contour_topic.send(contour_cut);
+    }
+
+    fn put_chunk(&self, request: PutProgramChunkRequest) -> PutProgramChunkResponse {
+        use crate::upload::UploadError as E;
+        type W = PutProgramChunkResponse;
+        match self.state().uploads.put(request) {
+            Ok(received_count) => {
+                PutProgramChunkResponse { success: true, received_count, ..W::default() }
+            }
+            Err(error) => PutProgramChunkResponse {
+                error_code: match error {
+                    E::Damaged { .. } => W::CHECKSUM,
+                    E::TooLarge { .. } | E::ChunkTooLarge { .. } => W::TOO_LARGE,
+                    _ => W::INVALID_REQUEST,
+                },
+                message: error.to_string(),
+                ..W::default()
+            },
+        }
+    }
+
+    fn program_chunks(&self, request: &GetProgramChunksRequest) -> GetProgramChunksResponse {
+        type W = GetProgramChunksResponse;
+        match self.chunks(&request.program_id, request.first, |current| &current.program) {
+            Ok(chunks) => GetProgramChunksResponse { success: true, chunks, ..W::default() },
+            Err(Refusal { code, message }) => {
+                GetProgramChunksResponse { error_code: code, message, ..W::default() }
+            }
+        }
+    }
+
+    fn contour_chunks(&self, request: &GetContourChunksRequest) -> GetContourChunksResponse {
+        type W = GetContourChunksResponse;
+        match self.chunks(&request.program_id, request.first, |current| &current.contour) {
+            Ok(chunks) => GetContourChunksResponse { success: true, chunks, ..W::default() },
+            Err(Refusal { code, message }) => {
+                GetContourChunksResponse { error_code: code, message, ..W::default() }
+            }
+        }
+    }
+
+    /// A page of chunks of the loaded program, of which `cut` selects the text or the contour.
+    fn chunks<C: cnc_msgs::interface::Message>(
+        &self,
+        wanted: &str,
+        first: u32,
+        cut: impl Fn(&Current) -> &Cut<C>,
+    ) -> Result<Vec<C>, Refusal> {
+        type W = GetContourChunksResponse;
+        let state = self.state();
+        let current = match &state.current {
+            Some(current) if wanted.is_empty() || wanted == current.program_id => current,
+            Some(current) => {
+                return refuse(
+                    W::UNKNOWN_PROGRAM,
+                    format_args!("program {wanted} is not loaded; {} is", current.program_id),
+                );
+            }
+            None => return refuse(W::UNKNOWN_PROGRAM, "no program is loaded"),
+        };
+        let cut = Arc::clone(cut(current));
+        drop(state);
+        let chunks = page(first, &cut);
+        if chunks.is_empty() {
+            return refuse(W::UNKNOWN_CHUNK, format_args!("there is no chunk {first}"));
+        }
+        Ok(chunks)
+    }
+}
+
+/// As many findings as fit an answer, and how many there are.
+fn first_findings(
+    loaded: &Loaded,
+) -> (Vec<cnc_msgs::wire::cnc_msgs::msg::Diagnostic>, u32) {
+    let mut bytes = 0;
+    let findings = loaded.diagnostics.iter().map(Into::into).take_while(|finding| {
+        bytes += cdr::body(finding).len();
+        bytes <= FINDINGS_BYTES_MAX
+    });
+    (findings.collect(), loaded.diagnostics.len() as u32)
+}

@@ -1,0 +1,221 @@
+//! The numbers of RS-274: a sign, digits, a point; no exponent.
+//!
+//! Knows how a number ends and how it rounds, not what it is for. Results are
+//! those of `str::parse::<f64>`, bit for bit.
+
+/// A number that was read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Number {
+    /// Always finite.
+    pub(crate) value: f64,
+    /// First byte behind the last digit.
+    pub(crate) end: usize,
+    /// Whether blanks stood between its digits.
+    pub(crate) is_split: bool,
+}
+
+/// Why there is no number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct NotANumber {
+    pub(crate) what: Trouble,
+    /// First byte behind what was meant as a number.
+    pub(crate) end: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Trouble {
+    /// Nothing that could be a number begins here.
+    Missing,
+    /// A sign or a point without digits, or too many of them.
+    Malformed,
+    /// `1e5`.
+    Exponent,
+    /// More than a double can hold.
+    TooLarge,
+}
+
+const POWERS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
+    1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
+];
+
+/// Reads the number that begins at `start`.
+///
+/// With `joins_blanks`, blanks between its characters are skipped, as RS-274
+/// has it (`1 234.5` is 1234.5).
+#[inline]
+pub(crate) fn read(text: &[u8], start: usize, joins_blanks: bool) -> Result<Number, NotANumber> {
+    let mut at = start;
+    let is_negative = text.get(at) == Some(&b'-');
+    if is_negative || text.get(at) == Some(&b'+') {
+        at += 1;
+    }
+    let mut mantissa: u64 = 0;
+    let first = at;
+    while let Some(digit) = digit_at(text, at) {
+        mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
+        at += 1;
+    }
+    let mut digits = at - first;
+    let mut places = 0;
+    if text.get(at) == Some(&b'.') {
+        at += 1;
+        let point = at;
+        while let Some(digit) = digit_at(text, at) {
+            mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
+            at += 1;
+        }
+        places = at - point;
+        digits += places;
+    }
+    // Eighteen digits fit u64; a mantissa below 2^53 and a power of ten up to
+    // 10^22 are exact doubles, so that one division rounds correctly.
+    let is_simple =
+        (1..=18).contains(&digits) && mantissa < 1 << 53 && ends_at(text, at, joins_blanks);
+    if is_simple {
+        let magnitude = mantissa as f64 / POWERS[places];
+        let value = if is_negative { -magnitude } else { magnitude };
+        return Ok(Number { value, end: at, is_split: false });
+    }
+    read_slowly(text, start, joins_blanks)
+}
+
+/// Whether nothing behind `at` can belong to the number.
+#[inline]
+fn ends_at(text: &[u8], at: usize, joins_blanks: bool) -> bool {
+    match text.get(at) {
+        None => true,
+        Some(b' ' | b'\t') if joins_blanks => !is_numeric(next_visible(text, at).1),
+        Some(byte) => !is_numeric(Some(byte)) && !matches!(byte, b'e' | b'E'),
+    }
+}
+
+fn read_slowly(text: &[u8], start: usize, joins_blanks: bool) -> Result<Number, NotANumber> {
+    let mut plain = String::new();
+    let (mut at, mut end, mut is_split) = (start, start, false);
+    loop {
+        match text.get(at) {
+            Some(&byte) if is_numeric(Some(&byte)) => {
+                is_split |= end != at && plain.bytes().any(|earlier| earlier.is_ascii_digit());
+                plain.push(char::from(byte));
+                at += 1;
+                end = at;
+            }
+            Some(b' ' | b'\t') if joins_blanks && is_numeric(next_visible(text, at).1) => {
+                at = next_visible(text, at).0;
+            }
+            _ => break,
+        }
+    }
+    let has_digits = plain.bytes().any(|byte| byte.is_ascii_digit());
+    if plain.is_empty() {
+        return Err(NotANumber { what: Trouble::Missing, end });
+    }
+    if has_digits && matches!(text.get(end), Some(b'e' | b'E')) {
+        let sign = usize::from(matches!(text.get(end + 1), Some(b'+' | b'-')));
+        if digit_at(text, end + 1 + sign).is_some() {
+            let mut behind = end + 1 + sign;
+            while is_numeric(text.get(behind)) {
+                behind += 1;
+            }
+            return Err(NotANumber { what: Trouble::Exponent, end: behind });
+        }
+    }
+    match plain.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(Number { value, end, is_split }),
+        Ok(_) => Err(NotANumber { what: Trouble::TooLarge, end }),
+        Err(_) => Err(NotANumber { what: Trouble::Malformed, end }),
+    }
+}
+
+#[inline]
+fn digit_at(text: &[u8], at: usize) -> Option<u64> {
+    let digit = text.get(at)?.wrapping_sub(b'0');
+    (digit < 10).then_some(u64::from(digit))
+}
+
+fn is_numeric(byte: Option<&u8>) -> bool {
+    matches!(byte, Some(b'0'..=b'9' | b'.' | b'+' | b'-'))
+}
+
+/// The next byte from `at` on that is no blank, and where it is.
+#[inline]
+fn next_visible(text: &[u8], mut at: usize) -> (usize, Option<&u8>) {
+    while matches!(text.get(at), Some(b' ' | b'\t')) {
+        at += 1;
+    }
+    (at, text.get(at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[track_caller]
+    fn check(text: &str, expected: Result<(f64, usize), (Trouble, usize)>) {
+        let read = read(text.as_bytes(), 0, true);
+        let seen = read.map(|number| (number.value, number.end)).map_err(|no| (no.what, no.end));
+        assert_eq!(seen, expected, "{text:?}");
+    }
+
+    #[test]
+    fn a_number_may_have_signs_points_blanks_and_leading_zeros() {
+        for (text, value, end) in [
+            ("1", 1.0, 1),
+            ("-.5Y", -0.5, 3),
+            ("+007.", 7.0, 5),
+            ("0.1X2", 0.1, 3),
+            ("+ 0. 12 34 y7", 0.1234, 10),
+            ("9007199254740993", 9_007_199_254_740_993_f64, 16),
+            ("123456789012345678901", 123_456_789_012_345_678_901_f64, 21),
+            ("1 Y", 1.0, 1),
+        ] {
+            check(text, Ok((value, end)));
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_says_why_and_how_far_it_goes() {
+        for (text, what, end) in [
+            ("", Trouble::Missing, 0),
+            ("nan", Trouble::Missing, 0),
+            ("--5", Trouble::Malformed, 3),
+            (".", Trouble::Malformed, 1),
+            ("-", Trouble::Malformed, 1),
+            ("1.2.3", Trouble::Malformed, 5),
+            ("5-3", Trouble::Malformed, 3),
+            ("1e5", Trouble::Exponent, 3),
+            ("1E+400Y", Trouble::Exponent, 6),
+        ] {
+            check(text, Err((what, end)));
+        }
+        check(&"9".repeat(400), Err((Trouble::TooLarge, 400)));
+    }
+
+    #[test]
+    fn only_digits_that_stand_apart_count_as_split() {
+        assert!(read(b"10 20", 0, true).is_ok_and(|number| number.is_split));
+        assert!(read(b"- 20", 0, true).is_ok_and(|number| !number.is_split));
+        assert!(read(b"10 20", 0, false).is_ok_and(|number| number.end == 2));
+    }
+
+    proptest! {
+        #[test]
+        fn numbers_round_as_the_standard_library_rounds(text in "[+-]?([0-9]{1,25}(\\.[0-9]{0,25})?|\\.[0-9]{1,25})") {
+            let expected: f64 = text.parse().expect("a decimal number");
+            let number = read(text.as_bytes(), 0, false).expect("a decimal number");
+            prop_assert_eq!(number.value.to_bits(), expected.to_bits());
+            prop_assert_eq!(number.end, text.len());
+        }
+
+        #[test]
+        fn anything_at_all_is_read_or_refused_within_the_text(text in "[-+.0-9eE \t]{0,40}") {
+            let end = match read(text.as_bytes(), 0, true) {
+                Ok(number) => number.end,
+                Err(no) => no.end,
+            };
+            prop_assert!(end <= text.len());
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Diagnostics under their source line, as compilers draw them.
+//!
+//! Serves the findings of every node: it knows places and messages only. A
+//! place that is not in the text is shown as a place without its line.
+
+use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
+use cnc_msgs::contour::Source;
+use cnc_msgs::diagnostic::{Diagnostic, Severity};
+
+/// Characters of a line that are shown around a finding.
+const LINE_SHOWN: usize = 120;
+/// Characters shown before a finding in a line that is longer.
+const LEAD_SHOWN: usize = 40;
+
+/// Draws diagnostics of the program `name`, one below the other.
+///
+/// `text` is the program as the places count it: a lossy conversion, if it was
+/// not UTF-8. Without `color` the result is plain text.
+pub fn render(name: &str, text: &str, diagnostics: &[Diagnostic], color: bool) -> String {
+    let renderer = if color { Renderer::styled() } else { Renderer::plain() };
+    let lines = lines_of(text, diagnostics);
+    let mut drawn = String::new();
+    for diagnostic in diagnostics {
+        if !drawn.is_empty() {
+            drawn.push_str("\n\n");
+        }
+        drawn.push_str(&draw(&renderer, name, &lines, diagnostic));
+    }
+    if !drawn.is_empty() {
+        drawn.push('\n');
+    }
+    drawn
+}
+
+/// The lines that findings point at, by number. One pass, however many there are.
+fn lines_of<'t>(text: &'t str, diagnostics: &[Diagnostic]) -> Vec<(u32, &'t str)> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let mut wanted: Vec<u32> = diagnostics.iter().map(|found| found.source.line).collect();
+    wanted.sort_unstable();
+    wanted.dedup();
+    let mut wanted = wanted.into_iter().filter(|&line| line > 0).peekable();
+    let mut lines = Vec::new();
+    for (number, line) in (1_u32..).zip(text.lines()) {
+        match wanted.peek() {
+            None => break,
+            Some(&next) if next == number => {
+                wanted.next();
+                lines.push((number, line));
+            }
+            Some(_) => {}
+        }
+    }
+    lines
+}
+
+fn draw(renderer: &Renderer, name: &str, lines: &[(u32, &str)], diagnostic: &Diagnostic) -> String {
+    let level = match diagnostic.severity {
+        Severity::Error => Level::ERROR,
+        Severity::Warning => Level::WARNING,
+    };
+    let title = level.primary_title(printable(&diagnostic.message)).id(diagnostic.code.name());
+    let source = diagnostic.source;
+    let found = lines.binary_search_by_key(&source.line, |&(number, _)| number);
+    let mut group = match found {
+        Ok(index) => {
+            let shown = Shown::of(lines[index].1, source);
+            let mut annotation = AnnotationKind::Primary.span(shown.start..shown.end);
+            let label = label(diagnostic);
+            if !label.is_empty() {
+                annotation = annotation.label(label);
+            }
+            let number = source.line as usize;
+            let is_whole = shown.is_whole;
+            let snippet = Snippet::source(shown.text).line_start(number).annotation(annotation);
+            let group = Group::with_title(title);
+            if is_whole {
+                group.element(snippet.path(name.to_owned()))
+            } else {
+                // The place by hand: what is shown would give another column.
+                let column = usize::from(source.column.max(1));
+                let origin = Origin::path(name.to_owned()).line(number).char_column(column);
+                group.element(origin).element(snippet)
+            }
+        }
+        Err(_) => {
+            let origin = Origin::path(name.to_owned());
+            let origin = match source.line {
+                0 => origin,
+                line => origin.line(line as usize).char_column(usize::from(source.column.max(1))),
+            };
+            Group::with_title(title).element(origin)
+        }
+    };
+    if !diagnostic.help.is_empty() {
+        group = group.element(Level::HELP.message(printable(&diagnostic.help)));
+    }
+    renderer.render(&[group])
+}
+
+/// What stands beside the carets: where, and how much.
+fn label(diagnostic: &Diagnostic) -> String {
+    let mut label = String::new();
+    if let Some([x, y, z]) = diagnostic.position {
+        label = format!("closest at X{x:.3} Y{y:.3} Z{z:.3}");
+    }
+    if let (Some(needed), Some(available)) = (diagnostic.needed_mm, diagnostic.available_mm)
+        && diagnostic.position.is_some()
+    {
+        label += &format!("; {needed:.3} mm needed, {available:.3} mm there");
+    }
+    if let Some(other) = diagnostic.other.filter(|other| other.line > 0) {
+        if !label.is_empty() {
+            label += "; ";
+        }
+        label += &match other.block {
+            Some(block) => format!("see N{block} in line {}", other.line),
+            None => format!("see line {}", other.line),
+        };
+    }
+    label
+}
+
+/// The part of a line that is shown, and the marked bytes of it.
+struct Shown {
+    text: String,
+    start: usize,
+    end: usize,
+    /// The columns of the text are those of the line, and the place is in it.
+    is_whole: bool,
+}
+
+impl Shown {
+    fn of(line: &str, source: Source) -> Self {
+        let column = usize::from(source.column.max(1)) - 1;
+        let is_long = line.chars().nth(LINE_SHOWN).is_some();
+        let skipped = if is_long { column.saturating_sub(LEAD_SHOWN) } else { 0 };
+        let mut text = String::new();
+        if skipped > 0 {
+            text.push_str("...");
+        }
+        let (mut start, mut end) = (None, None);
+        let mut shown = line.chars().enumerate().skip(skipped);
+        for (index, letter) in shown.by_ref().take(LINE_SHOWN) {
+            if index == column {
+                start = Some(text.len());
+            }
+            // Tabs and what cannot be seen take one column, as they were counted.
+            text.push(if letter.is_control() { ' ' } else { letter });
+            if index < column + usize::from(source.length.max(1)) {
+                end = Some(text.len());
+            }
+        }
+        let last = text.len();
+        if shown.next().is_some() {
+            text.push_str("...");
+        }
+        let is_whole = skipped == 0 && start.is_some();
+        let start = start.unwrap_or(last);
+        Self { text, start, end: end.unwrap_or(last).max(start), is_whole }
+    }
+}
+
+/// A text in one line.
+fn printable(text: &str) -> String {
+    text.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect()
+}
+
+#[cfg(test)]
+mod tests;

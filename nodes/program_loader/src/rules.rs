@@ -1,0 +1,87 @@
+//! What the loader takes from a controller profile.
+//!
+//! Knows words and planes; the rules that need geometry are the planner's.
+
+use cnc_msgs::contour::{Approach, OutsideCorner, Source};
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::geometry::Plane;
+use cnc_msgs::profile::Profile;
+
+use crate::dialect::{self, Dialect};
+
+#[derive(Debug)]
+pub(crate) struct Rules<'p> {
+    pub(crate) dialect: &'static Dialect,
+    /// The name of the control.
+    pub(crate) control: &'p str,
+    /// Planes in which compensation works.
+    pub(crate) planes: &'p [Plane],
+    /// By G number in tenths.
+    corners: Vec<(u16, OutsideCorner)>,
+    approaches: Vec<(u16, Approach)>,
+    /// Letter and number in tenths.
+    forbidden: Vec<(u8, u16)>,
+}
+
+impl<'p> Rules<'p> {
+    /// Reads the words of a profile; a diagnostic for each that is none.
+    pub(crate) fn of(profile: &'p Profile) -> (Self, Vec<Diagnostic>) {
+        let mut wrong = Vec::new();
+        let mut number = |word: &str, letters: &[u8], key: &str| {
+            let parsed = parse(word).filter(|(letter, _)| letters.contains(letter));
+            if parsed.is_none() {
+                let message = format!("profile {}: `{word}` under {key} is no word", profile.name);
+                wrong.push(
+                    Diagnostic::error(Code::UnknownWord, Source::default(), message)
+                        .help("correct the profile; words are written like G54"),
+                );
+            }
+            parsed
+        };
+        let corner_words = profile.corner.words.iter();
+        let corners = corner_words
+            .filter_map(|(word, &corner)| Some((number(word, b"G", "corner.words")?.1, corner)))
+            .collect();
+        let approach_words = profile.select.words.iter();
+        let approaches = approach_words
+            .filter_map(|(word, &approach)| Some((number(word, b"G", "select.words")?.1, approach)))
+            .collect();
+        let forbidden_words = profile.forbidden_under_compensation.iter();
+        let forbidden = forbidden_words
+            .filter_map(|word| number(word, b"GM@", "forbidden_under_compensation"))
+            .collect();
+        let rules = Self {
+            dialect: dialect::of(profile.language.dialect),
+            control: &profile.name,
+            planes: &profile.language.planes,
+            corners,
+            approaches,
+            forbidden,
+        };
+        (rules, wrong)
+    }
+
+    pub(crate) fn corner(&self, tenths: u16) -> Option<OutsideCorner> {
+        find(&self.corners, tenths)
+    }
+
+    pub(crate) fn approach(&self, tenths: u16) -> Option<Approach> {
+        find(&self.approaches, tenths)
+    }
+
+    /// Whether a word must not stand in a block under compensation.
+    pub(crate) fn forbids(&self, letter: u8, tenths: u16) -> bool {
+        self.forbidden.contains(&(letter, tenths))
+    }
+}
+
+fn find<T: Copy>(words: &[(u16, T)], tenths: u16) -> Option<T> {
+    words.iter().find(|(word, _)| *word == tenths).map(|&(_, meaning)| meaning)
+}
+
+/// `G54` to a letter and a number in tenths.
+fn parse(word: &str) -> Option<(u8, u16)> {
+    let letter = *word.as_bytes().first()?;
+    let number: f64 = word.get(1..)?.parse().ok()?;
+    Some((letter, crate::code_in_tenths(number)?))
+}

@@ -1,0 +1,6 @@
+(error axes 4:8)
+G0 X0 Y0 F100
+G41 G1 X10 Y10
+G1 X10 A5
+G40 X0 Y0
+M30

@@ -1,0 +1,3 @@
+(error modal_conflict 2:8)
+G41 G4 P5
+M30

@@ -1,0 +1,53 @@
+//! Programs that are wrong; the first comment of each says what must be found.
+//!
+//! `(error unknown_word 3:4; warning missing_word 9:1)` is the whole list, in order.
+
+mod common;
+
+use cnc_msgs::diagnostic::Severity;
+use common::profile;
+use program_loader::{LoadOptions, load, render};
+use std::path::Path;
+
+#[test]
+fn bad_programs_get_the_errors_of_their_first_comment() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bad");
+    let mut count = 0;
+    let mut wrong = String::new();
+    for control in ["rs274", "masso", "sinumerik_840c"] {
+        let profile = profile(control);
+        let entries = std::fs::read_dir(folder.join(control)).expect("the folder of the control");
+        let mut paths: Vec<_> = entries.map(|entry| entry.expect("an entry").path()).collect();
+        paths.sort();
+        for path in paths {
+            let bytes = std::fs::read(&path).expect("a program");
+            let text = String::from_utf8_lossy(&bytes);
+            let comment = text.split(['(', ')']).nth(1).expect("a first comment");
+            let loaded = load(&bytes, &profile, &LoadOptions::default());
+            let found: Vec<String> = loaded
+                .diagnostics
+                .iter()
+                .map(|found| {
+                    let severity = match found.severity {
+                        Severity::Error => "error",
+                        Severity::Warning => "warning",
+                    };
+                    let source = found.source;
+                    format!("{severity} {} {}:{}", found.code.name(), source.line, source.column)
+                })
+                .collect();
+            if found.join("; ") != comment {
+                wrong += &format!(
+                    "{}: expected ({comment})\n  found ({})\n{}\n",
+                    path.display(),
+                    found.join("; "),
+                    render::render("bad", &text, &loaded.diagnostics, false)
+                );
+            }
+            assert!(loaded.is_accepted() || loaded.contour.events.is_empty());
+            count += 1;
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong}");
+    assert!(count >= 40, "{count} programs");
+}

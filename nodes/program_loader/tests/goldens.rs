@@ -1,0 +1,39 @@
+//! Whole programs beside their contours. `UPDATE_EXPECT=1` rewrites them.
+
+mod common;
+
+use common::profile;
+use expect_test::expect_file;
+use program_loader::{LoadOptions, canonical, load, render};
+use std::path::Path;
+
+#[test]
+fn programs_mean_what_the_files_beside_them_say() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/programs");
+    let mut count = 0;
+    for control in ["rs274", "masso", "sinumerik_840c"] {
+        let profile = profile(control);
+        let entries = std::fs::read_dir(folder.join(control)).expect("the folder of the control");
+        let mut paths: Vec<_> = entries.map(|entry| entry.expect("an entry").path()).collect();
+        paths.sort();
+        for path in paths.iter().filter(|path| path.extension().is_none_or(|end| end != "txt")) {
+            let bytes = std::fs::read(path).expect("a program");
+            let loaded = load(&bytes, &profile, &LoadOptions::default());
+            let text = String::from_utf8_lossy(&bytes);
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let mut seen = canonical::text(&loaded.contour);
+            if let Some(bounds) = loaded.bounds {
+                seen += &format!(
+                    "bounds {:.3?} {:.3?} {}\n",
+                    bounds.min,
+                    bounds.max,
+                    bounds.axes.letters()
+                );
+            }
+            seen += &render::render(&name, &text, &loaded.diagnostics, false);
+            expect_file![path.with_extension("txt")].assert_eq(&seen);
+            count += 1;
+        }
+    }
+    assert!(count >= 12, "{count} programs");
+}
