@@ -2,16 +2,26 @@
 //!
 //! For commissioning a stack without hardware, and for provoking faults in tests.
 //!
-//! - [`Controller`]: the firmware and its machine; sans-IO, time is an argument.
+//! - [`Controller`]: the firmware and its machine.
+//! - [`FaultInjector`]: the same with trouble on the line, the supply and the switches.
+//! - [`PacedLine`]: either of them behind a line of so many baud, and a faster clock.
+//! - `serve` and `cli` (feature `node`): all of it on a pseudo-terminal.
+//!
+//! Everything but the last is sans-IO: bytes and the time go in, bytes and the
+//! time of the next event come out.
 //!
 //! This is not hardware and no part of it is a safety function.
 
 mod axes;
 mod codes;
 mod controller;
+mod fault;
 mod gcode;
 mod homing;
 mod motion;
+#[cfg(feature = "node")]
+mod node;
+mod paced;
 mod plant;
 mod receive;
 mod settings;
@@ -19,5 +29,9 @@ mod settings;
 pub use axes::{AXES, AXIS_LETTERS, Vector};
 pub use codes::{Alarm, ErrorCode};
 pub use controller::{Build, Controller};
+pub use fault::{Direction, Fault, FaultAction, FaultError, FaultInjector, Spoil, Trigger};
+#[cfg(feature = "node")]
+pub use node::{ServeError, ServeOptions, Stop, StopHandle, cli, serve, stop_pair};
+pub use paced::{Device, Pace, PacedLine};
 pub use receive::{LINE_CHARACTERS_MAX, RECEIVE_BUFFER_BYTES};
 pub use settings::Settings;

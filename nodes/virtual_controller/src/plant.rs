@@ -12,6 +12,9 @@ use crate::settings::Settings;
 /// How far behind its nominal place a switch closes, mm.
 const SWITCH_MM: f64 = 1e-6;
 
+/// How far behind a switch the axis runs against its end stop, mm.
+const END_STOP_MM: f64 = 0.5;
+
 /// Pins and places.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Plant {
@@ -83,6 +86,18 @@ impl Plant {
             false => -physical,
         };
         Some(way.max(0.0))
+    }
+
+    /// Takes back what the controller counted while an axis stood against its end stop.
+    pub(crate) fn stop_at_ends(&mut self, machine: Vector, settings: &Settings) {
+        if !Self::has_switches(settings) {
+            return;
+        }
+        let travel = settings.max_travel_mm();
+        for i in 0..AXES {
+            let physical = machine[i] + self.offset[i];
+            self.offset[i] += physical.clamp(-travel[i] - END_STOP_MM, END_STOP_MM) - physical;
+        }
     }
 
     pub(crate) fn touches_probe(&self, machine: Vector) -> bool {

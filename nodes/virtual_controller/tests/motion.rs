@@ -172,7 +172,7 @@ fn positions_are_whole_steps() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig::with_cases(24))]
 
     /// Sampled every millisecond: per axis never faster than `$110`, never
     /// farther than the speed allows, and at the end exactly at the target.

@@ -56,7 +56,6 @@ pub(super) enum Action {
     Sleep,
     /// Ends with a soft reset.
     Restart,
-    Message(&'static str),
     Answer(Result<(), ErrorCode>),
     /// The same for a startup line, which is echoed.
     Echo {
@@ -81,6 +80,7 @@ impl Controller {
                 | State::Sleep
                 | State::SoftLimit
                 | State::Homing(_)
+                | State::Jog { is_cancelled: true }
                 | State::Alarm { is_deaf: true }
         )
     }
@@ -159,8 +159,7 @@ impl Controller {
                 }
             }
             Action::Jog(motion) => {
-                if matches!(self.state, State::Jog { is_cancelled: true }) || self.planner.is_full()
-                {
+                if self.planner.is_full() {
                     return Some(action);
                 }
                 self.planner.push(&motion, &self.memory.settings);
@@ -227,7 +226,6 @@ impl Controller {
                 let is_locked = matches!(self.state, State::Alarm { .. });
                 self.restart(is_locked);
             }
-            Action::Message(text) => self.message(text),
             Action::Answer(result) => self.answer(result),
             Action::Echo { text, answer } => {
                 self.print(&format!(">{text}:"));

@@ -188,6 +188,8 @@ impl Controller {
     fn initialise(&mut self) {
         let settings = &self.memory.settings;
         self.planner.clear(settings);
+        let at = mm_from_steps(self.planner.position_steps(settings), settings);
+        self.plant.stop_at_ends(at, settings);
         self.planner.set_overrides(Overrides::default());
         self.receive_buffer.clear();
         self.reader = LineReader::default();
@@ -202,7 +204,6 @@ impl Controller {
         self.has_pending_report = false;
         self.has_pending_hold = false;
         self.parser = ParserState::default();
-        let at = mm_from_steps(self.planner.position_steps(settings), settings);
         self.parser.position_in_machine = at;
         self.print("\r\nGrbl 1.1h ['$' for help]\r\n");
         let is_pressed = self.plant.pressed(self.position(), &self.memory.settings).contains(&true);

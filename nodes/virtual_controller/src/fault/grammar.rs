@@ -1,0 +1,260 @@
+//! Faults as text: `ACTION[:ARGUMENT]@TRIGGER=VALUE`.
+//!
+//! | action | does |
+//! |---|---|
+//! | `rx-drop` `rx-duplicate` `rx-corrupt` | loses, doubles or changes a byte to the controller |
+//! | `tx-drop` `tx-duplicate` `tx-corrupt` | the same for a byte from the controller |
+//! | `lose-ok` `extra-ok` | loses an answer, sends one more |
+//! | `silent` `silent:SECONDS` | sends nothing any more, or for some seconds |
+//! | `reset` | the supply fails for a moment: banner, position lost |
+//! | `limit:AXIS` `release:AXIS` `cut:AXIS` | closes, lets go, or disconnects a limit switch |
+//! | `door` `close-door` | opens and closes the safety door |
+//! | `close` | the cable is pulled |
+//!
+//! | trigger | when |
+//! |---|---|
+//! | `line=N` | the Nth answer (`ok` or `error:`) since power-up is sent |
+//! | `byte=N` | the Nth byte passes: of its direction, else to the controller |
+//! | `time=S` | S seconds of the controller's time after power-up |
+//! | `rate=P` | each time with probability P; bytes and answers only |
+
+use std::str::FromStr;
+
+/// A direction of the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// `rx`.
+    ToController,
+    /// `tx`.
+    FromController,
+}
+
+/// What happens to a byte.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Spoil {
+    /// It is lost.
+    Drop,
+    /// It comes twice.
+    Duplicate,
+    /// One of its bits is wrong.
+    Corrupt,
+}
+
+/// What goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FaultAction {
+    /// A byte suffers.
+    Byte(Direction, Spoil),
+    /// An answer is not sent.
+    LoseOk,
+    /// An `ok` is sent that answers nothing.
+    ExtraOk,
+    /// Nothing is sent, for some seconds or for ever.
+    Silent {
+        /// `None`: for ever.
+        seconds: Option<f64>,
+    },
+    /// The supply fails for a moment.
+    Reset,
+    /// A limit switch is held closed.
+    Limit(usize),
+    /// It is let go.
+    Release(usize),
+    /// It is disconnected and never closes.
+    Cut(usize),
+    /// The safety door opens.
+    Door,
+    /// It closes.
+    CloseDoor,
+    /// The cable is pulled.
+    Close,
+}
+
+/// When it goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Trigger {
+    /// At an answer, counted from 1.
+    Line(u64),
+    /// At a byte, counted from 1.
+    Byte(u64),
+    /// At a time, seconds.
+    Time(f64),
+    /// By chance, 0 to 1.
+    Rate(f64),
+}
+
+/// One thing that goes wrong once, or by chance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fault {
+    /// What.
+    pub action: FaultAction,
+    /// When.
+    pub trigger: Trigger,
+}
+
+/// Why a text is no fault.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FaultError {
+    /// No `@TRIGGER=VALUE`.
+    #[error("fault `{0}` has no trigger; write ACTION@line=N, @byte=N, @time=SECONDS or @rate=P")]
+    NoTrigger(String),
+    /// Not an action of the table.
+    #[error(
+        "unknown fault action `{0}`; there are rx-drop, rx-duplicate, rx-corrupt, tx-drop, \
+         tx-duplicate, tx-corrupt, lose-ok, extra-ok, silent[:SECONDS], reset, limit:AXIS, \
+         release:AXIS, cut:AXIS, door, close-door and close"
+    )]
+    Action(String),
+    /// A trigger or its value is not of the table.
+    #[error(
+        "fault trigger `{0}` is not line=N or byte=N with N from 1, time=SECONDS or rate=P with \
+         P from 0 to 1"
+    )]
+    Trigger(String),
+    /// Bytes and answers happen by chance, nothing else.
+    #[error("`{0}` cannot happen at a rate; give it a line, byte or time")]
+    RateOfAction(String),
+    /// An answer is spoilt when it is sent, a byte when it passes.
+    #[error("`{0}` cannot use this trigger; answers take line or rate, bytes take byte or rate")]
+    TriggerOfAction(String),
+}
+
+impl FromStr for FaultAction {
+    type Err = FaultError;
+
+    fn from_str(text: &str) -> Result<Self, FaultError> {
+        let unknown = || FaultError::Action(text.to_string());
+        let (name, argument) = match text.split_once(':') {
+            Some((name, argument)) => (name, Some(argument)),
+            None => (text, None),
+        };
+        let byte = |direction, spoil| Ok(Self::Byte(direction, spoil));
+        let axis = || match argument.map(str::to_ascii_lowercase).as_deref() {
+            Some("x") => Ok(0),
+            Some("y") => Ok(1),
+            Some("z") => Ok(2),
+            _ => Err(unknown()),
+        };
+        if argument.is_some() && !matches!(name, "silent" | "limit" | "release" | "cut") {
+            return Err(unknown());
+        }
+        match name {
+            "rx-drop" => byte(Direction::ToController, Spoil::Drop),
+            "rx-duplicate" => byte(Direction::ToController, Spoil::Duplicate),
+            "rx-corrupt" => byte(Direction::ToController, Spoil::Corrupt),
+            "tx-drop" => byte(Direction::FromController, Spoil::Drop),
+            "tx-duplicate" => byte(Direction::FromController, Spoil::Duplicate),
+            "tx-corrupt" => byte(Direction::FromController, Spoil::Corrupt),
+            "lose-ok" => Ok(Self::LoseOk),
+            "extra-ok" => Ok(Self::ExtraOk),
+            "silent" => match argument.map(seconds) {
+                None => Ok(Self::Silent { seconds: None }),
+                Some(Some(seconds)) => Ok(Self::Silent { seconds: Some(seconds) }),
+                Some(None) => Err(unknown()),
+            },
+            "reset" => Ok(Self::Reset),
+            "limit" => axis().map(Self::Limit),
+            "release" => axis().map(Self::Release),
+            "cut" => axis().map(Self::Cut),
+            "door" => Ok(Self::Door),
+            "close-door" => Ok(Self::CloseDoor),
+            "close" => Ok(Self::Close),
+            _ => Err(unknown()),
+        }
+    }
+}
+
+impl FromStr for Fault {
+    type Err = FaultError;
+
+    fn from_str(text: &str) -> Result<Self, FaultError> {
+        let (action_text, trigger_text) =
+            text.split_once('@').ok_or_else(|| FaultError::NoTrigger(text.to_string()))?;
+        let action = action_text.parse()?;
+        let wrong = || FaultError::Trigger(trigger_text.to_string());
+        let (name, value) = trigger_text.split_once('=').ok_or_else(wrong)?;
+        let count = || value.parse::<u64>().ok().filter(|n| *n > 0).ok_or_else(wrong);
+        let trigger = match name {
+            "line" => Trigger::Line(count()?),
+            "byte" => Trigger::Byte(count()?),
+            "time" => Trigger::Time(seconds(value).ok_or_else(wrong)?),
+            "rate" => {
+                let rate = seconds(value).filter(|rate| *rate <= 1.0).ok_or_else(wrong)?;
+                Trigger::Rate(rate)
+            }
+            _ => return Err(wrong()),
+        };
+        let fits = match (action, trigger) {
+            (FaultAction::Byte(..), Trigger::Byte(_) | Trigger::Rate(_)) => true,
+            (FaultAction::LoseOk | FaultAction::ExtraOk, Trigger::Line(_) | Trigger::Rate(_)) => {
+                true
+            }
+            (FaultAction::Byte(..) | FaultAction::LoseOk, _) => false,
+            (FaultAction::ExtraOk, trigger) => matches!(trigger, Trigger::Time(_)),
+            (_, Trigger::Rate(_)) => {
+                return Err(FaultError::RateOfAction(action_text.to_string()));
+            }
+            _ => true,
+        };
+        if !fits {
+            return Err(FaultError::TriggerOfAction(action_text.to_string()));
+        }
+        Ok(Self { action, trigger })
+    }
+}
+
+fn seconds(text: &str) -> Option<f64> {
+    text.parse::<f64>().ok().filter(|s| s.is_finite() && (0.0..1e9).contains(s))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_read_as_the_table_says() {
+        let read = |text: &str| text.parse::<Fault>().unwrap();
+        assert_eq!(
+            read("lose-ok@line=20"),
+            Fault { action: FaultAction::LoseOk, trigger: Trigger::Line(20) }
+        );
+        assert_eq!(
+            read("silent:1.5@time=3"),
+            Fault {
+                action: FaultAction::Silent { seconds: Some(1.5) },
+                trigger: Trigger::Time(3.0)
+            }
+        );
+        assert_eq!(
+            read("rx-corrupt@rate=0.001").action,
+            FaultAction::Byte(Direction::ToController, Spoil::Corrupt)
+        );
+        assert_eq!(read("limit:X@byte=7").action, FaultAction::Limit(0));
+    }
+
+    #[test]
+    fn what_is_no_fault_is_refused_with_the_way_to_write_it() {
+        for text in [
+            "",
+            "lose-ok",
+            "lose-ok@",
+            "lose-ok@line",
+            "lose-ok@line=0",
+            "lose-ok@line=-1",
+            "lose-ok@byte=2",
+            "explode@line=1",
+            "limit@line=1",
+            "limit:a@line=1",
+            "silent:x@line=1",
+            "reset:1@line=1",
+            "reset@rate=0.1",
+            "rx-drop@line=2",
+            "rx-drop@rate=1.5",
+            "door@time=nan",
+            "door@time=inf",
+        ] {
+            let error = text.parse::<Fault>().expect_err(text).to_string();
+            assert!(error.contains('`'), "{error}");
+        }
+    }
+}

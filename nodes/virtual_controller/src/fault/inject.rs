@@ -1,0 +1,239 @@
+//! A controller whose line, supply and switches suffer from faults.
+
+use std::time::Duration;
+
+use crate::fault::{Direction, Fault, FaultAction, Spoil, Trigger};
+use crate::{Controller, paced::Device};
+
+/// A controller in trouble; a [`Device`] like the controller itself.
+#[derive(Debug)]
+pub struct FaultInjector {
+    controller: Controller,
+    /// With whether they have happened.
+    faults: Vec<(Fault, bool)>,
+    chance: Chance,
+    received: u64,
+    sent: u64,
+    answers: u64,
+    silent_until: Option<Duration>,
+    is_closed: bool,
+    outgoing: Vec<u8>,
+    now: Duration,
+}
+
+impl FaultInjector {
+    /// Wraps a controller; the seed decides what happens by chance.
+    pub fn new(controller: Controller, faults: Vec<Fault>, seed: u64) -> Self {
+        let mut injector = Self {
+            controller,
+            faults: faults.into_iter().map(|fault| (fault, false)).collect(),
+            chance: Chance(seed),
+            received: 0,
+            sent: 0,
+            answers: 0,
+            silent_until: None,
+            is_closed: false,
+            outgoing: Vec::new(),
+            now: Duration::ZERO,
+        };
+        injector.pump();
+        injector
+    }
+
+    /// The controller in trouble.
+    pub fn controller(&self) -> &Controller {
+        &self.controller
+    }
+
+    /// Has the cable been pulled?
+    pub fn is_closed(&self) -> bool {
+        self.is_closed
+    }
+
+    /// Lets a fault happen at once; of bytes and answers the next one suffers.
+    pub fn inject(&mut self, now: Duration, action: FaultAction) {
+        self.advance(now);
+        let trigger = match action {
+            FaultAction::Byte(Direction::ToController, _) => Trigger::Byte(self.received + 1),
+            FaultAction::Byte(Direction::FromController, _) => Trigger::Byte(self.sent + 1),
+            FaultAction::LoseOk => Trigger::Line(self.answers + 1),
+            _ => return self.happen(action),
+        };
+        self.faults.push((Fault { action, trigger }, false));
+    }
+
+    fn happen(&mut self, action: FaultAction) {
+        match action {
+            FaultAction::ExtraOk => self.send(b"ok\r\n"),
+            FaultAction::Silent { seconds } => {
+                let seconds = seconds.map_or(Duration::MAX, Duration::from_secs_f64);
+                self.silent_until = Some(self.now.saturating_add(seconds));
+            }
+            FaultAction::Reset => self.controller.power_cycle(),
+            FaultAction::Limit(axis) => self.controller.hold_limit(axis, true),
+            FaultAction::Release(axis) => self.controller.hold_limit(axis, false),
+            FaultAction::Cut(axis) => self.controller.cut_limit(axis, true),
+            FaultAction::Door => self.controller.set_door(true),
+            FaultAction::CloseDoor => self.controller.set_door(false),
+            FaultAction::Close => self.is_closed = true,
+            // These happen to what passes.
+            FaultAction::Byte(..) | FaultAction::LoseOk => {}
+        }
+        self.pump();
+    }
+
+    /// Returns the due faults and marks them as happened.
+    fn due(&mut self, is_due: impl Fn(&Fault, &mut Chance) -> bool) -> Vec<FaultAction> {
+        let chance = &mut self.chance;
+        self.faults
+            .iter_mut()
+            .filter(|(_, happened)| !happened)
+            .filter_map(|(fault, happened)| {
+                is_due(fault, chance).then(|| {
+                    *happened = !matches!(fault.trigger, Trigger::Rate(_));
+                    fault.action
+                })
+            })
+            .collect()
+    }
+
+    /// Returns what becomes of a byte.
+    fn spoil(&mut self, direction: Direction, byte: u8, number: u64) -> Vec<u8> {
+        let mut bytes = vec![byte];
+        let spoils = self.due(|fault, chance| match (fault.action, fault.trigger) {
+            (FaultAction::Byte(of, _), Trigger::Byte(at)) => of == direction && at == number,
+            (FaultAction::Byte(of, _), Trigger::Rate(rate)) => of == direction && chance.hits(rate),
+            _ => false,
+        });
+        for spoil in spoils {
+            match spoil {
+                FaultAction::Byte(_, Spoil::Drop) => bytes.clear(),
+                FaultAction::Byte(_, Spoil::Duplicate) => bytes.push(byte),
+                FaultAction::Byte(_, Spoil::Corrupt) => {
+                    let bit = self.chance.next() % 7;
+                    bytes.iter_mut().for_each(|byte| *byte ^= 1 << bit);
+                }
+                _ => {}
+            }
+        }
+        bytes
+    }
+
+    fn send(&mut self, bytes: &[u8]) {
+        if self.silent_until.is_some_and(|until| self.now < until) {
+            return;
+        }
+        for &byte in bytes {
+            self.sent += 1;
+            let spoilt = self.spoil(Direction::FromController, byte, self.sent);
+            self.outgoing.extend(spoilt);
+        }
+    }
+
+    /// Passes on what the controller says, answer by answer.
+    fn pump(&mut self) {
+        loop {
+            let mut said = Vec::new();
+            self.controller.transmit(&mut said);
+            if said.is_empty() {
+                return;
+            }
+            for line in said.split_inclusive(|byte| *byte == b'\n') {
+                self.pass(line);
+            }
+        }
+    }
+
+    fn pass(&mut self, line: &[u8]) {
+        if !(line.starts_with(b"ok") || line.starts_with(b"error:")) {
+            return self.send(line);
+        }
+        self.answers += 1;
+        let number = self.answers;
+        let due = self.due(|fault, chance| match (fault.action, fault.trigger) {
+            (_, Trigger::Line(at)) => at == number,
+            (FaultAction::LoseOk | FaultAction::ExtraOk, Trigger::Rate(rate)) => chance.hits(rate),
+            _ => false,
+        });
+        if !due.contains(&FaultAction::LoseOk) {
+            self.send(line);
+        }
+        due.into_iter().for_each(|action| self.happen(action));
+    }
+
+    /// The next scheduled time of a fault.
+    fn next_scheduled(&self) -> Option<Duration> {
+        self.faults
+            .iter()
+            .filter_map(|(fault, happened)| match fault.trigger {
+                Trigger::Time(at) if !happened => Some(Duration::from_secs_f64(at)),
+                _ => None,
+            })
+            .min()
+    }
+}
+
+impl Device for FaultInjector {
+    fn receive(&mut self, now: Duration, bytes: &[u8]) {
+        self.advance(now);
+        for &byte in bytes {
+            self.received += 1;
+            let number = self.received;
+            let spoilt = self.spoil(Direction::ToController, byte, number);
+            self.controller.receive(now, &spoilt);
+            self.pump();
+            let due = self.due(|fault, _| {
+                !matches!(fault.action, FaultAction::Byte(..))
+                    && fault.trigger == Trigger::Byte(number)
+            });
+            due.into_iter().for_each(|action| self.happen(action));
+        }
+    }
+
+    fn advance(&mut self, now: Duration) {
+        while let Some(at) = self.next_scheduled().filter(|at| *at <= now) {
+            self.now = self.now.max(at);
+            self.controller.advance(self.now);
+            self.pump();
+            let due = self.due(
+                |fault, _| matches!(fault.trigger, Trigger::Time(s) if Duration::from_secs_f64(s) <= at),
+            );
+            due.into_iter().for_each(|action| self.happen(action));
+        }
+        self.now = self.now.max(now);
+        self.controller.advance(now);
+        self.pump();
+    }
+
+    fn transmit(&mut self, to: &mut Vec<u8>) {
+        self.pump();
+        to.append(&mut self.outgoing);
+    }
+
+    fn next_event(&self, now: Duration) -> Option<Duration> {
+        if !self.outgoing.is_empty() {
+            return Some(now);
+        }
+        let scheduled = self.next_scheduled().map(|at| at.max(now));
+        scheduled.into_iter().chain(self.controller.next_event(now)).min()
+    }
+}
+
+/// A small generator of chance (splitmix64); its seed is a literal of the test.
+#[derive(Debug, Clone)]
+struct Chance(u64);
+
+impl Chance {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    fn hits(&mut self, rate: f64) -> bool {
+        // 53 bits are what a double holds.
+        ((self.next() >> 11) as f64) < rate * (1u64 << 53) as f64
+    }
+}

@@ -1,0 +1,190 @@
+//! The command line of the virtual controller.
+
+use std::ffi::OsString;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Parser, ValueEnum};
+
+use super::serve::{ServeOptions, eprint, serve};
+use super::stop::{StopHandle, stop_pair};
+use crate::paced::Pace;
+use crate::{Build, Fault, Settings, Vector};
+
+/// A grbl 1.1 controller with axes that move in time, on a pseudo-terminal.
+///
+/// Prints the path of its port as the first line and runs until SIGTERM or
+/// SIGINT. It is no hardware and no part of it is a safety function.
+#[derive(Debug, Parser)]
+#[command(name = "virtual_controller", version)]
+struct Arguments {
+    /// Settings to start from.
+    #[arg(long, value_enum, default_value_t = Machine::Router)]
+    machine: Machine,
+    /// A file of lines `$n=v`; `#` and `;` begin comments.
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
+    /// Switches homing on ($22=1): locked at power-up until $H or $X.
+    #[arg(long)]
+    homing: bool,
+    /// Machine position at power-up in mm; without it the axes stand mid-travel and read 0,0,0.
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    start: Option<Vector>,
+    /// Height in mm at which a probe touches; without it there is no probe.
+    #[arg(long, value_name = "Z", value_parser = number, allow_hyphen_values = true)]
+    probe_z: Option<f64>,
+    /// Builds with line numbers: `Ln` in reports.
+    #[arg(long)]
+    line_numbers: bool,
+    /// Builds with mist coolant: M7.
+    #[arg(long)]
+    mist: bool,
+    /// Bits per second, ten to a byte, in both directions; 0: as fast as can be.
+    #[arg(long, default_value_t = 115_200)]
+    baud: u32,
+    /// How many times faster than real time the machine lives.
+    #[arg(long, value_name = "N", default_value = "1", value_parser = time_factor)]
+    time_factor: f64,
+    /// Lets the bytes go faster by the time factor, too.
+    #[arg(long)]
+    fast_bytes: bool,
+    /// A symbolic link to the port, removed at the end.
+    #[arg(long, value_name = "PATH")]
+    link: Option<PathBuf>,
+    /// Something that goes wrong: ACTION[:ARGUMENT]@TRIGGER=VALUE; may be repeated.
+    ///
+    /// Actions: rx-drop, rx-duplicate, rx-corrupt (bytes to the controller), tx-drop,
+    /// tx-duplicate, tx-corrupt (bytes from it), lose-ok, extra-ok, silent[:SECONDS], reset,
+    /// limit:AXIS, release:AXIS, cut:AXIS, door, close-door, close. Triggers: line=N (the Nth
+    /// answer), byte=N, time=SECONDS (machine time), rate=P (bytes and answers, by chance).
+    #[arg(long = "fault", value_name = "FAULT", verbatim_doc_comment)]
+    faults: Vec<Fault>,
+    /// Seed of what happens by chance.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Takes fault actions from standard input, one a line, and ends when it is closed.
+    #[arg(long)]
+    stdin: bool,
+    /// Ends when this process does.
+    #[arg(long, value_name = "PID")]
+    parent_pid: Option<i32>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Machine {
+    /// 600 x 400 x 100 mm, 5 m/min, 24 000 rpm.
+    Router,
+    /// The defaults of a freshly flashed grbl.
+    Generic,
+}
+
+/// Runs the virtual controller with these arguments, the program's name first.
+///
+/// Exit status: 0 stopped as asked; 2 wrong arguments, a settings file that
+/// cannot be read, or no pseudo-terminal.
+pub fn cli(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> ExitCode {
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
+        }
+    };
+    match run(arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprint(&message);
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: Arguments) -> Result<(), String> {
+    let options = options(arguments)?;
+    let failed = |error: io::Error| format!("cannot wait for signals: {error}");
+    let (handle, stop) = stop_pair().map_err(failed)?;
+    stop_on_signals(&handle).map_err(failed)?;
+    let announce = |path: &Path| {
+        let mut out = io::stdout().lock();
+        writeln!(out, "{}", path.display())?;
+        out.flush()
+    };
+    serve(options, &stop, announce).map_err(|error| error.to_string())
+}
+
+fn stop_on_signals(handle: &StopHandle) -> io::Result<()> {
+    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
+        signal_hook::low_level::pipe::register(signal, handle.duplicate()?)?;
+    }
+    Ok(())
+}
+
+fn options(arguments: Arguments) -> Result<ServeOptions, String> {
+    let mut settings = match arguments.machine {
+        Machine::Router => Settings::small_router(),
+        Machine::Generic => Settings::default(),
+    };
+    if let Some(path) = &arguments.settings {
+        let text = fs::read_to_string(path)
+            .map_err(|error| format!("cannot read settings {}: {error}", path.display()))?;
+        apply(&mut settings, &text).map_err(|error| format!("{}{error}", path.display()))?;
+    }
+    if arguments.homing {
+        settings.set(22, 1.0).expect("homing may always be switched on");
+    }
+    let mut build = Build::new(settings);
+    build.start_in_machine = arguments.start;
+    build.probe_surface_z_mm = arguments.probe_z;
+    build.has_line_numbers = arguments.line_numbers;
+    build.has_mist = arguments.mist;
+    Ok(ServeOptions {
+        pace: Pace {
+            baud: (arguments.baud > 0).then_some(arguments.baud),
+            time_factor: arguments.time_factor,
+            scales_bytes: arguments.fast_bytes,
+        },
+        faults: arguments.faults,
+        seed: arguments.seed,
+        link: arguments.link,
+        watches_stdin: arguments.stdin,
+        parent_pid: arguments.parent_pid,
+        ..ServeOptions::new(build)
+    })
+}
+
+/// Applies the lines of a settings file; an error begins with `:LINE: `.
+fn apply(settings: &mut Settings, text: &str) -> Result<(), String> {
+    for (index, line) in text.lines().enumerate() {
+        let line = line.split(['#', ';']).next().unwrap_or("").trim();
+        if line.is_empty() {
+            continue;
+        }
+        settings.set_line(line).map_err(|code| {
+            format!(":{}: `{line}` is no setting a grbl 1.1 takes ({code}); write $n=v", index + 1)
+        })?;
+    }
+    Ok(())
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    let is_usable = |value: &f64| value.is_finite() && value.abs() <= 1e5;
+    text.trim()
+        .parse()
+        .ok()
+        .filter(is_usable)
+        .ok_or_else(|| format!("`{text}` is no number of millimetres within 100000"))
+}
+
+fn point(text: &str) -> Result<Vector, String> {
+    let values = text.split(',').map(number).collect::<Result<Vec<_>, _>>()?;
+    values.try_into().map_err(|_| format!("`{text}` is not X,Y,Z in millimetres"))
+}
+
+fn time_factor(text: &str) -> Result<f64, String> {
+    let value: Option<f64> = text.parse().ok();
+    value
+        .filter(|factor| (0.001..=10_000.0).contains(factor))
+        .ok_or_else(|| format!("`{text}` is no factor from 0.001 to 10000"))
+}

@@ -1,0 +1,13 @@
+//! The shell: a pseudo-terminal, the clock, the command line.
+//!
+//! The only place here that touches files, time and signals. It decides
+//! nothing about the controller.
+
+mod cli;
+mod pty;
+mod serve;
+mod stop;
+
+pub use cli::cli;
+pub use serve::{ServeError, ServeOptions, serve};
+pub use stop::{Stop, StopHandle, stop_pair};

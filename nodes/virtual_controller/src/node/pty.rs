@@ -1,0 +1,103 @@
+//! A pseudo-terminal that looks like a serial port, and a link to it.
+
+use std::fs;
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::ffi::OsStringExt;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{Mode, OFlags, fchmod, fcntl_getfl, fcntl_setfl, open};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+
+/// The controller's end of a pseudo-terminal.
+///
+/// The slave is kept open, so that peers may come and go.
+#[derive(Debug)]
+pub(super) struct Pty {
+    controller: OwnedFd,
+    _slave: OwnedFd,
+    path: PathBuf,
+}
+
+impl Pty {
+    /// Opens a raw pseudo-terminal for this user alone.
+    pub(super) fn open() -> io::Result<Self> {
+        let controller = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
+        grantpt(&controller)?;
+        unlockpt(&controller)?;
+        let name = ptsname(&controller, Vec::new())?.into_bytes();
+        let path = PathBuf::from(std::ffi::OsString::from_vec(name));
+        let slave = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
+        let mut termios = tcgetattr(&slave)?;
+        termios.make_raw();
+        tcsetattr(&slave, OptionalActions::Now, &termios)?;
+        fchmod(&slave, Mode::RUSR | Mode::WUSR)?;
+        fcntl_setfl(&controller, fcntl_getfl(&controller)? | OFlags::NONBLOCK)?;
+        Ok(Self { controller, _slave: slave, path })
+    }
+
+    /// The path that peers open.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Reads what the peer has written; nothing there is no error.
+    pub(super) fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
+        match rustix::io::read(&self.controller, buffer) {
+            Ok(count) => Ok(count),
+            Err(rustix::io::Errno::AGAIN | rustix::io::Errno::INTR) => Ok(0),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Writes what fits; returns how much that was.
+    pub(super) fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        match rustix::io::write(&self.controller, bytes) {
+            Ok(count) => Ok(count),
+            Err(rustix::io::Errno::AGAIN | rustix::io::Errno::INTR) => Ok(0),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+impl AsFd for Pty {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.controller.as_fd()
+    }
+}
+
+/// A symbolic link to the slave that goes away with this value.
+#[derive(Debug)]
+pub(super) struct Link {
+    path: PathBuf,
+    target: PathBuf,
+}
+
+impl Link {
+    /// Makes the link; one that is left over from before is replaced, a file is not.
+    pub(super) fn create(path: &Path, target: &Path) -> io::Result<Self> {
+        match fs::symlink_metadata(path) {
+            Ok(found) if found.is_symlink() => fs::remove_file(path)?,
+            Ok(_) => {
+                return Err(io::Error::new(
+                    io::ErrorKind::AlreadyExists,
+                    "exists and is no symbolic link; choose another path",
+                ));
+            }
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            Err(error) => return Err(error),
+        }
+        std::os::unix::fs::symlink(target, path)?;
+        Ok(Self { path: path.to_path_buf(), target: target.to_path_buf() })
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        // Somebody else's link by now stays.
+        if fs::read_link(&self.path).is_ok_and(|target| target == self.target) {
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+}

@@ -1,0 +1,232 @@
+//! Runs a controller on a pseudo-terminal until told to stop: one thread, one poll.
+
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::{Pid, PidfdFlags, pidfd_open};
+
+use super::pty::{Link, Pty};
+use super::stop::Stop;
+use crate::paced::{Pace, PacedLine};
+use crate::{Build, Controller, Fault, FaultAction, FaultInjector};
+
+/// Bytes on their way to the controller before the peer has to wait, as a tty queue does.
+const BACKLOG_BYTES_MAX: usize = 4096;
+/// Bytes to a peer that does not read before they are lost, as on a real line.
+const UNREAD_BYTES_MAX: usize = 16 * 1024;
+
+/// What to run.
+#[derive(Debug, Clone)]
+pub struct ServeOptions {
+    /// The controller.
+    pub build: Build,
+    /// The line and the clock.
+    pub pace: Pace,
+    /// What goes wrong.
+    pub faults: Vec<Fault>,
+    /// Decides what goes wrong by chance.
+    pub seed: u64,
+    /// A symbolic link to the slave, made at the start and removed at the end.
+    pub link: Option<PathBuf>,
+    /// Take fault actions from standard input, one a line, and stop when it is closed.
+    pub watches_stdin: bool,
+    /// Stop when this process ends.
+    pub parent_pid: Option<i32>,
+}
+
+impl ServeOptions {
+    /// A sound controller at 115 200 Bd in real time.
+    pub fn new(build: Build) -> Self {
+        Self {
+            build,
+            pace: Pace::default(),
+            faults: Vec::new(),
+            seed: 1,
+            link: None,
+            watches_stdin: false,
+            parent_pid: None,
+        }
+    }
+}
+
+/// Why a controller could not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// No pseudo-terminal.
+    #[error("cannot open a pseudo-terminal (is /dev/pts mounted?): {0}")]
+    Pty(#[source] io::Error),
+    /// No link.
+    #[error("cannot make the link {path}: {source}")]
+    Link {
+        /// Where it should be.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The process to watch cannot be watched.
+    #[error("cannot watch process {pid}: {source}")]
+    Parent {
+        /// Its id.
+        pid: i32,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The pseudo-terminal failed while it was in use.
+    #[error("the pseudo-terminal failed: {0}")]
+    Io(#[from] io::Error),
+}
+
+/// Runs a controller until `stop`, its watched process or standard input ends, or a `close` fault.
+///
+/// `ready` is called once with the path of the slave, when it can be opened.
+pub fn serve(
+    options: ServeOptions,
+    stop: &Stop,
+    ready: impl FnOnce(&Path) -> io::Result<()>,
+) -> Result<(), ServeError> {
+    let pty = Pty::open().map_err(ServeError::Pty)?;
+    let parent = options.parent_pid.map(watch).transpose()?;
+    let _link = match &options.link {
+        None => None,
+        Some(path) => Some(
+            Link::create(path, pty.path())
+                .map_err(|source| ServeError::Link { path: path.clone(), source })?,
+        ),
+    };
+    let controller = Controller::with_build(options.build);
+    let injector = FaultInjector::new(controller, options.faults, options.seed);
+    let line = PacedLine::new(injector, options.pace);
+    ready(pty.path())?;
+    let server = Server {
+        pty,
+        line,
+        unread: Vec::new(),
+        typed: Vec::new(),
+        started: Instant::now(),
+        parent,
+        watches_stdin: options.watches_stdin,
+    };
+    Ok(server.run(stop)?)
+}
+
+fn watch(pid: i32) -> Result<OwnedFd, ServeError> {
+    let failed = |source| ServeError::Parent { pid, source };
+    let id = Pid::from_raw(pid)
+        .filter(|_| pid > 0)
+        .ok_or_else(|| failed(io::Error::from(io::ErrorKind::InvalidInput)))?;
+    pidfd_open(id, PidfdFlags::empty()).map_err(|error| failed(error.into()))
+}
+
+struct Server {
+    pty: Pty,
+    line: PacedLine<FaultInjector>,
+    /// Bytes that did not fit into the pseudo-terminal.
+    unread: Vec<u8>,
+    /// The line of standard input that is not complete yet.
+    typed: Vec<u8>,
+    started: Instant,
+    parent: Option<OwnedFd>,
+    watches_stdin: bool,
+}
+
+impl Server {
+    fn run(mut self, stop: &Stop) -> io::Result<()> {
+        let stdin = io::stdin();
+        loop {
+            let now = self.started.elapsed();
+            self.line.advance(now);
+            self.line.transmit(now, &mut self.unread);
+            self.flush()?;
+            if self.line.device().is_closed() {
+                return Ok(());
+            }
+
+            let mut pty_events = PollFlags::empty();
+            if self.line.backlog() < BACKLOG_BYTES_MAX {
+                pty_events |= PollFlags::IN;
+            }
+            if !self.unread.is_empty() {
+                pty_events |= PollFlags::OUT;
+            }
+            let mut fds = vec![
+                PollFd::from_borrowed_fd(self.pty.as_fd(), pty_events),
+                PollFd::from_borrowed_fd(stop.as_fd(), PollFlags::IN),
+            ];
+            fds.extend(self.parent.as_ref().map(|fd| PollFd::new(fd, PollFlags::IN)));
+            let stdin_at = fds.len();
+            if self.watches_stdin {
+                fds.push(PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::IN));
+            }
+            let timeout = self.line.next_event().map(|at| timespec(at.saturating_sub(now)));
+            match poll(&mut fds, timeout.as_ref()) {
+                Ok(_) | Err(rustix::io::Errno::INTR) => {}
+                Err(error) => return Err(error.into()),
+            }
+            let is_ready = |at: usize| fds.get(at).is_some_and(|fd| !fd.revents().is_empty());
+            let is_over = (1..stdin_at).any(is_ready);
+            let has_bytes = is_ready(0);
+            let has_typed = self.watches_stdin && is_ready(stdin_at);
+            drop(fds);
+            if is_over {
+                return Ok(());
+            }
+            if has_bytes && self.line.backlog() < BACKLOG_BYTES_MAX {
+                let mut buffer = [0; 1024];
+                let count = self.pty.read(&mut buffer)?;
+                self.line.receive(self.started.elapsed(), &buffer[..count]);
+            }
+            if has_typed && !self.take_typed(&stdin)? {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Writes what the peer takes; what nobody reads is lost in the end.
+    fn flush(&mut self) -> io::Result<()> {
+        while !self.unread.is_empty() {
+            let count = self.pty.write(&self.unread)?;
+            if count == 0 {
+                break;
+            }
+            self.unread.drain(..count);
+        }
+        self.unread.truncate(UNREAD_BYTES_MAX);
+        Ok(())
+    }
+
+    /// Takes fault actions; returns `false` when standard input is closed.
+    fn take_typed(&mut self, stdin: &io::Stdin) -> io::Result<bool> {
+        let mut buffer = [0; 256];
+        let count = rustix::io::read(stdin, &mut buffer)?;
+        self.typed.extend_from_slice(&buffer[..count]);
+        while let Some(end) = self.typed.iter().position(|byte| *byte == b'\n') {
+            let line: Vec<u8> = self.typed.drain(..=end).collect();
+            let text = String::from_utf8_lossy(&line);
+            let now = self.started.elapsed();
+            self.line.advance(now);
+            let device_now = self.line.device_time(now);
+            match text.trim().parse::<FaultAction>() {
+                Ok(action) => self.line.device_mut().inject(device_now, action),
+                Err(_) if text.trim().is_empty() => {}
+                Err(error) => eprint(&error.to_string()),
+            }
+        }
+        self.typed.truncate(buffer.len());
+        Ok(count > 0)
+    }
+}
+
+fn timespec(duration: Duration) -> Timespec {
+    // A day is long enough, and fits everywhere.
+    let duration = duration.min(Duration::from_secs(86_400));
+    Timespec { tv_sec: duration.as_secs() as i64, tv_nsec: i64::from(duration.subsec_nanos()) as _ }
+}
+
+pub(super) fn eprint(text: &str) {
+    use io::Write;
+    // Nobody to tell is no reason to stop.
+    let _ = writeln!(io::stderr(), "virtual_controller: {text}");
+}

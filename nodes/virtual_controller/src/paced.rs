@@ -1,0 +1,189 @@
+//! A serial line: bytes take their time, and the machine may live faster than we do.
+//!
+//! Knows two clocks. The caller's is wall time; the device behind the line
+//! lives `time_factor` times faster. A byte takes ten bit times in each
+//! direction, of wall time unless bytes are scaled too. Results depend on
+//! when bytes were handed over, not on how often anybody looks.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// Something at the far end of a line: bytes and time in, bytes and time out.
+pub trait Device {
+    /// Takes bytes that arrived at `now`.
+    fn receive(&mut self, now: Duration, bytes: &[u8]);
+    /// Lets time pass until `now`.
+    fn advance(&mut self, now: Duration);
+    /// Appends what is to be sent.
+    fn transmit(&mut self, to: &mut Vec<u8>);
+    /// When to call [`Device::advance`] next, not before `now`; `None`: when bytes arrive.
+    fn next_event(&self, now: Duration) -> Option<Duration>;
+}
+
+impl Device for crate::Controller {
+    fn receive(&mut self, now: Duration, bytes: &[u8]) {
+        Self::receive(self, now, bytes);
+    }
+
+    fn advance(&mut self, now: Duration) {
+        Self::advance(self, now);
+    }
+
+    fn transmit(&mut self, to: &mut Vec<u8>) {
+        Self::transmit(self, to);
+    }
+
+    fn next_event(&self, now: Duration) -> Option<Duration> {
+        Self::next_event(self, now)
+    }
+}
+
+/// The rates of a line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pace {
+    /// Bits per second, ten to a byte; `None`: bytes take no time.
+    pub baud: Option<u32>,
+    /// How many seconds the device lives in one of ours; positive and finite.
+    pub time_factor: f64,
+    /// Do bytes go faster by the same factor?
+    pub scales_bytes: bool,
+}
+
+impl Default for Pace {
+    /// 115 200 Bd in real time.
+    fn default() -> Self {
+        Self { baud: Some(115_200), time_factor: 1.0, scales_bytes: false }
+    }
+}
+
+/// A device at the end of a line.
+#[derive(Debug)]
+pub struct PacedLine<D> {
+    device: D,
+    time_factor: f64,
+    byte_time: Duration,
+    /// Bytes on their way, with the time when they are through.
+    incoming: VecDeque<(Duration, u8)>,
+    outgoing: VecDeque<(Duration, u8)>,
+    incoming_busy_until: Duration,
+    outgoing_busy_until: Duration,
+    now: Duration,
+}
+
+impl<D: Device> PacedLine<D> {
+    /// Puts a device at the end of a line. A time factor that is no positive number counts as 1.
+    pub fn new(device: D, pace: Pace) -> Self {
+        let is_usable = pace.time_factor.is_finite() && pace.time_factor > 0.0;
+        let time_factor = if is_usable { pace.time_factor } else { 1.0 };
+        let byte_scale = if pace.scales_bytes { time_factor } else { 1.0 };
+        let byte_time = pace.baud.map_or(Duration::ZERO, |baud| {
+            Duration::from_secs_f64(10.0 / f64::from(baud.max(1)) / byte_scale)
+        });
+        Self {
+            device,
+            time_factor,
+            byte_time,
+            incoming: VecDeque::new(),
+            outgoing: VecDeque::new(),
+            incoming_busy_until: Duration::ZERO,
+            outgoing_busy_until: Duration::ZERO,
+            now: Duration::ZERO,
+        }
+    }
+
+    /// The device at the far end.
+    pub fn device(&self) -> &D {
+        &self.device
+    }
+
+    /// The device at the far end, to be meddled with; [`Self::advance`] first.
+    pub fn device_mut(&mut self) -> &mut D {
+        &mut self.device
+    }
+
+    /// The device's own time at a time of ours.
+    pub fn device_time(&self, now: Duration) -> Duration {
+        now.mul_f64(self.time_factor)
+    }
+
+    /// Bytes on their way to the device; a reader does well not to pile them up.
+    pub fn backlog(&self) -> usize {
+        self.incoming.len()
+    }
+
+    /// Sends bytes to the device; they arrive one after the other.
+    pub fn receive(&mut self, now: Duration, bytes: &[u8]) {
+        for &byte in bytes {
+            self.incoming_busy_until = self.incoming_busy_until.max(now) + self.byte_time;
+            self.incoming.push_back((self.incoming_busy_until, byte));
+        }
+        self.advance(now);
+    }
+
+    /// Brings the line and the device to `now`.
+    pub fn advance(&mut self, now: Duration) {
+        let mut bytes = Vec::new();
+        loop {
+            let arrival = self.incoming.front().map(|(at, _)| *at).filter(|at| *at <= now);
+            let event = self.device_event().filter(|at| *at <= now);
+            let Some(at) = arrival.into_iter().chain(event).min() else { break };
+            let at = at.max(self.now);
+            let device_now = self.device_time(at);
+            match self.incoming.front() {
+                Some(&(due, byte)) if due <= at => {
+                    self.incoming.pop_front();
+                    self.device.receive(device_now, &[byte]);
+                }
+                _ => self.device.advance(device_now),
+            }
+            self.collect(at, &mut bytes);
+        }
+        self.device.advance(self.device_time(now));
+        self.collect(now, &mut bytes);
+    }
+
+    fn collect(&mut self, at: Duration, bytes: &mut Vec<u8>) {
+        self.now = self.now.max(at);
+        bytes.clear();
+        self.device.transmit(bytes);
+        for &byte in bytes.iter() {
+            self.outgoing_busy_until = self.outgoing_busy_until.max(at) + self.byte_time;
+            self.outgoing.push_back((self.outgoing_busy_until, byte));
+        }
+    }
+
+    /// Appends the bytes that have come through from the device by `now`.
+    pub fn transmit(&mut self, now: Duration, to: &mut Vec<u8>) {
+        while let Some(&(at, byte)) = self.outgoing.front() {
+            if at > now {
+                break;
+            }
+            self.outgoing.pop_front();
+            to.push(byte);
+        }
+    }
+
+    /// The device's next event in our time.
+    fn device_event(&self) -> Option<Duration> {
+        let event = self.device.next_event(self.device_time(self.now))?;
+        Some(event.div_f64(self.time_factor) + Duration::from_nanos(1))
+    }
+
+    /// When to call [`Self::advance`] and [`Self::transmit`] next; `None`: when there are bytes.
+    ///
+    /// Lines count, not bytes: one wake-up a line and real-time byte is enough.
+    pub fn next_event(&self) -> Option<Duration> {
+        let acts = |byte: u8| !matches!(byte, b' '..=b'~') || matches!(byte, b'!' | b'?' | b'~');
+        let incoming = whole(&self.incoming, acts);
+        let outgoing = whole(&self.outgoing, |byte| byte == b'\n');
+        incoming.into_iter().chain(outgoing).chain(self.device_event()).min()
+    }
+}
+
+/// When the first byte of interest is through, or else the last of all.
+fn whole(
+    queue: &VecDeque<(Duration, u8)>,
+    is_of_interest: impl Fn(u8) -> bool,
+) -> Option<Duration> {
+    queue.iter().find(|(_, byte)| is_of_interest(*byte)).or(queue.back()).map(|(at, _)| *at)
+}

@@ -1,0 +1,247 @@
+//! The whole thing on a pseudo-terminal, spoken to through a plain file descriptor.
+#![cfg(feature = "node")]
+
+mod common;
+use common::settings;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use virtual_controller::{Build, Pace, ServeError, ServeOptions, StopHandle, serve, stop_pair};
+
+/// Far longer than anything here takes; only a hang reaches it.
+const PATIENCE: Duration = Duration::from_secs(60);
+const O_NOCTTY: i32 = 0o400;
+const O_NONBLOCK: i32 = 0o4000;
+
+struct Served {
+    path: PathBuf,
+    stop: Option<StopHandle>,
+    thread: Option<JoinHandle<Result<(), ServeError>>>,
+}
+
+impl Served {
+    fn start(options: ServeOptions) -> Self {
+        let (handle, stop) = stop_pair().unwrap();
+        let (sender, receiver) = mpsc::channel();
+        let thread = std::thread::spawn(move || {
+            serve(options, &stop, |path| {
+                sender.send(path.to_path_buf()).unwrap();
+                Ok(())
+            })
+        });
+        let path = receiver.recv_timeout(PATIENCE).unwrap();
+        Self { path, stop: Some(handle), thread: Some(thread) }
+    }
+
+    fn stop(mut self) {
+        self.stop.take().unwrap().stop();
+        self.thread.take().unwrap().join().unwrap().unwrap();
+    }
+}
+
+struct Peer {
+    file: File,
+    heard: String,
+}
+
+impl Peer {
+    fn open(path: &Path) -> Self {
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .custom_flags(O_NOCTTY | O_NONBLOCK)
+            .open(path)
+            .unwrap();
+        Self { file, heard: String::new() }
+    }
+
+    fn send(&mut self, bytes: &[u8]) {
+        self.file.write_all(bytes).unwrap();
+    }
+
+    /// Waits for a text and returns everything up to its end.
+    fn expect(&mut self, text: &str) -> String {
+        let started = Instant::now();
+        loop {
+            if let Some(at) = self.heard.find(text) {
+                return self.heard.drain(..at + text.len()).collect();
+            }
+            assert!(started.elapsed() < PATIENCE, "no `{text}` in {:?}", self.heard);
+            let mut buffer = [0; 256];
+            match self.file.read(&mut buffer) {
+                Ok(count) => self.heard += std::str::from_utf8(&buffer[..count]).unwrap(),
+                Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {
+                    std::thread::sleep(Duration::from_millis(2));
+                }
+                Err(error) => panic!("{error}; heard {:?}", self.heard),
+            }
+        }
+    }
+}
+
+fn options() -> ServeOptions {
+    ServeOptions {
+        pace: Pace { time_factor: 100.0, ..Pace::default() },
+        ..ServeOptions::new(Build::new(settings(&[])))
+    }
+}
+
+#[test]
+fn a_peer_talks_moves_the_axes_leaves_and_comes_back() {
+    let served = Served::start(options());
+    let metadata = std::fs::metadata(&served.path).unwrap();
+    assert_eq!(metadata.mode() & 0o777, 0o600);
+
+    let mut peer = Peer::open(&served.path);
+    peer.expect("Grbl 1.1h ['$' for help]\r\n");
+    peer.send(b"G1X10F600\nG4P0.1\n");
+    assert_eq!(peer.expect("ok\r\nok\r\n"), "ok\r\nok\r\n");
+    peer.send(b"?");
+    assert!(peer.expect(">\r\n").starts_with("<Idle|MPos:10.000,0.000,0.000|"));
+    drop(peer);
+
+    let mut peer = Peer::open(&served.path);
+    peer.send(b"\x18");
+    peer.expect("Grbl 1.1h ['$' for help]\r\n");
+    peer.send(b"?");
+    assert!(peer.expect(">\r\n").starts_with("<Idle|MPos:10.000,0.000,0.000|"));
+    served.stop();
+}
+
+#[test]
+fn a_peer_that_does_not_read_does_not_stop_the_axes() {
+    let served = Served::start(options());
+    let mut peer = Peer::open(&served.path);
+    peer.expect("help]\r\n");
+    peer.send(b"$J=G91X5F6000\n");
+    for _ in 0..40 {
+        peer.send(&[b'?'; 50]);
+    }
+    peer.send(b"G4P0\n$G\n");
+    // The answers are in there, or lost behind the reports; the controller lives on.
+    std::thread::sleep(Duration::from_millis(200));
+    peer.heard.clear();
+    peer.send(b"\x18");
+    peer.expect("help]\r\n");
+    served.stop();
+}
+
+#[test]
+fn a_pulled_cable_hangs_the_peer_up() {
+    let mut options = options();
+    options.faults = vec!["close@line=1".parse().unwrap()];
+    let mut served = Served::start(options);
+    let mut peer = Peer::open(&served.path);
+    peer.send(b"\n");
+    served.thread.take().unwrap().join().unwrap().unwrap();
+    let started = Instant::now();
+    let mut buffer = [0; 256];
+    loop {
+        assert!(started.elapsed() < PATIENCE);
+        match peer.file.read(&mut buffer) {
+            Ok(0) => break,
+            Ok(_) => {}
+            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
+            Err(_) => break,
+        }
+    }
+}
+
+/// The binary, and the path it printed.
+fn run(arguments: &[&str]) -> (Child, PathBuf) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_virtual_controller"))
+        .args(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    (child, PathBuf::from(line.trim()))
+}
+
+fn ends(mut child: Child) -> i32 {
+    let started = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            return status.code().unwrap_or(-1);
+        }
+        assert!(started.elapsed() < PATIENCE, "the program does not end");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn the_program_prints_its_port_makes_a_link_and_removes_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("ttyVC");
+    let file = folder.path().join("settings");
+    std::fs::write(&file, "# a machine\n$110=1234 ; mm/min\n\n").unwrap();
+    let arguments = ["--link", link.to_str().unwrap(), "--settings", file.to_str().unwrap()];
+    let (child, path) = run(&arguments);
+    assert!(path.starts_with("/dev/pts"), "{path:?}");
+    assert_eq!(std::fs::read_link(&link).unwrap(), path);
+    let mut peer = Peer::open(&link);
+    peer.expect("help]\r\n");
+    peer.send(b"$$\n");
+    assert!(peer.expect("ok\r\n").contains("\r\n$110=1234.000\r\n"));
+    let pid = rustix::process::Pid::from_raw(child.id() as i32).unwrap();
+    rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+    assert_eq!(ends(child), 0);
+    assert!(std::fs::symlink_metadata(&link).is_err(), "the link is gone");
+}
+
+#[test]
+fn the_program_takes_faults_from_stdin_and_ends_with_it() {
+    let (mut child, path) = run(&["--stdin", "--homing", "--start=-1,-2,-3.5"]);
+    let mut peer = Peer::open(&path);
+    peer.expect("'$X' to unlock]\r\n");
+    peer.send(b"$X\n?");
+    assert!(peer.expect(">\r\n").contains("|MPos:-1.000,-2.000,-3.500|"));
+    let mut stdin = child.stdin.take().unwrap();
+    stdin.write_all(b"nonsense\nlimit:x\n").unwrap();
+    let started = Instant::now();
+    loop {
+        peer.send(b"?");
+        if peer.expect(">\r\n").contains("|Pn:X") {
+            break;
+        }
+        assert!(started.elapsed() < PATIENCE);
+    }
+    drop(stdin);
+    assert_eq!(ends(child), 0);
+}
+
+#[test]
+fn the_program_ends_with_the_process_it_watches() {
+    let mut watched = Command::new("sleep").arg("60").spawn().unwrap();
+    let (child, _) = run(&["--parent-pid", &watched.id().to_string()]);
+    watched.kill().unwrap();
+    watched.wait().unwrap();
+    assert_eq!(ends(child), 0);
+}
+
+#[test]
+fn wrong_arguments_are_told_and_end_with_2() {
+    for arguments in [
+        &["--fault", "lose-ok"][..],
+        &["--fault", "explode@line=1"],
+        &["--start", "1,2"],
+        &["--time-factor", "0"],
+        &["--settings", "/nowhere/at/all"],
+        &["--link", "/dev/null"],
+        &["--parent-pid", "0"],
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_virtual_controller"))
+            .args(arguments)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(!output.stderr.is_empty(), "{arguments:?}");
+    }
+}
