@@ -362,7 +362,8 @@ impl Driver {
             }
             match run.next.take() {
                 Some(Next::Sync) if self.link.has_room(SYNC.len()) => {
-                    self.link.send_line(SYNC, LineKind::Slow, Origin::Sync);
+                    // It dwells for no longer than a motion line waits: silence is a lost answer.
+                    self.link.send_line(SYNC, LineKind::Motion, Origin::Sync);
                 }
                 Some(Next::Line(line))
                     if self.link.has_room(line.text.len())
