@@ -8,7 +8,7 @@ mod masso;
 mod rs274;
 mod sinumerik_840c;
 
-use crate::lexer::LexerRules;
+use crate::block::LexerRules;
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile;

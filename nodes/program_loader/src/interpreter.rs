@@ -7,15 +7,17 @@
 
 mod actions;
 mod arc;
+mod arcs;
 mod axes;
 mod compensation;
+mod home;
 mod moves;
 mod request;
 
+use crate::block::Block;
 use crate::bounds::Bounds;
 use crate::dialect::{Distance, GWord, Group, Letters, Mode, Units};
 use crate::findings::Findings;
-use crate::lexer::Block;
 use crate::limits::{MM_PER_INCH, NUMBER_MAX};
 use crate::line::Line;
 use crate::rules::Rules;
@@ -46,7 +48,17 @@ impl Scene<'_> {
     }
 
     /// The place of the whole block.
+    #[inline]
     fn source(&self) -> Source {
+        if !self.block.has_remark {
+            // Words are ASCII: a byte is a character.
+            return Source {
+                line: self.line.number,
+                block: self.block.number,
+                column: (self.block.start + 1) as u16,
+                length: (self.block.end - self.block.start) as u16,
+            };
+        }
         self.line.source(self.block.number, self.block.start, self.block.end)
     }
 
@@ -147,17 +159,32 @@ impl<'r> Interpreter<'r> {
         self.shared = Letters::NONE;
         self.request.read(&mut scene);
 
+        if self.request.is_plain() {
+            self.feed(&mut scene);
+        } else {
+            self.all_but_motion(&mut scene);
+        }
+        self.motion(&mut scene);
+        self.unused_words(&mut scene);
+        if block.is_cut {
+            self.axes.poison(AxisSet::ALL);
+        }
+        self.request.m_at(0).is_some() && self.functions_after_motion()
+    }
+
+    /// What a block does before it moves, in the order of RS-274.
+    fn all_but_motion(&mut self, scene: &mut Scene<'_>) {
         // Units first: F of the same block is in them (grbl). Then the order of RS-274.
         if let Some((GWord::Units(units), _)) = self.request.g(Group::Units) {
             self.modal.units = units;
         }
         let dwells = matches!(self.request.g(Group::NonModal), Some((GWord::Dwell, _)));
-        if !dwells || !rules.dialect.dwell.contains(b'F') {
-            self.feed(&mut scene);
+        if !dwells || !self.rules.dialect.dwell.contains(b'F') {
+            self.feed(scene);
         }
-        self.functions_before_motion(&mut scene);
+        self.functions_before_motion(scene);
         if dwells {
-            self.dwell(&mut scene);
+            self.dwell(scene);
         }
         if let Some((GWord::Plane(plane), _)) = self.request.g(Group::Plane)
             && self.modal.plane != plane
@@ -168,8 +195,8 @@ impl<'r> Interpreter<'r> {
         if let Some(corner) = self.request.corner {
             self.emit(ContourEventKind::Corner(corner));
         }
-        self.compensation(&mut scene);
-        self.tool_length(&mut scene);
+        self.compensation(scene);
+        self.tool_length(scene);
         self.work_offset();
         if let Some((GWord::Distance(distance), _)) = self.request.g(Group::Distance) {
             self.modal.distance = distance;
@@ -177,12 +204,6 @@ impl<'r> Interpreter<'r> {
         if let Some((GWord::Centers(distance), _)) = self.request.g(Group::Centers) {
             self.modal.centers = distance;
         }
-        self.motion(&mut scene);
-        self.unused_words(&mut scene);
-        if block.is_cut {
-            self.axes.poison(AxisSet::ALL);
-        }
-        self.functions_after_motion()
     }
 
     /// A line was lost: nothing that it may have changed is known.
@@ -238,14 +259,18 @@ impl<'r> Interpreter<'r> {
         unit: &str,
     ) -> Option<f64> {
         let value = self.take(letter)? * scale;
-        if value.abs() <= max || value.is_nan() {
-            return Some(value);
+        if value.abs() > max {
+            self.complain_of_size(scene, letter, max, unit);
+            return Some(f64::NAN);
         }
-        self.request.is_damaged = true;
+        Some(value)
+    }
+
+    #[cold]
+    fn complain_of_size(&mut self, scene: &mut Scene<'_>, letter: u8, max: f64, unit: &str) {
         let message = format!("{} is beyond {max} {unit}", scene.quote(self.request.word(letter)));
         let help = "look for a missing decimal point, and for inches taken as millimetres";
         self.complain(scene, letter, Code::Limit, message, help);
-        Some(f64::NAN)
     }
 
     /// Takes a whole number such as a tool number; `None` if absent or refused.

@@ -4,55 +4,12 @@
 //! A word that cannot be read is reported once and stays in the block as
 //! present, so that nothing is reported as missing because of it.
 
+use crate::block::{Block, LexerRules, Word};
 use crate::findings::Findings;
 use crate::limits::{BLOCK_WORDS_MAX, NUMBER_MAX};
 use crate::line::Line;
 use crate::number::{self, NotANumber, Trouble};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
-
-/// How a dialect writes its blocks.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct LexerRules {
-    /// Blanks inside a number are skipped: `X1 000` is X1000.
-    pub(crate) blanks_in_numbers: bool,
-    /// `LF` written out ends the block.
-    pub(crate) written_line_feed: bool,
-    /// `@714` is a word.
-    pub(crate) at_words: bool,
-    /// `/2` deletes by level.
-    pub(crate) delete_levels: bool,
-}
-
-/// One word.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Word {
-    /// NaN when the number could not be read, which has been reported.
-    pub(crate) value: f64,
-    /// First byte in the line, and the first behind.
-    pub(crate) start: u16,
-    pub(crate) end: u16,
-    /// A capital, or `@`.
-    pub(crate) letter: u8,
-}
-
-/// The words of one line.
-#[derive(Debug, Default)]
-pub(crate) struct Block {
-    pub(crate) words: Vec<Word>,
-    /// N.
-    pub(crate) number: Option<u32>,
-    /// From the first word to the last, in bytes of the line.
-    pub(crate) start: usize,
-    pub(crate) end: usize,
-    /// Whether it begins with `/`.
-    pub(crate) is_optional: bool,
-    /// Whether a word or character of it was refused.
-    pub(crate) is_damaged: bool,
-    /// Whether words behind a refused one were not read.
-    pub(crate) is_cut: bool,
-    /// Whether the line holds a byte that no text has.
-    pub(crate) is_binary: bool,
-}
 
 /// Splits a line, which is not longer than a [`Word`]'s places reach.
 pub(crate) fn read(line: Line<'_>, rules: &LexerRules, block: &mut Block, findings: &mut Findings) {
@@ -61,6 +18,7 @@ pub(crate) fn read(line: Line<'_>, rules: &LexerRules, block: &mut Block, findin
     (block.start, block.end) = (0, 0);
     (block.is_optional, block.is_damaged) = (false, false);
     (block.is_cut, block.is_binary) = (false, false);
+    block.has_remark = false;
     Lexer { line, rules, block, findings, at: 0, has_begun: false }.run();
 }
 
@@ -114,6 +72,16 @@ impl Lexer<'_> {
                 "delete program numbers; write subroutines and loops out, or post without them",
             );
         }
+        if let Some((value, end)) = number::read_simple(text, digits) {
+            self.at = end;
+            return self.add(letter, value, start);
+        }
+        self.uncommon_word(letter, start, digits);
+    }
+
+    #[cold]
+    fn uncommon_word(&mut self, letter: u8, start: usize, digits: usize) {
+        let text = self.line.text;
         match number::read(text, digits, self.rules.blanks_in_numbers) {
             Ok(number) => {
                 self.at = number.end;
@@ -207,9 +175,13 @@ impl Lexer<'_> {
                 return;
             }
         }
-        if value.is_nan() {
-            return;
+        if !value.is_nan() {
+            self.bad_block_number(start, is_first);
         }
+    }
+
+    #[cold]
+    fn bad_block_number(&mut self, start: usize, is_first: bool) {
         let quote = self.line.quote(start, self.at);
         if is_first {
             let message = format!("`{quote}` is no block number");
@@ -223,6 +195,7 @@ impl Lexer<'_> {
 
     /// `( )`, from the opening parenthesis on.
     fn comment(&mut self) {
+        self.block.has_remark = true;
         let start = self.at;
         let rest = &self.line.text[start + 1..];
         let Some(length) = memchr::memchr2(b')', b'(', rest) else {
@@ -260,6 +233,7 @@ impl Lexer<'_> {
 
     #[cold]
     fn stray(&mut self, byte: u8) {
+        self.block.has_remark = true;
         let start = self.at;
         match byte {
             b'#' | b'[' | b'=' | b'"' | b'<' => self.expression(b' ', start),
@@ -375,6 +349,7 @@ impl Lexer<'_> {
     fn report(&mut self, code: Code, start: usize, message: String, help: &str) {
         self.covers(start);
         self.block.is_damaged = true;
+        self.block.has_remark = true;
         let source = self.line.source(self.block.number, start, self.at);
         self.findings.push(Diagnostic::error(code, source, message).help(help));
     }

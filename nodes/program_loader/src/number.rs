@@ -39,55 +39,70 @@ const POWERS: [f64; 23] = [
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
 
+/// Reads a number of few digits with nothing doubtful behind it; `None` for all others.
+///
+/// Eighteen digits fit u64; a mantissa below 2^53 and a power of ten up to
+/// 10^22 are exact doubles, so that one division rounds correctly.
+#[inline]
+pub(crate) fn read_simple(text: &[u8], start: usize) -> Option<(f64, usize)> {
+    let sign = *text.get(start)?;
+    let is_negative = sign == b'-';
+    let first = start + usize::from(is_negative || sign == b'+');
+    let mut mantissa: u64 = 0;
+    let mut digits = 0;
+    let mut places = 0;
+    let mut behind = 0;
+    for &next in &text[first..] {
+        let digit = next.wrapping_sub(b'0');
+        if digit >= 10 {
+            behind = next;
+            break;
+        }
+        mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(digit));
+        digits += 1;
+    }
+    let mut at = first + digits;
+    if behind == b'.' {
+        at += 1;
+        behind = 0;
+        for &next in &text[at..] {
+            let digit = next.wrapping_sub(b'0');
+            if digit >= 10 {
+                behind = next;
+                break;
+            }
+            mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(digit));
+            places += 1;
+        }
+        at += places;
+        digits += places;
+    }
+    if digits == 0 || digits > 18 || mantissa >= 1 << 53 {
+        return None;
+    }
+    match behind {
+        b'.' | b'+' | b'-' | b'e' | b'E' | b'[' | b'=' | b'#' => return None,
+        b' ' | b'\t' => {
+            let (_, visible) = next_visible(text, at);
+            if matches!(visible, Some(b'0'..=b'9' | b'.' | b'+' | b'-')) {
+                return None;
+            }
+        }
+        _ => {}
+    }
+    let magnitude = mantissa as f64 / POWERS[places];
+    Some((if is_negative { -magnitude } else { magnitude }, at))
+}
+
 /// Reads the number that begins at `start`.
 ///
 /// With `joins_blanks`, blanks between its characters are skipped, as RS-274
 /// has it (`1 234.5` is 1234.5).
-#[inline]
 pub(crate) fn read(text: &[u8], start: usize, joins_blanks: bool) -> Result<Number, NotANumber> {
-    let mut at = start;
-    let is_negative = text.get(at) == Some(&b'-');
-    if is_negative || text.get(at) == Some(&b'+') {
-        at += 1;
-    }
-    let mut mantissa: u64 = 0;
-    let first = at;
-    while let Some(digit) = digit_at(text, at) {
-        mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
-        at += 1;
-    }
-    let mut digits = at - first;
-    let mut places = 0;
-    if text.get(at) == Some(&b'.') {
-        at += 1;
-        let point = at;
-        while let Some(digit) = digit_at(text, at) {
-            mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
-            at += 1;
-        }
-        places = at - point;
-        digits += places;
-    }
-    // Eighteen digits fit u64; a mantissa below 2^53 and a power of ten up to
-    // 10^22 are exact doubles, so that one division rounds correctly.
-    let is_simple =
-        (1..=18).contains(&digits) && mantissa < 1 << 53 && ends_at(text, at, joins_blanks);
-    if is_simple {
-        let magnitude = mantissa as f64 / POWERS[places];
-        let value = if is_negative { -magnitude } else { magnitude };
-        return Ok(Number { value, end: at, is_split: false });
+    if let Some((value, end)) = read_simple(text, start) {
+        return Ok(Number { value, end, is_split: false });
     }
     read_slowly(text, start, joins_blanks)
-}
-
-/// Whether nothing behind `at` can belong to the number.
-#[inline]
-fn ends_at(text: &[u8], at: usize, joins_blanks: bool) -> bool {
-    match text.get(at) {
-        None => true,
-        Some(b' ' | b'\t') if joins_blanks => !is_numeric(next_visible(text, at).1),
-        Some(byte) => !is_numeric(Some(byte)) && !matches!(byte, b'e' | b'E'),
-    }
 }
 
 fn read_slowly(text: &[u8], start: usize, joins_blanks: bool) -> Result<Number, NotANumber> {

@@ -2,7 +2,7 @@
 
 use super::rs274::{common, common_m};
 use super::{Dialect, GWord, Letters, MWord, RadiusWord};
-use crate::lexer::LexerRules;
+use crate::block::LexerRules;
 
 pub(super) static DIALECT: Dialect = Dialect {
     lexer: LexerRules {

@@ -1,7 +1,7 @@
 //! RS-274/NGC as LinuxCNC reads it, and grbl where LinuxCNC leaves a choice.
 
 use super::{Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units};
-use crate::lexer::LexerRules;
+use crate::block::LexerRules;
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
 use cnc_msgs::geometry::Plane;
 

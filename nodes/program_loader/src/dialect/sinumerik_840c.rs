@@ -6,7 +6,7 @@
 
 use super::rs274::{CONSTANT_SPEED, FEED_MODE, OFFSETS, THREAD, common_m};
 use super::{Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units};
-use crate::lexer::LexerRules;
+use crate::block::LexerRules;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::Plane;
 

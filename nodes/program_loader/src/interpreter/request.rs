@@ -3,8 +3,8 @@
 //! Knows which words exclude each other in a block; not what they do.
 
 use super::Scene;
+use crate::block::Word;
 use crate::dialect::{GWord, Group, Letters, MWord};
-use crate::lexer::Word;
 use crate::limits::CODE_FUZZ;
 use cnc_msgs::contour::{Approach, CoolantMode, OutsideCorner};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
@@ -70,6 +70,15 @@ impl Request {
         }
     }
 
+    /// Whether the block has nothing but axis words, F and a motion word.
+    #[inline]
+    pub(super) fn is_plain(&self) -> bool {
+        const PLAIN: Letters = Letters::of(b"XYZIJKRF");
+        self.groups & !(1 << Group::Motion as u32) == 0
+            && self.m_count == 0
+            && self.present.without(PLAIN).is_empty()
+    }
+
     /// The value of a letter that is present; NaN if it could not be read.
     #[inline]
     pub(super) fn value(&self, letter: u8) -> Option<f64> {
@@ -125,13 +134,18 @@ impl Request {
             return self.unknown_letter(scene, word, at);
         }
         if self.present.contains(letter) {
-            let message = format!("{} twice in one block", char::from(letter));
-            let help = "a block takes each letter but G and M once; write two blocks";
-            return self.refuse(scene, at, Code::ModalConflict, message, help);
+            return self.letter_twice(scene, letter, at);
         }
         self.present = self.present.union(Letters::of(&[letter]));
         self.values[usize::from(letter - b'A')] = word.value;
         self.words[usize::from(letter - b'A')] = at as u8;
+    }
+
+    #[cold]
+    fn letter_twice(&mut self, scene: &mut Scene<'_>, letter: u8, at: usize) {
+        let message = format!("{} twice in one block", char::from(letter));
+        let help = "a block takes each letter but G and M once; write two blocks";
+        self.refuse(scene, at, Code::ModalConflict, message, help);
     }
 
     #[cold]
@@ -145,9 +159,7 @@ impl Request {
             let help = "post the program for three axes: X, Y and Z";
             return self.refuse(scene, at, Code::Axes, message, help);
         }
-        let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
-        let help = "delete it, or choose the controller that the program was written for";
-        self.refuse(scene, at, Code::UnknownWord, message, help);
+        self.unknown(scene, at);
     }
 
     #[inline]
@@ -163,8 +175,7 @@ impl Request {
             return self.unusual_g(scene, tenths, meaning, at);
         };
         if let GWord::RefusedMotion(help) = meaning {
-            let message = format!("{} is not done here", scene.quote(at));
-            self.refuse(scene, at, Code::Unsupported, message, help);
+            self.not_done(scene, at, help);
         }
         if self.claim(scene, group, at) {
             self.g[group as usize] = meaning;
@@ -176,16 +187,7 @@ impl Request {
     fn claim(&mut self, scene: &mut Scene<'_>, group: Group, at: usize) -> bool {
         let index = group as usize;
         if self.groups & 1 << index != 0 {
-            let first = scene.quote(usize::from(self.g_words[index]));
-            let message =
-                format!("{first} and {} exclude each other in one block", scene.quote(at));
-            self.refuse(
-                scene,
-                at,
-                Code::ModalConflict,
-                message,
-                "delete one of them, or write two blocks",
-            );
+            self.exclude(scene, usize::from(self.g_words[index]), at);
             return false;
         }
         self.groups |= 1 << index;
@@ -196,8 +198,7 @@ impl Request {
     #[cold]
     fn unusual_g(&mut self, scene: &mut Scene<'_>, tenths: u16, meaning: GWord, at: usize) {
         if let GWord::Refused(help) = meaning {
-            let message = format!("{} is not done here", scene.quote(at));
-            return self.refuse(scene, at, Code::Unsupported, message, help);
+            return self.not_done(scene, at, help);
         }
         if let Some(corner) = scene.rules.corner(tenths) {
             if self.claim(scene, Group::Corner, at) {
@@ -208,9 +209,7 @@ impl Request {
                 self.approach = Some(approach);
             }
         } else {
-            let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
-            let help = "delete it, or choose the controller that the program was written for";
-            self.refuse(scene, at, Code::UnknownWord, message, help);
+            self.unknown(scene, at);
         }
     }
 
@@ -225,26 +224,15 @@ impl Request {
         let number = tenths / 10;
         let meaning = (scene.rules.dialect.m)(number);
         match meaning {
-            MWord::Refused(help) => {
-                let message = format!("{} is not done here", scene.quote(at));
-                return self.refuse(scene, at, Code::Unsupported, message, help);
-            }
-            MWord::Unknown => {
-                let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
-                let help = "delete it, or choose the controller that the program was written for";
-                return self.refuse(scene, at, Code::UnknownWord, message, help);
-            }
+            MWord::Refused(help) => return self.not_done(scene, at, help),
+            MWord::Unknown => return self.unknown(scene, at),
             _ => {}
         }
         let rival = self
             .m()
             .find(|&(other, other_number, _)| excludes(other, meaning) || other_number == number);
         if let Some((_, _, rival)) = rival {
-            let first = scene.quote(rival);
-            let message =
-                format!("{first} and {} exclude each other in one block", scene.quote(at));
-            let help = "delete one of them, or write two blocks";
-            return self.refuse(scene, at, Code::ModalConflict, message, help);
+            return self.exclude(scene, rival, at);
         }
         if self.m_count == M_WORDS_MAX {
             let message = format!("more than {M_WORDS_MAX} M words in one block");
@@ -305,6 +293,29 @@ impl Request {
             let help = "G and M take numbers from 0 to 999; G with one place after the point";
             self.refuse(scene, at, Code::UnknownWord, message, help);
         }
+    }
+
+    /// A word of another control.
+    #[cold]
+    fn unknown(&mut self, scene: &mut Scene<'_>, at: usize) {
+        let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
+        let help = "delete it, or choose the controller that the program was written for";
+        self.refuse(scene, at, Code::UnknownWord, message, help);
+    }
+
+    #[cold]
+    fn not_done(&mut self, scene: &mut Scene<'_>, at: usize, help: &str) {
+        let message = format!("{} is not done here", scene.quote(at));
+        self.refuse(scene, at, Code::Unsupported, message, help);
+    }
+
+    /// Two words of which a block takes one.
+    #[cold]
+    fn exclude(&mut self, scene: &mut Scene<'_>, first: usize, at: usize) {
+        let (first, second) = (scene.quote(first), scene.quote(at));
+        let message = format!("{first} and {second} exclude each other in one block");
+        let help = "delete one of them, or write two blocks";
+        self.refuse(scene, at, Code::ModalConflict, message, help);
     }
 
     #[cold]

@@ -1,0 +1,47 @@
+//! The words of one line, before they mean anything.
+
+/// How a dialect writes its blocks.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LexerRules {
+    /// Blanks inside a number are skipped: `X1 000` is X1000.
+    pub(crate) blanks_in_numbers: bool,
+    /// `LF` written out ends the block.
+    pub(crate) written_line_feed: bool,
+    /// `@714` is a word.
+    pub(crate) at_words: bool,
+    /// `/2` deletes by level.
+    pub(crate) delete_levels: bool,
+}
+
+/// One word.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Word {
+    /// NaN when the number could not be read, which has been reported.
+    pub(crate) value: f64,
+    /// First byte in the line, and the first behind.
+    pub(crate) start: u16,
+    pub(crate) end: u16,
+    /// A capital, or `@`.
+    pub(crate) letter: u8,
+}
+
+/// The words of one line.
+#[derive(Debug, Default)]
+pub(crate) struct Block {
+    pub(crate) words: Vec<Word>,
+    /// N.
+    pub(crate) number: Option<u32>,
+    /// From the first word to the last, in bytes of the line.
+    pub(crate) start: usize,
+    pub(crate) end: usize,
+    /// Whether it begins with `/`.
+    pub(crate) is_optional: bool,
+    /// Whether the line holds a comment before its end, or anything else but words.
+    pub(crate) has_remark: bool,
+    /// Whether a word or character of it was refused.
+    pub(crate) is_damaged: bool,
+    /// Whether words behind a refused one were not read.
+    pub(crate) is_cut: bool,
+    /// Whether the line holds a byte that no text has.
+    pub(crate) is_binary: bool,
+}

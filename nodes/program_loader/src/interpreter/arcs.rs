@@ -1,0 +1,184 @@
+//! G2 and G3: the words of an arc to its shape.
+//!
+//! The plane geometry is `arc`'s; this file knows the words and the messages.
+
+use super::arc::{self, ArcTrouble, InPlane, Resolved};
+use super::moves::CENTER_WORDS;
+use super::{Interpreter, Scene};
+use crate::dialect::{Distance, Units};
+use crate::limits::{
+    ARC_MISMATCH_INCH, ARC_MISMATCH_MM, ARC_R_SHORT_INCH, ARC_R_SHORT_MM, ARC_TURNS_MAX,
+    COORDINATE_MM_MAX, MM_PER_INCH,
+};
+use cnc_msgs::contour::MotionClass;
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::geometry::{Arc, AxisSet, Shape};
+
+impl Interpreter<'_> {
+    pub(super) fn arc(&mut self, scene: &mut Scene<'_>, clockwise: bool) {
+        let start = self.axes.position;
+        let plane = self.modal.plane;
+        let [first, second, normal] = plane.axes();
+        let mut end = self.end(scene);
+        let in_plane = AxisSet::NONE.with(first).with(second);
+        let helix = AxisSet::from_bits(end.named.bits() & AxisSet::NONE.with(normal).bits());
+        let is_sound =
+            self.relies(scene, in_plane.union(helix)) & self.has_feed(scene, MotionClass::Feed);
+        let from = [start[first], start[second]];
+        let to = [end.position[first], end.position[second]];
+        let turns = self.turns(scene);
+        let center = self.center(scene, [first, second], from, to, clockwise);
+        if let Some(resolved) = center
+            && resolved.is_full_circle
+        {
+            end.position[first] = from[0];
+            end.position[second] = from[1];
+        }
+        if !self.arrive(&end) || !is_sound {
+            return;
+        }
+        let (Some(resolved), Some(turns)) = (center, turns) else { return };
+        let mut center = start;
+        center[first] = resolved.center[0];
+        center[second] = resolved.center[1];
+        let turns = turns - u16::from(!resolved.is_full_circle);
+        let arc = Arc { center, plane, clockwise, turns };
+        self.bounds.add_arc(start, end.position, &arc);
+        self.bounds.add_end(end.position, end.named);
+        // An arc says where both axes of its plane end, even if it names one or none.
+        let axes = end.named.union(in_plane);
+        self.emit_motion(Shape::Arc(arc), end.position, MotionClass::Feed, axes);
+    }
+
+    /// P: how many turns the arc makes, at least 1.
+    fn turns(&mut self, scene: &mut Scene<'_>) -> Option<u16> {
+        if !self.rules.dialect.arc_radius_and_turns {
+            return Some(1);
+        }
+        let Some(turns) = self.take(b'P') else { return Some(1) };
+        if (1.0..=ARC_TURNS_MAX).contains(&turns) && turns.fract() == 0.0 {
+            return Some(turns as u16);
+        }
+        if !turns.is_nan() {
+            let message = format!("an arc cannot make {turns} turns");
+            let help = format!("write P as a whole number from 1 to {ARC_TURNS_MAX}");
+            self.complain(scene, b'P', Code::BadNumber, message, &help);
+        }
+        None
+    }
+
+    /// I, J, K or R to the centre; `None` after a complaint or in a damaged block.
+    fn center(
+        &mut self,
+        scene: &mut Scene<'_>,
+        [first, second]: [usize; 2],
+        from: InPlane,
+        to: InPlane,
+        clockwise: bool,
+    ) -> Option<Resolved> {
+        let scale = self.scale();
+        let letters = [CENTER_WORDS[first], CENTER_WORDS[second]];
+        let offsets =
+            letters.map(|letter| self.take_within(scene, letter, scale, COORDINATE_MM_MAX, "mm"));
+        let radius = if self.rules.dialect.arc_radius_and_turns {
+            self.take_within(scene, b'R', scale, COORDINATE_MM_MAX, "mm")
+        } else {
+            None
+        };
+        // Posts write K0 behind I and J (FreeCAD); anything but 0 is meant otherwise.
+        let normal = CENTER_WORDS[3 - first - second];
+        if self.request.value(normal) == Some(0.0) {
+            self.take(normal);
+        }
+        let names = letters.map(char::from);
+        if radius.is_some() && offsets.iter().any(Option::is_some) {
+            let message = format!("R and {} or {} in one block", names[0], names[1]);
+            let help = "give the centre or the radius, not both";
+            self.complain(scene, b'R', Code::ModalConflict, message, help);
+            return None;
+        }
+        let is_absolute = self.modal.centers == Distance::Absolute;
+        if radius.is_none()
+            && (offsets == [None, None] || is_absolute && offsets.iter().any(Option::is_none))
+        {
+            if !self.request.has_refused_word {
+                let message = format!("the arc needs {} and {}", names[0], names[1]);
+                let help = if is_absolute {
+                    "under G90.1 both coordinates of the centre must be there"
+                } else {
+                    "write the distance from the start to the centre"
+                };
+                self.complain_of_block(scene, Code::MissingWord, message, help);
+            }
+            return None;
+        }
+        if self.request.is_damaged {
+            return None;
+        }
+        let (mismatch, short) = match self.modal.units {
+            Units::Millimetre => (ARC_MISMATCH_MM, ARC_R_SHORT_MM),
+            Units::Inch => (ARC_MISMATCH_INCH * MM_PER_INCH, ARC_R_SHORT_INCH * MM_PER_INCH),
+        };
+        let resolved = if let Some(radius) = radius {
+            arc::with_radius(from, to, radius, clockwise, short)
+        } else {
+            let base = if is_absolute { [0.0; 2] } else { from };
+            let center = [base[0] + offsets[0].unwrap_or(0.0), base[1] + offsets[1].unwrap_or(0.0)];
+            arc::about_center(from, to, center, mismatch)
+        };
+        match resolved {
+            Ok(resolved) => Some(resolved),
+            Err(trouble) => {
+                self.complain_of_arc(scene, trouble);
+                None
+            }
+        }
+    }
+
+    #[cold]
+    fn complain_of_arc(&mut self, scene: &mut Scene<'_>, trouble: ArcTrouble) {
+        let (message, help, numbers) = match trouble {
+            ArcTrouble::ZeroRadius => (
+                "the arc has no radius".to_owned(),
+                "the centre must not be the start or the end",
+                None,
+            ),
+            ArcTrouble::Mismatch { start_mm, end_mm, allowed_mm } => (
+                format!(
+                    "the radii of the arc differ by {:.3} mm: {start_mm:.3} mm at its start, \
+                     {end_mm:.3} mm at its end; {allowed_mm:.3} mm is allowed",
+                    (start_mm - end_mm).abs()
+                ),
+                "check the end and the centre; I, J and K count from the start of the arc \
+                 unless G90.1 is in force",
+                Some((allowed_mm, (start_mm - end_mm).abs())),
+            ),
+            ArcTrouble::TooShort { radius_mm, half_chord_mm } => (
+                format!(
+                    "radius {radius_mm:.3} mm does not reach: start and end are {:.3} mm apart, \
+                     which takes {half_chord_mm:.3} mm",
+                    2.0 * half_chord_mm
+                ),
+                "check the end and R",
+                Some((half_chord_mm, radius_mm)),
+            ),
+            ArcTrouble::NoChord => (
+                "an arc with R must end elsewhere than it starts".to_owned(),
+                "program a full circle with its centre: I, J or K",
+                None,
+            ),
+            ArcTrouble::TooLarge { radius_mm } => (
+                format!("radius {radius_mm:.3} mm is beyond {COORDINATE_MM_MAX} mm"),
+                "program a straight line",
+                None,
+            ),
+        };
+        self.request.is_damaged = true;
+        let mut diagnostic = Diagnostic::error(Code::ArcRadius, self.source, message).help(help);
+        if let Some((needed, available)) = numbers {
+            diagnostic.needed_mm = Some(needed);
+            diagnostic.available_mm = Some(available);
+        }
+        scene.findings.push(diagnostic);
+    }
+}
