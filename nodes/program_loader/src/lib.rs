@@ -17,6 +17,7 @@
 //! change nothing, because a driver plans its own path; M48, M49 and M100 to
 //! M199 go to the machine as they are.
 
+mod block;
 mod bounds;
 mod dialect;
 mod findings;
@@ -32,13 +33,13 @@ pub mod render;
 
 pub use bounds::Bounds;
 
+use block::Block;
 use cnc_msgs::contour::{ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 use findings::Findings;
 use interpreter::{Interpreter, code_in_tenths};
-use lexer::Block;
 use line::Line;
 use rules::Rules;
 
