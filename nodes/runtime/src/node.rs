@@ -8,16 +8,20 @@
 
 use crate::cancel::Shutdown;
 use crate::client::Client;
+use crate::configuration::Configuration;
 use crate::environment::{DiscoveryRange, Environment};
 use crate::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
 use crate::interface::{Message, Service};
 use crate::names::{NameError, Names};
+use crate::parameter_services::{LiveParameters, serve};
+use crate::parameters::{ParameterValue, USE_SIM_TIME};
 use crate::publisher::Publisher;
 use crate::qos::Qos;
 use crate::service::{RequestInfo, Server};
 use crate::subscription::{Reader, Subscription};
 use crate::time::{Clock, RosTime};
 use crate::wire::{Decoder, Framed, dds_type, service_topics, service_types};
+use cnc_msgs::wire::rosgraph_msgs::msg::Clock as ClockMessage;
 use futures::FutureExt;
 use ros2_client::{Context, NodeName, NodeOptions};
 use rustdds::no_key::DataWriterCdr;
@@ -58,6 +62,7 @@ struct Inner {
     /// Makes the writers that ros2-client has no way to make.
     writers: rustdds::Publisher,
     graph: Arc<Graph>,
+    parameters: Arc<LiveParameters>,
     clock: Arc<Clock>,
     shutdown: Shutdown,
     tasks: Mutex<JoinSet<()>>,
@@ -81,7 +86,8 @@ impl Session {
     ///
     /// # Errors
     /// The participant or the node cannot be made.
-    pub fn start(names: Names, environment: Environment) -> Result<Self, NodeError> {
+    pub fn start(configuration: Configuration) -> Result<Self, NodeError> {
+        let Configuration { names, environment, parameters, .. } = configuration;
         raise_file_limit();
         let participant = join(&environment)?;
         let context = Context::from_domain_participant(participant.clone())
@@ -102,6 +108,7 @@ impl Session {
             participant: participant.clone(),
             writers,
             graph: Graph::new(),
+            parameters: Arc::new(LiveParameters::new(parameters)),
             clock: Arc::default(),
             shutdown: Shutdown::new(),
             tasks: Mutex::default(),
@@ -109,6 +116,8 @@ impl Session {
         let handle = Handle { inner: Arc::new(inner) };
         handle.spawn("graph", Arc::clone(&handle.inner.graph).follow(participant.clone()));
         handle.warn_of_crowd();
+        serve(&handle, &handle.inner.parameters)?;
+        handle.simulate_time(handle.parameter(USE_SIM_TIME));
         Ok(Self { handle, context })
     }
 
@@ -121,10 +130,12 @@ impl Session {
     /// endpoints, the node, then the participant. Publishers and subscriptions
     /// that the caller holds should be gone before.
     ///
-    /// Waits half a second for what was sent reliably to be repaired.
+    /// The last answers get a tenth of a second to go out, and what was sent
+    /// reliably half a second to be repaired.
     pub async fn stop(self) {
         let inner = &self.handle.inner;
         inner.shutdown.request("the node stops");
+        tokio::time::sleep(Duration::from_millis(100)).await;
         let mut tasks = std::mem::take(&mut *lock(&inner.tasks));
         tasks.abort_all();
         let ended = async { while tasks.join_next().await.is_some() {} };
@@ -300,6 +311,68 @@ impl Handle {
         let (client, dispatch) = Client::new(endpoints, mapping, Arc::clone(&self.inner.graph));
         self.spawn("replies", dispatch);
         Ok(client)
+    }
+
+    /// The value of a parameter now.
+    ///
+    /// # Panics
+    /// The node did not declare it, or declared another type.
+    pub fn parameter<T: TryFrom<ParameterValue>>(&self, name: &str) -> T {
+        let value = self.inner.parameters.get(name);
+        let value = value.unwrap_or_else(|| panic!("parameter \"{name}\" is not declared"));
+        let type_name = value.type_name();
+        T::try_from(value)
+            .unwrap_or_else(|_| panic!("parameter \"{name}\" is declared as {type_name}"))
+    }
+
+    /// Has a say in changes of parameters while the node runs: all of them
+    /// together, after they fit the declarations. The reason if it refuses.
+    pub fn guard_parameters(
+        &self,
+        guard: impl Fn(&[(String, ParameterValue)]) -> Result<(), String> + Send + 'static,
+    ) {
+        self.inner.parameters.set_guard(Box::new(guard));
+    }
+
+    /// Sees every change of the parameters that comes after this call.
+    pub fn parameter_changes(&self) -> tokio::sync::watch::Receiver<u64> {
+        self.inner.parameters.subscribe()
+    }
+
+    /// Follows `use_sim_time`.
+    pub(crate) fn simulate_time(&self, is_simulated: bool) {
+        if !self.inner.clock.simulate(is_simulated) {
+            return;
+        }
+        let clock = Arc::clone(&self.inner.clock);
+        match self.subscription::<ClockMessage>("/clock", Qos::CLOCK) {
+            Ok(mut messages) => self.spawn("clock", async move {
+                loop {
+                    clock.set(RosTime::from(&messages.next().await.0.clock));
+                }
+            }),
+            Err(error) => tracing::error!("time stands still: {error}"),
+        }
+    }
+
+    /// Runs a named thread that ends by itself when the node stops; for work
+    /// that must not wait for others. One that panics stops the node.
+    ///
+    /// # Errors
+    /// The system has no thread left.
+    pub fn spawn_thread(
+        &self,
+        name: &str,
+        work: impl FnOnce() + Send + 'static,
+    ) -> std::io::Result<std::thread::JoinHandle<()>> {
+        let (label, shutdown) = (name.to_owned(), self.inner.shutdown.clone());
+        std::thread::Builder::new().name(name.to_owned()).spawn(move || {
+            if let Err(panic) = std::panic::catch_unwind(AssertUnwindSafe(work)) {
+                let reason = panic_text(&*panic);
+                tracing::error!("thread \"{label}\" panicked: {reason}; the node stops");
+                shutdown.fail(&format!("thread \"{label}\" panicked: {reason}"));
+            }
+        })
     }
 
     /// Runs a task that ends with the node. One that panics stops the node.

@@ -15,7 +15,7 @@ use serde_yaml::Value;
 ///
 /// # Errors
 /// Not a parameter file, or a value that no parameter can have.
-pub fn read(text: &str, file: &str, names: &Names) -> Result<Vec<Override>, FileError> {
+pub(crate) fn read(text: &str, file: &str, names: &Names) -> Result<Vec<Override>, FileError> {
     let root: Value = from_yaml_str(text, file)?;
     let mut reader = Reader { text, file, node: names.fully_qualified(), found: Vec::new() };
     match &root {
@@ -30,7 +30,7 @@ pub fn read(text: &str, file: &str, names: &Names) -> Result<Vec<Override>, File
 ///
 /// # Errors
 /// A value that is not YAML, or that no parameter can have.
-pub fn from_arguments(
+pub(crate) fn from_arguments(
     arguments: &[ParameterArgument],
     names: &Names,
     default_node: &str,

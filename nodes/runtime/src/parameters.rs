@@ -355,14 +355,30 @@ macro_rules! from {
     ($($kind:ty => $variant:ident),*) => {
         $(impl From<$kind> for ParameterValue {
             fn from(value: $kind) -> Self {
-                Self::$variant(value.into())
+                Self::$variant(value)
+            }
+        }
+        impl TryFrom<ParameterValue> for $kind {
+            /// The value is of another type; here it is.
+            type Error = ParameterValue;
+            fn try_from(value: ParameterValue) -> Result<Self, ParameterValue> {
+                match value {
+                    ParameterValue::$variant(value) => Ok(value),
+                    other => Err(other),
+                }
             }
         })*
     };
 }
-from!(bool => Bool, i64 => Integer, f64 => Double, &str => String, String => String,
+from!(bool => Bool, i64 => Integer, f64 => Double, String => String,
     Vec<bool> => BoolArray, Vec<i64> => IntegerArray, Vec<f64> => DoubleArray,
     Vec<String> => StringArray);
+
+impl From<&str> for ParameterValue {
+    fn from(value: &str) -> Self {
+        Self::String(value.to_owned())
+    }
+}
 
 #[cfg(test)]
 mod tests {

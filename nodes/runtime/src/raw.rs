@@ -13,7 +13,7 @@ use futures::StreamExt;
 use rustdds::no_key::{DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter};
 use rustdds::no_key::{DeserializedCacheChange, SimpleDataReader};
 use rustdds::policy::{Durability, Reliability};
-use rustdds::{RTPSEntity, RepresentationIdentifier, Timestamp};
+use rustdds::{RepresentationIdentifier, Timestamp};
 use std::convert::Infallible;
 use std::pin::pin;
 

@@ -4,6 +4,7 @@
 //! set; it may jump. Durations and deadlines are measured on the steady clock
 //! (`std::time::Instant`), never on this one.
 
+use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -51,10 +52,24 @@ impl RosTime {
     }
 }
 
+impl From<RosTime> for Time {
+    fn from(time: RosTime) -> Self {
+        let (sec, nanosec) = time.parts();
+        Self { sec, nanosec }
+    }
+}
+
+impl From<&Time> for RosTime {
+    fn from(time: &Time) -> Self {
+        Self::from_parts(time.sec, time.nanosec)
+    }
+}
+
 /// The node's clock.
 #[derive(Debug, Default)]
 pub(crate) struct Clock {
     is_simulated: AtomicBool,
+    is_followed: AtomicBool,
     simulated: AtomicI64,
 }
 
@@ -67,9 +82,11 @@ impl Clock {
         }
     }
 
-    /// Follows `use_sim_time`.
-    pub(crate) fn simulate(&self, is_simulated: bool) {
+    /// Follows `use_sim_time`. True when `/clock` has to be subscribed, which
+    /// is so the first time.
+    pub(crate) fn simulate(&self, is_simulated: bool) -> bool {
         self.is_simulated.store(is_simulated, Ordering::Relaxed);
+        is_simulated && !self.is_followed.swap(true, Ordering::Relaxed)
     }
 
     /// Takes over a message of `/clock`.
@@ -99,11 +116,13 @@ mod tests {
     fn a_simulated_clock_stands_at_zero_until_the_first_message() {
         let clock = Clock::default();
         assert!(clock.now() > RosTime::ZERO);
-        clock.simulate(true);
+        assert!(clock.simulate(true), "/clock is needed");
         assert_eq!(clock.now(), RosTime::ZERO);
         clock.set(RosTime(42));
         assert_eq!(clock.now(), RosTime(42));
-        clock.simulate(false);
+        assert!(!clock.simulate(false));
+        assert!(!clock.simulate(true), "/clock is followed already");
+        assert!(!clock.simulate(false));
         assert!(clock.now() > RosTime(42));
     }
 }

@@ -42,6 +42,12 @@ impl std::fmt::Display for Gid {
     }
 }
 
+impl From<Gid> for [u8; 16] {
+    fn from(gid: Gid) -> Self {
+        gid.0
+    }
+}
+
 impl From<rustdds::GUID> for Gid {
     fn from(guid: rustdds::GUID) -> Self {
         Self(guid.to_bytes())
@@ -96,19 +102,18 @@ pub(crate) fn service_types(type_name: &str) -> (String, String) {
 pub(crate) struct CycloneHeader {
     /// The second half of the client's GUID.
     client: [u8; 8],
-    high: i32,
-    low: u32,
+    sequence: i64,
 }
 
 impl CycloneHeader {
     pub(crate) fn new(client: Gid, sequence: i64) -> Self {
         let mut half = [0; 8];
         half.copy_from_slice(&client.0[8..]);
-        Self { client: half, high: (sequence >> 32) as i32, low: sequence as u32 }
+        Self { client: half, sequence }
     }
 
     pub(crate) fn sequence(self) -> i64 {
-        (i64::from(self.high) << 32) | i64::from(self.low)
+        self.sequence
     }
 
     /// The client's GUID, of which the first half is that of `writer`.

@@ -134,10 +134,10 @@ impl<R: Clone> Goals<R> {
 
     /// Ends a goal; one that has ended keeps its first end.
     pub(super) fn end(&mut self, id: GoalId, outcome: Outcome, result: R, now: Duration) {
-        if let Some(state) = self.goals.get_mut(&id) {
-            if let State::Active { accepted, .. } = *state {
-                *state = State::Ended { accepted, outcome, result, at: now };
-            }
+        if let Some(state) = self.goals.get_mut(&id)
+            && let State::Active { accepted, .. } = *state
+        {
+            *state = State::Ended { accepted, outcome, result, at: now };
         }
         self.forget(now);
     }

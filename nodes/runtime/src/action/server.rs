@@ -34,13 +34,16 @@ pub struct ActionServer<A: Action> {
     offers: mpsc::Receiver<GoalOffer<A>>,
 }
 
+/// Takes when the goal was accepted, or that it was not.
+type Decision = oneshot::Sender<Option<RosTime>>;
+
 /// A goal that somebody wants, not yet accepted.
 pub struct GoalOffer<A: Action> {
     goal: A::Goal,
     id: GoalId,
     info: RequestInfo,
     /// Taken when the decision falls.
-    pending: Option<(Arc<Shared<A>>, oneshot::Sender<Option<RosTime>>)>,
+    pending: Option<(Arc<Shared<A>>, Decision)>,
 }
 
 /// A goal that is being worked on.

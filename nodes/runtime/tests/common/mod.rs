@@ -2,11 +2,12 @@
 //! nodes in a domain of this process, and patience.
 #![allow(dead_code, unreachable_pub)]
 
-use runtime::environment::Environment;
+use runtime::configuration::Configuration;
 use runtime::interface::{Action, Message, Service};
-use runtime::names::{Names, Remap};
+use runtime::parameters::Declared;
 use runtime::{ServiceMapping, Session};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::future::Future;
 use std::time::Duration;
 
@@ -54,9 +55,20 @@ pub fn start(name: &str, domain_id: u16) -> Session {
 }
 
 pub fn start_with(name: &str, domain_id: u16, mapping: ServiceMapping) -> Session {
-    let names = Names::new(name, &[] as &[Remap]).expect("a valid name");
-    let environment = Environment { domain_id, mapping, ..Environment::default() };
-    Session::start(names, environment).expect("a node")
+    start_declared(name, domain_id, mapping, Vec::new())
+}
+
+pub fn start_declared(
+    name: &str,
+    domain_id: u16,
+    mapping: ServiceMapping,
+    declared: Vec<Declared>,
+) -> Session {
+    let mut configuration =
+        Configuration::read(name, declared, &[], &BTreeMap::new()).expect("a valid configuration");
+    configuration.environment.domain_id = domain_id;
+    configuration.environment.mapping = mapping;
+    Session::start(configuration).expect("a node")
 }
 
 /// Fails the test, rather than hang, when something never comes.

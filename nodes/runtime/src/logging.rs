@@ -1,0 +1,237 @@
+//! The log: one line a message on the console, and `/rosout`.
+//!
+//! Everything that is logged through `tracing` comes here, except what the DDS
+//! layers say to themselves. Logging never waits: what `/rosout` cannot take is
+//! on the console only.
+
+use crate::arguments::{Arguments, LogLevel};
+use crate::names::Names;
+use crate::node::{Handle, NodeError};
+use crate::qos::Qos;
+use crate::time::RosTime;
+use cnc_msgs::wire::rcl_interfaces::msg::Log;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::sync::Arc;
+use tokio::sync::mpsc;
+use tracing::field::{Field, Visit};
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
+
+/// Lines that may wait for `/rosout`.
+const WAITING_MAX: usize = 1000;
+/// A longer line is cut on `/rosout`, in bytes.
+const LINE_MAX: usize = 16 * 1024;
+
+/// What is logged, and where to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LogSettings {
+    /// `cell.mill.driver`.
+    pub logger: String,
+    /// Less important messages are left out.
+    pub level: LogLevel,
+    pub to_console: bool,
+    pub to_rosout: bool,
+}
+
+impl LogSettings {
+    /// As the arguments say; a level for a logger counts when that logger is
+    /// the node's or above it.
+    pub(crate) fn new(arguments: &Arguments, names: &Names) -> Self {
+        let logger = names.logger();
+        let concerns = |wanted: &str| {
+            wanted == names.node()
+                || logger == wanted
+                || logger.strip_prefix(wanted).is_some_and(|rest| rest.starts_with('.'))
+        };
+        let level = arguments
+            .log_levels
+            .iter()
+            .rfind(|argument| argument.logger.as_deref().is_none_or(concerns))
+            .map_or(LogLevel::Info, |argument| argument.level);
+        Self {
+            logger,
+            level,
+            to_console: !arguments.disable_console,
+            to_rosout: !arguments.disable_rosout,
+        }
+    }
+
+    /// Makes this the log of the process; the first one stays. Returns the
+    /// lines for `/rosout`.
+    pub(crate) fn install(&self) -> Lines {
+        let (sender, lines) = mpsc::channel(WAITING_MAX);
+        let layer = RosLog { settings: self.clone(), rosout: self.to_rosout.then_some(sender) };
+        // Another log is installed already in tests and in `kerf`.
+        drop(tracing_subscriber::registry().with(layer).try_init());
+        Lines(lines)
+    }
+}
+
+/// The lines that go to `/rosout`.
+#[derive(Debug)]
+pub(crate) struct Lines(mpsc::Receiver<Log>);
+
+impl Lines {
+    /// Publishes them as long as the node lives.
+    pub(crate) fn publish(mut self, handle: &Handle) -> Result<(), NodeError> {
+        let publisher = handle.publisher::<Log>("/rosout", Qos::ROSOUT)?;
+        let clock = handle.clone();
+        handle.spawn("rosout", async move {
+            while let Some(mut line) = self.0.recv().await {
+                let (sec, nanosec) = clock.now().parts();
+                (line.stamp.sec, line.stamp.nanosec) = (sec, nanosec);
+                publisher.publish(line);
+            }
+        });
+        Ok(())
+    }
+}
+
+struct RosLog {
+    settings: LogSettings,
+    rosout: Option<mpsc::Sender<Log>>,
+}
+
+impl<S: Subscriber> Layer<S> for RosLog {
+    fn enabled(&self, metadata: &tracing::Metadata<'_>, _: Context<'_, S>) -> bool {
+        let target = metadata.target();
+        let is_noise = ["rustdds", "ros2_client", "mio", "tokio"]
+            .iter()
+            .any(|noise| target.strip_prefix(noise).is_some_and(|rest| !rest.starts_with('_')));
+        !is_noise && level_of(*metadata.level()).0 >= self.settings.level
+    }
+
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        let (level, name) = level_of(*event.metadata().level());
+        let mut text = Text::default();
+        event.record(&mut text);
+        let text = text.finish();
+        if self.settings.to_console {
+            let line = line(name, RosTime::wall(), &self.settings.logger, &text);
+            // Whoever closed the console does not want to know.
+            drop(std::io::stderr().lock().write_all(line.as_bytes()));
+        }
+        if let Some(rosout) = &self.rosout {
+            let log = Log {
+                level: number_of(level),
+                name: self.settings.logger.clone(),
+                msg: cut(text, LINE_MAX),
+                file: event.metadata().file().unwrap_or_default().to_owned(),
+                function: event.metadata().target().to_owned(),
+                line: event.metadata().line().unwrap_or_default(),
+                ..Log::default()
+            };
+            drop(rosout.try_send(log));
+        }
+    }
+}
+
+/// `[INFO] [1700000000.123456789] [cell.driver]: text`, as rcl writes it.
+fn line(level: &str, time: RosTime, logger: &str, text: &str) -> String {
+    let (sec, nanosec) = time.parts();
+    format!("[{level}] [{sec}.{nanosec:09}] [{logger}]: {text}\n")
+}
+
+fn cut(mut text: String, bytes: usize) -> String {
+    if text.len() > bytes {
+        let end = (0..=bytes).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
+        text.truncate(end);
+        text.push_str(" ...");
+    }
+    text
+}
+
+fn level_of(level: Level) -> (LogLevel, &'static str) {
+    match level {
+        Level::ERROR => (LogLevel::Error, "ERROR"),
+        Level::WARN => (LogLevel::Warn, "WARN"),
+        Level::INFO => (LogLevel::Info, "INFO"),
+        Level::DEBUG | Level::TRACE => (LogLevel::Debug, "DEBUG"),
+    }
+}
+
+fn number_of(level: LogLevel) -> u8 {
+    match level {
+        LogLevel::Debug => Log::DEBUG,
+        LogLevel::Info => Log::INFO,
+        LogLevel::Warn => Log::WARN,
+        LogLevel::Error => Log::ERROR,
+        LogLevel::Fatal => Log::FATAL,
+    }
+}
+
+/// The message of an event, then its other fields as `name=value`.
+#[derive(Default)]
+struct Text {
+    message: String,
+    fields: String,
+}
+
+impl Text {
+    fn finish(self) -> String {
+        self.message + &self.fields
+    }
+}
+
+impl Visit for Text {
+    fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
+        // Writing to a string does not fail.
+        let _ = match field.name() {
+            "message" => write!(self.message, "{value:?}"),
+            name => write!(self.fields, " {name}={value:?}"),
+        };
+    }
+}
+
+/// Logs panics of any thread, with their place.
+pub(crate) fn log_panics() {
+    let shared: Arc<str> = Arc::from("unnamed");
+    std::panic::set_hook(Box::new(move |panic| {
+        let thread = std::thread::current();
+        let name = thread.name().unwrap_or(&shared);
+        tracing::error!("thread {name}: {panic}");
+    }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::names::Remap;
+
+    fn level(words: &str) -> LogLevel {
+        let words: Vec<String> = words.split_whitespace().map(str::to_owned).collect();
+        let ns = Remap { node: None, from: "__ns".into(), to: "/cell".into() };
+        let names = Names::new("driver", &[ns]).expect("valid");
+        LogSettings::new(&Arguments::parse(&words).expect("valid"), &names).level
+    }
+
+    #[test]
+    fn the_last_level_that_concerns_the_node_counts() {
+        let table = [
+            ("", LogLevel::Info),
+            ("--ros-args --log-level debug", LogLevel::Debug),
+            ("--ros-args --log-level debug --log-level cell.driver:=error", LogLevel::Error),
+            ("--ros-args --log-level driver:=warn", LogLevel::Warn),
+            ("--ros-args --log-level cell:=warn", LogLevel::Warn),
+            ("--ros-args --log-level cel:=warn --log-level planner:=error", LogLevel::Info),
+        ];
+        for (words, expected) in table {
+            assert_eq!(level(words), expected, "{words}");
+        }
+    }
+
+    #[test]
+    fn a_line_looks_as_rcl_writes_it() {
+        let time = RosTime::from_parts(1_700_000_000, 1_234);
+        let expected = "[WARN] [1700000000.000001234] [cell.driver]: link is lost\n";
+        assert_eq!(line("WARN", time, "cell.driver", "link is lost"), expected);
+    }
+
+    #[test]
+    fn a_long_line_is_cut_between_characters() {
+        assert_eq!(cut("aä".to_owned(), 2), "a ...");
+        assert_eq!(cut("aä".to_owned(), 3), "aä");
+    }
+}

@@ -1,0 +1,166 @@
+//! A node as a process: from the command line to the exit status.
+//!
+//! SIGINT and SIGTERM ask the node to stop; a second one ends the process at
+//! once. The node has five seconds to come to an end, then everything is taken
+//! down in the order that DDS needs.
+//!
+//! Exit status: 0 ended as asked, 1 failed, 2 arguments, environment or files
+//! are wrong, 130 ended at once by a second signal.
+
+use crate::configuration::Configuration;
+use crate::logging::log_panics;
+use crate::node::{Handle, Session};
+use crate::parameters::Declared;
+use futures::FutureExt;
+use std::fmt::Display;
+use std::io::Write;
+use std::panic::AssertUnwindSafe;
+use std::process::ExitCode;
+use std::time::Duration;
+use tokio::signal::unix::{SignalKind, signal};
+
+/// How long a node may take to end by itself.
+const END_WITHIN: Duration = Duration::from_secs(5);
+
+/// Runs a node with the command line of the process; all that its `main` does.
+///
+/// `node` is called with the started node and should return when
+/// [`Handle::shutdown`] says so.
+pub fn run<F, Fut, E>(name: &str, declared: Vec<Declared>, node: F) -> ExitCode
+where
+    F: FnOnce(Handle) -> Fut,
+    Fut: Future<Output = Result<(), E>>,
+    E: Display,
+{
+    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    run_with(name, declared, &words.collect::<Vec<_>>(), node)
+}
+
+/// As [`run`], with words that come from elsewhere.
+pub fn run_with<F, Fut, E>(
+    name: &str,
+    declared: Vec<Declared>,
+    words: &[String],
+    node: F,
+) -> ExitCode
+where
+    F: FnOnce(Handle) -> Fut,
+    Fut: Future<Output = Result<(), E>>,
+    E: Display,
+{
+    // Variables that are not UTF-8 are not ours.
+    let variables = std::env::vars_os()
+        .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
+        .collect();
+    let configuration = match Configuration::read(name, declared, words, &variables) {
+        Ok(configuration) => configuration,
+        Err(error) => {
+            complain(name, &error);
+            return ExitCode::from(2);
+        }
+    };
+    if let [word, ..] = &configuration.rest[..] {
+        complain(name, &format!("argument \"{word}\" is not known; see --ros-args"));
+        return ExitCode::from(2);
+    }
+    let executor = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .thread_name(name)
+        .enable_all()
+        .build();
+    let executor = match executor {
+        Ok(executor) => executor,
+        Err(error) => {
+            complain(name, &format!("no threads: {error}"));
+            return ExitCode::FAILURE;
+        }
+    };
+    let is_good = executor.block_on(live(name, configuration, node));
+    executor.shutdown_timeout(Duration::from_secs(1));
+    if is_good { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Start, life and end; false when the node failed.
+async fn live<F, Fut, E>(name: &str, configuration: Configuration, node: F) -> bool
+where
+    F: FnOnce(Handle) -> Fut,
+    Fut: Future<Output = Result<(), E>>,
+    E: Display,
+{
+    let lines = configuration.logs.install();
+    log_panics();
+    for warning in &configuration.warnings {
+        tracing::warn!("{warning}");
+    }
+    let session = match Session::start(configuration) {
+        Ok(session) => session,
+        Err(error) => {
+            complain(name, &error);
+            return false;
+        }
+    };
+    let handle = session.handle().clone();
+    let prepared = lines.publish(&handle).map_err(|error| error.to_string());
+    let prepared = prepared.and_then(|()| obey_signals(&handle).map_err(|e| e.to_string()));
+    if let Err(error) = prepared {
+        tracing::error!("{error}");
+        session.stop().await;
+        return false;
+    }
+    tracing::info!("{} started", handle.names().fully_qualified());
+
+    let ended = {
+        let life = AssertUnwindSafe(node(handle.clone())).catch_unwind();
+        let mut life = std::pin::pin!(life);
+        tokio::select! {
+            ended = &mut life => Some(ended),
+            () = handle.shutdown().requested() => {
+                tokio::time::timeout(END_WITHIN, &mut life).await.ok()
+            }
+        }
+    };
+    let is_good = match ended {
+        Some(Ok(Ok(()))) => !handle.shutdown().is_failure(),
+        Some(Ok(Err(error))) => {
+            tracing::error!("{error}");
+            false
+        }
+        // The panic itself is in the log already.
+        Some(Err(_)) => false,
+        None => {
+            tracing::error!("did not end within {} s and is cut off", END_WITHIN.as_secs());
+            false
+        }
+    };
+    let reason = handle.shutdown().reason().unwrap_or_else(|| "its work is done".to_owned());
+    tracing::info!("{} stops: {reason}", handle.names().fully_qualified());
+    drop(handle);
+    session.stop().await;
+    is_good
+}
+
+fn obey_signals(handle: &Handle) -> std::io::Result<()> {
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    let mut terminate = signal(SignalKind::terminate())?;
+    let shutdown = handle.shutdown().clone();
+    // Not a task of the node: it has to outlive the node's end.
+    tokio::spawn(async move {
+        loop {
+            let name = tokio::select! {
+                _ = interrupt.recv() => "SIGINT",
+                _ = terminate.recv() => "SIGTERM",
+            };
+            if shutdown.is_requested() {
+                std::process::exit(130);
+            }
+            shutdown.request(name);
+        }
+    });
+    Ok(())
+}
+
+/// Before there is a log.
+fn complain(name: &str, error: &dyn Display) {
+    let text = format!("{name}: {error}\n");
+    drop(std::io::stderr().lock().write_all(text.as_bytes()));
+}

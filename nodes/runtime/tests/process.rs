@@ -1,0 +1,164 @@
+//! A node as a process of its own: arguments, log, signals, exit status.
+//!
+//! The node is this test program, started again with a variable set.
+
+mod common;
+
+use cnc_msgs::wire::rcl_interfaces::msg::Log;
+use common::{PATIENCE, Text, domain, soon, start};
+use runtime::parameters::Declared;
+use runtime::{Handle, NodeError, Qos};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const IS_NODE: &str = "RUNTIME_TEST_NODE";
+
+/// The node: publishes its greeting every 50 ms; `fault` makes it fail.
+async fn node(handle: Handle) -> Result<(), NodeError> {
+    let publisher = handle.publisher::<Text>("greeting", Qos::DEFAULT)?;
+    match handle.parameter::<String>("fault").as_str() {
+        "panic" => handle.spawn("thinker", async { panic!("no idea") }),
+        "thread" => drop(handle.spawn_thread("serial", || panic!("no line"))),
+        "error" => {
+            let what = "the line".to_owned();
+            return Err(NodeError::Stopping { what });
+        }
+        "deaf" => std::future::pending().await,
+        _ => {}
+    }
+    let mut ticks = tokio::time::interval(Duration::from_millis(50));
+    loop {
+        tokio::select! {
+            () = handle.shutdown().requested() => return Ok(()),
+            _ = ticks.tick() => {
+                publisher.publish(Text { data: handle.parameter("greeting") });
+                tracing::info!(greeted = 1, "a greeting went out");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_node_itself() {
+    let Ok(words) = std::env::var(IS_NODE) else { return };
+    let declared = vec![
+        Declared::new("greeting", "hello", "what is said"),
+        Declared::new("fault", "", "how it fails")
+            .one_of(&["", "panic", "thread", "error", "deaf"]),
+    ];
+    let words: Vec<String> = words.split_whitespace().map(str::to_owned).collect();
+    let status = runtime::run_with("greeter", declared, &words, node);
+    std::process::exit(if status == std::process::ExitCode::SUCCESS {
+        0
+    } else if status == std::process::ExitCode::from(2) {
+        2
+    } else {
+        1
+    });
+}
+
+fn launch(words: &str, domain_id: u16) -> Child {
+    Command::new(std::env::current_exe().expect("this program"))
+        .args(["--exact", "the_node_itself", "--nocapture"])
+        .env(IS_NODE, words)
+        .env("ROS_DOMAIN_ID", domain_id.to_string())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("starts")
+}
+
+fn signal(child: &Child, name: &str) {
+    let status = Command::new("kill").args([name, &child.id().to_string()]).status();
+    assert!(status.expect("kill").success());
+}
+
+/// Waits for the end, without hanging for ever; status and log.
+fn end_of(mut child: Child) -> (Option<i32>, String) {
+    let start = Instant::now();
+    while child.try_wait().expect("a child").is_none() {
+        if start.elapsed() > PATIENCE {
+            child.kill().expect("killed");
+            panic!("the node does not end");
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let Output { status, stderr, .. } = child.wait_with_output().expect("output");
+    (status.code(), String::from_utf8_lossy(&stderr).into_owned())
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_node_obeys_its_arguments_logs_to_rosout_and_ends_with_0_on_sigint() {
+    let watcher = start("watcher", domain(60));
+    let mut log = watcher.handle().subscription::<Log>("/rosout", Qos::ROSOUT).expect("rosout");
+    let qos = Qos::DEFAULT.with_depth(1000);
+    let mut greetings = watcher.handle().subscription::<Text>("/cell/moin", qos).expect("sub");
+    let child = launch(
+        "--ros-args -r __ns:=/cell -r __node:=left -r greeting:=moin -p greeter:greeting:=servus",
+        domain(60),
+    );
+    assert_eq!(soon("a greeting", greetings.next()).await.0.data, "servus");
+    loop {
+        let (line, _) = soon("a line", log.next()).await;
+        if line.msg.contains("a greeting went out") {
+            assert_eq!(line.name, "cell.left");
+            assert_eq!(
+                (line.level, line.msg.as_str()),
+                (Log::INFO, "a greeting went out greeted=1")
+            );
+            assert!(line.stamp.sec > 0 && line.file.ends_with("process.rs") && line.line > 0);
+            break;
+        }
+    }
+    signal(&child, "-INT");
+    let (status, text) = tokio::task::spawn_blocking(|| end_of(child)).await.expect("ends");
+    assert_eq!(status, Some(0), "{text}");
+    let first = text.lines().find(|line| line.contains("/cell/left started")).expect(&text);
+    assert!(first.starts_with("[INFO] [") && first.contains("] [cell.left]: "), "{first}");
+    assert!(text.contains("/cell/left stops: SIGINT"), "{text}");
+    assert!(!text.contains("ERROR"), "{text}");
+    drop((log, greetings));
+    watcher.stop().await;
+}
+
+#[test]
+fn wrong_arguments_end_with_2_before_the_node_appears() {
+    let table = [
+        ("--ros-args -p prot:=x", "parameter \"prot\" is not one of this node's"),
+        ("--ros-args -p greeting:=5", "write \"5\" in quotes"),
+        ("--ros-args --params-file /no/such.yaml", "/no/such.yaml: No such file"),
+        ("--ros-args -r __ns:=9", "begins with a digit"),
+        ("--fast", "\"--fast\" is not known"),
+    ];
+    for (words, part) in table {
+        let (status, text) = end_of(launch(words, domain(61)));
+        assert_eq!(status, Some(2), "{words}: {text}");
+        assert!(text.contains("greeter: ") && text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn a_node_that_fails_ends_with_1_and_says_why() {
+    let table = [
+        ("panic", "task \"thinker\" panicked: no idea"),
+        ("thread", "thread \"serial\" panicked: no line"),
+        ("error", "the line"),
+    ];
+    for (fault, part) in table {
+        let (status, text) = end_of(launch(&format!("--ros-args -p fault:={fault}"), domain(62)));
+        assert_eq!(status, Some(1), "{fault}: {text}");
+        assert!(text.contains("[ERROR]") && text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn a_second_signal_ends_a_node_at_once_that_does_not_listen() {
+    let child = launch("--ros-args -p fault:=deaf", domain(63));
+    // It needs a moment before it listens to signals at all.
+    std::thread::sleep(Duration::from_secs(2));
+    signal(&child, "-TERM");
+    std::thread::sleep(Duration::from_millis(300));
+    signal(&child, "-TERM");
+    let (status, text) = end_of(child);
+    assert_eq!(status, Some(130), "{text}");
+}
