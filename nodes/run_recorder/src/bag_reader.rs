@@ -8,12 +8,13 @@ use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 use std::sync::Arc;
 
-use mcap::records::{self, Record, SchemaHeader, op};
+use mcap::records::{Record, op};
 
 pub use crate::bag_messages::{BagMessage, MessageFilter, Messages, WINDOW_BYTES};
 pub use crate::bag_problem::{BagError, Problem};
 use crate::bag_writer::{QOS_KEY, TYPE_HASH_KEY};
 use crate::metadata::{BagSummary, TopicSummary};
+use crate::outline::Outline;
 use crate::qos::{QosProfile, profiles_from_yaml};
 pub use crate::records::RECORD_SIZE_MAX;
 use crate::records::{FRAME, parse_body};
@@ -301,10 +302,10 @@ impl<R: Read + Seek> Bag<R> {
                         outline.schema(source, header, data.into_owned());
                     }
                     Ok(Record::Channel(channel)) => outline.channel(source, channel),
-                    Ok(Record::Message { header, .. }) => {
-                        if outline.count(source, header.channel_id) {
-                            widen(time_range_ns, header.log_time);
-                        }
+                    Ok(Record::Message { header, .. })
+                        if outline.count(source, header.channel_id) =>
+                    {
+                        widen(time_range_ns, header.log_time);
                     }
                     _ => {}
                 },
@@ -355,78 +356,4 @@ impl<R: Read + Seek> Bag<R> {
 fn widen(range: &mut Option<(u64, u64)>, time: u64) {
     let (start, end) = range.unwrap_or((time, time));
     *range = Some((start.min(time), end.max(time)));
-}
-
-/// Channels and schemas as they come up, files told apart.
-#[derive(Default)]
-struct Outline {
-    schemas: BTreeMap<(usize, u16), Arc<BagSchema>>,
-    order: Vec<(usize, records::Channel)>,
-    place_of: BTreeMap<(usize, u16), usize>,
-    /// Messages by place.
-    counts: Vec<u64>,
-}
-
-impl Outline {
-    fn schema(&mut self, source: usize, header: SchemaHeader, text: Vec<u8>) {
-        if header.id == 0 {
-            return;
-        }
-        self.schemas.entry((source, header.id)).or_insert_with(|| {
-            Arc::new(BagSchema { name: header.name, encoding: header.encoding, text })
-        });
-    }
-
-    fn channel(&mut self, source: usize, channel: records::Channel) {
-        let key = (source, channel.id);
-        if self.place_of.contains_key(&key) {
-            return;
-        }
-        // The files of one bag number their channels each for itself.
-        let same = self.order.iter().find(|(other, known)| {
-            *other != source
-                && known.topic == channel.topic
-                && known.message_encoding == channel.message_encoding
-                && self.schemas.get(&(*other, known.schema_id))
-                    == self.schemas.get(&(source, channel.schema_id))
-        });
-        let place = match same {
-            Some((other, known)) => self.place_of[&(*other, known.id)],
-            None => {
-                self.counts.push(0);
-                self.counts.len() - 1
-            }
-        };
-        self.place_of.insert(key, place);
-        self.order.push((source, channel));
-    }
-
-    fn count(&mut self, source: usize, channel: u16) -> bool {
-        let Some(place) = self.place_of.get(&(source, channel)) else {
-            return false;
-        };
-        self.counts[*place] += 1;
-        true
-    }
-
-    /// Whether the outside of a file tells of every channel it counts, and its schema.
-    fn knows_all(&self, source: usize, statistics: &records::Statistics) -> bool {
-        let of_source = || self.order.iter().filter(|(other, _)| *other == source);
-        of_source().count() >= statistics.channel_count as usize
-            && of_source().all(|(_, channel)| {
-                channel.schema_id == 0 || self.schemas.contains_key(&(source, channel.schema_id))
-            })
-            && statistics
-                .channel_message_counts
-                .keys()
-                .all(|channel| self.place_of.contains_key(&(source, *channel)))
-    }
-
-    fn take_counts(&mut self, source: usize, statistics: &records::Statistics) {
-        for (channel, count) in &statistics.channel_message_counts {
-            if let Some(place) = self.place_of.get(&(source, *channel)) {
-                self.counts[*place] = self.counts[*place].saturating_add(*count);
-            }
-        }
-    }
 }

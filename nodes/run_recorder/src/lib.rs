@@ -16,6 +16,7 @@ pub mod diff;
 pub mod files;
 pub mod info;
 pub mod metadata;
+mod outline;
 pub mod qos;
 mod records;
 pub mod recover;
@@ -26,3 +27,5 @@ pub mod schema;
 pub mod value;
 #[cfg(feature = "std-fs")]
 mod write_queue;
+#[cfg(feature = "std-fs")]
+mod write_thread;

@@ -127,16 +127,18 @@ impl<R: Read + Seek> Walk<'_, R> {
     fn records(&mut self) -> io::Result<()> {
         loop {
             let Some(frame) = self.frame()? else {
-                return Ok(self.broken_off());
+                self.broken_off();
+                return Ok(());
             };
             let available = self.length - self.at - FRAME as u64;
             if frame.length > available {
-                return Ok(self.problem(Problem::CutRecord {
+                self.problem(Problem::CutRecord {
                     file: self.file.to_owned(),
                     at: self.at,
                     claimed: frame.length,
                     available,
-                }));
+                });
+                return Ok(());
             }
             if frame.opcode == op::FOOTER {
                 return self.end(frame);
@@ -160,7 +162,8 @@ impl<R: Read + Seek> Walk<'_, R> {
 
     fn chunk(&mut self, frame: Frame) -> io::Result<()> {
         if frame.length < CHUNK_HEAD as u64 {
-            return Ok(self.damaged("the chunk is shorter than its head"));
+            self.damaged("the chunk is shorter than its head");
+            return Ok(());
         }
         let head = ChunkHead::parse(&self.head()?);
         self.scan.stretches.push(Stretch {
@@ -175,7 +178,8 @@ impl<R: Read + Seek> Walk<'_, R> {
 
     fn message(&mut self, frame: Frame) -> io::Result<()> {
         if frame.length < MESSAGE_HEAD as u64 {
-            return Ok(self.damaged("the message is shorter than its head"));
+            self.damaged("the message is shorter than its head");
+            return Ok(());
         }
         let head: [u8; MESSAGE_HEAD] = self.head()?;
         // Channel and sequence number come before the log time.
@@ -205,7 +209,8 @@ impl<R: Read + Seek> Walk<'_, R> {
 
     fn attachment(&mut self, frame: Frame) -> io::Result<()> {
         if frame.length > RECORD_SIZE_MAX {
-            return Ok(self.damaged("the attachment is larger than this reader takes"));
+            self.damaged("the attachment is larger than this reader takes");
+            return Ok(());
         }
         let body = self.body(frame)?;
         match parse_body(frame.opcode, &body) {
@@ -227,7 +232,8 @@ impl<R: Read + Seek> Walk<'_, R> {
 
     fn small(&mut self, frame: Frame) -> io::Result<()> {
         if frame.length > RECORD_SIZE_MAX {
-            return Ok(self.damaged("it is larger than this reader takes"));
+            self.damaged("it is larger than this reader takes");
+            return Ok(());
         }
         let body = self.body(frame)?;
         match parse_body(frame.opcode, &body) {

@@ -225,7 +225,8 @@ fn a_message_of_a_bag_is_decoded_by_its_path() {
 
 #[test]
 fn a_message_that_does_not_fit_says_where() {
-    let schema = MessageSchema::parse("a/msg/A", "uint32 a\nB[] list\n===\nMSG: a/B\nfloat64 x\n");
+    let schema =
+        MessageSchema::parse("a/msg/A", "uint32 a\nB[] list\n===\nMSG: a/B\nuint8 k\nfloat64 x\n");
     let schema = schema.unwrap();
     let check = |data: &[u8]| decode(&schema, data).unwrap_err();
     assert_eq!(check(&[0]), DecodeError::NoEncapsulation { length: 1 });
@@ -236,7 +237,7 @@ fn a_message_that_does_not_fit_says_where() {
     let huge = check(&[0, 1, 0, 0, 1, 0, 0, 0, 255, 255, 255, 127]).to_string();
     assert!(huge.starts_with("list: 2147483647 elements cannot be"), "{huge}");
     let mut two = vec![0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0];
-    two.extend([0; 4 + 8 + 4]);
+    two.extend([0; 20]);
     let inside = check(&two).to_string();
     assert!(inside.starts_with("list[1].x: 8 bytes wanted"), "{inside}");
     let mut long = vec![0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0];

@@ -1,0 +1,183 @@
+//! A run on good, slow, full and absent disks.
+
+use super::*;
+use crate::bag_reader::Bag;
+use crate::files::open_bag;
+use crate::qos::QosProfile;
+use std::io::{Cursor, Write};
+use std::time::Instant;
+
+const LONG: Duration = Duration::from_secs(60);
+
+fn spec(topic: &str) -> ChannelSpec {
+    ChannelSpec {
+        topic: topic.into(),
+        type_name: "std_msgs/msg/UInt8".into(),
+        schema_text: "uint8 data\n".into(),
+        type_hash: String::new(),
+        qos: vec![QosProfile::reliable(10)],
+    }
+}
+
+/// A bag whose disk fails after `room` bytes, or blocks while `gate` is held.
+fn bag_on(directory: &Path, room: usize, gate: Arc<Mutex<Vec<u8>>>, limits: QueueLimits) -> RunBag {
+    struct Disk(usize, Arc<Mutex<Vec<u8>>>);
+    impl Write for Disk {
+        fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+            let mut content = lock(&self.1);
+            let fits = buf.len().min(self.0);
+            self.0 -= fits;
+            if fits == 0 {
+                return Err(io::ErrorKind::StorageFull.into());
+            }
+            content.extend(&buf[..fits]);
+            Ok(fits)
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+    let mut options = RunBagOptions::new(directory, "r");
+    options.limits = limits;
+    options.flush_interval = Duration::from_millis(1);
+    let outlet = Outlet {
+        sink: Box::new(Disk(room, gate)),
+        sync: Box::new(|| Ok(())),
+        directory: directory.to_owned(),
+        file_name: "r_0.mcap".into(),
+    };
+    RunBag::start(options, outlet).unwrap()
+}
+
+#[test]
+fn a_run_is_a_directory_with_a_finished_file_and_metadata() {
+    let parent = tempfile::tempdir().unwrap();
+    let mut options = RunBagOptions::new(parent.path().join("bags"), "run_1");
+    options.run.insert("run_id".into(), "run_1".into());
+    let bag = RunBag::create(options.clone()).unwrap();
+    let a = bag.add_channel(&spec("/a")).unwrap();
+    let b = bag.add_channel(&spec("/b")).unwrap();
+    bag.attach(BagAttachment {
+        name: "program.mpf".into(),
+        media_type: "text/plain".into(),
+        log_time_ns: 1,
+        data: b"M30".to_vec(),
+    })
+    .unwrap();
+    for i in 0..1000 {
+        let channel = if i % 4 == 0 { a } else { b };
+        assert!(bag.write(channel, i, i, vec![0, 1, 0, 0, i as u8]));
+    }
+    let path = bag.path().to_owned();
+    let status = bag.finish(LONG);
+    assert_eq!((status.complete, status.is_finished), (true, true), "{status:?}");
+    assert_eq!(status.messages_written, 1000);
+    let size = std::fs::metadata(path.join("run_1_0.mcap")).unwrap().len();
+    assert_eq!(status.bytes_written, size);
+    assert!(!path.join("metadata.yaml.tmp").exists());
+
+    let mut read = open_bag(&path).unwrap();
+    assert_eq!(read.problems(), []);
+    assert_eq!(read.messages().count(), 1000);
+    assert_eq!(read.channels()[0].message_count, 250);
+    assert_eq!(read.attachments()[0].name, "program.mpf");
+    assert_eq!(read.metadata_named("cnc_run").unwrap()["run_id"], "run_1");
+    assert_eq!(read.metadata_named("cnc_run_result").unwrap()["complete"], "true");
+
+    let error = RunBag::create(options).unwrap_err();
+    assert!(matches!(error, RunBagError::Exists { .. }), "{error}");
+}
+
+#[test]
+fn what_was_written_is_readable_while_the_run_goes_on() {
+    let parent = tempfile::tempdir().unwrap();
+    let mut options = RunBagOptions::new(parent.path(), "r");
+    options.flush_interval = Duration::from_millis(5);
+    let bag = RunBag::create(options).unwrap();
+    let a = bag.add_channel(&spec("/a")).unwrap();
+    assert!(bag.write(a, 1, 1, vec![0, 1, 0, 0, 7]));
+    let given_up = Instant::now() + LONG;
+    let mut read = 0;
+    while read == 0 && Instant::now() < given_up {
+        thread::sleep(Duration::from_millis(5));
+        if let Ok(mut now) = open_bag(bag.path()) {
+            assert!(!now.is_complete());
+            read = now.messages().count();
+        }
+    }
+    assert_eq!(read, 1);
+    assert!(bag.finish(LONG).complete);
+}
+
+#[test]
+fn a_slow_disk_loses_messages_but_never_holds_the_feeder() {
+    let directory = tempfile::tempdir().unwrap();
+    let gate: Arc<Mutex<Vec<u8>>> = Arc::default();
+    let held = lock(&gate);
+    let limits = QueueLimits { messages: 10, bytes: 1 << 20 };
+    let bag = bag_on(directory.path(), usize::MAX, gate.clone(), limits);
+    let a = bag.add_channel(&spec("/a")).unwrap();
+    let taken = (0..100).filter(|i| bag.write(a, *i, 0, vec![0; 5])).count();
+    assert_eq!(taken, 10);
+    let status = bag.status();
+    assert_eq!(status.messages_lost, 90);
+    assert_eq!(status.lost_by_topic["/a"], 90);
+    assert!(!status.complete);
+    drop(held);
+    let status = bag.finish(LONG);
+    assert!(status.is_finished && !status.complete, "{status:?}");
+    assert_eq!(status.messages_written, 10);
+    assert!(status.reasons[0].contains("90 messages of /a"), "{status:?}");
+}
+
+#[test]
+fn the_queue_is_bounded_in_bytes_too() {
+    let directory = tempfile::tempdir().unwrap();
+    let gate: Arc<Mutex<Vec<u8>>> = Arc::default();
+    let held = lock(&gate);
+    let limits = QueueLimits { messages: 1000, bytes: 10_000 };
+    let bag = bag_on(directory.path(), usize::MAX, gate.clone(), limits);
+    let a = bag.add_channel(&spec("/a")).unwrap();
+    let taken = (0..100).filter(|i| bag.write(a, *i, 0, vec![0; 1000])).count();
+    assert_eq!(taken, 9);
+    assert!(bag.status().bytes_waiting <= 10_000);
+    drop(held);
+    bag.finish(LONG);
+}
+
+#[test]
+fn a_full_disk_is_told_and_every_message_accounted_for() {
+    let directory = tempfile::tempdir().unwrap();
+    let limits = QueueLimits::default();
+    let disk: Arc<Mutex<Vec<u8>>> = Arc::default();
+    let bag = bag_on(directory.path(), 5000, disk.clone(), limits);
+    let a = bag.add_channel(&spec("/a")).unwrap();
+    let given_up = Instant::now() + LONG;
+    let mut fed = 0;
+    while bag.status().error.is_none() && Instant::now() < given_up {
+        bag.write(a, fed, 0, vec![0; 100]);
+        fed += 1;
+    }
+    assert!(!bag.write(a, fed, 0, vec![0; 100]));
+    fed += 1;
+    assert!(matches!(bag.add_channel(&spec("/b")), Err(RunBagError::Closed)));
+    let status = bag.finish(LONG);
+    assert!(status.error.is_some() && !status.complete && !status.is_finished);
+    assert_eq!(status.messages_written + status.messages_lost, fed);
+    let bytes = lock(&disk).clone();
+    let mut read = Bag::open("r_0.mcap", Cursor::new(bytes)).unwrap();
+    assert!(read.messages().count() as u64 >= status.messages_written);
+}
+
+#[test]
+fn a_gap_that_the_caller_knows_of_makes_the_bag_incomplete() {
+    let parent = tempfile::tempdir().unwrap();
+    let bag = RunBag::create(RunBagOptions::new(parent.path(), "r")).unwrap();
+    bag.note_incomplete("controller_traffic 17 to 20 could not be fetched");
+    let path = bag.path().to_owned();
+    assert!(!bag.finish(LONG).complete);
+    let read = open_bag(&path).unwrap();
+    assert!(!read.is_complete());
+    let problem = read.problems()[0].to_string();
+    assert!(problem.contains("controller_traffic 17 to 20"), "{problem}");
+}
