@@ -3,6 +3,8 @@
 //! Knows arithmetic on X, Y, Z; knows nothing of units or of frames, which
 //! the names of the callers' variables carry.
 
+use crate::tolerances::NEGLIGIBLE_SHARE;
+
 /// Number of axes of the controller.
 pub const AXES: usize = 3;
 
@@ -35,7 +37,7 @@ pub(crate) fn length(a: Vector) -> f64 {
 /// Returns the largest factor `unit` may be stretched by so that no axis passes its limit.
 pub(crate) fn limit_along(unit: Vector, limits: Vector) -> f64 {
     (0..AXES)
-        .filter(|&i| unit[i].abs() > 1e-12)
+        .filter(|&i| unit[i].abs() > NEGLIGIBLE_SHARE)
         .map(|i| limits[i] / unit[i].abs())
         .fold(f64::INFINITY, f64::min)
 }

@@ -85,7 +85,7 @@ impl fmt::Display for ErrorCode {
 /// Why the controller locked itself: the N of `ALARM:N`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Alarm {
+pub(crate) enum Alarm {
     /// A limit switch was hit while moving; the position is lost.
     HardLimit = 1,
     /// A target outside of the travel; the position is kept.
@@ -104,11 +104,4 @@ pub enum Alarm {
     HomingPullOff = 8,
     /// The switch was not found.
     HomingApproach = 9,
-}
-
-impl Alarm {
-    /// Is the controller deaf after it until a reset?
-    pub fn is_critical(self) -> bool {
-        matches!(self, Self::HardLimit | Self::SoftLimit)
-    }
 }

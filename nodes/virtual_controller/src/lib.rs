@@ -25,9 +25,10 @@ mod paced;
 mod plant;
 mod receive;
 mod settings;
+mod tolerances;
 
 pub use axes::{AXES, AXIS_LETTERS, Vector};
-pub use codes::{Alarm, ErrorCode};
+pub use codes::ErrorCode;
 pub use controller::{Build, Controller};
 pub use fault::{Direction, Fault, FaultAction, FaultError, FaultInjector, Spoil, Trigger};
 #[cfg(feature = "node")]

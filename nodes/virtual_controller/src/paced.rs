@@ -134,7 +134,8 @@ impl<D: Device> PacedLine<D> {
                     self.incoming.pop_front();
                     self.device.receive(device_now, &[byte]);
                 }
-                _ => self.device.advance(device_now),
+                // Past the event, so that no rounding leaves it undone.
+                _ => self.device.advance(device_now + Duration::from_nanos(1)),
             }
             self.collect(at, &mut bytes);
         }

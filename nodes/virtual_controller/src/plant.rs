@@ -8,9 +8,7 @@
 
 use crate::axes::{AXES, Vector};
 use crate::settings::Settings;
-
-/// How far behind its nominal place a switch closes, mm.
-const SWITCH_MM: f64 = 1e-6;
+use crate::tolerances::{NEGLIGIBLE_SHARE, SWITCH_MM};
 
 /// How far behind a switch the axis runs against its end stop, mm.
 const END_STOP_MM: f64 = 0.5;
@@ -55,7 +53,7 @@ impl Plant {
         }
         let travel = settings.max_travel_mm();
         (0..AXES)
-            .filter(|&i| unit[i].abs() > 1e-12 && !self.dead[i])
+            .filter(|&i| unit[i].abs() > NEGLIGIBLE_SHARE && !self.dead[i])
             .filter_map(|i| {
                 let physical = machine[i] + self.offset[i];
                 let switch =
@@ -108,6 +106,6 @@ impl Plant {
     pub(crate) fn way_to_probe_change(&self, machine: Vector, unit: Vector) -> Option<f64> {
         let z = self.probe_surface_z?;
         let way = (z - machine[2] - self.offset[2]) / unit[2];
-        (unit[2].abs() > 1e-12 && way >= 0.0).then_some(way)
+        (unit[2].abs() > NEGLIGIBLE_SHARE && way >= 0.0).then_some(way)
     }
 }

@@ -5,6 +5,7 @@
 
 use crate::axes::{AXES, Vector};
 use crate::codes::ErrorCode;
+use crate::tolerances::CHORD_MM_MIN;
 
 /// How a setting is stored and printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,7 +98,9 @@ impl Settings {
         }
         let at = row(number).ok_or(ErrorCode::InvalidStatement)?;
         let value = match TABLE[at].1 {
-            Integer => f64::from(value.trunc().min(255.0) as u8),
+            // The debounce delay is the one setting of 16 bits.
+            Integer if number == 26 => value.trunc().min(65535.0),
+            Integer => value.trunc().min(255.0),
             Boolean => f64::from(u8::from(value.trunc() != 0.0)),
             Float | Rpm => value,
         };
@@ -151,9 +154,9 @@ impl Settings {
         self.value(11)
     }
 
-    /// `$12`, millimetres, not below a tenth of a micrometre.
+    /// `$12`, millimetres, not below the finest chord there is.
     pub fn arc_tolerance_mm(&self) -> f64 {
-        self.value(12).max(1e-4)
+        self.value(12).max(CHORD_MM_MIN)
     }
 
     /// `$13`.

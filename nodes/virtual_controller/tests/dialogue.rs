@@ -56,7 +56,7 @@ fn check(build: Build, script: &str, expected: Expect) {
                 None => bench.say(step),
             },
         };
-        transcript += &format!("{step:<24} {heard}").trim_end();
+        transcript += format!("{step:<24} {heard}").trim_end();
         transcript += "\n";
     }
     expected.assert_eq(&transcript);
@@ -601,6 +601,34 @@ fn a_door_stops_and_needs_closing_and_a_start() {
         ^?                       <Idle|MPos:20.000,0.000,0.000|FS:0,100>
     "#]],
     );
+}
+
+#[test]
+fn a_door_ends_a_jog_for_good() {
+    let script = "
+        $J=G91X50F600
+        wait 1
+        ^84
+        wait 1
+        ^?
+        ^~
+        ^?
+        G91G0X1
+        wait 2
+        ^?
+    ";
+    check(plain(&[]), script, expect![[r#"
+        $J=G91X50F600            ok
+        wait 1
+        ^84                      [MSG:Check Door]
+        wait 1
+        ^?                       <Door:0|MPos:10.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>
+        ^~
+        ^?                       <Idle|MPos:10.000,0.000,0.000|FS:0,0|Ov:100,100,100>
+        G91G0X1                  ok
+        wait 2
+        ^?                       <Idle|MPos:11.000,0.000,0.000|FS:0,0>
+    "#]]);
 }
 
 #[test]

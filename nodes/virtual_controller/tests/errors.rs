@@ -21,6 +21,7 @@ fn words_that_cannot_be_read_are_refused() {
         ("%", "error:1"),
         ("N1G1X1*12", "error:1"),
         ("*71", "error:1"),
+        ("X99999999999999999999999999999999999999999999", "error:2"),
         ("G1X-F100", "error:2"),
         ("", "ok"),
         ("(comment)", "ok"),

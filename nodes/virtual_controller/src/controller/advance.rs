@@ -66,7 +66,7 @@ impl Controller {
         match &self.state {
             State::Hold { is_stopped: false }
             | State::Jog { is_cancelled: true }
-            | State::Door(Door::Stopping)
+            | State::Door(Door::Stopping { .. })
             | State::SoftLimit => true,
             State::Run => self.probing.as_ref().is_some_and(|p| p.contact_steps.is_some()),
             _ => false,
@@ -151,10 +151,10 @@ impl Controller {
         } else {
             limit
         };
-        if let Some(Action::Dwell { left_s }) = self.script.front_mut() {
-            if dwell.is_some() {
-                *left_s = (*left_s - used).max(0.0);
-            }
+        if let Some(Action::Dwell { left_s }) = self.script.front_mut()
+            && dwell.is_some()
+        {
+            *left_s = (*left_s - used).max(0.0);
         }
         used
     }
@@ -183,7 +183,13 @@ impl Controller {
                 self.state = State::Idle;
             }
             State::Hold { .. } => self.state = State::Hold { is_stopped: true },
-            State::Door(Door::Stopping) => self.state = State::Door(Door::Stopped),
+            State::Door(Door::Stopping { is_jog }) => {
+                if is_jog {
+                    self.planner.clear(&self.memory.settings);
+                    self.sync_parser();
+                }
+                self.state = State::Door(Door::Stopped);
+            }
             State::SoftLimit => self.critical(crate::codes::Alarm::SoftLimit),
             _ => {}
         }

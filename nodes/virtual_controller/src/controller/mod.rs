@@ -99,9 +99,14 @@ enum State {
 /// The stages of an open door.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Door {
-    Stopping,
+    /// A jog is forgotten when it has stopped, a program is not.
+    Stopping {
+        is_jog: bool,
+    },
     Stopped,
-    Resuming { left_s: f64 },
+    Resuming {
+        left_s: f64,
+    },
 }
 
 /// A probing move under way.

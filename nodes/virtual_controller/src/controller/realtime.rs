@@ -109,17 +109,15 @@ impl Controller {
     pub(super) fn open_door(&mut self) {
         let is_moving = match &self.state {
             State::Alarm { .. } | State::Check | State::Sleep | State::SoftLimit => return,
-            State::Door(Door::Stopping | Door::Stopped) => return,
+            State::Door(Door::Stopping { .. } | Door::Stopped) => return,
             State::Homing(_) => return self.fail_homing(Alarm::HomingDoor),
             State::Door(Door::Resuming { .. }) | State::Idle => false,
             State::Hold { is_stopped } => !is_stopped,
             State::Run | State::Jog { .. } => true,
         };
         self.message("Check Door");
-        if matches!(self.state, State::Jog { .. }) && !is_moving {
-            self.planner.clear(&self.memory.settings);
-        }
-        self.state = State::Door(if is_moving { Door::Stopping } else { Door::Stopped });
+        let is_jog = matches!(self.state, State::Jog { .. });
+        self.state = State::Door(if is_moving { Door::Stopping { is_jog } } else { Door::Stopped });
     }
 
     /// A limit switch closed while hard limits are on.
@@ -150,7 +148,7 @@ impl Controller {
         let alarm = match self.state {
             State::Homing(_) => Some(Alarm::HomingReset),
             State::Run | State::Jog { .. } | State::SoftLimit => Some(Alarm::AbortedInMotion),
-            State::Hold { is_stopped: false } | State::Door(Door::Stopping) => {
+            State::Hold { is_stopped: false } | State::Door(Door::Stopping { .. }) => {
                 Some(Alarm::AbortedInMotion)
             }
             _ => None,

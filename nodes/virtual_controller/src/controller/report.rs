@@ -110,7 +110,7 @@ impl Controller {
             State::SoftLimit => "Hold:1".into(),
             State::Jog { .. } => "Jog".into(),
             State::Sleep => "Sleep".into(),
-            State::Door(Door::Stopping) => "Door:2".into(),
+            State::Door(Door::Stopping { .. }) => "Door:2".into(),
             State::Door(Door::Stopped) => format!("Door:{}", u8::from(self.plant.is_door_open)),
             State::Door(Door::Resuming { .. }) => "Door:3".into(),
         }

@@ -1,20 +1,13 @@
 //! Arcs: from words to a centre, from a centre to chords.
 //!
-//! Knows geometry in one plane plus the third axis; the tolerances are the
-//! firmware's and stand here.
+//! Knows geometry in one plane plus the third axis.
 
 use crate::axes::Vector;
 use crate::codes::ErrorCode;
 use crate::gcode::Plane;
-
-/// End points may miss the circle by this much, mm.
-const RADIUS_MISMATCH_MM: f64 = 0.005;
-/// They never may miss it by more than this, mm.
-const RADIUS_MISMATCH_MM_MAX: f64 = 0.5;
-/// Between both, by this share of the radius.
-const RADIUS_MISMATCH_SHARE: f64 = 0.001;
-/// A sweep below this is a full circle, radians.
-const FULL_CIRCLE_RAD: f64 = 5e-7;
+use crate::tolerances::{
+    FULL_CIRCLE_RAD, RADIUS_MISMATCH_MM, RADIUS_MISMATCH_MM_MAX, RADIUS_MISMATCH_SHARE,
+};
 
 /// An arc whose words are checked.
 #[derive(Debug, Clone, PartialEq)]

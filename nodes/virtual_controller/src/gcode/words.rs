@@ -8,7 +8,7 @@ const DIGITS_MAX: usize = 8;
 /// Reads a number at the start of `text` and returns it with the rest.
 ///
 /// Sign, digits and one point; no exponent. Eight digits count and the value
-/// has the precision of a 32-bit float, as in the firmware.
+/// has the precision of a 32-bit float, as in the firmware; one beyond it is none.
 pub(crate) fn read_number(text: &str) -> Option<(f64, &str)> {
     let unsigned = text.strip_prefix(['-', '+']).unwrap_or(text);
     let (mut value, mut exponent, mut digits, mut seen, mut point) = (0.0f64, 0i32, 0, 0, false);
@@ -34,6 +34,9 @@ pub(crate) fn read_number(text: &str) -> Option<(f64, &str)> {
         return None;
     }
     let value = f64::from((value * 10f64.powi(exponent)) as f32);
+    if !value.is_finite() {
+        return None;
+    }
     Some((if text.starts_with('-') { -value } else { value }, &unsigned[used..]))
 }
 

@@ -9,13 +9,12 @@ use std::collections::VecDeque;
 use crate::axes::{self, Vector};
 use crate::motion::ramp::{Ramp, braking_ramp, next_ramp};
 use crate::settings::Settings;
+use crate::tolerances::STRAIGHT;
 
 /// Blocks the queue holds.
 pub(crate) const BLOCKS_MAX: usize = 15;
 /// No block is slower than this, mm/min.
 const FEED_MIN_MM_PER_MIN: f64 = 1.0;
-/// Directions whose cosine is closer to one than this go straight on or straight back.
-const STRAIGHT: f64 = 1e-6;
 
 /// The speed a move was programmed with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -186,6 +185,10 @@ impl Planner {
         let start_mm = mm_from_steps(start_steps, settings);
         let way = axes::subtract(mm_from_steps(end_steps, settings), start_mm);
         let length_mm = axes::length(way);
+        if length_mm <= 0.0 {
+            // So many steps to the millimetre that a double cannot tell them apart.
+            return;
+        }
         let unit = axes::scale(way, 1.0 / length_mm);
         let rates = settings.max_rate_mm_per_min();
         let feed_rate = match motion.pace {
@@ -327,4 +330,20 @@ pub(crate) fn steps_from_mm(mm: Vector, settings: &Settings) -> [i64; 3] {
 pub(crate) fn mm_from_steps(steps: [i64; 3], settings: &Settings) -> Vector {
     let steps_per_mm = settings.steps_per_mm();
     std::array::from_fn(|i| steps[i] as f64 / steps_per_mm[i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_corner_is_taken_as_fast_as_the_circle_within_the_deviation_allows() {
+        let mut settings = Settings::default();
+        (120..123).for_each(|n| settings.set(n, 100.0).unwrap());
+        let speed = |after: Vector| junction_speed([1.0, 0.0, 0.0], after, &settings);
+        // 90 degrees: both axes pull, 141.4 mm/s² inward; r = 0.01 * 0.7071 / 0.2929 mm.
+        assert!((speed([0.0, 1.0, 0.0]) - 1.8478).abs() < 1e-3);
+        assert_eq!(speed([-1.0, 0.0, 0.0]), 0.0);
+        assert_eq!(speed([1.0, 0.0, 0.0]), f64::INFINITY);
+    }
 }

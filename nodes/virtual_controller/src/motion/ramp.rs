@@ -2,10 +2,7 @@
 //!
 //! Knows speeds, distances and seconds on one line; knows no axes.
 
-/// Distances shorter than this are done, millimetres: a millionth of a step.
-const NEGLIGIBLE_MM: f64 = 1e-9;
-/// Speeds closer than this are equal, mm/s.
-const NEGLIGIBLE_MM_PER_S: f64 = 1e-9;
+use crate::tolerances::{NEGLIGIBLE_MM, NEGLIGIBLE_MM_PER_S};
 
 /// A stretch of constant acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -200,7 +200,11 @@ impl Server {
     /// Takes fault actions; returns `false` when standard input is closed.
     fn take_typed(&mut self, stdin: &io::Stdin) -> io::Result<bool> {
         let mut buffer = [0; 256];
-        let count = rustix::io::read(stdin, &mut buffer)?;
+        let count = match rustix::io::read(stdin, &mut buffer) {
+            Ok(count) => count,
+            Err(rustix::io::Errno::INTR | rustix::io::Errno::AGAIN) => return Ok(true),
+            Err(error) => return Err(error.into()),
+        };
         self.typed.extend_from_slice(&buffer[..count]);
         while let Some(end) = self.typed.iter().position(|byte| *byte == b'\n') {
             let line: Vec<u8> = self.typed.drain(..=end).collect();
