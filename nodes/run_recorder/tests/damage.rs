@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 
 use common::*;
+use proptest::prelude::*;
 use run_recorder::bag_reader::{Bag, Problem};
 use run_recorder::bag_writer::LIBRARY;
 use run_recorder::info::BagInfo;
@@ -192,4 +193,47 @@ topic:       /mill/tool  geometry_msgs/msg/PointStamped         40
 "
     );
     assert_eq!(text, expected);
+}
+
+/// Records of every kind with bodies of small numbers, so that lengths and ids often seem right.
+fn junk_records() -> impl Strategy<Value = Vec<u8>> {
+    let body = prop_oneof![
+        prop::collection::vec(prop_oneof![3 => Just(0_u8), 2 => 1..40_u8, 1 => any::<u8>()], 0..90),
+        // The beginning of a chunk without compression, whatever may be in it.
+        prop::collection::vec(any::<u8>(), 0..60).prop_map(|inside| {
+            let mut body = vec![0; 16];
+            body.extend((inside.len() as u64).to_le_bytes());
+            body.extend([0; 8]);
+            body.extend((inside.len() as u64).to_le_bytes());
+            body.extend(inside);
+            body
+        }),
+    ];
+    prop::collection::vec((0..18_u8, body, any::<bool>()), 0..8).prop_map(|records| {
+        let mut bytes = Vec::new();
+        for (opcode, body, is_long) in records {
+            bytes.push(opcode);
+            bytes.extend((body.len() as u64 + u64::from(is_long)).to_le_bytes());
+            bytes.extend(body);
+        }
+        bytes
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+    #[test]
+    fn junk_behind_a_header_is_never_a_panic(junk in junk_records()) {
+        let (bag, _) = bag_bytes(0, 1);
+        let header_end = 8 + 9 + usize::from(bag[9]);
+        let mut bytes = bag[..header_end].to_vec();
+        bytes.extend(junk);
+        if let Ok(mut bag) = Bag::open("junk.mcap", Cursor::new(bytes)) {
+            prop_assert!(bag.verify().is_ok());
+            prop_assert!(!bag.is_complete());
+            for info in bag.attachments().to_vec() {
+                prop_assert!(bag.read_attachment(&info).is_ok());
+            }
+        }
+    }
 }
