@@ -34,5 +34,5 @@ pub use fault::{Direction, Fault, FaultAction, FaultError, FaultInjector, Spoil,
 #[cfg(feature = "node")]
 pub use node::{ServeError, ServeOptions, Stop, StopHandle, cli, serve, stop_pair};
 pub use paced::{Device, Pace, PacedLine};
-pub use receive::{LINE_CHARACTERS_MAX, RECEIVE_BUFFER_BYTES};
+pub use receive::{LINE_CHARACTERS_MAX, RECEIVE_BUFFER_BYTES, TRANSMIT_BUFFER_BYTES};
 pub use settings::Settings;

@@ -8,13 +8,15 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use crate::receive::TRANSMIT_BUFFER_BYTES;
+
 /// Something at the far end of a line: bytes and time in, bytes and time out.
 pub trait Device {
     /// Takes bytes that arrived at `now`.
     fn receive(&mut self, now: Duration, bytes: &[u8]);
     /// Lets time pass until `now`.
     fn advance(&mut self, now: Duration);
-    /// Appends what is to be sent.
+    /// Appends what is to be sent; not called while the line is behind.
     fn transmit(&mut self, to: &mut Vec<u8>);
     /// When to call [`Device::advance`] next, not before `now`; `None`: when bytes arrive.
     fn next_event(&self, now: Duration) -> Option<Duration>;
@@ -125,7 +127,7 @@ impl<D: Device> PacedLine<D> {
         let mut bytes = Vec::new();
         loop {
             let arrival = self.incoming.front().map(|(at, _)| *at).filter(|at| *at <= now);
-            let event = self.device_event().filter(|at| *at <= now);
+            let event = self.device_event().filter(|at| *at <= now && *at > self.now);
             let Some(at) = arrival.into_iter().chain(event).min() else { break };
             let at = at.max(self.now);
             let device_now = self.device_time(at);
@@ -145,6 +147,9 @@ impl<D: Device> PacedLine<D> {
 
     fn collect(&mut self, at: Duration, bytes: &mut Vec<u8>) {
         self.now = self.now.max(at);
+        if self.has_room_at().is_some_and(|room| room > at) {
+            return;
+        }
         bytes.clear();
         self.device.transmit(bytes);
         for &byte in bytes.iter() {
@@ -164,10 +169,17 @@ impl<D: Device> PacedLine<D> {
         }
     }
 
-    /// The device's next event in our time.
+    /// When the transmit buffer is not full any more; `None`: it is not.
+    fn has_room_at(&self) -> Option<Duration> {
+        let excess = self.outgoing.len().checked_sub(TRANSMIT_BUFFER_BYTES)?;
+        self.outgoing.get(excess).map(|(at, _)| *at)
+    }
+
+    /// The device's next event in our time, not before its answers have room.
     fn device_event(&self) -> Option<Duration> {
         let event = self.device.next_event(self.device_time(self.now))?;
-        Some(event.div_f64(self.time_factor) + Duration::from_nanos(1))
+        let event = event.div_f64(self.time_factor) + Duration::from_nanos(1);
+        Some(event.max(self.has_room_at().unwrap_or_default()))
     }
 
     /// When to call [`Self::advance`] and [`Self::transmit`] next; `None`: when there are bytes.

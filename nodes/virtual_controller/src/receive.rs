@@ -8,6 +8,9 @@ use std::collections::VecDeque;
 /// Bytes the receive buffer holds; more are lost without a word.
 pub const RECEIVE_BUFFER_BYTES: usize = 128;
 
+/// Bytes the transmit buffer holds; the firmware waits when it is full.
+pub const TRANSMIT_BUFFER_BYTES: usize = 104;
+
 /// Characters of a line, spaces and comments not counted.
 pub const LINE_CHARACTERS_MAX: usize = 79;
 

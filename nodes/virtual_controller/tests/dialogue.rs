@@ -617,7 +617,10 @@ fn a_door_ends_a_jog_for_good() {
         wait 2
         ^?
     ";
-    check(plain(&[]), script, expect![[r#"
+    check(
+        plain(&[]),
+        script,
+        expect![[r#"
         $J=G91X50F600            ok
         wait 1
         ^84                      [MSG:Check Door]
@@ -628,7 +631,8 @@ fn a_door_ends_a_jog_for_good() {
         G91G0X1                  ok
         wait 2
         ^?                       <Idle|MPos:11.000,0.000,0.000|FS:0,0>
-    "#]]);
+    "#]],
+    );
 }
 
 #[test]

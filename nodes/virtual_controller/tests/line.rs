@@ -104,18 +104,40 @@ fn the_outcome_does_not_depend_on_how_often_one_looks() {
     assert_eq!(run(Duration::from_millis(1)), run(Duration::from_secs(7)));
 }
 
+#[test]
+fn report_requests_that_find_no_room_are_answered_once() {
+    let mut line = PacedLine::new(controller(&[]), Pace::default());
+    settle(&mut line, T0);
+    line.receive(Duration::from_secs(1), &[b'?'; 2000]);
+    let (reports, at) = settle(&mut line, Duration::from_secs(1));
+    let count = reports.matches('>').count();
+    // 2000 bytes take 174 ms to come in; a report takes 3.3 ms to go out.
+    assert!((48..60).contains(&count), "{count} reports");
+    assert!(at < Duration::from_millis(1210), "{at:?}");
+}
+
+/// Everything a device has to say now.
+fn hear(device: &mut FaultInjector) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut before = usize::MAX;
+    while before != bytes.len() {
+        before = bytes.len();
+        device.transmit(&mut bytes);
+    }
+    bytes
+}
+
 /// Says lines to a controller in trouble, half a second apart.
 fn say(mut device: FaultInjector, lines: &[&str]) -> String {
+    hear(&mut device);
     let mut bytes = Vec::new();
-    device.transmit(&mut bytes);
-    bytes.clear();
     for (index, line) in lines.iter().enumerate() {
         let now = Duration::from_millis(500 * index as u64);
         device.receive(now, format!("{line}\n").as_bytes());
-        device.transmit(&mut bytes);
+        bytes.extend(hear(&mut device));
     }
     device.advance(Duration::from_millis(500 * lines.len() as u64));
-    device.transmit(&mut bytes);
+    bytes.extend(hear(&mut device));
     String::from_utf8_lossy(&bytes).replace("\r\n", "/")
 }
 
@@ -156,9 +178,8 @@ fn a_tripped_limit_is_an_alarm_when_hard_limits_are_on() {
 #[test]
 fn a_corrupted_byte_differs_in_one_bit() {
     let mut device = injector(&["tx-corrupt@byte=29"], 7);
-    let mut bytes = Vec::new();
     device.receive(T0, b"\n");
-    device.transmit(&mut bytes);
+    let bytes = hear(&mut device);
     let answer = &bytes[28..];
     let wrong: u32 = answer.iter().zip(b"ok\r\n").map(|(a, b)| (a ^ b).count_ones()).sum();
     assert_eq!((answer.len(), wrong), (4, 1), "{answer:?}");
@@ -168,22 +189,21 @@ fn a_corrupted_byte_differs_in_one_bit() {
 fn a_pulled_cable_is_seen() {
     let mut device = injector(&["close@line=2"], 1);
     device.receive(T0, b"\n");
+    hear(&mut device);
     assert!(!device.is_closed());
     device.receive(T0, b"\n");
+    hear(&mut device);
     assert!(device.is_closed());
 }
 
 #[test]
 fn faults_by_command_strike_at_once_or_at_the_next_chance() {
     let mut device = injector(&[], 1);
-    let mut bytes = Vec::new();
-    device.transmit(&mut bytes);
-    bytes.clear();
+    hear(&mut device);
     device.inject(T0, FaultAction::LoseOk);
     device.receive(T0, b"\n\n");
     device.inject(T0, FaultAction::ExtraOk);
-    device.transmit(&mut bytes);
-    assert_eq!(bytes, b"ok\r\nok\r\n");
+    assert_eq!(hear(&mut device), b"ok\r\nok\r\n");
 }
 
 #[test]
@@ -230,10 +250,9 @@ proptest! {
         // A reset and an unlock bring it back from anywhere.
         device.receive(now, b"\x18");
         device.receive(now, b"$X\n");
-        sink.clear();
+        hear(&mut device);
         device.receive(now, b"?");
-        device.transmit(&mut sink);
-        let text = String::from_utf8(sink).unwrap();
+        let text = String::from_utf8(hear(&mut device)).unwrap();
         let last = text.lines().last().unwrap_or_default();
         prop_assert!(last.starts_with("<Idle") || last.starts_with("<Run"), "{last}");
     }

@@ -87,7 +87,7 @@ impl Controller {
 
     /// Does everything that can be done without time passing.
     pub(super) fn work(&mut self) {
-        while !self.is_blocked() {
+        while !self.is_blocked() && !self.is_transmit_full() {
             if let Some(action) = self.script.pop_front() {
                 if let Some(unfinished) = self.perform(action) {
                     self.script.push_front(unfinished);

@@ -26,7 +26,7 @@ use crate::gcode::{Coolant, CoordinateSystems, ParserState, Spindle};
 use crate::homing::Homing;
 use crate::motion::{Planner, mm_from_steps, steps_from_mm};
 use crate::plant::Plant;
-use crate::receive::{LineReader, ReceiveBuffer, realtime};
+use crate::receive::{LineReader, ReceiveBuffer, TRANSMIT_BUFFER_BYTES, realtime};
 use crate::settings::Settings;
 
 use foreground::Action;
@@ -140,8 +140,9 @@ pub struct Controller {
     spindle_percent: u8,
     coolant: Coolant,
     cadence: Cadence,
-    /// `?`, `!` and so on that came while homing.
+    /// `?` came while homing, or while there was no room for the report.
     has_pending_report: bool,
+    /// `!` came while homing.
     has_pending_hold: bool,
     now: Duration,
 }
@@ -211,8 +212,20 @@ impl Controller {
     }
 
     /// Appends the bytes to be sent to `to`.
+    ///
+    /// Lines are not read while [`TRANSMIT_BUFFER_BYTES`] wait here. What was
+    /// held up by that goes on now, so there may be more to transmit at once.
     pub fn transmit(&mut self, to: &mut Vec<u8>) {
         to.append(&mut self.transmit);
+        if self.has_pending_report && !matches!(self.state, State::Homing(_)) {
+            self.has_pending_report = false;
+            self.report_status();
+        }
+        self.work();
+    }
+
+    fn is_transmit_full(&self) -> bool {
+        self.transmit.len() >= TRANSMIT_BUFFER_BYTES
     }
 
     /// Where the axes are in machine coordinates, mm, as the controller counts.

@@ -21,6 +21,7 @@ impl Controller {
             Realtime::SoftReset => self.soft_reset(),
             Realtime::StatusReport => match self.state {
                 State::Homing(_) => self.has_pending_report = true,
+                _ if self.is_transmit_full() => self.has_pending_report = true,
                 _ => self.report_status(),
             },
             Realtime::CycleStart => self.cycle_start(),

@@ -24,7 +24,7 @@ pub struct FaultInjector {
 impl FaultInjector {
     /// Wraps a controller; the seed decides what happens by chance.
     pub fn new(controller: Controller, faults: Vec<Fault>, seed: u64) -> Self {
-        let mut injector = Self {
+        Self {
             controller,
             faults: faults.into_iter().map(|fault| (fault, false)).collect(),
             chance: Chance(seed),
@@ -35,9 +35,7 @@ impl FaultInjector {
             is_closed: false,
             outgoing: Vec::new(),
             now: Duration::ZERO,
-        };
-        injector.pump();
-        injector
+        }
     }
 
     /// The controller in trouble.
@@ -79,7 +77,6 @@ impl FaultInjector {
             // These happen to what passes.
             FaultAction::Byte(..) | FaultAction::LoseOk => {}
         }
-        self.pump();
     }
 
     /// Returns the due faults and marks them as happened.
@@ -130,20 +127,7 @@ impl FaultInjector {
         }
     }
 
-    /// Passes on what the controller says, answer by answer.
-    fn pump(&mut self) {
-        loop {
-            let mut said = Vec::new();
-            self.controller.transmit(&mut said);
-            if said.is_empty() {
-                return;
-            }
-            for line in said.split_inclusive(|byte| *byte == b'\n') {
-                self.pass(line);
-            }
-        }
-    }
-
+    /// Passes on a line of the controller, and what an answer sets off.
     fn pass(&mut self, line: &[u8]) {
         if !(line.starts_with(b"ok") || line.starts_with(b"error:")) {
             return self.send(line);
@@ -181,7 +165,6 @@ impl Device for FaultInjector {
             let number = self.received;
             let spoilt = self.spoil(Direction::ToController, byte, number);
             self.controller.receive(now, &spoilt);
-            self.pump();
             let due = self.due(|fault, _| {
                 !matches!(fault.action, FaultAction::Byte(..))
                     && fault.trigger == Trigger::Byte(number)
@@ -194,7 +177,6 @@ impl Device for FaultInjector {
         while let Some(at) = self.next_scheduled().filter(|at| *at <= now) {
             self.now = self.now.max(at);
             self.controller.advance(self.now);
-            self.pump();
             let due = self.due(
                 |fault, _| matches!(fault.trigger, Trigger::Time(s) if Duration::from_secs_f64(s) <= at),
             );
@@ -202,11 +184,14 @@ impl Device for FaultInjector {
         }
         self.now = self.now.max(now);
         self.controller.advance(now);
-        self.pump();
     }
 
     fn transmit(&mut self, to: &mut Vec<u8>) {
-        self.pump();
+        let mut said = Vec::new();
+        self.controller.transmit(&mut said);
+        for line in said.split_inclusive(|byte| *byte == b'\n') {
+            self.pass(line);
+        }
         to.append(&mut self.outgoing);
     }
 

@@ -38,7 +38,11 @@ impl Bench {
     /// What the controller has said since the last time, lines joined by ` / `.
     pub(crate) fn heard(&mut self) -> String {
         let mut bytes = Vec::new();
-        self.controller.transmit(&mut bytes);
+        let mut before = usize::MAX;
+        while before != bytes.len() {
+            before = bytes.len();
+            self.controller.transmit(&mut bytes);
+        }
         let text = String::from_utf8(bytes).unwrap();
         text.split("\r\n").filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" / ")
     }
