@@ -178,12 +178,11 @@ pub fn replay(
 ) -> Result<Replay, ReplayError> {
     let mut driver = Driver::new(config);
     let mut replay = Replay::default();
-    let mut wanted = entries.first().map_or(0, |entry| entry.sequence);
-    for entry in entries {
+    let first = entries.first().map_or(0, |entry| entry.sequence);
+    for (wanted, entry) in (first..).zip(entries) {
         if entry.sequence != wanted {
             return Err(ReplayError::Gap { wanted, found: entry.sequence });
         }
-        wanted += 1;
         let input = match entry.kind {
             EntryKind::Tx => continue,
             EntryKind::Rx => Input::Received(entry.data.clone()),

@@ -17,4 +17,6 @@ pub mod estimate;
 pub mod journal;
 pub mod link;
 pub mod report;
+#[cfg(feature = "node")]
+pub mod serial;
 pub mod tracker;

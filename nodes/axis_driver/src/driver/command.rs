@@ -163,6 +163,9 @@ impl Driver {
         if let Phase::Running(run) = &mut self.phase {
             run.set_held(true);
         }
+        if matches!(self.phase, Phase::Homing { .. }) {
+            return done("feed hold was sent, but homing does not listen to it: use soft_reset");
+        }
         done("feed hold was sent")
     }
 
@@ -192,6 +195,7 @@ impl Driver {
         if let Phase::Closed { reason } = &self.phase {
             return refused(error_code::NOT_CONNECTED, reason.clone());
         }
+        self.machine.needs_acknowledgement = false;
         let interrupted = Refusal::new(error_code::SOFT_RESET, "interrupted by a soft reset");
         match &self.phase {
             Phase::Running(run) if run.is_proving() => {

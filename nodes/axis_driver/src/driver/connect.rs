@@ -91,6 +91,7 @@ impl Driver {
             || self.machine.is_silent;
         if self.is_open() && was_active {
             self.machine.is_lost = true;
+            self.machine.needs_acknowledgement = true;
         }
         let reason = match self.machine.is_lost {
             true => format!("LINK_LOST: {reason}; motion may continue"),
@@ -115,6 +116,10 @@ impl Driver {
         }
         self.machine.is_homed = false;
         self.machine.status = None;
+        if let Phase::Closed { reason } = &self.phase {
+            let reason = reason.clone();
+            self.log(LogLevel::Warn, reason);
+        }
     }
 
     /// Resets the controller and learns it anew.
@@ -218,6 +223,11 @@ impl Driver {
         self.log(LogLevel::Info, message);
         if let Some(id) = connecting.reply {
             self.reply(id, Ok("the controller was reset".into()));
+        }
+        if self.machine.needs_acknowledgement {
+            let reason = "LINK_LOST: the port went while the machine was moving and is back; \
+                          look where the tool is, then soft_reset";
+            self.phase = Phase::Adrift { reason: reason.into() };
         }
     }
 

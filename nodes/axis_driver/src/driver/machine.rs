@@ -31,6 +31,8 @@ pub(super) struct Machine {
     pub(super) is_silent: bool,
     /// The port went while the machine moved, and has told nothing since.
     pub(super) is_lost: bool,
+    /// Nothing runs before the operator has seen to it.
+    pub(super) needs_acknowledgement: bool,
     pub(super) program_id: String,
     pub(super) line: u32,
 }
@@ -39,7 +41,8 @@ impl Machine {
     /// A new port: all that was known belongs to the past.
     pub(super) fn on_port(&mut self) {
         let program_id = std::mem::take(&mut self.program_id);
-        *self = Self { program_id, line: self.line, is_lost: self.is_lost, ..Self::default() };
+        let Self { line, is_lost, needs_acknowledgement, .. } = *self;
+        *self = Self { program_id, line, is_lost, needs_acknowledgement, ..Self::default() };
     }
 
     pub(super) fn on_restart(&mut self, firmware: Firmware) {

@@ -7,7 +7,7 @@ use super::proof::{Proof, Proven};
 use super::stop::{Stopping, Verdict};
 use super::{Driver, LogLevel, Origin, Output, Phase, Refusal, RunOutcome, RunResult};
 use crate::codes::{self, error_code};
-use crate::encoder::{EncodedLine, Encoder, PREAMBLE, SYNC, Step};
+use crate::encoder::{EncodedLine, Encoder, PREAMBLE, SYNC};
 use crate::estimate::Estimate;
 use crate::link::LineKind;
 use crate::report::ControllerState;
@@ -23,23 +23,24 @@ pub(super) struct Run {
     id: u64,
     request: RunRequest,
     first_element: usize,
-    encoder: Encoder,
+    pub(super) encoder: Encoder,
     /// Made and not yet sent, because there is no room.
-    next: Option<Next>,
+    pub(super) next: Option<Next>,
     /// A line that must be answered before anything else is sent.
-    is_alone: bool,
+    pub(super) is_alone: bool,
     pub(super) stage: Stage,
     /// The operator has asked for a hold; nothing is sent until a resume.
-    is_held: bool,
-    has_sent: bool,
+    pub(super) is_held: bool,
+    pub(super) has_sent: bool,
     tracker: Tracker,
     estimate: Estimate,
     total_s: f64,
     progress: Option<(u32, f64)>,
 }
 
+/// What is made and waits for room.
 #[derive(Debug)]
-enum Next {
+pub(super) enum Next {
     Line(EncodedLine),
     Sync,
 }
@@ -331,61 +332,6 @@ impl Driver {
             run.progress = Some((line, fraction));
             let time_left_s = (run.total_s - done).max(0.0) / faster;
             self.outputs.push_back(Output::Progress { line, fraction, time_left_s });
-        }
-    }
-
-    /// Sends as many lines as there is room for.
-    pub(super) fn feed_run(&mut self) {
-        let is_machine_held = self.machine.is_held();
-        let Phase::Running(run) = &mut self.phase else { return };
-        if run.is_held || is_machine_held || run.is_alone {
-            return;
-        }
-        loop {
-            if run.next.is_none() && matches!(run.stage, Stage::Streaming) {
-                let then = match run.encoder.next_step() {
-                    Some(Ok(Step::Line(line))) => {
-                        run.next = Some(Next::Line(line));
-                        continue;
-                    }
-                    Some(Ok(Step::ToolChange { tool, source_line })) => {
-                        Then::ToolChange { tool, source_line }
-                    }
-                    None => Then::End,
-                    Some(Err(problem)) => {
-                        let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());
-                        return self.stop_run(RunOutcome::Aborted, code, text);
-                    }
-                };
-                run.stage = Stage::Draining(then);
-                run.next = Some(Next::Sync);
-            }
-            match run.next.take() {
-                Some(Next::Sync) if self.link.has_room(SYNC.len()) => {
-                    // It dwells for no longer than a motion line waits: silence is a lost answer.
-                    self.link.send_line(SYNC, LineKind::Motion, Origin::Sync);
-                }
-                Some(Next::Line(line))
-                    if self.link.has_room(line.text.len())
-                        && (!line.is_alone || self.link.unanswered() == 0) =>
-                {
-                    run.has_sent = true;
-                    run.is_alone = line.is_alone;
-                    let EncodedLine { text, kind, element, source_line, .. } = line;
-                    self.link.send_line(
-                        &text.clone(),
-                        kind,
-                        Origin::Program { text, source_line, element },
-                    );
-                    if run.is_alone {
-                        return;
-                    }
-                }
-                waiting => {
-                    run.next = waiting;
-                    return;
-                }
-            }
         }
     }
 

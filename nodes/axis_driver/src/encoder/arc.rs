@@ -159,7 +159,8 @@ impl<'a> Polar<'a> {
         let radius = self.start_radius.max(self.end_radius);
         let half = (1.0 - CHORD_TOLERANCE_MM / radius).clamp(-1.0, 1.0).acos();
         let count = ((to - from) / (2.0 * half).min(FRAC_PI_4)).ceil().max(1.0);
-        if !(count <= LINES_MAX) {
+        // Numbers that are none end here too.
+        if count.is_nan() || count > LINES_MAX {
             return None;
         }
         let count = count as u32;

@@ -230,6 +230,47 @@ fn a_line_can_never_carry_a_realtime_byte() {
     started().send_line("G1X1!", LineKind::Motion, 1);
 }
 
+/// A wire of 115 200 Bd with a millisecond of latency each way, a controller that
+/// answers as soon as it has read a line, and short lines.
+#[test]
+fn the_wire_is_never_idle_while_there_is_something_to_send() {
+    const STEP: Duration = Duration::from_micros(100);
+    const LATENCY: Duration = Duration::from_millis(1);
+    const BYTE: Duration = Duration::from_nanos(86_806);
+    let mut link = started();
+    let mut to_send: VecDeque<u8> = VecDeque::new();
+    let mut answers: VecDeque<Duration> = VecDeque::new();
+    let (mut wire_free_at, mut wire_back_free_at) = (ms(0), ms(0));
+    let (mut now, mut on_the_wire) = (ms(0), 0u32);
+    let end = ms(5000);
+    while now < end {
+        now += STEP;
+        while answers.front().is_some_and(|at| *at <= now) {
+            answers.pop_front();
+            link.receive(now, b"ok\r\n");
+        }
+        events(&mut link);
+        while link.has_room(17) {
+            link.send_line("X123.456Y-12.3456", LineKind::Motion, 0);
+        }
+        to_send.extend(link.poll_transmit().unwrap_or_default());
+        while wire_free_at < now {
+            let Some(byte) = to_send.pop_front() else {
+                wire_free_at = now;
+                break;
+            };
+            wire_free_at += BYTE;
+            on_the_wire += 1;
+            if byte == b'\n' {
+                wire_back_free_at = wire_back_free_at.max(wire_free_at + LATENCY) + BYTE * 4;
+                answers.push_back(wire_back_free_at + LATENCY);
+            }
+        }
+    }
+    let used = f64::from(on_the_wire) * BYTE.as_secs_f64() / end.as_secs_f64();
+    assert!(used > 0.99, "{used}");
+}
+
 proptest! {
     /// A controller with a ring of 127 free bytes reads and answers at random times.
     #[test]

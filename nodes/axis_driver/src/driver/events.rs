@@ -1,0 +1,170 @@
+//! What the link reports, dealt out by what the driver is about.
+
+use super::{Driver, LogLevel, Origin, Phase, Refusal, RunOutcome};
+use crate::codes::{self, error_code};
+use crate::link::{LinkEvent, LinkFault, realtime};
+use crate::report::Message;
+
+impl Driver {
+    pub(super) fn on_event(&mut self, event: LinkEvent<Origin>) {
+        match event {
+            LinkEvent::Answer { tag, error } => self.on_answer(tag, error),
+            LinkEvent::Alarm(code) => self.on_alarm(code),
+            LinkEvent::Banner { firmware, text } => {
+                self.machine.on_restart(firmware);
+                self.on_banner(&text);
+            }
+            LinkEvent::Status(report) => {
+                self.machine.on_status(report);
+                self.watch_hold();
+                self.on_status();
+            }
+            LinkEvent::Message(message) => {
+                if let Some(bytes) = self.machine.on_message(&message) {
+                    self.link.set_receive_bytes(bytes);
+                }
+                if let Message::Text(text) = message {
+                    self.log(LogLevel::Info, format!("controller: {text}"));
+                }
+            }
+            LinkEvent::Setting { number, value } => self.machine.on_setting(number, &value),
+            LinkEvent::Text(text) => self.on_text(&text),
+            LinkEvent::Fault(fault) => self.on_fault(&fault),
+            LinkEvent::Silent => self.on_silence(),
+        }
+    }
+
+    fn on_answer(&mut self, origin: Origin, error: Option<u16>) {
+        let refusal = error.map(|code| {
+            let text = codes::describe_error(self.machine.firmware, code);
+            Refusal::new(error_code::CONTROLLER_ERROR, format!("the controller refused: {text}"))
+        });
+        match (&mut self.phase, origin) {
+            (Phase::Connecting(_), Origin::Query(index)) => self.on_query_answer(index, error),
+            (Phase::Homing { id, .. }, Origin::Home) => {
+                let id = *id;
+                self.phase = Phase::Ready;
+                self.machine.is_homed = refusal.is_none();
+                self.reply(id, refusal.map_or(Ok("homed".into()), Err));
+            }
+            (Phase::Unlocking { id, .. }, Origin::Unlock) => {
+                let id = *id;
+                self.phase = Phase::Ready;
+                let done = "unlocked; the position may be wrong until the machine is homed";
+                self.reply(id, refusal.map_or(Ok(done.into()), Err));
+            }
+            (Phase::Running(_), origin) => self.on_run_answer(origin, error),
+            _ => {}
+        }
+    }
+
+    fn on_alarm(&mut self, code: u16) {
+        self.machine.on_alarm(code);
+        let text = codes::describe_alarm(self.machine.firmware, code);
+        self.log(LogLevel::Error, text.clone());
+        if codes::is_deaf(code) {
+            self.link.expect_deafness();
+        }
+        let reason = format!("{text}; soft_reset to go on");
+        match &mut self.phase {
+            Phase::Running(run) if run.is_resetting() => run.add_to_verdict(&text),
+            Phase::Running(_) => {
+                self.end_run(RunOutcome::Aborted, error_code::ALARM, text, Phase::Adrift { reason })
+            }
+            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
+                let id = *id;
+                self.phase = Phase::Adrift { reason };
+                self.reply(id, Err(Refusal::new(error_code::ALARM, text)));
+            }
+            Phase::Ready => self.phase = Phase::Adrift { reason },
+            Phase::Closed { .. } | Phase::Connecting(_) | Phase::Adrift { .. } => {}
+        }
+    }
+
+    fn on_banner(&mut self, text: &str) {
+        match &mut self.phase {
+            Phase::Closed { .. } => {}
+            Phase::Connecting(_) => self.on_connect_banner(text),
+            Phase::Running(run) if run.is_resetting() => self.finish_stop(),
+            Phase::Running(_) => {
+                let message = format!(
+                    "the controller restarted in the middle of the run ({text}); its position is lost: home"
+                );
+                self.machine.is_homed = false;
+                self.end_run(RunOutcome::Aborted, error_code::RESTARTED, message, Phase::Ready);
+                self.begin_queries(None);
+            }
+            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
+                let id = *id;
+                self.machine.is_homed = false;
+                let message = format!("the controller restarted ({text})");
+                self.reply(id, Err(Refusal::new(error_code::RESTARTED, message)));
+                self.begin_queries(None);
+            }
+            Phase::Adrift { .. } | Phase::Ready => {
+                self.machine.is_homed = false;
+                self.log(LogLevel::Warn, format!("the controller restarted by itself: {text}"));
+                self.begin_queries(None);
+            }
+        }
+    }
+
+    fn on_status(&mut self) {
+        match &mut self.phase {
+            Phase::Connecting(_) => self.on_connect_status(),
+            Phase::Running(_) => self.on_run_status(),
+            _ => {}
+        }
+    }
+
+    fn on_text(&mut self, text: &str) {
+        if let Phase::Connecting(connecting) = &mut self.phase {
+            connecting.hear_garbage(text);
+        }
+        self.log(LogLevel::Info, format!("controller: {text}"));
+    }
+
+    fn on_fault(&mut self, fault: &LinkFault) {
+        let text = fault.to_string();
+        match &mut self.phase {
+            Phase::Closed { .. } | Phase::Adrift { .. } => {}
+            Phase::Connecting(_) => self.on_connect_fault(fault),
+            // It is being stopped already, and a reset forgets all counts.
+            Phase::Running(run) if run.is_stopping() => {}
+            Phase::Running(_) => {
+                self.log(LogLevel::Error, text.clone());
+                self.stop_run(RunOutcome::Aborted, error_code::PROTOCOL, text);
+            }
+            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
+                let id = *id;
+                self.phase = Phase::Adrift { reason: format!("{text}; soft_reset to go on") };
+                self.reply(id, Err(Refusal::new(error_code::PROTOCOL, text)));
+            }
+            Phase::Ready => self.log(LogLevel::Warn, text),
+        }
+    }
+
+    fn on_silence(&mut self) {
+        const TEXT: &str = "the controller does not answer; motion may continue";
+        if matches!(self.phase, Phase::Closed { .. } | Phase::Connecting(_)) {
+            return;
+        }
+        self.machine.is_silent = true;
+        self.log(LogLevel::Error, TEXT.into());
+        let next = || Phase::Adrift { reason: format!("LINK_LOST: {TEXT}; soft_reset to go on") };
+        match &self.phase {
+            Phase::Running(_) => {
+                // It may still arrive.
+                self.link.send_realtime(realtime::FEED_HOLD);
+                let (code, text) = (error_code::LINK_LOST, TEXT.to_owned());
+                self.end_run(RunOutcome::Aborted, code, text, next());
+            }
+            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
+                let id = *id;
+                self.phase = next();
+                self.reply(id, Err(Refusal::new(error_code::LINK_LOST, TEXT)));
+            }
+            _ => self.phase = next(),
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! From the encoder to the link, as fast as there is room.
+
+use super::run::{Next, Stage, Then};
+use super::{Driver, Origin, Phase, RunOutcome};
+use crate::codes::error_code;
+use crate::encoder::{EncodedLine, SYNC, Step};
+use crate::link::LineKind;
+
+impl Driver {
+    /// Sends as many lines as there is room for.
+    pub(super) fn feed_run(&mut self) {
+        let is_machine_held = self.machine.is_held();
+        let Phase::Running(run) = &mut self.phase else { return };
+        if run.is_held || is_machine_held || run.is_alone {
+            return;
+        }
+        loop {
+            if run.next.is_none() && matches!(run.stage, Stage::Streaming) {
+                let then = match run.encoder.next_step() {
+                    Some(Ok(Step::Line(line))) => {
+                        run.next = Some(Next::Line(line));
+                        continue;
+                    }
+                    Some(Ok(Step::ToolChange { tool, source_line })) => {
+                        Then::ToolChange { tool, source_line }
+                    }
+                    None => Then::End,
+                    Some(Err(problem)) => {
+                        let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());
+                        return self.stop_run(RunOutcome::Aborted, code, text);
+                    }
+                };
+                run.stage = Stage::Draining(then);
+                run.next = Some(Next::Sync);
+            }
+            match run.next.take() {
+                Some(Next::Sync) if self.link.has_room(SYNC.len()) => {
+                    // It dwells for no longer than a motion line waits: silence is a lost answer.
+                    self.link.send_line(SYNC, LineKind::Motion, Origin::Sync);
+                }
+                Some(Next::Line(line))
+                    if self.link.has_room(line.text.len())
+                        && (!line.is_alone || self.link.unanswered() == 0) =>
+                {
+                    run.has_sent = true;
+                    run.is_alone = line.is_alone;
+                    let EncodedLine { text, kind, element, source_line, .. } = line;
+                    self.link.send_line(
+                        &text.clone(),
+                        kind,
+                        Origin::Program { text, source_line, element },
+                    );
+                    if run.is_alone {
+                        return;
+                    }
+                }
+                waiting => {
+                    run.next = waiting;
+                    return;
+                }
+            }
+        }
+    }
+}

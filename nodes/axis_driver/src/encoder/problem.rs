@@ -1,0 +1,40 @@
+//! Why a path cannot be sent: with the source line, the numbers and what is allowed.
+
+use cnc_msgs::contour::Source;
+use cnc_msgs::geometry::Position;
+
+/// Why a path cannot be sent to this controller.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("line {}: {problem}", source_place.line)]
+pub struct EncodeError {
+    /// The place in the part program.
+    pub source_place: Source,
+    pub problem: EncodeProblem,
+}
+
+/// What is wrong; lengths in mm.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum EncodeProblem {
+    #[error("{letter}{value} is not within {max} either side of zero, the most that is sent")]
+    Position { letter: char, value: f64, max: f64 },
+    #[error("the feed rate {value} mm/min is not above 0.0001 and within {max} mm/min")]
+    Feed { value: f64, max: f64 },
+    #[error("the spindle speed {value} rpm is not within 0 and {max} rpm")]
+    SpindleSpeed { value: f64, max: f64 },
+    #[error("the dwell of {value} s is not within 0 and {max} s")]
+    Dwell { value: f64, max: f64 },
+    #[error("a rapid along an arc cannot be sent: give the arc a feed rate")]
+    RapidArc,
+    #[error("the arc from {start:?} to {end:?} about {center:?} cannot be drawn")]
+    Arc { start: Position, end: Position, center: Position },
+    #[error("an arc starts where {axes} has not been given since {since}: move {axes} there first")]
+    UnknownStart { axes: String, since: String },
+    #[error("work system {system} does not exist: 1 to 6 are G54 to G59")]
+    WorkOffset { system: u8 },
+    #[error("this controller has no {word}")]
+    Unsupported { word: String },
+    #[error("{word} stands after the end of the program in line {end}")]
+    AfterEnd { word: String, end: u32 },
+    #[error("the line {text:?} has {bytes} bytes, the controller takes {max}")]
+    LineLength { text: String, bytes: usize, max: usize },
+}

@@ -1,0 +1,140 @@
+//! What goes out to consumers that may be slow or gone.
+
+use crate::driver::Output;
+use crate::journal::Entry;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, TrySendError};
+use std::time::Duration;
+
+/// Outputs that wait for a slow consumer, at most.
+const WAITING_MAX: usize = 1024;
+
+/// An output of the driver and the time of the input that caused it, since
+/// [`super::Serial::epoch`]. Bytes to the controller are in the journal only.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    pub at: Duration,
+    pub output: Output,
+}
+
+/// What was given up because nobody took it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Dropped {
+    pub events: u64,
+    pub entries: u64,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Counters {
+    events: AtomicU64,
+    entries: AtomicU64,
+}
+
+impl Counters {
+    pub(super) fn read(&self) -> Dropped {
+        Dropped {
+            events: self.events.load(Ordering::Relaxed),
+            entries: self.entries.load(Ordering::Relaxed),
+        }
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct Outbox {
+    events: SyncSender<Event>,
+    journal: SyncSender<Entry>,
+    counters: Arc<Counters>,
+    waiting: VecDeque<Event>,
+}
+
+impl Outbox {
+    pub(super) fn new(
+        events: SyncSender<Event>,
+        journal: SyncSender<Entry>,
+        counters: Arc<Counters>,
+    ) -> Self {
+        Self { events, journal, counters, waiting: VecDeque::new() }
+    }
+
+    pub(super) fn push(&mut self, event: Event) {
+        self.waiting.push_back(event);
+        if self.waiting.len() > WAITING_MAX {
+            // The oldest telemetry goes first; the last state is still to come or there.
+            let is_telemetry = |event: &Event| {
+                use Output::{Log, Progress, State};
+                matches!(event.output, State(_) | Progress { .. } | Log { .. })
+            };
+            let oldest = self.waiting.iter().position(is_telemetry).unwrap_or(0);
+            self.waiting.remove(oldest);
+            self.counters.events.fetch_add(1, Ordering::Relaxed);
+        }
+        self.flush();
+    }
+
+    pub(super) fn flush(&mut self) {
+        while let Some(event) = self.waiting.pop_front() {
+            match self.events.try_send(event) {
+                Ok(()) => {}
+                Err(TrySendError::Full(event)) => {
+                    self.waiting.push_front(event);
+                    return;
+                }
+                Err(TrySendError::Disconnected(_)) => {
+                    self.counters.events.fetch_add(1, Ordering::Relaxed);
+                }
+            }
+        }
+    }
+
+    pub(super) fn is_waiting(&self) -> bool {
+        !self.waiting.is_empty()
+    }
+
+    /// Entries carry numbers: who misses one can see it.
+    pub(super) fn record(&mut self, entry: Entry) {
+        if self.journal.try_send(entry).is_err() {
+            self.counters.entries.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::driver::{LogLevel, Refusal};
+    use std::sync::mpsc::sync_channel;
+
+    #[test]
+    fn a_consumer_that_sleeps_loses_telemetry_and_no_reply() {
+        let (events, consumer) = sync_channel(4);
+        let (journal, _) = sync_channel(1);
+        let counters = Arc::new(Counters::default());
+        let mut outbox = Outbox::new(events, journal, counters.clone());
+        let at = Duration::ZERO;
+        let refusal = Refusal { error_code: 1, message: String::new() };
+        for id in 0..10 {
+            let reply = Output::Reply { id, result: Err(refusal.clone()) };
+            outbox.push(Event { at, output: reply });
+            for _ in 0..1000 {
+                let log = Output::Log { level: LogLevel::Info, message: String::new() };
+                outbox.push(Event { at, output: log });
+            }
+        }
+        let mut replies = 0;
+        loop {
+            outbox.flush();
+            let mut got = 0;
+            while let Ok(event) = consumer.try_recv() {
+                got += 1;
+                replies += u64::from(matches!(event.output, Output::Reply { .. }));
+            }
+            if got == 0 {
+                break;
+            }
+        }
+        assert_eq!(replies, 10);
+        assert_eq!(counters.read().events, 10_010 - 4 - WAITING_MAX as u64);
+    }
+}

@@ -1,0 +1,191 @@
+//! The thread that owns the driver.
+
+use super::inbox::{Batch, Control, FromPort, Inbox};
+use super::outbox::{Event, Outbox};
+use super::port::Port;
+use super::{Reopen, SerialConfig};
+use crate::driver::{Driver, Input, Output};
+use crate::journal::Journal;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// The longest sleep; nothing depends on it.
+const SLEEP_MAX: Duration = Duration::from_secs(1);
+/// How often a consumer that was slow is tried again.
+const SLOW_CONSUMER: Duration = Duration::from_millis(20);
+
+pub(super) struct Owner {
+    config: SerialConfig,
+    inbox: Arc<Inbox>,
+    outbox: Outbox,
+    epoch: Instant,
+    driver: Driver,
+    journal: Journal,
+    port: Option<Port>,
+    port_number: u64,
+    last_reason: String,
+    /// Open again then, after this pause the next time.
+    reopen: Option<(Duration, Duration)>,
+    wants_open: bool,
+}
+
+impl Owner {
+    pub(super) fn new(
+        config: SerialConfig,
+        inbox: Arc<Inbox>,
+        outbox: Outbox,
+        epoch: Instant,
+    ) -> Self {
+        let driver = Driver::new(config.driver.clone());
+        Self {
+            config,
+            inbox,
+            outbox,
+            epoch,
+            driver,
+            journal: Journal::default(),
+            port: None,
+            port_number: 0,
+            last_reason: String::new(),
+            reopen: None,
+            wants_open: false,
+        }
+    }
+
+    pub(super) fn run(mut self) {
+        loop {
+            let Batch { controls, reads, is_stopped } = self.inbox.take(self.patience());
+            for control in controls {
+                self.on_control(control);
+            }
+            for FromPort { port, what } in reads {
+                if port != self.port_number || self.port.is_none() {
+                    continue;
+                }
+                match what {
+                    Ok(bytes) => self.handle(Input::Received(bytes)),
+                    Err(reason) => self.lose_port(&reason),
+                }
+            }
+            if is_stopped {
+                self.port = None;
+                self.outbox.flush();
+                return;
+            }
+            let now = self.epoch.elapsed();
+            if self.reopen.is_some_and(|(at, _)| now >= at) {
+                self.open();
+            }
+            if self.driver.next_deadline().is_some_and(|deadline| now >= deadline) {
+                self.handle(Input::Timer);
+            }
+            self.outbox.flush();
+        }
+    }
+
+    fn patience(&self) -> Duration {
+        let now = self.epoch.elapsed();
+        let reopen = self.reopen.map(|(at, _)| at);
+        let next = self.driver.next_deadline().into_iter().chain(reopen).min();
+        let next = next.map_or(SLEEP_MAX, |deadline| deadline.saturating_sub(now));
+        let most = if self.outbox.is_waiting() { SLOW_CONSUMER } else { SLEEP_MAX };
+        next.min(most)
+    }
+
+    fn on_control(&mut self, control: Control) {
+        match control {
+            Control::Open => {
+                self.wants_open = true;
+                self.last_reason.clear();
+                if self.port.is_none() {
+                    self.reopen = None;
+                    self.open();
+                }
+            }
+            Control::Close => {
+                self.wants_open = false;
+                self.reopen = None;
+                if self.port.take().is_some() {
+                    self.tell_closed("closed as asked".into());
+                }
+            }
+            Control::Command { id, command } => self.handle(Input::Command { id, command }),
+        }
+    }
+
+    fn open(&mut self) {
+        self.port_number += 1;
+        match Port::open(&self.config, self.port_number, &self.inbox) {
+            Ok(port) => {
+                self.port = Some(port);
+                self.reopen = None;
+                self.last_reason.clear();
+                self.handle(Input::PortOpened);
+            }
+            Err(reason) => {
+                self.schedule_reopen();
+                self.tell_closed(reason);
+            }
+        }
+    }
+
+    fn lose_port(&mut self, reason: &str) {
+        self.port = None;
+        self.schedule_reopen();
+        self.tell_closed(format!("{}: {reason}", self.config.path));
+    }
+
+    fn schedule_reopen(&mut self) {
+        let Reopen::Backoff { first, most } = self.config.reopen else {
+            self.reopen = None;
+            return;
+        };
+        if !self.wants_open {
+            return;
+        }
+        let pause = self.reopen.map_or(first, |(_, next)| next);
+        self.reopen = Some((self.epoch.elapsed() + pause, (pause * 2).min(most)));
+    }
+
+    /// Tells the driver once for each reason.
+    fn tell_closed(&mut self, reason: String) {
+        if self.last_reason != reason {
+            self.last_reason.clone_from(&reason);
+            self.handle(Input::PortClosed { reason });
+        }
+    }
+
+    fn handle(&mut self, input: Input) {
+        let now = self.epoch.elapsed();
+        let entry = self.journal.input(now, &input);
+        self.outbox.record(entry);
+        self.driver.handle(now, input);
+        let mut failure = None;
+        let mut is_over = false;
+        while let Some(output) = self.driver.poll_output() {
+            match output {
+                Output::Transmit(bytes) => {
+                    let entry = self.journal.transmitted(now, &bytes);
+                    self.outbox.record(entry);
+                    let port = self.port.as_ref();
+                    if let Some(Err(reason)) = port.map(|port| port.write(bytes)) {
+                        failure = Some(reason);
+                    }
+                }
+                output => {
+                    is_over |= output == Output::ReadyToClose;
+                    self.outbox.push(Event { at: now, output });
+                }
+            }
+        }
+        if let Some(reason) = failure {
+            self.lose_port(&reason);
+        } else if is_over {
+            self.wants_open = false;
+            self.reopen = None;
+            if self.port.take().is_some() {
+                self.tell_closed("closed: the driver was shut down".into());
+            }
+        }
+    }
+}
