@@ -158,6 +158,11 @@ impl<C: Chunk> Collector<C> {
         chunk.owner() == (self.program_id.as_str(), self.revision)
     }
 
+    /// The chunks that have arrived, in order.
+    pub fn into_chunks(self) -> Vec<C> {
+        self.chunks.into_values().collect()
+    }
+
     fn check_sum(&self) -> Result<(), ChunkError> {
         let mut hasher = Sha256::new();
         for chunk in self.chunks.values() {

@@ -41,6 +41,11 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
 
+/// CRC-32 (IEEE 802.3) of some bytes.
+pub fn crc32(bytes: &[u8]) -> u32 {
+    crc32fast::hash(bytes)
+}
+
 /// The id of a program: the same text under the same control is the same program.
 pub fn program_id(controller: &str, text: &[u8]) -> String {
     let mut hasher = Sha256::new();
