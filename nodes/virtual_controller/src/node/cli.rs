@@ -18,6 +18,8 @@ use crate::{Build, Fault, Settings, Vector};
 /// Prints the path of its port as the first line and runs until SIGTERM or
 /// SIGINT. It is no hardware and no part of it is a safety function.
 #[derive(Debug, Parser)]
+// The brackets are the grammar of faults, not links.
+#[allow(rustdoc::broken_intra_doc_links)]
 #[command(name = "virtual_controller", version)]
 struct Arguments {
     /// Settings to start from.
