@@ -1,1 +1,86 @@
 //! Programmed contour and tool table to compensated path.
+//!
+//! [`plan`] is the whole interface: a contour, the rules of a control and the
+//! tools go in; the path of the tool centre or the reasons against it come out.
+//! It does not read programs, and does not see what distant parts of a contour
+//! do to each other.
+//!
+//! The way of an event: `walk` gathers what lies between a lead-on and a
+//! lead-off into a [`span`](crate::span) and applies the `rules`; `normalise`
+//! makes runs of its legs, `chain` joins their offsets, `reach` says what the
+//! tool does not fit into, `corner` shapes outside corners, `lead` checks the
+//! leads, `emit` puts it all out.
+
+mod chain;
+mod compensate;
+mod corner;
+mod distance;
+mod element;
+mod emit;
+mod finding;
+mod frame;
+mod intersect;
+mod lead;
+mod normalise;
+mod radius;
+mod reach;
+mod rules;
+mod span;
+mod tails;
+pub mod tessellate;
+mod tolerance;
+mod walk;
+
+use cnc_msgs::contour::{CutterSide, ProgrammedContour};
+use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::path::{CompensatedPath, PathElement};
+use cnc_msgs::profile::Profile;
+use cnc_msgs::tool_table::ToolTable;
+
+/// What becomes of a contour.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Plan {
+    /// The path of the tool centre; empty when the contour is refused.
+    pub path: CompensatedPath,
+    /// What would have been cut, for pictures, when the contour is refused.
+    pub refused: Vec<PathElement>,
+    /// All findings, by line.
+    pub diagnostics: Vec<Diagnostic>,
+    /// The compensated pieces, in order.
+    pub spans: Vec<SpanSummary>,
+}
+
+/// One compensated piece: what lies between a lead-on and the next lead-off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpanSummary {
+    /// Lines of the first and last block of the contour, without its leads.
+    pub first_line: u32,
+    pub last_line: u32,
+    /// The side that the tool runs on; a negative radius has been taken into account.
+    pub side: CutterSide,
+    /// Offset at the lead-on, mm, never negative.
+    pub radius_mm: f64,
+    /// Indices of its first and last element without leads and links, in the
+    /// path or in what was refused.
+    pub first_element: usize,
+    pub last_element: usize,
+}
+
+impl Plan {
+    /// Whether no finding is an error.
+    pub fn accepted(&self) -> bool {
+        !self.diagnostics.iter().any(Diagnostic::is_error)
+    }
+}
+
+/// Compensates a contour by the rules of a control.
+///
+/// Never panics; a contour that cannot be compensated gives findings and no path.
+/// The time is linear in the number of events.
+pub fn plan(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Plan {
+    let mut walk = walk::Walk::new(contour, profile, tools);
+    for event in &contour.events {
+        walk.event(&event.kind, event.source);
+    }
+    walk.finish()
+}

@@ -1,0 +1,225 @@
+//! The compensated elements of a span, joined, with what the tool cannot reach left out.
+//!
+//! Joints between neighbours: tangent, around an outside corner, or the
+//! intersection of both offsets. An element that its joints leave nothing of
+//! is consumed, and its neighbours are joined instead, until nothing changes.
+//! Every element enters and leaves once: the time is linear. What consumption
+//! means to a program is the business of `reach`.
+
+use crate::element::{Element, Vec2, cross, left};
+use crate::intersect::{Meeting, meet};
+use crate::tolerance::{LENGTH_MM, SHORT_CORNER_MM, SMALL_TURN_RAD, TANGENT_RAD};
+
+/// What a link of the chain stands for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Role {
+    /// The lead-on; it goes back as far as it must.
+    Entry,
+    /// The run of this index.
+    Run(usize),
+    /// The corner before this leg; the number of legs means before the lead-off.
+    Corner { next_leg: usize },
+    /// The lead-off; it goes on as far as it must.
+    Exit,
+}
+
+/// An element and the signed offsets at its ends, mm.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Link {
+    pub role: Role,
+    pub element: Element,
+    pub d_in_mm: f64,
+    pub d_out_mm: f64,
+    /// The tool goes from the link before to this one without cutting either short.
+    pub is_smooth: bool,
+}
+
+/// A link that stays, and where the tool is on it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Placed {
+    /// Index of the link.
+    pub link: usize,
+    pub start: Vec2,
+    pub end: Vec2,
+    /// What is cut off its compensated element at each end, mm.
+    pub trim_in: f64,
+    pub trim_out: f64,
+}
+
+/// How the programmed contour turns at a joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Turn {
+    Tangent,
+    /// Towards the tool.
+    Inside,
+    /// Away from the tool.
+    Outside,
+}
+
+/// How the contour turns from one element to the next, seen from the tool.
+pub(crate) fn turn(a: &Element, b: &Element, d_mm: f64) -> Turn {
+    let (before, after) = (a.end_tangent(), b.start_tangent());
+    let sine = cross(before, after) * d_mm.signum();
+    let cosine = before.dot(&after);
+    if cosine > 0.0 {
+        if sine.abs() < TANGENT_RAD {
+            return Turn::Tangent;
+        }
+        if sine < 0.0 && -sine < SMALL_TURN_RAD && -sine * d_mm.abs() < SHORT_CORNER_MM {
+            return Turn::Tangent;
+        }
+    } else if sine.abs() < TANGENT_RAD {
+        // A cusp: the tool is inside when both arcs bend around it.
+        let bend = (a.curvature() + b.curvature()) * d_mm.signum();
+        return if bend < 0.0 { Turn::Inside } else { Turn::Outside };
+    }
+    if sine > 0.0 { Turn::Inside } else { Turn::Outside }
+}
+
+/// Where the offsets of two lines through a corner meet, given their tangents there.
+pub(crate) fn line_corner(at: Vec2, before: Vec2, after: Vec2, d_mm: f64) -> Vec2 {
+    let (na, nb) = (left(before), left(after));
+    at + (na + nb) * (d_mm / (1.0 + na.dot(&nb)))
+}
+
+/// Appends a link and, where the contour turns away from the tool, the corner before it.
+pub(crate) fn push(links: &mut Vec<Link>, mut link: Link, next_leg: usize) {
+    if let Some(before) = links.last() {
+        match turn(&before.element, &link.element, link.d_in_mm) {
+            Turn::Inside => {}
+            Turn::Tangent => link.is_smooth = true,
+            Turn::Outside => {
+                let element = Element::corner(
+                    link.element.start(),
+                    before.element.end_tangent(),
+                    link.element.start_tangent(),
+                    link.d_in_mm,
+                );
+                let (d_in_mm, d_out_mm) = (link.d_in_mm, link.d_in_mm);
+                let role = Role::Corner { next_leg };
+                links.push(Link { role, element, d_in_mm, d_out_mm, is_smooth: true });
+                link.is_smooth = true;
+            }
+        }
+    }
+    links.push(link);
+}
+
+/// Joins all links.
+///
+/// `slack` is how far elements that were not neighbours in the program may miss
+/// each other, mm. Each pair of neighbours in the result whose indices are not
+/// next to each other has consumed what lies between.
+pub(crate) fn join(links: &[Link], slack: f64) -> Vec<Placed> {
+    let mut placed: Vec<Placed> = Vec::with_capacity(links.len());
+    for (index, link) in links.iter().enumerate() {
+        let Some(ahead) = link.element.offset(link.d_in_mm) else { continue };
+        let room = length(link, &ahead);
+        loop {
+            let Some(top) = placed.last_mut() else {
+                let end = end_of(link, &ahead);
+                let start = ahead.start();
+                placed.push(Placed { link: index, start, end, trim_in: 0.0, trim_out: 0.0 });
+                break;
+            };
+            let last = &links[top.link];
+            let is_neighbour = top.link + 1 == index;
+            let behind = last.element.offset(last.d_out_mm);
+            let meeting = behind.and_then(|behind| {
+                joint(last, &behind, link, &ahead, is_neighbour, slack)
+                    .map(|meeting| (meeting, length(last, &behind)))
+            });
+            let Some((meeting, top_room)) = meeting else {
+                if is_smaller(last, link) {
+                    placed.pop();
+                    continue;
+                }
+                break;
+            };
+            if top_room - top.trim_in.max(0.0) - meeting.trim_a.max(0.0) < -LENGTH_MM {
+                placed.pop();
+                continue;
+            }
+            if room - meeting.trim_b.max(0.0) < -LENGTH_MM {
+                break;
+            }
+            top.trim_out = meeting.trim_a;
+            top.end = meeting.point;
+            placed.push(Placed {
+                link: index,
+                start: meeting.point,
+                end: end_of(link, &ahead),
+                trim_in: meeting.trim_b,
+                trim_out: 0.0,
+            });
+            break;
+        }
+    }
+    // What was placed last ends untrimmed, even if something after it was tried.
+    if let Some(last) = placed.last_mut() {
+        let link = &links[last.link];
+        if let Some(element) = link.element.offset(link.d_out_mm) {
+            last.end = element.end();
+            last.trim_out = 0.0;
+        }
+    }
+    placed
+}
+
+fn end_of(link: &Link, ahead: &Element) -> Vec2 {
+    if link.d_in_mm == link.d_out_mm {
+        ahead.end()
+    } else {
+        link.element.offset(link.d_out_mm).map_or(ahead.end(), |element| element.end())
+    }
+}
+
+fn length(link: &Link, compensated: &Element) -> f64 {
+    match link.role {
+        Role::Entry | Role::Exit => f64::INFINITY,
+        Role::Run(_) | Role::Corner { .. } => compensated.length(),
+    }
+}
+
+/// Which of two that do not meet is left out: corners, then what is shorter.
+fn is_smaller(a: &Link, b: &Link) -> bool {
+    length(a, &a.element) < length(b, &b.element)
+}
+
+fn joint(
+    a: &Link,
+    behind: &Element,
+    b: &Link,
+    ahead: &Element,
+    is_neighbour: bool,
+    slack: f64,
+) -> Option<Meeting> {
+    if !is_neighbour {
+        return meet(behind, ahead, slack);
+    }
+    if b.is_smooth {
+        let around_corner =
+            matches!(a.role, Role::Corner { .. }) || matches!(b.role, Role::Corner { .. });
+        let point = if around_corner {
+            // The corner has the exact normals of both; its own point is the run's.
+            if matches!(a.role, Role::Corner { .. }) { ahead.start() } else { behind.end() }
+        } else {
+            line_corner(
+                b.element.start(),
+                a.element.end_tangent(),
+                b.element.start_tangent(),
+                b.d_in_mm,
+            )
+        };
+        return Some(Meeting { point, trim_a: 0.0, trim_b: 0.0 });
+    }
+    if let (Element::Line(before), Element::Line(after)) = (&a.element, &b.element) {
+        let cosine = 1.0 + before.tangent.dot(&after.tangent);
+        let trim = b.d_in_mm.abs() * cross(before.tangent, after.tangent).abs() / cosine;
+        if trim.is_finite() {
+            let point = line_corner(after.start, before.tangent, after.tangent, b.d_in_mm);
+            return Some(Meeting { point, trim_a: trim, trim_b: trim });
+        }
+    }
+    meet(behind, ahead, LENGTH_MM)
+}

@@ -1,0 +1,128 @@
+//! The planner's findings about geometry, in words and numbers.
+//!
+//! Decides nothing: what is found is decided where it is computed.
+
+use crate::frame::{height, in_work};
+use crate::reach::Unreachable;
+use crate::span::{Run, Span};
+use cnc_msgs::contour::Source;
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
+use cnc_msgs::profile::Profile;
+
+/// `N40`, or the line where there is no number.
+pub(crate) fn block_name(source: Source) -> String {
+    match source.block {
+        Some(block) => format!("block N{block}"),
+        None => format!("line {}", source.line),
+    }
+}
+
+/// `X65.000 Y55.000`.
+pub(crate) fn place(plane: Plane, position: Position) -> String {
+    let [u, v, _] = plane.axes();
+    let (first, second) = (u.min(v), u.max(v));
+    format!(
+        "{}{:.3} {}{:.3}",
+        AXIS_LETTERS[first], position[first], AXIS_LETTERS[second], position[second]
+    )
+}
+
+/// A radius that is surely small enough: cut off after three decimals.
+fn rounded_down(radius_mm: f64) -> f64 {
+    (radius_mm * 1e3).floor() / 1e3
+}
+
+/// Elements that the tool is too large for.
+pub(crate) fn unreachable(
+    span: &Span,
+    runs: &[Run],
+    place_of: &Unreachable,
+    profile: &Profile,
+) -> Diagnostic {
+    let blamed = &runs[place_of.longest];
+    let leg = &span.legs[blamed.legs.start];
+    let radius_mm = blamed.d_in_mm.abs();
+    let limit_mm = place_of.radius_mm_max;
+    let position = in_work(span.plane, blamed.element.start(), height(span.plane, leg.end));
+    let first = span.legs[runs[place_of.first].legs.start].source;
+    let last = span.legs[runs[place_of.last].legs.end - 1].source;
+    let blocks = if first.line == last.line {
+        block_name(leg.source)
+    } else {
+        format!("{} to {}", block_name(first), block_name(last))
+    };
+    let mut finding = Diagnostic::error(
+        Code::Unreachable,
+        leg.source,
+        format!(
+            "the tool (radius {radius_mm:.3} mm) does not reach {blocks} at {}: \
+             nothing is left of the compensated path; at most {limit_mm:.3} mm fits",
+            place(span.plane, position)
+        ),
+    );
+    finding.alarm.clone_from(&profile.interference.alarm);
+    finding.other = [first, last].into_iter().find(|other| other.line != leg.source.line);
+    finding.position = Some(position);
+    finding.needed_mm = Some(radius_mm);
+    finding.available_mm = Some(limit_mm);
+    let fits = rounded_down(limit_mm);
+    finding.help(if fits > 0.0 {
+        format!("this place takes tools up to radius {fits:.3} mm")
+    } else {
+        "no tool fits here: check that the compensation is on the right side".into()
+    })
+}
+
+/// A lead that comes too near.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LeadCut {
+    pub code: Code,
+    pub source: Source,
+    pub other: Source,
+    pub at: Position,
+    pub radius_mm: f64,
+    pub distance_mm: f64,
+}
+
+/// A lead or link that cuts into the element next to it.
+pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
+    let depth_mm = cut.radius_mm - cut.distance_mm;
+    let what = if cut.code == Code::LinkGouge { "link" } else { "lead" };
+    let mut finding = Diagnostic::error(
+        cut.code,
+        cut.source,
+        format!(
+            "the tool (radius {:.3} mm) cuts {depth_mm:.4} mm into {} on the {what}: \
+             it comes as near as {:.4} mm",
+            cut.radius_mm,
+            block_name(cut.other),
+            cut.distance_mm
+        ),
+    );
+    finding.severity = profile.interference.leads;
+    finding.other = Some(cut.other);
+    finding.position = Some(cut.at);
+    finding.depth_mm = Some(depth_mm);
+    finding.needed_mm = Some(cut.radius_mm);
+    finding.available_mm = Some(cut.distance_mm);
+    let word = profile
+        .select
+        .words
+        .iter()
+        .find(|(_, approach)| **approach == cnc_msgs::contour::Approach::Normal)
+        .map_or(String::new(), |(word, _)| format!(", or {word} with the tool above the part"));
+    finding.help(format!(
+        "lead from the side of the tool, perpendicular to the contour, or with a longer {what}{word}"
+    ))
+}
+
+/// A corner arc between rapids before any feed rate.
+pub(crate) fn corner_without_feed(source: Source) -> Diagnostic {
+    Diagnostic::error(
+        Code::Unsupported,
+        source,
+        "an outside corner before a rapid needs an arc, and no feed rate was given for it",
+    )
+    .help("program a feed rate before the contour, or go around the corner with G1")
+}

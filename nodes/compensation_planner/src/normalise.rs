@@ -1,0 +1,171 @@
+//! Makes one run of legs that follow one line or arc.
+//!
+//! A post processor splits lines and arcs; the tool path must not depend on
+//! where. Legs within [`MERGE_MM`] of one line or arc become one for the
+//! geometry; `emit` splits them again at the normal points.
+
+use crate::element::{Element, Vec2, cross, left};
+use crate::frame::in_plane;
+use crate::span::{Leg, Run, Span};
+use crate::tolerance::MERGE_MM;
+
+/// The runs of a span, and each leg's place in its run.
+pub(crate) fn runs(span: &mut Span) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::with_capacity(span.legs.len());
+    let mut d_mm = span.d_mm;
+    let mut cone = Cone::default();
+    for index in 0..span.legs.len() {
+        let leg = span.legs[index];
+        let end = in_plane(span.plane, leg.end);
+        let changes = leg.d_out_mm != d_mm;
+        let open = runs.last_mut().filter(|run| !changes && run.d_in_mm == run.d_out_mm);
+        let reach = open.and_then(|run| {
+            let reach = extend(run, &leg, end, &mut cone)?;
+            run.legs.end = index + 1;
+            Some(reach)
+        });
+        span.legs[index].reach = match reach {
+            Some(reach) => reach,
+            None => {
+                if let Some(run) = runs.last() {
+                    settle(run, span);
+                }
+                cone = Cone::new(&leg.element, end);
+                runs.push(Run {
+                    element: leg.element,
+                    legs: index..index + 1,
+                    d_in_mm: d_mm,
+                    d_out_mm: leg.d_out_mm,
+                });
+                full_reach(&leg.element)
+            }
+        };
+        d_mm = leg.d_out_mm;
+    }
+    if let Some(run) = runs.last() {
+        settle(run, span);
+    }
+    runs
+}
+
+fn full_reach(element: &Element) -> f64 {
+    match element {
+        Element::Line(line) => line.length,
+        Element::Arc(arc) => arc.sweep,
+    }
+}
+
+/// Lengthens a run by a leg, if both are one line or arc; gives the leg's reach.
+fn extend(run: &mut Run, leg: &Leg, end: Vec2, cone: &mut Cone) -> Option<f64> {
+    let is_short = leg.element.length() <= MERGE_MM;
+    match (&mut run.element, &leg.element) {
+        (Element::Arc(arc), Element::Arc(next)) => {
+            let off = (arc.center - next.center).norm() + (arc.radius - next.radius).abs();
+            if arc.turn == next.turn && off <= MERGE_MM && arc.to.dot(&next.from) > 0.5 {
+                arc.sweep += next.sweep;
+                arc.to = next.to;
+                return Some(arc.sweep);
+            }
+        }
+        (Element::Line(line), Element::Arc(_)) if line.length <= MERGE_MM && !is_short => {
+            if cone.far <= MERGE_MM {
+                run.element = leg.element;
+                return Some(full_reach(&leg.element));
+            }
+        }
+        (Element::Line(_), _) if is_short || leg.element.is_line() => {
+            let line = cone.extend(end)?;
+            run.element = line.unwrap_or(run.element);
+            return Some(0.0);
+        }
+        _ => {}
+    }
+    let arc = run.element;
+    (is_short && !arc.is_line() && (end - arc.end()).norm() <= MERGE_MM).then(|| full_reach(&arc))
+}
+
+/// Gives the legs of a finished run of lines their places on the final line.
+fn settle(run: &Run, span: &mut Span) {
+    let legs = run.legs.clone();
+    match run.element {
+        _ if legs.len() == 1 => {}
+        Element::Line(line) => {
+            let mut reach = 0.0_f64;
+            for leg in &mut span.legs[legs.clone()] {
+                let along = (in_plane(span.plane, leg.end) - line.start).dot(&line.tangent);
+                reach = reach.max(along.min(line.length));
+                leg.reach = reach;
+            }
+            span.legs[legs.end - 1].reach = line.length;
+        }
+        Element::Arc(_) => {
+            // Short lines before an arc have no part of it.
+            for leg in &mut span.legs[legs] {
+                if leg.element.is_line() && leg.element.length() <= MERGE_MM {
+                    leg.reach = leg.reach.min(full_reach(&run.element));
+                } else {
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// The directions in which a line from a start passes all points so far within
+/// the tolerance.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cone {
+    start: Vec2,
+    /// The rightmost and leftmost direction; none while all points are near.
+    bounds: Option<(Vec2, Vec2)>,
+    /// The farthest point so far, mm.
+    far: f64,
+}
+
+impl Cone {
+    fn new(element: &Element, end: Vec2) -> Self {
+        let start = element.start();
+        let mut cone = Self { start, bounds: None, far: 0.0 };
+        if element.is_line() {
+            cone.narrow(end - start, (end - start).norm());
+        }
+        cone
+    }
+
+    /// Takes another point as the end of the line; the inner `None` means that
+    /// the line is still one point.
+    fn extend(&mut self, end: Vec2) -> Option<Option<Element>> {
+        let out = end - self.start;
+        let distance = out.norm();
+        if distance < self.far - MERGE_MM {
+            return None;
+        }
+        if let Some((right, left)) = self.bounds {
+            let within = cross(right, out) >= 0.0 && cross(out, left) >= 0.0;
+            if !within || right.dot(&out) <= 0.0 {
+                return None;
+            }
+        }
+        self.narrow(out, distance);
+        Some(Element::line(self.start, end))
+    }
+
+    fn narrow(&mut self, out: Vec2, distance: f64) {
+        self.far = self.far.max(distance);
+        if distance <= MERGE_MM {
+            return;
+        }
+        let unit = out / distance;
+        let sine = MERGE_MM / distance;
+        let cosine = (1.0 - sine * sine).sqrt();
+        let right = unit * cosine - left(unit) * sine;
+        let to_left = unit * cosine + left(unit) * sine;
+        self.bounds = Some(match self.bounds {
+            None => (right, to_left),
+            Some((old_right, old_left)) => (
+                if cross(old_right, right) > 0.0 { right } else { old_right },
+                if cross(old_left, to_left) < 0.0 { to_left } else { old_left },
+            ),
+        });
+    }
+}

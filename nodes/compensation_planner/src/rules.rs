@@ -1,0 +1,348 @@
+//! The rules of controls about where compensation begins, ends and what may
+//! happen in between, and their findings.
+//!
+//! Each rule is one function with the values of the profile it obeys. What
+//! happens to the program afterwards is decided by `walk`.
+
+use crate::element::Element;
+use crate::finding::block_name;
+use crate::span::Lead;
+use crate::tolerance::RADIUS_MM;
+use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
+use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position, Shape};
+use cnc_msgs::profile::{FullCircle, LeadLength, Permission, Profile};
+use std::f64::consts::TAU;
+
+/// Applies a profile's rules.
+pub(crate) struct Rules<'a> {
+    pub profile: &'a Profile,
+    pub diagnostics: &'a mut Vec<Diagnostic>,
+}
+
+impl Rules<'_> {
+    /// The first move after the selection (M21, M23, M24, S20).
+    pub(crate) fn lead_on(self, lead: &Lead, plane: Plane, radius_mm: f64) {
+        let length = self.profile.select.length;
+        self.lead(lead, plane, radius_mm, length, "lead-on");
+    }
+
+    /// The first move after the cancel (M22, M24, M27, S29).
+    pub(crate) fn lead_off(self, lead: &Lead, plane: Plane, radius_mm: f64) {
+        let [u, v, _] = plane.axes();
+        let (axes, profile) = (lead.motion.axes, self.profile);
+        if profile.cancel.both_axes && !(axes.contains(u) && axes.contains(v)) {
+            let names = axes.letters();
+            self.diagnostics.push(
+                Diagnostic::error(
+                    Code::Cancel,
+                    lead.source,
+                    format!(
+                        "the first move after the cancel names {}; {} needs both {} and {}",
+                        if names.is_empty() { "no axis" } else { &names },
+                        profile.name,
+                        AXIS_LETTERS[u],
+                        AXIS_LETTERS[v]
+                    ),
+                )
+                .help("write both axes of the plane in this block, even if one does not change"),
+            );
+        }
+        let length = profile.cancel.length;
+        self.lead(lead, plane, radius_mm, length, "lead-off");
+    }
+
+    /// A move that ends one contour and begins the next (S36 to S42).
+    pub(crate) fn link(self, lead: &Lead) {
+        self.lead_type(lead, "link");
+    }
+
+    fn lead(self, lead: &Lead, plane: Plane, radius_mm: f64, rule: LeadLength, name: &str) {
+        let length_mm = lead.length(plane);
+        if rule == LeadLength::LongerThanRadius
+            && radius_mm > RADIUS_MM
+            && length_mm <= radius_mm + RADIUS_MM
+        {
+            let mut finding = Diagnostic::error(
+                Code::LeadLength,
+                lead.source,
+                format!(
+                    "the {name} is {length_mm:.3} mm long; \
+                     it must be longer than the radius of {radius_mm:.3} mm"
+                ),
+            )
+            .help(format!("make the {name} longer than {radius_mm:.3} mm, or use a smaller tool"));
+            finding.needed_mm = Some(radius_mm);
+            finding.available_mm = Some(length_mm);
+            finding.position = Some(lead.motion.end);
+            self.diagnostics.push(finding);
+        }
+        self.lead_type(lead, name);
+    }
+
+    fn lead_type(self, lead: &Lead, name: &str) {
+        let what = match (lead.motion.shape, lead.motion.class) {
+            (Shape::Arc(_), _) => "an arc",
+            (_, MotionClass::NonCoordinated) => "a move whose axes go by themselves",
+            _ => return,
+        };
+        self.diagnostics.push(
+            Diagnostic::error(
+                Code::LeadType,
+                lead.source,
+                format!("the {name} is {what}; it must be a straight line"),
+            )
+            .help("put a straight move in the plane before the arc"),
+        );
+    }
+
+    /// A block with motion in the plane (M26).
+    pub(crate) fn leg(self, source: Source, motion: &Motion, element: &Element) {
+        if motion.class == MotionClass::NonCoordinated {
+            self.diagnostics.push(
+                Diagnostic::error(
+                    Code::Unsupported,
+                    source,
+                    "under compensation a move must follow a line or an arc; here each axis goes by itself",
+                )
+                .help("use a feed move, or cancel the compensation before"),
+            );
+        }
+        let Element::Arc(arc) = element else { return };
+        if self.profile.full_circle == FullCircle::Error && arc.sweep >= TAU - 1e-9 {
+            self.diagnostics.push(
+                Diagnostic::error(
+                    Code::FullCircle,
+                    source,
+                    format!(
+                        "an arc of {:.1} degrees in one block; {} takes less than a full circle under compensation",
+                        arc.sweep.to_degrees(),
+                        self.profile.name
+                    ),
+                )
+                .help("write it as two arcs"),
+            );
+        }
+    }
+
+    /// An arc that is not in the plane of compensation.
+    pub(crate) fn wrong_arc_plane(self, source: Source, motion: &Motion, plane: Plane) {
+        if let Shape::Arc(arc) = motion.shape
+            && arc.plane != plane
+        {
+            self.diagnostics.push(Diagnostic::error(
+                Code::Plane,
+                source,
+                format!(
+                    "an arc in the {} plane while the compensation is in {}",
+                    arc.plane.name(),
+                    plane.name()
+                ),
+            ));
+        }
+    }
+
+    /// A move of the third axis while compensation is selected (M18, M19).
+    pub(crate) fn off_plane_move(self, source: Source, start: Position, motion: &Motion) {
+        let moved: String = (0..3)
+            .filter(|&axis| motion.end[axis] != start[axis])
+            .map(|axis| AXIS_LETTERS[axis])
+            .collect();
+        let permission = self.profile.auxiliary.off_plane_moves;
+        self.permit(
+            permission,
+            source,
+            &format!("a move of {moved}"),
+            "bring the tool to depth before the selection, and retract after the lead-off",
+        );
+    }
+
+    /// An action while compensation is selected (M20, S27).
+    pub(crate) fn action(self, action: &Action, source: Source, selected: Source) {
+        match action {
+            Action::ProgramEnd { .. } => {}
+            Action::WorkOffset { .. }
+            | Action::Reference { .. }
+            | Action::MachineMove { .. }
+            | Action::ChangeTool { .. } => self.permit(
+                Permission::Error,
+                source,
+                &action.text(),
+                "cancel the compensation before, and select it again after",
+            ),
+            // What stands in the block of the selection happens before it.
+            _ if source == selected => {}
+            _ => {
+                let permission = self.profile.auxiliary.under_compensation;
+                let help = "put it before the selection or after the lead-off";
+                self.permit(permission, source, &action.text(), help);
+            }
+        }
+    }
+
+    fn permit(self, permission: Permission, source: Source, what: &str, help: &str) {
+        let severity = match permission {
+            Permission::Allowed => return,
+            Permission::Warn => Severity::Warning,
+            Permission::Error => Severity::Error,
+        };
+        let mut finding = Diagnostic::error(
+            Code::ForbiddenUnderCompensation,
+            source,
+            format!(
+                "{what} while cutter compensation is active, which {} forbids",
+                self.profile.name
+            ),
+        )
+        .help(help);
+        finding.severity = severity;
+        self.diagnostics.push(finding);
+    }
+}
+
+/// Blocks without motion in the plane between two that have it (S59, S61).
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Between {
+    own: Source,
+    last: Source,
+    count: u32,
+}
+
+impl Between {
+    /// After a block with motion in the plane.
+    pub(crate) fn after(source: Source) -> Self {
+        Self { own: source, last: source, count: 0 }
+    }
+
+    /// Something of this block; a block counts once, and not that of the motion.
+    pub(crate) fn block(&mut self, source: Source) {
+        if source != self.last && source != self.own {
+            self.last = source;
+            self.count += 1;
+        }
+    }
+
+    /// The finding when there were too many before the motion of this block.
+    pub(crate) fn excess(&self, next: Source, profile: &Profile) -> Option<Diagnostic> {
+        let max = profile.off_plane.max_blocks?;
+        // What stands in the block of the motion itself is no block of its own.
+        let count = self.count - u32::from(self.last == next && self.count > 0);
+        if count <= max {
+            return None;
+        }
+        let mut finding = Diagnostic::error(
+            Code::OffPlaneBlocks,
+            next,
+            format!(
+                "{count} blocks without motion in the plane stand between {} and {}; {} looks across {max}",
+                block_name(self.own),
+                block_name(next),
+                profile.name
+            ),
+        )
+        .help("put auxiliary functions into blocks that move in the plane, or cancel the compensation before");
+        finding.alarm.clone_from(&profile.off_plane.alarm);
+        finding.other = Some(self.own);
+        Some(finding)
+    }
+}
+
+/// A new radius while compensation is active that cannot be taken (S43, S44).
+pub(crate) fn radius_change(
+    source: Source,
+    element: &Element,
+    old_mm: f64,
+    new_mm: f64,
+) -> Option<Diagnostic> {
+    let (message, code) = if !element.is_line() {
+        ("the radius changes in an arc; it may only change in a straight block", Code::RadiusSource)
+    } else if new_mm.abs() < RADIUS_MM || old_mm.abs() < RADIUS_MM {
+        ("the radius changes from or to 0 while compensation is active", Code::RadiusSource)
+    } else if new_mm.signum() != old_mm.signum() {
+        (
+            "the radius changes its sign while compensation is active, and with it the side",
+            Code::SideChange,
+        )
+    } else {
+        return None;
+    };
+    let mut finding = Diagnostic::error(
+        code,
+        source,
+        format!("{message} ({:.3} mm to {:.3} mm)", old_mm.abs(), new_mm.abs()),
+    )
+    .help("change the radius in a straight block, or cancel the compensation before");
+    finding.needed_mm = Some(new_mm.abs());
+    finding.available_mm = Some(old_mm.abs());
+    Some(finding)
+}
+
+/// A plane that the control does not compensate in (M16).
+pub(crate) fn wrong_plane(source: Source, plane: Plane, profile: &Profile) -> Diagnostic {
+    let planes: Vec<&str> = profile.language.planes.iter().map(|plane| plane.name()).collect();
+    Diagnostic::error(
+        Code::Plane,
+        source,
+        format!(
+            "compensation in the {} plane; {} compensates in {}",
+            plane.name(),
+            profile.name,
+            planes.join(", ")
+        ),
+    )
+    .help("select the plane before the compensation")
+}
+
+/// Another plane while compensation is selected (S17, S27).
+pub(crate) fn plane_change(source: Source) -> Diagnostic {
+    Diagnostic::error(
+        Code::ForbiddenUnderCompensation,
+        source,
+        "the plane changes while cutter compensation is active",
+    )
+    .help("cancel the compensation, change the plane, and select the compensation again")
+}
+
+/// A selection while compensation is active, where the control takes none.
+pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> Diagnostic {
+    let what = if is_repeat { "selected again" } else { "selected anew or for the other side" };
+    Diagnostic::error(
+        Code::SideChange,
+        source,
+        format!("compensation is {what} while it is active, which {} does not take", profile.name),
+    )
+    .help("cancel with G40 and a lead-off, then select again with a lead-on")
+}
+
+/// Compensation that the program does not end (S32).
+pub(crate) fn not_cancelled(source: Source, has_cancel: bool, profile: &Profile) -> Diagnostic {
+    let message = if has_cancel {
+        "the cancel has no effect: no move in the plane follows it"
+    } else {
+        "the program ends while this compensation is active"
+    };
+    let mut finding = Diagnostic::error(Code::NotCancelled, source, message)
+        .help("end the contour with G40 and a straight move in the plane, then end the program");
+    finding.severity = profile.cancel.missing;
+    finding
+}
+
+/// A selection that no move in the plane follows.
+pub(crate) fn never_active(source: Source) -> Diagnostic {
+    Diagnostic::warning(
+        Code::NeverActive,
+        source,
+        "compensation is selected and never becomes active: no move in the plane follows",
+    )
+    .help("move in the plane after the selection, or leave it out")
+}
+
+/// A move out of the plane right after the cancel (M13).
+pub(crate) fn no_lead_off(source: Source) -> Diagnostic {
+    Diagnostic::error(
+        Code::Cancel,
+        source,
+        "the tool leaves the plane after the cancel before it has led off the contour",
+    )
+    .help("after the cancel move to a safe place in the plane, then retract")
+}

@@ -1,0 +1,93 @@
+//! What lies between a lead-on and the next lead-off, before its geometry.
+//!
+//! Only data: `walk` fills it, `compensate` reads it.
+
+use crate::element::Element;
+use cnc_msgs::contour::{Action, Approach, Motion, OutsideCorner, Source};
+use cnc_msgs::geometry::{AxisSet, Plane, Position, Shape};
+
+/// One block with motion in the plane.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Leg {
+    /// What the block does in the plane.
+    pub element: Element,
+    /// The programmed shape and end.
+    pub shape: Shape,
+    pub end: Position,
+    pub source: Source,
+    /// `None` for a rapid.
+    pub feed_mm_per_min: Option<f64>,
+    pub axes: AxisSet,
+    /// How an outside corner at its start is rounded: it belongs to this block (S07, S09).
+    pub corner: OutsideCorner,
+    /// The signed offset at its end; it differs from that at its start in a
+    /// block that changes the radius (S43).
+    pub d_out_mm: f64,
+    /// Where it ends along its run: mm on a line, rad on an arc.
+    pub reach: f64,
+}
+
+/// A straight motion that leads to or from the contour.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lead {
+    pub motion: Motion,
+    pub source: Source,
+    /// Where it starts in the program.
+    pub start: Position,
+    pub approach: Approach,
+}
+
+/// Something between two blocks with motion in the plane.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Item {
+    /// It comes before this leg; the number of legs means before the lead-off.
+    pub before: usize,
+    pub source: Source,
+    pub what: ItemKind,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum ItemKind {
+    Action(Action),
+    OffPlane(Motion),
+}
+
+/// How a span begins.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Entry {
+    pub lead: Lead,
+    /// Whether it also ends the span before: a change of side or a reselection.
+    pub is_link: bool,
+}
+
+/// A compensated piece of the program.
+#[derive(Debug, Clone)]
+pub(crate) struct Span {
+    pub plane: Plane,
+    /// The signed offset at the lead-on, positive to the left.
+    pub d_mm: f64,
+    /// The signed offset at the end of the last leg.
+    pub d_out_mm: f64,
+    pub entry: Entry,
+    pub legs: Vec<Leg>,
+    pub items: Vec<Item>,
+    /// How an outside corner before the lead-off is rounded.
+    pub exit_corner: OutsideCorner,
+}
+
+/// Legs that are one line or arc for the geometry.
+#[derive(Debug, Clone)]
+pub(crate) struct Run {
+    pub element: Element,
+    pub legs: std::ops::Range<usize>,
+    pub d_in_mm: f64,
+    pub d_out_mm: f64,
+}
+
+impl Lead {
+    /// Its length in the plane, mm.
+    pub(crate) fn length(&self, plane: Plane) -> f64 {
+        let from = crate::frame::in_plane(plane, self.start);
+        (crate::frame::in_plane(plane, self.motion.end) - from).norm()
+    }
+}

@@ -1,0 +1,469 @@
+//! Reads the events once and tells compensated spans from everything else.
+//!
+//! What is not compensated goes straight out. From the first move in the plane
+//! after a selection to the first after its cancel, blocks are gathered into a
+//! [`Span`]; `compensate` makes the path of it. The rules of controls about
+//! where compensation may begin and end are in `rules`.
+
+use crate::compensate::{Exit, WallBehind, compensate, empty_span};
+use crate::element::Element;
+use crate::emit::{Emitter, feed};
+use crate::frame::{element, height};
+use crate::radius;
+use crate::rules::{self, Rules};
+use crate::span::{Entry, Item, ItemKind, Lead, Leg, Span};
+use crate::tolerance::{LENGTH_MM, RADIUS_MM};
+use crate::{Plan, SpanSummary};
+use cnc_msgs::contour::{
+    Action, Approach, ContourEventKind, CutterSide, Motion, OutsideCorner, ProgrammedContour,
+    RadiusSource, Source,
+};
+use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::geometry::{Plane, Position, Shape};
+use cnc_msgs::path::Role;
+use cnc_msgs::profile::{Profile, Reselect};
+use cnc_msgs::tool_table::ToolTable;
+
+/// A selection that waits for its first move in the plane.
+#[derive(Debug, Clone, Copy)]
+struct Selection {
+    side: CutterSide,
+    approach: Option<Approach>,
+    source: Source,
+}
+
+/// A span that is being gathered.
+#[derive(Debug)]
+struct Active {
+    span: Span,
+    side: CutterSide,
+    /// A side change or reselection that waits for its move, with how the
+    /// contour before it ends.
+    relink: Option<(Selection, Approach)>,
+    /// A cancel that waits for its move.
+    cancel: Option<(Approach, Source)>,
+    behind: Option<WallBehind>,
+    between: rules::Between,
+    /// A new radius word waits for the next block in the plane (S43).
+    radius_changes: Option<Source>,
+}
+
+#[derive(Debug)]
+enum State {
+    Off,
+    Selected(Selection),
+    Active(Box<Active>),
+}
+
+pub(crate) struct Walk<'a> {
+    profile: &'a Profile,
+    tools: &'a ToolTable,
+    out: Emitter,
+    diagnostics: Vec<Diagnostic>,
+    spans: Vec<SpanSummary>,
+    plane: Plane,
+    corner: OutsideCorner,
+    radius: Option<RadiusSource>,
+    spindle_tool: Option<u32>,
+    /// Where the program is; the tool may be elsewhere.
+    programmed: Position,
+    state: State,
+}
+
+impl<'a> Walk<'a> {
+    pub(crate) fn new(
+        contour: &ProgrammedContour,
+        profile: &'a Profile,
+        tools: &'a ToolTable,
+    ) -> Self {
+        let mut out = Emitter::new(contour.start, contour.assumed_axes);
+        out.path.elements.reserve(contour.events.len() + contour.events.len() / 2);
+        Self {
+            profile,
+            tools,
+            out,
+            diagnostics: Vec::new(),
+            spans: Vec::new(),
+            plane: Plane::default(),
+            corner: profile.corner.default,
+            radius: None,
+            spindle_tool: None,
+            programmed: contour.start,
+            state: State::Off,
+        }
+    }
+
+    pub(crate) fn event(&mut self, kind: &ContourEventKind, source: Source) {
+        match *kind {
+            ContourEventKind::Motion(motion) => self.motion(motion, source),
+            ContourEventKind::Plane(plane) => self.select_plane(plane, source),
+            ContourEventKind::Radius(word) => {
+                self.radius = Some(word);
+                if let State::Active(active) = &mut self.state {
+                    active.radius_changes = Some(source);
+                }
+            }
+            ContourEventKind::Select { side, approach } => {
+                self.select(Selection { side, approach, source });
+            }
+            ContourEventKind::Cancel { exit } => self.cancel(exit, source),
+            ContourEventKind::Corner(corner) => {
+                self.corner = corner;
+                if let State::Active(active) = &mut self.state {
+                    active.between.block(source);
+                }
+            }
+            ContourEventKind::Action(action) => self.action(action, source),
+        }
+    }
+
+    /// Ends the program.
+    pub(crate) fn finish(mut self) -> Plan {
+        match std::mem::replace(&mut self.state, State::Off) {
+            State::Off => {}
+            State::Selected(selection) => self.never_active(selection.source),
+            State::Active(active) => {
+                let source = match active.cancel {
+                    Some((_, source)) => source,
+                    None => active.span.entry.lead.source,
+                };
+                self.diagnostics.push(rules::not_cancelled(
+                    source,
+                    active.cancel.is_some(),
+                    self.profile,
+                ));
+                self.close(*active, Exit::None);
+            }
+        }
+        self.diagnostics.sort_by_key(|diagnostic| diagnostic.source.line);
+        let is_refused = self.diagnostics.iter().any(Diagnostic::is_error);
+        let mut plan = Plan { diagnostics: self.diagnostics, spans: self.spans, ..Plan::default() };
+        if is_refused {
+            plan.refused = self.out.path.elements;
+        } else {
+            plan.path = self.out.path;
+        }
+        plan
+    }
+
+    fn select_plane(&mut self, plane: Plane, source: Source) {
+        if plane != self.plane && !matches!(self.state, State::Off) {
+            self.diagnostics.push(rules::plane_change(source));
+            return;
+        }
+        self.plane = plane;
+    }
+
+    fn select(&mut self, selection: Selection) {
+        if !self.profile.language.planes.contains(&self.plane) {
+            self.diagnostics.push(rules::wrong_plane(selection.source, self.plane, self.profile));
+        }
+        let State::Active(active) = &mut self.state else {
+            self.state = State::Selected(selection);
+            return;
+        };
+        let is_repeat = active.side == selection.side && active.cancel.is_none();
+        if self.profile.reselect == Reselect::Error {
+            let finding = rules::reselected(selection.source, is_repeat, self.profile);
+            self.diagnostics.push(finding);
+        } else if !is_repeat || selection.approach.is_some() {
+            // S36 to S39: both ends as the word says, straight without one.
+            let exit = match active.cancel.take() {
+                Some((exit, _)) => exit,
+                None => selection.approach.unwrap_or(Approach::Normal),
+            };
+            let approach = Some(selection.approach.unwrap_or(Approach::Normal));
+            active.relink = Some((Selection { approach, ..selection }, exit));
+        }
+    }
+
+    fn cancel(&mut self, exit: Option<Approach>, source: Source) {
+        match &mut self.state {
+            State::Off => {}
+            State::Selected(selection) => {
+                let at = selection.source;
+                self.state = State::Off;
+                self.never_active(at);
+            }
+            State::Active(active) => {
+                active.relink = None;
+                active.cancel = Some((exit.unwrap_or(self.profile.cancel.default), source));
+            }
+        }
+    }
+
+    fn never_active(&mut self, source: Source) {
+        self.diagnostics.push(rules::never_active(source));
+    }
+
+    fn action(&mut self, action: Action, source: Source) {
+        let action = self.with_length(action, source);
+        if let Action::ChangeTool { tool } = action {
+            self.spindle_tool = Some(tool);
+        }
+        let rules = Rules { profile: self.profile, diagnostics: &mut self.diagnostics };
+        match &mut self.state {
+            State::Off => self.out.action(action, source),
+            State::Selected(selection) => {
+                rules.action(&action, source, selection.source);
+                self.out.action(action, source);
+            }
+            State::Active(active) => {
+                rules.action(&action, source, active.span.entry.lead.source);
+                active.between.block(source);
+                active.push_item(source, ItemKind::Action(action));
+            }
+        }
+    }
+
+    fn with_length(&mut self, action: Action, source: Source) -> Action {
+        let Action::ToolLength { offset: Some(number), .. } = action else { return action };
+        let length_mm = match self.tools.tools.get(&number) {
+            Some(tool) => tool.length_mm,
+            None => {
+                let mut finding = radius::unknown(format!("H{number}"), self.tools, source);
+                if self.tools.tools.is_empty() {
+                    finding.severity = cnc_msgs::diagnostic::Severity::Warning;
+                    finding.message += "; a length of 0 is taken";
+                }
+                self.diagnostics.push(finding);
+                0.0
+            }
+        };
+        Action::ToolLength { offset: Some(number), length_mm }
+    }
+
+    fn motion(&mut self, motion: Motion, source: Source) {
+        let start = self.programmed;
+        self.programmed = motion.end;
+        match std::mem::replace(&mut self.state, State::Off) {
+            State::Off => self.out.programmed(&motion, source, Role::None),
+            State::Selected(selection) => {
+                if self.moves_in_plane(start, &motion) {
+                    self.open(selection, start, &motion, source, None);
+                } else {
+                    self.rules().off_plane_move(source, start, &motion);
+                    self.out.programmed(&motion, source, Role::None);
+                    self.state = State::Selected(selection);
+                }
+            }
+            State::Active(active) => self.active_motion(active, start, &motion, source),
+        }
+    }
+
+    fn active_motion(
+        &mut self,
+        mut active: Box<Active>,
+        start: Position,
+        motion: &Motion,
+        source: Source,
+    ) {
+        let plane = active.span.plane;
+        let leads = active.relink.is_some() || active.cancel.is_some();
+        let rises = height(plane, motion.end) != height(plane, start);
+        if leads && self.moves_in_plane(start, motion) && !(rises && !self.shifts(start, motion)) {
+            self.off_plane_blocks(&mut active, source);
+            if let Some((exit, _)) = active.cancel {
+                let lead = self.lead(start, motion, source, exit);
+                active.span.exit_corner = self.corner;
+                self.rules().lead_off(&lead, plane, active.span.d_out_mm.abs());
+                self.close(*active, Exit::LeadOff(&lead));
+            } else if let Some((selection, exit)) = active.relink {
+                let lead = self.lead(start, motion, source, exit);
+                active.span.exit_corner = self.corner;
+                let behind = self.close(*active, Exit::Link(&lead));
+                self.open(selection, start, motion, source, Some(behind));
+            }
+            return;
+        }
+        self.rules().wrong_arc_plane(source, motion, plane);
+        match element(plane, start, motion).filter(|element| element.length() > 0.0) {
+            Some(element) => {
+                if rises {
+                    self.rules().off_plane_move(source, start, motion);
+                }
+                self.rules().leg(source, motion, &element);
+                self.off_plane_blocks(&mut active, source);
+                self.leg(&mut active, element, motion, source);
+            }
+            None => {
+                active.between.block(source);
+                if rises {
+                    if active.cancel.is_some() && self.profile.cancel.before_off_plane {
+                        self.diagnostics.push(rules::no_lead_off(source));
+                    } else {
+                        self.rules().off_plane_move(source, start, motion);
+                    }
+                    active.push_item(source, ItemKind::OffPlane(*motion));
+                }
+            }
+        }
+        self.state = State::Active(active);
+    }
+
+    fn leg(&mut self, active: &mut Active, element: Element, motion: &Motion, source: Source) {
+        let mut d_out_mm = active.span.d_out_mm;
+        if let Some(at) = active.radius_changes.take() {
+            let resolved = self.signed_offset(active.side, at);
+            if (resolved - d_out_mm).abs() >= RADIUS_MM {
+                match rules::radius_change(source, &element, d_out_mm, resolved) {
+                    Some(finding) => self.diagnostics.push(finding),
+                    None => d_out_mm = resolved,
+                }
+            }
+        }
+        active.span.d_out_mm = d_out_mm;
+        active.span.legs.push(Leg {
+            element,
+            shape: motion.shape,
+            end: motion.end,
+            source,
+            feed_mm_per_min: feed(motion),
+            axes: motion.axes,
+            corner: self.corner,
+            d_out_mm,
+            reach: 0.0,
+        });
+    }
+
+    fn off_plane_blocks(&mut self, active: &mut Active, source: Source) {
+        let between = std::mem::take(&mut active.between);
+        if let Some(finding) = between.excess(source, self.profile) {
+            self.diagnostics.push(finding);
+        }
+        active.between = rules::Between::after(source);
+    }
+
+    /// Begins a span with its lead-on; `link` when the motion also ends another one.
+    fn open(
+        &mut self,
+        selection: Selection,
+        start: Position,
+        motion: &Motion,
+        source: Source,
+        link: Option<Option<WallBehind>>,
+    ) {
+        let approach = selection.approach.unwrap_or(self.profile.select.default);
+        let lead = self.lead(start, motion, source, approach);
+        let d_mm = self.signed_offset(selection.side, selection.source);
+        let plane = self.plane;
+        if link.is_none() {
+            self.rules().lead_on(&lead, plane, d_mm.abs());
+            if height(plane, motion.end) != height(plane, start) {
+                self.rules().off_plane_move(source, start, motion);
+            }
+        } else {
+            self.rules().link(&lead);
+        }
+        let span = Span {
+            plane,
+            d_mm,
+            d_out_mm: d_mm,
+            entry: Entry { lead, is_link: link.is_some() },
+            legs: Vec::new(),
+            items: Vec::new(),
+            exit_corner: self.corner,
+        };
+        self.state = State::Active(Box::new(Active {
+            span,
+            side: selection.side,
+            relink: None,
+            cancel: None,
+            behind: link.flatten(),
+            between: rules::Between::after(source),
+            radius_changes: None,
+        }));
+    }
+
+    /// Puts a gathered span out; gives the wall that a link leaves.
+    fn close(&mut self, active: Active, exit: Exit<'_>) -> Option<WallBehind> {
+        let Active { span, behind, .. } = active;
+        let (Some(first), Some(last)) = (span.legs.first(), span.legs.last()) else {
+            self.close_empty(&span, exit);
+            return None;
+        };
+        let mut summary = SpanSummary {
+            first_line: first.source.line,
+            last_line: last.source.line,
+            side: if span.d_mm < 0.0 { CutterSide::Right } else { CutterSide::Left },
+            radius_mm: span.d_mm.abs(),
+            first_element: 0,
+            last_element: 0,
+        };
+        let before = self.out.path.elements.len();
+        let rest =
+            compensate(span, exit, behind, self.profile, &mut self.out, &mut self.diagnostics);
+        let is_contour = |index: &usize| {
+            matches!(
+                self.out.path.elements[*index].role,
+                Role::Contour | Role::Corner | Role::OffPlane
+            )
+        };
+        let mut inside = (before..self.out.path.elements.len()).filter(is_contour);
+        if let Some(first) = inside.next() {
+            summary.first_element = first;
+            summary.last_element = inside.next_back().unwrap_or(first);
+            self.spans.push(summary);
+        }
+        rest
+    }
+
+    /// A span without a contour: its moves as programmed, and the finding.
+    fn close_empty(&mut self, span: &Span, exit: Exit<'_>) {
+        self.diagnostics.push(empty_span(span));
+        self.out.programmed(&span.entry.lead.motion, span.entry.lead.source, Role::LeadOn);
+        for item in &span.items {
+            match item.what {
+                ItemKind::Action(action) => self.out.action(action, item.source),
+                ItemKind::OffPlane(motion) => {
+                    self.out.off_plane(span.plane, &motion, item.source);
+                }
+            }
+        }
+        if let Exit::LeadOff(lead) = exit {
+            self.out.programmed(&lead.motion, lead.source, Role::LeadOff);
+        }
+    }
+
+    /// The radius in force with the sign of the side, mm; 0 when it is not known.
+    fn signed_offset(&mut self, side: CutterSide, at: Source) -> f64 {
+        let resolved =
+            radius::resolve(self.radius, self.spindle_tool, self.profile, self.tools, at);
+        let radius_mm = resolved.unwrap_or_else(|finding| {
+            self.diagnostics.push(*finding);
+            0.0
+        });
+        match side {
+            CutterSide::Left => radius_mm,
+            CutterSide::Right => -radius_mm,
+        }
+    }
+
+    fn lead(&self, start: Position, motion: &Motion, source: Source, approach: Approach) -> Lead {
+        Lead { motion: *motion, source, start, approach }
+    }
+
+    fn rules(&mut self) -> Rules<'_> {
+        Rules { profile: self.profile, diagnostics: &mut self.diagnostics }
+    }
+
+    /// Whether a motion is one in the plane: it moves there, or names one of its axes (S21).
+    fn moves_in_plane(&self, start: Position, motion: &Motion) -> bool {
+        let [u, v, _] = self.plane.axes();
+        self.shifts(start, motion) || motion.axes.contains(u) || motion.axes.contains(v)
+    }
+
+    /// Whether a motion gets anywhere in the plane.
+    fn shifts(&self, start: Position, motion: &Motion) -> bool {
+        let [u, v, _] = self.plane.axes();
+        let far = (motion.end[u] - start[u]).abs().max((motion.end[v] - start[v]).abs());
+        far > LENGTH_MM * 1e-3
+            || matches!(motion.shape, Shape::Arc(arc) if arc.turns > 0 && arc.plane == self.plane)
+    }
+}
+
+impl Active {
+    fn push_item(&mut self, source: Source, what: ItemKind) {
+        self.span.items.push(Item { before: self.span.legs.len(), source, what });
+    }
+}
