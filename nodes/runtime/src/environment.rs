@@ -9,7 +9,9 @@ use std::collections::BTreeMap;
 /// Which network interfaces the node speaks on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DiscoveryRange {
-    /// 127.0.0.1 alone: our default, because whoever can reach the node can move the machine.
+    /// 127.0.0.1 alone: our default, because whoever can reach the node can
+    /// move the machine. The node announces itself nowhere else; its sockets
+    /// are bound to all addresses all the same, so a firewall still matters.
     Localhost,
     /// All interfaces with multicast.
     Subnet,

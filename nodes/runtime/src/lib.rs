@@ -1,13 +1,73 @@
 //! The shell all nodes share; the only crate that knows ros2-client.
+//!
+//! A node is one process with one participant. [`run`] reads arguments,
+//! environment and parameter files, starts the node, logs to the console and
+//! `/rosout`, and takes everything down in order on SIGINT or SIGTERM. Between
+//! that, the node's own function has a [`Handle`], which makes the endpoints.
+//!
+//! What holds everywhere:
+//!
+//! - Publishing returns at once; what the transport cannot take is dropped,
+//!   counted and reported now and then.
+//! - A sample that is not of the topic's type is counted, reported once per
+//!   sender, and passed over. Nothing from outside panics.
+//! - Every call has a deadline, and tells "nobody there" from "no answer".
+//! - A task or thread that panics stops the node with a reason.
+//! - Every subscription has an explicit depth: what does not fit is lost
+//!   silently, even when reliable. Number what must not be lost.
+//! - A latched topic may deliver older values first; the newest comes last.
+//!
+//! ```no_run
+//! use cnc_msgs::wire::std_msgs::msg::String as Text;
+//! use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest, TriggerResponse};
+//! use runtime::parameters::Declared;
+//! use runtime::{Handle, NodeError, Qos};
+//! use std::process::ExitCode;
+//! use std::time::Duration;
+//!
+//! fn main() -> ExitCode {
+//!     let declared = vec![
+//!         Declared::new("port", "/dev/ttyUSB0", "serial device").read_only(),
+//!         Declared::new("rate_hz", 10.0, "state messages a second").within(1.0, 100.0),
+//!     ];
+//!     runtime::run("axis_driver", declared, node)
+//! }
+//!
+//! async fn node(handle: Handle) -> Result<(), NodeError> {
+//!     let state = handle.publisher::<Text>("machine_state", Qos::LATCHED)?;
+//!     let mut orders = handle.subscription::<Text>("orders", Qos::DEFAULT.with_depth(100))?;
+//!     handle.service::<Trigger, _, _>("feed_hold", |_request, info| async move {
+//!         tracing::info!("{} asks for a feed hold", info.client);
+//!         TriggerResponse { success: true, message: "holding".into() }
+//!     })?;
+//!     let unlock = handle.client::<Trigger>("unlock")?;
+//!     let period = Duration::from_secs_f64(1.0 / handle.parameter::<f64>("rate_hz"));
+//!     let mut ticks = tokio::time::interval(period);
+//!     loop {
+//!         tokio::select! {
+//!             () = handle.shutdown().requested() => return Ok(()),
+//!             _ = ticks.tick() => drop(state.publish(Text { data: "idle".into() })),
+//!             (order, info) = orders.next() => {
+//!                 tracing::info!("\"{}\" from {}", order.data, info.publisher);
+//!                 if let Err(error) = unlock.call(TriggerRequest::default()).await {
+//!                     tracing::warn!("{error}");
+//!                 }
+//!             }
+//!         }
+//!     }
+//! }
+//! ```
 
 pub mod action;
 pub mod arguments;
 mod cancel;
 mod client;
 pub mod configuration;
+mod declared;
 mod diagnostics;
 pub mod environment;
 mod graph;
+mod live_parameters;
 mod logging;
 pub mod names;
 mod node;
@@ -20,7 +80,9 @@ mod qos;
 mod raw;
 mod run;
 mod service;
+mod session;
 mod subscription;
+mod tasks;
 mod time;
 mod wire;
 mod yaml;
@@ -32,13 +94,14 @@ pub use client::{ANSWER_WITHIN, CallError, Client, SERVER_WITHIN};
 pub use diagnostics::{Health, HealthLevel};
 pub use graph::LOOPBACK_PARTICIPANTS_MAX;
 pub use logging::LogSettings;
-pub use node::{Handle, NodeError, Session};
+pub use node::{Handle, NodeError};
 pub use profiles::{ProfileError, known_profiles, load_profile};
 pub use publisher::Publisher;
 pub use qos::Qos;
 pub use raw::{DiscoveredPublisher, RawPublisher, RawSample, RawSubscription};
 pub use run::{run, run_with};
 pub use service::RequestInfo;
+pub use session::Session;
 pub use subscription::{SampleInfo, Subscription};
 pub use time::RosTime;
 pub use wire::{Gid, ServiceMapping};

@@ -4,7 +4,8 @@
 //! no descriptions, ranges or read-only parameters. What a parameter may be is
 //! decided in `parameters`.
 
-use crate::node::{Handle, NodeError};
+use crate::live_parameters::LiveParameters;
+use crate::node::{Handle, NodeError, lock};
 use crate::parameters::{ParameterValue, Parameters, Range, USE_SIM_TIME};
 use crate::publisher::Publisher;
 use crate::qos::Qos;
@@ -12,54 +13,8 @@ use cnc_msgs::wire::rcl_interfaces::msg as wire;
 use cnc_msgs::wire::rcl_interfaces::srv;
 use std::collections::BTreeSet;
 use std::future::ready;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use tokio::sync::watch;
+use std::sync::Arc;
 use wire::ParameterType as Type;
-
-/// Has a say in changes that fit the declarations; the reason if it refuses.
-pub(crate) type Guard = Box<dyn Fn(&[(String, ParameterValue)]) -> Result<(), String> + Send>;
-
-/// The parameters of a running node.
-pub(crate) struct LiveParameters {
-    parameters: Mutex<Parameters>,
-    guard: Mutex<Option<Guard>>,
-    changes: watch::Sender<u64>,
-}
-
-impl LiveParameters {
-    pub(crate) fn new(parameters: Parameters) -> Self {
-        Self {
-            parameters: Mutex::new(parameters),
-            guard: Mutex::new(None),
-            changes: watch::Sender::new(0),
-        }
-    }
-
-    pub(crate) fn get(&self, name: &str) -> Option<ParameterValue> {
-        lock(&self.parameters).get(name).cloned()
-    }
-
-    pub(crate) fn set_guard(&self, guard: Guard) {
-        *lock(&self.guard) = Some(guard);
-    }
-
-    pub(crate) fn subscribe(&self) -> watch::Receiver<u64> {
-        self.changes.subscribe()
-    }
-
-    /// Sets all or none; the reason if none.
-    fn set(&self, changes: &[(String, ParameterValue)]) -> Result<(), String> {
-        let mut parameters = lock(&self.parameters);
-        parameters.check(changes).map_err(|error| error.to_string())?;
-        if let Some(guard) = &*lock(&self.guard) {
-            guard(changes)?;
-        }
-        parameters.set(changes).map_err(|error| error.to_string())?;
-        drop(parameters);
-        self.changes.send_modify(|count| *count = count.wrapping_add(1));
-        Ok(())
-    }
-}
 
 /// Offers the services of a node and announces its parameters.
 pub(crate) fn serve(handle: &Handle, live: &Arc<LiveParameters>) -> Result<(), NodeError> {
@@ -279,10 +234,6 @@ fn from_wire(wire: &wire::ParameterValue) -> Option<ParameterValue> {
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -348,16 +299,5 @@ mod tests {
             assert_eq!(from_wire(&to_wire(Some(&value))), Some(value));
         }
         assert_eq!(from_wire(&to_wire(None)), None);
-    }
-
-    #[test]
-    fn a_guard_can_refuse_what_the_declaration_allows() {
-        let live = LiveParameters::new(parameters());
-        let feed = |value: f64| vec![("limits.feed".to_owned(), ParameterValue::from(value))];
-        live.set(&feed(1.5)).expect("fits");
-        live.set_guard(Box::new(|_| Err("not while the machine runs".to_owned())));
-        assert_eq!(live.set(&feed(0.5)), Err("not while the machine runs".to_owned()));
-        assert_eq!(live.get("limits.feed"), Some(1.5.into()));
-        assert!(live.set(&feed(9.0)).expect_err("range").contains("not within"));
     }
 }

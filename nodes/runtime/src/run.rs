@@ -9,8 +9,9 @@
 
 use crate::configuration::Configuration;
 use crate::logging::log_panics;
-use crate::node::{Handle, Session};
+use crate::node::Handle;
 use crate::parameters::Declared;
+use crate::session::Session;
 use futures::FutureExt;
 use std::fmt::Display;
 use std::io::Write;

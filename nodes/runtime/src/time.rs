@@ -4,7 +4,11 @@
 //! set; it may jump. Durations and deadlines are measured on the steady clock
 //! (`std::time::Instant`), never on this one.
 
+use crate::node::Handle;
+use crate::qos::Qos;
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
+use cnc_msgs::wire::rosgraph_msgs::msg::Clock as ClockMessage;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -92,6 +96,24 @@ impl Clock {
     /// Takes over a message of `/clock`.
     pub(crate) fn set(&self, time: RosTime) {
         self.simulated.store(time.0, Ordering::Relaxed);
+    }
+}
+
+impl Handle {
+    /// Follows `use_sim_time`.
+    pub(crate) fn simulate_time(&self, is_simulated: bool) {
+        if !self.inner.clock.simulate(is_simulated) {
+            return;
+        }
+        let clock = Arc::clone(&self.inner.clock);
+        match self.subscription::<ClockMessage>("/clock", Qos::CLOCK) {
+            Ok(mut messages) => self.spawn("clock", async move {
+                loop {
+                    clock.set(RosTime::from(&messages.next().await.0.clock));
+                }
+            }),
+            Err(error) => tracing::error!("time stands still: {error}"),
+        }
     }
 }
 

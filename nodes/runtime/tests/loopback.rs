@@ -3,6 +3,7 @@
 mod common;
 
 use common::{AddTwoInts, Count, Sum, Terms, Text, domain, soon, start, start_with};
+use runtime::environment::DiscoveryRange;
 use runtime::{CallError, Qos, ServiceMapping};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -109,7 +110,7 @@ async fn eight_calls_at_once_each_get_their_own_answer_in_either_mapping() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_call_to_nobody_says_that_no_such_node_answered() {
     let asker = start("asker", domain(5));
-    let client = asker.handle().client::<AddTwoInts>("/nobody/add").expect("client");
+    let client = asker.handle().client::<AddTwoInts>("nobody/add").expect("client");
     let error = client.call(Terms { a: 1, b: 2 }).await.expect_err("nobody is there");
     assert!(matches!(error, CallError::NoServer { .. }));
     let text = error.to_string();
@@ -143,4 +144,17 @@ async fn a_panic_in_a_task_stops_the_node_and_says_why() {
     let reason = session.handle().shutdown().reason().expect("a reason");
     assert!(reason.contains("thinker") && reason.contains("no idea"), "{reason}");
     session.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn with_discovery_off_a_node_is_alone() {
+    let hermit = common::start_in(DiscoveryRange::Off, "hermit", domain(8));
+    let other = start("other", domain(8));
+    let publisher = hermit.handle().publisher::<Text>("chatter", Qos::DEFAULT).expect("publisher");
+    let subscription = other.handle().subscription::<Text>("chatter", Qos::DEFAULT).expect("sub");
+    assert!(!publisher.wait_for_subscriber(Duration::from_secs(2)).await);
+    assert!(publisher.publish(Text { data: "nobody hears".into() }));
+    drop((publisher, subscription));
+    hermit.stop().await;
+    other.stop().await;
 }

@@ -31,7 +31,7 @@ async fn parameters_can_be_read_described_and_set_over_either_mapping() {
             user.handle().subscription::<ParameterEvent>("/parameter_events", qos).expect("sub");
         let mut changes = node.handle().parameter_changes();
 
-        let set = user.handle().client::<srv::SetParameters>("/driver/set_parameters").expect("c");
+        let set = user.handle().client::<srv::SetParameters>("driver/set_parameters").expect("c");
         let parameters = vec![double("rate_hz", 20.0), double("rate_hz", 0.5), double("port", 1.0)];
         let response = set.call(srv::SetParametersRequest { parameters }).await.expect("answer");
         let results: Vec<bool> = response.results.iter().map(|result| result.successful).collect();
@@ -43,7 +43,9 @@ async fn parameters_can_be_read_described_and_set_over_either_mapping() {
 
         loop {
             let (event, _) = soon("an event", events.next()).await;
-            if event.node == "/driver" && !event.changed_parameters.is_empty() {
+            if event.node == node.handle().names().fully_qualified()
+                && !event.changed_parameters.is_empty()
+            {
                 assert_eq!(event.changed_parameters, [double("rate_hz", 20.0)]);
                 break;
             }
@@ -51,7 +53,7 @@ async fn parameters_can_be_read_described_and_set_over_either_mapping() {
 
         let all = user
             .handle()
-            .client::<srv::SetParametersAtomically>("/driver/set_parameters_atomically")
+            .client::<srv::SetParametersAtomically>("driver/set_parameters_atomically")
             .expect("client");
         let parameters = vec![double("rate_hz", 30.0), double("nothing", 1.0)];
         let request = srv::SetParametersAtomicallyRequest { parameters };
@@ -59,19 +61,19 @@ async fn parameters_can_be_read_described_and_set_over_either_mapping() {
         assert!(!result.successful && result.reason.contains("nothing"), "{result:?}");
         assert_eq!(node.handle().parameter::<f64>("rate_hz"), 20.0);
 
-        let list = user.handle().client::<srv::ListParameters>("/driver/list_parameters");
+        let list = user.handle().client::<srv::ListParameters>("driver/list_parameters");
         let names = list.expect("client").call(Default::default()).await.expect("answer");
         assert_eq!(names.result.names, ["port", "rate_hz", "use_sim_time"]);
         let names = vec!["rate_hz".to_owned(), "port".to_owned()];
-        let get = user.handle().client::<srv::GetParameters>("/driver/get_parameters");
+        let get = user.handle().client::<srv::GetParameters>("driver/get_parameters");
         let request = srv::GetParametersRequest { names: names.clone() };
         let values = get.expect("client").call(request).await.expect("answer").values;
         assert_eq!((values[0].double_value, values[1].string_value.as_str()), (20.0, "/dev/null"));
-        let types = user.handle().client::<srv::GetParameterTypes>("/driver/get_parameter_types");
+        let types = user.handle().client::<srv::GetParameterTypes>("driver/get_parameter_types");
         let request = srv::GetParameterTypesRequest { names: names.clone() };
         assert_eq!(types.expect("client").call(request).await.expect("answer").types, [3, 4]);
         let describe =
-            user.handle().client::<srv::DescribeParameters>("/driver/describe_parameters");
+            user.handle().client::<srv::DescribeParameters>("driver/describe_parameters");
         let request = srv::DescribeParametersRequest { names };
         let told = describe.expect("client").call(request).await.expect("answer").descriptors;
         assert_eq!(told[0].floating_point_range[0].to_value, 100.0);
@@ -87,7 +89,7 @@ async fn with_use_sim_time_the_node_s_time_is_that_of_the_clock_topic() {
     let (node, simulator) = (start("node", domain(82)), start("simulator", domain(82)));
     let clock = simulator.handle().publisher::<Clock>("/clock", Qos::DEFAULT).expect("clock");
     assert!(node.handle().now() > RosTime::from_parts(1_000_000_000, 0));
-    let set = simulator.handle().client::<srv::SetParameters>("/node/set_parameters").expect("c");
+    let set = simulator.handle().client::<srv::SetParameters>("node/set_parameters").expect("c");
     let value = ParameterValue { type_: 1, bool_value: true, ..ParameterValue::default() };
     let parameters = vec![Parameter { name: "use_sim_time".into(), value }];
     let response = set.call(srv::SetParametersRequest { parameters }).await.expect("answer");
@@ -120,9 +122,18 @@ async fn a_node_tells_its_health_on_the_absolute_topic() {
     node.handle().diagnostics(look).expect("diagnostics");
     let mut health =
         monitor.handle().subscription::<DiagnosticArray>("/diagnostics", Qos::DEFAULT).expect("s");
-    let (array, _) = soon("health", health.next()).await;
+    let name = format!("{}/node: serial link", &common::namespace()[1..]);
+    let array = soon("health", async {
+        loop {
+            let (array, _) = health.next().await;
+            if array.status[0].name == name {
+                return array;
+            }
+        }
+    })
+    .await;
     let status = &array.status[0];
-    assert_eq!((status.name.as_str(), status.level), ("node: serial link", DiagnosticStatus::WARN));
+    assert_eq!(status.level, DiagnosticStatus::WARN);
     assert_eq!(
         (status.values[0].key.as_str(), status.hardware_id.as_str()),
         ("dropped", "grbl 1.1h")

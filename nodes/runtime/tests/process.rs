@@ -5,7 +5,7 @@
 mod common;
 
 use cnc_msgs::wire::rcl_interfaces::msg::Log;
-use common::{PATIENCE, Text, domain, soon, start};
+use common::{PATIENCE, Text, domain, namespace, soon, start};
 use runtime::parameters::Declared;
 use runtime::{Handle, NodeError, Qos};
 use std::process::{Child, Command, Output, Stdio};
@@ -92,16 +92,18 @@ async fn a_node_obeys_its_arguments_logs_to_rosout_and_ends_with_0_on_sigint() {
     let watcher = start("watcher", domain(60));
     let mut log = watcher.handle().subscription::<Log>("/rosout", Qos::ROSOUT).expect("rosout");
     let qos = Qos::DEFAULT.with_depth(1000);
-    let mut greetings = watcher.handle().subscription::<Text>("/cell/moin", qos).expect("sub");
-    let child = launch(
-        "--ros-args -r __ns:=/cell -r __node:=left -r greeting:=moin -p greeter:greeting:=servus",
-        domain(60),
+    let mut greetings = watcher.handle().subscription::<Text>("moin", qos).expect("sub");
+    let (namespace, left) = (namespace(), format!("{}/left", namespace()));
+    let logger = left[1..].replace('/', ".");
+    let words = format!(
+        "--ros-args -r __ns:={namespace} -r __node:=left -r greeting:=moin \
+         -p greeter:greeting:=servus"
     );
+    let child = launch(&words, domain(60));
     assert_eq!(soon("a greeting", greetings.next()).await.0.data, "servus");
     loop {
         let (line, _) = soon("a line", log.next()).await;
-        if line.msg.contains("a greeting went out") {
-            assert_eq!(line.name, "cell.left");
+        if line.name == logger && line.msg.contains("a greeting went out") {
             assert_eq!(
                 (line.level, line.msg.as_str()),
                 (Log::INFO, "a greeting went out greeted=1")
@@ -113,9 +115,9 @@ async fn a_node_obeys_its_arguments_logs_to_rosout_and_ends_with_0_on_sigint() {
     signal(&child, "-INT");
     let (status, text) = tokio::task::spawn_blocking(|| end_of(child)).await.expect("ends");
     assert_eq!(status, Some(0), "{text}");
-    let first = text.lines().find(|line| line.contains("/cell/left started")).expect(&text);
-    assert!(first.starts_with("[INFO] [") && first.contains("] [cell.left]: "), "{first}");
-    assert!(text.contains("/cell/left stops: SIGINT"), "{text}");
+    let first = text.lines().find(|line| line.contains(&format!("{left} started"))).expect(&text);
+    assert!(first.starts_with("[INFO] [") && first.contains(&format!("] [{logger}]: ")), "{first}");
+    assert!(text.contains(&format!("{left} stops: SIGINT")), "{text}");
     assert!(!text.contains("ERROR"), "{text}");
     drop((log, greetings));
     watcher.stop().await;
@@ -161,4 +163,18 @@ fn a_second_signal_ends_a_node_at_once_that_does_not_listen() {
     signal(&child, "-TERM");
     let (status, text) = end_of(child);
     assert_eq!(status, Some(130), "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_thirteenth_node_on_a_computer_says_what_to_do() {
+    let others: Vec<_> = (0..12).map(|index| start(&format!("n{index}"), domain(64))).collect();
+    let child = launch("--ros-args", domain(64));
+    tokio::time::sleep(Duration::from_secs(2)).await;
+    signal(&child, "-INT");
+    let (_, text) = tokio::task::spawn_blocking(|| end_of(child)).await.expect("ends");
+    assert!(text.contains("this is participant 1") && text.contains("of ROS_DOMAIN_ID"), "{text}");
+    assert!(text.contains("ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"), "{text}");
+    for other in others {
+        other.stop().await;
+    }
 }

@@ -16,24 +16,26 @@ async fn a_recorder_finds_topics_takes_their_bytes_and_can_send_them_again() {
         .expect("service");
     assert!(latched.publish(Text { data: "ab".into() }));
 
+    let ours = |topic: &str| format!("{}/{topic}", common::namespace());
     let found = soon("discovery", async {
         loop {
             let found = recorder.handle().discovered_publishers();
-            let ours = |topic: &str| found.iter().any(|publisher| publisher.topic == topic);
-            if ours("/manifest") && ours("/sensor") {
+            let has = |topic: String| found.iter().any(|publisher| publisher.topic == topic);
+            if has(ours("manifest")) && has(ours("sensor")) {
                 return found;
             }
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     })
     .await;
-    assert!(found.iter().all(|publisher| !publisher.topic.contains("add")), "{found:?}");
-    let manifest = found.iter().find(|publisher| publisher.topic == "/manifest").expect("there");
+    assert!(found.iter().all(|publisher| publisher.topic != ours("add")), "{found:?}");
+    let manifest =
+        found.iter().find(|publisher| publisher.topic == ours("manifest")).expect("there");
     assert_eq!(manifest.type_name, "std_msgs/msg/String");
     assert_eq!(manifest.qos, Qos { depth: 0, ..Qos::LATCHED });
     assert_eq!(manifest.gid, latched.gid());
     assert_eq!(manifest.deadline_ns, None);
-    let other = found.iter().find(|publisher| publisher.topic == "/sensor").expect("there");
+    let other = found.iter().find(|publisher| publisher.topic == ours("sensor")).expect("there");
     assert_eq!((other.qos.reliable, other.qos.transient_local), (false, false));
     assert_eq!(other.gid, sensor.gid());
 
@@ -51,11 +53,11 @@ async fn a_recorder_finds_topics_takes_their_bytes_and_can_send_them_again() {
 
     let again = recorder
         .handle()
-        .raw_publisher("/again", "std_msgs/msg/String", Qos::LATCHED)
+        .raw_publisher("again", "std_msgs/msg/String", Qos::LATCHED)
         .expect("raw publisher");
     assert!(again.publish(&sample.bytes));
     assert!(!again.publish(b"\0"), "no encoding");
-    let mut reader = node.handle().subscription::<Text>("/again", Qos::LATCHED).expect("reader");
+    let mut reader = node.handle().subscription::<Text>("again", Qos::LATCHED).expect("reader");
     assert_eq!(soon("the replay", reader.next()).await.0.data, "ab");
 
     drop((latched, sensor, raw, again, reader));

@@ -1,8 +1,8 @@
 //! Actions: goals that take time, can be watched and canceled.
 //!
 //! An action is three services and two topics. The table of goals
-//! ([`goals`], pure) knows what each request is to be answered; [`server`] and
-//! [`client`] carry it. Written here because the action server of ros2-client
+//! (`goals`, pure) knows what each request is to be answered; `server` and
+//! `client` carry it. Written here because the action server of ros2-client
 //! blocks when two results wait, forgets results, and answers cancel requests
 //! with the wrong codes.
 

@@ -3,6 +3,7 @@
 #![allow(dead_code, unreachable_pub)]
 
 use runtime::configuration::Configuration;
+use runtime::environment::DiscoveryRange;
 use runtime::interface::{Action, Message, Service};
 use runtime::parameters::Declared;
 use runtime::{ServiceMapping, Session};
@@ -50,6 +51,11 @@ pub fn domain(offset: u16) -> u16 {
     1 + ((std::process::id() * 7 + u32::from(offset) * 13) % 100) as u16
 }
 
+/// The namespace of this test process.
+pub fn namespace() -> String {
+    format!("/test{}", std::process::id())
+}
+
 pub fn start(name: &str, domain_id: u16) -> Session {
     start_with(name, domain_id, ServiceMapping::Enhanced)
 }
@@ -58,14 +64,27 @@ pub fn start_with(name: &str, domain_id: u16, mapping: ServiceMapping) -> Sessio
     start_declared(name, domain_id, mapping, Vec::new())
 }
 
+pub fn start_in(range: DiscoveryRange, name: &str, domain_id: u16) -> Session {
+    let mut configuration = configuration(name, Vec::new());
+    configuration.environment.domain_id = domain_id;
+    configuration.environment.range = range;
+    Session::start(configuration).expect("a node")
+}
+
+fn configuration(name: &str, declared: Vec<Declared>) -> Configuration {
+    // Other tests may have hit upon the same domain: keep out of their names.
+    let namespace = format!("__ns:={}", namespace());
+    let words = ["--ros-args", "-r", &namespace].map(str::to_owned);
+    Configuration::read(name, declared, &words, &BTreeMap::new()).expect("a valid configuration")
+}
+
 pub fn start_declared(
     name: &str,
     domain_id: u16,
     mapping: ServiceMapping,
     declared: Vec<Declared>,
 ) -> Session {
-    let mut configuration =
-        Configuration::read(name, declared, &[], &BTreeMap::new()).expect("a valid configuration");
+    let mut configuration = configuration(name, declared);
     configuration.environment.domain_id = domain_id;
     configuration.environment.mapping = mapping;
     Session::start(configuration).expect("a node")

@@ -1,0 +1,138 @@
+//! One process, one participant, one node: start and end.
+//!
+//! More than one node on a participant would steal each other's events. What
+//! the node does meanwhile is in `node`; signals and exit status are in `run`.
+
+use crate::cancel::Shutdown;
+use crate::configuration::Configuration;
+use crate::environment::{DiscoveryRange, Environment};
+use crate::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
+use crate::live_parameters::LiveParameters;
+use crate::node::{Handle, Inner, NodeError, failed, lock};
+use crate::parameter_services::serve;
+use crate::parameters::USE_SIM_TIME;
+use crate::qos::Qos;
+use ros2_client::{Context, NodeName, NodeOptions};
+use rustdds::{DomainParticipant, DomainParticipantBuilder};
+use std::net::Ipv4Addr;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// A started node, with what must be taken down in order.
+pub struct Session {
+    handle: Handle,
+    context: Context,
+}
+
+impl Session {
+    /// Joins the domain and announces the node. Needs a tokio runtime.
+    ///
+    /// # Errors
+    /// The participant or the node cannot be made.
+    pub fn start(configuration: Configuration) -> Result<Self, NodeError> {
+        let Configuration { names, environment, parameters, .. } = configuration;
+        raise_file_limit();
+        let participant = join(&environment)?;
+        let context = Context::from_domain_participant(participant.clone())
+            .map_err(|error| failed("the ROS context", &error))?;
+        let node_name = NodeName::new(names.namespace(), names.node())
+            .map_err(|error| failed("the node", &error))?;
+        let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+        let node = context
+            .new_node(node_name, options)
+            .map_err(|error| failed(&names.fully_qualified(), &error))?;
+        let writers = participant
+            .create_publisher(&Qos::SERVICES.policies())
+            .map_err(|error| failed("the DDS publisher", &error))?;
+        let inner = Inner {
+            names,
+            environment,
+            node: Mutex::new(Some(node)),
+            participant: participant.clone(),
+            writers,
+            graph: Graph::new(),
+            parameters: Arc::new(LiveParameters::new(parameters)),
+            clock: Arc::default(),
+            shutdown: Shutdown::new(),
+            tasks: Mutex::default(),
+        };
+        let handle = Handle { inner: Arc::new(inner) };
+        handle.spawn("graph", Arc::clone(&handle.inner.graph).follow(participant.clone()));
+        warn_of_crowd(&handle);
+        serve(&handle, &handle.inner.parameters)?;
+        handle.simulate_time(handle.parameter(USE_SIM_TIME));
+        Ok(Self { handle, context })
+    }
+
+    /// The node, for its tasks.
+    pub fn handle(&self) -> &Handle {
+        &self.handle
+    }
+
+    /// Takes everything down in the order that DDS needs: tasks with their
+    /// endpoints, the node, then the participant. Publishers and subscriptions
+    /// that the caller holds should be gone before.
+    ///
+    /// The last answers get a tenth of a second to go out, and what was sent
+    /// reliably half a second to be repaired.
+    pub async fn stop(self) {
+        let inner = &self.handle.inner;
+        inner.shutdown.request("the node stops");
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        let mut tasks = std::mem::take(&mut *lock(&inner.tasks));
+        tasks.abort_all();
+        let ended = async { while tasks.join_next().await.is_some() {} };
+        if tokio::time::timeout(Duration::from_secs(2), ended).await.is_err() {
+            tracing::warn!("a task does not end; the node stops without it");
+        }
+        tokio::time::sleep(Duration::from_millis(500)).await;
+        drop(lock(&inner.node).take());
+        drop(self.context);
+    }
+}
+
+fn warn_of_crowd(handle: &Handle) {
+    let id = usize::from(handle.inner.participant.participant_id());
+    let is_local = handle.inner.environment.range != DiscoveryRange::Subnet;
+    if is_local && id >= LOOPBACK_PARTICIPANTS_MAX {
+        tracing::error!(
+            "this is participant {} of ROS_DOMAIN_ID {} on this computer; on the loopback \
+             interface alone the others do not see more than {LOOPBACK_PARTICIPANTS_MAX}: \
+             stop some, or use another domain, or ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
+            id + 1,
+            handle.inner.environment.domain_id
+        );
+    }
+}
+
+impl std::fmt::Debug for Session {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Session").field(&self.handle).finish()
+    }
+}
+
+fn join(environment: &Environment) -> Result<DomainParticipant, NodeError> {
+    let builder = DomainParticipantBuilder::new(environment.domain_id);
+    let builder = match environment.range {
+        DiscoveryRange::Subnet => builder,
+        DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
+        DiscoveryRange::Off => {
+            builder.with_only_networks(std::iter::empty::<Ipv4Addr>()).same_host_loopback(false)
+        }
+    };
+    builder.build().map_err(|error| {
+        failed(&format!("a participant in domain {}", environment.domain_id), &error)
+    })
+}
+
+/// Each endpoint takes three files; the usual limit of 1024 is reached by a
+/// recorder with 300 topics.
+fn raise_file_limit() {
+    use rustix::process::{Resource, getrlimit, setrlimit};
+    let mut limit = getrlimit(Resource::Nofile);
+    if limit.current.is_some() && limit.current != limit.maximum {
+        limit.current = limit.maximum;
+        // Without it, creating the endpoint that is one too many says so.
+        let _ = setrlimit(Resource::Nofile, limit);
+    }
+}
