@@ -210,6 +210,11 @@ impl<T> Link<T> {
         self.health.restart(now);
     }
 
+    /// Asks for status at the next opportunity: something has changed.
+    pub fn ask_status(&mut self, now: Duration) {
+        self.health.ask_at(now);
+    }
+
     /// Takes it that the controller will answer nothing more until it is reset.
     pub fn expect_deafness(&mut self) {
         self.health.set_deaf(true);

@@ -142,13 +142,15 @@ impl Driver {
     }
 
     fn cancel_run(&mut self) -> Answer {
-        if let Some(check) = self.check.take() {
+        let check = self.check.take();
+        if let Some(check) = &check {
             let text = "canceled while being checked";
             self.reply(check.id, Err(Refusal::new(error_code::CANCELED, text)));
-            return done("the check was canceled");
         }
-        if !matches!(self.phase, Phase::Running(_)) {
-            return refused(error_code::NOTHING_TO_DO, "no program is running");
+        match (&self.phase, check) {
+            (Phase::Running(_), _) => {}
+            (_, Some(_)) => return done("the check was canceled"),
+            (_, None) => return refused(error_code::NOTHING_TO_DO, "no program is running"),
         }
         self.stop_run(RunOutcome::Canceled, error_code::CANCELED, "canceled".into());
         done("the run is being stopped")

@@ -64,4 +64,4 @@ pub(super) const REPORTS_PER_HOLD: u32 = 2;
 /// How often a hold is sent again.
 pub(super) const HOLDS_MAX: u32 = 5;
 /// Lines that are proven in one go, so that nothing else waits long.
-pub(super) const LINES_PER_SLICE: usize = 5_000;
+pub(super) const LINES_PER_SLICE: usize = 1_000;

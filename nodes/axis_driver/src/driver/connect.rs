@@ -76,7 +76,7 @@ impl Connecting {
 
 impl Driver {
     pub(super) fn on_port_opened(&mut self) {
-        if let Phase::Running(_) = self.phase {
+        if self.is_open() {
             self.on_port_closed("the port was opened anew");
         }
         self.link = Link::new(self.config.link(), self.now);
@@ -214,6 +214,7 @@ impl Driver {
         let Phase::Connecting(connecting) = std::mem::replace(&mut self.phase, Phase::Ready) else {
             return;
         };
+        self.link.ask_status(self.now);
         let message = format!(
             "connected: {:?}, {} planner blocks, at most {} bytes under way",
             self.machine.firmware,

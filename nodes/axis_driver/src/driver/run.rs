@@ -241,9 +241,13 @@ impl Driver {
                     true => Stage::Streaming,
                     false => Stage::Positioning { until: self.now + WORK_POSITION },
                 };
+                self.link.ask_status(self.now);
             }
             (Origin::Program { element: Some(element), .. }, _) => run.tracker.on_answer(element),
-            (Origin::Sync, Stage::Draining(then)) => run.stage = Stage::Settling(*then),
+            (Origin::Sync, Stage::Draining(then)) => {
+                run.stage = Stage::Settling(*then);
+                self.link.ask_status(self.now);
+            }
             _ => {}
         }
     }

@@ -5,7 +5,7 @@
 
 use super::config::{ANSWER, HOLDS_MAX, REPORTS_PER_HOLD, STANDSTILL};
 use super::run::{Run, Stage};
-use super::{Driver, LogLevel, Output, Phase, RunOutcome};
+use super::{Driver, LogLevel, Output, Phase, Refusal, RunOutcome};
 use crate::codes::error_code;
 use crate::link::realtime;
 use crate::report::ControllerState;
@@ -113,7 +113,11 @@ impl Driver {
         match &mut run.stage {
             Stage::Stopping(stopping) => {
                 stopping.step = step;
-                stopping.reply = Some(id);
+                if let Some(earlier) = stopping.reply.replace(id) {
+                    let text = "interrupted by a soft reset";
+                    let result = Err(Refusal::new(error_code, text));
+                    self.outputs.push_back(Output::Reply { id: earlier, result });
+                }
             }
             stage => {
                 let verdict = Verdict { outcome, error_code, message };
@@ -167,6 +171,7 @@ impl Driver {
 
     /// The banner came: the machine stands and has forgotten the program.
     pub(super) fn finish_stop(&mut self) {
+        self.link.ask_status(self.now);
         self.end_with_verdict(Phase::Ready);
     }
 
@@ -185,7 +190,7 @@ impl Driver {
             stopping.verdict.error_code = code;
             // The reset was not confirmed.
             if let Some(id) = stopping.reply.take() {
-                let refusal = super::Refusal::new(code, text);
+                let refusal = Refusal::new(code, text);
                 self.outputs.push_back(Output::Reply { id, result: Err(refusal) });
             }
         }

@@ -5,11 +5,13 @@ use super::{Driver, Origin, Phase, RunOutcome};
 use crate::codes::error_code;
 use crate::encoder::{EncodedLine, SYNC, Step};
 use crate::link::LineKind;
+use crate::report::ControllerState;
 
 impl Driver {
     /// Sends as many lines as there is room for.
     pub(super) fn feed_run(&mut self) {
-        let is_machine_held = self.machine.is_held();
+        let is_machine_held = self.machine.is_state(&ControllerState::Hold)
+            || self.machine.is_state(&ControllerState::Door);
         let Phase::Running(run) = &mut self.phase else { return };
         if run.is_held || is_machine_held || run.is_alone {
             return;

@@ -1,6 +1,7 @@
 //! Scenarios against a scripted controller. When a bench is dropped, its journal is
 //! played again and must give the same bytes and outputs.
 
+mod anything;
 mod bench;
 mod wire;
 
@@ -261,6 +262,16 @@ fn a_check_sends_nothing_and_needs_no_port() {
     bad.elements[1].feed_mm_per_min = Some(0.0);
     bench.run_program(bad, 0, true);
     assert_eq!(refusal(bench.replies.pop().unwrap().1).0, error_code::NOT_ENCODABLE);
+}
+
+#[test]
+fn a_cancel_stops_the_run_whatever_else_is_being_checked() {
+    let mut bench = Bench::running(straight(60));
+    let mut long = straight(20_000);
+    long.elements.iter_mut().for_each(|element| element.end[0] *= 0.01);
+    bench.run_program(long, 0, true);
+    bench.ask(Command::CancelRun).unwrap();
+    assert_ended(&bench.result(), RunOutcome::Canceled, error_code::CANCELED);
 }
 
 #[test]

@@ -66,6 +66,13 @@ impl Health {
         self.is_deaf = is_deaf;
     }
 
+    /// Asks then, unless a request is under way.
+    pub(super) fn ask_at(&mut self, now: Duration) {
+        if !self.is_asked {
+            self.next_poll_at = self.next_poll_at.min(now);
+        }
+    }
+
     pub(super) fn next_poll_at(&self) -> Duration {
         self.next_poll_at
     }
