@@ -40,7 +40,7 @@ pub(super) struct Firmware {
     pub(super) alarm: Option<(&'static str, u16)>,
     /// The next answer is this.
     pub(super) answer_with: Option<&'static str>,
-    /// `$I` says this in place of what grbl says.
+    /// What `$$` says.
     pub(super) settings: &'static str,
     reported_offset: bool,
     /// Lines that ran, with their order.
