@@ -21,7 +21,11 @@ mod finding;
 mod frame;
 mod intersect;
 mod lead;
+#[cfg(feature = "node")]
+pub mod node;
 mod normalise;
+#[cfg(feature = "node")]
+mod preview;
 mod radius;
 mod reach;
 mod rules;

@@ -4,39 +4,38 @@
 //! error. Nothing that is sent to a machine goes through here.
 
 use cnc_msgs::geometry::{Arc, Position, Shape};
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::path::{CompensatedPath, PathElement};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Points that one element is cut into at most; beyond, the chord error grows.
 const POINTS_MAX: f64 = 65_536.0;
 
-/// Appends the points of one motion from after its start to its end.
+/// Hands out the points of one element from after its start to its end.
 ///
 /// Arcs, helices and whole turns follow their circle within `chord_error_mm`;
 /// the last point is the end itself.
-pub fn tessellate(
+pub fn points(
     start: Position,
-    shape: &Shape,
-    end: Position,
+    element: &PathElement,
     chord_error_mm: f64,
-    points: &mut Vec<Position>,
+    mut each: impl FnMut(Position),
 ) {
-    if let Shape::Arc(arc) = shape {
-        along_arc(start, arc, end, chord_error_mm, points);
+    if let Shape::Arc(arc) = &element.shape {
+        along_arc(start, arc, element.end, chord_error_mm, &mut each);
     }
-    points.push(end);
+    each(element.end);
 }
 
 /// The points of a whole path, from its start.
-pub fn tessellate_path(path: &CompensatedPath, chord_error_mm: f64) -> Vec<Position> {
-    let mut points = Vec::with_capacity(path.elements.len() + 1);
+pub fn path(path: &CompensatedPath, chord_error_mm: f64) -> Vec<Position> {
+    let mut all = Vec::with_capacity(path.elements.len() + 1);
     let mut start = path.start;
-    points.push(start);
+    all.push(start);
     for element in &path.elements {
-        tessellate(start, &element.shape, element.end, chord_error_mm, &mut points);
+        points(start, element, chord_error_mm, |point| all.push(point));
         start = element.end;
     }
-    points
+    all
 }
 
 /// The angle that an arc runs through, rad, with its whole turns.
@@ -56,7 +55,7 @@ fn along_arc(
     arc: &Arc,
     end: Position,
     chord_error_mm: f64,
-    points: &mut Vec<Position>,
+    each: &mut impl FnMut(Position),
 ) {
     let [u, v, w] = arc.plane.axes();
     let from = [start[u] - arc.center[u], start[v] - arc.center[v]];
@@ -78,6 +77,6 @@ fn along_arc(
         point[u] = arc.center[u] + from[0] * cos - from[1] * sin;
         point[v] = arc.center[v] + from[0] * sin + from[1] * cos;
         point[w] = start[w] + (end[w] - start[w]) * ratio;
-        points.push(point);
+        each(point);
     }
 }

@@ -1,3 +1,130 @@
-//! The command people type.
+//! The command people type; also runs any node.
+//!
+//! This file knows the subcommands and nothing of what they do. Arguments
+//! between `--ros-args` and `--` are for ROS and are cut out before anything
+//! else is read.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command talks to people")]
 
-fn main() {}
+mod bag;
+mod demo;
+mod exit;
+mod files;
+mod node;
+mod operate;
+mod picture;
+mod plan;
+mod plan_json;
+mod replay;
+mod stack;
+mod up;
+
+use clap::{Parser, Subcommand};
+use exit::{Outcome, conclude};
+use operate::Button;
+use std::process::ExitCode;
+
+/// A ROS 2 CNC machine node stack: part program in, compensated path out, every run on record.
+///
+/// This is not a safety function: the emergency stop is wired.
+#[derive(Debug, Parser)]
+#[command(name = "kerf", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run the whole stack on the virtual controller: load, plan, run, record, replay
+    Demo(demo::DemoArgs),
+    /// Start every node and keep it running; arguments for ROS after --ros-args
+    Up(up::UpArgs),
+    /// Run one node
+    Node(node::NodeArgs),
+    /// Compensate a program; no ROS needed
+    Plan(plan::PlanArgs),
+    /// Load a program into the running nodes
+    Load(operate::LoadArgs),
+    /// Run the loaded program, or load one and run it
+    Run(operate::RunArgs),
+    /// Feed hold: decelerate and stay; the spindle keeps turning
+    Hold,
+    /// Go on after a hold
+    Resume,
+    /// Cancel the run: hold, then drop the rest
+    Abort,
+    /// What the machine does
+    Status,
+    /// Run today's cores on recorded runs and compare
+    Replay(replay::ReplayArgs),
+    /// Look into bags and mend them
+    #[command(subcommand)]
+    Bag(bag::BagCommand),
+}
+
+fn main() -> ExitCode {
+    let (args, ros_args) = split_ros_args(std::env::args().collect());
+    let cli = Cli::parse_from(args);
+    if let Command::Node(args) = cli.command {
+        return node::run(&args, ros_args);
+    }
+    conclude(run(cli.command, &ros_args))
+}
+
+fn run(command: Command, ros_args: &[String]) -> Outcome {
+    match command {
+        Command::Demo(args) => demo::run(&args, ros_args),
+        Command::Up(args) => up::run(&args, ros_args),
+        Command::Node(_) => unreachable!("nodes have an exit code of their own"),
+        Command::Plan(args) => plan::run(&args),
+        Command::Load(args) => operate::load(&args, ros_args),
+        Command::Run(args) => operate::run(&args, ros_args),
+        Command::Hold => operate::press(Button::Hold, ros_args),
+        Command::Resume => operate::press(Button::Resume, ros_args),
+        Command::Abort => operate::abort(ros_args),
+        Command::Status => operate::status(ros_args),
+        Command::Replay(args) => replay::run(&args),
+        Command::Bag(command) => bag::run(&command),
+    }
+}
+
+/// Cuts out every stretch from `--ros-args` to `--` or to the end, with its ends.
+fn split_ros_args(all: Vec<String>) -> (Vec<String>, Vec<String>) {
+    let (mut own, mut ros) = (Vec::new(), Vec::new());
+    let mut is_ros = false;
+    for arg in all {
+        match (is_ros, arg.as_str()) {
+            (_, "--ros-args") => {
+                is_ros = true;
+                ros.push(arg);
+            }
+            (true, "--") => {
+                is_ros = false;
+                ros.push(arg);
+            }
+            (true, _) => ros.push(arg),
+            (false, _) => own.push(arg),
+        }
+    }
+    (own, ros)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn arguments_for_ros_are_cut_out_wherever_they_stand() {
+        let words = |text: &str| text.split(' ').map(String::from).collect::<Vec<_>>();
+        let (own, ros) =
+            split_ros_args(words("kerf load --ros-args -r __ns:=/mill -- part.ngc --ros-args"));
+        assert_eq!(own, words("kerf load part.ngc"));
+        assert_eq!(ros, words("--ros-args -r __ns:=/mill -- --ros-args"));
+    }
+}

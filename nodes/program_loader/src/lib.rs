@@ -29,7 +29,10 @@ mod rules;
 
 pub mod canonical;
 pub mod limits;
+#[cfg(feature = "node")]
+pub mod node;
 pub mod render;
+pub mod upload;
 
 pub use bounds::Bounds;
 

@@ -3,11 +3,13 @@
 //! Reads files, keeps the newest program and answers for it. What a program
 //! means is decided by [`load`](crate::load); nothing here is worth a test of its own.
 
-use crate::upload::{PROGRAM_BYTES_MAX, Uploads};
+use crate::limits::PROGRAM_BYTES_MAX;
+use crate::upload::Uploads;
 use crate::{LoadOptions, Loaded, load};
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::{ContourChunks, ProgramChunks, program_id, sha256_hex};
 use cnc_msgs::interface::Service;
+use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::units::point_from_position;
 use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, Program, ProgramChunk, ProgrammedContour};
@@ -19,7 +21,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::chunks::{ChunkTopic, Cut, page};
 use runtime::commands::{Answer, CommandLog};
-use runtime::{Declaration, Handle, NodeResult, Parameters, Publisher, Qos, RequestInfo};
+use runtime::{Declared, Handle, NodeResult, Publisher, Qos, RequestInfo};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -29,22 +31,20 @@ const FINDINGS_BYTES_MAX: usize = 40_000;
 
 /// Runs the node until it is told to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
-    runtime::run("program_loader", parameters(), args, start)
+    runtime::run_with("program_loader", parameters(), &args, start)
 }
 
 /// The node's parameters.
-pub fn parameters() -> Vec<Declaration> {
+pub fn parameters() -> Vec<Declared> {
     vec![
-        Declaration::new("controller", "rs274")
-            .describe("controller profile of programs that do not name one: a built-in name, or a YAML file"),
-        Declaration::new("frame_id", "work").describe("frame of the programmed contour"),
-        Declaration::new("block_delete", false)
-            .describe("whether blocks that begin with / are skipped"),
+        Declared::new("controller", "rs274", "controller profile of programs that do not name one: a built-in name, or a YAML file").read_only(),
+        Declared::new("frame_id", "work", "frame of the programmed contour").read_only(),
+        Declared::new("block_delete", false, "whether blocks that begin with / are skipped").read_only(),
     ]
 }
 
-async fn start(node: Handle, parameters: Parameters) -> NodeResult {
-    let loader = Arc::new(Loader::new(&node, &parameters)?);
+async fn start(node: Handle) -> NodeResult {
+    let loader = Arc::new(Loader::new(&node)?);
     let commands = CommandLog::new(&node)?;
 
     let (shared, log) = (Arc::clone(&loader), commands.clone());
@@ -126,18 +126,18 @@ fn refuse<T>(code: u16, message: impl std::fmt::Display) -> Result<T, Refusal> {
 }
 
 impl Loader {
-    fn new(node: &Handle, parameters: &Parameters) -> Result<Self, runtime::Error> {
-        let controller = parameters.string("controller");
+    fn new(node: &Handle) -> Result<Self, runtime::Error> {
+        let controller: String = node.parameter("controller");
         // A wrong default is better found now than with the first program.
-        runtime::profiles::load_profile(&controller)?;
+        runtime::load_profile(&controller)?;
         let options = LoadOptions {
-            block_delete: parameters.bool("block_delete"),
+            block_delete: node.parameter("block_delete"),
             ..LoadOptions::default()
         };
         Ok(Self {
             node: node.clone(),
             controller,
-            frame_id: parameters.string("frame_id"),
+            frame_id: node.parameter("frame_id"),
             options,
             program: node.publisher("program", Qos::LATCHED)?,
             program_topic: ChunkTopic::new(node, "program/chunks")?,
@@ -168,7 +168,7 @@ impl Loader {
         } else {
             &request.controller
         };
-        let profile = runtime::profiles::load_profile(controller)
+        let profile = runtime::load_profile(controller)
             .or_else(|error| refuse(W::UNKNOWN_CONTROLLER, error))?;
         let loaded = load(&text, &profile, &self.options);
         let (diagnostics, diagnostic_count) = first_findings(&loaded);
@@ -186,7 +186,7 @@ impl Loader {
                 ..LoadProgramResponse::default()
             });
         }
-        let (min, max) = loaded.bounds;
+        let (min, max) = corners(&loaded);
         let response = LoadProgramResponse {
             success: true,
             message: format!("{name} is loaded: {} lines", loaded.line_count),
@@ -214,16 +214,18 @@ impl Loader {
             [true, false, false] => {
                 let path = Path::new(&request.path);
                 let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-                let unreadable =
-                    |error| refuse(W::FILE_UNREADABLE, format_args!("cannot read {}: {error}", request.path));
-                let size = std::fs::metadata(path).or_else(unreadable)?.len();
+                let unreadable = |error: std::io::Error| Refusal {
+                    code: W::FILE_UNREADABLE,
+                    message: format!("cannot read {}: {error}", request.path),
+                };
+                let size = std::fs::metadata(path).map_err(unreadable)?.len();
                 if size > PROGRAM_BYTES_MAX as u64 {
                     return refuse(
                         W::TOO_LARGE,
                         format_args!("{} has {size} bytes; at most {PROGRAM_BYTES_MAX} are taken", request.path),
                     );
                 }
-                Ok((std::fs::read(path).or_else(unreadable)?, named(&name)))
+                Ok((std::fs::read(path).map_err(unreadable)?, named(&name)))
             }
             [false, true, false] => Ok((request.text.clone().into_bytes(), named("program"))),
             [false, false, true] => {
@@ -242,7 +244,7 @@ impl Loader {
     fn publish(&self, name: String, text: Vec<u8>, profile: &Profile, loaded: Loaded) {
         let program_id = program_id(&profile.name, &text);
         let stamp = self.node.now();
-        let (min, max) = loaded.bounds;
+        let (min, max) = corners(&loaded);
         let mut program = Program {
             stamp: stamp.into(),
             program_id: program_id.clone(),
@@ -263,7 +265,7 @@ impl Loader {
             program_id: program_id.clone(),
             name,
             controller: profile.name.clone(),
-            profile: runtime::profiles::to_json(profile),
+            profile: runtime::profile_to_yaml(profile),
             event_count: chunks.contour().events.len() as u64,
             chunk_count: chunks.count(),
             sha256: chunks.sha256().to_owned(),
@@ -351,6 +353,12 @@ impl Loader {
         }
         Ok(chunks)
     }
+}
+
+/// The corners of the box around what the program names; where it names nothing, the start.
+pub fn corners(loaded: &Loaded) -> (Position, Position) {
+    let start = loaded.contour.start;
+    loaded.bounds.as_ref().map_or((start, start), |bounds| (bounds.min, bounds.max))
 }
 
 /// As many findings as fit an answer, and how many there are.

@@ -3,13 +3,12 @@
 //! Knows which pieces of which upload are there and what they may take
 //! together; leaves the requests and answers to the shell.
 
+use crate::limits::PROGRAM_BYTES_MAX;
 use cnc_msgs::wire::cnc_msgs::srv::PutProgramChunkRequest;
 use std::collections::{BTreeMap, VecDeque};
 
 /// What one piece may hold, bytes: it has to fit a message.
 pub const CHUNK_BYTES_MAX: usize = 48_000;
-/// What one program may hold, bytes.
-pub const PROGRAM_BYTES_MAX: usize = 256 << 20;
 /// Uploads that may be unfinished at a time; one more drops the oldest.
 pub const UPLOADS_MAX: usize = 4;
 

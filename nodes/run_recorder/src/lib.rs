@@ -16,6 +16,8 @@ pub mod diff;
 pub mod files;
 pub mod info;
 pub mod metadata;
+#[cfg(feature = "node")]
+pub mod node;
 mod outline;
 pub mod qos;
 mod records;

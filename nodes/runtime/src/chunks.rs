@@ -102,7 +102,7 @@ pub enum PullError {
 ///
 /// # Errors
 /// The service does not answer, refuses, or its chunks are not what was announced.
-pub async fn pull<S: Service, C: Chunk>(
+pub async fn pull<S: Service + 'static, C: Chunk>(
     client: &Client<S>,
     collector: &mut Collector<C>,
     request: impl Fn(u32) -> S::Request,

@@ -1,0 +1,319 @@
+//! The ROS shell of the driver: commands in, state and traffic out.
+//!
+//! Everything that matters to the machine happens on the serial thread, which
+//! does not know that ROS exists. This file carries commands to it and what it
+//! says to the world; if all of it stood still, the machine would not notice.
+
+mod actions;
+mod parameters;
+mod path;
+mod traffic;
+mod viewers;
+
+pub use parameters::driver_config;
+pub use traffic::kind_from_wire;
+
+use crate::driver::{Command, LogLevel, Output, Refusal, RunResult};
+use crate::journal::Entry;
+use crate::serial::{Event, Serial};
+use cnc_msgs::interface::Service;
+use cnc_msgs::machine::MachineState;
+use cnc_msgs::wire::cnc_msgs::srv::GetTraffic;
+use cnc_msgs::wire::std_msgs::msg::Bool;
+use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerResponse};
+use path::Paths;
+use runtime::commands::{Answer, CommandLog};
+use runtime::{Handle, Health, HealthLevel, NodeResult, Qos, RequestInfo, RosTime};
+use std::collections::BTreeMap;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::{mpsc, oneshot, watch};
+use traffic::Traffic;
+use viewers::Viewers;
+
+/// Events and entries that may wait for this shell.
+const WAITING_MAX: usize = 16_384;
+/// Time over which traffic is gathered into one message.
+const BATCH: Duration = Duration::from_millis(20);
+/// How often the state goes out when nothing changes.
+const STATE_PERIOD: Duration = Duration::from_millis(200);
+/// How long a hold, a resume or an unlock may take to be answered.
+const REPLY_WITHIN: Duration = Duration::from_secs(10);
+/// How long bringing the machine to a stop may take when the node leaves.
+const STOP_WITHIN: Duration = Duration::from_secs(15);
+
+/// Runs the node until it is told to stop.
+pub fn main(args: Vec<String>) -> ExitCode {
+    runtime::run_with("axis_driver", parameters::declared(), &args, start)
+}
+
+async fn start(node: Handle) -> NodeResult {
+    let config = parameters::serial_config(&node);
+    let has_port = !config.path.is_empty();
+    if !has_port {
+        tracing::warn!("no port is set: give one with -p axis_driver:port:=/dev/ttyUSB0");
+    }
+    let (event_sender, events) = sync_channel(WAITING_MAX);
+    let (entry_sender, entries) = sync_channel(WAITING_MAX);
+    let serial = Serial::start(config, event_sender, entry_sender)?;
+    let zero = RosTime::from_nanos(
+        RosTime::wall().as_nanos()
+            - i64::try_from(serial.epoch().elapsed().as_nanos()).unwrap_or(0),
+    );
+    let traffic = Traffic::new(node.publisher("controller_traffic", Qos::EVENTS)?, zero);
+    let driver = Arc::new(Driver {
+        serial,
+        next_id: AtomicU64::new(1),
+        state: watch::Sender::new((Instant::now(), MachineState::default())),
+        progress: watch::Sender::new(Progress::default()),
+        waiting: Mutex::default(),
+        commands: CommandLog::new(&node)?,
+    });
+
+    let shared = traffic.clone();
+    std::thread::Builder::new()
+        .name("traffic".into())
+        .spawn(move || gather(&entries, |batch| shared.push(batch)))?;
+    let (relay, mut relayed) = mpsc::channel(WAITING_MAX);
+    std::thread::Builder::new().name("driver events".into()).spawn(move || {
+        while let Ok(event) = events.recv() {
+            if relay.blocking_send(event).is_err() {
+                break;
+            }
+        }
+    })?;
+    let viewers = Viewers::new(&node)?;
+    let (handle, shared) = (node.clone(), Arc::clone(&driver));
+    node.spawn("driver events", async move {
+        let mut ticks = tokio::time::interval(STATE_PERIOD);
+        loop {
+            tokio::select! {
+                event = relayed.recv() => match event {
+                    Some(event) => shared.take(event, |state| viewers.publish(handle.now(), state)),
+                    None => break,
+                },
+                _ = ticks.tick() => viewers.publish(handle.now(), &shared.state_now()),
+            }
+        }
+    });
+
+    offer_services(&node, &driver)?;
+    let shared = traffic.clone();
+    node.service::<GetTraffic, _, _>("get_traffic", move |request, _| {
+        std::future::ready(shared.answer(&request))
+    })?;
+    let paths = Paths::follow(&node)?;
+    actions::offer(&node, &driver, paths)?;
+    let shared = Arc::clone(&driver);
+    node.diagnostics(move || vec![shared.health()])?;
+
+    if has_port {
+        driver.serial.open()?;
+    }
+    node.shutdown().requested().await;
+    driver.leave().await;
+    Ok(())
+}
+
+/// Hands on what has gathered, every [`BATCH`]; ends with the driver.
+fn gather(entries: &Receiver<Entry>, push: impl Fn(Vec<Entry>)) {
+    while let Ok(first) = entries.recv() {
+        let (mut batch, end) = (vec![first], Instant::now() + BATCH);
+        let is_over = loop {
+            match entries.recv_timeout(end.saturating_duration_since(Instant::now())) {
+                Ok(entry) => batch.push(entry),
+                Err(RecvTimeoutError::Timeout) => break false,
+                Err(RecvTimeoutError::Disconnected) => break true,
+            }
+        };
+        push(batch);
+        if is_over {
+            break;
+        }
+    }
+}
+
+/// How far a run is.
+#[derive(Debug, Clone, Copy, Default)]
+struct Progress {
+    line: u32,
+    fraction: f64,
+    time_left_s: f64,
+}
+
+/// The answer to a command: what was done, or why not.
+type Reply = Result<String, Refusal>;
+
+/// Who waits for what.
+#[derive(Debug, Default)]
+struct Waiting {
+    replies: BTreeMap<u64, oneshot::Sender<Reply>>,
+    runs: BTreeMap<u64, oneshot::Sender<RunResult>>,
+    leave: Option<oneshot::Sender<()>>,
+}
+
+/// The serial driver as this shell sees it.
+struct Driver {
+    serial: Serial,
+    next_id: AtomicU64,
+    /// The newest state and when it came.
+    state: watch::Sender<(Instant, MachineState)>,
+    progress: watch::Sender<Progress>,
+    waiting: Mutex<Waiting>,
+    commands: CommandLog,
+}
+
+impl Driver {
+    fn waiting(&self) -> MutexGuard<'_, Waiting> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The state, with the age of what was heard.
+    fn state_now(&self) -> MachineState {
+        let (at, state) = self.state.borrow().clone();
+        MachineState { link_age_s: state.link_age_s + at.elapsed().as_secs_f64(), ..state }
+    }
+
+    fn take(&self, event: Event, publish: impl Fn(&MachineState)) {
+        match event.output {
+            Output::State(state) => {
+                publish(&state);
+                self.state.send_replace((Instant::now(), state));
+            }
+            Output::Progress { line, fraction, time_left_s } => {
+                self.progress.send_replace(Progress { line, fraction, time_left_s });
+            }
+            Output::Reply { id, result } => {
+                if let Some(waiting) = self.waiting().replies.remove(&id) {
+                    // Whoever asked may have given up.
+                    let _ = waiting.send(result);
+                }
+            }
+            Output::RunFinished(result) => {
+                if let Some(waiting) = self.waiting().runs.remove(&result.id) {
+                    let _ = waiting.send(result);
+                }
+            }
+            Output::ReadyToClose => {
+                if let Some(waiting) = self.waiting().leave.take() {
+                    let _ = waiting.send(());
+                }
+            }
+            Output::Log { level, message } => match level {
+                LogLevel::Info => tracing::info!("{message}"),
+                LogLevel::Warn => tracing::warn!("{message}"),
+                LogLevel::Error => tracing::error!("{message}"),
+            },
+            // The bytes are in the journal.
+            Output::Transmit(_) => {}
+        }
+    }
+
+    /// Sends a command and waits for its answer.
+    async fn ask(&self, command: Command, within: Duration) -> Reply {
+        let id = self.next_id.fetch_add(1, Ordering::Relaxed);
+        self.ask_as(id, command, within).await
+    }
+
+    async fn ask_as(&self, id: u64, command: Command, within: Duration) -> Reply {
+        let refuse =
+            |message: String| Refusal { error_code: crate::codes::error_code::NO_ANSWER, message };
+        let (sender, reply) = oneshot::channel();
+        self.waiting().replies.insert(id, sender);
+        if self.serial.command(id, command).is_err() {
+            self.waiting().replies.remove(&id);
+            return Err(refuse("too many commands wait for the driver".into()));
+        }
+        match tokio::time::timeout(within, reply).await {
+            Ok(Ok(reply)) => reply,
+            _ => {
+                self.waiting().replies.remove(&id);
+                Err(refuse(format!("the driver did not answer within {} s", within.as_secs_f64())))
+            }
+        }
+    }
+
+    /// Brings the machine to a stop, if there is one, before the port is closed.
+    async fn leave(&self) {
+        let (sender, ready) = oneshot::channel();
+        self.waiting().leave = Some(sender);
+        let id = self.next_id.fetch_add(1, Ordering::Relaxed);
+        if self.serial.command(id, Command::Shutdown).is_err()
+            || tokio::time::timeout(STOP_WITHIN, ready).await.is_err()
+        {
+            tracing::error!("the machine was not brought to a stop; it may still move");
+        }
+        // The last traffic and the results of goals are on their way.
+        tokio::time::sleep(Duration::from_millis(300)).await;
+    }
+
+    fn health(&self) -> Health {
+        use cnc_msgs::machine::Mode;
+        let state = self.state_now();
+        let dropped = self.serial.dropped();
+        Health {
+            component: "serial link".into(),
+            level: match state.mode {
+                Mode::Unknown | Mode::Alarm => HealthLevel::Error,
+                Mode::Disconnected => HealthLevel::Warn,
+                _ if dropped.entries > 0 => HealthLevel::Warn,
+                _ => HealthLevel::Ok,
+            },
+            message: match state.reason.as_str() {
+                "" => state.mode.name().to_owned(),
+                reason => format!("{}: {reason}", state.mode.name()),
+            },
+            hardware_id: String::new(),
+            values: vec![
+                ("seconds since the last report".into(), format!("{:.3}", state.link_age_s)),
+                ("events dropped".into(), dropped.events.to_string()),
+                ("traffic entries dropped".into(), dropped.entries.to_string()),
+            ],
+        }
+    }
+}
+
+fn offer_services(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
+    for (name, command) in [
+        ("feed_hold", Command::FeedHold),
+        ("resume", Command::Resume),
+        ("soft_reset", Command::SoftReset),
+        ("unlock", Command::Unlock),
+        ("confirm_tool_change", Command::ConfirmToolChange),
+    ] {
+        let driver = Arc::clone(driver);
+        node.concurrent_service::<Trigger, _, _>(name, move |request, info: RequestInfo| {
+            let (driver, command) = (Arc::clone(&driver), command.clone());
+            async move {
+                let reply = driver.ask(command, REPLY_WITHIN).await;
+                let (success, error_code, message) = match reply {
+                    Ok(message) => (true, 0, message),
+                    Err(refusal) => (false, refusal.error_code, refusal.message),
+                };
+                let answer = Answer { success, error_code, message: &message };
+                driver.commands.record(name, Trigger::TYPE_NAME, &info, &request, answer);
+                TriggerResponse { success, message }
+            }
+        })?;
+    }
+    // Topics work across every middleware; a hold must.
+    let mut holds = node.subscription::<Bool>("feed_hold", Qos::DEFAULT)?;
+    let driver = Arc::clone(driver);
+    node.spawn("feed_hold", async move {
+        let mut was_held = false;
+        loop {
+            let (hold, _) = holds.next().await;
+            if hold.data && !was_held {
+                let reply = driver.ask(Command::FeedHold, REPLY_WITHIN).await;
+                if let Err(refusal) = reply {
+                    tracing::error!("feed hold by topic: {}", refusal.message);
+                }
+            }
+            was_held = hold.data;
+        }
+    });
+    Ok(())
+}

@@ -1,0 +1,195 @@
+//! The actions: one goal at a time, always with a result.
+
+use super::path::{Paths, Planned};
+use super::{Driver, Reply};
+use crate::codes::error_code;
+use crate::driver::{Command, Refusal, RunOutcome, RunRequest, RunResult};
+use cnc_msgs::convert::mode_to_wire;
+use cnc_msgs::interface::Action;
+use cnc_msgs::wire::builtin_interfaces::msg::Duration as WireDuration;
+use cnc_msgs::wire::cnc_msgs::action::{
+    Home, HomeFeedback, HomeResult, RunProgram, RunProgramFeedback, RunProgramGoal,
+    RunProgramResult,
+};
+use runtime::action::{Goal, GoalOffer, Outcome};
+use runtime::commands::Answer;
+use runtime::{Handle, NodeError};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+use tokio::sync::oneshot;
+
+/// How long a path that is on its way may take to arrive.
+const PATH_WITHIN: Duration = Duration::from_millis(1_500);
+/// How long proving that a path can be sent may take.
+const PROVE_WITHIN: Duration = Duration::from_millis(2_000);
+/// How long a cancel may take to be answered; the run ends when the machine stands.
+const CANCEL_WITHIN: Duration = Duration::from_secs(10);
+/// How often feedback goes out.
+const FEEDBACK_PERIOD: Duration = Duration::from_millis(100);
+/// Longer than the driver's own limit.
+const HOME_WITHIN: Duration = Duration::from_secs(2 * 3_600);
+
+/// Offers `run_program` and `home`.
+pub(super) fn offer(node: &Handle, driver: &Arc<Driver>, paths: Paths) -> Result<(), NodeError> {
+    let mut runs = node.action_server::<RunProgram>("run_program")?;
+    let (handle, shared) = (node.clone(), Arc::clone(driver));
+    node.spawn("run_program", async move {
+        while let Some(offer) = runs.next_goal().await {
+            let (driver, paths) = (Arc::clone(&shared), paths.clone());
+            let run = async move { decide(&driver, &paths, offer).await };
+            handle.spawn("run of a program", run);
+        }
+    });
+    let mut homes = node.action_server::<Home>("home")?;
+    let (handle, shared) = (node.clone(), Arc::clone(driver));
+    node.spawn("home", async move {
+        while let Some(offer) = homes.next_goal().await {
+            let driver = Arc::clone(&shared);
+            handle.spawn("homing", async move { home(&driver, offer).await });
+        }
+    });
+    Ok(())
+}
+
+fn answer(reply: &Reply) -> Answer<'_> {
+    match reply {
+        Ok(message) => Answer { success: true, error_code: 0, message },
+        Err(Refusal { error_code, message }) => {
+            Answer { success: false, error_code: *error_code, message }
+        }
+    }
+}
+
+/// Accepts a goal when the driver does, and follows it to its end.
+async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram>) {
+    let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
+    let (sender, finished) = oneshot::channel();
+    driver.waiting().runs.insert(id, sender);
+    let reply = begin(driver, paths, id, offer.goal()).await;
+    driver.commands.record(
+        "run_program",
+        RunProgram::TYPE_NAME,
+        &offer.info(),
+        offer.goal(),
+        answer(&reply),
+    );
+    match reply {
+        Err(refusal) => {
+            driver.waiting().runs.remove(&id);
+            offer.reject(&refusal.message);
+        }
+        Ok(_) => match offer.accept() {
+            Some(goal) => follow(driver, goal, finished).await,
+            None => {
+                tracing::error!("the goal was accepted too late; the run is canceled");
+                let _ = driver.ask(Command::CancelRun, CANCEL_WITHIN).await;
+            }
+        },
+    }
+}
+
+async fn begin(driver: &Driver, paths: &Paths, id: u64, goal: &RunProgramGoal) -> Reply {
+    let planned = paths.get(&goal.program_id, PATH_WITHIN).await;
+    let Planned { program_id, revision, path } = planned
+        .map_err(|message| Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message })?;
+    let request = RunRequest {
+        program_id,
+        revision,
+        path,
+        start_line: goal.start_line,
+        check_only: goal.check_only,
+    };
+    driver.ask_as(id, Command::RunProgram(request), PROVE_WITHIN).await
+}
+
+async fn follow(driver: &Driver, goal: Goal<RunProgram>, finished: oneshot::Receiver<RunResult>) {
+    let mut finished = std::pin::pin!(finished);
+    let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
+    let mut is_canceling = false;
+    let result = loop {
+        tokio::select! {
+            result = &mut finished => break result,
+            () = goal.cancel_requested(), if !is_canceling => {
+                is_canceling = true;
+                if let Err(refusal) = driver.ask(Command::CancelRun, CANCEL_WITHIN).await {
+                    tracing::error!("the run cannot be canceled: {}", refusal.message);
+                }
+            }
+            _ = ticks.tick() => goal.feedback(feedback(driver)),
+        }
+    };
+    let Ok(result) = result else {
+        // The driver's thread is gone, and with it what it knew.
+        goal.end(
+            Outcome::Aborted,
+            RunProgramResult {
+                outcome: RunProgramResult::OUTCOME_ABORTED,
+                error_code: error_code::LINK_LOST,
+                message: "the driver stopped; motion may continue".into(),
+                ..RunProgramResult::default()
+            },
+        );
+        return;
+    };
+    let (outcome, code) = match result.outcome {
+        RunOutcome::Succeeded => (Outcome::Succeeded, RunProgramResult::OUTCOME_SUCCEEDED),
+        RunOutcome::Canceled => (Outcome::Canceled, RunProgramResult::OUTCOME_CANCELED),
+        RunOutcome::Aborted => (Outcome::Aborted, RunProgramResult::OUTCOME_ABORTED),
+    };
+    goal.feedback(feedback(driver));
+    goal.end(
+        outcome,
+        RunProgramResult {
+            outcome: code,
+            error_code: result.error_code,
+            message: result.message,
+            last_line: result.last_line,
+        },
+    );
+}
+
+fn feedback(driver: &Driver) -> RunProgramFeedback {
+    let progress = *driver.progress.borrow();
+    let left = Duration::try_from_secs_f64(progress.time_left_s).unwrap_or_default();
+    RunProgramFeedback {
+        line: progress.line,
+        fraction: progress.fraction,
+        time_left: WireDuration {
+            sec: i32::try_from(left.as_secs()).unwrap_or(i32::MAX),
+            nanosec: left.subsec_nanos(),
+        },
+        state: mode_to_wire(driver.state.borrow().1.mode),
+    }
+}
+
+/// Homes; the driver's answer comes when the machine is home or cannot be.
+async fn home(driver: &Arc<Driver>, offer: GoalOffer<Home>) {
+    let (info, asked) = (offer.info(), offer.goal().clone());
+    let Some(goal) = offer.accept() else { return };
+    let mut homed = std::pin::pin!(driver.ask(Command::Home, HOME_WITHIN));
+    let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
+    let mut is_canceling = false;
+    let reply = loop {
+        tokio::select! {
+            reply = &mut homed => break reply,
+            () = goal.cancel_requested(), if !is_canceling => {
+                // grbl hears nothing but a reset while it homes.
+                is_canceling = true;
+                let _ = driver.ask(Command::SoftReset, CANCEL_WITHIN).await;
+            }
+            _ = ticks.tick() => {
+                goal.feedback(HomeFeedback { state: mode_to_wire(driver.state.borrow().1.mode) });
+            }
+        }
+    };
+    driver.commands.record("home", Home::TYPE_NAME, &info, &asked, answer(&reply));
+    let (outcome, result) = match reply {
+        Ok(message) => (Outcome::Succeeded, HomeResult { success: true, error_code: 0, message }),
+        Err(Refusal { error_code, message }) => (
+            if is_canceling { Outcome::Canceled } else { Outcome::Aborted },
+            HomeResult { success: false, error_code, message },
+        ),
+    };
+    goal.end(outcome, result);
+}

@@ -1,0 +1,130 @@
+//! The driver's parameters and what they make of the driver.
+
+use crate::driver::DriverConfig;
+use crate::encoder::EncoderConfig;
+use crate::serial::{Reopen, SerialConfig};
+use runtime::Handle;
+use runtime::parameters::{Declared, ParameterValue};
+use std::time::Duration;
+
+/// First and longest pause between two tries to open the port.
+const REOPEN: Reopen =
+    Reopen::Backoff { first: Duration::from_millis(500), most: Duration::from_secs(5) };
+
+/// All of them; none changes while the node runs.
+pub(super) fn declared() -> Vec<Declared> {
+    let config = DriverConfig::default();
+    let encoder = EncoderConfig::default();
+    let integer = |value: u32| i64::from(value);
+    vec![
+        Declared::new("port", "", "serial port, best a name below /dev/serial/by-id; empty: none"),
+        Declared::new("baud", integer(config.baud), "bits a second")
+            .integer_within(1_200, 4_000_000),
+        Declared::new("dtr", "leave", "level of DTR after opening: leave, set or clear")
+            .one_of(&["leave", "set", "clear"]),
+        Declared::new("rts", "leave", "level of RTS after opening: leave, set or clear")
+            .one_of(&["leave", "set", "clear"]),
+        Declared::new(
+            "reset_on_connect",
+            config.reset_on_connect,
+            "whether a controller that stands still is reset when the port is opened",
+        ),
+        Declared::new(
+            "hold_latency_ms_max",
+            integer(config.hold_latency_ms_max),
+            "the longest that a feed hold waits behind what is already on the wire, ms",
+        )
+        .integer_within(5, 1_000),
+        Declared::new(
+            "receive_buffer_bytes",
+            0_i64,
+            "size of the controller's receive buffer; 0: what it tells, else 128",
+        )
+        .integer_within(0, 65_535),
+        Declared::new(
+            "poll_interval_ms",
+            integer(config.poll_interval_ms),
+            "time between two status requests, ms",
+        )
+        .integer_within(50, 1_000),
+        Declared::new(
+            "homing_s_max",
+            integer(config.homing_s_max),
+            "the longest that homing takes, s",
+        )
+        .integer_within(1, 3_600),
+        Declared::new(
+            "position_mm_max",
+            encoder.position_mm_max,
+            "the largest coordinate that is sent, either sign, mm",
+        )
+        .within(1.0, 100_000.0),
+        Declared::new(
+            "feed_mm_per_min_max",
+            encoder.feed_mm_per_min_max,
+            "the largest feed rate that is sent, mm/min",
+        )
+        .within(1.0, 1_000_000.0),
+        Declared::new("optional_stop", encoder.optional_stop, "whether M1 stops as M0 does"),
+        Declared::new("frame_prefix", "", "goes before machine, work and tool0 in frame names"),
+    ]
+    .into_iter()
+    .map(Declared::read_only)
+    .collect()
+}
+
+/// The serial shell's configuration, from the node's parameters.
+pub(super) fn serial_config(node: &Handle) -> SerialConfig {
+    SerialConfig {
+        path: node.parameter("port"),
+        dtr: level(&node.parameter::<String>("dtr")),
+        rts: level(&node.parameter::<String>("rts")),
+        reopen: REOPEN,
+        driver: driver_config(|name| node.parameter(name)),
+    }
+}
+
+fn level(word: &str) -> Option<bool> {
+    match word {
+        "set" => Some(true),
+        "clear" => Some(false),
+        _ => None,
+    }
+}
+
+/// The driver's configuration, from parameters wherever they come from.
+///
+/// `get` is asked for parameters of [`declared`] alone; a value that does not
+/// fit its type leaves the default.
+pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
+    let default = DriverConfig::default();
+    let integer = |name: &str, default: u32| match get(name) {
+        ParameterValue::Integer(value) => u32::try_from(value).unwrap_or(default),
+        _ => default,
+    };
+    let double = |name: &str, default: f64| match get(name) {
+        ParameterValue::Double(value) => value,
+        _ => default,
+    };
+    let bool = |name: &str, default: bool| match get(name) {
+        ParameterValue::Bool(value) => value,
+        _ => default,
+    };
+    DriverConfig {
+        baud: integer("baud", default.baud),
+        hold_latency_ms_max: integer("hold_latency_ms_max", default.hold_latency_ms_max),
+        receive_buffer_bytes: match integer("receive_buffer_bytes", 0) {
+            0 => None,
+            bytes => Some(u16::try_from(bytes).unwrap_or(u16::MAX)),
+        },
+        poll_interval_ms: integer("poll_interval_ms", default.poll_interval_ms),
+        reset_on_connect: bool("reset_on_connect", default.reset_on_connect),
+        homing_s_max: integer("homing_s_max", default.homing_s_max),
+        encoder: EncoderConfig {
+            position_mm_max: double("position_mm_max", default.encoder.position_mm_max),
+            feed_mm_per_min_max: double("feed_mm_per_min_max", default.encoder.feed_mm_per_min_max),
+            optional_stop: bool("optional_stop", default.encoder.optional_stop),
+            ..default.encoder
+        },
+    }
+}

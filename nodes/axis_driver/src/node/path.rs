@@ -1,0 +1,142 @@
+//! The path that a run would take: the newest that the planner accepted.
+
+use cnc_msgs::chunk::Collector;
+use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::wire::cnc_msgs::msg as wire;
+use cnc_msgs::wire::cnc_msgs::srv::{GetPathChunks, GetPathChunksRequest};
+use runtime::chunks::pull;
+use runtime::{Client, Handle, NodeError, Qos};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::sync::Notify;
+
+/// A path that is here as a whole.
+#[derive(Debug, Clone)]
+pub(super) struct Planned {
+    pub(super) program_id: String,
+    pub(super) revision: u64,
+    pub(super) path: Arc<CompensatedPath>,
+}
+
+/// What the planner said last.
+#[derive(Debug, Default)]
+struct Newest {
+    planned: Option<Planned>,
+    /// Program and revision of the newest verdict, and whether it was accepted.
+    verdict: Option<(String, u64, bool)>,
+}
+
+/// Follows the planner; clones see the same.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Paths {
+    newest: Arc<Mutex<Newest>>,
+    arrived: Arc<Notify>,
+}
+
+impl Paths {
+    /// Subscribes; chunks are pulled from the planner as fast as this side takes them.
+    pub(super) fn follow(node: &Handle) -> Result<Self, NodeError> {
+        let paths = Self::default();
+        let mut manifests =
+            node.subscription::<wire::CompensatedPath>("compensated_path", Qos::LATCHED)?;
+        let client = node.client::<GetPathChunks>("compensated_path/get_chunks")?;
+        let shared = paths.clone();
+        node.spawn("compensated path", async move {
+            loop {
+                // Of several that waited only the newest matters.
+                let (first, _) = manifests.next().await;
+                let manifest = manifests.drain().pop().map_or(first, |(newest, _)| newest);
+                match fetch(&client, &manifest).await {
+                    Ok(planned) => shared.take(planned),
+                    Err(error) => tracing::error!(
+                        "revision {} of the compensated path cannot be had: {error}",
+                        manifest.revision
+                    ),
+                }
+            }
+        });
+        let mut reports =
+            node.subscription::<wire::CompensationReport>("compensation_report", Qos::LATCHED)?;
+        let shared = paths.clone();
+        node.spawn("compensation report", async move {
+            loop {
+                let (report, _) = reports.next().await;
+                shared.newest().verdict =
+                    Some((report.program_id, report.revision, report.accepted));
+            }
+        });
+        Ok(paths)
+    }
+
+    fn newest(&self) -> MutexGuard<'_, Newest> {
+        self.newest.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn take(&self, planned: Planned) {
+        tracing::info!(
+            "path of {} (revision {}) is here: {} elements",
+            planned.program_id,
+            planned.revision,
+            planned.path.elements.len()
+        );
+        self.newest().planned = Some(planned);
+        self.arrived.notify_waiters();
+    }
+
+    /// The path of a program, or of whatever was planned last; waits for one
+    /// that is on its way.
+    pub(super) async fn get(&self, program_id: &str, within: Duration) -> Result<Planned, String> {
+        let arrival = tokio::time::timeout(within, async {
+            loop {
+                let arrived = self.arrived.notified();
+                if let Some(planned) = self.now(program_id)? {
+                    return Ok(planned);
+                }
+                arrived.await;
+            }
+        });
+        arrival.await.unwrap_or_else(|_| {
+            Err(if program_id.is_empty() {
+                "no program is loaded and planned".to_owned()
+            } else {
+                format!("program {program_id} is not loaded and planned")
+            })
+        })
+    }
+
+    /// `None` when it may still come.
+    fn now(&self, program_id: &str) -> Result<Option<Planned>, String> {
+        let newest = self.newest();
+        if let Some((id, revision, accepted)) = &newest.verdict {
+            let is_meant = program_id.is_empty() || program_id == id;
+            if is_meant && !accepted {
+                return Err(format!(
+                    "program {id} was refused by the planner (revision {revision})"
+                ));
+            }
+            if let Some(planned) = &newest.planned {
+                let is_newest = planned.revision == *revision && planned.program_id == *id;
+                if is_meant && is_newest {
+                    return Ok(Some(planned.clone()));
+                }
+            }
+        }
+        Ok(None)
+    }
+}
+
+async fn fetch(
+    client: &Client<GetPathChunks>,
+    manifest: &wire::CompensatedPath,
+) -> Result<Planned, runtime::Error> {
+    let mut collector = Collector::for_path(manifest)?;
+    let (program_id, revision) = (manifest.program_id.clone(), manifest.revision);
+    let request = |first| GetPathChunksRequest { program_id: program_id.clone(), revision, first };
+    pull(client, &mut collector, request, |response| {
+        if response.success { Ok(response.chunks) } else { Err(response.message) }
+    })
+    .await?;
+    let manifest = manifest.clone();
+    let path = tokio::task::spawn_blocking(move || collector.finish(&manifest)).await??;
+    Ok(Planned { program_id, revision, path: Arc::new(path) })
+}

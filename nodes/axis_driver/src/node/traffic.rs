@@ -1,0 +1,148 @@
+//! The journal on its way out: in batches on a topic, and kept in a ring for
+//! whoever missed some.
+
+use crate::journal::{Entry, EntryKind};
+use cnc_msgs::wire::builtin_interfaces::msg::{Duration as WireDuration, Time};
+use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, TrafficEntry};
+use cnc_msgs::wire::cnc_msgs::srv::{GetTrafficRequest, GetTrafficResponse};
+use runtime::{Publisher, RosTime};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What the ring may hold, bytes.
+const RING_BYTES_MAX: usize = 64 << 20;
+/// What the entries of one message may take, bytes.
+const MESSAGE_BYTES_MAX: usize = 48_000;
+/// What an entry takes beside its data, bytes.
+const ENTRY_BYTES: usize = 48;
+
+/// The ring.
+#[derive(Debug, Default)]
+struct Ring {
+    entries: VecDeque<TrafficEntry>,
+    bytes: usize,
+    /// Number of the newest checkpoint.
+    checkpoint: u64,
+}
+
+/// Where entries go; clones share the ring.
+#[derive(Debug, Clone)]
+pub(super) struct Traffic {
+    ring: Arc<Mutex<Ring>>,
+    publisher: Arc<Publisher<ControllerTraffic>>,
+    /// Wall time of the zero of the driver's clock, ns since the epoch.
+    zero_ns: i64,
+}
+
+impl Traffic {
+    /// `zero` is the wall time at which the driver's clock showed zero.
+    pub(super) fn new(publisher: Publisher<ControllerTraffic>, zero: RosTime) -> Self {
+        Self { ring: Arc::default(), publisher: Arc::new(publisher), zero_ns: zero.as_nanos() }
+    }
+
+    fn ring(&self) -> MutexGuard<'_, Ring> {
+        self.ring.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Keeps a batch and publishes it.
+    pub(super) fn push(&self, batch: Vec<Entry>) {
+        let mut messages = vec![ControllerTraffic::default()];
+        let mut bytes = 0;
+        let mut ring = self.ring();
+        for entry in batch {
+            let entry = self.message(entry);
+            let size = ENTRY_BYTES + entry.data.len();
+            if entry.kind == TrafficEntry::KIND_CHECKPOINT {
+                ring.checkpoint = entry.sequence;
+            }
+            ring.entries.push_back(entry.clone());
+            ring.bytes += size;
+            while ring.bytes > RING_BYTES_MAX {
+                let Some(oldest) = ring.entries.pop_front() else { break };
+                ring.bytes -= ENTRY_BYTES + oldest.data.len();
+            }
+            if bytes + size > MESSAGE_BYTES_MAX && bytes > 0 {
+                messages.push(ControllerTraffic::default());
+                bytes = 0;
+            }
+            bytes += size;
+            if let Some(message) = messages.last_mut() {
+                message.entries.push(entry);
+            }
+        }
+        drop(ring);
+        for message in messages.into_iter().filter(|message| !message.entries.is_empty()) {
+            self.publisher.publish(message);
+        }
+    }
+
+    fn message(&self, entry: Entry) -> TrafficEntry {
+        let monotonic_ns = i64::try_from(entry.monotonic_ns).unwrap_or(i64::MAX);
+        let (sec, nanosec) = RosTime::from_nanos(self.zero_ns.saturating_add(monotonic_ns)).parts();
+        let (monotonic_sec, monotonic_nanosec) = RosTime::from_nanos(monotonic_ns).parts();
+        TrafficEntry {
+            sequence: entry.sequence,
+            kind: kind_to_wire(entry.kind),
+            stamp: Time { sec, nanosec },
+            monotonic: WireDuration { sec: monotonic_sec, nanosec: monotonic_nanosec },
+            data: entry.data,
+        }
+    }
+
+    /// Answers `get_traffic`.
+    pub(super) fn answer(&self, request: &GetTrafficRequest) -> GetTrafficResponse {
+        type W = GetTrafficResponse;
+        let ring = self.ring();
+        let number = |entry: Option<&TrafficEntry>| entry.map_or(0, |entry| entry.sequence);
+        let (oldest, newest) = (number(ring.entries.front()), number(ring.entries.back()));
+        let mut response =
+            GetTrafficResponse { oldest_sequence: oldest, newest_sequence: newest, ..W::default() };
+        let first = match request.first_sequence {
+            0 => ring.checkpoint.max(1),
+            first => first,
+        };
+        if first < oldest {
+            response.error_code = W::TOO_OLD;
+            response.message =
+                format!("entry {first} is not kept any more; the oldest is {oldest}");
+            return response;
+        }
+        response.success = true;
+        let mut bytes = 0;
+        let skip = usize::try_from(first - oldest).unwrap_or(usize::MAX);
+        for entry in ring.entries.iter().skip(skip) {
+            bytes += ENTRY_BYTES + entry.data.len();
+            if bytes > MESSAGE_BYTES_MAX && !response.entries.is_empty() {
+                break;
+            }
+            response.entries.push(entry.clone());
+        }
+        response
+    }
+}
+
+/// The constants of `TrafficEntry`.
+pub(super) const fn kind_to_wire(kind: EntryKind) -> u8 {
+    match kind {
+        EntryKind::Tx => TrafficEntry::KIND_TRANSMITTED,
+        EntryKind::Rx => TrafficEntry::KIND_RECEIVED,
+        EntryKind::Opened => TrafficEntry::KIND_OPENED,
+        EntryKind::Closed => TrafficEntry::KIND_CLOSED,
+        EntryKind::Timer => TrafficEntry::KIND_TIMER,
+        EntryKind::Command => TrafficEntry::KIND_COMMAND,
+    }
+}
+
+/// The kind of an entry as it was recorded.
+pub fn kind_from_wire(kind: u8) -> Option<EntryKind> {
+    [
+        EntryKind::Tx,
+        EntryKind::Rx,
+        EntryKind::Opened,
+        EntryKind::Closed,
+        EntryKind::Timer,
+        EntryKind::Command,
+    ]
+    .into_iter()
+    .find(|&known| kind_to_wire(known) == kind)
+}

@@ -1,0 +1,453 @@
+//! The ROS shell of the planner: a contour in, a path and a verdict out.
+//!
+//! Follows the newest programmed contour, keeps the tool table, and plans
+//! again when either changes. What the path is, [`plan`](crate::plan) decides.
+
+use crate::{Plan, plan, preview};
+use cnc_msgs::cdr;
+use cnc_msgs::chunk::{Collector, PathChunks};
+use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::interface::{Message, Service};
+use cnc_msgs::profile::Profile;
+use cnc_msgs::tool_table::ToolTable;
+use cnc_msgs::units::{m_from_mm, mm_from_m, point_from_position};
+use cnc_msgs::wire::cnc_msgs::msg as wire;
+use cnc_msgs::wire::cnc_msgs::srv::{
+    GetContourChunks, GetContourChunksRequest, GetFindings, GetFindingsRequest,
+    GetFindingsResponse, GetPathChunks, GetPathChunksRequest, GetPathChunksResponse, GetTools,
+    GetToolsResponse, SetTool, SetToolRequest, SetToolResponse,
+};
+use cnc_msgs::wire::std_msgs::msg::Header;
+use cnc_msgs::wire::{nav_msgs, visualization_msgs};
+use runtime::chunks::{ChunkTopic, Cut, page, pull};
+use runtime::commands::{Answer, CommandLog};
+use runtime::{Client, Declared, Handle, NodeResult, Publisher, Qos, RosTime};
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::watch;
+
+/// Findings of each sort in the report; the rest is had from `get_findings`.
+const FINDINGS_IN_REPORT: usize = 50;
+/// What the findings of one message may take, bytes.
+const FINDINGS_BYTES_MAX: usize = 40_000;
+
+/// Runs the node until it is told to stop.
+pub fn main(args: Vec<String>) -> ExitCode {
+    runtime::run_with("compensation_planner", parameters(), &args, start)
+}
+
+/// The node's parameters.
+pub fn parameters() -> Vec<Declared> {
+    vec![
+        Declared::new(
+            "tool_table",
+            "",
+            "YAML file with tools and offsets, millimetres; empty: no tools",
+        )
+        .read_only(),
+        Declared::new("preview_chord_error_mm", 0.05, "how far the preview may be from an arc")
+            .read_only()
+            .within(1e-4, 10.0),
+    ]
+}
+
+async fn start(node: Handle) -> NodeResult {
+    let (replan, mut work) = watch::channel(());
+    let planner = Arc::new(Planner::new(&node, replan)?);
+    let commands = CommandLog::new(&node)?;
+    planner.publish_tools();
+
+    let shared = Arc::clone(&planner);
+    node.service::<SetTool, _, _>("set_tool", move |request, info| {
+        let response = shared.set_tool(&request);
+        let answer = Answer {
+            success: response.success,
+            error_code: response.error_code,
+            message: &response.message,
+        };
+        commands.record("set_tool", SetTool::TYPE_NAME, &info, &request, answer);
+        std::future::ready(response)
+    })?;
+    let shared = Arc::clone(&planner);
+    node.service::<GetTools, _, _>("get_tools", move |_, _| {
+        let table = shared.tools_message();
+        std::future::ready(GetToolsResponse { success: true, table, ..Default::default() })
+    })?;
+    let shared = Arc::clone(&planner);
+    node.service::<GetPathChunks, _, _>("compensated_path/get_chunks", move |request, _| {
+        std::future::ready(shared.path_chunks(&request))
+    })?;
+    let shared = Arc::clone(&planner);
+    node.service::<GetFindings, _, _>("get_findings", move |request, _| {
+        std::future::ready(shared.findings(&request))
+    })?;
+
+    let mut contours = node.subscription("programmed_contour", Qos::LATCHED)?;
+    let chunks = node.client::<GetContourChunks>("programmed_contour/get_chunks")?;
+    let shared = Arc::clone(&planner);
+    node.spawn("programmed contour", async move {
+        loop {
+            // Of several that waited only the newest matters.
+            let (first, _) = contours.next().await;
+            let manifest = contours.drain().pop().map_or(first, |(newest, _)| newest);
+            match fetch(&chunks, manifest).await {
+                Ok(input) => shared.take(input),
+                Err(error) => tracing::error!("the programmed contour cannot be had: {error}"),
+            }
+        }
+    });
+    let shared = Arc::clone(&planner);
+    node.spawn("planning", async move {
+        while work.changed().await.is_ok() {
+            work.borrow_and_update();
+            let planner = Arc::clone(&shared);
+            if let Err(error) = tokio::task::spawn_blocking(move || planner.plan()).await {
+                tracing::error!("planning failed: {error}");
+            }
+        }
+    });
+    node.shutdown().requested().await;
+    Ok(())
+}
+
+/// What is planned.
+#[derive(Clone)]
+struct Input {
+    manifest: wire::ProgrammedContour,
+    contour: Arc<ProgrammedContour>,
+    profile: Arc<Profile>,
+}
+
+async fn fetch(
+    client: &Client<GetContourChunks>,
+    manifest: wire::ProgrammedContour,
+) -> Result<Input, runtime::Error> {
+    let profile = runtime::profile_from_yaml(&manifest.profile)?;
+    let mut collector = Collector::for_contour(&manifest)?;
+    let request =
+        |first| GetContourChunksRequest { program_id: manifest.program_id.clone(), first };
+    pull(client, &mut collector, request, |response| {
+        if response.success { Ok(response.chunks) } else { Err(response.message) }
+    })
+    .await?;
+    let contour = tokio::task::spawn_blocking({
+        let manifest = manifest.clone();
+        move || collector.finish(&manifest)
+    })
+    .await??;
+    Ok(Input { manifest, contour: Arc::new(contour), profile: Arc::new(profile) })
+}
+
+/// The newest plan, the tool table, and the ways to tell of them.
+struct Planner {
+    node: Handle,
+    replan: watch::Sender<()>,
+    chord_error_mm: f64,
+    tool_table: Publisher<wire::ToolTable>,
+    path: Publisher<wire::CompensatedPath>,
+    path_topic: ChunkTopic<wire::PathChunk>,
+    report: Publisher<wire::CompensationReport>,
+    preview: Publisher<nav_msgs::msg::Path>,
+    markers: Publisher<visualization_msgs::msg::MarkerArray>,
+    state: Mutex<State>,
+}
+
+struct State {
+    tools: ToolTable,
+    tools_revision: u64,
+    input: Option<Input>,
+    /// Counts the plans; the first is 1.
+    revision: u64,
+    current: Option<Current>,
+}
+
+/// The plan that is published.
+#[derive(Clone)]
+struct Current {
+    program_id: String,
+    revision: u64,
+    diagnostics: Arc<Vec<wire::Diagnostic>>,
+    /// `None` when the program was refused.
+    chunks: Option<Cut<wire::PathChunk>>,
+}
+
+impl Planner {
+    fn new(node: &Handle, replan: watch::Sender<()>) -> Result<Self, runtime::Error> {
+        let file: String = node.parameter("tool_table");
+        let tools = if file.is_empty() {
+            ToolTable::default()
+        } else {
+            runtime::load_tool_table(file.as_ref())?
+        };
+        Ok(Self {
+            node: node.clone(),
+            replan,
+            chord_error_mm: node.parameter("preview_chord_error_mm"),
+            tool_table: node.publisher("tool_table", Qos::LATCHED)?,
+            path: node.publisher("compensated_path", Qos::LATCHED)?,
+            path_topic: ChunkTopic::new(node, "compensated_path/chunks")?,
+            report: node.publisher("compensation_report", Qos::LATCHED)?,
+            preview: node.publisher("compensated_path/preview", Qos::LATCHED)?,
+            markers: node.publisher("markers", Qos::LATCHED)?,
+            state: Mutex::new(State {
+                tools,
+                tools_revision: 1,
+                input: None,
+                revision: 0,
+                current: None,
+            }),
+        })
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn tools_message(&self) -> wire::ToolTable {
+        let state = self.state();
+        wire::ToolTable {
+            stamp: self.node.now().into(),
+            revision: state.tools_revision,
+            ..(&state.tools).into()
+        }
+    }
+
+    fn publish_tools(&self) {
+        self.tool_table.publish(self.tools_message());
+    }
+
+    fn take(&self, input: Input) {
+        self.state().input = Some(input);
+        self.replan.send_replace(());
+    }
+
+    fn set_tool(&self, request: &SetToolRequest) -> SetToolResponse {
+        let mut state = self.state();
+        match changed(&state.tools, request) {
+            Ok(tools) => {
+                state.tools = tools;
+                state.tools_revision += 1;
+                let revision = state.tools_revision;
+                drop(state);
+                self.publish_tools();
+                self.replan.send_replace(());
+                SetToolResponse { success: true, revision, ..SetToolResponse::default() }
+            }
+            Err(message) => SetToolResponse {
+                error_code: SetToolResponse::INVALID_REQUEST,
+                message,
+                revision: state.tools_revision,
+                ..SetToolResponse::default()
+            },
+        }
+    }
+
+    /// Plans what is there and publishes what came of it.
+    fn plan(&self) {
+        let (input, tools, tools_revision, revision) = {
+            let mut state = self.state();
+            let Some(input) = state.input.clone() else { return };
+            state.revision += 1;
+            (input, state.tools.clone(), state.tools_revision, state.revision)
+        };
+        let planned = plan(&input.contour, &input.profile, &tools);
+        let stamp = self.node.now();
+        let accepted = planned.accepted();
+        let report = self.report_of(&input, (revision, tools_revision), stamp, &planned);
+        tracing::info!(
+            "{} is {}: {} elements, {} errors, {} warnings",
+            input.manifest.name,
+            if accepted { "planned" } else { "refused" },
+            planned.path.elements.len(),
+            report.error_count,
+            report.warning_count
+        );
+        let diagnostics = planned.diagnostics.iter().map(Into::into).collect();
+        let mut current = Current {
+            program_id: input.manifest.program_id.clone(),
+            revision,
+            diagnostics: Arc::new(diagnostics),
+            chunks: None,
+        };
+        if accepted {
+            self.publish_path(&input, tools_revision, stamp, planned, &mut current);
+        } else {
+            self.state().current = Some(current);
+        }
+        self.report.publish(report);
+    }
+
+    fn header(&self, input: &Input, stamp: RosTime) -> Header {
+        Header { stamp: stamp.into(), frame_id: input.manifest.header.frame_id.clone() }
+    }
+
+    fn publish_path(
+        &self,
+        input: &Input,
+        tool_table_revision: u64,
+        stamp: RosTime,
+        planned: Plan,
+        current: &mut Current,
+    ) {
+        let path = Arc::new(planned.path);
+        let extent = preview::extent(&path, self.chord_error_mm);
+        let chunks =
+            PathChunks::new(current.program_id.clone(), current.revision, Arc::clone(&path));
+        let manifest = wire::CompensatedPath {
+            header: self.header(input, stamp),
+            program_id: current.program_id.clone(),
+            revision: current.revision,
+            controller: input.manifest.controller.clone(),
+            tool_table_revision,
+            element_count: path.elements.len() as u64,
+            event_count: path.events.len() as u64,
+            chunk_count: chunks.count(),
+            sha256: chunks.sha256().to_owned(),
+            start: point_from_position(path.start),
+            assumed_axes: path.assumed_axes.bits(),
+            bounds_min: point_from_position(extent.min),
+            bounds_max: point_from_position(extent.max),
+            feed_length: m_from_mm(extent.feed_mm),
+            rapid_length: m_from_mm(extent.rapid_mm),
+        };
+        let cut: Cut<wire::PathChunk> = Arc::new(move |index| chunks.chunk(index));
+        current.chunks = Some(Arc::clone(&cut));
+        self.state().current = Some(current.clone());
+        self.path.publish(manifest);
+        self.path_topic.send(cut);
+
+        let header = self.header(input, stamp);
+        let view = preview::view(&path, self.chord_error_mm);
+        if let Some(note) = &view.note {
+            tracing::info!("{note}");
+        }
+        self.preview.publish(view.path_message(&header));
+        self.markers.publish(view.marker_message(&header));
+    }
+
+    fn report_of(
+        &self,
+        input: &Input,
+        (revision, tool_table_revision): (u64, u64),
+        stamp: RosTime,
+        planned: &Plan,
+    ) -> wire::CompensationReport {
+        let errors = planned.diagnostics.iter().filter(|finding| finding.is_error()).count();
+        let findings = planned.diagnostics.iter().take(FINDINGS_IN_REPORT).map(Into::into);
+        wire::CompensationReport {
+            header: self.header(input, stamp),
+            program_id: input.manifest.program_id.clone(),
+            revision,
+            tool_table_revision,
+            accepted: planned.accepted(),
+            error_count: errors as u32,
+            warning_count: (planned.diagnostics.len() - errors) as u32,
+            diagnostics: fitting(findings),
+            ..wire::CompensationReport::default()
+        }
+    }
+
+    fn path_chunks(&self, request: &GetPathChunksRequest) -> GetPathChunksResponse {
+        type W = GetPathChunksResponse;
+        let refuse =
+            |error_code, message| GetPathChunksResponse { error_code, message, ..W::default() };
+        let Some(current) = self.state().current.clone() else {
+            return refuse(W::UNKNOWN_PLAN, "nothing is planned yet".into());
+        };
+        let wanted = (request.program_id.is_empty() || request.program_id == current.program_id)
+            && (request.revision == 0 || request.revision == current.revision);
+        let (Some(cut), true) = (&current.chunks, wanted) else {
+            return refuse(
+                W::UNKNOWN_PLAN,
+                format!(
+                    "the newest plan is revision {} of {}{}",
+                    current.revision,
+                    current.program_id,
+                    if current.chunks.is_some() { "" } else { ", which is refused" }
+                ),
+            );
+        };
+        let chunks = page(request.first, cut);
+        if chunks.is_empty() {
+            return refuse(W::UNKNOWN_CHUNK, format!("there is no chunk {}", request.first));
+        }
+        GetPathChunksResponse { success: true, chunks, ..W::default() }
+    }
+
+    fn findings(&self, request: &GetFindingsRequest) -> GetFindingsResponse {
+        let Some(current) = self.state().current.clone() else {
+            return GetFindingsResponse {
+                error_code: GetFindingsResponse::UNKNOWN_PLAN,
+                message: "nothing is planned yet".into(),
+                ..GetFindingsResponse::default()
+            };
+        };
+        let rest = current.diagnostics.iter().skip(request.first as usize).cloned();
+        GetFindingsResponse {
+            success: true,
+            program_id: current.program_id.clone(),
+            revision: current.revision,
+            diagnostics: fitting(rest),
+            ..GetFindingsResponse::default()
+        }
+    }
+}
+
+/// As many messages as fit one.
+fn fitting<M: Message>(messages: impl Iterator<Item = M>) -> Vec<M> {
+    let mut bytes = 0;
+    let fits = |message: &M| {
+        bytes += cdr::body(message).len();
+        bytes <= FINDINGS_BYTES_MAX
+    };
+    messages.take_while(fits).collect()
+}
+
+/// The tool table with what the request sets, or why it cannot be so.
+fn changed(tools: &ToolTable, request: &SetToolRequest) -> Result<ToolTable, String> {
+    type W = SetToolRequest;
+    let mut tools = tools.clone();
+    let sets = |bit| request.mask & bit != 0;
+    if request.mask == 0 {
+        return Err("mask is 0: nothing would be set".into());
+    }
+    match (request.tool_number, request.offset_number) {
+        (tool, 0) if tool > 0 => {
+            let row = tools.tools.entry(tool).or_default();
+            for (bit, field, value) in [
+                (W::DIAMETER, &mut row.diameter_mm, request.diameter),
+                (W::WEAR_DIAMETER, &mut row.wear_diameter_mm, request.wear_diameter),
+                (W::LENGTH, &mut row.length_mm, request.length),
+                (W::NOSE_RADIUS, &mut row.nose_radius_mm, request.nose_radius),
+            ] {
+                if sets(bit) {
+                    *field = mm_from_m(value);
+                }
+            }
+            if sets(W::TIP_DIRECTION) {
+                row.tip_direction = request.tip_direction;
+            }
+        }
+        (0, offset) if offset > 0 => {
+            if sets(W::NOSE_RADIUS) {
+                return Err("an offset has a radius, not a nose radius: set diameter".into());
+            }
+            let row = tools.offsets.entry(offset).or_default();
+            for (bit, field, value) in [
+                (W::DIAMETER, &mut row.radius_mm, request.diameter / 2.0),
+                (W::WEAR_DIAMETER, &mut row.wear_mm, request.wear_diameter / 2.0),
+                (W::LENGTH, &mut row.length_mm, request.length),
+            ] {
+                if sets(bit) {
+                    *field = mm_from_m(value);
+                }
+            }
+            if sets(W::TIP_DIRECTION) {
+                row.tip_direction = request.tip_direction;
+            }
+        }
+        _ => return Err("name one tool or one offset, by a number above 0".into()),
+    }
+    tools.check().map_err(|error| error.to_string())?;
+    Ok(tools)
+}

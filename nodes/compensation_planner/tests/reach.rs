@@ -1,0 +1,187 @@
+//! What the tool fits into and what it does not.
+
+mod support;
+
+use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use support::*;
+
+fn unreachable(text: &str, radius: f64) -> Option<Diagnostic> {
+    let plan = plan(text, &sinumerik(), &tool(radius));
+    plan.diagnostics.iter().find(|d| d.code == Code::Unreachable).cloned()
+}
+
+const S64: &str = "N1 G0 X-40 Y60
+    N2 G41 D1 G456 G1 X-22 Y20
+    N3 X-2 Y0
+    N4 X2
+    N5 X22 Y20
+    N6 G40 G456 X40 Y60";
+
+#[test]
+fn s64_a_trapezoid_takes_tools_up_to_its_critical_radius() {
+    assert_eq!(unreachable(S64, 4.5), None);
+    assert_eq!(unreachable(S64, 4.828), None);
+    for radius in [4.829, 4.9, 5.0, 7.0] {
+        let finding = unreachable(S64, radius).unwrap();
+        assert_eq!(finding.severity, Severity::Error);
+        assert_eq!(finding.alarm.as_deref(), Some("3021"));
+        assert_eq!(finding.source.block, Some(4));
+        assert_eq!(finding.position, Some([-2.0, 0.0, 0.0]));
+        assert_eq!(finding.needed_mm, Some(radius));
+        let critical = 2.0 / (2.0_f64.sqrt() - 1.0);
+        assert!((finding.available_mm.unwrap() - critical).abs() < 1e-5, "{finding:?}");
+        assert!(finding.help.contains("4.828"), "{}", finding.help);
+    }
+}
+
+#[test]
+fn s65_a_step_lower_than_the_tool_is_unreachable() {
+    let text =
+        "N1 G0 X-20 Y40\nN2 G41 D1 G456 G1 X0 Y0\nN3 X50\nN4 Y3\nN5 X100\nN6 G40 G456 X120 Y40";
+    let finding = unreachable(text, 5.0).unwrap();
+    assert_eq!((finding.source.block, finding.alarm.as_deref()), (Some(4), Some("3021")));
+    assert!((finding.available_mm.unwrap() - 3.0).abs() < 1e-5);
+    assert_eq!(unreachable(text, 2.999), None);
+    assert!(unreachable(&text.replace("D1", "D1 G451"), 5.0).is_some());
+    // What would have been cut goes around the step.
+    let plan = plan(text, &sinumerik(), &tool(5.0));
+    assert!((plan.refused[2].end[0] - 45.417424).abs() < 1e-6, "{}", listing(&plan.refused));
+}
+
+#[test]
+fn a6_is_reached_to_20_85_and_n40_vanishes_at_20_86() {
+    let far = A6.replace("N1 G0 X15", "N1 G0 X-60").replace("N120 G40 X15", "N120 G40 X-60");
+    let fits = plan(&far, &sinumerik(), &tool(20.85));
+    assert!(fits.accepted() && fits.diagnostics.is_empty(), "{}", findings(&fits));
+    let near = plan(A6, &sinumerik(), &tool(20.85));
+    assert!(near.accepted());
+    assert_eq!(codes(&near), [Code::LeadGouge, Code::LeadGouge], "the start is 15 mm away");
+    for text in [A6, &far] {
+        let finding = unreachable(text, 20.86).unwrap();
+        assert_eq!(finding.source.block, Some(40));
+        assert!((finding.available_mm.unwrap() - 20.851449).abs() < 1e-5, "{finding:?}");
+        assert_eq!(finding.position, Some([65.0, 55.0, 0.0]));
+    }
+}
+
+#[test]
+fn a6_takes_its_leads_to_13_416() {
+    let cuts = |radius| codes(&plan(A6, &sinumerik(), &tool(radius))).contains(&Code::LeadGouge);
+    assert!(!cuts(13.416) && cuts(13.45));
+}
+
+#[test]
+fn the_closed_contour_on_the_right_loses_neighbours_at_5_1283() {
+    let text = "N10 G0 X80 Y20
+        N20 G42 D1 G456 G1 X80 Y55
+        N40 X95
+        N50 G2 X110 Y70 I15 J0
+        N60 G1 X105 Y55
+        N70 X110 Y35
+        N80 G40 G456 X80 Y20";
+    assert_eq!(unreachable(text, 5.128), None);
+    let finding = unreachable(text, 5.129).unwrap();
+    assert!((finding.available_mm.unwrap() - 5.128292).abs() < 1e-4, "{finding:?}");
+}
+
+#[test]
+fn a_fillet_smaller_than_the_tool_is_unreachable_as_an_arc_or_as_chords() {
+    let head = "N1 G0 X-20 Y40\nN2 G41 D1 G456 G1 X0 Y0\nN3 X46";
+    let tail = "N50 G1 X50 Y50\nN60 G40 G456 X20 Y60";
+    let arc = format!("{head}\nN4 G3 X50 Y4 I0 J4\n{tail}");
+    let mut chords = head.to_string();
+    for step in 1..=16 {
+        let (sin, cos) = (f64::from(step) / 16.0 * std::f64::consts::FRAC_PI_2).sin_cos();
+        chords += &format!("\nN{} X{} Y{}", 4 + step, 46.0 + 4.0 * sin, 4.0 - 4.0 * cos);
+    }
+    chords += &format!("\n{tail}");
+    for text in [arc, chords] {
+        assert_eq!(unreachable(&text, 3.9), None);
+        let finding = unreachable(&text, 5.0).unwrap();
+        let limit = finding.available_mm.unwrap();
+        assert!((limit - 4.0).abs() < 0.02, "{limit}");
+    }
+}
+
+#[test]
+fn a_tool_of_the_radius_of_the_fillet_stands_still_in_it() {
+    let text = "N1 G0 X-20 Y40\nN2 G41 D1 G456 G1 X0 Y0\nN3 X46\nN4 G3 X50 Y4 I0 J4\nN5 G1 X50 Y50\nN6 G40 G456 X20 Y60";
+    let expected = [[-20.0, 40.0], [0.0, 4.0], [46.0, 4.0], [46.0, 50.0], [20.0, 60.0]];
+    assert_ends(&plan(text, &sinumerik(), &tool(4.0)), &expected, 1e-9);
+}
+
+#[test]
+fn a_sharp_inside_corner_is_always_reached() {
+    for angle in [1.0_f64, 30.0, 90.0, 150.0, 170.0] {
+        let (sin, cos) = angle.to_radians().sin_cos();
+        let (x, y) = (500.0 + 500.0 * cos, 500.0 * sin);
+        let text = format!(
+            "G0 X0 Y90\nG41 D1 G456 G1 X0 Y0\nX500\nX{x:.6} Y{y:.6}\nG40 G456 X{:.6} Y{:.6}",
+            x - 50.0 * sin,
+            y + 50.0 * cos
+        );
+        assert_eq!(unreachable(&text, 5.0), None, "{angle}");
+    }
+}
+
+#[test]
+fn noise_of_posted_coordinates_is_no_finding() {
+    let clean = "G0 X-20 Y40\nG41 D1 G456 G1 X0 Y0\nX50\nY50\nG40 G456 X20 Y60";
+    let expected = ends(&plan(clean, &sinumerik(), &tool(5.0)));
+    let noisy = [
+        "X50\nX50.00001\nX50 Y0.00001\nY50",
+        "X49.9995\nX50 Y0.0005\nY50",
+        "X49.999\nX50.0005 Y0\nX50 Y0.001\nY50",
+    ];
+    for noise in noisy {
+        for mode in ["", " G451"] {
+            let text = clean
+                .replace("X50\nY50\nG40", &format!("{noise}\nG40"))
+                .replace("D1", &format!("D1{mode}"));
+            let plan = plan(&text, &sinumerik(), &tool(5.0));
+            assert!(plan.diagnostics.is_empty(), "{noise}: {}", findings(&plan));
+            let got = ends(&plan);
+            assert_eq!(got.len(), expected.len(), "{noise}\n{}", listing(&plan.path.elements));
+            for (a, b) in got.iter().zip(&expected) {
+                assert!((a[0] - b[0]).abs() < 0.003 && (a[1] - b[1]).abs() < 0.003, "{got:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_step_below_the_tolerance_is_run_over() {
+    for height in [0.00001, 0.0005, 0.0019] {
+        for mode in ["G450", "G451"] {
+            let text = format!(
+                "G0 X-20 Y40\nG41 {mode} D1 G456 G1 X0 Y0\nX50\nY{height}\nX100\nG40 G456 X120 Y40"
+            );
+            let plan = plan(&text, &sinumerik(), &tool(5.0));
+            assert!(plan.diagnostics.is_empty(), "{height} {mode}: {}", findings(&plan));
+        }
+    }
+}
+
+#[test]
+fn a_piece_that_is_trimmed_away_vanishes_without_a_finding() {
+    let text = "N1 G0 X-20 Y40\nN2 G41 D1 G456 G1 X0 Y0\nN3 X48\nN4 X50\nN5 Y2\nN6 Y50\nN7 G40 G456 X20 Y60";
+    let plan = plan(text, &sinumerik(), &tool(5.0));
+    let expected = "N1 none G0 (-20,40)
+        N2 lead_on G1 (0,5)
+        N3 contour G1 (45,5)
+        N6 contour G1 (45,50)
+        N7 lead_off G1 (20,60)";
+    assert_eq!(listing(&plan.path.elements), dedent(expected));
+    assert!(plan.diagnostics.is_empty());
+}
+
+#[test]
+fn all_findings_are_listed() {
+    let text = S64.replace(
+        "N6 G40 G456 X40 Y60",
+        "N6 X60\nN7 X62 Y22\nN8 X80 Y22\nN9 Y20\nN10 X100\nN11 G40 G2 X110 Y20 I5 J0",
+    );
+    let plan = plan(&text, &sinumerik(), &tool(5.0));
+    let count = codes(&plan).iter().filter(|code| **code == Code::Unreachable).count();
+    assert!(count >= 2 && codes(&plan).contains(&Code::LeadType), "{}", findings(&plan));
+}

@@ -1,0 +1,369 @@
+//! The commands that speak to running nodes over ROS 2: load, run, hold,
+//! resume, abort, status.
+//!
+//! One short-lived node for each call. What the nodes answer is shown as it
+//! is; nothing is decided here.
+
+use crate::exit::{Failure, Outcome, Status};
+use crate::files;
+use clap::Args;
+use cnc_msgs::convert::mode_from_wire;
+use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
+use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal, RunProgramResult};
+use cnc_msgs::wire::cnc_msgs::msg::{Command, CompensationReport, MachineState};
+use cnc_msgs::wire::cnc_msgs::srv::{
+    LoadProgram, LoadProgramRequest, LoadProgramResponse, PutProgramChunk, PutProgramChunkRequest,
+};
+use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest};
+use indicatif::{ProgressBar, ProgressStyle};
+use program_loader::upload::CHUNK_BYTES_MAX;
+use runtime::action::{ActionClient, GoalError};
+use runtime::{CallError, Handle, NodeError, Qos, Session, Subscription};
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::time::timeout;
+
+/// How long a plan of a program that was loaded just now may take.
+const PLAN_WITHIN: Duration = Duration::from_secs(120);
+/// No program runs longer than this.
+const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
+/// How long a latched message of a node that runs may take to arrive.
+const LATCHED_WITHIN: Duration = Duration::from_secs(5);
+
+/// What `kerf load` takes.
+#[derive(Debug, Args)]
+pub(crate) struct LoadArgs {
+    /// The part program
+    file: PathBuf,
+    /// Controller profile; the loader's parameter when left out
+    #[arg(long, value_name = "NAME|FILE", default_value = "")]
+    controller: String,
+}
+
+/// What `kerf run` takes.
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// Load this program first
+    file: Option<PathBuf>,
+    /// Controller profile; the loader's parameter when left out
+    #[arg(long, value_name = "NAME|FILE", default_value = "", requires = "file")]
+    controller: String,
+    /// Everything but motion
+    #[arg(long)]
+    check_only: bool,
+    /// Begin at this line of the program
+    #[arg(long, value_name = "LINE", default_value_t = 0)]
+    start_line: u32,
+}
+
+/// A service without arguments.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Button {
+    Hold,
+    Resume,
+}
+
+impl Button {
+    const fn service(self) -> &'static str {
+        match self {
+            Self::Hold => "feed_hold",
+            Self::Resume => "resume",
+        }
+    }
+}
+
+impl From<CallError> for Failure {
+    fn from(error: CallError) -> Self {
+        Self::new(Status::NoAnswer, error.to_string())
+    }
+}
+
+impl From<NodeError> for Failure {
+    fn from(error: NodeError) -> Self {
+        Self::usage(error)
+    }
+}
+
+/// Runs one exchange with a node of our own, and takes the node down again.
+fn with_node<F>(ros_args: &[String], exchange: F) -> Outcome
+where
+    F: AsyncFnOnce(&Handle) -> Outcome,
+{
+    let executor = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .map_err(|error| Failure::usage(format_args!("no threads: {error}")))?;
+    executor.block_on(async {
+        let session = client_session(ros_args)?;
+        let outcome = exchange(session.handle()).await;
+        session.stop().await;
+        outcome
+    })
+}
+
+/// A node for a client: a name that nobody else has, in the namespace of the arguments.
+pub(crate) fn client_session(ros_args: &[String]) -> Result<Session, Failure> {
+    runtime::client_session(&format!("kerf_{}", std::process::id()), ros_args)
+        .map_err(Failure::usage)
+}
+
+/// `kerf load`
+pub(crate) fn load(args: &LoadArgs, ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        load_file(node, &args.file, &args.controller).await.map(|_| ())
+    })
+}
+
+/// `kerf run`
+pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        let program_id = match &args.file {
+            Some(file) => load_file(node, file, &args.controller).await?,
+            None => String::new(),
+        };
+        let goal = RunProgramGoal {
+            program_id,
+            start_line: args.start_line,
+            check_only: args.check_only,
+        };
+        let result = run_goal(node, goal, &progress_bar()).await?;
+        println!("{}", result.message);
+        Ok(())
+    })
+}
+
+/// `kerf hold`, `kerf resume`
+pub(crate) fn press(button: Button, ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        let client = node.client::<Trigger>(button.service())?;
+        let answer = client.call(TriggerRequest::default()).await?;
+        if answer.success {
+            println!("{}", answer.message);
+            Ok(())
+        } else {
+            Err(Failure::new(Status::NodeRefused, answer.message))
+        }
+    })
+}
+
+/// `kerf abort`
+pub(crate) fn abort(ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        let client: ActionClient<RunProgram> = node.action_client("run_program")?;
+        let answer = client.cancel_all().await?;
+        println!("run_program: {answer:?}");
+        Ok(())
+    })
+}
+
+/// `kerf status`
+pub(crate) fn status(ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        let mut states: Subscription<MachineState> =
+            node.subscription("machine_state", Qos::LATCHED)?;
+        let (state, _) = timeout(LATCHED_WITHIN, states.next()).await.map_err(|_| {
+            Failure::new(
+                Status::NoAnswer,
+                format!(
+                    "no such node answered within {} s: nobody publishes {}",
+                    LATCHED_WITHIN.as_secs(),
+                    states.topic()
+                ),
+            )
+        })?;
+        print!("{}", describe(&state));
+        Ok(())
+    })
+}
+
+/// Loads a file by its text, waits for the plan, and shows all findings.
+///
+/// Returns the program's id. The loader may run on another host: the text
+/// travels, not the name of the file.
+pub(crate) async fn load_file(
+    node: &Handle,
+    path: &Path,
+    controller: &str,
+) -> Result<String, Failure> {
+    let text = files::read_program(path)?;
+    let name = files::file_name(path);
+    let mut reports: Subscription<CompensationReport> =
+        node.subscription("compensation_report", Qos::LATCHED)?;
+    let response = send_program(node, &name, &text, controller).await?;
+    show(&name, &text, &response.diagnostics);
+    if !response.success {
+        return Err(Failure::new(Status::NodeRefused, response.message));
+    }
+    let report = timeout(PLAN_WITHIN, async {
+        loop {
+            let (report, _) = reports.next().await;
+            if report.program_id == response.program_id {
+                break report;
+            }
+        }
+    });
+    let report = report.await.map_err(|_| {
+        Failure::new(
+            Status::NoAnswer,
+            format!("{name} is loaded, but nobody planned it within {} s", PLAN_WITHIN.as_secs()),
+        )
+    })?;
+    show(&name, &text, &report.diagnostics);
+    if !report.accepted {
+        return Err(Failure::new(
+            Status::NodeRefused,
+            format!("{name} is refused by the planner: {} errors", report.error_count),
+        ));
+    }
+    println!("{}, and planned", response.message);
+    Ok(response.program_id)
+}
+
+async fn send_program(
+    node: &Handle,
+    name: &str,
+    text: &[u8],
+    controller: &str,
+) -> Result<LoadProgramResponse, Failure> {
+    let load = node.client::<LoadProgram>("load_program")?;
+    let mut request = LoadProgramRequest {
+        name: name.to_owned(),
+        controller: controller.to_owned(),
+        ..LoadProgramRequest::default()
+    };
+    match std::str::from_utf8(text) {
+        Ok(text) if text.len() <= CHUNK_BYTES_MAX => request.text = text.to_owned(),
+        _ => request.upload_id = upload(node, text).await?,
+    }
+    Ok(load.call_within(request, PLAN_WITHIN).await?)
+}
+
+/// Sends a long text in pieces; returns the id of the upload.
+async fn upload(node: &Handle, text: &[u8]) -> Result<String, Failure> {
+    let put = node.client::<PutProgramChunk>("put_program_chunk")?;
+    let upload_id = cnc_msgs::chunk::sha256_hex(text);
+    let pieces: Vec<&[u8]> = text.chunks(CHUNK_BYTES_MAX).collect();
+    for (index, data) in pieces.iter().enumerate() {
+        let request = PutProgramChunkRequest {
+            upload_id: upload_id.clone(),
+            index: index as u32,
+            chunk_count: pieces.len() as u32,
+            data: data.to_vec(),
+            crc32: cnc_msgs::chunk::crc32(data),
+        };
+        let answer = put.call_idempotent(&request, PLAN_WITHIN).await?;
+        if !answer.success {
+            return Err(Failure::new(Status::NodeRefused, answer.message));
+        }
+    }
+    Ok(upload_id)
+}
+
+fn show(name: &str, text: &[u8], findings: &[cnc_msgs::wire::cnc_msgs::msg::Diagnostic]) {
+    let findings: Vec<Diagnostic> =
+        findings.iter().filter_map(|finding| finding.try_into().ok()).collect();
+    let text = String::from_utf8_lossy(text);
+    let color = std::io::stderr().is_terminal();
+    eprint!("{}", program_loader::render::render(name, &text, &findings, color));
+}
+
+/// The bar that shows how far a run is.
+pub(crate) fn progress_bar() -> ProgressBar {
+    let style = ProgressStyle::with_template("{msg:14} [{bar:40}] {percent:>3} % {elapsed} ");
+    ProgressBar::new(1000).with_style(
+        style.expect("the template is a constant").progress_chars("=> "),
+    )
+}
+
+/// Sends a goal and follows it to its end; anything but success is a failure.
+pub(crate) async fn run_goal(
+    node: &Handle,
+    goal: RunProgramGoal,
+    bar: &ProgressBar,
+) -> Result<RunProgramResult, Failure> {
+    let client: ActionClient<RunProgram> = node.action_client("run_program")?;
+    // The reason of a rejection is told here; the action has no room for it.
+    let mut commands: Subscription<Command> = node.subscription("commands", Qos::EVENTS)?;
+    let mut handle = match client.send_goal(goal).await {
+        Ok(handle) => handle,
+        Err(GoalError::Call(error)) => return Err(error.into()),
+        Err(error @ GoalError::Rejected { .. }) => {
+            let reason = timeout(Duration::from_secs(1), async {
+                loop {
+                    let (command, _) = commands.next().await;
+                    if command.endpoint.ends_with("run_program") && !command.success {
+                        break command.message;
+                    }
+                }
+            });
+            let reason = reason.await.unwrap_or_else(|_| error.to_string());
+            return Err(Failure::new(Status::NodeRefused, reason));
+        }
+        Err(error) => return Err(Failure::new(Status::NodeRefused, error.to_string())),
+    };
+    let mut end = std::pin::pin!(handle.result(RUN_WITHIN));
+    let (_, result) = loop {
+        tokio::select! {
+            ended = &mut end => {
+                break ended.map_err(|error| Failure::new(Status::NodeRefused, error.to_string()))?;
+            }
+            feedback = handle.feedback() => {
+                let Some(feedback) = feedback else { continue };
+                bar.set_position((feedback.fraction * 1000.0) as u64);
+                bar.set_message(format!(
+                    "{} line {}", mode_from_wire(feedback.state).name(), feedback.line
+                ));
+            }
+        }
+    };
+    if result.outcome == RunProgramResult::OUTCOME_SUCCEEDED {
+        bar.set_position(1000);
+        bar.finish();
+        Ok(result)
+    } else {
+        bar.abandon();
+        Err(Failure::new(
+            Status::NodeRefused,
+            format!("{} (line {}, error {})", result.message, result.last_line, result.error_code),
+        ))
+    }
+}
+
+/// The state for people: millimetres, and nothing that is not known.
+fn describe(state: &MachineState) -> String {
+    let mode = mode_from_wire(state.state).name();
+    let mut text = match state.reason.as_str() {
+        "" => format!("{mode}\n"),
+        reason => format!("{mode}: {reason}\n"),
+    };
+    if state.position_known {
+        for (frame, point) in
+            [("machine", &state.machine_position), ("work", &state.work_position)]
+        {
+            let [x, y, z] = position_from_point(point);
+            text += &format!("  {frame:8} X{x:.3} Y{y:.3} Z{z:.3} mm\n");
+        }
+    } else {
+        text += "  position not known\n";
+    }
+    text += &format!(
+        "  feed {:.1} mm/min, spindle {:.0} rev/min, overrides {:.0} {:.0} {:.0} %\n",
+        mm_per_min_from_m_per_s(state.feed_rate),
+        rpm_from_rad_per_s(state.spindle_speed),
+        state.feed_override * 100.0,
+        state.rapid_override * 100.0,
+        state.spindle_override * 100.0,
+    );
+    if !state.program_id.is_empty() {
+        text += &format!("  program {} line {}\n", state.program_id, state.line);
+    }
+    text += &format!(
+        "  {}, last report {} s ago\n",
+        if state.is_homed { "homed" } else { "not homed" },
+        if state.link_age.is_finite() { format!("{:.1}", state.link_age) } else { "never".into() }
+    );
+    text
+}

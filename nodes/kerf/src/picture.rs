@@ -1,0 +1,378 @@
+//! Draws a plan as an SVG picture.
+//!
+//! Seen from the positive end of the plane's normal, millimetres as user
+//! units: the programmed contour in grey, the tool centre in purple, leads
+//! dashed, rapids thin, findings pinned with their code and line. This file
+//! knows how things look; what they are was decided before.
+
+use cnc_msgs::contour::{ContourEventKind, MotionClass, ProgrammedContour};
+use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position, Shape};
+use cnc_msgs::path::{PathElement, Role};
+use std::fmt::Write;
+
+/// What is drawn.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Picture<'a> {
+    pub(crate) title: &'a str,
+    pub(crate) contour: &'a ProgrammedContour,
+    /// Start of the first element.
+    pub(crate) start: Position,
+    /// The compensated path, or what a refused program would have cut.
+    pub(crate) elements: &'a [PathElement],
+    pub(crate) accepted: bool,
+    pub(crate) diagnostics: &'a [Diagnostic],
+}
+
+/// Draws it; the result is a complete SVG document.
+pub(crate) fn draw(picture: &Picture<'_>) -> String {
+    let plane = main_plane(picture.contour);
+    let programmed = programmed_strokes(picture.contour, plane);
+    let compensated = compensated_strokes(picture.start, picture.elements, plane);
+    let frame = Frame::around(programmed.iter().chain(&compensated), picture.diagnostics, plane);
+
+    let mut svg = String::new();
+    frame.open(&mut svg, picture, plane);
+    frame.grid(&mut svg);
+    for stroke in programmed.iter().chain(&compensated) {
+        stroke.write(&mut svg);
+    }
+    for (number, finding) in picture.diagnostics.iter().enumerate() {
+        if let Some(position) = finding.position {
+            frame.pin(&mut svg, project(position, plane), number, finding);
+        }
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+/// A point on the paper, y downwards.
+type Point = [f64; 2];
+
+fn project(position: Position, plane: Plane) -> Point {
+    let [first, second, _] = plane.axes();
+    [position[first], -position[second]]
+}
+
+/// The plane of the first compensation, else of the first arc, else XY.
+fn main_plane(contour: &ProgrammedContour) -> Plane {
+    let mut plane = Plane::default();
+    let mut arc_plane = None;
+    for event in &contour.events {
+        match event.kind {
+            ContourEventKind::Plane(selected) => plane = selected,
+            ContourEventKind::Select { .. } => return plane,
+            ContourEventKind::Motion(motion) => {
+                if let (Shape::Arc(arc), None) = (motion.shape, arc_plane) {
+                    arc_plane = Some(arc.plane);
+                }
+            }
+            _ => {}
+        }
+    }
+    arc_plane.unwrap_or_default()
+}
+
+/// A run of drawing commands of one look.
+struct Stroke {
+    class: &'static str,
+    commands: String,
+    points: Vec<Point>,
+}
+
+impl Stroke {
+    fn new(class: &'static str, start: Point) -> Self {
+        let mut commands = String::new();
+        let _ = write!(commands, "M{:.6} {:.6}", start[0], start[1]);
+        Self { class, commands, points: vec![start] }
+    }
+
+    fn add(&mut self, start: Position, shape: &Shape, end: Position, plane: Plane) {
+        let (from, to) = (project(start, plane), project(end, plane));
+        match shape {
+            Shape::Arc(arc) if arc.plane == plane => {
+                let center = project(arc.center, plane);
+                let radius = (from[0] - center[0]).hypot(from[1] - center[1]);
+                for &corner in &[[-1.0, -1.0], [1.0, 1.0]] {
+                    self.points
+                        .push([center[0] + corner[0] * radius, center[1] + corner[1] * radius]);
+                }
+                let mut half_circle = |point: Point| {
+                    let _ = write!(
+                        self.commands,
+                        "A{radius:.6} {radius:.6} 0 0 {} {:.6} {:.6}",
+                        u8::from(arc.clockwise),
+                        point[0],
+                        point[1]
+                    );
+                };
+                if arc.turns > 0 {
+                    half_circle([2.0 * center[0] - from[0], 2.0 * center[1] - from[1]]);
+                    half_circle(from);
+                }
+                let _ = write!(
+                    self.commands,
+                    "A{radius:.6} {radius:.6} 0 {} {} {:.6} {:.6}",
+                    u8::from(is_major(from, to, center, arc.clockwise)),
+                    u8::from(arc.clockwise),
+                    to[0],
+                    to[1]
+                );
+            }
+            _ => {
+                let _ = write!(self.commands, "L{:.6} {:.6}", to[0], to[1]);
+            }
+        }
+        self.points.push(to);
+    }
+
+    fn write(&self, svg: &mut String) {
+        let _ = writeln!(svg, "<path class=\"{}\" d=\"{}\"/>", self.class, self.commands);
+    }
+}
+
+/// Whether the arc is longer than half a circle, on paper with y downwards.
+fn is_major(from: Point, to: Point, center: Point, clockwise: bool) -> bool {
+    let (a, b) =
+        ([from[0] - center[0], from[1] - center[1]], [to[0] - center[0], to[1] - center[1]]);
+    let cross = a[0] * b[1] - a[1] * b[0];
+    // With y downwards a clockwise turn has a positive cross product.
+    if clockwise { cross < 0.0 } else { cross > 0.0 }
+}
+
+fn programmed_strokes(contour: &ProgrammedContour, plane: Plane) -> Vec<Stroke> {
+    let mut strokes = Strokes::default();
+    let mut position = contour.start;
+    for event in &contour.events {
+        if let ContourEventKind::Motion(motion) = event.kind {
+            let class =
+                if motion.class == MotionClass::Feed { "programmed" } else { "programmed rapid" };
+            strokes.add(class, position, &motion.shape, motion.end, plane);
+            position = motion.end;
+        }
+    }
+    strokes.done
+}
+
+fn compensated_strokes(start: Position, elements: &[PathElement], plane: Plane) -> Vec<Stroke> {
+    let mut strokes = Strokes::default();
+    let mut position = start;
+    for element in elements {
+        let class = match (element.role, element.feed_mm_per_min) {
+            (Role::LeadOn | Role::LeadOff | Role::Link, _) => "path lead",
+            (_, None) => "path rapid",
+            (Role::Corner, _) => "path corner",
+            _ => "path",
+        };
+        strokes.add(class, position, &element.shape, element.end, plane);
+        position = element.end;
+    }
+    strokes.done
+}
+
+/// Strokes in the making; a new one is begun when the look changes.
+#[derive(Default)]
+struct Strokes {
+    done: Vec<Stroke>,
+}
+
+impl Strokes {
+    fn add(
+        &mut self,
+        class: &'static str,
+        start: Position,
+        shape: &Shape,
+        end: Position,
+        plane: Plane,
+    ) {
+        match self.done.last_mut() {
+            Some(stroke) if stroke.class == class => stroke.add(start, shape, end, plane),
+            _ => {
+                let mut stroke = Stroke::new(class, project(start, plane));
+                stroke.add(start, shape, end, plane);
+                self.done.push(stroke);
+            }
+        }
+    }
+}
+
+/// The part of the plane that the picture shows.
+struct Frame {
+    min: Point,
+    size: Point,
+    /// Millimetres of a line of text.
+    text: f64,
+}
+
+impl Frame {
+    fn around<'a>(
+        strokes: impl Iterator<Item = &'a Stroke>,
+        diagnostics: &[Diagnostic],
+        plane: Plane,
+    ) -> Self {
+        let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let pins =
+            diagnostics.iter().filter_map(|finding| finding.position).map(|p| project(p, plane));
+        for point in strokes.flat_map(|stroke| stroke.points.iter().copied()).chain(pins) {
+            for axis in 0..2 {
+                min[axis] = min[axis].min(point[axis]);
+                max[axis] = max[axis].max(point[axis]);
+            }
+        }
+        if !min.iter().chain(&max).all(|value| value.is_finite()) {
+            (min, max) = ([0.0; 2], [1.0; 2]);
+        }
+        let extent = (max[0] - min[0]).max(max[1] - min[1]).max(1e-3);
+        let (margin, text) = (extent * 0.08, extent * 0.022);
+        // Room for the title above and the legend below.
+        let min = [min[0] - margin, min[1] - margin - 2.0 * text];
+        let size = [
+            (max[0] + margin - min[0]).max(extent * 0.9),
+            max[1] + margin + 2.0 * text - min[1],
+        ];
+        Self { min, size, text }
+    }
+
+    fn open(&self, svg: &mut String, picture: &Picture<'_>, plane: Plane) {
+        let (text, line) = (self.text, self.text * 0.12);
+        let pixels = 1200.0 / self.size[0].max(self.size[1]);
+        let _ = writeln!(
+            svg,
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{:.0}\" height=\"{:.0}\" \
+             viewBox=\"{:.6} {:.6} {:.6} {:.6}\">",
+            self.size[0] * pixels,
+            self.size[1] * pixels,
+            self.min[0],
+            self.min[1],
+            self.size[0],
+            self.size[1]
+        );
+        let _ = writeln!(
+            svg,
+            "<style>path{{fill:none;stroke-linejoin:round;stroke-linecap:round}}\
+             .programmed{{stroke:#7a7f87;stroke-width:{:.4}}}\
+             .path{{stroke:#7b2fbf;stroke-width:{:.4}}}.corner{{stroke:#b565e8}}\
+             .lead{{stroke-dasharray:{:.4} {:.4}}}\
+             .rapid{{stroke:#2f8f5b;stroke-width:{:.4};stroke-dasharray:{:.4}}}\
+             .grid{{stroke:#e6e8eb;stroke-width:{:.4}}}\
+             .axis{{stroke:#c3c8ce;stroke-width:{:.4}}}\
+             text{{font:{text:.4}px sans-serif;fill:#30343a}}.tick{{fill:#9aa0a8;font-size:{:.4}px}}\
+             .error{{fill:#c62828}}.warning{{fill:#d98200}}</style>",
+            line * 1.2,
+            line * 1.8,
+            line * 5.0,
+            line * 4.0,
+            line * 0.6,
+            line * 2.0,
+            line * 0.4,
+            line * 0.8,
+            text * 0.7,
+        );
+        let [first, second, _] = plane.axes();
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{:.6}\" y=\"{:.6}\" width=\"{:.6}\" height=\"{:.6}\" fill=\"white\"/>",
+            self.min[0], self.min[1], self.size[0], self.size[1]
+        );
+        let _ = writeln!(
+            svg,
+            "<text x=\"{:.6}\" y=\"{:.6}\">{} — {}{} to the right, {} up, mm</text>",
+            self.min[0] + text,
+            self.min[1] + 1.6 * text,
+            escape(picture.title),
+            if picture.accepted { "" } else { "REFUSED — " },
+            AXIS_LETTERS[first],
+            AXIS_LETTERS[second],
+        );
+        self.legend(svg);
+    }
+
+    fn legend(&self, svg: &mut String) {
+        let y = self.min[1] + self.size[1] - self.text;
+        let mut x = self.min[0] + self.text;
+        for (class, label) in [
+            ("programmed", "programmed"),
+            ("path", "tool centre"),
+            ("path corner", "corner"),
+            ("path lead", "lead"),
+            ("path rapid", "rapid"),
+        ] {
+            let _ = writeln!(
+                svg,
+                "<path class=\"{class}\" d=\"M{x:.6} {:.6}h{:.6}\"/>\
+                 <text x=\"{:.6}\" y=\"{y:.6}\">{label}</text>",
+                y - 0.3 * self.text,
+                2.5 * self.text,
+                x + 3.0 * self.text,
+            );
+            x += (4.5 + 0.55 * label.len() as f64) * self.text;
+        }
+    }
+
+    /// Lines at round coordinates, about ten across, with their numbers.
+    fn grid(&self, svg: &mut String) {
+        let step = round_step(self.size[0].max(self.size[1]) / 10.0);
+        for axis in 0..2 {
+            let first = (self.min[axis] / step).ceil() as i64;
+            let last = ((self.min[axis] + self.size[axis]) / step).floor() as i64;
+            for index in first..=last {
+                let at = index as f64 * step;
+                let class = if index == 0 { "axis" } else { "grid" };
+                let value = if axis == 0 { at } else { -at } + 0.0;
+                let (line, x, y) = if axis == 0 {
+                    let top = self.min[1] + 2.2 * self.text;
+                    let height = self.size[1] - 4.6 * self.text;
+                    (format!("M{at:.6} {top:.6}v{height:.6}"), at, top + height)
+                } else {
+                    let start = self.min[0];
+                    (
+                        format!("M{start:.6} {at:.6}h{:.6}", self.size[0]),
+                        start,
+                        at - 0.2 * self.text,
+                    )
+                };
+                let _ = writeln!(
+                    svg,
+                    "<path class=\"{class}\" d=\"{line}\"/>\
+                     <text class=\"tick\" x=\"{x:.6}\" y=\"{y:.6}\">{value}</text>"
+                );
+            }
+        }
+    }
+
+    fn pin(&self, svg: &mut String, at: Point, number: usize, finding: &Diagnostic) {
+        let class = match finding.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        };
+        let text = self.text;
+        let _ = writeln!(
+            svg,
+            "<g><title>{}</title><circle class=\"{class}\" cx=\"{:.6}\" cy=\"{:.6}\" r=\"{:.6}\"/>\
+             <text class=\"{class}\" x=\"{:.6}\" y=\"{:.6}\">{} line {}</text></g>",
+            escape(&finding.message),
+            at[0],
+            at[1],
+            0.3 * text,
+            at[0] + 0.6 * text,
+            // Several findings often share a place: their labels must not.
+            at[1] - (0.4 + 1.1 * (number % 4) as f64) * text,
+            finding.code.name(),
+            finding.source.line,
+        );
+    }
+}
+
+/// The smallest of 1, 2, 5 times a power of ten that is not below `least`.
+fn round_step(least: f64) -> f64 {
+    let power = 10f64.powi(least.log10().floor() as i32);
+    [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .map(|digit| digit * power)
+        .find(|&step| step >= least)
+        .unwrap_or(10.0 * power)
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}

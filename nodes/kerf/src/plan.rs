@@ -1,0 +1,174 @@
+//! `kerf plan`: a program in, a verdict and a path out. No ROS.
+
+use crate::exit::{Failure, Outcome, Status};
+use crate::plan_json::PlanReport;
+use crate::{files, picture};
+use clap::Args;
+use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::geometry::Position;
+use cnc_msgs::path::CompensatedPath;
+use compensation_planner::Plan;
+use program_loader::{LoadOptions, Loaded};
+use std::io::IsTerminal;
+use std::path::PathBuf;
+
+/// What `kerf plan` takes.
+#[derive(Debug, Args)]
+pub(crate) struct PlanArgs {
+    /// The part program
+    file: PathBuf,
+    /// Controller profile: a built-in name, or a YAML file
+    #[arg(long, default_value = "rs274", value_name = "NAME|FILE")]
+    controller: String,
+    /// Tool table, YAML, millimetres
+    #[arg(long, value_name = "FILE")]
+    tools: Option<PathBuf>,
+    /// Where the tool is before the first block, millimetres
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = position, allow_hyphen_values = true)]
+    start: [f64; 3],
+    /// Print one JSON object
+    #[arg(long, conflicts_with = "quiet")]
+    json: bool,
+    /// Draw the programmed contour and the path of the tool centre
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Print nothing but errors
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Loads and plans, prints, and says whether the program was accepted.
+pub(crate) fn run(args: &PlanArgs) -> Outcome {
+    let text = files::read_program(&args.file)?;
+    let profile = files::profile(&args.controller)?;
+    let tools = files::tool_table(args.tools.as_deref())?;
+    let name = files::file_name(&args.file);
+
+    let options = LoadOptions { start: args.start, ..LoadOptions::default() };
+    let planned = Planned::new(&text, &profile, &tools, &options);
+
+    if let Some(path) = &args.svg {
+        files::write(path, &planned.svg(&name))?;
+    }
+    if args.json {
+        println!("{:#}", planned.report(&profile.name).to_json());
+    } else {
+        let shown: Vec<_> = planned
+            .diagnostics
+            .iter()
+            .filter(|finding| finding.is_error() || !args.quiet)
+            .cloned()
+            .collect();
+        let text = String::from_utf8_lossy(&text);
+        let color = std::io::stderr().is_terminal();
+        eprint!("{}", program_loader::render::render(&name, &text, &shown, color));
+        if !args.quiet {
+            println!("{}", planned.summary(&name, &profile.name));
+        }
+    }
+    if planned.accepted() { Ok(()) } else { Err(Failure::said(Status::Refused)) }
+}
+
+fn position(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().ok().filter(|number| number.is_finite()))
+        .collect::<Option<_>>()
+        .ok_or_else(|| format!("{text:?} is not three numbers"))?;
+    numbers.try_into().map_err(|_| format!("{text:?} is not three numbers X,Y,Z"))
+}
+
+/// A program after both cores.
+#[derive(Debug)]
+pub(crate) struct Planned {
+    pub(crate) loaded: Loaded,
+    plan: Plan,
+    /// Of the loader, then of the planner.
+    pub(crate) diagnostics: Vec<Diagnostic>,
+}
+
+impl Planned {
+    /// Loads and, when nothing was refused, plans.
+    pub(crate) fn new(
+        text: &[u8],
+        profile: &cnc_msgs::profile::Profile,
+        tools: &cnc_msgs::tool_table::ToolTable,
+        options: &LoadOptions,
+    ) -> Self {
+        let loaded = program_loader::load(text, profile, options);
+        let mut diagnostics = loaded.diagnostics.clone();
+        let mut plan = Plan::default();
+        if !diagnostics.iter().any(Diagnostic::is_error) {
+            plan = compensation_planner::plan(&loaded.contour, profile, tools);
+            diagnostics.extend(plan.diagnostics.iter().cloned());
+        }
+        Self { loaded, plan, diagnostics }
+    }
+
+    pub(crate) fn accepted(&self) -> bool {
+        !self.diagnostics.iter().any(Diagnostic::is_error)
+    }
+
+    /// The path; empty when refused.
+    pub(crate) fn path(&self) -> &CompensatedPath {
+        &self.plan.path
+    }
+
+    fn start(&self) -> Position {
+        self.loaded.contour.start
+    }
+
+    fn report<'a>(&'a self, controller: &'a str) -> PlanReport<'a> {
+        PlanReport {
+            controller,
+            accepted: self.accepted(),
+            start: self.start(),
+            elements: &self.path().elements,
+            events: &self.path().events,
+            refused_elements: &self.plan.refused,
+            diagnostics: &self.diagnostics,
+        }
+    }
+
+    /// The picture, of what was refused too.
+    pub(crate) fn svg(&self, title: &str) -> String {
+        let elements =
+            if self.accepted() { &self.path().elements } else { &self.plan.refused };
+        picture::draw(&picture::Picture {
+            title,
+            contour: &self.loaded.contour,
+            start: self.start(),
+            elements,
+            accepted: self.accepted(),
+            diagnostics: &self.diagnostics,
+        })
+    }
+
+    /// What people read: the verdict and the size of it.
+    fn summary(&self, name: &str, controller: &str) -> String {
+        let count = |error| self.diagnostics.iter().filter(|d| d.is_error() == error).count();
+        let (errors, warnings) = (count(true), count(false));
+        let verdict = if self.accepted() { "accepted" } else { "refused" };
+        let mut summary = format!(
+            "{name}: {verdict} by {controller}, {}, {}",
+            plural(errors, "error"),
+            plural(warnings, "warning")
+        );
+        if self.accepted() {
+            let path = self.path();
+            let rapids = path.elements.iter().filter(|e| e.feed_mm_per_min.is_none()).count();
+            summary += &format!(
+                "\n  {} ({} rapid), {}",
+                plural(path.elements.len(), "element"),
+                rapids,
+                plural(path.events.len(), "event")
+            );
+        }
+        summary
+    }
+}
+
+/// `1 error`, `2 errors`.
+pub(crate) fn plural(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}

@@ -1,0 +1,108 @@
+//! The JSON object that `kerf plan --json` prints, for scripts and tests.
+//!
+//! Millimetres and degrees. The names here are a contract; the types behind
+//! them are free to change.
+
+use cnc_msgs::contour::Source;
+use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use cnc_msgs::geometry::{Position, Shape};
+use cnc_msgs::path::{PathElement, PathEvent};
+use serde_json::{Map, Value, json};
+
+/// What is printed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PlanReport<'a> {
+    pub(crate) controller: &'a str,
+    pub(crate) accepted: bool,
+    /// Start of the first element.
+    pub(crate) start: Position,
+    pub(crate) elements: &'a [PathElement],
+    pub(crate) events: &'a [PathEvent],
+    /// What a refused program would have cut, for pictures.
+    pub(crate) refused_elements: &'a [PathElement],
+    pub(crate) diagnostics: &'a [Diagnostic],
+}
+
+impl PlanReport<'_> {
+    /// The whole object.
+    pub(crate) fn to_json(self) -> Value {
+        let mut object = Map::new();
+        object.insert("controller".into(), json!(self.controller));
+        object.insert("accepted".into(), json!(self.accepted));
+        object.insert("elements".into(), elements(self.start, self.elements));
+        if !self.accepted {
+            object.insert("refused_elements".into(), elements(self.start, self.refused_elements));
+        }
+        object.insert("events".into(), self.events.iter().map(event).collect());
+        object.insert("diagnostics".into(), self.diagnostics.iter().map(diagnostic).collect());
+        // The whole-program check that these come from does not exist yet.
+        object.insert("certificates".into(), json!([]));
+        object.insert("uncut".into(), json!([]));
+        Value::Object(object)
+    }
+}
+
+fn elements(start: Position, elements: &[PathElement]) -> Value {
+    let starts = std::iter::once(start).chain(elements.iter().map(|element| element.end));
+    starts.zip(elements).map(|(start, element)| self::element(start, element)).collect()
+}
+
+fn element(start: Position, element: &PathElement) -> Value {
+    let mut object = Map::new();
+    let kind = match element.shape {
+        Shape::Line => "line",
+        Shape::Arc(_) => "arc",
+    };
+    object.insert("kind".into(), json!(kind));
+    object.insert("start".into(), json!(start));
+    object.insert("end".into(), json!(element.end));
+    if let Shape::Arc(arc) = element.shape {
+        object.insert("center".into(), json!(arc.center));
+        object.insert("clockwise".into(), json!(arc.clockwise));
+        object.insert("turns".into(), json!(arc.turns));
+        object.insert("plane".into(), json!(arc.plane.name()));
+    }
+    object.insert("rapid".into(), json!(element.feed_mm_per_min.is_none()));
+    object.insert("feed_mm_per_min".into(), json!(element.feed_mm_per_min));
+    object.insert("role".into(), json!(element.role.name()));
+    place(&mut object, &element.source);
+    Value::Object(object)
+}
+
+fn event(event: &PathEvent) -> Value {
+    let mut object = Map::new();
+    object.insert("kind".into(), json!(event.action.kind()));
+    object.insert("text".into(), json!(event.action.text()));
+    place(&mut object, &event.source);
+    object.insert("at_element".into(), json!(event.at_element));
+    Value::Object(object)
+}
+
+/// One finding, as it stands in the list.
+pub(crate) fn diagnostic(finding: &Diagnostic) -> Value {
+    json!({
+        "severity": match finding.severity {
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        },
+        "code": finding.code.name(),
+        "alarm": finding.alarm,
+        "line": finding.source.line,
+        "column": finding.source.column,
+        "length": finding.source.length,
+        "block": finding.source.block,
+        "other_line": finding.other.map(|other| other.line),
+        "other_block": finding.other.and_then(|other| other.block),
+        "position": finding.position,
+        "depth_mm": finding.depth_mm,
+        "needed_mm": finding.needed_mm,
+        "available_mm": finding.available_mm,
+        "message": finding.message,
+        "help": finding.help,
+    })
+}
+
+fn place(object: &mut Map<String, Value>, source: &Source) {
+    object.insert("line".into(), json!(source.line));
+    object.insert("block".into(), json!(source.block));
+}

@@ -1,0 +1,171 @@
+//! The driver's core on its recorded journal: the same inputs at the same times.
+
+use super::compare::Comparison;
+use super::recording::Recording;
+use super::{Output, ReplayError};
+use axis_driver::driver::Output as DriverOutput;
+use axis_driver::journal::{Entry, EntryKind, replay as play};
+use axis_driver::node::{driver_config, kind_from_wire};
+use cnc_msgs::convert::machine_state_to_wire;
+use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, MachineState, TrafficEntry};
+use cnc_msgs::wire::std_msgs::msg::Header;
+use runtime::parameters::ParameterValue;
+
+/// Bytes of one difference that are shown.
+const SHOWN_BYTES: usize = 60;
+
+/// Plays the journal again and compares every byte that goes to the machine.
+pub(super) fn replay(
+    recording: &Recording,
+    comparison: &mut Comparison,
+    outputs: &mut Vec<Output>,
+) -> Result<(), ReplayError> {
+    let entries = entries(recording)?;
+    let of_driver = |reason: String| ReplayError::Input { of: "the driver".into(), reason };
+    let Some(parameters) = recording.parameters.get("axis_driver") else {
+        return Err(ReplayError::Incomplete { what: "the parameters", of: "axis_driver".into() });
+    };
+    let config = driver_config(|name| {
+        let row = parameters.parameters.iter().find(|row| row.name == name);
+        row.and_then(|row| runtime::parameter_from_wire(&row.value))
+            // A parameter that did not exist then: any value of another type leaves the default.
+            .unwrap_or(ParameterValue::BoolArray(Vec::new()))
+    });
+    let paths = |program_id: &str, revision: u64| {
+        let plan = recording.plans.get(&revision)?;
+        (plan.report.program_id == program_id).then(|| plan.path.clone()).flatten()
+    };
+    let played =
+        play(&entries, &paths, config).map_err(|error| of_driver(error.to_string()))?;
+
+    let recorded: Vec<&Entry> =
+        entries.iter().filter(|entry| entry.kind == EntryKind::Tx).collect();
+    comparison.count("transmissions", recorded.len());
+    if recorded.len() != played.transmitted.len() {
+        comparison.differs(
+            "transmissions",
+            "count",
+            format!(
+                "{} were recorded, {} are made now",
+                recorded.len(),
+                played.transmitted.len()
+            ),
+        );
+    }
+    for (index, (recorded, now)) in recorded.iter().zip(&played.transmitted).enumerate() {
+        if (recorded.monotonic_ns, &recorded.data) != (now.monotonic_ns, &now.data) {
+            comparison.differs(
+                &format!("transmission {index}"),
+                "data",
+                format!(
+                    "at {:.6} s {} became at {:.6} s {}",
+                    recorded.monotonic_ns as f64 / 1e9,
+                    shown(&recorded.data),
+                    now.monotonic_ns as f64 / 1e9,
+                    shown(&now.data)
+                ),
+            );
+            // What comes after a first wrong byte is wrong too.
+            break;
+        }
+    }
+    compare_states(recording, &played.outputs, comparison);
+    outputs.extend(traffic(recording, &played.transmitted));
+    Ok(())
+}
+
+/// The journal, whole and in order.
+fn entries(recording: &Recording) -> Result<Vec<Entry>, ReplayError> {
+    let mut entries = Vec::with_capacity(recording.traffic.len());
+    for (_, entry) in recording.traffic.values() {
+        let Some(kind) = kind_from_wire(entry.kind) else {
+            return Err(ReplayError::Input {
+                of: format!("traffic entry {}", entry.sequence),
+                reason: format!("its kind {} is not known", entry.kind),
+            });
+        };
+        entries.push(Entry {
+            sequence: entry.sequence,
+            monotonic_ns: monotonic_ns(entry),
+            kind,
+            data: entry.data.clone(),
+        });
+    }
+    Ok(entries)
+}
+
+fn monotonic_ns(entry: &TrafficEntry) -> u64 {
+    u64::try_from(entry.monotonic.sec).unwrap_or(0) * 1_000_000_000
+        + u64::from(entry.monotonic.nanosec)
+}
+
+fn shown(bytes: &[u8]) -> String {
+    let text = bytes.escape_ascii().to_string();
+    match text.get(..SHOWN_BYTES) {
+        Some(start) if text.len() > SHOWN_BYTES => format!("\"{start}...\""),
+        _ => format!("\"{text}\""),
+    }
+}
+
+/// Every state that was published must be one that the core goes through, in order.
+///
+/// The topic repeats states and may drop some; both are left out of account.
+fn compare_states(
+    recording: &Recording,
+    outputs: &[(std::time::Duration, DriverOutput)],
+    comparison: &mut Comparison,
+) {
+    let made: Vec<MachineState> = outputs
+        .iter()
+        .filter_map(|(_, output)| match output {
+            DriverOutput::State(state) => {
+                Some(comparable(&machine_state_to_wire(Header::default(), state)))
+            }
+            _ => None,
+        })
+        .collect();
+    let mut recorded: Vec<MachineState> = recording.states.iter().map(comparable).collect();
+    recorded.dedup();
+    comparison.count("states", recorded.len());
+    let mut rest = made.iter();
+    for (index, state) in recorded.iter().enumerate() {
+        if !rest.any(|made| made == state) {
+            comparison.differs(
+                &format!("state {index}"),
+                "state",
+                format!("{state:?} is not reached in this order"),
+            );
+            break;
+        }
+    }
+}
+
+/// A state without what depends on when it was published.
+fn comparable(state: &MachineState) -> MachineState {
+    MachineState { header: Header::default(), link_age: 0.0, ..state.clone() }
+}
+
+/// What the core transmits now, as messages.
+fn traffic(recording: &Recording, transmitted: &[Entry]) -> Vec<Output> {
+    let stamps: std::collections::BTreeMap<u64, &(u64, TrafficEntry)> = recording
+        .traffic
+        .values()
+        .map(|row| (monotonic_ns(&row.1), row))
+        .collect();
+    transmitted
+        .iter()
+        .filter_map(|entry| {
+            let (at, input) = stamps.get(&entry.monotonic_ns)?;
+            let message = TrafficEntry {
+                sequence: entry.sequence,
+                kind: TrafficEntry::KIND_TRANSMITTED,
+                stamp: input.stamp.clone(),
+                monotonic: input.monotonic.clone(),
+                data: entry.data.clone(),
+            };
+            let traffic = ControllerTraffic { entries: vec![message] };
+            Some(Output::new("controller_traffic", *at, &traffic))
+        })
+        .collect()
+}
+

@@ -1,0 +1,86 @@
+//! `kerf up`: every node, supervised, until Ctrl-C.
+
+use crate::exit::{Failure, Outcome, Status};
+use crate::stack::Stack;
+use clap::Args;
+use std::path::PathBuf;
+use tokio::signal::unix::{SignalKind, signal};
+
+/// In this order they are stopped: the machine first, its recorder last.
+pub(crate) const STOP_ORDER: [&str; 4] =
+    ["axis_driver", "compensation_planner", "program_loader", "run_recorder"];
+
+/// What `kerf up` takes.
+#[derive(Debug, Args)]
+pub(crate) struct UpArgs {
+    /// ROS 2 parameter file for all nodes
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Start a virtual controller too, and connect the driver to it
+    #[arg(long)]
+    virtual_controller: bool,
+}
+
+/// Starts them, starts again what dies, stops all in order.
+pub(crate) fn run(args: &UpArgs, ros_args: &[String]) -> Outcome {
+    let executor = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .enable_all()
+        .build()
+        .map_err(Failure::usage)?;
+    executor.block_on(supervise(args, ros_args))
+}
+
+async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
+    let mut node_args = ros_args.to_vec();
+    if let Some(config) = &args.config {
+        // A file that is not there is better named once than by every node.
+        std::fs::metadata(config).map_err(|error| {
+            Failure::usage(format_args!("cannot read {}: {error}", config.display()))
+        })?;
+        // Before the rest: what is said on the command line counts more.
+        let mut first = vec![
+            "--ros-args".to_owned(),
+            "--params-file".to_owned(),
+            config.display().to_string(),
+            "--".to_owned(),
+        ];
+        first.append(&mut node_args);
+        node_args = first;
+    }
+    let mut interrupt = signal(SignalKind::interrupt()).map_err(Failure::usage)?;
+    let mut terminate = signal(SignalKind::terminate()).map_err(Failure::usage)?;
+    let mut stack = Stack::new().map_err(Failure::usage)?;
+    let mut controller = Stack::new().map_err(Failure::usage)?;
+    if args.virtual_controller {
+        let link = std::env::temp_dir().join(format!("kerf-{}-controller", std::process::id()));
+        let port = link.display().to_string();
+        controller
+            .start("virtual_controller", &["--link".to_owned(), port.clone()])
+            .map_err(Failure::usage)?;
+        crate::stack::wait_for_file(&link).await?;
+        node_args.extend(
+            ["--ros-args", "-p", &format!("axis_driver:port:={port}"), "--"].map(String::from),
+        );
+    }
+    for name in STOP_ORDER {
+        stack.start(name, &node_args).map_err(Failure::usage)?;
+    }
+    tokio::select! {
+        _ = interrupt.recv() => {}
+        _ = terminate.recv() => {}
+        trouble = stack.supervise() => {
+            let mut troubles = stack.stop().await;
+            troubles.extend(controller.stop().await);
+            return Err(Failure::new(Status::Usage, trouble));
+        }
+    }
+    eprintln!("kerf: stopping");
+    let mut troubles = stack.stop().await;
+    troubles.extend(controller.stop().await);
+    if troubles.is_empty() {
+        Ok(())
+    } else {
+        Err(Failure::new(Status::NodeRefused, troubles.join("; ")))
+    }
+}

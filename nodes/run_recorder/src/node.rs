@@ -1,0 +1,270 @@
+//! The ROS shell of the recorder: one bag for each run, without being asked.
+//!
+//! Subscribes the bytes of every topic of its machine as soon as it is seen.
+//! Between runs only what late joiners would get is kept; while a goal of
+//! `run_program` is active, and a little longer, everything is written.
+
+mod definitions;
+mod fetch;
+mod numbers;
+mod store;
+mod watch;
+
+use cnc_msgs::wire::action_msgs::msg::GoalStatusArray;
+use cnc_msgs::wire::cnc_msgs::msg::Recording;
+use fetch::Sources;
+use numbers::Numbers;
+use runtime::{Declared, Handle, NodeResult, Publisher, Qos};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use store::{OpenRun, Store};
+use watch::{Edge, RunWatch};
+
+/// How often the graph is searched for new topics.
+const DISCOVERY_PERIOD: Duration = Duration::from_millis(100);
+/// What still belongs to a run that has ended.
+const TAIL: Duration = Duration::from_millis(700);
+/// How long closing a bag may take.
+const CLOSE_WITHIN: Duration = Duration::from_secs(20);
+/// Samples of one topic that may wait unread.
+const DEPTH: usize = 20_000;
+
+/// Runs the node until it is told to stop.
+pub fn main(args: Vec<String>) -> ExitCode {
+    runtime::run_with("run_recorder", parameters(), &args, start)
+}
+
+/// The node's parameters.
+pub fn parameters() -> Vec<Declared> {
+    vec![
+        Declared::new("directory", "kerf-bags", "where the bags go, one directory a run").read_only(),
+        Declared::new(
+            "extra_topics",
+            ["/tf", "/tf_static", "/rosout", "/diagnostics", "/parameter_events"]
+                .map(String::from)
+                .to_vec(),
+            "absolute names of topics that are recorded beside those of this namespace",
+        )
+        .read_only(),
+    ]
+}
+
+async fn start(node: Handle) -> NodeResult {
+    let directory = PathBuf::from(node.parameter::<String>("directory"));
+    // Whether bags can be made is better known before the first run.
+    std::fs::create_dir_all(&directory)
+        .map_err(|error| format!("bags cannot go to {}: {error}", directory.display()))?;
+    let directory = std::path::absolute(&directory)?;
+    let recorder = Arc::new(Recorder {
+        node: node.clone(),
+        directory,
+        extra_topics: node.parameter("extra_topics"),
+        sources: Sources::new(&node)?,
+        recording: node.publisher("recording", Qos::LATCHED)?,
+        state: Mutex::default(),
+    });
+    recorder.publish(Recording::default());
+
+    let mut statuses =
+        node.subscription::<GoalStatusArray>("run_program/_action/status", Qos::LATCHED)?;
+    let shared = Arc::clone(&recorder);
+    node.spawn("goals", async move {
+        let mut watch = RunWatch::default();
+        loop {
+            let (status, _) = statuses.next().await;
+            match watch.update(&status) {
+                Some(Edge::Begin { goal }) => shared.begin(goal),
+                Some(Edge::End) => shared.end(),
+                None => {}
+            }
+        }
+    });
+    let shared = Arc::clone(&recorder);
+    node.spawn("discovery", async move {
+        loop {
+            shared.subscribe_new_topics();
+            tokio::time::sleep(DISCOVERY_PERIOD).await;
+        }
+    });
+    let shared = Arc::clone(&recorder);
+    node.spawn("recording", async move {
+        loop {
+            tokio::time::sleep(Duration::from_secs(1)).await;
+            shared.publish_progress();
+        }
+    });
+    node.shutdown().requested().await;
+    let open = recorder.state().open.take();
+    if let Some(open) = open {
+        recorder.finish(open).await;
+    }
+    Ok(())
+}
+
+struct Recorder {
+    node: Handle,
+    directory: PathBuf,
+    extra_topics: Vec<String>,
+    sources: Sources,
+    recording: Publisher<Recording>,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    store: Store,
+    open: Option<OpenRun>,
+    /// Counts the runs, so that a late end does not close the next bag.
+    run: u64,
+}
+
+impl Recorder {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether a topic is one of this machine, or wanted beside them.
+    fn is_in_scope(&self, topic: &str) -> bool {
+        let namespace = self.node.names().namespace();
+        namespace == "/"
+            || topic.strip_prefix(namespace).is_some_and(|rest| rest.starts_with('/'))
+            || self.extra_topics.iter().any(|extra| extra == topic)
+    }
+
+    fn subscribe_new_topics(self: &Arc<Self>) {
+        let publishers = self.node.discovered_publishers();
+        for publisher in publishers.iter().filter(|found| self.is_in_scope(&found.topic)) {
+            let mut state = self.state();
+            if state.store.knows(&publisher.topic) {
+                continue;
+            }
+            let offers: Vec<_> =
+                publishers.iter().filter(|other| other.topic == publisher.topic).collect();
+            let spec = definitions::channel(&publisher.topic, &publisher.type_name, &offers);
+            let qos = Qos {
+                // No more than what all of them offer, or some would not match.
+                reliable: offers.iter().all(|offer| offer.qos.reliable),
+                transient_local: offers.iter().all(|offer| offer.qos.transient_local),
+                depth: DEPTH,
+            };
+            let index = state.store.add(spec, qos.transient_local);
+            let State { store, open, .. } = &mut *state;
+            if let Some(open) = open {
+                open.add_channel(store, index);
+            }
+            drop(state);
+            let subscription =
+                self.node.raw_subscription(&publisher.topic, &publisher.type_name, qos);
+            match subscription {
+                Err(error) => tracing::error!("{} is not recorded: {error}", publisher.topic),
+                Ok(mut subscription) => {
+                    let shared = Arc::clone(self);
+                    self.node.spawn(&publisher.topic, async move {
+                        loop {
+                            let sample = subscription.next().await;
+                            let mut state = shared.state();
+                            let State { store, open, .. } = &mut *state;
+                            store.take(open.as_mut(), index, sample);
+                        }
+                    });
+                }
+            }
+        }
+    }
+
+    fn begin(self: &Arc<Self>, goal: [u8; 16]) {
+        let mut state = self.state();
+        state.run += 1;
+        let before = state.open.take();
+        let opened = OpenRun::create(&self.directory, self.node.now(), goal, &mut state.store);
+        match opened {
+            Ok(open) => {
+                tracing::info!("recording to {}", open.bag.path().display());
+                let message = open.message(self.node.now());
+                let wanted = open.wanted_before();
+                state.open = Some(open);
+                drop(state);
+                self.publish(message);
+                let shared = Arc::clone(self);
+                self.node.spawn("inputs of the run", async move {
+                    shared.fetch_inputs(wanted).await;
+                });
+            }
+            Err(error) => {
+                drop(state);
+                tracing::error!("the run is not recorded: {error}");
+                self.publish(Recording {
+                    reason: error.to_string(),
+                    stamp: self.node.now().into(),
+                    ..Recording::default()
+                });
+            }
+        }
+        if let Some(before) = before {
+            let shared = Arc::clone(self);
+            self.node.spawn("bag of the run before", async move { shared.finish(before).await });
+        }
+    }
+
+    fn end(self: &Arc<Self>) {
+        let run = self.state().run;
+        let shared = Arc::clone(self);
+        self.node.spawn("end of the run", async move {
+            tokio::time::sleep(TAIL).await;
+            let open = {
+                let mut state = shared.state();
+                if state.run == run { state.open.take() } else { None }
+            };
+            if let Some(open) = open {
+                shared.finish(open).await;
+            }
+        });
+    }
+
+    /// Fetches what was sent before the bag was open: programs, paths, traffic.
+    async fn fetch_inputs(&self, wanted: store::Wanted) {
+        let fetched = self.sources.inputs(&wanted).await;
+        let traffic = self.sources.traffic(&Numbers::default()).await;
+        let mut state = self.state();
+        let State { store, open, .. } = &mut *state;
+        if let Some(open) = open {
+            open.add_fetched(store, fetched);
+            // What is missing now is asked for again at the end.
+            open.add_traffic(store, traffic);
+        }
+    }
+
+    /// Fills what is missing, closes the bag and says how it went.
+    async fn finish(&self, mut open: OpenRun) {
+        let traffic = self.sources.traffic(&open.numbers).await;
+        let problem = open.add_traffic(&self.state().store, traffic);
+        open.note_gaps(problem);
+        let run_id = open.run_id.clone();
+        let stamp = self.node.now().into();
+        let closed = tokio::task::spawn_blocking(move || open.bag.finish(CLOSE_WITHIN)).await;
+        let Ok(status) = closed else {
+            tracing::error!("closing the bag of {run_id} failed");
+            return;
+        };
+        if status.complete {
+            tracing::info!("{} is complete", status.path.display());
+        } else {
+            tracing::error!("{}: {}", status.path.display(), status.reasons.join("; "));
+        }
+        self.publish(store::recording_message(stamp, run_id, false, &status));
+    }
+
+    fn publish_progress(&self) {
+        let now = self.node.now();
+        let message = self.state().open.as_ref().map(|open| open.message(now));
+        if let Some(message) = message {
+            self.publish(message);
+        }
+    }
+
+    fn publish(&self, message: Recording) {
+        self.recording.publish(message);
+    }
+}
