@@ -16,6 +16,8 @@ pub mod encoder;
 pub mod estimate;
 pub mod journal;
 pub mod link;
+#[cfg(feature = "node")]
+pub mod node;
 pub mod report;
 #[cfg(feature = "node")]
 pub mod serial;

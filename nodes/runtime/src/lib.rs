@@ -59,12 +59,17 @@
 //! ```
 
 pub mod action;
+mod announce;
 pub mod arguments;
 mod cancel;
+pub mod chunks;
 mod client;
+mod client_session;
+pub mod commands;
 pub mod configuration;
 mod declared;
 mod diagnostics;
+mod documents;
 pub mod environment;
 mod graph;
 mod live_parameters;
@@ -91,10 +96,14 @@ pub use cnc_msgs::interface;
 
 pub use cancel::Shutdown;
 pub use client::{ANSWER_WITHIN, CallError, Client, SERVER_WITHIN};
+pub use client_session::{ClientSessionError, client_session};
 pub use diagnostics::{Health, HealthLevel};
+pub use documents::{ToolTableFileError, load_tool_table, profile_from_yaml, profile_to_yaml};
 pub use graph::LOOPBACK_PARTICIPANTS_MAX;
 pub use logging::LogSettings;
 pub use node::{Handle, NodeError};
+pub use parameter_services::from_wire as parameter_from_wire;
+pub use parameters::Declared;
 pub use profiles::{ProfileError, known_profiles, load_profile};
 pub use publisher::Publisher;
 pub use qos::Qos;
@@ -106,3 +115,8 @@ pub use subscription::{SampleInfo, Subscription};
 pub use time::RosTime;
 pub use wire::{Gid, ServiceMapping};
 pub use yaml::{FileError, from_yaml_file, from_yaml_str};
+
+/// Whatever ends a node, for its log.
+pub type Error = Box<dyn std::error::Error + Send + Sync>;
+/// How the life of a node ends.
+pub type NodeResult = Result<(), Error>;

@@ -179,7 +179,7 @@ fn describe(parameters: &Parameters, name: &str) -> wire::ParameterDescriptor {
     descriptor
 }
 
-fn to_wire(value: Option<&ParameterValue>) -> wire::ParameterValue {
+pub(crate) fn to_wire(value: Option<&ParameterValue>) -> wire::ParameterValue {
     let mut wire = wire::ParameterValue::default();
     wire.type_ = match value {
         None => Type::PARAMETER_NOT_SET,
@@ -220,7 +220,7 @@ fn to_wire(value: Option<&ParameterValue>) -> wire::ParameterValue {
 }
 
 /// `None` for "not set" and for byte arrays, which no parameter here has.
-fn from_wire(wire: &wire::ParameterValue) -> Option<ParameterValue> {
+pub fn from_wire(wire: &wire::ParameterValue) -> Option<ParameterValue> {
     match wire.type_ {
         Type::PARAMETER_BOOL => Some(wire.bool_value.into()),
         Type::PARAMETER_INTEGER => Some(wire.integer_value.into()),

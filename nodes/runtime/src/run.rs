@@ -1,7 +1,8 @@
 //! A node as a process: from the command line to the exit status.
 //!
 //! SIGINT and SIGTERM ask the node to stop; a second one ends the process at
-//! once. The node has five seconds to come to an end, then everything is taken
+//! once. The node has twenty seconds to come to an end (a machine may have to be
+//! stopped, a bag to be closed), then everything is taken
 //! down in the order that DDS needs.
 //!
 //! Exit status: 0 ended as asked, 1 failed, 2 arguments, environment or files
@@ -21,7 +22,7 @@ use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 
 /// How long a node may take to end by itself.
-const END_WITHIN: Duration = Duration::from_secs(5);
+const END_WITHIN: Duration = Duration::from_secs(20);
 
 /// Runs a node with the command line of the process; all that its `main` does.
 ///
@@ -102,6 +103,7 @@ where
     };
     let handle = session.handle().clone();
     let prepared = lines.publish(&handle).map_err(|error| error.to_string());
+    let prepared = prepared.and_then(|()| handle.announce_parameters().map_err(|e| e.to_string()));
     let prepared = prepared.and_then(|()| obey_signals(&handle).map_err(|e| e.to_string()));
     if let Err(error) = prepared {
         tracing::error!("{error}");

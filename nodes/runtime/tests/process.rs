@@ -5,7 +5,7 @@
 mod common;
 
 use cnc_msgs::wire::rcl_interfaces::msg::Log;
-use common::{PATIENCE, Text, domain, namespace, soon, start};
+use common::{Count, PATIENCE, Text, domain, namespace, soon, start};
 use runtime::parameters::Declared;
 use runtime::{Handle, NodeError, Qos};
 use std::process::{Child, Command, Output, Stdio};
@@ -24,6 +24,15 @@ async fn node(handle: Handle) -> Result<(), NodeError> {
             return Err(NodeError::Stopping { what });
         }
         "deaf" => std::future::pending().await,
+        "listen" => {
+            let mut flood = handle.subscription::<Count>("flood", Qos::EVENTS)?;
+            loop {
+                tokio::select! {
+                    () = handle.shutdown().requested() => return Ok(()),
+                    _ = flood.next() => {}
+                }
+            }
+        }
         _ => {}
     }
     let mut ticks = tokio::time::interval(Duration::from_millis(50));
@@ -44,7 +53,7 @@ fn the_node_itself() {
     let declared = vec![
         Declared::new("greeting", "hello", "what is said"),
         Declared::new("fault", "", "how it fails")
-            .one_of(&["", "panic", "thread", "error", "deaf"]),
+            .one_of(&["", "panic", "thread", "error", "deaf", "listen"]),
     ];
     let words: Vec<String> = words.split_whitespace().map(str::to_owned).collect();
     let status = runtime::run_with("greeter", declared, &words, node);
@@ -177,4 +186,27 @@ async fn the_thirteenth_node_on_a_computer_says_what_to_do() {
     for other in others {
         other.stop().await;
     }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_subscriber_that_hangs_costs_samples_but_never_holds_the_publisher_up() {
+    let node = start("node", domain(65));
+    let flood = node.handle().publisher::<Count>("flood", Qos::DEFAULT).expect("publisher");
+    let words = format!("--ros-args -r __ns:={} -p fault:=listen", namespace());
+    let child = launch(&words, domain(65));
+    assert!(soon("a match", flood.wait_for_subscriber(PATIENCE)).await);
+    signal(&child, "-STOP");
+    // More than the writer keeps for a reader that does not acknowledge.
+    let publishing = tokio::task::spawn_blocking(move || {
+        let sent = (0..20_000).filter(|data| flood.publish(Count { data: *data })).count();
+        (sent as u64, flood)
+    });
+    let (sent, flood) = soon("the publisher", publishing).await.expect("no panic");
+    assert!(flood.dropped() > 0 && sent + flood.dropped() == 20_000, "{sent} sent");
+    signal(&child, "-CONT");
+    signal(&child, "-INT");
+    let (status, text) = tokio::task::spawn_blocking(|| end_of(child)).await.expect("ends");
+    assert_eq!(status, Some(0), "{text}");
+    drop(flood);
+    node.stop().await;
 }
