@@ -8,6 +8,7 @@
 //!
 //! None of this is a safety function.
 
+mod checkpoint;
 mod command;
 mod config;
 mod connect;

@@ -26,9 +26,11 @@ pub enum EntryKind {
     Timer,
     /// A command, as JSON.
     Command,
+    /// The driver as it was before the next entry, as JSON; a record can begin here.
+    Checkpoint,
 }
 
-/// One entry; sequences begin at 0 and have no gaps.
+/// One entry; sequences begin at 1 and have no gaps.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
     pub sequence: u64,
@@ -41,7 +43,7 @@ pub struct Entry {
 /// Numbers entries.
 #[derive(Debug, Default)]
 pub struct Journal {
-    next_sequence: u64,
+    last_sequence: u64,
 }
 
 impl Journal {
@@ -59,14 +61,19 @@ impl Journal {
         self.entry(now, kind, data)
     }
 
+    /// The entry of a checkpoint that was made just before an input at `now`.
+    pub fn checkpoint(&mut self, now: Duration, json: String) -> Entry {
+        self.entry(now, EntryKind::Checkpoint, json.into_bytes())
+    }
+
     /// The entry of bytes that the driver gave out while it handled the input at `now`.
     pub fn transmitted(&mut self, now: Duration, bytes: &[u8]) -> Entry {
         self.entry(now, EntryKind::Tx, bytes.to_vec())
     }
 
     fn entry(&mut self, now: Duration, kind: EntryKind, data: Vec<u8>) -> Entry {
-        let sequence = self.next_sequence;
-        self.next_sequence += 1;
+        self.last_sequence += 1;
+        let sequence = self.last_sequence;
         // 584 years fit.
         let monotonic_ns = u64::try_from(now.as_nanos()).unwrap_or(u64::MAX);
         Entry { sequence, monotonic_ns, kind, data }
@@ -158,6 +165,10 @@ pub enum ReplayError {
     Gap { wanted: u64, found: u64 },
     #[error("entry {sequence}: {problem}")]
     Command { sequence: u64, problem: CommandError },
+    #[error("entry {sequence}: the checkpoint is not understood: {problem}")]
+    Checkpoint { sequence: u64, problem: serde_json::Error },
+    #[error("the record begins with entry {sequence}, neither the first nor a checkpoint")]
+    Beginning { sequence: u64 },
 }
 
 /// What the driver did when the record was played again.
@@ -178,13 +189,24 @@ pub fn replay(
 ) -> Result<Replay, ReplayError> {
     let mut driver = Driver::new(config);
     let mut replay = Replay::default();
-    let first = entries.first().map_or(0, |entry| entry.sequence);
+    let first = entries.first().map_or(1, |entry| entry.sequence);
+    if first > 1 && entries.first().is_some_and(|entry| entry.kind != EntryKind::Checkpoint) {
+        return Err(ReplayError::Beginning { sequence: first });
+    }
     for (wanted, entry) in (first..).zip(entries) {
         if entry.sequence != wanted {
             return Err(ReplayError::Gap { wanted, found: entry.sequence });
         }
         let input = match entry.kind {
             EntryKind::Tx => continue,
+            EntryKind::Checkpoint => {
+                driver = Driver::from_checkpoint(&entry.data).map_err(|problem| {
+                    ReplayError::Checkpoint { sequence: entry.sequence, problem }
+                })?;
+                let now = Duration::from_nanos(entry.monotonic_ns);
+                replay.outputs.push((now, Output::State(driver.state(now))));
+                continue;
+            }
             EntryKind::Rx => Input::Received(entry.data.clone()),
             EntryKind::Opened => Input::PortOpened,
             EntryKind::Closed => {
@@ -285,18 +307,24 @@ mod tests {
             kind,
             data: data.as_bytes().to_vec(),
         };
-        let gap = [entry(4, EntryKind::Opened, ""), entry(6, EntryKind::Timer, "")];
+        let middle = [entry(4, EntryKind::Opened, "")];
+        let problem = replay(&middle, &|_, _| None, DriverConfig::default()).unwrap_err();
+        assert_eq!(
+            problem.to_string(),
+            "the record begins with entry 4, neither the first nor a checkpoint"
+        );
+        let gap = [entry(1, EntryKind::Opened, ""), entry(3, EntryKind::Timer, "")];
         let problem = replay(&gap, &|_, _| None, DriverConfig::default()).unwrap_err();
         assert_eq!(
             problem.to_string(),
-            "entry 5 is missing, 6 follows: the record is not complete"
+            "entry 2 is missing, 3 follows: the record is not complete"
         );
         let json = r#"{"id":1,"command":"run_program","program_id":"p","revision":2,"start_line":0,"check_only":false}"#;
-        let run = [entry(0, EntryKind::Command, json)];
+        let run = [entry(1, EntryKind::Command, json)];
         let problem = replay(&run, &|_, _| None, DriverConfig::default()).unwrap_err();
         assert_eq!(
             problem.to_string(),
-            "entry 0: the path of program p, revision 2, is not at hand"
+            "entry 1: the path of program p, revision 2, is not at hand"
         );
     }
 }

@@ -12,6 +12,7 @@ mod health;
 use crate::report::{self, Firmware, Message, Report, ReportUnits, StatusReport};
 use framing::Framer;
 use health::{Health, Unanswered};
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -104,6 +105,17 @@ struct Sent<T> {
     tag: T,
 }
 
+/// A link on which nothing is under way, written down.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct LinkAtRest {
+    units: ReportUnits,
+    receive_bytes: u16,
+    is_forgiving: bool,
+    health: Health,
+    /// The beginning of a line whose end has not come yet.
+    unfinished: Vec<u8>,
+}
+
 /// The state of one link. Made anew when a port is opened.
 #[derive(Debug)]
 pub struct Link<T> {
@@ -122,6 +134,39 @@ pub struct Link<T> {
 }
 
 impl<T> Link<T> {
+    /// The link as it is; `None` when something is under way or not taken yet.
+    pub fn at_rest(&self) -> Option<LinkAtRest> {
+        let is_at_rest = self.in_flight.is_empty()
+            && self.urgent.is_empty()
+            && self.lines.is_empty()
+            && self.events.is_empty();
+        is_at_rest.then(|| LinkAtRest {
+            units: self.units,
+            receive_bytes: self.receive_bytes,
+            is_forgiving: self.is_forgiving,
+            health: self.health.clone(),
+            unfinished: self.framer.unfinished().to_vec(),
+        })
+    }
+
+    /// A link that goes on from there.
+    pub fn from_rest(config: LinkConfig, rest: LinkAtRest) -> Self {
+        let LinkAtRest { units, receive_bytes, is_forgiving, health, unfinished } = rest;
+        Self {
+            config,
+            framer: Framer::with(unfinished),
+            units,
+            receive_bytes,
+            in_flight: VecDeque::new(),
+            in_flight_bytes: 0,
+            is_forgiving,
+            health,
+            urgent: Vec::new(),
+            lines: Vec::new(),
+            events: VecDeque::new(),
+        }
+    }
+
     /// A link on which nothing was sent or heard; asks for status from now on.
     pub fn new(config: LinkConfig, now: Duration) -> Self {
         Self {

@@ -9,10 +9,11 @@ mod status;
 
 pub use status::{ControllerState, StatusReport};
 
+use serde::{Deserialize, Serialize};
 use cnc_msgs::geometry::Position;
 
 /// The unit of lengths in reports, setting `$13`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum ReportUnits {
     #[default]
     Millimetres,
@@ -30,7 +31,7 @@ impl ReportUnits {
 }
 
 /// The family of the firmware, as far as its texts tell.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Firmware {
     #[default]
     Grbl,

@@ -54,7 +54,11 @@ pub(crate) fn compensate(
         Exit::None => None,
     };
     let runs = runs(&mut span);
-    let links = links(&span, &runs, exit_lead.as_ref(), profile);
+    let is_identity = runs.iter().all(|run| is_zero(run.d_in_mm) && is_zero(run.d_out_mm));
+    let links = match is_identity {
+        true => Vec::new(),
+        false => links(&span, &runs, exit_lead.as_ref(), profile),
+    };
     let placed = join(&links, profile.accept_tolerance_mm);
     for place in unreachable(&links, &placed, profile.accept_tolerance_mm) {
         diagnostics.push(finding::unreachable(&span, &runs, &place, profile));
@@ -62,9 +66,8 @@ pub(crate) fn compensate(
     let mut writer =
         Writer { span: &span, out, diagnostics, item: 0, exit_source: exit_lead.map(|l| l.source) };
     let lead_start = in_plane(span.plane, writer.out.position);
-    writer.lead_on(&runs, &links, &placed);
+    writer.lead_on(&links, &placed);
     let lead_end = in_plane(span.plane, writer.out.position);
-    let is_identity = runs.iter().all(|run| is_zero(run.d_in_mm) && is_zero(run.d_out_mm));
     if is_identity {
         writer.as_programmed();
     } else {
@@ -146,7 +149,7 @@ struct Writer<'a> {
 
 impl Writer<'_> {
     /// Goes to where compensation begins.
-    fn lead_on(&mut self, runs: &[Run], links: &[Link], placed: &[Placed]) {
+    fn lead_on(&mut self, links: &[Link], placed: &[Placed]) {
         let lead = &self.span.entry.lead;
         let programmed = in_plane(self.span.plane, lead.motion.end);
         let target = match placed.first() {
@@ -162,10 +165,8 @@ impl Writer<'_> {
                 }
             }
             Some(first) => first.start,
-            None => runs
-                .first()
-                .and_then(|run| run.element.offset(run.d_in_mm))
-                .map_or(programmed, |element| element.start()),
+            // No offset, or nothing is left of the contour.
+            None => programmed,
         };
         let role = if self.span.entry.is_link { Role::Link } else { Role::LeadOn };
         let label = Label {

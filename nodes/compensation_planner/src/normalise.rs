@@ -101,11 +101,10 @@ fn settle(run: &Run, span: &mut Span) {
         Element::Arc(_) => {
             // Short lines before an arc have no part of it.
             for leg in &mut span.legs[legs] {
-                if leg.element.is_line() && leg.element.length() <= MERGE_MM {
-                    leg.reach = leg.reach.min(full_reach(&run.element));
-                } else {
+                if !leg.element.is_line() {
                     break;
                 }
+                leg.reach = 0.0;
             }
         }
     }

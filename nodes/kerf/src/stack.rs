@@ -9,7 +9,7 @@ use std::io;
 use std::path::PathBuf;
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
-use tokio::process::{Child, Command};
+use tokio::process::{Child, ChildStdin, Command};
 use tokio::time::{Instant, sleep, timeout};
 
 /// How long a child may take to leave before it is killed.
@@ -23,6 +23,8 @@ struct Node {
     name: &'static str,
     args: Vec<String>,
     process: Child,
+    /// The child leaves when this is closed; waiting for it would close it if it had it.
+    _lifeline: ChildStdin,
     started: Instant,
 }
 
@@ -41,18 +43,23 @@ impl Stack {
 
     /// Starts `kerf node NAME ARGS...`. What is started first is stopped first.
     pub(crate) fn start(&mut self, name: &'static str, args: &[String]) -> io::Result<()> {
-        let process = self.spawn(name, args)?;
-        self.nodes.push(Node { name, args: args.to_vec(), process, started: Instant::now() });
+        let node = self.spawn(name, args)?;
+        self.nodes.push(node);
         Ok(())
     }
 
-    fn spawn(&self, name: &str, args: &[String]) -> io::Result<Child> {
-        Command::new(&self.binary)
+    fn spawn(&self, name: &'static str, args: &[String]) -> io::Result<Node> {
+        let mut process = Command::new(&self.binary)
             .args(["node", "--leave-with-parent", name])
             .args(args)
             .stdin(Stdio::piped())
+            // Nodes speak on standard error; standard output is this command's own.
+            .stdout(Stdio::null())
             .kill_on_drop(true)
-            .spawn()
+            .spawn()?;
+        let lifeline = process.stdin.take().expect("standard input was asked for as a pipe");
+        let started = Instant::now();
+        Ok(Node { name, args: args.to_vec(), process, _lifeline: lifeline, started })
     }
 
     /// The first child that has ended, with its status.
@@ -81,10 +88,7 @@ impl Stack {
                     sleep(RESTART_PAUSE).await;
                 }
                 match self.spawn(name, &args.clone()) {
-                    Ok(process) => {
-                        self.nodes[index].process = process;
-                        self.nodes[index].started = Instant::now();
-                    }
+                    Ok(node) => self.nodes[index] = node,
                     Err(error) => return format!("{name} cannot be started again: {error}"),
                 }
             }

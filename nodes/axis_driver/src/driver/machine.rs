@@ -1,5 +1,6 @@
 //! What is known of the machine: the last report, and what lasts between reports.
 
+use serde::{Deserialize, Serialize};
 use super::connect::QUERIES_DONE;
 use super::{Driver, Origin, Phase};
 use crate::codes;
@@ -12,7 +13,7 @@ use std::collections::BTreeMap;
 /// Planner blocks of grbl 1.1 where `[OPT:]` does not say.
 const PLANNER_BLOCKS_DEFAULT: u16 = 15;
 
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Machine {
     pub(super) firmware: Firmware,
     pub(super) settings: BTreeMap<u16, f64>,

@@ -3,6 +3,7 @@
 //! Hold, wait for standstill, reset: nothing is lost and nothing more is run. A byte
 //! can be lost on the wire, so a hold that does not show in the reports is sent again.
 
+use serde::{Deserialize, Serialize};
 use super::config::{ANSWER, HOLDS_MAX, REPORTS_PER_HOLD, STANDSTILL};
 use super::run::{Run, Stage};
 use super::{Driver, LogLevel, Output, Phase, Refusal, RunOutcome};
@@ -38,7 +39,7 @@ enum Step {
 }
 
 /// A hold outside a stop that has not shown in the reports yet.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct HoldWatch {
     reports: u32,
     sent_again: u32,

@@ -10,6 +10,16 @@ pub(super) struct Framer {
 }
 
 impl Framer {
+    /// A framer in the middle of a line.
+    pub(super) fn with(line: Vec<u8>) -> Self {
+        Self { line }
+    }
+
+    /// What has come of a line that is not at its end.
+    pub(super) fn unfinished(&self) -> &[u8] {
+        &self.line
+    }
+
     /// Gives the line that this byte ends. A carriage return is dropped; a line
     /// that grows too long is given as it is, to be seen as the damage it is.
     pub(super) fn push(&mut self, byte: u8) -> Option<Vec<u8>> {

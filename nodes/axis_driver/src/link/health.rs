@@ -3,6 +3,7 @@
 //! Asks for status at a fixed rate with one request outstanding, and compares what
 //! reports say of the controller's buffers with what was sent.
 
+use serde::{Deserialize, Serialize};
 use super::{LineKind, LinkFault};
 use crate::report::{ControllerState, StatusReport};
 use std::time::Duration;
@@ -22,7 +23,7 @@ pub(super) struct Unanswered {
     pub(super) bytes: usize,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Health {
     interval: Duration,
     next_poll_at: Duration,

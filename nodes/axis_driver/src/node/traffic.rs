@@ -130,6 +130,7 @@ pub(super) const fn kind_to_wire(kind: EntryKind) -> u8 {
         EntryKind::Closed => TrafficEntry::KIND_CLOSED,
         EntryKind::Timer => TrafficEntry::KIND_TIMER,
         EntryKind::Command => TrafficEntry::KIND_COMMAND,
+        EntryKind::Checkpoint => TrafficEntry::KIND_CHECKPOINT,
     }
 }
 
@@ -142,6 +143,7 @@ pub fn kind_from_wire(kind: u8) -> Option<EntryKind> {
         EntryKind::Closed,
         EntryKind::Timer,
         EntryKind::Command,
+        EntryKind::Checkpoint,
     ]
     .into_iter()
     .find(|&known| kind_to_wire(known) == kind)

@@ -3,11 +3,12 @@
 //! Only the state is always there; fields come in any order, and those that
 //! nobody here knows are kept as they stand.
 
+use serde::{Deserialize, Serialize};
 use super::{ReportUnits, parse_code, parse_number, parse_position};
 use cnc_msgs::geometry::Position;
 
 /// The state word.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum ControllerState {
     Idle,
     Run,
@@ -46,7 +47,7 @@ impl ControllerState {
 }
 
 /// One status report; lengths in mm, feed in mm/min, machine or work frame as named.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct StatusReport {
     pub state: ControllerState,
     /// `Hold:0` has stopped, `Hold:1` decelerates; `Door` likewise.

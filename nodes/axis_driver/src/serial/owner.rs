@@ -4,7 +4,7 @@ use super::inbox::{Batch, Control, FromPort, Inbox};
 use super::outbox::{Event, Outbox};
 use super::port::Port;
 use super::{Reopen, SerialConfig};
-use crate::driver::{Driver, Input, Output};
+use crate::driver::{Command, Driver, Input, Output};
 use crate::journal::Journal;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -157,6 +157,13 @@ impl Owner {
 
     fn handle(&mut self, input: Input) {
         let now = self.epoch.elapsed();
+        if let Input::Command { command: Command::RunProgram(_), .. } = &input
+            && let Some(checkpoint) = self.driver.checkpoint()
+        {
+            // Whoever records the run can begin here.
+            let entry = self.journal.checkpoint(now, checkpoint);
+            self.outbox.record(entry);
+        }
         let entry = self.journal.input(now, &input);
         self.outbox.record(entry);
         self.driver.handle(now, input);

@@ -7,6 +7,7 @@ use axis_driver::driver::Output as DriverOutput;
 use axis_driver::journal::{Entry, EntryKind, replay as play};
 use axis_driver::node::{driver_config, kind_from_wire};
 use cnc_msgs::convert::machine_state_to_wire;
+use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, MachineState, TrafficEntry};
 use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::parameters::ParameterValue;
@@ -124,7 +125,15 @@ fn compare_states(
             _ => None,
         })
         .collect();
-    let mut recorded: Vec<MachineState> = recording.states.iter().map(comparable).collect();
+    // What was said before the journal begins cannot be made again.
+    let stamp = |stamp: &Time| (stamp.sec, stamp.nanosec);
+    let begin = recording.traffic.values().next().map(|(_, entry)| stamp(&entry.stamp));
+    let mut recorded: Vec<MachineState> = recording
+        .states
+        .iter()
+        .filter(|state| Some(stamp(&state.header.stamp)) >= begin)
+        .map(comparable)
+        .collect();
     recorded.dedup();
     comparison.count("states", recorded.len());
     let mut rest = made.iter();

@@ -123,11 +123,16 @@ impl Sources {
             fetched.problem = Some("the driver is not there any more".into());
             return fetched;
         }
-        let last = seen.last().unwrap_or(0);
-        // Up to the last number that was seen, then whatever came after it.
-        let mut ranges: Vec<(u64, u64)> =
-            seen.missing(1, last).iter().map(|gap| (*gap.start(), *gap.end())).collect();
-        ranges.push((last + 1, u64::MAX));
+        let ranges = match (seen.first(), seen.last()) {
+            // What is between, then whatever came after it.
+            (Some(first), Some(last)) => {
+                let gaps = seen.missing(first, last);
+                let gaps = gaps.iter().map(|gap| (*gap.start(), *gap.end()));
+                gaps.chain([(last + 1, u64::MAX)]).collect()
+            }
+            // From the checkpoint that the driver made for this run.
+            _ => vec![(0, u64::MAX)],
+        };
         for (mut first, end) in ranges {
             while first <= end {
                 let request = GetTrafficRequest { first_sequence: first };

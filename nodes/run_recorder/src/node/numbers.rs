@@ -31,6 +31,11 @@ impl Numbers {
         true
     }
 
+    /// The smallest number seen.
+    pub(super) fn first(&self) -> Option<u64> {
+        self.ranges.first_key_value().map(|(&first, _)| first)
+    }
+
     /// The largest number seen.
     pub(super) fn last(&self) -> Option<u64> {
         self.ranges.last_key_value().map(|(_, &last)| last)

@@ -257,10 +257,9 @@ impl OpenRun {
     /// Notes what of the serial traffic is not in the bag, and why.
     pub(super) fn note_gaps(&mut self, problem: Option<String>) {
         let why = problem.unwrap_or_else(|| "the driver did not have it".into());
-        match self.numbers.last() {
-            None => self.bag.note_incomplete(format!("no serial traffic was seen: {why}")),
-            Some(last) => {
-                for gap in self.numbers.missing(1, last) {
+        match (self.numbers.first(), self.numbers.last()) {
+            (Some(first), Some(last)) => {
+                for gap in self.numbers.missing(first, last) {
                     self.bag.note_incomplete(format!(
                         "serial traffic {} to {} is missing: {why}",
                         gap.start(),
@@ -268,6 +267,7 @@ impl OpenRun {
                     ));
                 }
             }
+            _ => self.bag.note_incomplete(format!("no serial traffic was seen: {why}")),
         }
     }
 

@@ -1,0 +1,72 @@
+//! The driver at rest, written down, so that a record can begin there.
+//!
+//! A record of a whole day would be needed otherwise to play the last run again.
+//! Only a driver that waits for orders is written: nothing is under way then, and
+//! what it knows of the controller is all there is.
+
+use super::machine::Machine;
+use super::stop::HoldWatch;
+use super::{Driver, DriverConfig, Phase};
+use crate::link::{Link, LinkAtRest};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Checkpoint {
+    config: DriverConfig,
+    now: Duration,
+    link: LinkAtRest,
+    machine: Machine,
+    hold: Option<HoldWatch>,
+}
+
+/// The same, borrowed.
+#[derive(Debug, Serialize)]
+struct CheckpointRef<'a> {
+    config: &'a DriverConfig,
+    now: Duration,
+    link: LinkAtRest,
+    machine: &'a Machine,
+    hold: Option<&'a HoldWatch>,
+}
+
+impl Driver {
+    /// The driver as JSON; `None` unless it waits for orders with nothing under way.
+    ///
+    /// Outputs have to be taken before.
+    pub fn checkpoint(&self) -> Option<String> {
+        let is_at_rest = matches!(self.phase, Phase::Ready)
+            && self.check.is_none()
+            && self.shutdown.is_none()
+            && self.outputs.is_empty();
+        let checkpoint = CheckpointRef {
+            config: &self.config,
+            now: self.now,
+            link: self.link.at_rest().filter(|_| is_at_rest)?,
+            machine: &self.machine,
+            hold: self.hold.as_ref(),
+        };
+        let text = serde_json::to_string(&checkpoint);
+        Some(text.expect("a struct of numbers and texts is always JSON"))
+    }
+
+    /// A driver that goes on from a checkpoint.
+    pub fn from_checkpoint(json: &[u8]) -> Result<Self, serde_json::Error> {
+        let Checkpoint { config, now, link, machine, hold } = serde_json::from_slice(json)?;
+        let mut driver = Self {
+            link: Link::from_rest(config.link(), link),
+            config,
+            now,
+            phase: Phase::Ready,
+            machine,
+            check: None,
+            hold,
+            shutdown: None,
+            outputs: VecDeque::new(),
+            published: None,
+        };
+        driver.published = Some(driver.compose());
+        Ok(driver)
+    }
+}
