@@ -3,7 +3,9 @@
 //! This file knows the subcommands and nothing of what they do. Arguments
 //! between `--ros-args` and `--` are for ROS and are cut out before anything
 //! else is read.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command talks to people")]
+
+#[macro_use]
+mod terminal;
 
 mod bag;
 mod demo;
