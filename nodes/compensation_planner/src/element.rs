@@ -191,15 +191,15 @@ impl Element {
     ///
     /// Negative before the start of a line; of an arc, up to `slack` negative
     /// and else the way around.
-    pub(crate) fn from_start(&self, point: Vec2, slack: f64) -> f64 {
+    pub(crate) fn along_from_start(&self, point: Vec2, slack: f64) -> f64 {
         match self {
             Self::Line(line) => (point - line.start).dot(&line.tangent),
             Self::Arc(arc) => arc.around(arc.from, point, arc.turn, slack),
         }
     }
 
-    /// How far back from the end the point lies, mm; see [`Self::from_start`].
-    pub(crate) fn from_end(&self, point: Vec2, slack: f64) -> f64 {
+    /// How far back from the end the point lies, mm; see [`Self::along_from_start`].
+    pub(crate) fn back_from_end(&self, point: Vec2, slack: f64) -> f64 {
         match self {
             Self::Line(line) => line.length - (point - line.start).dot(&line.tangent),
             Self::Arc(arc) => arc.around(arc.to, point, -arc.turn, slack),

@@ -109,8 +109,8 @@ pub(crate) struct Meeting {
 pub(crate) fn meet(a: &Element, b: &Element, slack: f64) -> Option<Meeting> {
     let mut best: Option<Meeting> = None;
     for &point in crossings(a, b, slack).points() {
-        let trim_a = a.from_end(point, slack);
-        let trim_b = b.from_start(point, slack);
+        let trim_a = a.back_from_end(point, slack);
+        let trim_b = b.along_from_start(point, slack);
         let shortens = trim_a >= -slack && trim_b >= -slack;
         if shortens && best.is_none_or(|best| trim_a + trim_b < best.trim_a + best.trim_b) {
             best = Some(Meeting { point, trim_a, trim_b });
@@ -119,8 +119,8 @@ pub(crate) fn meet(a: &Element, b: &Element, slack: f64) -> Option<Meeting> {
     best.or_else(|| {
         let middle = (a.end() + b.start()) / 2.0;
         let (on_a, on_b) = (a.project(middle), b.project(middle));
-        let trim_a = a.from_end(on_a, slack.max(LENGTH_MM));
-        let trim_b = b.from_start(on_b, slack.max(LENGTH_MM));
+        let trim_a = a.back_from_end(on_a, slack.max(LENGTH_MM));
+        let trim_b = b.along_from_start(on_b, slack.max(LENGTH_MM));
         ((on_a - on_b).norm() <= slack && trim_a >= -slack && trim_b >= -slack).then_some(Meeting {
             point: on_a,
             trim_a,

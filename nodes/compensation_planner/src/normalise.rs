@@ -67,11 +67,9 @@ fn extend(run: &mut Run, leg: &Leg, end: Vec2, cone: &mut Cone) -> Option<f64> {
                 return Some(arc.sweep);
             }
         }
-        (Element::Line(line), Element::Arc(_)) if line.length <= MERGE_MM && !is_short => {
-            if cone.far <= MERGE_MM {
-                run.element = leg.element;
-                return Some(full_reach(&leg.element));
-            }
+        (Element::Line(_), Element::Arc(_)) if cone.far <= MERGE_MM && !is_short => {
+            run.element = leg.element;
+            return Some(full_reach(&leg.element));
         }
         (Element::Line(_), _) if is_short || leg.element.is_line() => {
             let line = cone.extend(end)?;

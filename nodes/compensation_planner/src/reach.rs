@@ -36,7 +36,7 @@ pub(crate) fn unreachable(links: &[Link], placed: &[Placed], tolerance: f64) -> 
             })
         };
         let inside = || runs(gap.from, gap.to);
-        let (Some(first), Some(last)) = (inside().next(), inside().last()) else { continue };
+        let (Some(first), Some(last)) = (inside().next(), inside().next_back()) else { continue };
         let longest = inside().fold(first, |best, run| if run.1 > best.1 { run } else { best });
         let from = gap.before.unwrap_or(gap.from);
         let to = gap.after.map_or(gap.to, |after| after + 1);

@@ -49,7 +49,7 @@ fn first_crossing(this: &Element, other: &Element, shared: Option<Vec2>) -> Opti
         .iter()
         .filter(|&&point| is_on(this, point) && is_on(other, point))
         .filter(|&&point| shared.is_none_or(|shared| (point - shared).norm() > MERGE_MM))
-        .map(|&point| this.from_start(point, MERGE_MM))
+        .map(|&point| this.along_from_start(point, MERGE_MM))
         .min_by(f64::total_cmp)
 }
 

@@ -261,7 +261,8 @@ impl<'a> Walk<'a> {
         let plane = active.span.plane;
         let leads = active.relink.is_some() || active.cancel.is_some();
         let rises = height(plane, motion.end) != height(plane, start);
-        if leads && self.moves_in_plane(start, motion) && !(rises && !self.shifts(start, motion)) {
+        let is_only_up = rises && !self.shifts(start, motion);
+        if leads && self.moves_in_plane(start, motion) && !is_only_up {
             self.off_plane_blocks(&mut active, source);
             if let Some((exit, _)) = active.cancel {
                 let lead = self.lead(start, motion, source, exit);
