@@ -1,1 +1,41 @@
-//! Shared by the workspace tests.
+//! What the workspace tests share: where things are.
+
+use std::path::{Path, PathBuf};
+
+/// The root of the workspace.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package is a folder of the root")
+}
+
+/// The `kerf` that was built along with the tests.
+///
+/// # Panics
+/// It was not: `cargo test --workspace` builds it, `cargo test -p kerf_tests` alone does not.
+pub fn kerf() -> PathBuf {
+    let test = std::env::current_exe().expect("a test is a file");
+    let profile = test.ancestors().nth(2).expect("tests lie in target/PROFILE/deps");
+    let kerf = profile.join("kerf");
+    assert!(kerf.exists(), "{} is not built: run cargo build -p kerf first", kerf.display());
+    kerf
+}
+
+/// Every file with this ending that belongs to the project, sorted.
+pub fn files(ending: &str) -> Vec<PathBuf> {
+    fn walk(folder: &Path, ending: &str, found: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(folder).expect("a folder of the project can be read") {
+            let path = entry.expect("its entries too").path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if path.is_dir() {
+                if name != "target" && !name.starts_with('.') {
+                    walk(&path, ending, found);
+                }
+            } else if name.ends_with(ending) {
+                found.push(path);
+            }
+        }
+    }
+    let mut found = Vec::new();
+    walk(root(), ending, &mut found);
+    found.sort();
+    found
+}

@@ -14,7 +14,7 @@ use cnc_msgs::wire::action_msgs::msg::GoalStatusArray;
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
 use fetch::Sources;
 use numbers::Numbers;
-use runtime::{Declared, Handle, NodeResult, Publisher, Qos};
+use runtime::{Declared, DiscoveredPublisher, Handle, NodeResult, Publisher, Qos};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -48,6 +48,12 @@ pub fn parameters() -> Vec<Declared> {
             "absolute names of topics that are recorded beside those of this namespace",
         )
         .read_only(),
+        Declared::new(
+            "include_action_feedback",
+            false,
+            "whether feedback of actions is recorded; not every reader of bags knows its types",
+        )
+        .read_only(),
     ]
 }
 
@@ -61,6 +67,7 @@ async fn start(node: Handle) -> NodeResult {
         node: node.clone(),
         directory,
         extra_topics: node.parameter("extra_topics"),
+        includes_feedback: node.parameter("include_action_feedback"),
         sources: Sources::new(&node)?,
         recording: node.publisher("recording", Qos::LATCHED)?,
         state: Mutex::default(),
@@ -107,6 +114,7 @@ struct Recorder {
     node: Handle,
     directory: PathBuf,
     extra_topics: Vec<String>,
+    includes_feedback: bool,
     sources: Sources,
     recording: Publisher<Recording>,
     state: Mutex<State>,
@@ -133,9 +141,18 @@ impl Recorder {
             || self.extra_topics.iter().any(|extra| extra == topic)
     }
 
+    /// Whether a publisher's topic is recorded.
+    ///
+    /// Feedback of actions has a type that only ROS itself can name; readers of
+    /// bags stumble over it, and what it says is in other topics too.
+    fn is_wanted(&self, found: &DiscoveredPublisher) -> bool {
+        let is_feedback = found.type_name.ends_with("_FeedbackMessage");
+        self.is_in_scope(&found.topic) && (self.includes_feedback || !is_feedback)
+    }
+
     fn subscribe_new_topics(self: &Arc<Self>) {
         let publishers = self.node.discovered_publishers();
-        for publisher in publishers.iter().filter(|found| self.is_in_scope(&found.topic)) {
+        for publisher in publishers.iter().filter(|found| self.is_wanted(found)) {
             let mut state = self.state();
             if state.store.knows(&publisher.topic) {
                 continue;

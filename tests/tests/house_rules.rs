@@ -1,0 +1,67 @@
+//! Rules that a compiler does not check.
+
+use kerf_tests::{files, root};
+
+#[test]
+fn every_file_says_first_what_it_knows() {
+    let silent: Vec<_> = files(".rs")
+        .into_iter()
+        .filter(|path| {
+            let text = std::fs::read_to_string(path).expect("sources are UTF-8");
+            !text.lines().take(12).any(|line| line.starts_with("//!"))
+        })
+        .collect();
+    assert!(silent.is_empty(), "no //! at the top of {silent:#?}");
+}
+
+#[test]
+fn every_dependency_has_its_reason_above_it() {
+    let mut bare = Vec::new();
+    for path in files("Cargo.toml") {
+        let text = std::fs::read_to_string(&path).expect("manifests are UTF-8");
+        let mut section = "";
+        let mut above = "";
+        for line in text.lines() {
+            if line.starts_with('[') {
+                section = line;
+            }
+            let is_dependency = section.ends_with("dependencies]")
+                && line.contains('=')
+                && !line.starts_with('#')
+                // Ours need no reason; a comment stands for the group below it.
+                && !line.contains("path = ");
+            let is_ours = ["cnc_msgs", "runtime", "program_loader", "compensation_planner",
+                "axis_driver", "run_recorder", "virtual_controller"]
+                .iter()
+                .any(|name| line.starts_with(name));
+            if is_dependency && !is_ours && above.is_empty() {
+                bare.push(format!("{}: {line}", path.display()));
+            }
+            above = line;
+        }
+    }
+    assert!(bare.is_empty(), "dependencies without a reason: {bare:#?}");
+}
+
+#[test]
+fn continuous_integration_runs_the_two_commands_of_the_readme() {
+    let readme = std::fs::read_to_string(root().join("README.md")).expect("README.md");
+    let ci = std::fs::read_to_string(root().join(".ci/run")).expect(".ci/run");
+    let test = "cargo test --workspace --locked";
+    assert!(readme.contains(test) && ci.contains(test));
+    assert!(readme.contains("cargo run --release --bin kerf -- demo"));
+    assert!(ci.contains("--bin kerf -- demo"));
+}
+
+#[test]
+fn nothing_is_named_an_emergency_stop() {
+    for ending in [".msg", ".srv", ".action"] {
+        for path in files(ending) {
+            let text = std::fs::read_to_string(&path).expect("interfaces are UTF-8").to_lowercase();
+            let name = path.display().to_string().to_lowercase();
+            for word in ["emergency_stop", "emergencystop", "estop", "e_stop"] {
+                assert!(!text.contains(word) && !name.contains(word), "{word} in {name}");
+            }
+        }
+    }
+}
