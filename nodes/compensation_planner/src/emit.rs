@@ -7,7 +7,7 @@
 use crate::element::{Arc, Element, Vec2, swept};
 use crate::frame::{height, in_plane, in_work, plane_axes};
 use crate::tolerance::LENGTH_MM;
-use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
+use cnc_msgs::contour::{Action, CutterSide, Motion, MotionClass, Source};
 use cnc_msgs::geometry::{self, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
 use std::f64::consts::TAU;
@@ -30,12 +30,14 @@ pub(crate) struct Emitter {
     told: AxisSet,
     /// The last feed of any element.
     pub last_feed_mm_per_min: Option<f64>,
+    /// The side that the tool runs on now.
+    pub side: Option<CutterSide>,
 }
 
 impl Emitter {
     pub(crate) fn new(start: Position, assumed_axes: AxisSet) -> Self {
         let path = CompensatedPath { start, assumed_axes, ..CompensatedPath::default() };
-        Self { path, position: start, told: AxisSet::NONE, last_feed_mm_per_min: None }
+        Self { path, position: start, told: AxisSet::NONE, last_feed_mm_per_min: None, side: None }
     }
 
     /// Puts out an action where the tool is.
@@ -127,6 +129,7 @@ impl Emitter {
             end,
             feed_mm_per_min: label.feed_mm_per_min,
             role: label.role,
+            side: self.side,
             axes: if label.role == Role::None { label.axes } else { moved },
             source: label.source,
         });

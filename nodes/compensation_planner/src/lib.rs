@@ -9,7 +9,7 @@
 //! lead-off into a [`span`](crate::span) and applies the `rules`; `normalise`
 //! makes runs of its legs, `chain` joins their offsets, `reach` says what the
 //! tool does not fit into, `corner` shapes outside corners, `lead` checks the
-//! leads, `emit` puts it all out.
+//! leads, `write` and `emit` put it all out.
 
 mod chain;
 mod compensate;
@@ -34,6 +34,7 @@ mod tails;
 pub mod tessellate;
 mod tolerance;
 mod walk;
+mod write;
 
 use cnc_msgs::contour::{CutterSide, ProgrammedContour};
 use cnc_msgs::diagnostic::Diagnostic;

@@ -247,6 +247,27 @@ impl Between {
     }
 }
 
+/// Coordinates that can be computed with: finite, and no farther than 1000 km.
+pub(crate) fn is_sane(motion: &Motion) -> bool {
+    const FAR_MM: f64 = 1e9;
+    let center = match motion.shape {
+        Shape::Arc(arc) => arc.center,
+        Shape::Line => motion.end,
+    };
+    motion.end.iter().chain(&center).all(|value| value.abs() <= FAR_MM)
+}
+
+/// A motion to nowhere; it is left out.
+pub(crate) fn not_sane(source: Source, motion: &Motion) -> Diagnostic {
+    let [x, y, z] = motion.end;
+    Diagnostic::error(
+        Code::BadNumber,
+        source,
+        format!("the motion to X{x} Y{y} Z{z} has coordinates that are no place, or a centre that is none"),
+    )
+    .help("correct the coordinates of this block")
+}
+
 /// A new radius while compensation is active that cannot be taken (S43, S44).
 pub(crate) fn radius_change(
     source: Source,

@@ -234,6 +234,10 @@ impl<'a> Walk<'a> {
     }
 
     fn motion(&mut self, motion: Motion, source: Source) {
+        if !rules::is_sane(&motion) {
+            self.diagnostics.push(rules::not_sane(source, &motion));
+            return;
+        }
         let start = self.programmed;
         self.programmed = motion.end;
         match std::mem::replace(&mut self.state, State::Off) {

@@ -235,6 +235,7 @@ fn split(contour: &ProgrammedContour, parts: &[f64]) -> ProgrammedContour {
         is_active |= motion.class == MotionClass::Feed;
         if is_contour {
             let element = PathElement {
+                side: None,
                 shape: motion.shape,
                 end: motion.end,
                 feed_mm_per_min: None,
@@ -391,7 +392,7 @@ fn random_contour(steps: &[Step], side: CutterSide, corner: OutsideCorner) -> Pr
         for number in 0..u32::from(step.aux.saturating_sub(3)) {
             let number = f64::from(number + 10 * index as u32);
             let action = Action::Auxiliary { letter: 'M', number };
-            push(&mut contour, ContourEventKind::Action(action), number as u32 % 2 == 0);
+            push(&mut contour, ContourEventKind::Action(action), (number as u32).is_multiple_of(2));
         }
     }
     push(&mut contour, ContourEventKind::Cancel { exit: None }, true);
@@ -625,13 +626,13 @@ fn c4_the_worked_example_encloses_the_area_of_the_peer() {
     let plan = plan(A6, &sinumerik(), &tool(5.0));
     // The open path goes from the last normal to the first one: the corner arc
     // at (30,60) is missing, and so is the piece between its chord and itself.
-    let inside = plan
+    let mut inside = plan
         .path
         .elements
         .iter()
         .enumerate()
         .filter(|(_, element)| matches!(element.role, Role::Contour | Role::Corner));
-    let (first, last) = (inside.clone().next().unwrap().0, inside.last().unwrap().0);
+    let (first, last) = (inside.clone().next().unwrap().0, inside.next_back().unwrap().0);
     let (a, b) = (plan.path.elements[last].end, plan.path.start_of(first));
     let sweep = 2.0 * ((a[0] - b[0]).hypot(a[1] - b[1]) / 10.0).asin();
     let closing = (a[0] * b[1] - a[1] * b[0]) / 2.0 - 25.0 * (sweep - sweep.sin()) / 2.0;
@@ -642,7 +643,7 @@ proptest! {
     #![proptest_config(config(400))]
 
     #[test]
-    fn s17_random_shapes_agree_with_cavalier_contours(
+    fn e17_random_shapes_agree_with_cavalier_contours(
         radii in prop::collection::vec(38.0..60.0_f64, 5..12),
         bends in prop::collection::vec(prop_oneof![2 => Just(0.0), 1 => -0.12..0.12_f64], 12),
         offset in 0.2..3.0_f64,
