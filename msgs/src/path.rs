@@ -1,6 +1,6 @@
 //! The compensated path: the only thing that can be sent to a machine.
 
-use crate::contour::{Action, Source};
+use crate::contour::{Action, CutterSide, Source};
 use crate::geometry::{AxisSet, Position, Shape};
 
 /// The path of the tool centre, with everything that happens along it.
@@ -25,6 +25,9 @@ pub struct PathElement {
     /// `None` for a rapid.
     pub feed_mm_per_min: Option<f64>,
     pub role: Role,
+    /// The side that the tool runs on, from the lead-on to the end of the
+    /// lead-off; `None` when not compensated.
+    pub side: Option<CutterSide>,
     /// Axes that a controller must be told, whether they change or not: those
     /// that the block names and, under compensation, both axes of the plane.
     pub axes: AxisSet,

@@ -3,6 +3,7 @@
 use super::{
     PLANES, WireError, arc, block_to_wire, constant, key_of, number, position, source, value_of,
 };
+use crate::contour::CutterSide;
 use crate::geometry::{AxisSet, Position, Shape};
 use crate::path::{PathElement, PathEvent, Role};
 use crate::units::{m_per_s_from_mm_per_min, mm_per_min_from_m_per_s, point_from_position};
@@ -18,12 +19,19 @@ const ROLES: [(u8, Role); 7] = [
     (wire::PathElement::ROLE_OFF_PLANE, Role::OffPlane),
 ];
 
+const SIDES: [(u8, Option<CutterSide>); 3] = [
+    (wire::PathElement::SIDE_NONE, None),
+    (wire::PathElement::SIDE_LEFT, Some(CutterSide::Left)),
+    (wire::PathElement::SIDE_RIGHT, Some(CutterSide::Right)),
+];
+
 /// An element with its start, as a message.
 pub fn path_element_to_wire(start: Position, element: &PathElement) -> wire::PathElement {
     let mut out = wire::PathElement {
         kind: wire::PathElement::KIND_LINE,
         rapid: element.feed_mm_per_min.is_none(),
         role: key_of(&ROLES, element.role),
+        side: key_of(&SIDES, element.side),
         axes: element.axes.bits(),
         start: point_from_position(start),
         end: point_from_position(element.end),
@@ -69,6 +77,7 @@ impl TryFrom<&wire::PathElement> for PathElement {
             end: position("end", &element.end)?,
             feed_mm_per_min: (!element.rapid).then_some(feed),
             role: constant("role", element.role, value_of(&ROLES, element.role))?,
+            side: constant("side", element.side, value_of(&SIDES, element.side))?,
             axes: AxisSet::from_bits(element.axes),
             source: source(element.line, &element.block, element.column, element.length),
         })

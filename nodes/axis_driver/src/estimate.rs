@@ -163,6 +163,7 @@ mod tests {
 
     fn line(end: Position, feed: Option<f64>) -> PathElement {
         PathElement {
+            side: None,
             shape: Shape::Line,
             end,
             feed_mm_per_min: feed,

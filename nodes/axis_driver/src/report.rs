@@ -9,8 +9,8 @@ mod status;
 
 pub use status::{ControllerState, StatusReport};
 
-use serde::{Deserialize, Serialize};
 use cnc_msgs::geometry::Position;
+use serde::{Deserialize, Serialize};
 
 /// The unit of lengths in reports, setting `$13`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

@@ -160,6 +160,7 @@ mod tests {
 
     fn path(ends: &[Position]) -> CompensatedPath {
         let element = |end: &Position| PathElement {
+            side: None,
             shape: Shape::Line,
             end: *end,
             feed_mm_per_min: Some(500.0),

@@ -205,6 +205,7 @@ impl Shell {
 
 fn straight(count: u32) -> CompensatedPath {
     let element = |line: u32| PathElement {
+        side: None,
         shape: Shape::Line,
         end: [f64::from(line % 100), 0.0, 0.0],
         feed_mm_per_min: Some(600.0),

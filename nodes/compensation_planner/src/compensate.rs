@@ -14,7 +14,7 @@ use crate::reach::unreachable;
 use crate::span::{Lead, Run, Span};
 use crate::tolerance::RADIUS_MM;
 use crate::write::Writer;
-use cnc_msgs::contour::{Approach, Source};
+use cnc_msgs::contour::{Approach, CutterSide, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{Profile, SelectTarget};

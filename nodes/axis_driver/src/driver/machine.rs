@@ -1,6 +1,5 @@
 //! What is known of the machine: the last report, and what lasts between reports.
 
-use serde::{Deserialize, Serialize};
 use super::connect::QUERIES_DONE;
 use super::{Driver, Origin, Phase};
 use crate::codes;
@@ -8,6 +7,7 @@ use crate::estimate::Rates;
 use crate::report::{ControllerState, Firmware, Message, StatusReport};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::{MachineState, Mode};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Planner blocks of grbl 1.1 where `[OPT:]` does not say.

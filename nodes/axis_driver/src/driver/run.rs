@@ -12,7 +12,7 @@ use crate::estimate::Estimate;
 use crate::link::LineKind;
 use crate::report::ControllerState;
 use crate::tracker::Tracker;
-use cnc_msgs::contour::Action;
+use cnc_msgs::contour::{Action, CutterSide};
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::machine::{MachineState, Mode};
 use std::time::Duration;
@@ -153,7 +153,14 @@ impl Run {
         element.filter(|_| self.has_sent).map_or(0, |element| element.source.line)
     }
 
+    /// The side that the tool runs on in the element that is being cut.
+    fn compensation(&self) -> Option<CutterSide> {
+        let element = self.request.path.elements.get(self.tracker.element());
+        element.filter(|_| self.has_sent).and_then(|element| element.side)
+    }
+
     pub(super) fn compose_mode(&self, state: &mut MachineState) {
+        state.compensation = self.compensation();
         match &self.stage {
             Stage::ToolChange { tool, source_line } if state.mode == Mode::Idle => {
                 state.mode = Mode::ToolChange;

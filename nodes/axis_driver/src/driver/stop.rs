@@ -3,13 +3,13 @@
 //! Hold, wait for standstill, reset: nothing is lost and nothing more is run. A byte
 //! can be lost on the wire, so a hold that does not show in the reports is sent again.
 
-use serde::{Deserialize, Serialize};
 use super::config::{ANSWER, HOLDS_MAX, REPORTS_PER_HOLD, STANDSTILL};
 use super::run::{Run, Stage};
 use super::{Driver, LogLevel, Output, Phase, Refusal, RunOutcome};
 use crate::codes::error_code;
 use crate::link::realtime;
 use crate::report::ControllerState;
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// A report that was under way when the hold was written may still show an older hold.

@@ -12,6 +12,7 @@ fn source(line: u32) -> Source {
 
 fn element(shape: Shape, end: Position, feed: Option<f64>, line: u32) -> PathElement {
     PathElement {
+        side: None,
         shape,
         end,
         feed_mm_per_min: feed,
@@ -328,6 +329,7 @@ fn nothing_follows_the_end_of_the_program() {
 #[test]
 fn a_run_does_not_begin_under_compensation() {
     let with_role = |line: u32, role| PathElement {
+        side: None,
         role,
         ..element(Shape::Line, [f64::from(line), 0.0, 0.0], Some(100.0), line)
     };
@@ -363,6 +365,7 @@ fn a_start_in_the_middle_repeats_what_is_in_force_and_no_more() {
     ];
     let lines: Vec<PathElement> = (1u32..=3)
         .map(|line| PathElement {
+            side: None,
             role: Role::None,
             ..element(Shape::Line, [f64::from(line), 0.0, 0.0], Some(9.0), line * 10)
         })

@@ -3,9 +3,9 @@
 //! Asks for status at a fixed rate with one request outstanding, and compares what
 //! reports say of the controller's buffers with what was sent.
 
-use serde::{Deserialize, Serialize};
 use super::{LineKind, LinkFault};
 use crate::report::{ControllerState, StatusReport};
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// Requests without an answer until the link counts as lost.

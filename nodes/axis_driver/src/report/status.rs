@@ -3,9 +3,9 @@
 //! Only the state is always there; fields come in any order, and those that
 //! nobody here knows are kept as they stand.
 
-use serde::{Deserialize, Serialize};
 use super::{ReportUnits, parse_code, parse_number, parse_position};
 use cnc_msgs::geometry::Position;
+use serde::{Deserialize, Serialize};
 
 /// The state word.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]

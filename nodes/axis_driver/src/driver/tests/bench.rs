@@ -375,6 +375,7 @@ impl Drop for Bench {
 /// Lines of 10 mm along X, source lines 1, 2, 3...
 pub(super) fn straight(count: u32) -> CompensatedPath {
     let element = |line: u32| PathElement {
+        side: None,
         shape: Shape::Line,
         end: [10.0 * f64::from(line), 0.0, 0.0],
         feed_mm_per_min: Some(600.0),
