@@ -8,6 +8,7 @@ use super::{Driver, Origin, Phase, RunOutcome};
 use crate::codes::error_code;
 use crate::encoder::{EncoderConfig, StartProblem, start_at};
 use crate::link::{LineKind, realtime};
+use crate::report::ControllerState;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::CompensatedPath;
@@ -173,6 +174,10 @@ impl Driver {
 
     fn resume(&mut self) -> Answer {
         let is_held = self.machine.is_held();
+        if self.machine.is_state(&ControllerState::Hold) && !is_held {
+            // The controller passes over a resume then.
+            return refused(error_code::BUSY, "the machine is still coming to a stop: try again");
+        }
         match &mut self.phase {
             Phase::Ready if is_held => {}
             Phase::Running(run) if run.is_stopping() => {

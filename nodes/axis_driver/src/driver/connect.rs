@@ -53,6 +53,11 @@ impl Connecting {
         if let Step::Asking(query) = self.step { query } else { 0 }
     }
 
+    /// Whether a reset was sent and its start message has not come.
+    pub(super) fn is_resetting(&self) -> bool {
+        self.step == Step::AwaitingBanner
+    }
+
     /// The soft reset that waits for the outcome.
     pub(super) fn reply_to(&self) -> Option<u64> {
         self.reply
@@ -214,6 +219,8 @@ impl Driver {
         let Phase::Connecting(connecting) = std::mem::replace(&mut self.phase, Phase::Ready) else {
             return;
         };
+        // An alarm that is announced while connecting leaves the answers in order.
+        self.link.trust();
         self.link.ask_status(self.now);
         let message = format!(
             "connected: {:?}, {} planner blocks, at most {} bytes under way",
@@ -272,6 +279,8 @@ impl Driver {
 
     fn fail_to_connect(&mut self, code: u16, message: String) {
         let reason = format!("{message}; soft_reset to try again");
+        // Whatever was reported before is older than the silence.
+        self.machine.status = None;
         let failed = std::mem::replace(&mut self.phase, Phase::Adrift { reason });
         self.log(LogLevel::Error, message.clone());
         if let Phase::Connecting(Connecting { reply: Some(id), .. }) = failed {

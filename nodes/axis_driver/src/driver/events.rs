@@ -1,5 +1,6 @@
 //! What the link reports, dealt out by what the driver is about.
 
+use super::stop::HoldWatch;
 use super::{Driver, LogLevel, Origin, Phase, Refusal, RunOutcome};
 use crate::codes::{self, error_code};
 use crate::link::{LinkEvent, LinkFault, realtime};
@@ -154,10 +155,11 @@ impl Driver {
         let next = || Phase::Adrift { reason: format!("LINK_LOST: {TEXT}; soft_reset to go on") };
         match &self.phase {
             Phase::Running(_) => {
-                // It may still arrive.
+                // It may still arrive; if the link comes back it is looked for.
                 self.link.send_realtime(realtime::FEED_HOLD);
                 let (code, text) = (error_code::LINK_LOST, TEXT.to_owned());
                 self.end_run(RunOutcome::Aborted, code, text, next());
+                self.hold = Some(HoldWatch::default());
             }
             Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
                 let id = *id;

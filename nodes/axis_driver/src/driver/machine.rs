@@ -118,7 +118,7 @@ impl Machine {
     }
 
     pub(super) fn on_setting(&mut self, number: u16, value: &str) {
-        if let Ok(value) = value.parse::<f64>() {
+        if let Some(value) = value.parse::<f64>().ok().filter(|value| value.is_finite()) {
             self.settings.insert(number, value);
         }
     }

@@ -180,8 +180,14 @@ impl Run {
 
 impl Driver {
     pub(super) fn on_run_time(&mut self) {
+        let is_machine_held = self.machine.is_state(&ControllerState::Hold)
+            || self.machine.is_state(&ControllerState::Door);
         let Phase::Running(run) = &mut self.phase else { return };
         match &mut run.stage {
+            // A controller that holds reads nothing; the time counts from the resume.
+            Stage::Preparing { until } if run.is_held || is_machine_held => {
+                *until = self.now + ANSWER;
+            }
             Stage::Proving(proof) => match proof.step(&run.request.path) {
                 Proven::NotYet => {}
                 Proven::Not(problem) => {
@@ -219,6 +225,8 @@ impl Driver {
         let id = run.id;
         self.link.send_line(PREAMBLE, LineKind::Slow, Origin::Preamble);
         self.reply(id, Ok(format!("{lines} lines, about {seconds:.0} s")));
+        let time_left_s = seconds / self.machine.feed_override();
+        self.outputs.push_back(Output::Progress { line: 0, fraction: 0.0, time_left_s });
     }
 
     pub(super) fn on_run_answer(&mut self, origin: Origin, error: Option<u16>) {
@@ -362,7 +370,8 @@ impl Driver {
         }
         let (id, last_line) = (run.id, run.line());
         if let Stage::Stopping(Stopping { reply: Some(reply), .. }) = run.stage {
-            self.reply(reply, Ok("the controller was reset".into()));
+            // No start message was heard: whether the reset arrived is not known.
+            self.reply(reply, Err(Refusal::new(error_code, message.clone())));
         }
         self.hold = None;
         let result = RunResult { id, outcome, error_code, message, last_line };

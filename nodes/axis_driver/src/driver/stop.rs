@@ -93,9 +93,6 @@ impl Driver {
             Stage::Proving(_) => {
                 return self.end_run(outcome, error_code, verdict.message, Phase::Ready);
             }
-            Stage::ToolChange { .. } if self.machine.is_state(&ControllerState::Idle) => {
-                return self.end_run(outcome, error_code, verdict.message, Phase::Ready);
-            }
             _ => {}
         }
         self.link.send_realtime(realtime::FEED_HOLD);
@@ -173,6 +170,12 @@ impl Driver {
     /// The banner came: the machine stands and has forgotten the program.
     pub(super) fn finish_stop(&mut self) {
         self.link.ask_status(self.now);
+        let Phase::Running(run) = &mut self.phase else { return };
+        if let Stage::Stopping(stopping) = &mut run.stage
+            && let Some(id) = stopping.reply.take()
+        {
+            self.reply(id, Ok("the controller was reset".into()));
+        }
         self.end_with_verdict(Phase::Ready);
     }
 
@@ -227,8 +230,12 @@ impl Driver {
 
     pub(super) fn step_shutdown(&mut self) {
         let Some(Shutdown { id, until }) = self.shutdown else { return };
-        let is_busy =
-            matches!(self.phase, Phase::Running(_)) || (self.is_open() && self.machine.is_moving());
+        let is_stopping = match &self.phase {
+            Phase::Running(_) => true,
+            Phase::Connecting(connecting) => connecting.is_resetting(),
+            _ => false,
+        };
+        let is_busy = is_stopping || (self.is_open() && self.machine.is_moving());
         if is_busy && self.now < until {
             return;
         }

@@ -3,6 +3,7 @@
 
 mod anything;
 mod bench;
+mod truth;
 mod wire;
 
 use super::*;
@@ -172,13 +173,15 @@ fn a_tool_change_waits_for_standstill_and_for_the_operator() {
 }
 
 #[test]
-fn a_cancel_while_a_tool_is_changed_needs_no_reset() {
+fn a_cancel_while_a_tool_is_changed_resets_so_that_coolant_does_not_stay_on() {
     let mut bench = Bench::connected();
     bench.start(with_event(straight(40), 20, Action::ChangeTool { tool: 4 }));
     bench.until("a tool change", |bench| bench.mode() == Mode::ToolChange);
     bench.ask(Command::CancelRun).unwrap();
     assert_ended(&bench.result(), RunOutcome::Canceled, error_code::CANCELED);
-    assert_eq!((bench.sent_count(0x18), bench.mode()), (1, Mode::Idle));
+    assert_eq!(bench.sent_count(0x18), 2);
+    bench.until("idle", |bench| bench.mode() == Mode::Idle);
+    assert_eq!(bench.state().alarm_code, 0, "the position was kept");
 }
 
 #[test]

@@ -63,6 +63,7 @@ impl Paths {
                 let (report, _) = reports.next().await;
                 shared.newest().verdict =
                     Some((report.program_id, report.revision, report.accepted));
+                shared.arrived.notify_waiters();
             }
         });
         Ok(paths)
