@@ -70,12 +70,13 @@ pub(super) fn replay(
             break;
         }
     }
-    compare_states(recording, &played.outputs, comparison);
+    let first = entries.first().map_or(0, |entry| entry.sequence);
+    compare_states(recording, first, &played.outputs, comparison);
     outputs.extend(traffic(recording, &played.transmitted));
     Ok(())
 }
 
-/// The journal, whole and in order.
+/// The journal in order, from the driver's start or from its first checkpoint.
 fn entries(recording: &Recording) -> Result<Vec<Entry>, ReplayError> {
     let mut entries = Vec::with_capacity(recording.traffic.len());
     for (_, entry) in recording.traffic.values() {
@@ -91,6 +92,12 @@ fn entries(recording: &Recording) -> Result<Vec<Entry>, ReplayError> {
             kind,
             data: entry.data.clone(),
         });
+    }
+    if entries.first().is_some_and(|entry| entry.sequence > 1) {
+        // A batch on the topic may begin a little before the checkpoint of the run.
+        let is_checkpoint = |entry: &Entry| entry.kind == EntryKind::Checkpoint;
+        let begin = entries.iter().position(is_checkpoint);
+        entries.drain(..begin.unwrap_or(0));
     }
     Ok(entries)
 }
@@ -113,6 +120,7 @@ fn shown(bytes: &[u8]) -> String {
 /// The topic repeats states and may drop some; both are left out of account.
 fn compare_states(
     recording: &Recording,
+    first_sequence: u64,
     outputs: &[(std::time::Duration, DriverOutput)],
     comparison: &mut Comparison,
 ) {
@@ -127,7 +135,8 @@ fn compare_states(
         .collect();
     // What was said before the journal begins cannot be made again.
     let stamp = |stamp: &Time| (stamp.sec, stamp.nanosec);
-    let begin = recording.traffic.values().next().map(|(_, entry)| stamp(&entry.stamp));
+    let first = recording.traffic.get(&first_sequence);
+    let begin = first.map(|(_, entry)| stamp(&entry.stamp));
     let mut recorded: Vec<MachineState> = recording
         .states
         .iter()
