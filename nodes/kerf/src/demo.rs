@@ -109,7 +109,10 @@ async fn job(
     step("starting the virtual controller");
     let port = link.display().to_string();
     controller
-        .start("virtual_controller", &["--link", &port, "--time-factor", TIME_FACTOR].map(String::from))
+        .start(
+            "virtual_controller",
+            &["--link", &port, "--time-factor", TIME_FACTOR].map(String::from),
+        )
         .map_err(Failure::usage)?;
     wait_for_file(link).await?;
 
@@ -157,10 +160,10 @@ async fn died(nodes: &mut Stack) -> String {
 async fn commission(session: &Session, out: &Path) -> Result<PathBuf, Failure> {
     let node: &Handle = session.handle();
     let mut recordings: Subscription<Recording> = node.subscription("recording", Qos::LATCHED)?;
-    let mut states: Subscription<MachineState> = node.subscription("machine_state", Qos::LATCHED)?;
-    let ready = wait_until(&mut states, READY_WITHIN, |state| {
-        state.state == MachineState::STATE_IDLE
-    });
+    let mut states: Subscription<MachineState> =
+        node.subscription("machine_state", Qos::LATCHED)?;
+    let ready =
+        wait_until(&mut states, READY_WITHIN, |state| state.state == MachineState::STATE_IDLE);
     ready.await.map_err(|state| {
         let heard = state.map_or("no machine_state was heard".to_owned(), |state| state.reason);
         Failure::new(Status::NoAnswer, format!("the machine is not ready: {heard}"))

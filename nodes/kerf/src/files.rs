@@ -31,8 +31,7 @@ pub(crate) fn tool_table(path: Option<&Path>) -> Result<ToolTable, Failure> {
 
 /// Writes a file whole: readers see the old one or the new one.
 pub(crate) fn write(path: &Path, content: &str) -> Result<(), Failure> {
-    let failed =
-        |error| Failure::usage(format_args!("cannot write {}: {error}", path.display()));
+    let failed = |error| Failure::usage(format_args!("cannot write {}: {error}", path.display()));
     let mut partial = path.as_os_str().to_owned();
     partial.push(".partial");
     std::fs::write(&partial, content).map_err(failed)?;

@@ -42,7 +42,9 @@ pub(crate) fn run(args: &NodeArgs, ros_args: Vec<String>) -> ExitCode {
             names.join(", ")
         ))));
     };
-    if args.leave_with_parent && let Err(error) = leave_with_parent() {
+    if args.leave_with_parent
+        && let Err(error) = leave_with_parent()
+    {
         return conclude(Err(Failure::usage(error)));
     }
     let mut all = args.args.clone();

@@ -124,11 +124,8 @@ pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
             Some(file) => load_file(node, file, &args.controller).await?,
             None => String::new(),
         };
-        let goal = RunProgramGoal {
-            program_id,
-            start_line: args.start_line,
-            check_only: args.check_only,
-        };
+        let goal =
+            RunProgramGoal { program_id, start_line: args.start_line, check_only: args.check_only };
         let result = run_goal(node, goal, &progress_bar()).await?;
         println!("{}", result.message);
         Ok(())
@@ -273,9 +270,8 @@ fn show(name: &str, text: &[u8], findings: &[cnc_msgs::wire::cnc_msgs::msg::Diag
 /// The bar that shows how far a run is.
 pub(crate) fn progress_bar() -> ProgressBar {
     let style = ProgressStyle::with_template("{msg:14} [{bar:40}] {percent:>3} % {elapsed} ");
-    ProgressBar::new(1000).with_style(
-        style.expect("the template is a constant").progress_chars("=> "),
-    )
+    ProgressBar::new(1000)
+        .with_style(style.expect("the template is a constant").progress_chars("=> "))
 }
 
 /// Sends a goal and follows it to its end; anything but success is a failure.
@@ -340,8 +336,7 @@ fn describe(state: &MachineState) -> String {
         reason => format!("{mode}: {reason}\n"),
     };
     if state.position_known {
-        for (frame, point) in
-            [("machine", &state.machine_position), ("work", &state.work_position)]
+        for (frame, point) in [("machine", &state.machine_position), ("work", &state.work_position)]
         {
             let [x, y, z] = position_from_point(point);
             text += &format!("  {frame:8} X{x:.3} Y{y:.3} Z{z:.3} mm\n");

@@ -226,10 +226,8 @@ impl Frame {
         let (margin, text) = (extent * 0.08, extent * 0.022);
         // Room for the title above and the legend below.
         let min = [min[0] - margin, min[1] - margin - 2.0 * text];
-        let size = [
-            (max[0] + margin - min[0]).max(extent * 0.9),
-            max[1] + margin + 2.0 * text - min[1],
-        ];
+        let size =
+            [(max[0] + margin - min[0]).max(extent * 0.9), max[1] + margin + 2.0 * text - min[1]];
         Self { min, size, text }
     }
 

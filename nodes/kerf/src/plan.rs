@@ -8,6 +8,7 @@ use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::CompensatedPath;
 use compensation_planner::Plan;
+use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::{LoadOptions, Loaded};
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -74,7 +75,10 @@ fn position(text: &str) -> Result<[f64; 3], String> {
         .split(',')
         .map(|part| part.trim().parse::<f64>().ok().filter(|number| number.is_finite()))
         .collect::<Option<_>>()
-        .ok_or_else(|| format!("{text:?} is not three numbers"))?;
+        .ok_or_else(|| format!("{text:?} is not three numbers X,Y,Z"))?;
+    if let Some(far) = numbers.iter().find(|number| number.abs() > COORDINATE_MM_MAX) {
+        return Err(format!("{far:e} mm is too far away; at most {COORDINATE_MM_MAX} mm is taken"));
+    }
     numbers.try_into().map_err(|_| format!("{text:?} is not three numbers X,Y,Z"))
 }
 
@@ -132,8 +136,7 @@ impl Planned {
 
     /// The picture, of what was refused too.
     pub(crate) fn svg(&self, title: &str) -> String {
-        let elements =
-            if self.accepted() { &self.path().elements } else { &self.plan.refused };
+        let elements = if self.accepted() { &self.path().elements } else { &self.plan.refused };
         picture::draw(&picture::Picture {
             title,
             contour: &self.loaded.contour,

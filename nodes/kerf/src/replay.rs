@@ -129,11 +129,14 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
     let mut differs = false;
     for path in &args.bags {
         let shown = path.display();
-        let verdict = replay(path, &levels)
-            .map_err(|error| Failure::usage(format_args!("{shown}: {error}")))?;
+        let of_bag = |error: ReplayError| match error.to_string() {
+            // It names the bag already.
+            error if error.contains(&shown.to_string()) => Failure::usage(error),
+            error => Failure::usage(format_args!("{shown}: {error}")),
+        };
+        let verdict = replay(path, &levels).map_err(of_bag)?;
         if let Some(directory) = &args.out {
-            write(directory, path, &verdict.outputs)
-                .map_err(|error| Failure::usage(format_args!("{shown}: {error}")))?;
+            write(directory, path, &verdict.outputs).map_err(of_bag)?;
         }
         differs |= !verdict.is_reproduced();
         print!("{}", verdict.report(&shown.to_string()));

@@ -55,6 +55,9 @@ impl Stack {
             .stdin(Stdio::piped())
             // Nodes speak on standard error; standard output is this command's own.
             .stdout(Stdio::null())
+            // Ctrl-C in a terminal goes to a whole group: here it is for this
+            // command, which stops the nodes in their order.
+            .process_group(0)
             .kill_on_drop(true)
             .spawn()?;
         let lifeline = process.stdin.take().expect("standard input was asked for as a pipe");
@@ -144,10 +147,8 @@ pub(crate) fn leave_with_parent() -> io::Result<()> {
     std::thread::Builder::new().name("parent-watch".into()).spawn(|| {
         let mut sink = io::sink();
         let _ = io::copy(&mut io::stdin(), &mut sink);
-        let _ = rustix::process::kill_process(
-            rustix::process::getpid(),
-            rustix::process::Signal::TERM,
-        );
+        let _ =
+            rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::TERM);
     })?;
     Ok(())
 }

@@ -19,6 +19,15 @@ pub(crate) struct UpArgs {
     /// Start a virtual controller too, and connect the driver to it
     #[arg(long)]
     virtual_controller: bool,
+    /// How many times faster than real time the virtual controller lives
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = time_factor, requires = "virtual_controller")]
+    time_factor: f64,
+}
+
+/// What the virtual controller takes.
+fn time_factor(text: &str) -> Result<f64, String> {
+    let factor = text.parse().ok().filter(|factor| (0.001..=10_000.0).contains(factor));
+    factor.ok_or_else(|| format!("{text:?} is not a factor from 0.001 to 10000"))
 }
 
 /// Starts them, starts again what dies, stops all in order.
@@ -56,7 +65,11 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
         let link = std::env::temp_dir().join(format!("kerf-{}-controller", std::process::id()));
         let port = link.display().to_string();
         controller
-            .start("virtual_controller", &["--link".to_owned(), port.clone()])
+            .start(
+                "virtual_controller",
+                &["--link", &port, "--time-factor", &args.time_factor.to_string()]
+                    .map(String::from),
+            )
             .map_err(Failure::usage)?;
         crate::stack::wait_for_file(&link).await?;
         node_args.extend(

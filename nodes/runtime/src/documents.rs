@@ -3,7 +3,8 @@
 //! A table is a file; a profile travels with the contour that was read under
 //! it, so that planner and replay apply the same rules, built in or not.
 
-use crate::yaml::{FileError, from_yaml_file, from_yaml_str};
+use crate::parameter_file::line_of;
+use crate::yaml::{FileError, from_yaml_str, read_text};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::{ToolTable, ToolTableError};
 use std::path::Path;
@@ -13,8 +14,13 @@ use std::path::Path;
 pub enum ToolTableFileError {
     #[error(transparent)]
     File(#[from] FileError),
-    #[error("{file}: {error}")]
-    Content { file: String, error: ToolTableError },
+    #[error("{file}{}: {error}", line.map(|line| format!(":{line}")).unwrap_or_default())]
+    Content {
+        file: String,
+        /// Of the row that is wrong, 1-based, where it can be found.
+        line: Option<usize>,
+        error: ToolTableError,
+    },
 }
 
 /// Reads and checks a tool table.
@@ -22,10 +28,35 @@ pub enum ToolTableFileError {
 /// # Errors
 /// The file cannot be read, is not a tool table, or holds a tool that cannot be.
 pub fn load_tool_table(path: &Path) -> Result<ToolTable, ToolTableFileError> {
-    let table: ToolTable = from_yaml_file(path)?;
-    let content = |error| ToolTableFileError::Content { file: path.display().to_string(), error };
-    table.check().map_err(content)?;
+    let (text, file) = (read_text(path)?, path.display().to_string());
+    let table: ToolTable = from_yaml_str(&text, &file)?;
+    table.check().map_err(|error| {
+        let line = line_of(&text, &place_of(&error));
+        ToolTableFileError::Content { file, line, error }
+    })?;
     Ok(table)
+}
+
+/// The keys that lead to the number that is wrong, the outermost first.
+fn place_of(error: &ToolTableError) -> Vec<String> {
+    let path =
+        |list: &str, number: &str, what: &str| [list, number, what].map(String::from).to_vec();
+    let of_row = |row: &str, what: &str| match row.split_at_checked(1) {
+        Some(("D", number)) => path("offsets", number, what),
+        Some((_, number)) => path("tools", number, what),
+        None => Vec::new(),
+    };
+    match error {
+        ToolTableError::NotFinite { row, what, .. }
+        | ToolTableError::TooLarge { row, what, .. } => of_row(row, what),
+        ToolTableError::TipDirection { row, .. } => of_row(row, "tip_direction"),
+        ToolTableError::NegativeDiameter { tool, .. } => {
+            path("tools", &tool.to_string(), "diameter_mm")
+        }
+        ToolTableError::NegativeNoseRadius { tool, .. } => {
+            path("tools", &tool.to_string(), "nose_radius_mm")
+        }
+    }
 }
 
 /// A profile as it travels.
@@ -39,4 +70,28 @@ pub fn profile_to_yaml(profile: &Profile) -> String {
 /// It is not a profile, or not one that this build knows.
 pub fn profile_from_yaml(text: &str) -> Result<Profile, FileError> {
     from_yaml_str(text, "the profile that came with the contour")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tool_that_cannot_be_is_told_with_its_line() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("tools.yaml");
+        let table = [
+            ("tools:\n  1: {diameter_mm: 5.0}\n  2:\n    diameter_mm: -5.0\n", "tools.yaml:4: "),
+            ("tools:\n  1: {diameter_mm: -5.0}\n", "tools.yaml:2: "),
+            ("tools:\n  3: {nose_radius_mm: -0.8}\n", "tools.yaml:2: "),
+            ("offsets:\n  1: {radius_mm: 1.0}\n  12:\n    radius_mm: .inf\n", "tools.yaml:4: "),
+            ("offsets:\n  1: {radius_mm: 1.0}\n  2: {tip_direction: 11}\n", "tools.yaml:3: "),
+            ("{tools: {1: {diameter_mm: 2.0e+4}}}\n", "tools.yaml: "),
+        ];
+        for (text, place) in table {
+            std::fs::write(&path, text).expect("written");
+            let error = load_tool_table(&path).expect_err(text).to_string();
+            assert!(error.contains(place), "{text}: {error}");
+        }
+    }
 }

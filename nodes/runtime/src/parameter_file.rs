@@ -76,7 +76,9 @@ impl Reader<'_> {
             if key == "ros__parameters" {
                 let section = &path[..path.len() - 1];
                 if matches(section, &self.node) {
-                    let is_shared = section.iter().any(|part| part.contains('*'));
+                    // `/**/driver` says where the node may be, but not which one it is.
+                    let name = section.last().and_then(|key| key.rsplit('/').next());
+                    let is_shared = name.is_some_and(|name| name.contains('*'));
                     match value {
                         Value::Null => {}
                         Value::Mapping(_) => self.group(value, path, String::new(), is_shared)?,
@@ -185,7 +187,7 @@ fn parts_match(pattern: &[&str], name: &[&str]) -> bool {
 }
 
 /// The 1-based line of the innermost key that can be found, in block style.
-fn line_of(text: &str, path: &[String]) -> Option<usize> {
+pub(crate) fn line_of(text: &str, path: &[String]) -> Option<usize> {
     let mut lines = text.lines().enumerate();
     let mut parent_indent = None;
     let mut found = None;

@@ -36,8 +36,7 @@ pub(super) fn replay(
         let plan = recording.plans.get(&revision)?;
         (plan.report.program_id == program_id).then(|| plan.path.clone()).flatten()
     };
-    let played =
-        play(&entries, &paths, config).map_err(|error| of_driver(error.to_string()))?;
+    let played = play(&entries, &paths, config).map_err(|error| of_driver(error.to_string()))?;
 
     let recorded: Vec<&Entry> =
         entries.iter().filter(|entry| entry.kind == EntryKind::Tx).collect();
@@ -46,11 +45,7 @@ pub(super) fn replay(
         comparison.differs(
             "transmissions",
             "count",
-            format!(
-                "{} were recorded, {} are made now",
-                recorded.len(),
-                played.transmitted.len()
-            ),
+            format!("{} were recorded, {} are made now", recorded.len(), played.transmitted.len()),
         );
     }
     for (index, (recorded, now)) in recorded.iter().zip(&played.transmitted).enumerate() {
@@ -165,11 +160,8 @@ fn comparable(state: &MachineState) -> MachineState {
 
 /// What the core transmits now, as messages.
 fn traffic(recording: &Recording, transmitted: &[Entry]) -> Vec<Output> {
-    let stamps: std::collections::BTreeMap<u64, &(u64, TrafficEntry)> = recording
-        .traffic
-        .values()
-        .map(|row| (monotonic_ns(&row.1), row))
-        .collect();
+    let stamps: std::collections::BTreeMap<u64, &(u64, TrafficEntry)> =
+        recording.traffic.values().map(|row| (monotonic_ns(&row.1), row)).collect();
     transmitted
         .iter()
         .filter_map(|entry| {
@@ -186,4 +178,3 @@ fn traffic(recording: &Recording, transmitted: &[Entry]) -> Vec<Output> {
         })
         .collect()
 }
-

@@ -56,9 +56,8 @@ pub(super) fn replay(
         comparison.sequence("programmed_contour/chunks", &all(&recorded), &chunks);
         let at = program.log_time_ns;
         outputs.push(Output::new("programmed_contour", at, &manifest));
-        outputs.extend(
-            chunks.iter().map(|chunk| Output::new("programmed_contour/chunks", at, chunk)),
-        );
+        outputs
+            .extend(chunks.iter().map(|chunk| Output::new("programmed_contour/chunks", at, chunk)));
     }
     Ok(())
 }

@@ -4,8 +4,8 @@ use super::compare::Comparison;
 use super::recording::Recording;
 use super::{Output, ReplayError};
 use cnc_msgs::chunk::PathChunks;
-use cnc_msgs::wire::cnc_msgs::msg::{CompensatedPath, CompensationReport, PathChunk};
 use cnc_msgs::units::point_from_position;
+use cnc_msgs::wire::cnc_msgs::msg::{CompensatedPath, CompensationReport, PathChunk};
 use compensation_planner::plan;
 use std::sync::Arc;
 

@@ -1,0 +1,517 @@
+//! The command line: exit status and what is said, for good input and bad.
+
+mod support;
+
+use serde_json::Value;
+use support::{CONTOUR, Folder, Ran, TOOLS, kerf, run};
+
+/// Runs `kerf` in a folder.
+#[track_caller]
+fn said(folder: &Folder, args: &[&str]) -> Ran {
+    run(kerf().current_dir(folder.path()).args(args))
+}
+
+/// A program, and how `kerf plan` ends on it and what it says.
+struct BadProgram {
+    name: &'static str,
+    content: Vec<u8>,
+    status: i32,
+    says: &'static [&'static str],
+}
+
+fn bad_programs() -> Vec<BadProgram> {
+    let row = |name, content: &[u8], status, says| BadProgram {
+        name,
+        content: content.to_vec(),
+        status,
+        says,
+    };
+    let binary: Vec<u8> = (0..3000_u32).map(|n| (n * n % 251) as u8).collect();
+    let long = format!("G1 X{}\n", "1".repeat(10_000_000)).into_bytes();
+    vec![
+        row(
+            "binary.ngc",
+            &binary,
+            1,
+            &["error[syntax]: byte 0x00: this is not the text of a part program", "binary.ngc:1:1"],
+        ),
+        row("empty.ngc", b"", 0, &["warning[missing_word]", "no blocks", "--> empty.ngc"]),
+        row("blank.ngc", b"\n\n(nothing)\n", 0, &["warning[missing_word]", "no blocks"]),
+        row(
+            "long.ngc",
+            &long,
+            1,
+            &["error[limit]: the line has 10000004 bytes; 4096 are the limit", "long.ngc:1:1"],
+        ),
+        row(
+            "nan.ngc",
+            b"G21\nG1 XNaN F100\n",
+            1,
+            &["error[bad_number]", "nan.ngc:2:4", "no number"],
+        ),
+        row(
+            "1e400.ngc",
+            b"G21\nG1 X1e400 F100\n",
+            1,
+            &["error[bad_number]", "1e400.ngc:2:4", "has an exponent", "write the number out"],
+        ),
+        row(
+            "1e5.ngc",
+            b"G21\nG1 X1e5 F100\n",
+            1,
+            &["error[bad_number]", "1e5.ngc:2:4", "has an exponent", "100000 instead of 1e5"],
+        ),
+        row(
+            "word.ngc",
+            b"G21\nG99.7 X1\nM30\n",
+            1,
+            &["error[unknown_word]: rs274 has no word G99.7", "word.ngc:2:1"],
+        ),
+        row(
+            "arc.ngc",
+            b"G21 G17\nG0 X0 Y0\nG2 X10 Y10 I3 J0 F100\nM30\n",
+            1,
+            &["error[arc_radius]", "arc.ngc:3:1", "3.000 mm at its start", "12.207 mm at its end"],
+        ),
+    ]
+}
+
+#[test]
+fn a_bad_program_is_refused_with_its_place_and_what_to_do() {
+    let folder = Folder::new();
+    for BadProgram { name, content, status, says } in bad_programs() {
+        folder.file(name, content);
+        let ran = said(&folder, &["plan", name]).expect(status).says(says);
+        assert_eq!(ran.out.contains("refused"), status == 1, "{name}: {}", ran.out);
+        assert!(ran.err.len() < 100_000, "{name} makes {} bytes of findings", ran.err.len());
+        // Scripts get the same verdict.
+        let ran = said(&folder, &["plan", name, "--json"]).expect(status);
+        let report: Value = serde_json::from_str(&ran.out).expect("one JSON object");
+        assert_eq!(report["accepted"], status == 0, "{name}");
+        assert_eq!(report["elements"], serde_json::json!([]), "{name}");
+    }
+}
+
+#[test]
+fn what_cannot_be_read_or_understood_as_arguments_ends_with_2() {
+    let folder = Folder::new();
+    folder.file("ok.ngc", "G0 X1\nM30\n");
+    folder.file("unknown_key.yaml", "tools:\n  1: {diameter_mm: 10.0, colour: 3}\n");
+    folder.file("wrong_type.yaml", "tools:\n  1:\n    diameter_mm: wide\n");
+    folder.file("negative.yaml", "tools:\n  1: {diameter_mm: 5.0}\n  2:\n    diameter_mm: -5.0\n");
+    folder.file("nan.yaml", "offsets:\n  1: {radius_mm: 1.0}\n  3: {radius_mm: .nan}\n");
+    folder.file("list.yaml", "- 1\n");
+    folder.file("broken.yaml", "name: mine\nlanguage: 5\n");
+    std::fs::create_dir(folder.path().join("there")).expect("a folder");
+    let table: &[(&[&str], &[&str])] = &[
+        (&["plan", "none.ngc"], &["cannot read none.ngc: No such file"]),
+        (&["plan", "there"], &["cannot read there: Is a directory"]),
+        (&["plan"], &["<FILE>", "Usage"]),
+        (&["plan", "ok.ngc", "--json", "--quiet"], &["--quiet"]),
+        (
+            &["plan", "ok.ngc", "--controller", "fanuc"],
+            &["no controller \"fanuc\"", "masso, rs274, sinumerik_840c", "YAML file"],
+        ),
+        (&["plan", "ok.ngc", "--controller", "./broken.yaml"], &["./broken.yaml:2:11: language"]),
+        (&["plan", "ok.ngc", "--controller", "./no.yaml"], &["./no.yaml: No such file"]),
+        (
+            &["plan", "ok.ngc", "--tools", "unknown_key.yaml"],
+            &["unknown_key.yaml:2:26: tools.1: unknown field `colour`", "diameter_mm"],
+        ),
+        (
+            &["plan", "ok.ngc", "--tools", "wrong_type.yaml"],
+            &["wrong_type.yaml:3:18: tools.1.diameter_mm", "\"wide\""],
+        ),
+        (
+            &["plan", "ok.ngc", "--tools", "negative.yaml"],
+            &["negative.yaml:4: diameter of T2 is -5 mm", "wear_diameter_mm"],
+        ),
+        (&["plan", "ok.ngc", "--tools", "nan.yaml"], &["nan.yaml:3: radius_mm of D3 is NaN"]),
+        (&["plan", "ok.ngc", "--tools", "list.yaml"], &["list.yaml:1:1"]),
+        (&["plan", "ok.ngc", "--tools", "no.yaml"], &["no.yaml: No such file"]),
+        (&["plan", "ok.ngc", "--tools", "there"], &["there: Is a directory"]),
+        (&["plan", "ok.ngc", "--start", "1,2"], &["\"1,2\" is not three numbers X,Y,Z"]),
+        (&["plan", "ok.ngc", "--start", "a,b,c"], &["\"a,b,c\" is not three numbers"]),
+        (&["plan", "ok.ngc", "--start", "nan,0,0"], &["\"nan,0,0\" is not three numbers"]),
+        (&["plan", "ok.ngc", "--start", "1e300,0,0"], &["1e300", "1000000 mm"]),
+        (
+            &["plan", "ok.ngc", "--svg", "no/such/x.svg"],
+            &["cannot write no/such/x.svg: No such file"],
+        ),
+        (&["bogus"], &["unrecognized subcommand 'bogus'"]),
+        (&["up", "--config", "no.yaml"], &["cannot read no.yaml: No such file"]),
+        (&["up", "--time-factor", "2"], &["--virtual-controller"]),
+        (&["up", "--virtual-controller", "--time-factor", "0"], &["from 0.001 to 10000"]),
+        (&["load", "none.ngc"], &["cannot read none.ngc: No such file"]),
+        (&["run", "--controller", "masso"], &["<FILE>"]),
+    ];
+    for (args, says) in table {
+        said(&folder, args).expect(2).says(says);
+    }
+    let kept: Vec<_> = std::fs::read_dir(folder.path())
+        .expect("the folder")
+        .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
+        .filter(|name| name.contains("partial") || name.contains("svg"))
+        .collect();
+    assert!(kept.is_empty(), "left behind: {kept:?}");
+}
+
+#[test]
+fn a_tool_that_does_not_fit_is_refused_with_place_and_numbers() {
+    let folder = Folder::new();
+    folder.file("big.yaml", "offsets:\n  1: {radius_mm: 25.0}\n");
+    let args = [
+        "plan",
+        CONTOUR,
+        "--controller",
+        "sinumerik_840c",
+        "--tools",
+        "big.yaml",
+        "--svg",
+        "x.svg",
+    ];
+    let ran = said(&folder, &args).expect(1).says(&[
+        "error[unreachable]: the tool (radius 25.000 mm) does not reach block N40",
+        "contour.mpf:5:1",
+        "at most 20.851 mm fits",
+        "closest at X65.000 Y55.000",
+        "25.000 mm needed, 20.851 mm there",
+        "contour.mpf: refused by sinumerik_840c",
+    ]);
+    assert!(ran.err.contains("= help: "), "{}", ran.err);
+    // What was refused is drawn all the same.
+    let picture = std::fs::read_to_string(folder.path().join("x.svg")).expect("a picture");
+    assert!(picture.starts_with("<svg") || picture.starts_with("<?xml"), "{picture:.80}");
+
+    let ran = said(&folder, &[&args[..6], &["--json"]].concat()).expect(1);
+    let report: Value = serde_json::from_str(&ran.out).expect("one JSON object");
+    assert_eq!(report["accepted"], false);
+    assert_eq!(report["elements"], serde_json::json!([]));
+    assert_eq!(keys(&report), with(REPORT_KEYS, "refused_elements"));
+    check_elements(&report["refused_elements"]);
+    let found = report["diagnostics"].as_array().expect("a list");
+    let unreachable = found.iter().find(|row| row["code"] == "unreachable").expect("the finding");
+    assert_eq!(keys(unreachable), sorted(DIAGNOSTIC_KEYS));
+    assert_eq!(unreachable["severity"], "error");
+    assert_eq!((&unreachable["line"], &unreachable["block"]), (&5.into(), &40.into()));
+    assert!((unreachable["needed_mm"].as_f64().expect("a number") - 25.0).abs() < 1e-9);
+    assert!((unreachable["available_mm"].as_f64().expect("a number") - 20.851449).abs() < 1e-5);
+    check_point(&unreachable["position"]);
+    assert!(unreachable["depth_mm"].is_null() || unreachable["depth_mm"].is_f64());
+}
+
+#[test]
+fn carets_stand_under_what_is_meant() {
+    let folder = Folder::new();
+    folder.file("a.ngc", "G21 G90\n(µm) G1 X5 Q12 F100\nM30\n");
+    let ran = said(&folder, &["plan", "a.ngc"]).expect(1);
+    let lines: Vec<&str> = ran.err.lines().collect();
+    let at = lines.iter().position(|line| line.contains("G1 X5 Q12")).expect("the line is shown");
+    let column = |line: &str, what| line.chars().take_while(|c| *c != what).count();
+    assert_eq!(column(lines[at + 1], '^'), column(lines[at], 'Q'), "{}", ran.err);
+    assert_eq!(lines[at + 1].matches('^').count(), "Q12".len(), "{}", ran.err);
+    assert!(ran.err.contains("--> a.ngc:2:12"), "{}", ran.err);
+    assert!(!ran.err.contains('\u{1b}'), "no colours for a pipe");
+}
+
+const REPORT_KEYS: &[&str] =
+    &["controller", "accepted", "elements", "events", "diagnostics", "certificates", "uncut"];
+const ELEMENT_KEYS: &[&str] =
+    &["kind", "start", "end", "rapid", "feed_mm_per_min", "role", "line", "block"];
+const ARC_KEYS: &[&str] = &["center", "clockwise", "turns", "plane"];
+const EVENT_KEYS: &[&str] = &["kind", "text", "line", "block", "at_element"];
+const DIAGNOSTIC_KEYS: &[&str] = &[
+    "severity",
+    "code",
+    "alarm",
+    "line",
+    "column",
+    "length",
+    "block",
+    "other_line",
+    "other_block",
+    "position",
+    "depth_mm",
+    "needed_mm",
+    "available_mm",
+    "message",
+    "help",
+];
+const ROLES: &[&str] = &["none", "lead_on", "contour", "corner", "lead_off", "link", "off_plane"];
+const EVENTS: &[&str] =
+    &["spindle", "coolant", "aux", "dwell", "tool", "stop_point", "program_end"];
+
+fn sorted(keys: &[&str]) -> Vec<String> {
+    let mut keys: Vec<String> = keys.iter().map(|key| (*key).to_owned()).collect();
+    keys.sort();
+    keys
+}
+
+fn with(keys: &[&str], more: &str) -> Vec<String> {
+    sorted(&[keys, &[more]].concat())
+}
+
+fn keys(object: &Value) -> Vec<String> {
+    let mut keys: Vec<String> = object.as_object().expect("an object").keys().cloned().collect();
+    keys.sort();
+    keys
+}
+
+fn check_point(point: &Value) -> [f64; 3] {
+    let numbers: Vec<f64> = point
+        .as_array()
+        .expect("a point")
+        .iter()
+        .map(|number| number.as_f64().expect("a number"))
+        .collect();
+    numbers.try_into().expect("three coordinates")
+}
+
+/// Keys, types and roles of every element, and that each begins where the last ended.
+fn check_elements(elements: &Value) {
+    let mut at = [0.0; 3];
+    for element in elements.as_array().expect("a list") {
+        let is_arc = element["kind"] == "arc";
+        let wanted = if is_arc { [ELEMENT_KEYS, ARC_KEYS].concat() } else { ELEMENT_KEYS.to_vec() };
+        assert_eq!(keys(element), sorted(&wanted), "{element}");
+        assert!(is_arc || element["kind"] == "line", "{element}");
+        assert_eq!(check_point(&element["start"]), at, "{element}");
+        at = check_point(&element["end"]);
+        let is_rapid = element["rapid"].as_bool().expect("a bool");
+        assert_eq!(element["feed_mm_per_min"].is_null(), is_rapid, "{element}");
+        assert!(is_rapid || element["feed_mm_per_min"].is_number(), "{element}");
+        let role = element["role"].as_str().expect("a word");
+        assert!(ROLES.contains(&role), "{element}");
+        assert!(element["line"].as_u64().is_some_and(|line| line >= 1), "{element}");
+        assert!(element["block"].is_null() || element["block"].is_u64(), "{element}");
+        if is_arc {
+            check_point(&element["center"]);
+            assert!(element["clockwise"].is_boolean() && element["turns"].is_u64(), "{element}");
+            let plane = element["plane"].as_str().expect("a word");
+            assert!(["xy", "zx", "yz"].contains(&plane), "{element}");
+        }
+    }
+}
+
+fn check_events(report: &Value) {
+    let count = report["elements"].as_array().expect("a list").len() as u64;
+    for event in report["events"].as_array().expect("a list") {
+        assert_eq!(keys(event), sorted(EVENT_KEYS));
+        assert!(EVENTS.contains(&event["kind"].as_str().expect("a word")), "{event}");
+        assert!(event["text"].is_string() && event["line"].is_u64(), "{event}");
+        assert!(event["at_element"].as_u64().is_some_and(|at| at <= count), "{event}");
+    }
+}
+
+/// What an element should be: role, block, end in XY, and the centre of an arc in XY.
+type Row = (&'static str, u64, [f64; 2], Option<[f64; 2]>);
+
+fn check_path(report: &Value, rows: &[Row]) {
+    assert_eq!(keys(report), sorted(REPORT_KEYS));
+    assert_eq!(report["accepted"], true);
+    check_elements(&report["elements"]);
+    check_events(report);
+    let elements = report["elements"].as_array().expect("a list");
+    assert_eq!(elements.len(), rows.len());
+    for (element, (role, block, end, center)) in elements.iter().zip(rows) {
+        let near = |point: &Value, wanted: [f64; 2]| {
+            let [x, y, _] = check_point(point);
+            (x - wanted[0]).hypot(y - wanted[1]) <= 1e-6
+        };
+        assert_eq!(element["role"], *role, "{element}");
+        assert_eq!(element["block"], *block, "{element}");
+        assert!(near(&element["end"], *end), "{element}: {end:?} is wanted");
+        match center {
+            None => assert_eq!(element["kind"], "line", "{element}"),
+            Some(center) => {
+                assert!(near(&element["center"], *center), "{element}: {center:?} is wanted");
+                assert_eq!((&element["turns"], &element["plane"]), (&0.into(), &"xy".into()));
+            }
+        }
+    }
+}
+
+#[test]
+fn a6_as_json_is_the_path_of_the_840c() {
+    let folder = Folder::new();
+    let args = ["plan", CONTOUR, "--controller", "sinumerik_840c", "--tools", TOOLS, "--json"];
+    let ran = said(&folder, &args).expect(0);
+    let report: Value = serde_json::from_str(&ran.out).expect("one JSON object");
+    assert_eq!(report["controller"], "sinumerik_840c");
+    check_path(
+        &report,
+        &[
+            ("none", 1, [15.0, 60.0], None),
+            ("lead_on", 10, [25.527_864_045, 62.236_067_977], None),
+            ("contour", 20, [35.527_864_045, 82.236_067_977], None),
+            ("corner", 30, [40.0, 85.0], Some([40.0, 80.0])),
+            ("contour", 30, [69.580_398_915, 60.0], Some([40.0, 55.0])),
+            ("contour", 40, [90.635_083_269, 60.0], None),
+            ("contour", 50, [110.0, 75.0], Some([110.0, 55.0])),
+            ("corner", 60, [114.743_416_490, 68.418_861_170], Some([110.0, 70.0])),
+            ("contour", 60, [110.203_845, 54.800_147], None),
+            ("contour", 70, [114.850_713, 36.212_678], None),
+            ("corner", 80, [110.0, 30.0], Some([110.0, 35.0])),
+            ("contour", 80, [91.753_905, 30.0], None),
+            ("contour", 90, [68.123_475, 11.095_656], None),
+            ("corner", 100, [61.464_466, 11.464_466], Some([65.0, 15.0])),
+            ("contour", 100, [36.464_466, 36.464_466], None),
+            ("corner", 110, [35.527_864, 37.763_932], Some([40.0, 40.0])),
+            ("contour", 110, [25.527_864, 57.763_932], None),
+            ("lead_off", 120, [15.0, 60.0], None),
+            ("none", 130, [15.0, 60.0], None),
+        ],
+    );
+    assert_eq!(report["elements"][0]["rapid"], true);
+    assert_eq!(report["elements"][1]["feed_mm_per_min"], 400.0);
+    assert_eq!(report["diagnostics"], serde_json::json!([]));
+    let events: Vec<(&str, &str, u64)> = report["events"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|event| {
+            (
+                event["kind"].as_str().expect("a word"),
+                event["text"].as_str().expect("a text"),
+                event["at_element"].as_u64().expect("a number"),
+            )
+        })
+        .collect();
+    assert_eq!(events, [("spindle", "S80", 1), ("spindle", "M3", 1), ("program_end", "M30", 19)]);
+}
+
+#[test]
+fn m12_as_json_is_the_path_of_the_masso() {
+    let folder = Folder::new();
+    folder.file(
+        "m12.nc",
+        "N10 T1 M06\nN20 G00 X-50 Y-25 Z25\nN30 G01 Z-5 F250\nN40 G41\nN50 X-25\nN60 X100\n\
+         N70 Y-100\nN80 X25\nN90 Y25\nN100 G40\nN110 X25 Y50\nN120 G00 Z25\n",
+    );
+    for (wear, radius) in [(0.0, 5.0), (-0.5, 4.75)] {
+        let tools = format!("tools:\n  1: {{diameter_mm: 10.0, wear_diameter_mm: {wear:.1}}}\n");
+        folder.file("tools.yaml", tools);
+        let args = ["plan", "m12.nc", "--controller", "masso", "--tools", "tools.yaml", "--json"];
+        let ran = said(&folder, &args).expect(0);
+        let report: Value = serde_json::from_str(&ran.out).expect("one JSON object");
+        let r = radius;
+        check_path(
+            &report,
+            &[
+                ("none", 20, [-50.0, -25.0], None),
+                ("none", 30, [-50.0, -25.0], None),
+                ("lead_on", 50, [-25.0, -25.0 + r], None),
+                ("contour", 60, [100.0, -25.0 + r], None),
+                ("corner", 70, [100.0 + r, -25.0], Some([100.0, -25.0])),
+                ("contour", 70, [100.0 + r, -100.0], None),
+                ("corner", 80, [100.0, -100.0 - r], Some([100.0, -100.0])),
+                ("contour", 80, [25.0, -100.0 - r], None),
+                ("corner", 90, [25.0 - r, -100.0], Some([25.0, -100.0])),
+                ("contour", 90, [25.0 - r, 25.0], None),
+                ("lead_off", 110, [25.0, 50.0], None),
+                ("none", 120, [25.0, 50.0], None),
+            ],
+        );
+        let found = report["diagnostics"].as_array().expect("a list");
+        assert!(found.iter().all(|row| row["severity"] == "warning"), "{found:?}");
+    }
+}
+
+#[test]
+fn what_is_no_bag_is_refused_with_its_name_and_the_reason() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("empty")).expect("a folder");
+    folder.file("text.txt", "G0 X1 and some more text that is no bag\n");
+    folder.file("empty.mcap", "");
+    folder.file("cut.mcap", b"\x89MCAP0\r\n");
+    for (path, says) in [
+        ("none", "none is not there"),
+        ("empty", "empty holds no .mcap file"),
+        ("text.txt", "text.txt is not an MCAP file"),
+        ("empty.mcap", "empty.mcap is empty (0 bytes)"),
+        ("cut.mcap", "cut.mcap ends at byte 8, before its header"),
+    ] {
+        for command in [&["replay"][..], &["bag", "info"]] {
+            let ran = said(&folder, &[command, &[path]].concat()).expect(2).says(&[says]);
+            assert_eq!(ran.err.matches(path).count(), 1, "named once: {}", ran.err);
+        }
+        said(&folder, &["bag", "recover", path, "out"]).expect(2).says(&[says]);
+        assert!(!folder.path().join("out").exists(), "{path}");
+    }
+}
+
+#[test]
+fn a_node_refuses_what_it_does_not_know_before_it_starts() {
+    let folder = Folder::new();
+    let node = "/**/axis_driver:\n  ros__parameters:\n    ";
+    folder.file("unknown.yaml", format!("{node}prot: x\n"));
+    folder.file("plain.yaml", "axis_driver:\n  ros__parameters:\n    baud: 9600\n    prot: x\n");
+    folder.file("wrong.yaml", format!("{node}port: 5\n"));
+    folder.file("range.yaml", format!("{node}baud: 3\n"));
+    folder.file("broken.yaml", "axis_driver: [\n");
+    let table: &[(&[&str], &[&str])] = &[
+        (&["nosuch"], &["no node nosuch", "program_loader", "virtual_controller"]),
+        (
+            &["axis_driver", "--ros-args", "-p", "port:=5"],
+            &["-p port:=5", "\"port\"", "5 is an integer, and a string is needed"],
+        ),
+        (
+            &["axis_driver", "--ros-args", "-p", "prot:=x"],
+            &["-p prot:=x", "\"prot\" is not one of this node's", "baud", "port"],
+        ),
+        (
+            &["axis_driver", "--ros-args", "--params-file", "unknown.yaml"],
+            &["unknown.yaml:3", "\"prot\" is not one of this node's"],
+        ),
+        (
+            &["axis_driver", "--ros-args", "--params-file", "plain.yaml"],
+            &["plain.yaml:4", "\"prot\" is not one of this node's"],
+        ),
+        (
+            &["axis_driver", "--ros-args", "--params-file", "wrong.yaml"],
+            &["wrong.yaml:3", "a string is needed"],
+        ),
+        (
+            &["axis_driver", "--ros-args", "--params-file", "range.yaml"],
+            &["range.yaml:3", "\"baud\"", "1200"],
+        ),
+        (&["axis_driver", "--ros-args", "--params-file", "broken.yaml"], &["broken.yaml:"]),
+        (&["axis_driver", "--ros-args", "--params-file", "no.yaml"], &["no.yaml: No such file"]),
+        (&["axis_driver", "--ros-args", "port:=5"], &["port:=5", "-p (parameter)"]),
+        (&["axis_driver", "junk"], &["argument \"junk\" is not known"]),
+        (&["virtual_controller", "--time-factor", "0"], &["--time-factor", "0.001 to 10000"]),
+    ];
+    for (args, says) in table {
+        said(&folder, &[&["node"], *args].concat()).expect(2).says(says);
+    }
+}
+
+#[test]
+fn without_nodes_a_client_says_so_after_five_seconds() {
+    let folder = Folder::new();
+    folder.file("ok.ngc", "G0 X1\nM30\n");
+    // A domain and a namespace where nobody is.
+    let ns = format!("__ns:=/nobody_{}", std::process::id());
+    let commands: [(&[&str], &str); 6] = [
+        (&["status"], "machine_state"),
+        (&["hold"], "feed_hold"),
+        (&["resume"], "resume"),
+        (&["abort"], "run_program"),
+        (&["load", "ok.ngc"], "load_program"),
+        (&["run"], "run_program"),
+    ];
+    std::thread::scope(|scope| {
+        for (args, says) in commands {
+            let (folder, ns) = (folder.path(), &ns);
+            scope.spawn(move || {
+                let begin = std::time::Instant::now();
+                let mut command = kerf();
+                command.env("ROS_DOMAIN_ID", "39").current_dir(folder).args(args);
+                let ran = run(command.args(["--ros-args", "-r", ns]));
+                let took = begin.elapsed().as_secs_f64();
+                ran.expect(3).says(&["no such node answered within 5 s", says]);
+                assert!(took >= 4.9, "kerf {args:?} gave up after {took} s");
+            });
+        }
+    });
+}
