@@ -213,11 +213,16 @@ impl Driver {
     /// What is known of the machine now.
     pub fn state(&self, now: Duration) -> MachineState {
         let mut state = self.compose();
-        state.link_age_s = match self.link.last_status_at() {
-            Some(at) if self.is_open() => now.saturating_sub(at).as_secs_f64(),
-            _ => f64::INFINITY,
+        state.link_age_s = match self.heard_at() {
+            Some(at) => now.saturating_sub(at).as_secs_f64(),
+            None => f64::INFINITY,
         };
         state
+    }
+
+    /// When the last report came through the port that is open.
+    pub fn heard_at(&self) -> Option<Duration> {
+        self.link.last_status_at().filter(|_| self.is_open())
     }
 
     /// The most bytes that are under way at a time.

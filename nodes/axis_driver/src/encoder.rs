@@ -80,6 +80,9 @@ pub enum Step {
         tool: u32,
         source_line: u32,
     },
+    /// The frame in which the path is written is in force from here on: whether the
+    /// tool is where the path begins can be seen now and not before.
+    CheckStart,
 }
 
 /// The words in force.
@@ -130,6 +133,11 @@ impl Encoder {
     /// The element that comes next, counted from 0.
     pub fn next_element(&self) -> usize {
         self.next_element
+    }
+
+    /// Whether a [`Step::CheckStart`] is among the next steps.
+    pub fn checks_start(&self) -> bool {
+        self.pending.contains(&Step::CheckStart)
     }
 
     /// The next step; `None` at the end. After an error nothing useful follows.

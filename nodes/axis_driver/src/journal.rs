@@ -91,8 +91,16 @@ struct CommandRecord {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "command", rename_all = "snake_case")]
 enum CommandForm {
-    RunProgram { program_id: String, revision: u64, start_line: u32, check_only: bool },
-    CancelRun,
+    RunProgram {
+        program_id: String,
+        revision: u64,
+        start_line: u32,
+        check_only: bool,
+    },
+    CancelRun {
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        run: Option<u64>,
+    },
     FeedHold,
     Resume,
     SoftReset,
@@ -111,7 +119,7 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
             start_line: request.start_line,
             check_only: request.check_only,
         },
-        Command::CancelRun => CommandForm::CancelRun,
+        Command::CancelRun { run } => CommandForm::CancelRun { run: *run },
         Command::FeedHold => CommandForm::FeedHold,
         Command::Resume => CommandForm::Resume,
         Command::SoftReset => CommandForm::SoftReset,
@@ -137,7 +145,7 @@ pub fn command_from_json(
             };
             Command::RunProgram(RunRequest { program_id, revision, path, start_line, check_only })
         }
-        CommandForm::CancelRun => Command::CancelRun,
+        CommandForm::CancelRun { run } => Command::CancelRun { run },
         CommandForm::FeedHold => Command::FeedHold,
         CommandForm::Resume => Command::Resume,
         CommandForm::SoftReset => Command::SoftReset,
@@ -282,7 +290,8 @@ mod tests {
         });
         let commands = [
             run,
-            Command::CancelRun,
+            Command::CancelRun { run: None },
+            Command::CancelRun { run: Some(7) },
             Command::FeedHold,
             Command::Resume,
             Command::SoftReset,

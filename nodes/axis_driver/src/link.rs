@@ -49,8 +49,10 @@ pub struct LinkConfig {
 pub enum LineKind {
     /// Answered as soon as there is room in the planner.
     Motion,
-    /// May be answered late while the machine reports `Idle`: dwell, stop, spindle.
+    /// May be answered late while the machine reports `Idle`: spindle, coolant, stop.
     Slow,
+    /// Answered this long after all motion has ended, and `Idle` meanwhile.
+    Dwell { milliseconds: u32 },
     /// The controller may report nothing at all until it answers: homing.
     Silent,
 }

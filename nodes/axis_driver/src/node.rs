@@ -5,6 +5,7 @@
 //! says to the world; if all of it stood still, the machine would not notice.
 
 mod actions;
+mod edges;
 mod parameters;
 mod path;
 mod traffic;
@@ -21,6 +22,7 @@ use cnc_msgs::machine::MachineState;
 use cnc_msgs::wire::cnc_msgs::srv::GetTraffic;
 use cnc_msgs::wire::std_msgs::msg::Bool;
 use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerResponse};
+use edges::Edges;
 use path::Paths;
 use runtime::commands::{Answer, CommandLog};
 use runtime::{Handle, Health, HealthLevel, NodeResult, Qos, RequestInfo, RosTime};
@@ -67,7 +69,7 @@ async fn start(node: Handle) -> NodeResult {
     let driver = Arc::new(Driver {
         serial,
         next_id: AtomicU64::new(1),
-        state: watch::Sender::new((Instant::now(), MachineState::default())),
+        state: watch::Sender::new(MachineState::default()),
         progress: watch::Sender::new(Progress::default()),
         waiting: Mutex::default(),
         commands: CommandLog::new(&node)?,
@@ -159,8 +161,8 @@ struct Waiting {
 struct Driver {
     serial: Serial,
     next_id: AtomicU64,
-    /// The newest state and when it came.
-    state: watch::Sender<(Instant, MachineState)>,
+    /// The newest state.
+    state: watch::Sender<MachineState>,
     progress: watch::Sender<Progress>,
     waiting: Mutex<Waiting>,
     commands: CommandLog,
@@ -173,15 +175,15 @@ impl Driver {
 
     /// The state, with the age of what was heard.
     fn state_now(&self) -> MachineState {
-        let (at, state) = self.state.borrow().clone();
-        MachineState { link_age_s: state.link_age_s + at.elapsed().as_secs_f64(), ..state }
+        let state = self.state.borrow().clone();
+        MachineState { link_age_s: self.serial.link_age_s(), ..state }
     }
 
     fn take(&self, event: Event, publish: impl Fn(&MachineState)) {
         match event.output {
             Output::State(state) => {
                 publish(&state);
-                self.state.send_replace((Instant::now(), state));
+                self.state.send_replace(state);
             }
             Output::Progress { line, fraction, time_left_s } => {
                 self.progress.send_replace(Progress { line, fraction, time_left_s });
@@ -303,16 +305,18 @@ fn offer_services(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
     let mut holds = node.subscription::<Bool>("feed_hold", Qos::DEFAULT)?;
     let driver = Arc::clone(driver);
     node.spawn("feed_hold", async move {
-        let mut was_held = false;
+        let mut edges = Edges::default();
         loop {
-            let (hold, _) = holds.next().await;
-            if hold.data && !was_held {
-                let reply = driver.ask(Command::FeedHold, REPLY_WITHIN).await;
-                if let Err(refusal) = reply {
-                    tracing::error!("feed hold by topic: {}", refusal.message);
-                }
+            let (hold, info) = holds.next().await;
+            if !edges.rises(info.publisher, hold.data) {
+                continue;
             }
-            was_held = hold.data;
+            let reply = driver.ask(Command::FeedHold, REPLY_WITHIN).await;
+            if let Err(refusal) = reply {
+                tracing::error!("feed hold by topic: {}", refusal.message);
+                // It did not hold: the next wish counts.
+                edges.rises(info.publisher, false);
+            }
         }
     });
     Ok(())

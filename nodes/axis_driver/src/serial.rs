@@ -100,6 +100,13 @@ impl Serial {
         self.epoch
     }
 
+    /// Seconds since the last report, infinite when there was none through this port.
+    pub fn link_age_s(&self) -> f64 {
+        let now = self.epoch.elapsed();
+        let heard_at = self.counters.heard_at();
+        heard_at.map_or(f64::INFINITY, |at| now.saturating_sub(at).as_secs_f64())
+    }
+
     /// What nobody took in time.
     pub fn dropped(&self) -> Dropped {
         self.counters.read()

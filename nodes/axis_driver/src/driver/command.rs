@@ -22,7 +22,8 @@ pub enum Command {
     /// is proven; [`super::Output::RunFinished`] follows when it was accepted.
     RunProgram(RunRequest),
     /// Hold, standstill, reset: the rest of the program is dropped, the position kept.
-    CancelRun,
+    /// Only of the run or check with the id `run`, if one is given.
+    CancelRun { run: Option<u64> },
     /// Decelerates and keeps what is under way. The spindle keeps turning.
     FeedHold,
     /// Goes on after a hold or a program stop.
@@ -87,7 +88,7 @@ impl Driver {
         } else {
             match command {
                 Command::RunProgram(request) => self.run_program(id, request),
-                Command::CancelRun => self.cancel_run(),
+                Command::CancelRun { run } => self.cancel_run(run),
                 Command::FeedHold => self.feed_hold(),
                 Command::Resume => self.resume(),
                 Command::SoftReset => self.soft_reset(id),
@@ -131,7 +132,8 @@ impl Driver {
         // Where the words in force are those that the run begins with, this can be said at
         // once; else it is looked at again when they have been sent.
         let run = Run::new(id, request, encoder, first_element, proof, &self.machine);
-        if self.machine.work_system == Some(1)
+        if !run.encoder.checks_start()
+            && self.machine.work_system == Some(1)
             && self.machine.has_tool_length == Some(false)
             && let Some(at) = self.machine.work_position()
             && let Err(refusal) = check_start(at, run.start(), run.assumed_axes())
@@ -142,16 +144,17 @@ impl Driver {
         None
     }
 
-    fn cancel_run(&mut self) -> Answer {
-        let check = self.check.take();
+    fn cancel_run(&mut self, run: Option<u64>) -> Answer {
+        let is_meant = |id: u64| run.is_none_or(|run| run == id);
+        let check = self.check.take_if(|check| is_meant(check.id));
         if let Some(check) = &check {
             let text = "canceled while being checked";
             self.reply(check.id, Err(Refusal::new(error_code::CANCELED, text)));
         }
         match (&self.phase, check) {
-            (Phase::Running(_), _) => {}
+            (Phase::Running(run), _) if is_meant(run.id()) => {}
             (_, Some(_)) => return done("the check was canceled"),
-            (_, None) => return refused(error_code::NOTHING_TO_DO, "no program is running"),
+            (_, None) => return refused(error_code::NOTHING_TO_DO, "no such program is running"),
         }
         self.stop_run(RunOutcome::Canceled, error_code::CANCELED, "canceled".into());
         done("the run is being stopped")

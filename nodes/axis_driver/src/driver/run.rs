@@ -74,7 +74,12 @@ pub(super) enum Stage {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Then {
     End,
-    ToolChange { tool: u32, source_line: u32 },
+    ToolChange {
+        tool: u32,
+        source_line: u32,
+    },
+    /// The frame of the path is in force: is the tool where it begins?
+    CheckStart,
 }
 
 impl Run {
@@ -103,6 +108,11 @@ impl Run {
             total_s: 0.0,
             progress: None,
         }
+    }
+
+    /// The command that began it.
+    pub(super) fn id(&self) -> u64 {
+        self.id
     }
 
     /// Where the first element starts, work frame, mm.
@@ -252,7 +262,8 @@ impl Driver {
         }
         match (origin, &run.stage) {
             (Origin::Preamble, Stage::Preparing { .. }) => {
-                run.stage = match run.assumed_axes().is_empty() {
+                let is_checked_later = run.encoder.checks_start();
+                run.stage = match is_checked_later || run.assumed_axes().is_empty() {
                     true => Stage::Streaming,
                     false => Stage::Positioning { until: self.now + WORK_POSITION },
                 };
@@ -300,6 +311,10 @@ impl Driver {
                 match then {
                     Then::ToolChange { tool, source_line } => {
                         run.stage = Stage::ToolChange { tool, source_line };
+                    }
+                    Then::CheckStart => {
+                        run.stage = Stage::Positioning { until: self.now + WORK_POSITION };
+                        self.link.ask_status(self.now);
                     }
                     Then::End => return self.succeed(),
                 }

@@ -26,6 +26,7 @@ impl Driver {
                     Some(Ok(Step::ToolChange { tool, source_line })) => {
                         Then::ToolChange { tool, source_line }
                     }
+                    Some(Ok(Step::CheckStart)) => Then::CheckStart,
                     None => Then::End,
                     Some(Err(problem)) => {
                         let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());

@@ -57,7 +57,7 @@ fn the_state_names_the_line_that_is_cut_not_the_line_that_was_sent() {
 #[test]
 fn cancel_holds_waits_for_standstill_and_resets() {
     let mut bench = Bench::running(straight(100));
-    bench.ask(Command::CancelRun).unwrap();
+    bench.ask(Command::CancelRun { run: None }).unwrap();
     let result = bench.result();
     assert_ended(&result, RunOutcome::Canceled, error_code::CANCELED);
     assert!((3..20).contains(&result.last_line), "{}", result.last_line);
@@ -71,7 +71,7 @@ fn cancel_holds_waits_for_standstill_and_resets() {
 fn a_hold_that_was_lost_on_the_wire_is_sent_again() {
     let mut bench = Bench::running(straight(100));
     bench.firmware.holds_ignored = 2;
-    bench.ask(Command::CancelRun).unwrap();
+    bench.ask(Command::CancelRun { run: None }).unwrap();
     assert_ended(&bench.result(), RunOutcome::Canceled, error_code::CANCELED);
     assert_eq!(bench.sent_count(b'!'), 3);
 }
@@ -177,7 +177,7 @@ fn a_cancel_while_a_tool_is_changed_resets_so_that_coolant_does_not_stay_on() {
     let mut bench = Bench::connected();
     bench.start(with_event(straight(40), 20, Action::ChangeTool { tool: 4 }));
     bench.until("a tool change", |bench| bench.mode() == Mode::ToolChange);
-    bench.ask(Command::CancelRun).unwrap();
+    bench.ask(Command::CancelRun { run: None }).unwrap();
     assert_ended(&bench.result(), RunOutcome::Canceled, error_code::CANCELED);
     assert_eq!(bench.sent_count(0x18), 2);
     bench.until("idle", |bench| bench.mode() == Mode::Idle);
@@ -273,7 +273,7 @@ fn a_cancel_stops_the_run_whatever_else_is_being_checked() {
     let mut long = straight(20_000);
     long.elements.iter_mut().for_each(|element| element.end[0] *= 0.01);
     bench.run_program(long, 0, true);
-    bench.ask(Command::CancelRun).unwrap();
+    bench.ask(Command::CancelRun { run: None }).unwrap();
     assert_ended(&bench.result(), RunOutcome::Canceled, error_code::CANCELED);
 }
 
@@ -302,8 +302,26 @@ fn shutdown_brings_a_run_to_a_standstill_first() {
 fn a_controller_that_will_not_stop_is_reported_as_moving() {
     let mut bench = Bench::running(straight(400));
     bench.firmware.never_stands = true;
-    bench.ask(Command::CancelRun).unwrap();
+    bench.ask(Command::CancelRun { run: None }).unwrap();
     let result = bench.result();
     assert_ended(&result, RunOutcome::Aborted, error_code::LINK_LOST);
     assert!(result.message.contains("motion may continue"), "{}", result.message);
+}
+
+#[test]
+fn a_cancel_that_names_a_run_stops_that_one_alone() {
+    let mut bench = Bench::connected();
+    let mut long = straight(20_000);
+    long.elements.iter_mut().for_each(|element| element.end[0] *= 0.01);
+    // Nobody waited for the proof: the run must not begin after all.
+    bench.start(long);
+    assert!(bench.replies.is_empty());
+    bench.ask(Command::CancelRun { run: Some(100) }).unwrap();
+    bench.wait(2_000);
+    assert_eq!(bench.firmware.executed, [""; 0]);
+    bench.start(straight(30));
+    bench.until("a few lines are cut", |bench| bench.state().line >= 3);
+    let other = bench.ask(Command::CancelRun { run: Some(99) });
+    assert_eq!(refusal(other).0, error_code::NOTHING_TO_DO);
+    assert_ended(&bench.result(), RunOutcome::Succeeded, 0);
 }

@@ -54,7 +54,9 @@ impl Encoder {
                 if !(0.0..=DWELL_S_MAX).contains(&seconds) {
                     return Err(EncodeProblem::Dwell { value: seconds, max: DWELL_S_MAX });
                 }
-                self.push_action(word_after("G4", 'P', seconds), LineKind::Slow, false, source)
+                // The range was checked: it fits.
+                let kind = LineKind::Dwell { milliseconds: (seconds * 1e3) as u32 };
+                self.push_action(word_after("G4", 'P', seconds), kind, false, source)
             }
             Action::Stop { optional } => {
                 if optional && !self.config.optional_stop {
@@ -144,7 +146,19 @@ impl Encoder {
 
     /// What the words before an element have set, sent anew when a run begins there.
     pub(super) fn push_restored(&mut self, actions: &[PathEvent]) -> Result<(), EncodeProblem> {
-        actions.iter().try_for_each(|event| self.encode_action(event))?;
+        let moves_frame = |event: &PathEvent| match event.action {
+            // The words that every run begins with say G54 and G49.
+            Action::WorkOffset { system } => system != 1,
+            Action::ToolLength { offset, .. } => offset.is_some(),
+            _ => false,
+        };
+        let last = actions.iter().rposition(moves_frame);
+        for (index, event) in actions.iter().enumerate() {
+            self.encode_action(event)?;
+            if Some(index) == last {
+                self.pending.push_back(Step::CheckStart);
+            }
+        }
         // The tool stands where the path says; that was asked of the operator.
         self.modal.unknown = AxisSet::NONE;
         Ok(())

@@ -81,7 +81,9 @@ pub(super) fn pieces(start: Position, end: Position, arc: &Arc) -> Option<Vec<Pi
     let rest = polar.sweep - done;
     let middle = done + rest / 2.0;
     if rest <= 0.0 {
-        set_end(&mut pieces, end);
+        // In the plane it ends on the very step of the grid where it starts: one step
+        // further, and the firmware draws that step and not the circle.
+        set_height(&mut pieces, end, arc.plane.axes()[2]);
     } else if rest < PI && radius * (1.0 - (rest / 2.0).cos()) <= FLAT_SAGITTA_MM {
         pieces.push(Piece::Line { end });
     } else if rest > SWEEP_MAX {
@@ -102,9 +104,9 @@ pub(super) fn pieces(start: Position, end: Position, arc: &Arc) -> Option<Vec<Pi
     Some(pieces)
 }
 
-fn set_end(pieces: &mut [Piece], end: Position) {
+fn set_height(pieces: &mut [Piece], end: Position, normal: usize) {
     if let Some(Piece::Line { end: last } | Piece::Arc { end: last }) = pieces.last_mut() {
-        *last = end;
+        last[normal] = end[normal];
     }
 }
 

@@ -4,6 +4,8 @@
 //! compensation. The tool must stand where that element starts, in all axes, and
 //! what the words before it have set is sent first: tool (to be confirmed), work
 //! system, tool length, spindle, coolant. Dwells, stops and moves are not repeated.
+//! Where work system or tool length move the frame, the place of the tool is looked
+//! at behind them.
 
 use super::action::turns;
 use super::{EncodeError, Encoder, EncoderConfig};

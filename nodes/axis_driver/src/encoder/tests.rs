@@ -44,6 +44,7 @@ fn text_of(step: &Step) -> String {
     match step {
         Step::Line(line) => line.text.clone(),
         Step::ToolChange { tool, .. } => format!("(T{tool})"),
+        Step::CheckStart => "(start)".into(),
     }
 }
 
@@ -156,6 +157,16 @@ fn an_arc_whose_radii_differ_too_much_goes_as_lines() {
     let lines = encode(path([10.0, 0.0, 0.0], vec![ragged]));
     assert!(lines.len() > 20 && lines[0].starts_with("G1X"), "{lines:?}");
     assert_eq!(lines.last().unwrap(), "X0Y10.012");
+}
+
+#[test]
+fn a_full_circle_is_one_wherever_its_ends_fall_on_the_grid() {
+    // Both ends are the same but for what floats lose, on either side of half a step.
+    let start = [10.000_05 - 1e-10, 0.0, 0.0];
+    let circle =
+        element(arc([0.0; 3], Plane::Xy, false, 1), [10.000_05 + 1e-10, 0.0, 2.0], Some(300.0), 1);
+    let lines = encode(path(start, vec![circle]));
+    assert_eq!(lines, ["G3X10Y0Z2I-10F300"]);
 }
 
 #[test]
@@ -380,5 +391,5 @@ fn a_start_in_the_middle_repeats_what_is_in_force_and_no_more() {
     assert_eq!(index, 2);
     let steps: Vec<String> =
         std::iter::from_fn(|| encoder.next_step()).map(|step| text_of(&step.unwrap())).collect();
-    assert_eq!(steps, ["M5", "(T1)", "G43.1Z50", "S200", "M3", "G4P2", "G1X3F9"]);
+    assert_eq!(steps, ["M5", "(T1)", "G43.1Z50", "(start)", "S200", "M3", "G4P2", "G1X3F9"]);
 }

@@ -13,6 +13,8 @@ const MISSED_POLLS_MAX: u32 = 3;
 /// An idle controller reads and answers a motion line at once; this long without an
 /// answer, over several reports, and the answer was lost.
 const IDLE_WITHOUT_ANSWER: Duration = Duration::from_millis(600);
+/// The same for a line that takes its time, a spindle that gets up to speed.
+const SLOW_WITHOUT_ANSWER: Duration = Duration::from_secs(60);
 /// Reports in a row that must show more bytes held than were sent.
 const OVERFILLED_REPORTS: u32 = 2;
 
@@ -134,12 +136,20 @@ impl Health {
         oldest: Option<LineKind>,
         lines: usize,
     ) -> Option<LinkFault> {
-        if status.state != ControllerState::Idle || oldest != Some(LineKind::Motion) {
+        let patience = match oldest {
+            Some(LineKind::Motion) => IDLE_WITHOUT_ANSWER,
+            Some(LineKind::Slow) => SLOW_WITHOUT_ANSWER,
+            Some(LineKind::Dwell { milliseconds }) => {
+                SLOW_WITHOUT_ANSWER + Duration::from_millis(u64::from(milliseconds))
+            }
+            Some(LineKind::Silent) | None => Duration::MAX,
+        };
+        if status.state != ControllerState::Idle || patience == Duration::MAX {
             self.idle_since = None;
             return None;
         }
         let since = *self.idle_since.get_or_insert(now);
-        (now >= since + IDLE_WITHOUT_ANSWER).then_some(LinkFault::LostAnswer { lines })
+        (now >= since + patience).then_some(LinkFault::LostAnswer { lines })
     }
 
     fn overfilled(

@@ -193,7 +193,7 @@ fn a_lost_answer_shows_when_the_machine_stays_idle() {
 #[test]
 fn a_dwell_is_idle_without_an_answer_and_no_fault() {
     let mut link = started();
-    link.send_line("G4P10", LineKind::Slow, 1);
+    link.send_line("G4P10", LineKind::Dwell { milliseconds: 10_000 }, 1);
     for now in (0..10_000).step_by(200) {
         link.receive(ms(now), b"<Idle|MPos:0.000,0.000,0.000|Bf:15,128|FS:0,0>\r\n");
     }
@@ -315,5 +315,20 @@ proptest! {
         link.send_line("G1X1", LineKind::Motion, 1);
         link.receive(ms(1), &bytes);
         events(&mut link);
+    }
+}
+
+#[test]
+fn a_dwell_or_a_spindle_that_is_never_answered_is_a_lost_answer_in_the_end() {
+    let report = b"<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n";
+    for (kind, seconds) in [(LineKind::Slow, 60), (LineKind::Dwell { milliseconds: 5_000 }, 65)] {
+        let mut link = started();
+        link.send_line("M3", kind, 1);
+        for now in (0..seconds * 1_000).step_by(200) {
+            link.receive(ms(now), report);
+        }
+        assert_eq!(faults(&mut link), []);
+        link.receive(ms(seconds * 1_000), report);
+        assert_eq!(faults(&mut link), [LinkFault::LostAnswer { lines: 1 }]);
     }
 }

@@ -76,14 +76,18 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
     );
     match reply {
         Err(refusal) => {
+            if refusal.error_code == error_code::NO_ANSWER {
+                // It may be taken up yet, and nobody would know of it.
+                let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
+            }
             driver.waiting().runs.remove(&id);
             offer.reject(&refusal.message);
         }
         Ok(_) => match offer.accept() {
-            Some(goal) => follow(driver, goal, finished).await,
+            Some(goal) => follow(driver, id, goal, finished).await,
             None => {
                 tracing::error!("the goal was accepted too late; the run is canceled");
-                let _ = driver.ask(Command::CancelRun, CANCEL_WITHIN).await;
+                let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
             }
         },
     }
@@ -103,7 +107,12 @@ async fn begin(driver: &Driver, paths: &Paths, id: u64, goal: &RunProgramGoal) -
     driver.ask_as(id, Command::RunProgram(request), PROVE_WITHIN).await
 }
 
-async fn follow(driver: &Driver, goal: Goal<RunProgram>, finished: oneshot::Receiver<RunResult>) {
+async fn follow(
+    driver: &Driver,
+    id: u64,
+    goal: Goal<RunProgram>,
+    finished: oneshot::Receiver<RunResult>,
+) {
     let mut finished = std::pin::pin!(finished);
     let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
     let mut is_canceling = false;
@@ -112,7 +121,8 @@ async fn follow(driver: &Driver, goal: Goal<RunProgram>, finished: oneshot::Rece
             result = &mut finished => break result,
             () = goal.cancel_requested(), if !is_canceling => {
                 is_canceling = true;
-                if let Err(refusal) = driver.ask(Command::CancelRun, CANCEL_WITHIN).await {
+                let cancel = Command::CancelRun { run: Some(id) };
+                if let Err(refusal) = driver.ask(cancel, CANCEL_WITHIN).await {
                     tracing::error!("the run cannot be canceled: {}", refusal.message);
                 }
             }
@@ -159,7 +169,7 @@ fn feedback(driver: &Driver) -> RunProgramFeedback {
             sec: i32::try_from(left.as_secs()).unwrap_or(i32::MAX),
             nanosec: left.subsec_nanos(),
         },
-        state: mode_to_wire(driver.state.borrow().1.mode),
+        state: mode_to_wire(driver.state.borrow().mode),
     }
 }
 
@@ -179,7 +189,7 @@ async fn home(driver: &Arc<Driver>, offer: GoalOffer<Home>) {
                 let _ = driver.ask(Command::SoftReset, CANCEL_WITHIN).await;
             }
             _ = ticks.tick() => {
-                goal.feedback(HomeFeedback { state: mode_to_wire(driver.state.borrow().1.mode) });
+                goal.feedback(HomeFeedback { state: mode_to_wire(driver.state.borrow().mode) });
             }
         }
     };

@@ -30,9 +30,15 @@ pub struct Dropped {
 pub(super) struct Counters {
     events: AtomicU64,
     entries: AtomicU64,
+    /// When the last report came, ns since the epoch, plus one; 0 for never.
+    heard: AtomicU64,
 }
 
 impl Counters {
+    pub(super) fn heard_at(&self) -> Option<Duration> {
+        self.heard.load(Ordering::Relaxed).checked_sub(1).map(Duration::from_nanos)
+    }
+
     pub(super) fn read(&self) -> Dropped {
         Dropped {
             events: self.events.load(Ordering::Relaxed),
@@ -90,6 +96,13 @@ impl Outbox {
 
     pub(super) fn is_waiting(&self) -> bool {
         !self.waiting.is_empty()
+    }
+
+    /// When the last report came; a report that changes nothing is no event.
+    pub(super) fn hear(&self, at: Option<Duration>) {
+        // 584 years fit.
+        let ns = at.map_or(0, |at| u64::try_from(at.as_nanos()).unwrap_or(u64::MAX - 1) + 1);
+        self.counters.heard.store(ns, Ordering::Relaxed);
     }
 
     /// Entries carry numbers: who misses one can see it.

@@ -167,6 +167,7 @@ impl Owner {
         let entry = self.journal.input(now, &input);
         self.outbox.record(entry);
         self.driver.handle(now, input);
+        self.outbox.hear(self.driver.heard_at());
         let mut failure = None;
         let mut is_over = false;
         while let Some(output) = self.driver.poll_output() {

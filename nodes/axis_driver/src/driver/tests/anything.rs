@@ -63,7 +63,7 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
     };
     match index {
         0 | 1 => Command::RunProgram(request(index == 1)),
-        2 => Command::CancelRun,
+        2 => Command::CancelRun { run: None },
         3 => Command::FeedHold,
         4 => Command::Resume,
         5 => Command::SoftReset,

@@ -43,6 +43,9 @@ pub(super) struct Firmware {
     /// What `$$` says.
     pub(super) settings: &'static str,
     reported_offset: bool,
+    /// Where the zero of G55 is; that of G54 is the machine's.
+    pub(super) second_zero: Position,
+    zero: Position,
     /// Lines that ran, with their order.
     pub(super) executed: Vec<String>,
     pub(super) most_held: usize,
@@ -95,7 +98,8 @@ impl Firmware {
                 let mut text = format!("<{}|MPos:{x:.3},{y:.3},{z:.3}|FS:0,0", self.state());
                 if !self.reported_offset {
                     self.reported_offset = true;
-                    text += "|WCO:0.000,0.000,0.000";
+                    let [x, y, z] = self.zero;
+                    text += &format!("|WCO:{x:.3},{y:.3},{z:.3}");
                 }
                 self.say(&(text + ">"));
             }
@@ -181,6 +185,13 @@ impl Firmware {
             "$H" => (self.is_locked, self.position) = (false, [0.0; 3]),
             _ if self.is_locked => return self.say("error:9"),
             _ => {
+                let zero = match line.as_str() {
+                    "G55" => Some(self.second_zero),
+                    _ => line.ends_with("G54").then_some([0.0; 3]),
+                };
+                if let Some(zero) = zero.filter(|zero| *zero != self.zero) {
+                    (self.zero, self.reported_offset) = (zero, false);
+                }
                 if line.contains(['X', 'Y', 'Z']) {
                     if self.planner.is_empty() {
                         self.block_done_at = self.now + BLOCK;

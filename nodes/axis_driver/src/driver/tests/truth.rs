@@ -1,7 +1,8 @@
 //! What is said when the wire goes at the worst moment.
 
-use super::bench::{Bench, straight};
+use super::bench::{Bench, straight, with_event};
 use super::*;
+use cnc_msgs::contour::SpindleMode;
 
 #[test]
 fn a_reset_in_a_run_that_is_cut_off_is_not_called_done() {
@@ -90,4 +91,41 @@ fn a_setting_that_is_no_number_is_not_taken() {
     bench.until("idle", |bench| bench.mode() == Mode::Idle);
     let checkpoint = bench.driver.checkpoint().expect("at rest");
     assert!(Driver::from_checkpoint(checkpoint.as_bytes()).is_ok(), "{checkpoint}");
+}
+
+#[test]
+fn a_start_in_the_middle_is_looked_at_in_the_work_system_of_that_place() {
+    let mut bench = Bench::connected();
+    bench.start(straight(5));
+    assert_ended(&bench.result(), RunOutcome::Succeeded, 0);
+    // X50 of the machine is X0 of G55, and line 6 begins at X50 of G55.
+    bench.firmware.second_zero = [50.0, 0.0, 0.0];
+    let path = with_event(straight(9), 0, Action::WorkOffset { system: 2 });
+    let path = with_event(path, 0, Action::Spindle(SpindleMode::Clockwise));
+    let executed = bench.firmware.executed.len();
+    bench.finished = None;
+    bench.run_program(path.clone(), 6, false);
+    assert_ended(&bench.result(), RunOutcome::Aborted, error_code::START_POSITION);
+    let preamble = "G21G90G94G17G40G49G54";
+    assert_eq!(bench.firmware.executed[executed..], [preamble, "G55", "G4P0.01"]);
+    bench.firmware.second_zero = [0.0; 3];
+    let executed = bench.firmware.executed.len();
+    bench.finished = None;
+    bench.run_program(path, 6, false);
+    assert_ended(&bench.result(), RunOutcome::Succeeded, 0);
+    assert_eq!(
+        bench.firmware.executed[executed..executed + 5],
+        [preamble, "G55", "G4P0.01", "M3", "G1X60F600"]
+    );
+}
+
+#[test]
+fn a_lost_answer_before_a_spindle_word_and_a_word_that_goes_alone_ends_the_run() {
+    let mut bench = Bench::running(with_event(
+        with_event(straight(40), 30, Action::Spindle(SpindleMode::Off)),
+        30,
+        Action::Reference { axes: AxisSet::NONE.with(2), second: false },
+    ));
+    bench.firmware.answer_with = Some("[MSG:lost]");
+    assert_ended(&bench.result(), RunOutcome::Aborted, error_code::PROTOCOL);
 }
