@@ -120,6 +120,16 @@ async fn start(node: Handle) -> NodeResult {
     Ok(())
 }
 
+/// The state before the driver has said anything.
+fn not_heard() -> MachineState {
+    MachineState {
+        reason: "the driver starts".into(),
+        link_age_s: f64::INFINITY,
+        overrides_percent: [100; 3],
+        ..MachineState::default()
+    }
+}
+
 /// Hands on what has gathered, every [`BATCH`]; ends with the driver.
 fn gather(entries: &Receiver<Entry>, push: impl Fn(Vec<Entry>)) {
     while let Ok(first) = entries.recv() {

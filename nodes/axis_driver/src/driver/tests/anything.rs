@@ -1,6 +1,7 @@
 //! Whatever comes in whatever order: no panic, no motion without a run, the same again.
 
 use super::bench::{straight, with_event};
+use super::rest::Rests;
 use super::*;
 use crate::journal::{Journal, replay};
 use cnc_msgs::path::CompensatedPath;
@@ -89,6 +90,7 @@ proptest! {
         let mut now = Duration::ZERO;
         let mut open_requests = Vec::new();
         let mut inputs = Vec::new();
+        let mut rests = Rests::default();
         if connect {
             inputs.push(Input::PortOpened);
             for line in [8, 7, 0, 0, 0, 0, 8] {
@@ -114,6 +116,7 @@ proptest! {
                 open_requests.push(*id);
             }
             let was_running = matches!(driver.phase, Phase::Running(_));
+            rests.mark(&driver, now, entries.len(), outputs.len());
             entries.push(journal.input(now, &input));
             driver.handle(now, input);
             let is_running = matches!(driver.phase, Phase::Running(_));
@@ -140,6 +143,8 @@ proptest! {
         let again = replay(&entries, &|_, _| Some(path.clone()), DriverConfig::default()).unwrap();
         prop_assert_eq!(again.first_difference(&entries), None);
         prop_assert!(again.outputs == outputs);
+        let lookup = |_: &str, _| Some(path.clone());
+        prop_assert_eq!(rests.failures(&entries, &outputs, &lookup), 0);
         // In time every command has its answer.
         for _ in 0..3000 {
             now += Duration::from_millis(200);

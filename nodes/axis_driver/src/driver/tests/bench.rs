@@ -4,6 +4,7 @@
 //! planner of fifteen blocks of which one is done every 100 ms, hold, reset, alarm.
 
 use super::super::*;
+use super::rest::Rests;
 use crate::journal::{Entry, EntryKind, Journal, replay};
 use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::geometry::{AxisSet, Position, Shape};
@@ -230,6 +231,7 @@ pub(super) struct Bench {
     journal: Journal,
     entries: Vec<Entry>,
     outputs: Vec<(Duration, Output)>,
+    rests: Rests,
 }
 
 impl Bench {
@@ -253,6 +255,7 @@ impl Bench {
             journal: Journal::default(),
             entries: Vec::new(),
             outputs: Vec::new(),
+            rests: Rests::default(),
         }
     }
 
@@ -295,6 +298,9 @@ impl Bench {
     }
 
     pub(super) fn handle(&mut self, input: Input) {
+        if matches!(input, Input::Command { .. }) {
+            self.rests.mark(&self.driver, self.now, self.entries.len(), self.outputs.len());
+        }
         self.entries.push(self.journal.input(self.now, &input));
         self.driver.handle(self.now, input);
         while let Some(output) = self.driver.poll_output() {
@@ -377,6 +383,7 @@ impl Drop for Bench {
         let replay = replay(&self.entries, &paths, self.config.clone()).unwrap();
         assert_eq!(replay.first_difference(&self.entries), None);
         assert_eq!(replay.outputs, self.outputs);
+        assert_eq!(self.rests.failures(&self.entries, &self.outputs, &paths), 0);
         assert!(
             self.entries.iter().any(|entry| entry.kind == EntryKind::Tx) || self.sent.is_empty()
         );

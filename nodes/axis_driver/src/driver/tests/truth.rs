@@ -129,3 +129,15 @@ fn a_lost_answer_before_a_spindle_word_and_a_word_that_goes_alone_ends_the_run()
     bench.firmware.answer_with = Some("[MSG:lost]");
     assert_ended(&bench.result(), RunOutcome::Aborted, error_code::PROTOCOL);
 }
+
+#[test]
+fn a_hold_that_is_still_looked_for_is_part_of_a_checkpoint() {
+    let mut bench = Bench::connected();
+    bench.firmware.never_stands = true;
+    bench.firmware.holds_ignored = 99;
+    bench.ask(Command::FeedHold).unwrap();
+    // Refused, but a place where a record can begin.
+    bench.ask(Command::ConfirmToolChange).unwrap_err();
+    bench.wait(2_000);
+    assert!(bench.sent_count(b'!') > 2);
+}
