@@ -3,16 +3,16 @@
 //! Brings the parts together in order: runs, leads, joints, what cannot be
 //! reached, and the way back from runs to blocks. Each part's rules are its own.
 
-use crate::chain::{Link, Role as LinkRole, Turn, join, push, turn};
+use crate::chain::{Link, Placed, Role as LinkRole, Turn, join, push, turn};
 use crate::element::Element;
 use crate::emit::{Emitter, Label, feed};
 use crate::finding;
 use crate::frame::{height, in_plane, plane_axes};
 use crate::lead;
 use crate::normalise::runs;
-use crate::reach::unreachable;
+use crate::reach::{is_any_unreachable, unreachable};
 use crate::span::{Lead, Run, Span};
-use crate::tolerance::RADIUS_MM;
+use crate::tolerance::{MERGE_MM, RADIUS_MM};
 use crate::write::Writer;
 use cnc_msgs::contour::{Approach, CutterSide, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
@@ -52,14 +52,17 @@ pub(crate) fn compensate(
         Exit::LeadOff(lead) | Exit::Link(lead) => Some(*lead),
         Exit::None => None,
     };
-    let runs = runs(&mut span);
-    let is_identity = runs.iter().all(|run| is_zero(run.d_in_mm) && is_zero(run.d_out_mm));
-    let links = match is_identity {
-        true => Vec::new(),
-        false => links(&span, &runs, exit_lead.as_ref(), profile),
-    };
-    let placed = join(&links, profile.accept_tolerance_mm);
-    for place in unreachable(&links, &placed, profile.accept_tolerance_mm) {
+    let is_identity = is_zero(span.d_mm) && span.legs.iter().all(|leg| is_zero(leg.d_out_mm));
+    let tolerance = profile.accept_tolerance_mm;
+    let mut chain = Chain::new(&mut span, MERGE_MM, exit_lead.as_ref(), is_identity, profile);
+    if is_any_unreachable(&chain.links, &chain.placed, tolerance) {
+        // Rounded coordinates bend short chords so much that the tool loses them,
+        // and break straight walls. Taken as straight as is accepted, the contour
+        // shows what is really too narrow.
+        chain = Chain::new(&mut span, tolerance, exit_lead.as_ref(), is_identity, profile);
+    }
+    let Chain { runs, links, placed } = chain;
+    for place in unreachable(&links, &placed, tolerance) {
         diagnostics.push(finding::unreachable(&span, &runs, &place, profile));
     }
     out.side = side_of(span.d_mm);
@@ -91,6 +94,29 @@ pub(crate) fn compensate(
     }
     out.side = None;
     check.wall_behind(&span, &runs)
+}
+
+/// The runs of a span, joined.
+struct Chain {
+    runs: Vec<Run>,
+    links: Vec<Link>,
+    placed: Vec<Placed>,
+}
+
+impl Chain {
+    /// Points within `straight_mm` of a line are on it; `is_identity` joins nothing.
+    fn new(
+        span: &mut Span,
+        straight_mm: f64,
+        exit: Option<&Lead>,
+        is_identity: bool,
+        profile: &Profile,
+    ) -> Self {
+        let runs = runs(span, straight_mm.max(MERGE_MM));
+        let links = if is_identity { Vec::new() } else { links(span, &runs, exit, profile) };
+        let placed = join(&links, profile.accept_tolerance_mm);
+        Self { runs, links, placed }
+    }
 }
 
 /// The side that the tool runs on; none without an offset.

@@ -1,6 +1,6 @@
-//! How near a straight move comes to a line or an arc.
+//! How near the tool comes to a line or an arc.
 
-use crate::element::{Arc, Element, Line, Vec2};
+use crate::element::{Arc, Element, Line, Vec2, left};
 use crate::intersect::crossings;
 
 /// The distance, mm, and the nearest point of the wall.
@@ -12,35 +12,75 @@ pub(crate) struct Nearest {
 
 /// The smallest distance between a straight move and an element.
 pub(crate) fn nearest(from: Vec2, to: Vec2, wall: &Element) -> Nearest {
-    let start = Nearest { distance: f64::INFINITY, on_wall: wall.start() };
-    let mut best = start;
+    match Element::line(from, to) {
+        Some(way) => nearest_on_way(&way, wall),
+        None => {
+            let on_wall = nearest_on_element(wall, from);
+            Nearest { distance: (on_wall - from).norm(), on_wall }
+        }
+    }
+}
+
+/// The smallest distance between the way of the tool and an element.
+pub(crate) fn nearest_on_way(way: &Element, wall: &Element) -> Nearest {
+    let mut best = Nearest { distance: f64::INFINITY, on_wall: wall.start() };
     let mut offer = |distance: f64, on_wall: Vec2| {
         if distance < best.distance {
             best = Nearest { distance, on_wall };
         }
     };
-    for end in [from, to] {
+    for end in [way.start(), way.end()] {
         let point = nearest_on_element(wall, end);
         offer((point - end).norm(), point);
     }
     for end in [wall.start(), wall.end()] {
-        offer((nearest_on_segment(from, to, end) - end).norm(), end);
+        offer(distance_to(way, end), end);
     }
-    if let Some(Element::Line(line)) = Element::line(from, to) {
-        if let Element::Arc(arc) = wall {
-            let near = nearest_on_segment(from, to, arc.center);
-            if arc.faces(near - arc.center) {
-                let point = wall.project(near);
-                offer((point - near).norm(), point);
-            }
+    // Inside both, the nearest points face each other across both elements.
+    for (on_way, on_wall) in facing(way, wall) {
+        if is_on(way, on_way) && is_on(wall, on_wall) {
+            offer((on_way - on_wall).norm(), on_wall);
         }
-        for &point in crossings(&Element::Line(line), wall, 0.0).points() {
-            if is_on_line(&line, point) && is_on(wall, point) {
-                offer(0.0, point);
-            }
+    }
+    for &point in crossings(way, wall, 0.0).points() {
+        if is_on(way, point) && is_on(wall, point) {
+            offer(0.0, point);
         }
     }
     best
+}
+
+/// The pairs of points of two whole lines or circles that have a common normal.
+fn facing(way: &Element, wall: &Element) -> impl Iterator<Item = (Vec2, Vec2)> {
+    let normal = match (way, wall) {
+        (Element::Line(_), Element::Line(_)) => None,
+        (Element::Line(line), Element::Arc(_)) | (Element::Arc(_), Element::Line(line)) => {
+            Some(left(line.tangent))
+        }
+        (Element::Arc(way), Element::Arc(wall)) => {
+            let between = wall.center - way.center;
+            (between.norm() > 0.0).then(|| between.normalize())
+        }
+    };
+    let (way, wall) = (*way, *wall);
+    let on = move |element: &Element, other: &Element, normal: Vec2, sign: f64| match element {
+        Element::Arc(arc) => arc.center + normal * (arc.radius * sign),
+        Element::Line(_) => match other {
+            Element::Arc(arc) => element.project(arc.center),
+            Element::Line(_) => element.start(),
+        },
+    };
+    const SIGNS: [(f64, f64); 4] = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+    normal.into_iter().flat_map(move |normal| {
+        SIGNS
+            .into_iter()
+            .map(move |(one, other)| (on(&way, &wall, normal, one), on(&wall, &way, normal, other)))
+    })
+}
+
+/// How far a point is from an element, mm.
+pub(crate) fn distance_to(element: &Element, point: Vec2) -> f64 {
+    (nearest_on_element(element, point) - point).norm()
 }
 
 /// Whether a point of the whole line or circle is within the element.
@@ -72,11 +112,4 @@ fn nearest_on_arc(element: &Element, arc: &Arc, point: Vec2) -> Vec2 {
     }
     let (start, end) = (element.start(), element.end());
     if (start - point).norm() <= (end - point).norm() { start } else { end }
-}
-
-fn nearest_on_segment(from: Vec2, to: Vec2, point: Vec2) -> Vec2 {
-    match Element::line(from, to) {
-        Some(line) => nearest_on_element(&line, point),
-        None => from,
-    }
 }

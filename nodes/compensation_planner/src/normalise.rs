@@ -2,7 +2,8 @@
 //!
 //! A post processor splits lines and arcs; the tool path must not depend on
 //! where. Legs within [`MERGE_MM`] of one line or arc become one for the
-//! geometry; `emit` splits them again at the normal points.
+//! geometry; `write` splits them again at the normal points. Lines may be taken
+//! more coarsely, where the rounding of posted coordinates hides them.
 
 use crate::element::{Element, Vec2, cross, left};
 use crate::frame::in_plane;
@@ -10,10 +11,12 @@ use crate::span::{Leg, Run, Span};
 use crate::tolerance::MERGE_MM;
 
 /// The runs of a span, and each leg's place in its run.
-pub(crate) fn runs(span: &mut Span) -> Vec<Run> {
+///
+/// Points within `straight_mm` of a line, at least [`MERGE_MM`], are on it.
+pub(crate) fn runs(span: &mut Span, straight_mm: f64) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::with_capacity(span.legs.len());
     let mut d_mm = span.d_mm;
-    let mut cone = Cone::default();
+    let mut cone = Cone::at(Vec2::zeros(), straight_mm);
     for index in 0..span.legs.len() {
         let leg = span.legs[index];
         let end = in_plane(span.plane, leg.end);
@@ -30,7 +33,7 @@ pub(crate) fn runs(span: &mut Span) -> Vec<Run> {
                 if let Some(run) = runs.last() {
                     settle(run, span);
                 }
-                cone = Cone::new(&leg.element, end);
+                cone = Cone::new(&leg.element, end, straight_mm);
                 runs.push(Run {
                     element: leg.element,
                     legs: index..index + 1,
@@ -110,9 +113,11 @@ fn settle(run: &Run, span: &mut Span) {
 
 /// The directions in which a line from a start passes all points so far within
 /// the tolerance.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct Cone {
     start: Vec2,
+    /// The tolerance, mm.
+    width: f64,
     /// The rightmost and leftmost direction; none while all points are near.
     bounds: Option<(Vec2, Vec2)>,
     /// The farthest point so far, mm.
@@ -120,9 +125,13 @@ struct Cone {
 }
 
 impl Cone {
-    fn new(element: &Element, end: Vec2) -> Self {
+    fn at(start: Vec2, width: f64) -> Self {
+        Self { start, width, bounds: None, far: 0.0 }
+    }
+
+    fn new(element: &Element, end: Vec2, width: f64) -> Self {
         let start = element.start();
-        let mut cone = Self { start, bounds: None, far: 0.0 };
+        let mut cone = Self::at(start, width);
         if element.is_line() {
             cone.narrow(end - start, (end - start).norm());
         }
@@ -134,12 +143,13 @@ impl Cone {
     fn extend(&mut self, end: Vec2) -> Option<Option<Element>> {
         let out = end - self.start;
         let distance = out.norm();
-        if distance < self.far - MERGE_MM {
+        if distance < self.far - self.width {
             return None;
         }
         if let Some((right, left)) = self.bounds {
             let within = cross(right, out) >= 0.0 && cross(out, left) >= 0.0;
-            if !within || right.dot(&out) <= 0.0 {
+            // Near the start the bounds are up to a half turn apart.
+            if !within || (right + left).dot(&out) <= 0.0 {
                 return None;
             }
         }
@@ -149,11 +159,11 @@ impl Cone {
 
     fn narrow(&mut self, out: Vec2, distance: f64) {
         self.far = self.far.max(distance);
-        if distance <= MERGE_MM {
+        if distance <= self.width {
             return;
         }
         let unit = out / distance;
-        let sine = MERGE_MM / distance;
+        let sine = self.width / distance;
         let cosine = (1.0 - sine * sine).sqrt();
         let right = unit * cosine - left(unit) * sine;
         let to_left = unit * cosine + left(unit) * sine;

@@ -7,7 +7,8 @@
 //! distant parts of a contour do to each other is not seen here.
 
 use crate::chain::{Link, Placed, Role, join};
-use crate::element::{Element, Vec2};
+use crate::distance::distance_to;
+use crate::element::{Element, Vec2, cross};
 use crate::intersect::crossings;
 
 /// Elements in a row that the tool cannot reach.
@@ -20,6 +21,11 @@ pub(crate) struct Unreachable {
     /// The largest radius, mm, for which the tool reaches all of them; 0 when
     /// none was found.
     pub radius_mm_max: f64,
+}
+
+/// Whether there is any place that the tool cannot reach.
+pub(crate) fn is_any_unreachable(links: &[Link], placed: &[Placed], tolerance: f64) -> bool {
+    gaps(links, placed).any(|gap| deviation(links, &gap, tolerance) > tolerance)
 }
 
 /// All places that the tool cannot reach.
@@ -69,22 +75,38 @@ fn gaps<'a>(links: &'a [Link], placed: &'a [Placed]) -> impl Iterator<Item = Gap
     })
 }
 
-/// The largest distance between what was consumed and the programmed corner
-/// that takes its place, mm.
+/// How far what was consumed and the programmed corner that takes its place are
+/// apart where they are farthest, mm: the neighbours lengthened until they meet.
 fn deviation(links: &[Link], gap: &Gap, tolerance: f64) -> f64 {
     let before = gap.before.map(|index| links[index].element);
     let after = gap.after.map(|index| links[index].element);
     let Some(corner) = programmed_corner(before, after, tolerance) else {
         return f64::INFINITY;
     };
-    links[gap.from..gap.to]
-        .iter()
-        .flat_map(|link| {
-            let length = link.element.length();
-            (0..=4).map(move |quarter| link.element.point_at(length * f64::from(quarter) / 4.0))
-        })
-        .map(|point| (point - corner).norm())
-        .fold(0.0, f64::max)
+    let longer = [
+        before.and_then(|element| piece(&element, element.end(), corner)),
+        after.and_then(|element| piece(&element, element.start(), corner)),
+    ];
+    let to_corner = |point: Vec2| {
+        let to_pieces = longer.iter().flatten().map(|piece| distance_to(piece, point));
+        to_pieces.fold((point - corner).norm(), f64::min)
+    };
+    let consumed = || links[gap.from..gap.to].iter().map(|link| link.element);
+    let from_corner = consumed().map(|element| distance_to(&element, corner));
+    let points = consumed().flat_map(|element| {
+        let length = element.length();
+        (0..=4).map(move |quarter| element.point_at(length * f64::from(quarter) / 4.0))
+    });
+    points.map(to_corner).fold(from_corner.fold(f64::INFINITY, f64::min), f64::max)
+}
+
+/// The way along the line or circle of an element between two of its points, the
+/// shorter way around; straight when the second is beside it.
+fn piece(element: &Element, from: Vec2, to: Vec2) -> Option<Element> {
+    let straight = Element::line(from, to);
+    let Element::Arc(arc) = element else { return straight };
+    let ccw = cross(from - arc.center, to - arc.center) >= 0.0;
+    Element::arc(from, to, arc.center, ccw, 0).or(straight)
 }
 
 fn programmed_corner(
@@ -127,7 +149,7 @@ fn largest_radius(links: &[Link], tolerance: f64) -> f64 {
             })
             .collect();
         let placed = join(&scaled, tolerance);
-        gaps(&scaled, &placed).all(|gap| deviation(&scaled, &gap, tolerance) <= tolerance)
+        !is_any_unreachable(&scaled, &placed, tolerance)
     };
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..48 {

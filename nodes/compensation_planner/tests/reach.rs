@@ -185,3 +185,57 @@ fn all_findings_are_listed() {
     let count = codes(&plan).iter().filter(|code| **code == Code::Unreachable).count();
     assert!(count >= 2 && codes(&plan).contains(&Code::LeadType), "{}", findings(&plan));
 }
+
+#[test]
+fn a_wall_in_pieces_of_three_decimals_is_no_finding_at_an_inside_corner() {
+    for (angle, turn, step) in [(0.9_f64, 2.47_f64, 0.02_f64), (4.83, 0.65, 0.5), (4.21, 2.07, 0.1)]
+    {
+        let (first, second) = (angle.sin_cos(), (angle + turn).sin_cos());
+        let mut text =
+            format!("G0 X{:.3} Y{:.3}\nG41 D1 G456 G1 X0 Y0", -40.0 * first.0, 40.0 * first.1);
+        let pieces = (60.0 / step) as u32;
+        let mut at = (0.0, 0.0);
+        for (sin, cos) in [first, second] {
+            let start = at;
+            for piece in 1..=pieces {
+                let along = step * f64::from(piece);
+                at = (start.0 + along * cos, start.1 + along * sin);
+                text += &format!("\nX{:.3} Y{:.3}", at.0, at.1);
+            }
+        }
+        let out = (at.0 - 30.0 * second.0, at.1 + 30.0 * second.1);
+        text += &format!("\nG40 G456 X{:.3} Y{:.3}", out.0, out.1);
+        let plan = plan(&text, &sinumerik(), &tool(5.0));
+        assert!(plan.accepted(), "{angle} {turn} {step}: {}", findings(&plan));
+        // The corner of the tool path: from both walls by the radius.
+        let half = (turn / 2.0).tan();
+        let corner = (
+            60.0 * first.1 - 5.0 * first.0 - 5.0 * half * first.1,
+            60.0 * first.0 + 5.0 * first.1 - 5.0 * half * first.0,
+        );
+        let near = ends(&plan)
+            .iter()
+            .map(|end| (end[0] - corner.0).hypot(end[1] - corner.1))
+            .fold(f64::INFINITY, f64::min);
+        assert!(near < 0.01, "{angle} {turn} {step}: {near}");
+    }
+}
+
+#[test]
+fn a_smooth_contour_of_short_chords_in_three_decimals_is_no_finding() {
+    let at = |part: f64| {
+        let angle = 6.2 * part;
+        (50.0 * angle.cos() + 8.0 * (2.0 * angle).cos(), 40.0 * angle.sin())
+    };
+    let count = 20_000;
+    let mut text = "G0 X38 Y0\nG41 D1 G456 G1 X58 Y0".to_string();
+    for index in 1..=count {
+        let (x, y) = at(f64::from(index) / f64::from(count));
+        text += &format!("\nX{x:.3} Y{y:.3}");
+    }
+    text += "\nG40 G456 X38 Y0";
+    for radius in [2.0, 5.0, 10.0] {
+        let plan = plan(&text, &sinumerik(), &tool(radius));
+        assert!(plan.accepted(), "{radius}: {}", findings(&plan));
+    }
+}
