@@ -69,7 +69,7 @@ async fn start(node: Handle) -> NodeResult {
     let driver = Arc::new(Driver {
         serial,
         next_id: AtomicU64::new(1),
-        state: watch::Sender::new(MachineState::default()),
+        state: watch::Sender::new(not_heard()),
         progress: watch::Sender::new(Progress::default()),
         waiting: Mutex::default(),
         commands: CommandLog::new(&node)?,

@@ -55,6 +55,14 @@ enum Command {
     Resume,
     /// Cancel the run: hold, then drop the rest
     Abort,
+    /// The tool that the program asked for is in the spindle: go on
+    Confirm,
+    /// Drive the axes to their switches and make the position known
+    Home,
+    /// End an alarm without homing
+    Unlock,
+    /// Reset the controller at once; while moving the position is lost
+    Reset,
     /// What the machine does
     Status,
     /// Run today's cores on recorded runs and compare
@@ -84,6 +92,10 @@ fn run(command: Command, ros_args: &[String]) -> Outcome {
         Command::Hold => operate::press(Button::Hold, ros_args),
         Command::Resume => operate::press(Button::Resume, ros_args),
         Command::Abort => operate::abort(ros_args),
+        Command::Confirm => operate::press(Button::Confirm, ros_args),
+        Command::Home => operate::home(ros_args),
+        Command::Unlock => operate::press(Button::Unlock, ros_args),
+        Command::Reset => operate::press(Button::Reset, ros_args),
         Command::Status => operate::status(ros_args),
         Command::Replay(args) => replay::run(&args),
         Command::Bag(command) => bag::run(&command),

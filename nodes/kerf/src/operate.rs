@@ -1,5 +1,5 @@
-//! The commands that speak to running nodes over ROS 2: load, run, hold,
-//! resume, abort, status.
+//! The commands that speak to running nodes over ROS 2: load, run, abort,
+//! status and the buttons of the machine.
 //!
 //! One short-lived node for each call. What the nodes answer is shown as it
 //! is; nothing is decided here.
@@ -10,7 +10,9 @@ use clap::Args;
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
-use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal, RunProgramResult};
+use cnc_msgs::wire::cnc_msgs::action::{
+    Home, HomeGoal, RunProgram, RunProgramGoal, RunProgramResult,
+};
 use cnc_msgs::wire::cnc_msgs::msg::{Command, CompensationReport, MachineState};
 use cnc_msgs::wire::cnc_msgs::srv::{
     LoadProgram, LoadProgramRequest, LoadProgramResponse, PutProgramChunk, PutProgramChunkRequest,
@@ -31,6 +33,8 @@ const PLAN_WITHIN: Duration = Duration::from_secs(120);
 const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
 /// How long a latched message of a node that runs may take to arrive.
 const LATCHED_WITHIN: Duration = Duration::from_secs(5);
+/// The driver says its state several times within this.
+const STATE_SETTLES: Duration = Duration::from_millis(500);
 
 /// What `kerf load` takes.
 #[derive(Debug, Args)]
@@ -63,6 +67,9 @@ pub(crate) struct RunArgs {
 pub(crate) enum Button {
     Hold,
     Resume,
+    Confirm,
+    Unlock,
+    Reset,
 }
 
 impl Button {
@@ -70,6 +77,9 @@ impl Button {
         match self {
             Self::Hold => "feed_hold",
             Self::Resume => "resume",
+            Self::Confirm => "confirm_tool_change",
+            Self::Unlock => "unlock",
+            Self::Reset => "soft_reset",
         }
     }
 }
@@ -132,7 +142,7 @@ pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
     })
 }
 
-/// `kerf hold`, `kerf resume`
+/// `kerf hold`, `kerf resume`, `kerf confirm`, `kerf unlock`, `kerf reset`
 pub(crate) fn press(button: Button, ros_args: &[String]) -> Outcome {
     with_node(ros_args, async |node| {
         let client = node.client::<Trigger>(button.service())?;
@@ -156,12 +166,34 @@ pub(crate) fn abort(ros_args: &[String]) -> Outcome {
     })
 }
 
+/// `kerf home`
+pub(crate) fn home(ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        let client: ActionClient<Home> = node.action_client("home")?;
+        let refused = |error: GoalError| match error {
+            GoalError::Call(error) => error.into(),
+            error => Failure::new(Status::NodeRefused, error.to_string()),
+        };
+        let handle = client.send_goal(HomeGoal::default()).await.map_err(refused)?;
+        let (_, result) = handle.result(RUN_WITHIN).await.map_err(refused)?;
+        if result.success {
+            println!("{}", result.message);
+            Ok(())
+        } else {
+            Err(Failure::new(
+                Status::NodeRefused,
+                format!("{} (error {})", result.message, result.error_code),
+            ))
+        }
+    })
+}
+
 /// `kerf status`
 pub(crate) fn status(ros_args: &[String]) -> Outcome {
     with_node(ros_args, async |node| {
         let mut states: Subscription<MachineState> =
             node.subscription("machine_state", Qos::LATCHED)?;
-        let (state, _) = timeout(LATCHED_WITHIN, states.next()).await.map_err(|_| {
+        let (mut state, _) = timeout(LATCHED_WITHIN, states.next()).await.map_err(|_| {
             Failure::new(
                 Status::NoAnswer,
                 format!(
@@ -171,6 +203,14 @@ pub(crate) fn status(ros_args: &[String]) -> Outcome {
                 ),
             )
         })?;
+        // What comes first may have been said long ago.
+        let stamp = |state: &MachineState| (state.header.stamp.sec, state.header.stamp.nanosec);
+        let end = tokio::time::Instant::now() + STATE_SETTLES;
+        while let Ok((newer, _)) = tokio::time::timeout_at(end, states.next()).await {
+            if stamp(&newer) >= stamp(&state) {
+                state = newer;
+            }
+        }
         print!("{}", describe(&state));
         Ok(())
     })

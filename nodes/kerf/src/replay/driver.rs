@@ -4,13 +4,15 @@ use super::compare::Comparison;
 use super::recording::Recording;
 use super::{Output, ReplayError};
 use axis_driver::driver::Output as DriverOutput;
-use axis_driver::journal::{Entry, EntryKind, replay as play};
+use axis_driver::journal::{CommandError, Entry, EntryKind, command_from_json, replay as play};
 use axis_driver::node::{driver_config, kind_from_wire};
 use cnc_msgs::convert::machine_state_to_wire;
+use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, MachineState, TrafficEntry};
 use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::parameters::ParameterValue;
+use std::sync::Arc;
 
 /// Bytes of one difference that are shown.
 const SHOWN_BYTES: usize = 60;
@@ -21,7 +23,6 @@ pub(super) fn replay(
     comparison: &mut Comparison,
     outputs: &mut Vec<Output>,
 ) -> Result<(), ReplayError> {
-    let entries = entries(recording)?;
     let of_driver = |reason: String| ReplayError::Input { of: "the driver".into(), reason };
     let Some(parameters) = recording.parameters.get("axis_driver") else {
         return Err(ReplayError::Incomplete { what: "the parameters", of: "axis_driver".into() });
@@ -36,6 +37,7 @@ pub(super) fn replay(
         let plan = recording.plans.get(&revision)?;
         (plan.report.program_id == program_id).then(|| plan.path.clone()).flatten()
     };
+    let entries = entries(recording, &paths)?;
     let played = play(&entries, &paths, config).map_err(|error| of_driver(error.to_string()))?;
 
     let recorded: Vec<&Entry> =
@@ -71,8 +73,11 @@ pub(super) fn replay(
     Ok(())
 }
 
-/// The journal in order, from the driver's start or from its first checkpoint.
-fn entries(recording: &Recording) -> Result<Vec<Entry>, ReplayError> {
+/// The path of a program and a revision, if the bag has it.
+type Paths<'a> = dyn Fn(&str, u64) -> Option<Arc<CompensatedPath>> + 'a;
+
+/// The journal in order, from the driver's start or from a checkpoint.
+fn entries(recording: &Recording, paths: &Paths<'_>) -> Result<Vec<Entry>, ReplayError> {
     let mut entries = Vec::with_capacity(recording.traffic.len());
     for (_, entry) in recording.traffic.values() {
         let Some(kind) = kind_from_wire(entry.kind) else {
@@ -88,11 +93,24 @@ fn entries(recording: &Recording) -> Result<Vec<Entry>, ReplayError> {
             data: entry.data.clone(),
         });
     }
+    let is_checkpoint = |entry: &Entry| entry.kind == EntryKind::Checkpoint;
     if entries.first().is_some_and(|entry| entry.sequence > 1) {
         // A batch on the topic may begin a little before the checkpoint of the run.
-        let is_checkpoint = |entry: &Entry| entry.kind == EntryKind::Checkpoint;
         let begin = entries.iter().position(is_checkpoint);
         entries.drain(..begin.unwrap_or(0));
+    }
+    // Runs before this one may be in the journal too, but their paths are in their own bags.
+    let has_no_path = |entry: &Entry| {
+        entry.kind == EntryKind::Command
+            && matches!(
+                command_from_json(&entry.data, paths),
+                Err(CommandError::UnknownPath { .. })
+            )
+    };
+    if let Some(other) = entries.iter().rposition(has_no_path)
+        && let Some(begin) = entries[other..].iter().position(is_checkpoint)
+    {
+        entries.drain(..other + begin);
     }
     Ok(entries)
 }
