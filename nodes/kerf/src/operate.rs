@@ -20,7 +20,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest};
 use indicatif::{ProgressBar, ProgressStyle};
 use program_loader::upload::CHUNK_BYTES_MAX;
-use runtime::action::{ActionClient, GoalError};
+use runtime::action::{ActionClient, CancelAnswer, GoalError};
 use runtime::{CallError, Handle, NodeError, Qos, Session, Subscription};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -161,8 +161,13 @@ pub(crate) fn abort(ros_args: &[String]) -> Outcome {
     with_node(ros_args, async |node| {
         let client: ActionClient<RunProgram> = node.action_client("run_program")?;
         let answer = client.cancel_all().await?;
-        println!("run_program: {answer:?}");
-        Ok(())
+        match answer {
+            CancelAnswer::Canceling(count) if count > 0 => {
+                println!("the run is canceled: the machine is held, then the rest is dropped");
+                Ok(())
+            }
+            _ => Err(Failure::new(Status::NodeRefused, "nothing runs that could be canceled")),
+        }
     })
 }
 
@@ -373,6 +378,7 @@ fn describe(state: &MachineState) -> String {
     let mode = mode_from_wire(state.state).name();
     let mut text = match state.reason.as_str() {
         "" => format!("{mode}\n"),
+        reason if reason.starts_with(mode) => format!("{reason}\n"),
         reason => format!("{mode}: {reason}\n"),
     };
     if state.position_known {
