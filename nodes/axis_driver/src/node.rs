@@ -69,7 +69,7 @@ async fn start(node: Handle) -> NodeResult {
     let driver = Arc::new(Driver {
         serial,
         next_id: AtomicU64::new(1),
-        state: watch::Sender::new(not_heard()),
+        state: watch::Sender::new(not_heard(has_port)),
         progress: watch::Sender::new(Progress::default()),
         waiting: Mutex::default(),
         commands: CommandLog::new(&node)?,
@@ -121,9 +121,15 @@ async fn start(node: Handle) -> NodeResult {
 }
 
 /// The state before the driver has said anything.
-fn not_heard() -> MachineState {
+fn not_heard(has_port: bool) -> MachineState {
+    use cnc_msgs::machine::Mode;
+    let (mode, reason) = match has_port {
+        true => (Mode::Unknown, "the driver starts"),
+        false => (Mode::Disconnected, "no port is set"),
+    };
     MachineState {
-        reason: "the driver starts".into(),
+        mode,
+        reason: reason.into(),
         link_age_s: f64::INFINITY,
         overrides_percent: [100; 3],
         ..MachineState::default()
