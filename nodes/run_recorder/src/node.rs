@@ -26,6 +26,12 @@ use watch::{Edge, RunWatch};
 const DISCOVERY_PERIOD: Duration = Duration::from_millis(100);
 /// What still belongs to a run that has ended.
 const TAIL: Duration = Duration::from_millis(700);
+/// How old what the driver tells of its journal may be, and something for slow machines.
+const JOURNAL_LAG: Duration = Duration::from_millis(60);
+/// How long what is latched may take to arrive.
+const MANIFESTS_WITHIN: Duration = Duration::from_secs(3);
+/// How long the inputs of a run that has ended may take to arrive.
+const INPUTS_WITHIN: Duration = Duration::from_secs(30);
 /// How long closing a bag may take.
 const CLOSE_WITHIN: Duration = Duration::from_secs(20);
 /// Samples of one topic that may wait unread.
@@ -39,7 +45,8 @@ pub fn main(args: Vec<String>) -> ExitCode {
 /// The node's parameters.
 pub fn parameters() -> Vec<Declared> {
     vec![
-        Declared::new("directory", "kerf-bags", "where the bags go, one directory a run").read_only(),
+        Declared::new("directory", "kerf-bags", "where the bags go, one directory a run")
+            .read_only(),
         Declared::new(
             "extra_topics",
             ["/tf", "/tf_static", "/rosout", "/diagnostics", "/parameter_events"]
@@ -128,6 +135,13 @@ struct State {
     run: u64,
 }
 
+impl State {
+    /// Whether the inputs of this run are still on their way.
+    fn is_fetching(&self, run: u64) -> bool {
+        self.run == run && self.open.as_ref().is_some_and(|open| !open.has_inputs)
+    }
+}
+
 impl Recorder {
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
@@ -205,8 +219,9 @@ impl Recorder {
                 drop(state);
                 self.publish(message);
                 let shared = Arc::clone(self);
+                let run = self.state().run;
                 self.node.spawn("inputs of the run", async move {
-                    shared.fetch_inputs(wanted).await;
+                    shared.fetch_inputs(run, wanted).await;
                 });
             }
             Err(error) => {
@@ -230,6 +245,11 @@ impl Recorder {
         let shared = Arc::clone(self);
         self.node.spawn("end of the run", async move {
             tokio::time::sleep(TAIL).await;
+            // A run may be shorter than fetching what it was made of.
+            let end = tokio::time::Instant::now() + INPUTS_WITHIN;
+            while shared.state().is_fetching(run) && tokio::time::Instant::now() < end {
+                tokio::time::sleep(DISCOVERY_PERIOD).await;
+            }
             let open = {
                 let mut state = shared.state();
                 if state.run == run { state.open.take() } else { None }
@@ -241,20 +261,40 @@ impl Recorder {
     }
 
     /// Fetches what was sent before the bag was open: programs, paths, traffic.
-    async fn fetch_inputs(&self, wanted: store::Wanted) {
-        let fetched = self.sources.inputs(&wanted).await;
-        let traffic = self.sources.traffic(&Numbers::default()).await;
+    async fn fetch_inputs(&self, run: u64, wanted: store::Wanted) {
+        let wanted = self.manifests(wanted).await;
+        let mut fetched = self.sources.inputs(&wanted).await;
+        fetched.problems.extend(wanted.missing());
+        // The driver gathers its journal for a moment before anybody can ask for it.
+        tokio::time::sleep(JOURNAL_LAG).await;
+        let beginning = self.sources.traffic(&Numbers::default()).await;
         let mut state = self.state();
-        let State { store, open, .. } = &mut *state;
-        if let Some(open) = open {
+        let State { store, open, run: now } = &mut *state;
+        if let Some(open) = open
+            && *now == run
+        {
             open.add_fetched(store, fetched);
-            // What is missing now is asked for again at the end.
-            open.add_traffic(store, traffic);
+            open.add_beginning(store, beginning);
         }
+    }
+
+    /// Waits for manifests that were not here when the run was noticed: a recorder that
+    /// starts in mid-run sees the goal first.
+    async fn manifests(&self, mut wanted: store::Wanted) -> store::Wanted {
+        let end = tokio::time::Instant::now() + MANIFESTS_WITHIN;
+        while wanted.missing().next().is_some() && tokio::time::Instant::now() < end {
+            tokio::time::sleep(DISCOVERY_PERIOD).await;
+            wanted = self.state().store.wanted();
+        }
+        wanted
     }
 
     /// Fills what is missing, closes the bag and says how it went.
     async fn finish(&self, mut open: OpenRun) {
+        if !open.has_beginning {
+            let beginning = self.sources.traffic(&Numbers::default()).await;
+            open.add_beginning(&self.state().store, beginning);
+        }
         let traffic = self.sources.traffic(&open.numbers).await;
         let problem = open.add_traffic(&self.state().store, traffic);
         open.note_gaps(problem);

@@ -20,7 +20,9 @@ pub(super) fn channel(
         Some(info) => (info.schema_text.to_owned(), info.rihs01.to_owned()),
         None => (
             installed(type_name).unwrap_or_else(|| {
-                tracing::warn!("no definition of {type_name} ({topic}) was found: set AMENT_PREFIX_PATH");
+                tracing::warn!(
+                    "no definition of {type_name} ({topic}) was found: set AMENT_PREFIX_PATH"
+                );
                 format!("# the definition of {type_name} was not found when this was recorded\n")
             }),
             offers.iter().find_map(|offer| offer.type_hash.clone()).unwrap_or_default(),

@@ -84,7 +84,10 @@ impl Sources {
         fetched
     }
 
-    async fn program(&self, manifest: &wire::Program) -> Result<Vec<wire::ProgramChunk>, PullError> {
+    async fn program(
+        &self,
+        manifest: &wire::Program,
+    ) -> Result<Vec<wire::ProgramChunk>, PullError> {
         let mut collector = Collector::for_program(manifest)?;
         let program_id = &manifest.program_id;
         let request = |first| GetProgramChunksRequest { program_id: program_id.clone(), first };
@@ -105,7 +108,10 @@ impl Sources {
         Ok(collector.into_chunks())
     }
 
-    async fn path(&self, manifest: &wire::CompensatedPath) -> Result<Vec<wire::PathChunk>, PullError> {
+    async fn path(
+        &self,
+        manifest: &wire::CompensatedPath,
+    ) -> Result<Vec<wire::PathChunk>, PullError> {
         let mut collector = Collector::for_path(manifest)?;
         let (program_id, revision) = (&manifest.program_id, manifest.revision);
         let request =

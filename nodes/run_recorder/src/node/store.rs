@@ -90,6 +90,11 @@ impl Store {
         }
     }
 
+    /// What is loaded and planned now.
+    pub(super) fn wanted(&self) -> Wanted {
+        Wanted { program: self.latched(), contour: self.latched(), path: self.latched() }
+    }
+
     /// The newest message of a latched topic of this type.
     fn latched<M: Message>(&self) -> Option<M> {
         let topic = self.topics.iter().find(|topic| topic.spec.type_name == M::TYPE_NAME)?;
@@ -110,6 +115,20 @@ pub(super) struct Wanted {
     pub(super) path: Option<wire::CompensatedPath>,
 }
 
+impl Wanted {
+    /// What nobody has told of.
+    pub(super) fn missing(&self) -> impl Iterator<Item = String> {
+        [
+            (self.program.is_none(), "program"),
+            (self.contour.is_none(), "programmed contour"),
+            (self.path.is_none(), "compensated path"),
+        ]
+        .into_iter()
+        .filter(|(is_missing, _)| *is_missing)
+        .map(|(_, what)| format!("no {what} was seen"))
+    }
+}
+
 /// The bag of the run that is under way.
 #[derive(Debug)]
 pub(super) struct OpenRun {
@@ -117,6 +136,10 @@ pub(super) struct OpenRun {
     pub(super) bag: RunBag,
     /// The traffic entries that are in the bag.
     pub(super) numbers: Numbers,
+    /// Whether the program, contour and path were asked for, and what was had is here.
+    pub(super) has_inputs: bool,
+    /// Whether the serial traffic is there from where it can be replayed.
+    pub(super) has_beginning: bool,
     channels: BTreeMap<usize, ChannelIndex>,
     wanted: Option<Wanted>,
 }
@@ -129,11 +152,7 @@ impl OpenRun {
         goal: [u8; 16],
         store: &mut Store,
     ) -> Result<Self, RunBagError> {
-        let wanted = Wanted {
-            program: store.latched(),
-            contour: store.latched(),
-            path: store.latched(),
-        };
+        let wanted = store.wanted();
         let run_id = run_id(now, goal);
         let mut options = RunBagOptions::new(directory, &run_id);
         options.run = BTreeMap::from([
@@ -156,6 +175,8 @@ impl OpenRun {
             run_id,
             bag,
             numbers: Numbers::default(),
+            has_inputs: false,
+            has_beginning: false,
             channels: BTreeMap::new(),
             wanted: Some(wanted),
         };
@@ -176,11 +197,9 @@ impl OpenRun {
     /// What has to be fetched; taken once.
     pub(super) fn wanted_before(&self) -> Wanted {
         match &self.wanted {
-            Some(Wanted { program, contour, path }) => Wanted {
-                program: program.clone(),
-                contour: contour.clone(),
-                path: path.clone(),
-            },
+            Some(Wanted { program, contour, path }) => {
+                Wanted { program: program.clone(), contour: contour.clone(), path: path.clone() }
+            }
             None => Wanted::default(),
         }
     }
@@ -212,6 +231,7 @@ impl OpenRun {
 
     /// Writes what was fetched, on the topics where it would have come.
     pub(super) fn add_fetched(&mut self, store: &Store, fetched: Fetched) {
+        self.has_inputs = true;
         for chunk in &fetched.program {
             self.write_ours(store, fetched.at_ns, chunk);
         }
@@ -237,6 +257,12 @@ impl OpenRun {
         }
     }
 
+    /// Writes the traffic since the driver's newest checkpoint.
+    pub(super) fn add_beginning(&mut self, store: &Store, fetched: super::fetch::FetchedTraffic) {
+        self.has_beginning = fetched.problem.is_none() && !fetched.batches.is_empty();
+        self.add_traffic(store, fetched);
+    }
+
     /// Writes traffic that was fetched; returns why there is not more of it.
     pub(super) fn add_traffic(
         &mut self,
@@ -254,9 +280,15 @@ impl OpenRun {
         fetched.problem
     }
 
-    /// Notes what of the serial traffic is not in the bag, and why.
+    /// Notes what is not in the bag; `problem` says why traffic is missing.
     pub(super) fn note_gaps(&mut self, problem: Option<String>) {
         let why = problem.unwrap_or_else(|| "the driver did not have it".into());
+        if !self.has_inputs {
+            self.bag.note_incomplete("the program and its path were not fetched in time");
+        }
+        if !self.has_beginning {
+            self.bag.note_incomplete(format!("the serial traffic begins too late: {why}"));
+        }
         match (self.numbers.first(), self.numbers.last()) {
             (Some(first), Some(last)) => {
                 for gap in self.numbers.missing(first, last) {
