@@ -32,10 +32,8 @@ pub(crate) fn extent(path: &CompensatedPath, chord_error_mm: f64) -> Extent {
         tessellate::points(last, element, chord_error_mm, |point| {
             length += distance(last, point);
             last = point;
-            for axis in 0..3 {
-                extent.min[axis] = extent.min[axis].min(point[axis]);
-                extent.max[axis] = extent.max[axis].max(point[axis]);
-            }
+            extent.min = std::array::from_fn(|axis| extent.min[axis].min(point[axis]));
+            extent.max = std::array::from_fn(|axis| extent.max[axis].max(point[axis]));
         });
         if element.feed_mm_per_min.is_some() {
             extent.feed_mm += length;

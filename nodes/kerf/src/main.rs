@@ -18,6 +18,7 @@ mod plan;
 mod plan_json;
 mod replay;
 mod stack;
+mod status;
 mod up;
 
 use clap::{Parser, Subcommand};
@@ -96,7 +97,7 @@ fn run(command: Command, ros_args: &[String]) -> Outcome {
         Command::Home => operate::home(ros_args),
         Command::Unlock => operate::press(Button::Unlock, ros_args),
         Command::Reset => operate::press(Button::Reset, ros_args),
-        Command::Status => operate::status(ros_args),
+        Command::Status => status::run(ros_args),
         Command::Replay(args) => replay::run(&args),
         Command::Bag(command) => bag::run(&command),
     }

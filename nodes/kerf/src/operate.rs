@@ -1,5 +1,5 @@
-//! The commands that speak to running nodes over ROS 2: load, run, abort,
-//! status and the buttons of the machine.
+//! The commands that speak to running nodes over ROS 2: load, run, abort
+//! and the buttons of the machine. `kerf status` has a file of its own.
 //!
 //! One short-lived node for each call. What the nodes answer is shown as it
 //! is; nothing is decided here.
@@ -9,11 +9,10 @@ use crate::files;
 use clap::Args;
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::diagnostic::Diagnostic;
-use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
 use cnc_msgs::wire::cnc_msgs::action::{
     Home, HomeGoal, RunProgram, RunProgramGoal, RunProgramResult,
 };
-use cnc_msgs::wire::cnc_msgs::msg::{Command, CompensationReport, MachineState};
+use cnc_msgs::wire::cnc_msgs::msg::{Command, CompensationReport};
 use cnc_msgs::wire::cnc_msgs::srv::{
     LoadProgram, LoadProgramRequest, LoadProgramResponse, PutProgramChunk, PutProgramChunkRequest,
 };
@@ -31,10 +30,6 @@ use tokio::time::timeout;
 const PLAN_WITHIN: Duration = Duration::from_secs(120);
 /// No program runs longer than this.
 const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
-/// How long a latched message of a node that runs may take to arrive.
-const LATCHED_WITHIN: Duration = Duration::from_secs(5);
-/// The driver says its state several times within this.
-const STATE_SETTLES: Duration = Duration::from_millis(500);
 
 /// What `kerf load` takes.
 #[derive(Debug, Args)]
@@ -97,7 +92,7 @@ impl From<NodeError> for Failure {
 }
 
 /// Runs one exchange with a node of our own, and takes the node down again.
-fn with_node<F>(ros_args: &[String], exchange: F) -> Outcome
+pub(crate) fn with_node<F>(ros_args: &[String], exchange: F) -> Outcome
 where
     F: AsyncFnOnce(&Handle) -> Outcome,
 {
@@ -190,34 +185,6 @@ pub(crate) fn home(ros_args: &[String]) -> Outcome {
                 format!("{} (error {})", result.message, result.error_code),
             ))
         }
-    })
-}
-
-/// `kerf status`
-pub(crate) fn status(ros_args: &[String]) -> Outcome {
-    with_node(ros_args, async |node| {
-        let mut states: Subscription<MachineState> =
-            node.subscription("machine_state", Qos::LATCHED)?;
-        let (mut state, _) = timeout(LATCHED_WITHIN, states.next()).await.map_err(|_| {
-            Failure::new(
-                Status::NoAnswer,
-                format!(
-                    "no such node answered within {} s: nobody publishes {}",
-                    LATCHED_WITHIN.as_secs(),
-                    states.topic()
-                ),
-            )
-        })?;
-        // What comes first may have been said long ago.
-        let stamp = |state: &MachineState| (state.header.stamp.sec, state.header.stamp.nanosec);
-        let end = tokio::time::Instant::now() + STATE_SETTLES;
-        while let Ok((newer, _)) = tokio::time::timeout_at(end, states.next()).await {
-            if stamp(&newer) >= stamp(&state) {
-                state = newer;
-            }
-        }
-        print!("{}", describe(&state));
-        Ok(())
     })
 }
 
@@ -371,40 +338,4 @@ pub(crate) async fn run_goal(
             format!("{} (line {}, error {})", result.message, result.last_line, result.error_code),
         ))
     }
-}
-
-/// The state for people: millimetres, and nothing that is not known.
-fn describe(state: &MachineState) -> String {
-    let mode = mode_from_wire(state.state).name();
-    let mut text = match state.reason.as_str() {
-        "" => format!("{mode}\n"),
-        reason if reason.starts_with(mode) => format!("{reason}\n"),
-        reason => format!("{mode}: {reason}\n"),
-    };
-    if state.position_known {
-        for (frame, point) in [("machine", &state.machine_position), ("work", &state.work_position)]
-        {
-            let [x, y, z] = position_from_point(point);
-            text += &format!("  {frame:8} X{x:.3} Y{y:.3} Z{z:.3} mm\n");
-        }
-    } else {
-        text += "  position not known\n";
-    }
-    text += &format!(
-        "  feed {:.1} mm/min, spindle {:.0} rev/min, overrides {:.0} {:.0} {:.0} %\n",
-        mm_per_min_from_m_per_s(state.feed_rate),
-        rpm_from_rad_per_s(state.spindle_speed),
-        state.feed_override * 100.0,
-        state.rapid_override * 100.0,
-        state.spindle_override * 100.0,
-    );
-    if !state.program_id.is_empty() {
-        text += &format!("  program {} line {}\n", state.program_id, state.line);
-    }
-    text += &format!(
-        "  {}, last report {} s ago\n",
-        if state.is_homed { "homed" } else { "not homed" },
-        if state.link_age.is_finite() { format!("{:.1}", state.link_age) } else { "never".into() }
-    );
-    text
 }

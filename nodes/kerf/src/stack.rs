@@ -104,11 +104,10 @@ impl Stack {
     pub(crate) async fn stop(&mut self) -> Vec<String> {
         let mut troubles = Vec::new();
         for node in &mut self.nodes {
-            if let Some(pid) = node.process.id().and_then(|id| i32::try_from(id).ok()) {
-                if let Some(pid) = rustix::process::Pid::from_raw(pid) {
-                    // It may have left by itself in this very moment.
-                    let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
-                }
+            let id = node.process.id().and_then(|id| i32::try_from(id).ok());
+            if let Some(pid) = id.and_then(rustix::process::Pid::from_raw) {
+                // It may have left by itself in this very moment.
+                let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
             }
             match timeout(STOP_TIME_MAX, node.process.wait()).await {
                 Ok(Ok(status)) if status.success() => {}

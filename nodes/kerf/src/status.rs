@@ -1,0 +1,78 @@
+//! `kerf status`: what the machine does, as the driver says it.
+
+use crate::exit::{Failure, Outcome, Status};
+use crate::operate::with_node;
+use cnc_msgs::convert::mode_from_wire;
+use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
+use cnc_msgs::wire::cnc_msgs::msg::MachineState;
+use runtime::{Qos, Subscription};
+use std::time::Duration;
+use tokio::time::timeout;
+
+/// How long a latched message of a node that runs may take to arrive.
+const LATCHED_WITHIN: Duration = Duration::from_secs(5);
+/// The driver says its state several times within this.
+const STATE_SETTLES: Duration = Duration::from_millis(500);
+
+/// `kerf status`
+pub(crate) fn run(ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        let mut states: Subscription<MachineState> =
+            node.subscription("machine_state", Qos::LATCHED)?;
+        let (mut state, _) = timeout(LATCHED_WITHIN, states.next()).await.map_err(|_| {
+            Failure::new(
+                Status::NoAnswer,
+                format!(
+                    "no such node answered within {} s: nobody publishes {}",
+                    LATCHED_WITHIN.as_secs(),
+                    states.topic()
+                ),
+            )
+        })?;
+        // What comes first may have been said long ago.
+        let stamp = |state: &MachineState| (state.header.stamp.sec, state.header.stamp.nanosec);
+        let end = tokio::time::Instant::now() + STATE_SETTLES;
+        while let Ok((newer, _)) = tokio::time::timeout_at(end, states.next()).await {
+            if stamp(&newer) >= stamp(&state) {
+                state = newer;
+            }
+        }
+        print!("{}", describe(&state));
+        Ok(())
+    })
+}
+
+/// The state for people: millimetres, and nothing that is not known.
+fn describe(state: &MachineState) -> String {
+    let mode = mode_from_wire(state.state).name();
+    let mut text = match state.reason.as_str() {
+        "" => format!("{mode}\n"),
+        reason if reason.starts_with(mode) => format!("{reason}\n"),
+        reason => format!("{mode}: {reason}\n"),
+    };
+    if state.position_known {
+        for (frame, point) in [("machine", &state.machine_position), ("work", &state.work_position)]
+        {
+            let [x, y, z] = position_from_point(point);
+            text += &format!("  {frame:8} X{x:.3} Y{y:.3} Z{z:.3} mm\n");
+        }
+    } else {
+        text += "  position not known\n";
+    }
+    text += &format!(
+        "  feed {:.1} mm/min, spindle {:.0} rev/min, overrides {:.0} {:.0} {:.0} %\n",
+        mm_per_min_from_m_per_s(state.feed_rate),
+        rpm_from_rad_per_s(state.spindle_speed),
+        state.feed_override * 100.0,
+        state.rapid_override * 100.0,
+        state.spindle_override * 100.0,
+    );
+    if !state.program_id.is_empty() {
+        text += &format!("  program {} line {}\n", state.program_id, state.line);
+    }
+    let report = match state.link_age {
+        age if age.is_finite() => format!("last report {age:.1} s ago"),
+        _ => "no report was heard".to_owned(),
+    };
+    text + &format!("  {}, {report}\n", if state.is_homed { "homed" } else { "not homed" })
+}

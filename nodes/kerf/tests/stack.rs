@@ -1,0 +1,284 @@
+//! The whole stack as people run it: real processes on the loopback interface.
+
+#[path = "support/machine.rs"]
+mod machine;
+mod support;
+
+use machine::{Machine, Turn, domain, kill_at_once, processes, transmitted, until};
+use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use support::{CONTOUR, Folder, kerf, run};
+
+/// Twelve moves of 100 mm at 20 mm/s: a minute of machine time.
+const SLOW: &str = "slow.ngc";
+
+fn slow_program() -> String {
+    let moves: String = (0..6).map(|_| "G1 X110\nG1 X10\n").collect();
+    format!("G21 G90 G94 G17\nG0 X10 Y10\nF1200\n{moves}M30\n")
+}
+
+/// Fails unless the bag is whole and every core does today what it did then.
+#[track_caller]
+fn reproduced(machine: &Machine, bag: &Path) {
+    let bag = bag.to_str().expect("a path of ours is UTF-8");
+    machine.kerf(&["bag", "info", bag]).expect(0).says(&["complete:    yes"]);
+    machine.kerf(&["replay", bag]).expect(0).says(&[
+        "reproduced",
+        "loader: 0 differences",
+        "planner: 0 differences",
+        "driver: 0 differences",
+    ]);
+}
+
+#[test]
+fn two_programs_of_one_session_make_two_bags_that_replay() {
+    let machine = Machine::virtual_one(10);
+    machine
+        .kerf(&["load", CONTOUR, "--controller", "sinumerik_840c"])
+        .expect(0)
+        .says(&["contour.mpf is loaded: 14 lines, and planned"]);
+    machine.kerf(&["run"]).expect(0);
+    machine.folder.file("two.ngc", "G21 G90\nG0 X5 Y5\nG1 X40 F600\nY30\nM30\n");
+    machine.kerf(&["run", "two.ngc"]).expect(0).says(&["two.ngc is loaded: 5 lines"]);
+    let status = machine.until_state("IDLE");
+    assert!(status.contains("work     X40.000 Y30.000 Z50.000 mm"), "{status}");
+    let bags = machine.until_bags(2);
+    assert_eq!(bags.len(), 2);
+    for bag in &bags {
+        reproduced(&machine, bag);
+    }
+    let sent = transmitted(&bags[1]).concat();
+    assert!(!sent.windows(4).any(|bytes| bytes == b"G2X6"), "only the second program");
+
+    // What does not come through loader or planner moves nothing and stays refused.
+    machine.folder.file("bad.ngc", "G21\nG99.7 X1\nM30\n");
+    machine.kerf(&["run", "bad.ngc"]).expect(4).says(&["unknown_word", "bad.ngc:2:1"]);
+    machine.folder.file("full.ngc", "G21 G17\nG41 D99 G1 X1 F100\nX30\nG40 X40\nM30\n");
+    machine.kerf(&["run", "full.ngc"]).expect(4).says(&["error[", "full.ngc:2:"]);
+    assert_eq!(machine.bags().len(), 2, "nothing ran, nothing was recorded");
+}
+
+#[test]
+fn a_run_can_be_held_resumed_and_aborted() {
+    let machine = Machine::virtual_one(8);
+    machine.folder.file(SLOW, slow_program());
+    let running = machine.kerf_meanwhile(&["run", SLOW]);
+    machine.until_state("RUN");
+    machine.kerf(&["hold"]).expect(0);
+    let status = machine.until_state("HOLD");
+    // Nothing resumes by itself.
+    assert_eq!(machine.until_state("HOLD").lines().nth(1), status.lines().nth(1));
+    machine.kerf(&["run", SLOW]).expect(4);
+    machine.kerf(&["resume"]).expect(0);
+    running.join().expect("it only runs a command").expect(0).says(&["done"]);
+
+    let running = machine.kerf_meanwhile(&["run", SLOW]);
+    machine.until_state("RUN");
+    machine.kerf(&["abort"]).expect(0);
+    running.join().expect("it only runs a command").expect(4).says(&["line "]);
+    machine.until_state("IDLE");
+    for bag in machine.until_bags(2) {
+        reproduced(&machine, &bag);
+    }
+}
+
+#[test]
+fn ctrl_c_holds_the_machine_closes_the_bag_and_leaves_nothing() {
+    let mut machine = Machine::virtual_one(2);
+    machine.folder.file(SLOW, slow_program());
+    let running = machine.kerf_meanwhile(&["run", SLOW]);
+    machine.until_state("RUN");
+    assert_eq!(machine.interrupt(), 0);
+    machine.until_gone();
+    running.join().expect("it only runs a command").expect(4);
+    let bags = machine.until_bags(1);
+    let bag = bags[0].to_str().expect("UTF-8");
+    machine.kerf(&["bag", "info", bag]).expect(0).says(&["complete:    yes"]);
+    let sent = transmitted(&bags[0]);
+    assert!(sent.iter().any(|bytes| bytes.contains(&b'!')), "no hold was sent: {sent:?}");
+}
+
+#[test]
+fn a_recorder_that_is_killed_loses_a_second_and_not_the_run() {
+    let machine = Machine::virtual_one(6);
+    machine.folder.file(SLOW, slow_program());
+    let running = machine.kerf_meanwhile(&["run", SLOW]);
+    machine.until_state("RUN");
+    let bag = until("a bag", || machine.bags().pop());
+    // What is asserted is how much of these seconds is kept.
+    std::thread::sleep(Duration::from_secs(3));
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970").as_nanos();
+    kill_at_once(machine.node("run_recorder"));
+    running.join().expect("it only runs a command").expect(0);
+
+    let path = bag.to_str().expect("UTF-8");
+    let ran = machine.kerf(&["bag", "info", path, "--json"]).expect(1);
+    let info: serde_json::Value = serde_json::from_str(&ran.out).expect("one JSON object");
+    assert_eq!(info["complete"], false);
+    let number = |key: &str| u128::from(info[key].as_u64().expect("a number"));
+    let end = number("start_ns") + number("duration_ns");
+    assert!(end + 2_000_000_000 > now, "the last {} s are lost", (now - end) as f64 / 1e9);
+    machine.kerf(&["bag", "recover", path, "mended"]).expect(0).says(&["messages"]);
+    machine.kerf(&["bag", "info", "mended"]).says(&["machine_state"]);
+
+    // The one that was started in its place has the run from the driver's memory.
+    assert!(machine.log().contains("run_recorder ended"), "{}", machine.log());
+    let second = until("the second bag", || {
+        let bags = machine.bags();
+        bags.into_iter().find(|other| *other != bag && other.join("metadata.yaml").exists())
+    });
+    reproduced(&machine, &second);
+}
+
+#[test]
+fn nodes_leave_when_kerf_up_is_killed() {
+    let mut machine = Machine::virtual_one(1);
+    assert_eq!(machine.nodes().len(), 5, "{:?}", machine.nodes());
+    machine.kill();
+    machine.until_gone();
+}
+
+#[test]
+fn a_port_that_does_not_exist_is_told_and_refuses_runs() {
+    let turn = Turn::wait();
+    let port = ["-p", "axis_driver:port:=/dev/no-such-port"];
+    let mut machine = Machine::start(&domain(), "mill", &[], &port, Some(turn));
+    let status = machine.until_state("DISCONNECTED");
+    assert!(status.contains("/dev/no-such-port"), "{status}");
+    assert!(status.contains("position not known"), "{status}");
+    machine.folder.file("ok.ngc", "G21\nG0 X1\nM30\n");
+    machine.kerf(&["run", "ok.ngc"]).expect(4).says(&["/dev/no-such-port"]);
+    assert!(machine.bags().is_empty());
+    assert_eq!(machine.interrupt(), 0);
+    machine.until_gone();
+}
+
+#[test]
+fn a_port_that_answers_garbage_is_never_idle_and_refuses_runs() {
+    let turn = Turn::wait();
+    let garbage = Garbage::start();
+    let port = format!("axis_driver:port:={}", garbage.path);
+    let mut machine = Machine::start(&domain(), "mill", &[], &["-p", &port], Some(turn));
+    until("the first state", || (machine.kerf(&["status"]).status == 0).then_some(()));
+    machine.folder.file("ok.ngc", "G21\nG0 X1\nM30\n");
+    for _ in 0..4 {
+        let status = machine.kerf(&["status"]).expect(0).out;
+        let is_honest = status.starts_with("UNKNOWN") || status.starts_with("DISCONNECTED");
+        assert!(is_honest && status.contains("position not known"), "{status}");
+        machine.kerf(&["run", "ok.ngc"]).expect(4);
+    }
+    assert!(machine.bags().is_empty());
+    assert_eq!(machine.interrupt(), 0);
+    machine.until_gone();
+}
+
+#[test]
+fn two_machines_of_one_domain_do_not_hear_each_other() {
+    let turn = Turn::wait();
+    let domain = domain();
+    let args = ["--virtual-controller", "--time-factor", "10"];
+    let left = Machine::start(&domain, "left", &args, &[], Some(turn));
+    let right = Machine::start(&domain, "right", &args, &[], None);
+    left.until_state("IDLE");
+    right.until_state("IDLE");
+    left.folder.file("left.ngc", "G21 G90\nG0 X11\nG1 X12 F600\nM30\n");
+    right.folder.file("right.ngc", "G21 G90\nG0 X21\nG1 X22 F600\nM30\n");
+    left.kerf(&["load", "left.ngc"]).expect(0);
+    right.kerf(&["load", "right.ngc"]).expect(0);
+    left.kerf(&["run"]).expect(0);
+    let status = left.until_state("IDLE");
+    assert!(status.contains("work     X12.000"), "{status}");
+    let status = right.until_state("IDLE");
+    assert!(status.contains("work     X0.000"), "{status}");
+    let bags = left.until_bags(1);
+    reproduced(&left, &bags[0]);
+    assert!(right.bags().is_empty(), "the other machine did not run");
+    let info = left.kerf(&["bag", "info", bags[0].to_str().expect("UTF-8")]).expect(0);
+    assert!(!info.out.contains(&right.namespace), "{}", info.out);
+    right.kerf(&["run"]).expect(0);
+    assert!(right.until_state("IDLE").contains("work     X22.000"));
+    reproduced(&right, &right.until_bags(1)[0]);
+    assert_eq!(left.bags().len(), 1);
+}
+
+#[test]
+fn the_demo_ends_with_three_lines_and_leaves_nothing() {
+    let _turn = Turn::wait();
+    let folder = Folder::new();
+    let domain = domain();
+    let demo = |args: &[&str]| {
+        run(kerf().env("ROS_DOMAIN_ID", &domain).current_dir(folder.path()).arg("demo").args(args))
+    };
+    let ran = demo(&["--out", "out"]).expect(0);
+    let lines: Vec<&str> = ran.out.lines().rev().take(3).collect();
+    assert_eq!(lines[0], "replay:  reproduced the run");
+    let path = |line: &str, key: &str| {
+        let path = line.strip_prefix(key).expect(key).trim().to_owned();
+        assert!(Path::new(&path).exists(), "{path}");
+        path
+    };
+    let picture = path(lines[1], "picture:");
+    assert!(picture.ends_with(".svg"), "{picture}");
+    let bag = path(lines[2], "bag:");
+    run(kerf().args(["replay", &bag])).expect(0);
+
+    folder.file("file", "");
+    let ran = demo(&["--out", "file/out"]);
+    ran.expect(2).says(&["file/out", "Not a directory"]);
+    // A step that fails in the middle is named, and everything is stopped all the same.
+    let wrong = ["--out", "out", "--ros-args", "-p", "program_loader:frame_id:=5"];
+    demo(&wrong).expect(4).says(&["starting the nodes", "program_loader", "ended by itself"]);
+
+    let left = processes(&[folder.path().display().to_string()]);
+    assert!(left.is_empty(), "{left:?}");
+    let own = std::fs::read_dir(std::env::temp_dir()).expect("a folder").flatten();
+    let links: Vec<_> = own
+        .filter(|entry| entry.file_name().to_string_lossy().starts_with("kerf-demo-"))
+        .filter(|entry| !entry.path().exists())
+        .collect();
+    assert!(links.is_empty(), "links that lead nowhere: {links:?}");
+}
+
+/// A serial line that says nothing but noise.
+struct Garbage {
+    path: String,
+    stop: std::sync::Arc<std::sync::atomic::AtomicBool>,
+}
+
+impl Garbage {
+    fn start() -> Self {
+        use serialport::{SerialPort, TTYPort};
+        use std::io::{Read, Write};
+        use std::sync::atomic::Ordering;
+        let (mut controller, slave) = TTYPort::pair().expect("a pseudo-terminal");
+        let path = slave.name().expect("it has a name");
+        let stop = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+        let shared = std::sync::Arc::clone(&stop);
+        controller.set_timeout(Duration::from_millis(10)).expect("a timeout");
+        std::thread::spawn(move || {
+            // The slave stays open, so that the line does not hang up.
+            let _slave = slave;
+            let mut seed = 0x2545_f491_4f6c_dd1d_u64;
+            while !shared.load(Ordering::Relaxed) {
+                let noise: Vec<u8> = (0..48)
+                    .map(|_| {
+                        seed ^= seed << 13;
+                        seed ^= seed >> 7;
+                        seed ^= seed << 17;
+                        (seed >> 32) as u8
+                    })
+                    .collect();
+                // Full or empty, it goes on.
+                let _ = controller.write(&noise);
+                let _ = controller.read(&mut [0; 256]);
+            }
+        });
+        Self { path, stop }
+    }
+}
+
+impl Drop for Garbage {
+    fn drop(&mut self) {
+        self.stop.store(true, std::sync::atomic::Ordering::Relaxed);
+    }
+}
