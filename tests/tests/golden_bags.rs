@@ -49,7 +49,8 @@ fn a_replay_gives_the_same_bytes_twice() {
             assert!(output.status.success(), "{}", bag.display());
         }
         let name = format!("{}.mcap", bag.file_stem().expect("a bag has a name").display());
-        let bytes = outs.each_ref().map(|out| std::fs::read(out.path().join(&name)).expect("written"));
+        let bytes =
+            outs.each_ref().map(|out| std::fs::read(out.path().join(&name)).expect("written"));
         assert!(!bytes[0].is_empty() && bytes[0] == bytes[1], "{name} differs");
     }
 }

@@ -30,10 +30,17 @@ fn every_dependency_has_its_reason_above_it() {
                 && !line.starts_with('#')
                 // Ours need no reason; a comment stands for the group below it.
                 && !line.contains("path = ");
-            let is_ours = ["cnc_msgs", "runtime", "program_loader", "compensation_planner",
-                "axis_driver", "run_recorder", "virtual_controller"]
-                .iter()
-                .any(|name| line.starts_with(name));
+            let is_ours = [
+                "cnc_msgs",
+                "runtime",
+                "program_loader",
+                "compensation_planner",
+                "axis_driver",
+                "run_recorder",
+                "virtual_controller",
+            ]
+            .iter()
+            .any(|name| line.starts_with(name));
             if is_dependency && !is_ours && above.is_empty() {
                 bare.push(format!("{}: {line}", path.display()));
             }

@@ -7,7 +7,7 @@
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::plan::Planned;
-use crate::stack::{Stack, wait_for_file};
+use crate::stack::{Stack, remove_dead_link, wait_for_file};
 use crate::up::STOP_ORDER;
 use crate::{files, operate, replay};
 use clap::Args;
@@ -87,6 +87,7 @@ async fn with_stack(out: &Path, ros_args: &[String]) -> Result<PathBuf, Failure>
     };
     let mut troubles = nodes.stop().await;
     troubles.extend(controller.stop().await);
+    remove_dead_link(&link);
     let bag = done?;
     if troubles.is_empty() {
         Ok(bag)

@@ -28,6 +28,8 @@ use tokio::time::timeout;
 
 /// How long a plan of a program that was loaded just now may take.
 const PLAN_WITHIN: Duration = Duration::from_secs(120);
+/// A driver that runs a program is never silent for so long.
+const SILENCE: Duration = Duration::from_secs(3);
 /// No program runs longer than this.
 const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
 
@@ -312,14 +314,21 @@ pub(crate) async fn run_goal(
         }
         Err(error) => return Err(Failure::new(Status::NodeRefused, error.to_string())),
     };
-    let mut end = std::pin::pin!(handle.result(RUN_WITHIN));
+    let mut end = Box::pin(handle.result(RUN_WITHIN));
+    let mut is_silent = false;
     let (_, result) = loop {
         tokio::select! {
+            () = tokio::time::sleep(SILENCE), if !is_silent => {
+                // A driver that was started again knows nothing of the goal; it has to be asked.
+                is_silent = true;
+                end = Box::pin(handle.result(RUN_WITHIN));
+            }
             ended = &mut end => {
                 break ended.map_err(|error| Failure::new(Status::NodeRefused, error.to_string()))?;
             }
             feedback = handle.feedback() => {
                 let Some(feedback) = feedback else { continue };
+                is_silent = false;
                 bar.set_position((feedback.fraction * 1000.0) as u64);
                 bar.set_message(format!(
                     "{} line {}", mode_from_wire(feedback.state).name(), feedback.line

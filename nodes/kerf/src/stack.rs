@@ -139,6 +139,14 @@ pub(crate) async fn wait_for_file(path: &std::path::Path) -> Result<(), crate::e
     Err(crate::exit::Failure::usage(format_args!("{} was not made within 5 s", path.display())))
 }
 
+/// Removes the link of a controller that was killed before it could.
+pub(crate) fn remove_dead_link(path: &std::path::Path) {
+    if path.is_symlink() {
+        // Nobody is left who would miss it.
+        let _ = std::fs::remove_file(path);
+    }
+}
+
 /// Lets this process leave, as on SIGTERM, when the one that started it dies.
 ///
 /// Reads standard input, which the parent holds open, on a thread of its own.

@@ -1,7 +1,7 @@
 //! `kerf up`: every node, supervised, until Ctrl-C.
 
 use crate::exit::{Failure, Outcome, Status};
-use crate::stack::Stack;
+use crate::stack::{Stack, remove_dead_link, wait_for_file};
 use clap::Args;
 use std::path::PathBuf;
 use tokio::signal::unix::{SignalKind, signal};
@@ -61,8 +61,8 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
     let mut terminate = signal(SignalKind::terminate()).map_err(Failure::usage)?;
     let mut stack = Stack::new().map_err(Failure::usage)?;
     let mut controller = Stack::new().map_err(Failure::usage)?;
+    let link = std::env::temp_dir().join(format!("kerf-{}-controller", std::process::id()));
     if args.virtual_controller {
-        let link = std::env::temp_dir().join(format!("kerf-{}-controller", std::process::id()));
         let port = link.display().to_string();
         controller
             .start(
@@ -71,7 +71,7 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
                     .map(String::from),
             )
             .map_err(Failure::usage)?;
-        crate::stack::wait_for_file(&link).await?;
+        wait_for_file(&link).await?;
         node_args.extend(
             ["--ros-args", "-p", &format!("axis_driver:port:={port}"), "--"].map(String::from),
         );
@@ -79,21 +79,19 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
     for name in STOP_ORDER {
         stack.start(name, &node_args).map_err(Failure::usage)?;
     }
-    tokio::select! {
-        _ = interrupt.recv() => {}
-        _ = terminate.recv() => {}
-        trouble = stack.supervise() => {
-            let mut troubles = stack.stop().await;
-            troubles.extend(controller.stop().await);
-            return Err(Failure::new(Status::Usage, trouble));
-        }
-    }
+    let trouble = tokio::select! {
+        _ = interrupt.recv() => None,
+        _ = terminate.recv() => None,
+        trouble = stack.supervise() => Some(trouble),
+        trouble = controller.supervise() => Some(trouble),
+    };
     eprintln!("kerf: stopping");
     let mut troubles = stack.stop().await;
     troubles.extend(controller.stop().await);
-    if troubles.is_empty() {
-        Ok(())
-    } else {
-        Err(Failure::new(Status::NodeRefused, troubles.join("; ")))
+    remove_dead_link(&link);
+    match trouble {
+        Some(trouble) => Err(Failure::new(Status::Usage, trouble)),
+        None if troubles.is_empty() => Ok(()),
+        None => Err(Failure::new(Status::NodeRefused, troubles.join("; "))),
     }
 }

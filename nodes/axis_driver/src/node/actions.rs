@@ -95,7 +95,7 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
 
 async fn begin(driver: &Driver, paths: &Paths, id: u64, goal: &RunProgramGoal) -> Reply {
     let planned = paths.get(&goal.program_id, PATH_WITHIN).await;
-    let Planned { program_id, revision, path } = planned
+    let Planned { program_id, revision, path, .. } = planned
         .map_err(|message| Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message })?;
     let request = RunRequest {
         program_id,

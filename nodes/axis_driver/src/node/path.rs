@@ -15,6 +15,8 @@ use tokio::sync::Notify;
 pub(super) struct Planned {
     pub(super) program_id: String,
     pub(super) revision: u64,
+    /// The tool table it was planned with.
+    tool_table_revision: u64,
     pub(super) path: Arc<CompensatedPath>,
 }
 
@@ -24,6 +26,10 @@ struct Newest {
     planned: Option<Planned>,
     /// Program and revision of the newest verdict, and whether it was accepted.
     verdict: Option<(String, u64, bool)>,
+    /// The program that was loaded last, planned or not.
+    program_id: Option<String>,
+    /// The revision of the newest tool table.
+    tool_table_revision: Option<u64>,
 }
 
 /// Follows the planner; clones see the same.
@@ -64,6 +70,22 @@ impl Paths {
                 shared.newest().verdict =
                     Some((report.program_id, report.revision, report.accepted));
                 shared.arrived.notify_waiters();
+            }
+        });
+        let mut programs = node.subscription::<wire::Program>("program", Qos::LATCHED)?;
+        let shared = paths.clone();
+        node.spawn("program", async move {
+            loop {
+                let (program, _) = programs.next().await;
+                shared.newest().program_id = Some(program.program_id);
+            }
+        });
+        let mut tables = node.subscription::<wire::ToolTable>("tool_table", Qos::LATCHED)?;
+        let shared = paths.clone();
+        node.spawn("tool table", async move {
+            loop {
+                let (table, _) = tables.next().await;
+                shared.newest().tool_table_revision = Some(table.revision);
             }
         });
         Ok(paths)
@@ -108,15 +130,23 @@ impl Paths {
     /// `None` when it may still come.
     fn now(&self, program_id: &str) -> Result<Option<Planned>, String> {
         let newest = self.newest();
+        // Without a name the program that was loaded last is meant, even if its
+        // plan is not here yet: never the one before.
+        let wanted = match (program_id, &newest.program_id) {
+            ("", Some(loaded)) => loaded,
+            (program_id, _) => program_id,
+        };
         if let Some((id, revision, accepted)) = &newest.verdict {
-            let is_meant = program_id.is_empty() || program_id == id;
+            let is_meant = wanted.is_empty() || wanted == id;
             if is_meant && !accepted {
                 return Err(format!(
                     "program {id} was refused by the planner (revision {revision})"
                 ));
             }
             if let Some(planned) = &newest.planned {
-                let is_newest = planned.revision == *revision && planned.program_id == *id;
+                let is_newest = planned.revision == *revision
+                    && planned.program_id == *id
+                    && newest.tool_table_revision.is_none_or(|r| r == planned.tool_table_revision);
                 if is_meant && is_newest {
                     return Ok(Some(planned.clone()));
                 }
@@ -137,7 +167,7 @@ async fn fetch(
         if response.success { Ok(response.chunks) } else { Err(response.message) }
     })
     .await?;
-    let manifest = manifest.clone();
+    let (manifest, tool_table_revision) = (manifest.clone(), manifest.tool_table_revision);
     let path = tokio::task::spawn_blocking(move || collector.finish(&manifest)).await??;
-    Ok(Planned { program_id, revision, path: Arc::new(path) })
+    Ok(Planned { program_id, revision, tool_table_revision, path: Arc::new(path) })
 }
