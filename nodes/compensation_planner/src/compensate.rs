@@ -9,9 +9,11 @@ use crate::emit::{Emitter, Label, feed};
 use crate::finding;
 use crate::frame::{height, in_plane, plane_axes};
 use crate::lead;
+use crate::neighbours;
 use crate::normalise::runs;
 use crate::reach::{is_any_unreachable, unreachable};
 use crate::span::{Lead, Run, Span};
+use crate::tails::Walls;
 use crate::tolerance::{MERGE_MM, RADIUS_MM};
 use crate::write::Writer;
 use cnc_msgs::contour::{Approach, CutterSide, Source};
@@ -65,6 +67,10 @@ pub(crate) fn compensate(
     for place in unreachable(&links, &placed, tolerance) {
         diagnostics.push(finding::unreachable(&span, &runs, &place, profile));
     }
+    let walls = Walls::new(&runs);
+    for cut in neighbours::cuts(&walls, &links, &placed, tolerance) {
+        diagnostics.push(finding::neighbour_cut(&span, &runs, &cut));
+    }
     out.side = side_of(span.d_mm);
     let mut writer =
         Writer { span: &span, out, diagnostics, item: 0, exit_source: exit_lead.map(|l| l.source) };
@@ -77,7 +83,7 @@ pub(crate) fn compensate(
         writer.links(&runs, &links, &placed, exit_lead.as_ref());
     }
     writer.items_before(span.legs.len(), false);
-    let mut check = lead::Check { profile, plane: span.plane, diagnostics };
+    let mut check = lead::Check { profile, plane: span.plane, walls: &walls, diagnostics };
     let move_on = (lead_start, lead_end);
     check.lead_on(&span, &runs, move_on, behind);
     let exit_start = in_plane(span.plane, out.position);

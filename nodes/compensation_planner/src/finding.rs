@@ -3,10 +3,11 @@
 //! Decides nothing: what is found is decided where it is computed.
 
 use crate::frame::{height, in_work};
+use crate::neighbours::Cut;
 use crate::reach::Unreachable;
 use crate::span::{Run, Span};
 use cnc_msgs::contour::Source;
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
 use cnc_msgs::profile::Profile;
 
@@ -72,6 +73,38 @@ pub(crate) fn unreachable(
     } else {
         "no tool fits here: check that the compensation is on the right side".into()
     })
+}
+
+/// An element on which the tool cuts into the next one.
+pub(crate) fn neighbour_cut(span: &Span, runs: &[Run], cut: &Cut) -> Diagnostic {
+    let into = &span.legs[runs[cut.into].legs.start];
+    let (on, later) = (
+        span.legs[runs[cut.on].legs.start].source,
+        span.legs[runs[cut.on.max(cut.into)].legs.start].source,
+    );
+    let depth_mm = cut.radius_mm - cut.distance_mm;
+    let position = in_work(span.plane, cut.at, height(span.plane, into.end));
+    let code = if cut.is_other_pass { Code::CutsOtherPass } else { Code::Gouge };
+    let mut finding = Diagnostic::error(
+        code,
+        later,
+        format!(
+            "the tool (radius {:.3} mm) cuts {depth_mm:.4} mm into {} at {} while it follows {}",
+            cut.radius_mm,
+            block_name(into.source),
+            place(span.plane, position),
+            block_name(on)
+        ),
+    );
+    if cut.is_other_pass {
+        finding.severity = Severity::Warning;
+    }
+    finding.other = [into.source, on].into_iter().find(|other| other.line != later.line);
+    finding.position = Some(position);
+    finding.depth_mm = Some(depth_mm);
+    finding.needed_mm = Some(cut.radius_mm);
+    finding.available_mm = Some(cut.distance_mm);
+    finding.help("use a smaller tool, or begin and end the contour where it does not bend back")
 }
 
 /// A lead that comes too near.

@@ -8,7 +8,7 @@ use crate::distance::nearest;
 use crate::element::{Element, Vec2};
 use crate::finding::{self, LeadCut};
 use crate::span::{Lead, Run, Span};
-use crate::tails::{wall_at_end, wall_at_start};
+use crate::tails::Walls;
 use crate::tolerance::GOUGE_MM;
 use cnc_msgs::contour::Source;
 use cnc_msgs::diagnostic::{Code, Diagnostic};
@@ -19,6 +19,7 @@ use cnc_msgs::profile::Profile;
 pub(crate) struct Check<'a> {
     pub profile: &'a Profile,
     pub plane: Plane,
+    pub walls: &'a Walls<'a>,
     pub diagnostics: &'a mut Vec<Diagnostic>,
 }
 
@@ -35,7 +36,8 @@ impl Check<'_> {
         if let Some(first) = runs.first() {
             let other = span.legs[first.legs.start].source;
             let code = if span.entry.is_link { Code::LinkGouge } else { Code::LeadGouge };
-            let wall = || wall_at_start(runs);
+            let walls = self.walls;
+            let wall = || walls.of(0);
             self.one(code, ends, (&first.element, wall), span.d_mm.abs(), lead, other);
         }
         if let Some(behind) = behind {
@@ -49,7 +51,8 @@ impl Check<'_> {
     pub(crate) fn lead_off(&mut self, span: &Span, runs: &[Run], ends: (Vec2, Vec2), lead: &Lead) {
         let Some(last) = runs.last() else { return };
         let other = span.legs[last.legs.end - 1].source;
-        let wall = || wall_at_end(runs);
+        let walls = self.walls;
+        let wall = || walls.of(runs.len() - 1);
         let radius_mm = span.d_out_mm.abs();
         self.one(Code::LeadGouge, ends, (&last.element, wall), radius_mm, lead, other);
     }

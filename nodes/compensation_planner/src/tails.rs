@@ -1,46 +1,69 @@
-//! What is left of the first and the last element of a pass without its tails.
+//! What is left of the elements of a pass without its tails.
 //!
 //! A tail is the piece from a free end to the first place where the pass
 //! crosses itself: a contour that is entered and left by legs that cross has
-//! no wall beyond the crossing (M12). Only asked for when a lead seems to cut.
+//! no wall beyond the crossing (M12). Only asked for when something seems to be cut.
 
 use crate::distance::is_on;
 use crate::element::{Element, Vec2};
 use crate::intersect::crossings;
 use crate::span::Run;
 use crate::tolerance::MERGE_MM;
+use std::cell::OnceCell;
 
 /// Runs from the free end that are searched for the crossing; with every run of
 /// the pass as the other one. A longer tail counts as a wall.
 const RUNS_MAX: usize = 64;
 
-/// The wall in the first element; `None` when all of it is a tail.
-pub(crate) fn wall_at_start(runs: &[Run]) -> Option<Element> {
-    wall(runs.len(), |index| runs[index].element)
+/// The walls of a pass; its tails are searched for once, when the first is asked for.
+pub(crate) struct Walls<'a> {
+    runs: &'a [Run],
+    tails: OnceCell<[Option<Tail>; 2]>,
 }
 
-/// The wall in the last element; `None` when all of it is a tail.
-pub(crate) fn wall_at_end(runs: &[Run]) -> Option<Element> {
-    let last = runs.len() - 1;
-    wall(runs.len(), |index| reversed(&runs[last - index].element))
+/// All before this run, and this much of it, mm; counted from the free end.
+#[derive(Debug, Clone, Copy)]
+struct Tail {
+    run: usize,
+    along: f64,
 }
 
-fn wall(count: usize, element: impl Fn(usize) -> Element) -> Option<Element> {
-    for index in 0..count.min(RUNS_MAX) {
-        let this = element(index);
-        let first = (index + 1..count)
+impl<'a> Walls<'a> {
+    pub(crate) fn new(runs: &'a [Run]) -> Self {
+        Self { runs, tails: OnceCell::new() }
+    }
+
+    /// The wall in the element of a run; `None` when all of it is a tail.
+    pub(crate) fn of(&self, run: usize) -> Option<Element> {
+        let count = self.runs.len();
+        let [start, end] = self.tails.get_or_init(|| {
+            let backwards = |index: usize| reversed(&self.runs[count - 1 - index].element);
+            [tail(count, |index| self.runs[index].element), tail(count, backwards)]
+        });
+        let element = without(self.runs.get(run)?.element, *start, run)?;
+        Some(reversed(&without(reversed(&element), *end, count - 1 - run)?))
+    }
+}
+
+fn without(element: Element, tail: Option<Tail>, run: usize) -> Option<Element> {
+    match tail {
+        Some(tail) if run < tail.run => None,
+        Some(tail) if run == tail.run => without_start(&element, tail.along),
+        _ => Some(element),
+    }
+}
+
+fn tail(count: usize, element: impl Fn(usize) -> Element) -> Option<Tail> {
+    (0..count.min(RUNS_MAX)).find_map(|run| {
+        let this = element(run);
+        let along = (run + 1..count)
             .filter_map(|other| {
-                let shared = (other == index + 1).then(|| this.end());
+                let shared = (other == run + 1).then(|| this.end());
                 first_crossing(&this, &element(other), shared)
             })
-            .min_by(f64::total_cmp);
-        match first {
-            Some(along) if index == 0 => return without_start(&this, along),
-            Some(_) => return None,
-            None => {}
-        }
-    }
-    (count > 0).then(|| element(0))
+            .min_by(f64::total_cmp)?;
+        Some(Tail { run, along })
+    })
 }
 
 fn first_crossing(this: &Element, other: &Element, shared: Option<Vec2>) -> Option<f64> {
@@ -81,5 +104,41 @@ fn reversed(element: &Element) -> Element {
             arc.turn = -arc.turn;
             Element::Arc(arc)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_beyond_a_crossing_is_no_wall() {
+        let at = Vec2::new;
+        let points = [
+            at(-30.0, -25.0),
+            at(0.0, -25.0),
+            at(100.0, -25.0),
+            at(100.0, -100.0),
+            at(25.0, -100.0),
+            at(25.0, 0.0),
+            at(25.0, 25.0),
+        ];
+        let runs: Vec<Run> = points
+            .windows(2)
+            .enumerate()
+            .map(|(index, ends)| Run {
+                element: Element::line(ends[0], ends[1]).expect("two points"),
+                legs: index..index + 1,
+                d_in_mm: 5.0,
+                d_out_mm: 5.0,
+            })
+            .collect();
+        let walls = Walls::new(&runs);
+        let ends = |run| walls.of(run).map(|wall| (wall.start(), wall.end()));
+        assert_eq!(ends(0), None);
+        assert_eq!(ends(1), Some((at(25.0, -25.0), at(100.0, -25.0))));
+        assert_eq!(ends(2), Some((at(100.0, -25.0), at(100.0, -100.0))));
+        assert_eq!(ends(4), Some((at(25.0, -100.0), at(25.0, -25.0))));
+        assert_eq!(ends(5), None);
     }
 }
