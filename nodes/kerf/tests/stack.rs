@@ -94,6 +94,7 @@ fn ctrl_c_holds_the_machine_closes_the_bag_and_leaves_nothing() {
     let bags = machine.until_bags(1);
     let bag = bags[0].to_str().expect("UTF-8");
     machine.kerf(&["bag", "info", bag]).expect(0).says(&["complete:    yes"]);
+    machine.kerf(&["replay", bag]).expect(0).says(&["driver: 0 differences"]);
     let sent = transmitted(&bags[0]);
     assert!(sent.iter().any(|bytes| bytes.contains(&b'!')), "no hold was sent: {sent:?}");
 }
@@ -128,6 +129,27 @@ fn a_recorder_that_is_killed_loses_a_second_and_not_the_run() {
         bags.into_iter().find(|other| *other != bag && other.join("metadata.yaml").exists())
     });
     reproduced(&machine, &second);
+}
+
+#[test]
+fn a_controller_that_dies_is_never_idle_until_it_is_back() {
+    let mut machine = Machine::virtual_one(2);
+    machine.folder.file(SLOW, slow_program());
+    let running = machine.kerf_meanwhile(&["run", SLOW]);
+    machine.until_state("RUN");
+    kill_at_once(machine.node("virtual_controller"));
+    running
+        .join()
+        .expect("it only runs a command")
+        .expect(4)
+        .says(&["LINK_LOST", "motion may continue"]);
+    reproduced(&machine, &machine.until_bags(1)[0]);
+    // It is a new one, at zero; nothing goes on by itself.
+    let status = machine.until_state("IDLE");
+    assert!(status.contains("machine  X0.000 Y0.000"), "{status}");
+    assert!(machine.log().contains("virtual_controller ended"), "{}", machine.log());
+    assert_eq!(machine.interrupt(), 0);
+    machine.until_gone();
 }
 
 #[test]
