@@ -21,6 +21,9 @@ use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{Profile, SelectTarget};
 
+/// Findings of one kind in a span; more help nobody, and each takes a search.
+const FINDINGS_MAX: usize = 100;
+
 /// How a span ends.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Exit<'a> {
@@ -64,12 +67,16 @@ pub(crate) fn compensate(
         chain = Chain::new(&mut span, tolerance, exit_lead.as_ref(), is_identity, profile);
     }
     let Chain { runs, links, placed } = chain;
-    for place in unreachable(&links, &placed, tolerance) {
+    let mut places = unreachable(&links, &placed, tolerance);
+    for place in places.by_ref().take(FINDINGS_MAX) {
         diagnostics.push(finding::unreachable(&span, &runs, &place, profile));
     }
+    if let Some(place) = places.next() {
+        diagnostics.push(finding::more_unreachable(&span, &runs, &place, FINDINGS_MAX));
+    }
     let walls = Walls::new(&runs);
-    for cut in neighbours::cuts(&walls, &links, &placed, tolerance) {
-        diagnostics.push(finding::neighbour_cut(&span, &runs, &cut));
+    for cut in neighbours::cuts(&walls, &links, &placed, tolerance).iter().take(FINDINGS_MAX) {
+        diagnostics.push(finding::neighbour_cut(&span, &runs, cut));
     }
     out.side = side_of(span.d_mm);
     let mut writer =

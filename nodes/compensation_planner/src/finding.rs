@@ -75,6 +75,24 @@ pub(crate) fn unreachable(
     })
 }
 
+/// There are more places that the tool does not reach than are listed.
+pub(crate) fn more_unreachable(
+    span: &Span,
+    runs: &[Run],
+    next: &Unreachable,
+    listed: usize,
+) -> Diagnostic {
+    let source = span.legs[runs[next.longest].legs.start].source;
+    Diagnostic::error(
+        Code::Limit,
+        source,
+        format!(
+            "from here on there is more that the tool does not reach; {listed} places are listed"
+        ),
+    )
+    .help("use a smaller tool, or check that the compensation is on the right side")
+}
+
 /// An element on which the tool cuts into the next one.
 pub(crate) fn neighbour_cut(span: &Span, runs: &[Run], cut: &Cut) -> Diagnostic {
     let into = &span.legs[runs[cut.into].legs.start];

@@ -8,8 +8,9 @@
 //! The way of an event: `walk` gathers what lies between a lead-on and a
 //! lead-off into a [`span`](crate::span) and applies the `rules`; `normalise`
 //! makes runs of its legs, `chain` joins their offsets, `reach` says what the
-//! tool does not fit into, `neighbours` where it cuts into the next element, `corner` shapes outside corners, `lead` checks the
-//! leads, `write` and `emit` put it all out.
+//! tool does not fit into, `neighbours` where it cuts into the next element,
+//! `corner` shapes outside corners, `lead` checks the leads, `write` and `emit`
+//! put it all out.
 
 mod chain;
 mod compensate;

@@ -28,32 +28,32 @@ pub(crate) fn is_any_unreachable(links: &[Link], placed: &[Placed], tolerance: f
     gaps(links, placed).any(|gap| deviation(links, &gap, tolerance) > tolerance)
 }
 
-/// All places that the tool cannot reach.
-pub(crate) fn unreachable(links: &[Link], placed: &[Placed], tolerance: f64) -> Vec<Unreachable> {
-    let mut found = Vec::new();
-    for gap in gaps(links, placed) {
-        if deviation(links, &gap, tolerance) <= tolerance {
-            continue;
-        }
-        let runs = |from: usize, to: usize| {
-            links[from..to].iter().filter_map(|link| match link.role {
-                Role::Run(run) => Some((run, link.element.length())),
-                _ => None,
+/// All places that the tool cannot reach, each with its own search for the radius.
+pub(crate) fn unreachable<'a>(
+    links: &'a [Link],
+    placed: &'a [Placed],
+    tolerance: f64,
+) -> impl Iterator<Item = Unreachable> + 'a {
+    gaps(links, placed).filter(move |gap| deviation(links, gap, tolerance) > tolerance).filter_map(
+        move |gap| {
+            let runs = || {
+                links[gap.from..gap.to].iter().filter_map(|link| match link.role {
+                    Role::Run(run) => Some((run, link.element.length())),
+                    _ => None,
+                })
+            };
+            let (first, last) = (runs().next()?, runs().next_back()?);
+            let longest = runs().fold(first, |best, run| if run.1 > best.1 { run } else { best });
+            let from = gap.before.unwrap_or(gap.from);
+            let to = gap.after.map_or(gap.to, |after| after + 1);
+            Some(Unreachable {
+                first: first.0,
+                last: last.0,
+                longest: longest.0,
+                radius_mm_max: largest_radius(&links[from..to], tolerance),
             })
-        };
-        let inside = || runs(gap.from, gap.to);
-        let (Some(first), Some(last)) = (inside().next(), inside().next_back()) else { continue };
-        let longest = inside().fold(first, |best, run| if run.1 > best.1 { run } else { best });
-        let from = gap.before.unwrap_or(gap.from);
-        let to = gap.after.map_or(gap.to, |after| after + 1);
-        found.push(Unreachable {
-            first: first.0,
-            last: last.0,
-            longest: longest.0,
-            radius_mm_max: largest_radius(&links[from..to], tolerance),
-        });
-    }
-    found
+        },
+    )
 }
 
 /// Links `from..to` are consumed; `before` and `after` are the neighbours that stay.

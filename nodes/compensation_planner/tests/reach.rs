@@ -239,3 +239,14 @@ fn a_smooth_contour_of_short_chords_in_three_decimals_is_no_finding() {
         assert!(plan.accepted(), "{radius}: {}", findings(&plan));
     }
 }
+
+#[test]
+fn very_many_findings_are_cut_short() {
+    let step = "\nX30\nX2 Y-2\nX0.5\nX2 Y2";
+    let text =
+        format!("G0 X-20 Y40\nG41 D1 G456 G1 X-20 Y0\nG91{}\nG90\nG40 G456 Y60", step.repeat(500));
+    let plan = plan(&text, &sinumerik(), &tool(2.0));
+    let count = codes(&plan).iter().filter(|code| **code == Code::Unreachable).count();
+    assert_eq!(count, 100);
+    assert!(codes(&plan).contains(&Code::Limit));
+}

@@ -1,0 +1,174 @@
+//! Opens, fills and closes spans for the walk.
+//!
+//! When each of these happens is decided in `walk`; the geometry of a closed
+//! span is made by `compensate`.
+
+use super::{Active, Selection, State, Walk};
+use crate::SpanSummary;
+use crate::compensate::{Exit, WallBehind, compensate, empty_span};
+use crate::element::Element;
+use crate::emit::feed;
+use crate::frame::height;
+use crate::radius;
+use crate::rules;
+use crate::span::{Entry, ItemKind, Lead, Leg, Span};
+use crate::tolerance::RADIUS_MM;
+use cnc_msgs::contour::{Approach, CutterSide, Motion, Source};
+use cnc_msgs::geometry::Position;
+use cnc_msgs::path::Role;
+
+impl Walk<'_> {
+    pub(super) fn leg(
+        &mut self,
+        active: &mut Active,
+        element: Element,
+        motion: &Motion,
+        source: Source,
+    ) {
+        let mut d_out_mm = active.span.d_out_mm;
+        if let Some(at) = active.radius_changes.take() {
+            let resolved = self.signed_offset(active.side, at);
+            if (resolved - d_out_mm).abs() >= RADIUS_MM {
+                match rules::radius_change(source, &element, d_out_mm, resolved) {
+                    Some(finding) => self.diagnostics.push(finding),
+                    None => d_out_mm = resolved,
+                }
+            }
+        }
+        active.span.d_out_mm = d_out_mm;
+        active.span.legs.push(Leg {
+            element,
+            shape: motion.shape,
+            end: motion.end,
+            source,
+            feed_mm_per_min: feed(motion),
+            axes: motion.axes,
+            corner: self.corner,
+            d_out_mm,
+            reach: 0.0,
+        });
+    }
+
+    pub(super) fn off_plane_blocks(&mut self, active: &mut Active, source: Source) {
+        let between = std::mem::take(&mut active.between);
+        if let Some(finding) = between.excess(source, self.profile) {
+            self.diagnostics.push(finding);
+        }
+        active.between = rules::Between::after(source);
+    }
+
+    /// Begins a span with its lead-on; `link` when the motion also ends another one.
+    pub(super) fn open(
+        &mut self,
+        selection: Selection,
+        start: Position,
+        motion: &Motion,
+        source: Source,
+        link: Option<Option<WallBehind>>,
+    ) {
+        let approach = selection.approach.unwrap_or(self.profile.select.default);
+        let lead = self.lead(start, motion, source, approach);
+        let d_mm = self.signed_offset(selection.side, selection.source);
+        let plane = self.plane;
+        if link.is_none() {
+            self.rules().lead_on(&lead, plane, d_mm.abs());
+            if height(plane, motion.end) != height(plane, start) {
+                self.rules().off_plane_move(source, start, motion);
+            }
+        } else {
+            self.rules().link(&lead);
+        }
+        let span = Span {
+            plane,
+            d_mm,
+            d_out_mm: d_mm,
+            entry: Entry { lead, is_link: link.is_some() },
+            legs: Vec::new(),
+            items: Vec::new(),
+            exit_corner: self.corner,
+        };
+        self.state = State::Active(Box::new(Active {
+            span,
+            side: selection.side,
+            relink: None,
+            cancel: None,
+            behind: link.flatten(),
+            between: rules::Between::after(source),
+            radius_changes: None,
+        }));
+    }
+
+    /// Puts a gathered span out; gives the wall that a link leaves.
+    pub(super) fn close(&mut self, active: Active, exit: Exit<'_>) -> Option<WallBehind> {
+        let Active { span, behind, .. } = active;
+        let (Some(first), Some(last)) = (span.legs.first(), span.legs.last()) else {
+            self.close_empty(&span, exit);
+            return None;
+        };
+        let mut summary = SpanSummary {
+            first_line: first.source.line,
+            last_line: last.source.line,
+            side: if span.d_mm < 0.0 { CutterSide::Right } else { CutterSide::Left },
+            radius_mm: span.d_mm.abs(),
+            first_element: 0,
+            last_element: 0,
+        };
+        let before = self.out.path.elements.len();
+        let rest =
+            compensate(span, exit, behind, self.profile, &mut self.out, &mut self.diagnostics);
+        let is_contour = |index: &usize| {
+            matches!(
+                self.out.path.elements[*index].role,
+                Role::Contour | Role::Corner | Role::OffPlane
+            )
+        };
+        let mut inside = (before..self.out.path.elements.len()).filter(is_contour);
+        if let Some(first) = inside.next() {
+            summary.first_element = first;
+            summary.last_element = inside.next_back().unwrap_or(first);
+            self.spans.push(summary);
+        }
+        rest
+    }
+
+    /// A span without a contour: its moves as programmed, and the finding.
+    pub(super) fn close_empty(&mut self, span: &Span, exit: Exit<'_>) {
+        self.diagnostics.push(empty_span(span));
+        self.out.programmed(&span.entry.lead.motion, span.entry.lead.source, Role::LeadOn);
+        for item in &span.items {
+            match item.what {
+                ItemKind::Action(action) => self.out.action(action, item.source),
+                ItemKind::OffPlane(motion) => {
+                    self.out.off_plane(span.plane, &motion, item.source);
+                }
+            }
+        }
+        if let Exit::LeadOff(lead) = exit {
+            self.out.programmed(&lead.motion, lead.source, Role::LeadOff);
+        }
+    }
+
+    /// The radius in force with the sign of the side, mm; 0 when it is not known.
+    pub(super) fn signed_offset(&mut self, side: CutterSide, at: Source) -> f64 {
+        let resolved =
+            radius::resolve(self.radius, self.spindle_tool, self.profile, self.tools, at);
+        let radius_mm = resolved.unwrap_or_else(|finding| {
+            self.diagnostics.push(*finding);
+            0.0
+        });
+        match side {
+            CutterSide::Left => radius_mm,
+            CutterSide::Right => -radius_mm,
+        }
+    }
+
+    pub(super) fn lead(
+        &self,
+        start: Position,
+        motion: &Motion,
+        source: Source,
+        approach: Approach,
+    ) -> Lead {
+        Lead { motion: *motion, source, start, approach }
+    }
+}
