@@ -1,4 +1,9 @@
 //! Makes Rust of the interface files; see `generator/mod.rs` for how.
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    reason = "a build script reads and writes files; what it makes is pure"
+)]
 
 use std::path::Path;
 use std::process::ExitCode;

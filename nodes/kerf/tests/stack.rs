@@ -132,6 +132,25 @@ fn a_recorder_that_is_killed_loses_a_second_and_not_the_run() {
 }
 
 #[test]
+fn a_driver_that_is_killed_finds_the_machine_held_and_its_bag_says_so() {
+    let machine = Machine::virtual_one(2);
+    machine.folder.file(SLOW, slow_program());
+    let running = machine.kerf_meanwhile(&["run", SLOW]);
+    machine.until_state("RUN");
+    until("a bag", || machine.bags().pop());
+    kill_at_once(machine.node("axis_driver"));
+    let status = machine.until_state("HOLD");
+    assert!(status.contains("DRIVER_RESTARTED"), "{status}");
+    running.join().expect("it only runs a command").expect(4).says(&["restarted"]);
+    machine.kerf(&["run", SLOW]).expect(4).says(&["DRIVER_RESTARTED"]);
+    let bag = machine.until_bags(1).remove(0);
+    let bag = bag.to_str().expect("UTF-8");
+    let why = "the driver was started again in the middle of the run";
+    machine.kerf(&["bag", "info", bag]).expect(1).says(&[why]);
+    machine.kerf(&["replay", bag]).expect(2).says(&[why]);
+}
+
+#[test]
 fn a_controller_that_dies_is_never_idle_until_it_is_back() {
     let mut machine = Machine::virtual_one(2);
     machine.folder.file(SLOW, slow_program());

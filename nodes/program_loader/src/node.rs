@@ -8,8 +8,8 @@ use crate::upload::Uploads;
 use crate::{LoadOptions, Loaded, load};
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::{ContourChunks, ProgramChunks, program_id, sha256_hex};
-use cnc_msgs::interface::Service;
 use cnc_msgs::geometry::Position;
+use cnc_msgs::interface::Service;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::units::point_from_position;
 use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, Program, ProgramChunk, ProgrammedContour};
@@ -37,9 +37,15 @@ pub fn main(args: Vec<String>) -> ExitCode {
 /// The node's parameters.
 pub fn parameters() -> Vec<Declared> {
     vec![
-        Declared::new("controller", "rs274", "controller profile of programs that do not name one: a built-in name, or a YAML file").read_only(),
+        Declared::new(
+            "controller",
+            "rs274",
+            "controller profile of programs that do not name one: a built-in name, or a YAML file",
+        )
+        .read_only(),
         Declared::new("frame_id", "work", "frame of the programmed contour").read_only(),
-        Declared::new("block_delete", false, "whether blocks that begin with / are skipped").read_only(),
+        Declared::new("block_delete", false, "whether blocks that begin with / are skipped")
+            .read_only(),
     ]
 }
 
@@ -67,16 +73,19 @@ async fn start(node: Handle) -> NodeResult {
         }
     })?;
     let (shared, log) = (Arc::clone(&loader), commands);
-    node.service::<PutProgramChunk, _, _>("put_program_chunk", move |request, info: RequestInfo| {
-        let response = shared.put_chunk(request.clone());
-        let answer = Answer {
-            success: response.success,
-            error_code: response.error_code,
-            message: &response.message,
-        };
-        log.record("put_program_chunk", PutProgramChunk::TYPE_NAME, &info, &request, answer);
-        std::future::ready(response)
-    })?;
+    node.service::<PutProgramChunk, _, _>(
+        "put_program_chunk",
+        move |request, info: RequestInfo| {
+            let response = shared.put_chunk(request.clone());
+            let answer = Answer {
+                success: response.success,
+                error_code: response.error_code,
+                message: &response.message,
+            };
+            log.record("put_program_chunk", PutProgramChunk::TYPE_NAME, &info, &request, answer);
+            std::future::ready(response)
+        },
+    )?;
     let shared = Arc::clone(&loader);
     node.service::<GetProgramChunks, _, _>("program/get_chunks", move |request, _| {
         std::future::ready(shared.program_chunks(&request))
@@ -130,10 +139,8 @@ impl Loader {
         let controller: String = node.parameter("controller");
         // A wrong default is better found now than with the first program.
         runtime::load_profile(&controller)?;
-        let options = LoadOptions {
-            block_delete: node.parameter("block_delete"),
-            ..LoadOptions::default()
-        };
+        let options =
+            LoadOptions { block_delete: node.parameter("block_delete"), ..LoadOptions::default() };
         Ok(Self {
             node: node.clone(),
             controller,
@@ -163,11 +170,8 @@ impl Loader {
     fn try_load(&self, request: LoadProgramRequest) -> Result<LoadProgramResponse, Refusal> {
         type W = LoadProgramResponse;
         let (text, name) = self.text_of(&request)?;
-        let controller = if request.controller.is_empty() {
-            &self.controller
-        } else {
-            &request.controller
-        };
+        let controller =
+            if request.controller.is_empty() { &self.controller } else { &request.controller };
         let profile = runtime::load_profile(controller)
             .or_else(|error| refuse(W::UNKNOWN_CONTROLLER, error))?;
         let loaded = load(&text, &profile, &self.options);
@@ -178,7 +182,9 @@ impl Loader {
                 error_code: W::PROGRAM_REFUSED,
                 message: format!("{name} is refused: {errors} errors, the first: {}", {
                     let first = loaded.diagnostics.iter().find(|finding| finding.is_error());
-                    first.map(|f| format!("line {}: {}", f.source.line, f.message)).unwrap_or_default()
+                    first
+                        .map(|f| format!("line {}: {}", f.source.line, f.message))
+                        .unwrap_or_default()
                 }),
                 line_count: loaded.line_count,
                 diagnostics,
@@ -222,7 +228,10 @@ impl Loader {
                 if size > PROGRAM_BYTES_MAX as u64 {
                     return refuse(
                         W::TOO_LARGE,
-                        format_args!("{} has {size} bytes; at most {PROGRAM_BYTES_MAX} are taken", request.path),
+                        format_args!(
+                            "{} has {size} bytes; at most {PROGRAM_BYTES_MAX} are taken",
+                            request.path
+                        ),
                     );
                 }
                 Ok((std::fs::read(path).map_err(unreadable)?, named(&name)))
@@ -362,9 +371,7 @@ pub fn corners(loaded: &Loaded) -> (Position, Position) {
 }
 
 /// As many findings as fit an answer, and how many there are.
-fn first_findings(
-    loaded: &Loaded,
-) -> (Vec<cnc_msgs::wire::cnc_msgs::msg::Diagnostic>, u32) {
+fn first_findings(loaded: &Loaded) -> (Vec<cnc_msgs::wire::cnc_msgs::msg::Diagnostic>, u32) {
     let mut bytes = 0;
     let findings = loaded.diagnostics.iter().map(Into::into).take_while(|finding| {
         bytes += cdr::body(finding).len();

@@ -23,11 +23,15 @@ pub enum UploadError {
     CountChanged { count: u32, earlier: u32 },
     #[error("chunk {index} holds {bytes} bytes; at most {CHUNK_BYTES_MAX} are taken")]
     ChunkTooLarge { index: u32, bytes: usize },
-    #[error("{count} chunks of up to {CHUNK_BYTES_MAX} bytes are announced; a program may have {PROGRAM_BYTES_MAX} bytes")]
+    #[error(
+        "{count} chunks of up to {CHUNK_BYTES_MAX} bytes are announced; a program may have {PROGRAM_BYTES_MAX} bytes"
+    )]
     TooLarge { count: u32 },
     #[error("chunk {index} is damaged: its CRC-32 is {found:08x}, not {stated:08x}")]
     Damaged { index: u32, found: u32, stated: u32 },
-    #[error("no upload {id:?} is here; it was never begun, was used already, or was dropped for newer ones")]
+    #[error(
+        "no upload {id:?} is here; it was never begun, was used already, or was dropped for newer ones"
+    )]
     Unknown { id: String },
     #[error("upload {id:?} is not complete: chunk {index} of {count} is missing")]
     Incomplete { id: String, index: u32, count: u32 },

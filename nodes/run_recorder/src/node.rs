@@ -291,12 +291,12 @@ impl Recorder {
 
     /// Fills what is missing, closes the bag and says how it went.
     async fn finish(&self, mut open: OpenRun) {
-        if !open.has_beginning {
-            let beginning = self.sources.traffic(&Numbers::default()).await;
-            open.add_beginning(&self.state().store, beginning);
-        }
-        let traffic = self.sources.traffic(&open.numbers).await;
-        let problem = open.add_traffic(&self.state().store, traffic);
+        let problem = if open.driver_restarted {
+            // The driver of now has not what the one of then sent.
+            Some("the driver that sent it is gone".to_owned())
+        } else {
+            self.fetch_rest(&mut open).await
+        };
         open.note_gaps(problem);
         let run_id = open.run_id.clone();
         let stamp = self.node.now().into();
@@ -311,6 +311,16 @@ impl Recorder {
             tracing::error!("{}: {}", status.path.display(), status.reasons.join("; "));
         }
         self.publish(store::recording_message(stamp, run_id, false, &status));
+    }
+
+    /// Fetches the traffic that is missing; says why there is not more of it.
+    async fn fetch_rest(&self, open: &mut OpenRun) -> Option<String> {
+        if !open.has_beginning {
+            let beginning = self.sources.traffic(&Numbers::default()).await;
+            open.add_beginning(&self.state().store, beginning);
+        }
+        let traffic = self.sources.traffic(&open.numbers).await;
+        open.add_traffic(&self.state().store, traffic)
     }
 
     fn publish_progress(&self) {

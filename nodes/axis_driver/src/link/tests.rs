@@ -1,3 +1,5 @@
+//! The link against scripted bytes and a clock in the test's hand.
+
 use super::*;
 use crate::report::ControllerState;
 use proptest::prelude::*;

@@ -1,3 +1,5 @@
+//! Lines of real firmware, and what they mean.
+
 use super::*;
 
 fn read(line: &str) -> Report {

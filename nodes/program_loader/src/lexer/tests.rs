@@ -1,3 +1,5 @@
+//! Words and what is no word, by tables.
+
 use super::*;
 use crate::dialect;
 use cnc_msgs::profile::Dialect;

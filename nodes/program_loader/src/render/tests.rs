@@ -1,3 +1,5 @@
+//! Findings as they are drawn.
+
 use super::*;
 use cnc_msgs::diagnostic::Code;
 use expect_test::{Expect, expect};

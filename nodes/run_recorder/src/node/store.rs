@@ -23,6 +23,7 @@ const PUBLISHERS_MAX: usize = 32;
 /// A sample and its times, nanoseconds since the epoch.
 #[derive(Debug, Clone)]
 struct Kept {
+    publisher: [u8; 16],
     log_time_ns: u64,
     publish_time_ns: u64,
     bytes: Vec<u8>,
@@ -33,7 +34,8 @@ impl Kept {
         let at = |time: RosTime| u64::try_from(time.as_nanos()).unwrap_or(0);
         let log_time_ns = at(sample.info.reception_time);
         let publish_time_ns = sample.info.source_time.map_or(log_time_ns, at);
-        Self { log_time_ns, publish_time_ns, bytes: sample.bytes }
+        let Gid(publisher) = sample.info.publisher;
+        Self { publisher, log_time_ns, publish_time_ns, bytes: sample.bytes }
     }
 }
 
@@ -65,8 +67,8 @@ impl Store {
 
     /// Takes a sample: into the bag if one is open, and to memory.
     pub(super) fn take(&mut self, open: Option<&mut OpenRun>, index: usize, sample: RawSample) {
-        let Gid(publisher) = sample.info.publisher;
         let kept = Kept::new(sample);
+        let publisher = kept.publisher;
         let topic = &mut self.topics[index];
         if topic.is_latched {
             if topic.newest.len() >= PUBLISHERS_MAX && !topic.newest.contains_key(&publisher) {
@@ -140,6 +142,10 @@ pub(super) struct OpenRun {
     pub(super) has_inputs: bool,
     /// Whether the serial traffic is there from where it can be replayed.
     pub(super) has_beginning: bool,
+    /// The driver whose traffic is counted.
+    driver: Option<[u8; 16]>,
+    /// Another driver was heard: its numbers begin anew.
+    pub(super) driver_restarted: bool,
     channels: BTreeMap<usize, ChannelIndex>,
     wanted: Option<Wanted>,
 }
@@ -177,6 +183,8 @@ impl OpenRun {
             numbers: Numbers::default(),
             has_inputs: false,
             has_beginning: false,
+            driver: None,
+            driver_restarted: false,
             channels: BTreeMap::new(),
             wanted: Some(wanted),
         };
@@ -216,7 +224,10 @@ impl OpenRun {
 
     fn write(&mut self, index: usize, type_name: &str, kept: Kept) {
         let Some(&channel) = self.channels.get(&index) else { return };
-        if is_traffic(type_name) {
+        if is_traffic(type_name) && *self.driver.get_or_insert(kept.publisher) != kept.publisher {
+            self.driver_restarted = true;
+            self.bag.note_incomplete("the driver was started again in the middle of the run");
+        } else if is_traffic(type_name) {
             match cdr::decode::<wire::ControllerTraffic>(&kept.bytes) {
                 Ok(traffic) => {
                     for entry in &traffic.entries {
