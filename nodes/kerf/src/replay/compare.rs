@@ -120,3 +120,37 @@ fn without_indexes(path: &str) -> String {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::wire::cnc_msgs::msg::{PathChunk, PathElement};
+
+    fn chunk(x: f64) -> PathChunk {
+        let mut element = PathElement { kind: PathElement::KIND_LINE, ..PathElement::default() };
+        element.end.x = x;
+        PathChunk { elements: vec![element], ..PathChunk::default() }
+    }
+
+    fn differences(recorded: f64, now: f64) -> Vec<String> {
+        let mut comparison = Comparison::default();
+        comparison.message("compensated_path/chunks 0", &chunk(recorded), &chunk(now));
+        assert_eq!(comparison.compared.get("compensated_path/chunks"), Some(&1));
+        comparison.differences.into_iter().map(|difference| difference.field).collect()
+    }
+
+    #[test]
+    fn a_micrometre_is_a_difference_and_a_picometre_is_none() {
+        assert_eq!(differences(0.1, 0.1 + 1e-6), ["elements[].end.x"]);
+        assert_eq!(differences(0.1, 0.1 + 1e-12), [""; 0]);
+        assert_eq!(differences(f64::NAN, f64::NAN), ["elements[].end.x"]);
+    }
+
+    #[test]
+    fn messages_that_are_not_made_any_more_are_counted() {
+        let mut comparison = Comparison::default();
+        comparison.sequence("chunks", &[chunk(0.0), chunk(1.0)], &[chunk(0.0)]);
+        assert_eq!(comparison.differences.len(), 1);
+        assert!(comparison.differences[0].text.contains("2 messages were recorded, 1 are made"));
+    }
+}
