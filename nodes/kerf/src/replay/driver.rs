@@ -14,6 +14,8 @@ use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::parameters::ParameterValue;
 use std::sync::Arc;
 
+/// How long a state may take from the driver to its topic on a busy computer, ns.
+const ON_ITS_WAY_NS: i64 = 500_000_000;
 /// Bytes of one difference that are shown.
 const SHOWN_BYTES: usize = 60;
 
@@ -130,7 +132,9 @@ fn shown(bytes: &[u8]) -> String {
 
 /// Every state that was published must be one that the core goes through, in order.
 ///
-/// The topic repeats states and may drop some; both are left out of account.
+/// The topic repeats states and may drop some; both are left out of account. So is
+/// what was on its way to the topic when the journal begins: states are matched from
+/// the last one back, and those of the first [`ON_ITS_WAY_NS`] may be older ones.
 fn compare_states(
     recording: &Recording,
     first_sequence: u64,
@@ -147,20 +151,22 @@ fn compare_states(
         })
         .collect();
     // What was said before the journal begins cannot be made again.
-    let stamp = |stamp: &Time| (stamp.sec, stamp.nanosec);
     let first = recording.traffic.get(&first_sequence);
-    let begin = first.map(|(_, entry)| stamp(&entry.stamp));
-    let mut recorded: Vec<MachineState> = recording
+    let begin_ns = first.map_or(0, |(_, entry)| nanoseconds(&entry.stamp));
+    let mut recorded: Vec<(i64, MachineState)> = recording
         .states
         .iter()
-        .filter(|state| Some(stamp(&state.header.stamp)) >= begin)
-        .map(comparable)
+        .map(|state| (nanoseconds(&state.header.stamp), comparable(state)))
+        .filter(|(at_ns, _)| *at_ns >= begin_ns)
         .collect();
-    recorded.dedup();
+    recorded.dedup_by(|next, before| next.1 == before.1);
     comparison.count("states", recorded.len());
-    let mut rest = made.iter();
-    for (index, state) in recorded.iter().enumerate() {
+    let mut rest = made.iter().rev();
+    for (index, (at_ns, state)) in recorded.iter().enumerate().rev() {
         if !rest.any(|made| made == state) {
+            if *at_ns < begin_ns + ON_ITS_WAY_NS {
+                break;
+            }
             comparison.differs(
                 &format!("state {index}"),
                 "state",
@@ -169,6 +175,10 @@ fn compare_states(
             break;
         }
     }
+}
+
+fn nanoseconds(stamp: &Time) -> i64 {
+    i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec)
 }
 
 /// A state without what depends on when it was published.
