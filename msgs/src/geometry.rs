@@ -44,9 +44,24 @@ impl Plane {
     }
 }
 
-/// A set of the axes X, Y, Z.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+/// A set of the axes X, Y, Z; in YAML its letters: `XY`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct AxisSet(u8);
+
+impl TryFrom<String> for AxisSet {
+    type Error = String;
+
+    fn try_from(letters: String) -> Result<Self, String> {
+        Self::from_letters(&letters).ok_or_else(|| format!("{letters:?} are not axes of X, Y, Z"))
+    }
+}
+
+impl From<AxisSet> for String {
+    fn from(axes: AxisSet) -> Self {
+        axes.letters()
+    }
+}
 
 impl AxisSet {
     /// No axis.
@@ -90,6 +105,13 @@ impl AxisSet {
     /// Whether no axis is in the set.
     pub const fn is_empty(self) -> bool {
         self.0 == 0
+    }
+
+    /// The set of these letters, which are X, Y and Z; `None` for others.
+    pub fn from_letters(letters: &str) -> Option<Self> {
+        letters.chars().try_fold(Self::NONE, |set, letter| {
+            Some(set.with(AXIS_LETTERS.iter().position(|&axis| axis == letter)?))
+        })
     }
 
     /// The letters of the set, in order: `"XZ"`.

@@ -1,14 +1,61 @@
 //! A controller profile: every rule in which controls differ.
 //!
 //! The values come from `config/controllers/*.yaml`, where each is explained
-//! beside its value. Keys are added as rules need them; an unknown key is an
-//! error, because a rule that nobody applies is worse than none.
+//! beside its value. A rule that a program can break is a [`Rule`]: what the
+//! control does, and how strictly a program is held to it. Keys are added as
+//! rules need them; an unknown key is an error, because a rule that nobody
+//! applies is worse than none. What the form of a file cannot say,
+//! [`Profile::check`] does.
+
+mod check;
+
+pub use check::ProfileFault;
 
 use crate::contour::{Approach, OutsideCorner};
 use crate::diagnostic::Severity;
-use crate::geometry::Plane;
+use crate::geometry::{AxisSet, Plane};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// What becomes of a program that breaks a rule of its control.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Strictness {
+    /// It is refused.
+    #[default]
+    Error,
+    /// It is accepted with a warning, and the sound thing is done.
+    Warn,
+    /// It is accepted with a warning, and done as the control would do it,
+    /// sound or not.
+    Emulate,
+}
+
+impl Strictness {
+    /// Of the finding about a broken rule.
+    pub const fn severity(self) -> Severity {
+        match self {
+            Self::Error => Severity::Error,
+            Self::Warn | Self::Emulate => Severity::Warning,
+        }
+    }
+}
+
+/// What a control does, and how strictly a program is held to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rule<R> {
+    pub rule: R,
+    #[serde(default)]
+    pub strictness: Strictness,
+}
+
+impl<R> Rule<R> {
+    /// The severity of breaking it.
+    pub const fn severity(&self) -> Severity {
+        self.strictness.severity()
+    }
+}
 
 /// The rules of one control.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,15 +68,35 @@ pub struct Profile {
     pub corner: CornerRules,
     pub select: SelectRules,
     pub cancel: CancelRules,
-    /// G41 while G41 is active, without a change of side.
-    pub reselect: Reselect,
+    /// G42 while G41 is active, and the reverse (C12).
+    pub side_change: Rule<SideChange>,
+    /// G41 while G41 is active (C13).
+    pub reselect: Rule<Reselect>,
+    /// D0 (C21).
+    pub d0: Rule<ZeroOffset>,
+    /// Rapids under compensation (C9).
+    pub rapid: Rule<RapidMode>,
     pub off_plane: OffPlaneRules,
     pub auxiliary: AuxiliaryRules,
-    pub full_circle: FullCircle,
+    /// A full circle in one block (C7).
+    pub full_circle: Rule<FullCircle>,
+    /// Homing while compensation is active (C16).
+    pub home: Rule<HomeMode>,
+    /// How far the control looks ahead (C17).
+    pub lookahead: LookaheadRules,
+    /// G41 in a single block of manual data input (C20).
+    pub mdi: Rule<MdiMode>,
+    /// Starting in the middle of a compensated contour (C19).
+    pub restart: Rule<RestartMode>,
     /// Words that a block under compensation must not hold, as they are written: `G54`.
     #[serde(default)]
-    pub forbidden_under_compensation: Vec<String>,
+    pub forbidden_under_compensation: ForbiddenWords,
     pub interference: InterferenceRules,
+    /// The point of the tool that the path is of.
+    #[serde(default)]
+    pub output: OutputPoint,
+    #[serde(default)]
+    pub display: Display,
     /// How far the tool may stay off a consumed element before it counts as unreachable.
     pub accept_tolerance_mm: f64,
 }
@@ -38,10 +105,20 @@ pub struct Profile {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Language {
-    /// The lexer and word table.
+    /// The lexer and word table (C5).
     pub dialect: Dialect,
-    /// Planes in which compensation works.
-    pub planes: Vec<Plane>,
+    /// Planes in which compensation works (C8).
+    pub planes: Rule<Vec<Plane>>,
+    /// Axes whose motion may be compensated, `XYZ`: the dominant ones (A01).
+    #[serde(default = "all_axes")]
+    pub dominant_axes: Rule<AxisSet>,
+    /// X is programmed as a diameter (Okuma).
+    #[serde(default)]
+    pub x_is_diameter: bool,
+}
+
+const fn all_axes() -> Rule<AxisSet> {
+    Rule { rule: AxisSet::ALL, strictness: Strictness::Error }
 }
 
 /// A lexer and word table.
@@ -52,15 +129,34 @@ pub enum Dialect {
     #[serde(rename = "sinumerik_840c")]
     Sinumerik840c,
     Masso,
+    Automation1,
+    OspLathe,
+    Nct,
 }
 
+/// Where the radius comes from and when it may change.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RadiusRules {
-    /// What D, P or their absence mean.
-    pub source: RadiusKind,
-    /// A negative resolved radius.
-    pub negative: NegativeRadius,
+    /// What D, P or their absence mean (C3); strictness: a program that names none.
+    pub source: Rule<RadiusKind>,
+    /// Whether the value in force is a radius or a width (A03).
+    #[serde(default)]
+    pub value_is: RadiusValue,
+    /// A negative resolved radius (C4).
+    pub negative: Rule<NegativeRadius>,
+    /// When the program may change it (C15).
+    pub change: Rule<RadiusChange>,
+    /// What the block that changes it does (S43).
+    #[serde(default)]
+    pub change_at: ChangeAt,
+    /// Blocks that still run with the old value after one that changes the value
+    /// of the offset in force (S47).
+    #[serde(default)]
+    pub value_latency_blocks: u32,
+    /// What a running program does when `set_tool` changes its offset (S46, S48).
+    #[serde(default)]
+    pub live_value: LiveValue,
 }
 
 /// What a control calls the radius.
@@ -73,16 +169,67 @@ pub enum RadiusKind {
     DRegister,
     /// The tool in the spindle, (diameter + wear)/2, and P added.
     SpindleToolPlusP,
+    /// A value that the program sets (`G43 P`), else that of the tool in the spindle.
+    ProgramValue,
+    /// The nose radius that the T word names.
+    NoseRegister,
 }
 
+/// What the number that a program or register holds is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RadiusValue {
+    #[default]
+    Radius,
+    /// Of a kerf: the offset is half of it.
+    Width,
+}
+
+/// What a negative radius does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NegativeRadius {
     /// The tool runs on the other side.
     Flip,
-    Error,
+    /// There is none.
+    Forbidden,
 }
 
+/// When a program may change the radius.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RadiusChange {
+    /// In any block.
+    Anywhere,
+    /// In straight blocks (S44).
+    StraightBlocks,
+    /// Only while compensation is off (A14).
+    WhenOff,
+}
+
+/// Where a block that changes the radius begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ChangeAt {
+    /// At the intersection with the old radius; it ends at that with the new one.
+    #[default]
+    Intersection,
+    /// Perpendicular to the end of the block before, with the old radius (SINUMERIK 880).
+    Perpendicular,
+}
+
+/// Which value of an offset a running program uses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LiveValue {
+    /// The one it started with.
+    #[default]
+    AtStart,
+    /// The new one from the next corner on, when it is set while the machine holds (S48).
+    WhenStopped,
+}
+
+/// What happens at outside corners (C6).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CornerRules {
@@ -90,22 +237,42 @@ pub struct CornerRules {
     #[serde(default)]
     pub words: BTreeMap<String, OutsideCorner>,
     pub default: OutsideCorner,
+    /// The machine datum d: obtuse corners with arcs whose ends are nearer than
+    /// this get no block of their own (S68, S69, S71); 0: they always do.
+    #[serde(default)]
+    pub short_block_mm: f64,
+    /// A circle that its corner would lengthen over 360 degrees (S70); emulate:
+    /// only what is above 360 degrees is run.
+    #[serde(default)]
+    pub arc_over_360: Strictness,
 }
 
+/// How compensation begins.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SelectRules {
-    /// Where the lead-on ends.
+    /// Where the lead-on ends (C11).
     pub target: SelectTarget,
     /// What each G word of the control selects: `G455: corner`.
     #[serde(default)]
     pub words: BTreeMap<String, Approach>,
     /// Start behind the contour without such a word.
     pub default: Approach,
-    /// What the length of the lead-on must be, compared with the radius.
-    pub length: LeadLength,
+    /// What the length of the lead-on must be, compared with the radius (C10).
+    pub length: Rule<LeadLength>,
+    /// A lead-on that is an arc; unless it is refused, it is run as a straight line.
+    #[serde(default)]
+    pub arc_lead: Strictness,
+    /// A selection that no move in the plane follows (A16).
+    #[serde(default = "warn")]
+    pub if_no_move: Strictness,
 }
 
+const fn warn() -> Strictness {
+    Strictness::Warn
+}
+
+/// Where a lead-on ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SelectTarget {
@@ -115,76 +282,260 @@ pub enum SelectTarget {
     NormalEntry,
 }
 
+/// What a lead must be long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LeadLength {
     /// Anything, even zero.
-    None,
+    Any,
     /// Strictly longer than the radius.
     LongerThanRadius,
 }
 
+/// How compensation ends (C14).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CancelRules {
     /// End behind the contour without a word that says so.
     pub default: Approach,
-    /// Whether the first move after the cancel must name both axes of the plane.
-    pub both_axes: bool,
+    /// The axes that the first move after the cancel must name.
+    pub axes: Rule<CancelAxes>,
     /// What the length of the lead-off must be, compared with the radius.
-    pub length: LeadLength,
+    pub length: Rule<LeadLength>,
+    /// A lead-off that is an arc; unless it is refused, it is run as a straight line.
+    #[serde(default)]
+    pub arc_lead: Strictness,
+    /// A cancel that no move in the plane follows: compensation stays on (A21).
+    #[serde(default)]
+    pub if_no_move: Strictness,
     /// Compensation that is still active at the end of the program.
-    pub missing: Severity,
-    /// Whether a move in the plane must come between the cancel and a move out of it.
-    pub before_off_plane: bool,
+    pub missing: Strictness,
+    /// Where the cancel must stand before the end of the program (S32).
+    #[serde(default = "anywhere")]
+    pub before_end: Rule<CancelBeforeEnd>,
+    /// Whether a move in the plane must come between the cancel and a move out of it (M13).
+    pub before_off_plane: Rule<OffPlaneAfterCancel>,
 }
 
+const fn anywhere() -> Rule<CancelBeforeEnd> {
+    Rule { rule: CancelBeforeEnd::Anywhere, strictness: Strictness::Error }
+}
+
+/// The axes of the plane that the lead-off names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CancelAxes {
+    /// One is enough.
+    Any,
+    Both,
+}
+
+/// Where the cancel must stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CancelBeforeEnd {
+    /// Anywhere with a move.
+    Anywhere,
+    /// In a block with a move before the block that ends the program.
+    OwnBlock,
+}
+
+/// What may come right after the cancel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OffPlaneAfterCancel {
+    Allowed,
+    /// The lead-off comes first.
+    LeadOffFirst,
+}
+
+/// What a change of side does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SideChange {
+    /// The old contour ends and the new one begins as the words say, straight
+    /// without one (S39).
+    Relink,
+    /// At the intersection of both offsets (O02), no move between.
+    Intersection,
+    /// There is none.
+    Forbidden,
+}
+
+/// What G41 does while G41 is active.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reselect {
+    /// Nothing, unless a word of the approach stands beside it (S35 to S37).
     Ignore,
-    Error,
+    Forbidden,
 }
 
+/// What D0 does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ZeroOffset {
+    /// The control has no D, or D0 is a number like any other.
+    None,
+    /// It cancels (S22, S29).
+    Deselect,
+    /// The offset goes to zero and the side stays selected (N05, N06).
+    Suspend,
+}
+
+/// What a rapid under compensation does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RapidMode {
+    /// It is compensated like a feed move.
+    Compensated,
+    /// Its ends are compensated; the way between them is the machine's (A08).
+    Endpoint,
+    /// It goes where it is programmed to.
+    Raw,
+}
+
+/// Blocks without motion in the plane between two that have it (C1).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OffPlaneRules {
-    /// Blocks without motion in the plane that may stand between two that have it;
-    /// absent: any number.
+    /// How many there may be; absent: any number.
     pub max_blocks: Option<u32>,
+    /// One block more; emulate: the block before ends perpendicular, which cuts
+    /// into inside corners (S63).
+    pub strictness: Strictness,
     /// The control's alarm for one block more.
     pub alarm: Option<String>,
 }
 
+/// Functions and moves out of the plane while compensation is active (C2).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AuxiliaryRules {
-    /// Spindle, coolant and M functions while compensation is active.
-    pub under_compensation: Permission,
-    /// Moves of the third axis while compensation is active.
-    pub off_plane_moves: Permission,
+    /// Spindle, coolant and M functions.
+    pub functions: Rule<Permission>,
+    /// Moves of the third axis.
+    pub moves: Rule<Permission>,
+    /// Where functions without a move run when they stand between two blocks.
+    #[serde(default)]
+    pub anchor: Anchor,
+    /// When the functions of a block with a move run (S57).
+    #[serde(default)]
+    pub timing: Timing,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Permission {
     Allowed,
-    Warn,
-    Error,
+    Forbidden,
 }
 
+/// Where functions between two blocks with motion run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Anchor {
+    /// Before the generated corner (S51).
+    #[default]
+    BeforeCorner,
+    /// Those of blocks without any move after it, the others before it (SINUMERIK 880).
+    AfterCorner,
+}
+
+/// When the functions of a block run, seen from its motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Timing {
+    #[default]
+    Before,
+    /// Along with it; a machine that waits for its functions runs them before.
+    During,
+}
+
+/// What a full circle in one block is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FullCircle {
-    Ok,
-    Error,
+    Allowed,
+    Forbidden,
 }
 
+/// What homing does to compensation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HomeMode {
+    /// It ends compensation at once, without a lead-off (A05).
+    Drop,
+    Forbidden,
+}
+
+/// How far a control looks ahead.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LookaheadRules {
+    /// Blocks with motion in the plane; absent: the whole program.
+    pub blocks: Option<u32>,
+    /// A contour violation that the control is too short-sighted to see.
+    #[serde(default)]
+    pub strictness: Strictness,
+}
+
+/// What G41 does in manual data input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MdiMode {
+    /// Nothing: the block runs as it is programmed (N09).
+    Uncompensated,
+    Forbidden,
+}
+
+/// What starting inside a compensated contour does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RestartMode {
+    /// Compensation is entered anew.
+    Rebuild,
+    /// The program starts before the selection (M28).
+    Forbidden,
+}
+
+/// Words that must not stand under compensation.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ForbiddenWords {
+    pub words: Vec<String>,
+    #[serde(default)]
+    pub strictness: Strictness,
+}
+
+/// What is done about a contour that the tool does not fit (C18).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InterferenceRules {
+    /// A contour that is cut into, or that the tool does not reach.
+    #[serde(default)]
+    pub contour: Strictness,
     /// A lead that cuts into its contour.
-    pub leads: Severity,
+    pub leads: Strictness,
     /// The control's alarm for a contour that the tool does not fit.
     pub alarm: Option<String>,
+}
+
+/// The point of the tool that the path is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OutputPoint {
+    /// The centre of the tool or of its nose (O06).
+    #[default]
+    Center,
+    /// The theoretical tip of a turning tool (S66, S73).
+    Tip,
+}
+
+/// How pictures are drawn; nothing of the path depends on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Display {
+    /// Turning in front of the centre: X points down (S02).
+    pub mirror_x: bool,
 }

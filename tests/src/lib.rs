@@ -1,4 +1,6 @@
-//! What the workspace tests share: where things are.
+//! What the workspace tests share: where things are, and the rows of the manuals.
+
+pub mod rows;
 
 use std::path::{Path, PathBuf};
 

@@ -151,7 +151,7 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
             cut.distance_mm
         ),
     );
-    finding.severity = profile.interference.leads;
+    finding.severity = profile.interference.leads.severity();
     finding.other = Some(cut.other);
     finding.position = Some(cut.at);
     finding.depth_mm = Some(depth_mm);

@@ -20,10 +20,11 @@ pub(crate) fn resolve(
     tools: &ToolTable,
     at: Source,
 ) -> Result<f64, Box<Diagnostic>> {
-    let default = match profile.radius.source {
+    let default = match profile.radius.source.rule {
         RadiusKind::ToolNumber => Some(RadiusSource::SpindleTool),
         RadiusKind::SpindleToolPlusP => Some(RadiusSource::SpindleToolPlus(0.0)),
-        RadiusKind::DRegister => None,
+        RadiusKind::ProgramValue => Some(RadiusSource::SpindleTool),
+        RadiusKind::DRegister | RadiusKind::NoseRegister => None,
     };
     let radius_mm = match word.or(default) {
         None => {
@@ -57,7 +58,7 @@ pub(crate) fn resolve(
             format!("the compensation radius is {radius_mm}, not a finite number"),
         )));
     }
-    if radius_mm < 0.0 && profile.radius.negative == NegativeRadius::Error {
+    if radius_mm < 0.0 && profile.radius.negative.rule == NegativeRadius::Forbidden {
         return Err(Box::new(
             Diagnostic::error(
                 Code::RadiusSource,

@@ -9,10 +9,16 @@ use crate::finding::block_name;
 use crate::span::Lead;
 use crate::tolerance::RADIUS_MM;
 use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position, Shape};
-use cnc_msgs::profile::{FullCircle, LeadLength, Permission, Profile};
+use cnc_msgs::profile::{
+    CancelAxes, FullCircle, LeadLength, Permission, Profile, Reselect, Rule, SideChange, Strictness,
+};
 use std::f64::consts::TAU;
+
+/// What no control allows under compensation.
+const FORBIDDEN: Rule<Permission> =
+    Rule { rule: Permission::Forbidden, strictness: Strictness::Error };
 
 /// Applies a profile's rules.
 pub(crate) struct Rules<'a> {
@@ -31,7 +37,7 @@ impl Rules<'_> {
     pub(crate) fn lead_off(self, lead: &Lead, plane: Plane, radius_mm: f64) {
         let [u, v, _] = plane.axes();
         let (axes, profile) = (lead.motion.axes, self.profile);
-        if profile.cancel.both_axes && !(axes.contains(u) && axes.contains(v)) {
+        if profile.cancel.axes.rule == CancelAxes::Both && !(axes.contains(u) && axes.contains(v)) {
             let names = axes.letters();
             self.diagnostics.push(
                 Diagnostic::error(
@@ -57,9 +63,9 @@ impl Rules<'_> {
         self.lead_type(lead, "link");
     }
 
-    fn lead(self, lead: &Lead, plane: Plane, radius_mm: f64, rule: LeadLength, name: &str) {
+    fn lead(self, lead: &Lead, plane: Plane, radius_mm: f64, rule: Rule<LeadLength>, name: &str) {
         let length_mm = lead.length(plane);
-        if rule == LeadLength::LongerThanRadius
+        if rule.rule == LeadLength::LongerThanRadius
             && radius_mm > RADIUS_MM
             && length_mm <= radius_mm + RADIUS_MM
         {
@@ -109,7 +115,7 @@ impl Rules<'_> {
             );
         }
         let Element::Arc(arc) = element else { return };
-        if self.profile.full_circle == FullCircle::Error && arc.sweep >= TAU - 1e-9 {
+        if self.profile.full_circle.rule == FullCircle::Forbidden && arc.sweep >= TAU - 1e-9 {
             self.diagnostics.push(
                 Diagnostic::error(
                     Code::FullCircle,
@@ -148,7 +154,7 @@ impl Rules<'_> {
             .filter(|&axis| motion.end[axis] != start[axis])
             .map(|axis| AXIS_LETTERS[axis])
             .collect();
-        let permission = self.profile.auxiliary.off_plane_moves;
+        let permission = self.profile.auxiliary.moves;
         self.permit(
             permission,
             source,
@@ -165,7 +171,7 @@ impl Rules<'_> {
             | Action::Reference { .. }
             | Action::MachineMove { .. }
             | Action::ChangeTool { .. } => self.permit(
-                Permission::Error,
+                FORBIDDEN,
                 source,
                 &action.text(),
                 "cancel the compensation before, and select it again after",
@@ -173,19 +179,17 @@ impl Rules<'_> {
             // What stands in the block of the selection happens before it.
             _ if source == selected => {}
             _ => {
-                let permission = self.profile.auxiliary.under_compensation;
+                let permission = self.profile.auxiliary.functions;
                 let help = "put it before the selection or after the lead-off";
                 self.permit(permission, source, &action.text(), help);
             }
         }
     }
 
-    fn permit(self, permission: Permission, source: Source, what: &str, help: &str) {
-        let severity = match permission {
-            Permission::Allowed => return,
-            Permission::Warn => Severity::Warning,
-            Permission::Error => Severity::Error,
-        };
+    fn permit(self, permission: Rule<Permission>, source: Source, what: &str, help: &str) {
+        if permission.rule == Permission::Allowed {
+            return;
+        }
         let mut finding = Diagnostic::error(
             Code::ForbiddenUnderCompensation,
             source,
@@ -195,7 +199,7 @@ impl Rules<'_> {
             ),
         )
         .help(help);
-        finding.severity = severity;
+        finding.severity = permission.severity();
         self.diagnostics.push(finding);
     }
 }
@@ -300,7 +304,7 @@ pub(crate) fn radius_change(
 
 /// A plane that the control does not compensate in (M16).
 pub(crate) fn wrong_plane(source: Source, plane: Plane, profile: &Profile) -> Diagnostic {
-    let planes: Vec<&str> = profile.language.planes.iter().map(|plane| plane.name()).collect();
+    let planes: Vec<&str> = profile.language.planes.rule.iter().map(|plane| plane.name()).collect();
     Diagnostic::error(
         Code::Plane,
         source,
@@ -324,6 +328,15 @@ pub(crate) fn plane_change(source: Source) -> Diagnostic {
     .help("cancel the compensation, change the plane, and select the compensation again")
 }
 
+/// Whether the control takes no selection while compensation is active.
+pub(crate) fn takes_no_selection(profile: &Profile, is_repeat: bool) -> bool {
+    if is_repeat {
+        profile.reselect.rule == Reselect::Forbidden
+    } else {
+        profile.side_change.rule == SideChange::Forbidden
+    }
+}
+
 /// A selection while compensation is active, where the control takes none.
 pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> Diagnostic {
     let what = if is_repeat { "selected again" } else { "selected anew or for the other side" };
@@ -344,7 +357,7 @@ pub(crate) fn not_cancelled(source: Source, has_cancel: bool, profile: &Profile)
     };
     let mut finding = Diagnostic::error(Code::NotCancelled, source, message)
         .help("end the contour with G40 and a straight move in the plane, then end the program");
-    finding.severity = profile.cancel.missing;
+    finding.severity = profile.cancel.missing.severity();
     finding
 }
 

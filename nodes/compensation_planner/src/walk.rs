@@ -22,7 +22,7 @@ use cnc_msgs::contour::{
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::geometry::{Plane, Position, Shape};
 use cnc_msgs::path::Role;
-use cnc_msgs::profile::{Profile, Reselect};
+use cnc_msgs::profile::{OffPlaneAfterCancel, Profile};
 use cnc_msgs::tool_table::ToolTable;
 
 /// A selection that waits for its first move in the plane.
@@ -156,7 +156,7 @@ impl<'a> Walk<'a> {
     }
 
     fn select(&mut self, selection: Selection) {
-        if !self.profile.language.planes.contains(&self.plane) {
+        if !self.profile.language.planes.rule.contains(&self.plane) {
             self.diagnostics.push(rules::wrong_plane(selection.source, self.plane, self.profile));
         }
         let State::Active(active) = &mut self.state else {
@@ -164,7 +164,7 @@ impl<'a> Walk<'a> {
             return;
         };
         let is_repeat = active.side == selection.side && active.cancel.is_none();
-        if self.profile.reselect == Reselect::Error {
+        if rules::takes_no_selection(self.profile, is_repeat) {
             let finding = rules::reselected(selection.source, is_repeat, self.profile);
             self.diagnostics.push(finding);
         } else if !is_repeat || selection.approach.is_some() {
@@ -295,7 +295,10 @@ impl<'a> Walk<'a> {
             None => {
                 active.between.block(source);
                 if rises {
-                    if active.cancel.is_some() && self.profile.cancel.before_off_plane {
+                    if active.cancel.is_some()
+                        && self.profile.cancel.before_off_plane.rule
+                            == OffPlaneAfterCancel::LeadOffFirst
+                    {
                         self.diagnostics.push(rules::no_lead_off(source));
                     } else {
                         self.rules().off_plane_move(source, start, motion);

@@ -510,7 +510,7 @@ fn n03_a_negative_radius_runs_on_the_other_side() {
     assert_eq!(&inside[1..6], &[[5.0, 0.0], [5.0, 45.0], [45.0, 45.0], [45.0, 5.0], [0.0, 5.0]]);
     assert_eq!(inside, ends_of(&square.replace("G41", "G42"), 5.0), "P5");
     let mut strict = sinumerik();
-    strict.radius.negative = NegativeRadius::Error;
+    strict.radius.negative.rule = NegativeRadius::Forbidden;
     finding(&plan(square, &strict, &tool(-5.0)), Code::RadiusSource);
 }
 
@@ -596,7 +596,7 @@ fn m24_a_lead_must_be_longer_than_the_radius() {
         }
     }
     let mut free = masso();
-    free.select.length = LeadLength::None;
+    free.select.length.rule = LeadLength::Any;
     let zero = M12.replace("N20 G0 X-50", "N20 G0 X-25");
     assert!(plan(&zero, &free, &tool(5.0)).accepted());
 }
@@ -676,7 +676,7 @@ fn the_length_of_a_tool_comes_from_the_table() {
 #[test]
 fn reselection_by_profile_is_a_rule_of_the_control() {
     let mut strict = sinumerik();
-    strict.reselect = Reselect::Error;
+    strict.reselect.rule = Reselect::Forbidden;
     let text = A6.replace("N70 X110", "N70 G41 X110");
     assert!(!plan(&text, &strict, &tool(5.0)).accepted());
 }

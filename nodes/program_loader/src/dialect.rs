@@ -4,7 +4,10 @@
 //! controls, so that each dialect has its own file beside this one. This file
 //! knows the meanings that the interpreter can execute.
 
+mod automation1;
 mod masso;
+mod nct;
+mod osp_lathe;
 mod rs274;
 mod sinumerik_840c;
 
@@ -228,6 +231,9 @@ pub(crate) const fn of(dialect: profile::Dialect) -> &'static Dialect {
     match dialect {
         profile::Dialect::Rs274 => &rs274::DIALECT,
         profile::Dialect::Masso => &masso::DIALECT,
+        profile::Dialect::Automation1 => &automation1::DIALECT,
+        profile::Dialect::OspLathe => &osp_lathe::DIALECT,
+        profile::Dialect::Nct => &nct::DIALECT,
         profile::Dialect::Sinumerik840c => &sinumerik_840c::DIALECT,
     }
 }

@@ -46,14 +46,14 @@ impl<'p> Rules<'p> {
         let approaches = approach_words
             .filter_map(|(word, &approach)| Some((number(word, b"G", "select.words")?.1, approach)))
             .collect();
-        let forbidden_words = profile.forbidden_under_compensation.iter();
+        let forbidden_words = profile.forbidden_under_compensation.words.iter();
         let forbidden = forbidden_words
             .filter_map(|word| number(word, b"GM@", "forbidden_under_compensation"))
             .collect();
         let rules = Self {
             dialect: dialect::of(profile.language.dialect),
             control: &profile.name,
-            planes: &profile.language.planes,
+            planes: &profile.language.planes.rule,
             corners,
             approaches,
             forbidden,

@@ -231,7 +231,7 @@ fn s58_stops_and_m18_come_after_the_motion_of_their_block() {
 #[test]
 fn a_profile_whose_words_are_no_words_refuses_everything() {
     let mut profile = profile("rs274");
-    profile.forbidden_under_compensation.push("home".into());
+    profile.forbidden_under_compensation.words.push("home".into());
     let loaded = load(b"M2", &profile, &LoadOptions::default());
     assert!(!loaded.is_accepted());
     assert!(loaded.diagnostics[0].message.contains("`home`"));

@@ -3,8 +3,9 @@
 //! The rules themselves are in `config/controllers/*.yaml`, each explained
 //! beside its value; what they mean is in `cnc_msgs::profile`.
 
-use crate::yaml::{FileError, from_yaml_file, from_yaml_str};
-use cnc_msgs::profile::Profile;
+use crate::parameter_file::line_of;
+use crate::yaml::{FileError, from_yaml_str, read_text};
+use cnc_msgs::profile::{Profile, ProfileFault};
 use std::path::Path;
 
 include!(concat!(env!("OUT_DIR"), "/profiles.rs"));
@@ -16,8 +17,13 @@ pub enum ProfileError {
     Unknown { name: String, known: String },
     #[error(transparent)]
     File(#[from] FileError),
-    #[error("{file}: {key}: {reason}")]
-    Inconsistent { file: String, key: &'static str, reason: String },
+    #[error("{file}{}: {fault}", line.map(|line| format!(":{line}")).unwrap_or_default())]
+    Inconsistent {
+        file: String,
+        /// 1-based, where it can be found.
+        line: Option<usize>,
+        fault: ProfileFault,
+    },
 }
 
 /// The names that `--controller` knows, in order.
@@ -33,37 +39,23 @@ pub fn known_profiles() -> impl Iterator<Item = &'static str> {
 pub fn load_profile(name_or_path: &str) -> Result<Profile, ProfileError> {
     if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
         let file = format!("config/controllers/{name}.yaml");
-        return checked(from_yaml_str(text, &file)?, &file);
+        return read(text, &file);
     }
     let is_path = name_or_path.contains('/')
         || [".yaml", ".yml"].iter().any(|end| name_or_path.ends_with(end));
     if is_path {
-        return checked(from_yaml_file(Path::new(name_or_path))?, name_or_path);
+        return read(&read_text(Path::new(name_or_path))?, name_or_path);
     }
     let known = known_profiles().collect::<Vec<_>>().join(", ");
     Err(ProfileError::Unknown { name: name_or_path.to_owned(), known })
 }
 
-/// What the form of the file cannot say.
-fn checked(profile: Profile, file: &str) -> Result<Profile, ProfileError> {
-    let refuse = |key, reason: String| {
-        Err(ProfileError::Inconsistent { file: file.to_owned(), key, reason })
-    };
-    let tolerance = profile.accept_tolerance_mm;
-    if !(tolerance > 0.0 && tolerance <= 1.0) {
-        let reason = format!("{tolerance} mm; more than 0 and at most 1 mm is needed");
-        return refuse("accept_tolerance_mm", reason);
-    }
-    if profile.name.is_empty() {
-        return refuse("name", "it is empty".to_owned());
-    }
-    let planes = &profile.language.planes;
-    if planes.is_empty() {
-        return refuse("language.planes", "at least one plane is needed".to_owned());
-    }
-    if (1..planes.len()).any(|index| planes[..index].contains(&planes[index])) {
-        return refuse("language.planes", "a plane stands there twice".to_owned());
-    }
+fn read(text: &str, file: &str) -> Result<Profile, ProfileError> {
+    let profile: Profile = from_yaml_str(text, file)?;
+    profile.check().map_err(|fault| {
+        let path: Vec<String> = fault.path.iter().map(|&key| key.to_owned()).collect();
+        ProfileError::Inconsistent { file: file.to_owned(), line: line_of(text, &path), fault }
+    })?;
     Ok(profile)
 }
 
@@ -96,8 +88,9 @@ mod tests {
         let table = [
             ("accept_tolerance_mm: 0.002", "accept_tolerance_mm: .nan", "accept_tolerance_mm: NaN"),
             ("accept_tolerance_mm: 0.002", "accept_tolerance_mm: -1.0", "accept_tolerance_mm: -1"),
-            ("planes: [xy, zx, yz]", "planes: []", "at least one plane"),
-            ("planes: [xy, zx, yz]", "planes: [xy, xy]", "twice"),
+            ("rule: [xy, zx, yz]", "rule: []", "mine.yaml:11: language.planes: at least one plane"),
+            ("rule: [xy, zx, yz]", "rule: [xy, xy]", "twice"),
+            ("d0: {rule: none}", "d0: {rule: suspend}", "d_register"),
             ("name: rs274", "name: ''", "name: it is empty"),
             ("name: rs274", "name: a\nspeed: 5", "unknown field `speed`"),
         ];

@@ -124,10 +124,13 @@ impl Reader {
         let radius = match self.dialect {
             Dialect::Rs274 if is_diameter => get('D').map(RadiusSource::Diameter),
             Dialect::Rs274 => get('D').map(|d| RadiusSource::Tool(d as u32)),
-            Dialect::Sinumerik840c => get('D').map(|d| RadiusSource::Offset(d as u32)),
+            Dialect::Sinumerik840c | Dialect::Nct => {
+                get('D').map(|d| RadiusSource::Offset(d as u32))
+            }
             Dialect::Masso => {
                 select.map(|_| RadiusSource::SpindleToolPlus(get('P').unwrap_or(0.0)))
             }
+            Dialect::Automation1 | Dialect::OspLathe => panic!("write these in their own words"),
         };
         if let Some(radius) = radius {
             push(ContourEventKind::Radius(radius));

@@ -1,0 +1,81 @@
+//! What the form of a profile cannot say: values and combinations that no
+//! control could have.
+
+use super::{OutputPoint, Profile, RadiusKind, ZeroOffset};
+use crate::geometry::Plane;
+
+/// A profile that no control could have.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}: {reason}", path.join("."))]
+pub struct ProfileFault {
+    /// The keys that lead to the value, the outermost first.
+    pub path: &'static [&'static str],
+    pub reason: String,
+}
+
+impl Profile {
+    /// Checks values and combinations, the first fault first.
+    pub fn check(&self) -> Result<(), ProfileFault> {
+        let refuse = |path, reason: String| Err(ProfileFault { path, reason });
+        if self.name.is_empty() {
+            return refuse(&["name"], "it is empty".into());
+        }
+        let tolerance = self.accept_tolerance_mm;
+        if !(tolerance > 0.0 && tolerance <= 1.0) {
+            return refuse(
+                &["accept_tolerance_mm"],
+                format!("{tolerance} mm; more than 0 and at most 1 mm is needed"),
+            );
+        }
+        let planes = &self.language.planes.rule;
+        if planes.is_empty() {
+            return refuse(&["language", "planes"], "at least one plane is needed".into());
+        }
+        if (1..planes.len()).any(|index| planes[..index].contains(&planes[index])) {
+            return refuse(&["language", "planes"], "a plane stands there twice".into());
+        }
+        if self.language.dominant_axes.rule.is_empty() {
+            return refuse(
+                &["language", "dominant_axes"],
+                "without an axis nothing can be compensated".into(),
+            );
+        }
+        if self.language.x_is_diameter && !planes.contains(&Plane::Zx) {
+            return refuse(
+                &["language", "x_is_diameter"],
+                "diameters are for turning, and language.planes does not name zx".into(),
+            );
+        }
+        let short = self.corner.short_block_mm;
+        if !(0.0..=10.0).contains(&short) {
+            return refuse(
+                &["corner", "short_block_mm"],
+                format!("{short} mm; 0 to 10 mm is possible"),
+            );
+        }
+        let latency = self.radius.value_latency_blocks;
+        if latency > 100 {
+            return refuse(
+                &["radius", "value_latency_blocks"],
+                format!("{latency} blocks; at most 100"),
+            );
+        }
+        let source = self.radius.source.rule;
+        if self.d0.rule != ZeroOffset::None && source != RadiusKind::DRegister {
+            return refuse(
+                &["d0", "rule"],
+                "D0 means something only where radius.source is d_register; write none".into(),
+            );
+        }
+        if self.output == OutputPoint::Tip
+            && !matches!(source, RadiusKind::NoseRegister | RadiusKind::DRegister)
+        {
+            return refuse(
+                &["output"],
+                "the tip direction comes with a nose or D register, and radius.source is neither"
+                    .into(),
+            );
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,123 @@
+//! The rows of the control manuals as data: `tests/controls/*.yaml`.
+//!
+//! A row is one rule of a control. It is proved by cases, which are programs
+//! with what must come of them, or by a test of a node that takes its numbers
+//! from here. This file knows the form of the data; `observe` runs a case and
+//! `compare` judges it.
+
+pub mod compare;
+pub mod observe;
+
+use crate::root;
+use cnc_msgs::tool_table::ToolTable;
+use serde::Deserialize;
+use serde_json::Value;
+
+/// The files in `tests/controls`, in the order of the page.
+pub const CONTROLS: [&str; 5] = ["masso", "automation1", "osp_lathe", "sinumerik_840c", "nct"];
+
+/// One rule of a control.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// `S06`.
+    pub id: String,
+    /// What it asks, in one line.
+    pub rule: String,
+    /// The key of the profile that it can be switched with.
+    #[serde(default)]
+    pub switch: Option<String>,
+    /// How it is read where the manual's figure is lost.
+    #[serde(default)]
+    pub interpretation: Option<String>,
+    /// What of it does not hold, and why.
+    #[serde(default)]
+    pub falls_short: Option<String>,
+    #[serde(default)]
+    pub cases: Vec<Case>,
+    /// Tests of nodes.
+    #[serde(default)]
+    pub nodes: Vec<NodeTest>,
+}
+
+/// A program and what must come of it.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Case {
+    /// What it shows.
+    pub name: String,
+    /// The profile; that of the file when absent.
+    #[serde(default)]
+    pub controller: Option<String>,
+    /// Keys that differ from the profile.
+    #[serde(default)]
+    pub profile: Value,
+    #[serde(default)]
+    pub table: ToolTable,
+    /// Where the tool is before the program, mm.
+    #[serde(default)]
+    pub start: [f64; 3],
+    pub program: String,
+    /// A program whose path must be the same; see `same_mm` in `observe`.
+    #[serde(default)]
+    pub other: Option<Other>,
+    /// How far numbers may be off; smaller than what a perturbed number is off by.
+    #[serde(default = "tolerance")]
+    pub tolerance: f64,
+    pub expect: Value,
+}
+
+/// What differs in the program to compare with.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Other {
+    #[serde(default)]
+    pub controller: Option<String>,
+    #[serde(default)]
+    pub profile: Value,
+    #[serde(default)]
+    pub table: Option<ToolTable>,
+    #[serde(default)]
+    pub program: Option<String>,
+}
+
+/// A test of a node that proves a row with the numbers given here.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NodeTest {
+    /// Its file, from the root.
+    pub file: String,
+    /// Its name.
+    pub test: String,
+    pub expect: Value,
+}
+
+const fn tolerance() -> f64 {
+    2e-6
+}
+
+/// All rows of a control.
+///
+/// # Panics
+/// The file is not there or has not the form of rows.
+pub fn of(control: &str) -> Vec<Row> {
+    let path = root().join(format!("tests/controls/{control}.yaml"));
+    let text = std::fs::read_to_string(&path).expect("rows are a file");
+    serde_yaml::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// Checks what a test of a node has seen against the numbers of its row, and
+/// that other numbers would not do.
+///
+/// # Panics
+/// There is no such row, or what was seen is not what it asks.
+pub fn check_at_node(id: &str, test: &str, observed: &Value) {
+    let rows = CONTROLS.iter().flat_map(|control| of(control));
+    let row = rows.into_iter().find(|row| row.id == id).expect("the row is there");
+    let node = row.nodes.iter().find(|node| node.test == test).expect("the row names the test");
+    if let Err(difference) = compare::matches(&node.expect, observed, tolerance()) {
+        panic!("{id}: {difference}");
+    }
+    let lax = compare::lax_numbers(&node.expect, observed, tolerance());
+    assert!(lax.is_empty(), "{id}: another number would do as well: {lax:?}");
+}

@@ -1,0 +1,308 @@
+//! Runs a case through loader and planner, and writes down what came of it.
+//!
+//! | key | what |
+//! |---|---|
+//! | `accepted` | whether no finding is an error |
+//! | `path` | all elements with a role, of what was refused too |
+//! | `moves` | all elements |
+//! | `events` | functions, and where the tool is when they run |
+//! | `findings` | of loader and planner; none are allowed when it is not expected |
+//! | `spans` | side and radius of each compensated piece |
+//! | `offset_mm` | smallest and largest distance of contour elements from their blocks, and of corner arcs from their vertex |
+//! | `same_mm` | largest distance between ends of elements and those of the other program |
+
+use super::{Case, Other};
+use crate::root;
+use cnc_msgs::contour::{ContourEventKind, CutterSide, ProgrammedContour};
+use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use cnc_msgs::geometry::{Position, Shape};
+use cnc_msgs::path::{CompensatedPath, PathElement, Role};
+use cnc_msgs::profile::Profile;
+use cnc_msgs::tool_table::ToolTable;
+use compensation_planner::Plan;
+use program_loader::LoadOptions;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+
+/// A shipped profile with some keys changed.
+///
+/// # Panics
+/// There is no such profile, or the keys do not belong to one.
+pub fn profile(name: &str, changes: &Value) -> Profile {
+    let path = root().join(format!("config/controllers/{name}.yaml"));
+    let text = std::fs::read_to_string(path).expect("a shipped profile");
+    let mut value: Value = serde_yaml::from_str(&text).expect("a shipped profile is YAML");
+    merge(&mut value, changes);
+    let profile: Profile =
+        serde_json::from_value(value).unwrap_or_else(|error| panic!("{name}: {error}"));
+    profile.check().unwrap_or_else(|fault| panic!("{name}: {fault}"));
+    profile
+}
+
+fn merge(into: &mut Value, changes: &Value) {
+    match (into, changes) {
+        (_, Value::Null) => {}
+        (Value::Object(into), Value::Object(changes)) => {
+            for (key, value) in changes {
+                merge(into.entry(key.clone()).or_insert(Value::Null), value);
+            }
+        }
+        (into, changes) => *into = changes.clone(),
+    }
+}
+
+/// What comes of a case.
+pub fn observe(case: &Case, control: &str) -> Value {
+    let control = case.controller.as_deref().unwrap_or(control);
+    let run = Run::new(control, &case.profile, &case.table, case.start, &case.program);
+    let mut observed = run.observed();
+    if let Some(other) = &case.other {
+        observed.insert("same_mm".into(), json!(run.distance(&other_run(case, other, control))));
+    }
+    Value::Object(observed)
+}
+
+fn other_run(case: &Case, other: &Other, control: &str) -> Run {
+    let mut changes = case.profile.clone();
+    if changes.is_null() {
+        changes = json!({});
+    }
+    merge(&mut changes, &other.profile);
+    Run::new(
+        other.controller.as_deref().unwrap_or(control),
+        &changes,
+        other.table.as_ref().unwrap_or(&case.table),
+        case.start,
+        other.program.as_deref().unwrap_or(&case.program),
+    )
+}
+
+struct Run {
+    contour: ProgrammedContour,
+    diagnostics: Vec<Diagnostic>,
+    plan: Plan,
+    path: CompensatedPath,
+}
+
+impl Run {
+    fn new(
+        control: &str,
+        changes: &Value,
+        table: &ToolTable,
+        start: Position,
+        program: &str,
+    ) -> Self {
+        let profile = profile(control, changes);
+        let options = LoadOptions { start, ..LoadOptions::default() };
+        let loaded = program_loader::load(program.as_bytes(), &profile, &options);
+        let mut diagnostics = loaded.diagnostics;
+        let mut plan = Plan::default();
+        if !diagnostics.iter().any(Diagnostic::is_error) {
+            plan = compensation_planner::plan(&loaded.contour, &profile, table);
+            diagnostics.extend(plan.diagnostics.iter().cloned());
+        }
+        let mut path = plan.path.clone();
+        if !plan.accepted() {
+            path.start = loaded.contour.start;
+            path.elements.clone_from(&plan.refused);
+        }
+        Self { contour: loaded.contour, diagnostics, plan, path }
+    }
+
+    fn observed(&self) -> Map<String, Value> {
+        let path = &self.path;
+        let mut observed = Map::new();
+        let accepted = !self.diagnostics.iter().any(Diagnostic::is_error);
+        observed.insert("accepted".into(), json!(accepted));
+        let elements = |keep: &dyn Fn(&PathElement) -> bool| -> Value {
+            (path.elements.iter().enumerate())
+                .filter(|(_, element)| keep(element))
+                .map(|(index, element)| self::element(path.start_of(index), element))
+                .collect()
+        };
+        observed.insert("path".into(), elements(&|element| element.role != Role::None));
+        observed.insert("moves".into(), elements(&|_| true));
+        let event = |event: &cnc_msgs::path::PathEvent| {
+            let [x, y, z] = path.start_of(event.at_element);
+            json!({
+                "text": event.action.text(), "kind": event.action.kind(),
+                "x": x, "y": y, "z": z, "at": event.at_element,
+                "line": event.source.line, "block": event.source.block,
+            })
+        };
+        observed.insert("events".into(), path.events.iter().map(event).collect());
+        let findings = self.diagnostics.iter().map(finding).collect();
+        observed.insert("findings".into(), findings);
+        let spans = self.plan.spans.iter().map(|span| {
+            json!({
+                "side": side(Some(span.side)), "radius_mm": span.radius_mm,
+                "first_line": span.first_line, "last_line": span.last_line,
+            })
+        });
+        observed.insert("spans".into(), spans.collect());
+        if let Some((min, max)) = self.offset() {
+            observed.insert("offset_mm".into(), json!({"min": min, "max": max}));
+        }
+        observed
+    }
+
+    /// Distance from the blocks that elements belong to.
+    fn offset(&self) -> Option<(f64, f64)> {
+        let mut blocks: BTreeMap<u32, (Position, Shape, Position)> = BTreeMap::new();
+        let mut at = self.contour.start;
+        for event in &self.contour.events {
+            if let ContourEventKind::Motion(motion) = event.kind {
+                blocks.insert(event.source.line, (at, motion.shape, motion.end));
+                at = motion.end;
+            }
+        }
+        let mut range: Option<(f64, f64)> = None;
+        for (index, element) in self.path.elements.iter().enumerate() {
+            let Some((from, shape, to)) = blocks.get(&element.source.line) else { continue };
+            let start = self.path.start_of(index);
+            for step in 0..=8 {
+                let point = along(start, &element.shape, element.end, f64::from(step) / 8.0);
+                let distance = match element.role {
+                    Role::Contour => from_block(point, *from, shape, *to),
+                    Role::Corner => length(sub(point, *from)),
+                    _ => continue,
+                };
+                let (min, max) = range.unwrap_or((distance, distance));
+                range = Some((min.min(distance), max.max(distance)));
+            }
+        }
+        range
+    }
+
+    /// How far ends of elements are from those of another run.
+    fn distance(&self, other: &Self) -> f64 {
+        if self.path.elements.len() != other.path.elements.len() {
+            return f64::INFINITY;
+        }
+        let far = |a: &PathElement, b: &PathElement| {
+            let same_kind = matches!(
+                (a.shape, b.shape),
+                (Shape::Line, Shape::Line) | (Shape::Arc(_), Shape::Arc(_))
+            );
+            if same_kind { length(sub(a.end, b.end)) } else { f64::INFINITY }
+        };
+        let pairs = self.path.elements.iter().zip(&other.path.elements);
+        pairs.map(|(a, b)| far(a, b)).fold(0.0, f64::max)
+    }
+}
+
+fn element(start: Position, element: &PathElement) -> Value {
+    let ([x, y, z], from) = (element.end, start);
+    let mut object = json!({
+        "from": {"x": from[0], "y": from[1], "z": from[2]}, "x": x, "y": y, "z": z,
+        "kind": "line", "rapid": element.feed_mm_per_min.is_none(),
+        "feed": element.feed_mm_per_min, "role": element.role.name(),
+        "side": side(element.side), "line": element.source.line, "block": element.source.block,
+    });
+    if let Shape::Arc(arc) = element.shape {
+        let [cx, cy, cz] = arc.center;
+        let (radius, sweep) = radius_and_sweep(start, element);
+        let arc = json!({
+            "kind": "arc", "cx": cx, "cy": cy, "cz": cz, "clockwise": arc.clockwise,
+            "turns": arc.turns, "radius": radius, "sweep_deg": sweep.to_degrees(),
+        });
+        let arc = arc.as_object().expect("an object").clone();
+        object.as_object_mut().expect("an object").extend(arc);
+    }
+    object
+}
+
+fn finding(finding: &Diagnostic) -> Value {
+    let [x, y, z] = finding.position.map_or([None; 3], |position| position.map(Some));
+    json!({
+        "severity": if finding.severity == Severity::Error { "error" } else { "warning" },
+        "code": finding.code.name(), "alarm": finding.alarm,
+        "line": finding.source.line, "column": finding.source.column,
+        "block": finding.source.block,
+        "other_line": finding.other.map(|other| other.line),
+        "other_block": finding.other.and_then(|other| other.block),
+        "x": x, "y": y, "z": z, "depth_mm": finding.depth_mm,
+        "needed_mm": finding.needed_mm, "available_mm": finding.available_mm,
+        "message": finding.message, "help": finding.help,
+    })
+}
+
+fn side(side: Option<CutterSide>) -> Option<&'static str> {
+    side.map(|side| match side {
+        CutterSide::Left => "left",
+        CutterSide::Right => "right",
+    })
+}
+
+fn radius_and_sweep(start: Position, element: &PathElement) -> (f64, f64) {
+    let Shape::Arc(arc) = element.shape else { return (0.0, 0.0) };
+    let [u, v, _] = arc.plane.axes();
+    let of = |point: Position| (point[u] - arc.center[u], point[v] - arc.center[v]);
+    let ((a, b), (c, d)) = (of(start), of(element.end));
+    let turn = (a * d - b * c).atan2(a * c + b * d);
+    let turn = if arc.clockwise { -turn } else { turn };
+    let turn = if turn < -1e-12 { turn + std::f64::consts::TAU } else { turn.max(0.0) };
+    (a.hypot(b), turn + f64::from(arc.turns) * std::f64::consts::TAU)
+}
+
+fn along(start: Position, shape: &Shape, end: Position, part: f64) -> Position {
+    match shape {
+        Shape::Line => [0, 1, 2].map(|axis| start[axis] + (end[axis] - start[axis]) * part),
+        Shape::Arc(arc) => {
+            let element = PathElement { shape: *shape, end, ..blank() };
+            let (_, sweep) = radius_and_sweep(start, &element);
+            let angle = sweep * part * if arc.clockwise { -1.0 } else { 1.0 };
+            let [u, v, w] = arc.plane.axes();
+            let (x, y) = (start[u] - arc.center[u], start[v] - arc.center[v]);
+            let mut point = start;
+            point[u] = arc.center[u] + x * angle.cos() - y * angle.sin();
+            point[v] = arc.center[v] + x * angle.sin() + y * angle.cos();
+            point[w] = start[w] + (end[w] - start[w]) * part;
+            point
+        }
+    }
+}
+
+const fn blank() -> PathElement {
+    PathElement {
+        shape: Shape::Line,
+        end: [0.0; 3],
+        feed_mm_per_min: None,
+        role: Role::None,
+        side: None,
+        axes: cnc_msgs::geometry::AxisSet::NONE,
+        source: cnc_msgs::contour::Source { line: 0, block: None, column: 0, length: 0 },
+    }
+}
+
+/// From the carrier of a block: the infinite line or the whole circle.
+fn from_block(point: Position, from: Position, shape: &Shape, to: Position) -> f64 {
+    match shape {
+        Shape::Line => {
+            let (along, to_point) = (sub(to, from), sub(point, from));
+            let squared = dot(along, along);
+            if squared == 0.0 {
+                return length(to_point);
+            }
+            let part = dot(to_point, along) / squared;
+            length([0, 1, 2].map(|axis| to_point[axis] - along[axis] * part))
+        }
+        Shape::Arc(arc) => {
+            let [u, v, _] = arc.plane.axes();
+            let radius = (from[u] - arc.center[u]).hypot(from[v] - arc.center[v]);
+            ((point[u] - arc.center[u]).hypot(point[v] - arc.center[v]) - radius).abs()
+        }
+    }
+}
+
+fn sub(a: Position, b: Position) -> Position {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn dot(a: Position, b: Position) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn length(a: Position) -> f64 {
+    dot(a, a).sqrt()
+}
