@@ -3,7 +3,7 @@
 //! A dialect turns its words into these; the planner reads nothing else and
 //! never sees a G number. Order is order of execution.
 
-use crate::geometry::{AxisSet, Plane, Position, Shape};
+use crate::geometry::{AxisSet, Direction, Plane, Position, Shape};
 use serde::{Deserialize, Serialize};
 
 /// What a part program means, before any compensation.
@@ -50,11 +50,20 @@ pub enum ContourEventKind {
     Radius(RadiusSource),
     /// Compensation is switched on, or to the other side, or again; it takes
     /// effect with the next motion in the plane.
-    Select { side: CutterSide, approach: Option<Approach> },
+    /// `along`: the contour is entered as if a line in this direction led to it.
+    Select { side: CutterSide, approach: Option<Approach>, along: Option<Direction> },
     /// Compensation is switched off with the next motion in the plane.
     Cancel { exit: Option<Approach> },
     /// How outside corners are rounded from here on.
     Corner(OutsideCorner),
+    /// The program changes the value of the offset in force to this radius, mm.
+    RadiusValue { radius_mm: f64 },
+    /// The offset keeps the direction it has, or has this one, until the next
+    /// motion in the plane has ended (NCT G38).
+    HoldDirection { along: Option<Direction> },
+    /// An arc about the end of the block before, to the offset of the next block
+    /// or in this direction (NCT G39).
+    CornerArc { along: Option<Direction> },
     /// Something for the machine that is not motion of the contour.
     Action(Action),
 }
@@ -130,6 +139,8 @@ pub enum RadiusSource {
     Radius(f64),
     /// The tool in the spindle and this radius added, mm (MASSO `P`).
     SpindleToolPlus(f64),
+    /// The nose radius of this number (Okuma six-digit `T`).
+    Nose(u32),
 }
 
 /// Something for the machine that is not motion of the contour.
@@ -160,6 +171,10 @@ pub enum Action {
     Reference { axes: AxisSet, second: bool },
     /// `G53`: a move in machine coordinates, mm; only the axes that are named.
     MachineMove { target: Position, axes: AxisSet, rapid: bool, feed_mm_per_min: f64 },
+    /// These axes are homed; where they are afterwards the machine decides.
+    Home { axes: AxisSet },
+    /// The axes come to a stop here before they go on (`G9`).
+    ExactStop,
     /// `M2`, or `M30` when it rewinds.
     ProgramEnd { rewind: bool },
 }
@@ -192,6 +207,8 @@ impl Action {
             | Self::WorkOffset { .. }
             | Self::Auxiliary { .. }
             | Self::Reference { .. }
+            | Self::Home { .. }
+            | Self::ExactStop
             | Self::MachineMove { .. } => "aux",
         }
     }
@@ -225,6 +242,8 @@ impl Action {
                 }
                 text
             }
+            Self::Home { axes } => format!("Home {}", axes.letters()),
+            Self::ExactStop => "G9".into(),
             Self::ProgramEnd { rewind: false } => "M2".into(),
             Self::ProgramEnd { rewind: true } => "M30".into(),
         }

@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 /// A position in millimetres: x, y, z.
 pub type Position = [f64; 3];
 
+/// A direction: x, y, z, of any length but 0.
+pub type Direction = [f64; 3];
+
 /// The plane of arcs and of cutter radius compensation (G17, G18, G19).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -7,7 +7,7 @@ use crate::contour::{
     Approach, ContourEvent, ContourEventKind, CutterSide, Motion, MotionClass, OutsideCorner,
     RadiusSource,
 };
-use crate::geometry::{AxisSet, Shape};
+use crate::geometry::{AxisSet, Direction, Shape};
 use crate::units::{
     m_from_mm, m_per_s_from_mm_per_min, mm_from_m, mm_per_min_from_m_per_s, point_from_position,
 };
@@ -76,11 +76,13 @@ impl From<&ContourEvent> for wire::ContourEvent {
                     RadiusSource::SpindleToolPlus(mm) => {
                         (Self::RADIUS_SPINDLE_TOOL_PLUS, 0, m_from_mm(mm))
                     }
+                    RadiusSource::Nose(nose) => (Self::RADIUS_NOSE, nose, 0.0),
                 };
             }
-            ContourEventKind::Select { side, approach } => {
+            ContourEventKind::Select { side, approach, along } => {
                 out.kind = Self::KIND_SELECT;
                 out.detail = key_of(&SIDES, side);
+                out.direction = along.unwrap_or_default();
                 out.approach = key_of(&APPROACHES, approach);
             }
             ContourEventKind::Cancel { exit } => {
@@ -90,6 +92,18 @@ impl From<&ContourEvent> for wire::ContourEvent {
             ContourEventKind::Corner(corner) => {
                 out.kind = Self::KIND_CORNER;
                 out.detail = key_of(&CORNERS, corner);
+            }
+            ContourEventKind::RadiusValue { radius_mm } => {
+                out.kind = Self::KIND_RADIUS_VALUE;
+                out.value = m_from_mm(radius_mm);
+            }
+            ContourEventKind::HoldDirection { along } => {
+                out.kind = Self::KIND_HOLD_DIRECTION;
+                out.direction = along.unwrap_or_default();
+            }
+            ContourEventKind::CornerArc { along } => {
+                out.kind = Self::KIND_CORNER_ARC;
+                out.direction = along.unwrap_or_default();
             }
             ContourEventKind::Action(action) => {
                 out.kind = Self::KIND_FUNCTION;
@@ -139,6 +153,7 @@ impl TryFrom<&wire::ContourEvent> for ContourEvent {
                     W::RADIUS_DIAMETER => RadiusSource::Diameter(mm),
                     W::RADIUS_RADIUS => RadiusSource::Radius(mm),
                     W::RADIUS_SPINDLE_TOOL_PLUS => RadiusSource::SpindleToolPlus(mm),
+                    W::RADIUS_NOSE => RadiusSource::Nose(event.number),
                     value => {
                         return Err(WireError::Constant { field: "detail", value: value.into() });
                     }
@@ -147,6 +162,7 @@ impl TryFrom<&wire::ContourEvent> for ContourEvent {
             W::KIND_SELECT => ContourEventKind::Select {
                 side: constant("detail", event.detail, value_of(&SIDES, event.detail))?,
                 approach: approach(event.approach)?,
+                along: direction(event.direction)?,
             },
             W::KIND_CANCEL => ContourEventKind::Cancel { exit: approach(event.approach)? },
             W::KIND_CORNER => ContourEventKind::Corner(constant(
@@ -154,6 +170,16 @@ impl TryFrom<&wire::ContourEvent> for ContourEvent {
                 event.detail,
                 value_of(&CORNERS, event.detail),
             )?),
+            W::KIND_RADIUS_VALUE => {
+                let radius_mm = number("value", mm_from_m(event.value))?;
+                ContourEventKind::RadiusValue { radius_mm }
+            }
+            W::KIND_HOLD_DIRECTION => {
+                ContourEventKind::HoldDirection { along: direction(event.direction)? }
+            }
+            W::KIND_CORNER_ARC => {
+                ContourEventKind::CornerArc { along: direction(event.direction)? }
+            }
             W::KIND_FUNCTION => {
                 let function = event.function.first();
                 let function = function.ok_or(WireError::Missing { field: "function" })?;
@@ -163,6 +189,14 @@ impl TryFrom<&wire::ContourEvent> for ContourEvent {
         };
         Ok(Self { source: source(event.line, &event.block, event.column, event.length), kind })
     }
+}
+
+/// A direction; `None` for 0 0 0.
+fn direction(value: Direction) -> Result<Option<Direction>, WireError> {
+    for part in value {
+        number("direction", part)?;
+    }
+    Ok((value != [0.0; 3]).then_some(value))
 }
 
 fn approach(value: u8) -> Result<Option<Approach>, WireError> {

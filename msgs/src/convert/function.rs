@@ -62,6 +62,11 @@ impl From<&Action> for wire::MachineFunction {
                 out.value = m_per_s_from_mm_per_min(feed_mm_per_min);
                 if rapid { Self::MACHINE_RAPID } else { Self::MACHINE_FEED }
             }
+            Action::Home { axes } => {
+                out.axes = axes.bits();
+                Self::HOME
+            }
+            Action::ExactStop => Self::EXACT_STOP,
             Action::ProgramEnd { rewind: false } => Self::PROGRAM_END,
             Action::ProgramEnd { rewind: true } => Self::PROGRAM_END_REWIND,
         };
@@ -124,6 +129,8 @@ impl TryFrom<&wire::MachineFunction> for Action {
             W::REFERENCE_SECOND => Self::Reference { axes, second: true },
             W::MACHINE_RAPID => machine_move(true)?,
             W::MACHINE_FEED => machine_move(false)?,
+            W::HOME => Self::Home { axes },
+            W::EXACT_STOP => Self::ExactStop,
             W::PROGRAM_END => Self::ProgramEnd { rewind: false },
             W::PROGRAM_END_REWIND => Self::ProgramEnd { rewind: true },
             value => return Err(WireError::Constant { field: "kind", value: value.into() }),

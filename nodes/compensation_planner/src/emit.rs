@@ -45,6 +45,7 @@ impl Emitter {
         match action {
             // Positions mean something else from here on.
             Action::Reference { .. }
+            | Action::Home { .. }
             | Action::MachineMove { .. }
             | Action::WorkOffset { .. }
             | Action::ToolLength { .. }

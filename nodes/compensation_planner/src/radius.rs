@@ -48,6 +48,10 @@ pub(crate) fn resolve(
             Some(offset) => offset.radius_mm + offset.wear_mm,
             None => of_number(number, tools, at, "D")?,
         },
+        Some(RadiusSource::Nose(number)) => match tools.offsets.get(&number) {
+            Some(offset) => offset.radius_mm + offset.wear_mm,
+            None => of_nose(number, tools, at)?,
+        },
         Some(RadiusSource::Diameter(diameter_mm)) => diameter_mm / 2.0,
         Some(RadiusSource::Radius(radius_mm)) => radius_mm,
     };
@@ -111,6 +115,14 @@ fn of_number(
         // No tool and no offset (S22).
         None if number == 0 => Ok(0.0),
         None => Err(Box::new(unknown(format!("{letter}{number}"), tools, at))),
+    }
+}
+
+/// The nose radius of a turning tool, mm.
+fn of_nose(number: u32, tools: &ToolTable, at: Source) -> Result<f64, Box<Diagnostic>> {
+    match tools.tools.get(&number) {
+        Some(tool) => Ok(tool.nose_radius_mm + tool.wear_diameter_mm / 2.0),
+        None => Err(Box::new(unknown(format!("nose radius {number}"), tools, at))),
     }
 }
 

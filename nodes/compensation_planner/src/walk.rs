@@ -104,7 +104,7 @@ impl<'a> Walk<'a> {
                     active.radius_changes = Some(source);
                 }
             }
-            ContourEventKind::Select { side, approach } => {
+            ContourEventKind::Select { side, approach, .. } => {
                 self.select(Selection { side, approach, source });
             }
             ContourEventKind::Cancel { exit } => self.cancel(exit, source),
@@ -114,6 +114,9 @@ impl<'a> Walk<'a> {
                     active.between.block(source);
                 }
             }
+            ContourEventKind::RadiusValue { .. }
+            | ContourEventKind::HoldDirection { .. }
+            | ContourEventKind::CornerArc { .. } => {}
             ContourEventKind::Action(action) => self.action(action, source),
         }
     }

@@ -354,7 +354,7 @@ fn random_contour(steps: &[Step], side: CutterSide, corner: OutsideCorner) -> Pr
     };
     push(&mut contour, ContourEventKind::Radius(RadiusSource::Radius(0.0)), true);
     push(&mut contour, ContourEventKind::Corner(corner), false);
-    push(&mut contour, ContourEventKind::Select { side, approach: None }, false);
+    push(&mut contour, ContourEventKind::Select { side, approach: None, along: None }, false);
     push(&mut contour, motion(Shape::Line, [0.0, 0.0, 0.0]), false);
     contour.start = [-30.0, if side == CutterSide::Left { 50.0 } else { -50.0 }, 0.0];
     let (mut at, mut heading) = ([0.0_f64; 3], 0.0_f64);
@@ -481,7 +481,7 @@ proptest! {
     fn p5_a_negative_radius_is_the_other_side(steps in prop::collection::vec(step(), 1..10), corner in in_modes(), radius in 0.01..20.0_f64) {
         let mut left = random_contour(&steps, CutterSide::Left, corner);
         let mut right = left.clone();
-        right.events[2].kind = ContourEventKind::Select { side: CutterSide::Right, approach: None };
+        right.events[2].kind = ContourEventKind::Select { side: CutterSide::Right, approach: None, along: None };
         set_radius(&mut left, radius);
         set_radius(&mut right, -radius);
         let (left, right) = (run(&left, &free(), 0.0), run(&right, &free(), 0.0));
@@ -596,7 +596,7 @@ fn closed_contour(points: &[Position], bulges: &[f64], side: CutterSide) -> Prog
     };
     let middle: Position = std::array::from_fn(|axis| (points[0][axis] + points[1][axis]) / 2.0);
     push(1, ContourEventKind::Radius(RadiusSource::Radius(0.0)));
-    push(1, ContourEventKind::Select { side, approach: Some(Approach::Normal) });
+    push(1, ContourEventKind::Select { side, approach: Some(Approach::Normal), along: None });
     push(1, feed(Shape::Line, middle));
     for index in 1..=points.len() {
         let (a, b) = (points[index - 1], points[index % points.len()]);

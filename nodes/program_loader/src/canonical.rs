@@ -7,7 +7,7 @@ use cnc_msgs::contour::{
     Action, Approach, ContourEvent, ContourEventKind, CutterSide, Motion, MotionClass,
     OutsideCorner, ProgrammedContour, RadiusSource,
 };
-use cnc_msgs::geometry::{AXIS_LETTERS, Position, Shape};
+use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Position, Shape};
 use std::fmt::Write;
 
 /// The contour as text, with the line and block number before each event.
@@ -34,12 +34,12 @@ pub fn event_text(event: &ContourEvent) -> String {
         ContourEventKind::Motion(motion) => motion_text(&motion),
         ContourEventKind::Plane(plane) => format!("plane {}", plane.name()),
         ContourEventKind::Radius(source) => format!("radius {}", radius(source)),
-        ContourEventKind::Select { side, approach } => {
+        ContourEventKind::Select { side, approach, along } => {
             let side = match side {
                 CutterSide::Left => "left",
                 CutterSide::Right => "right",
             };
-            format!("select {side}{}", approach.map_or("", approach_text))
+            format!("select {side}{}{}", approach.map_or("", approach_text), along_text(along))
         }
         ContourEventKind::Cancel { exit } => format!("cancel{}", exit.map_or("", approach_text)),
         ContourEventKind::Corner(corner) => format!(
@@ -50,8 +50,19 @@ pub fn event_text(event: &ContourEvent) -> String {
                 OutsideCorner::ExtendByRadius => "extend_by_radius",
             }
         ),
+        ContourEventKind::RadiusValue { radius_mm } => {
+            format!("radius value {}", number(radius_mm))
+        }
+        ContourEventKind::HoldDirection { along } => format!("hold direction{}", along_text(along)),
+        ContourEventKind::CornerArc { along } => format!("corner arc{}", along_text(along)),
         ContourEventKind::Action(action) => action_text(&action),
     }
+}
+
+fn along_text(along: Option<Direction>) -> String {
+    along.map_or_else(String::new, |[x, y, z]| {
+        format!(" along {} {} {}", number(x), number(y), number(z))
+    })
 }
 
 fn approach_text(approach: Approach) -> &'static str {
@@ -78,6 +89,7 @@ fn radius(source: RadiusSource) -> String {
         RadiusSource::Offset(offset) => format!("of offset {offset}"),
         RadiusSource::Diameter(diameter) => format!("diameter {}", number(diameter)),
         RadiusSource::Radius(radius) => number(radius),
+        RadiusSource::Nose(nose) => format!("nose {nose}"),
         RadiusSource::SpindleToolPlus(radius) => {
             format!("of the tool in the spindle and {}", number(radius))
         }

@@ -74,7 +74,12 @@ impl Encoder {
                 self.modal.reset_at_end(source);
                 self.push_action(text.into(), LineKind::Slow, false, source)
             }
-            Action::Auxiliary { .. } => {
+            Action::ExactStop => {
+                // A dwell of no length: the firmware waits until the axes stand still.
+                let kind = LineKind::Dwell { milliseconds: 0 };
+                self.push_action("G4P0".into(), kind, false, source)
+            }
+            Action::Home { .. } | Action::Auxiliary { .. } => {
                 Err(EncodeProblem::Unsupported { word: event.action.text() })
             }
         }

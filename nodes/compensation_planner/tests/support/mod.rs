@@ -158,7 +158,7 @@ impl Reader {
             push(ContourEventKind::Action(action));
         }
         if let Some(side) = select {
-            push(ContourEventKind::Select { side, approach });
+            push(ContourEventKind::Select { side, approach, along: None });
         }
         if cancel {
             push(ContourEventKind::Cancel { exit: approach });

@@ -100,7 +100,7 @@ impl Interpreter<'_> {
 
     fn tell_selection(&mut self, side: CutterSide) {
         self.modal.compensation.selected.get_or_insert(self.source);
-        self.emit(ContourEventKind::Select { side, approach: self.request.approach });
+        self.emit(ContourEventKind::Select { side, approach: self.request.approach, along: None });
     }
 
     #[cold]
