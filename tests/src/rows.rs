@@ -8,10 +8,11 @@
 pub mod compare;
 pub mod observe;
 
-use crate::root;
+use crate::files;
 use cnc_msgs::tool_table::ToolTable;
 use serde::Deserialize;
 use serde_json::Value;
+use std::path::PathBuf;
 
 /// The files in `tests/controls`, in the order of the page.
 pub const CONTROLS: [&str; 5] = ["masso", "automation1", "osp_lathe", "sinumerik_840c", "nct"];
@@ -96,14 +97,25 @@ const fn tolerance() -> f64 {
     2e-6
 }
 
-/// All rows of a control.
+/// All rows of a control, in order: `nct.yaml`, `nct_node.yaml`, ...
 ///
 /// # Panics
-/// The file is not there or has not the form of rows.
+/// There is no file, or it has not the form of rows.
 pub fn of(control: &str) -> Vec<Row> {
-    let path = root().join(format!("tests/controls/{control}.yaml"));
-    let text = std::fs::read_to_string(&path).expect("rows are a file");
-    serde_yaml::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    let is_of_control = |path: &PathBuf| {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        name.strip_prefix(control).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+            && path.parent().is_some_and(|folder| folder.ends_with("tests/controls"))
+    };
+    let mut rows: Vec<Row> = Vec::new();
+    for path in files(".yaml").iter().filter(|path| is_of_control(path)) {
+        let text = std::fs::read_to_string(path).expect("rows are a file");
+        let more: Vec<Row> = serde_yaml::from_str(&text)
+            .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        rows.extend(more);
+    }
+    rows.sort_by(|a, b| a.id.cmp(&b.id));
+    rows
 }
 
 /// Checks what a test of a node has seen against the numbers of its row, and
