@@ -8,13 +8,13 @@ use crate::element::Element;
 use crate::emit::{Emitter, Label, feed};
 use crate::finding;
 use crate::frame::{height, in_plane, plane_axes};
+use crate::interference;
 use crate::lead;
-use crate::neighbours;
 use crate::normalise::runs;
 use crate::reach::{is_any_unreachable, unreachable};
 use crate::span::{Lead, Run, Span};
-use crate::tails::Walls;
 use crate::tolerance::{MERGE_MM, RADIUS_MM};
+use crate::walls::Walls;
 use crate::write::Writer;
 use cnc_msgs::contour::{Approach, CutterSide, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
@@ -74,9 +74,13 @@ pub(crate) fn compensate(
     if let Some(place) = places.next() {
         diagnostics.push(finding::more_unreachable(&span, &runs, &place, FINDINGS_MAX));
     }
-    let walls = Walls::new(&runs);
-    for cut in neighbours::cuts(&walls, &links, &placed, tolerance).iter().take(FINDINGS_MAX) {
-        diagnostics.push(finding::neighbour_cut(&span, &runs, cut));
+    let walls = Walls::new(&runs, &links, &placed);
+    let cuts = interference::cuts(&walls, &links, &placed, tolerance);
+    for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
+        diagnostics.push(finding::cut(&span, &runs, cut, profile));
+    }
+    if !cuts.is_complete {
+        diagnostics.push(finding::too_entangled(&span));
     }
     out.side = side_of(span.d_mm);
     let mut writer =

@@ -2,11 +2,14 @@
 
 use crate::element::{Arc, Element, Line, Vec2, left};
 use crate::intersect::crossings;
+use crate::tolerance::LENGTH_MM;
 
 /// The distance, mm, and the nearest point of the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Nearest {
     pub distance: f64,
+    /// Of the tool centre.
+    pub on_way: Vec2,
     pub on_wall: Vec2,
 }
 
@@ -16,35 +19,35 @@ pub(crate) fn nearest(from: Vec2, to: Vec2, wall: &Element) -> Nearest {
         Some(way) => nearest_on_way(&way, wall),
         None => {
             let on_wall = nearest_on_element(wall, from);
-            Nearest { distance: (on_wall - from).norm(), on_wall }
+            Nearest { distance: (on_wall - from).norm(), on_way: from, on_wall }
         }
     }
 }
 
 /// The smallest distance between the way of the tool and an element.
 pub(crate) fn nearest_on_way(way: &Element, wall: &Element) -> Nearest {
-    let mut best = Nearest { distance: f64::INFINITY, on_wall: wall.start() };
-    let mut offer = |distance: f64, on_wall: Vec2| {
+    let mut best = Nearest { distance: f64::INFINITY, on_way: way.start(), on_wall: wall.start() };
+    let mut offer = |on_way: Vec2, on_wall: Vec2| {
+        let distance = (on_way - on_wall).norm();
         if distance < best.distance {
-            best = Nearest { distance, on_wall };
+            best = Nearest { distance, on_way, on_wall };
         }
     };
     for end in [way.start(), way.end()] {
-        let point = nearest_on_element(wall, end);
-        offer((point - end).norm(), point);
+        offer(end, nearest_on_element(wall, end));
     }
     for end in [wall.start(), wall.end()] {
-        offer(distance_to(way, end), end);
+        offer(nearest_on_element(way, end), end);
     }
     // Inside both, the nearest points face each other across both elements.
     for (on_way, on_wall) in facing(way, wall) {
         if is_on(way, on_way) && is_on(wall, on_wall) {
-            offer((on_way - on_wall).norm(), on_wall);
+            offer(on_way, on_wall);
         }
     }
     for &point in crossings(way, wall, 0.0).points() {
         if is_on(way, point) && is_on(wall, point) {
-            offer(0.0, point);
+            offer(point, point);
         }
     }
     best
@@ -81,6 +84,11 @@ fn facing(way: &Element, wall: &Element) -> impl Iterator<Item = (Vec2, Vec2)> {
 /// How far a point is from an element, mm.
 pub(crate) fn distance_to(element: &Element, point: Vec2) -> f64 {
     (nearest_on_element(element, point) - point).norm()
+}
+
+/// Whether a point is on an element, but for rounding.
+pub(crate) fn is_near(element: &Element, point: Vec2) -> bool {
+    distance_to(element, point) <= LENGTH_MM
 }
 
 /// Whether a point of the whole line or circle is within the element.

@@ -219,6 +219,48 @@ impl Element {
         }
     }
 
+    /// Without what comes before this length along it, mm; `None` when nothing is left.
+    pub(crate) fn after(self, along: f64) -> Option<Self> {
+        if along <= 0.0 {
+            return Some(self);
+        }
+        if along >= self.length() {
+            return None;
+        }
+        match self {
+            Self::Line(line) => Self::line(line.start + line.tangent * along, self.end()),
+            Self::Arc(mut arc) => {
+                let angle = along / arc.radius;
+                arc.from = (arc.point_at_angle(angle) - arc.center) / arc.radius;
+                arc.sweep -= angle;
+                Some(Self::Arc(arc))
+            }
+        }
+    }
+
+    /// Without what comes after this length along it, mm; `None` when nothing is left.
+    pub(crate) fn before(self, along: f64) -> Option<Self> {
+        if along >= self.length() {
+            return Some(self);
+        }
+        if along <= 0.0 {
+            return None;
+        }
+        match self {
+            Self::Line(line) => Self::line(line.start, line.start + line.tangent * along),
+            Self::Arc(mut arc) => {
+                arc.sweep = along / arc.radius;
+                arc.to = (arc.point_at_angle(arc.sweep) - arc.center) / arc.radius;
+                Some(Self::Arc(arc))
+            }
+        }
+    }
+
+    /// Whether it ends where it starts.
+    pub(crate) fn is_closed(&self) -> bool {
+        !self.is_line() && (self.end() - self.start()).norm() <= LENGTH_MM
+    }
+
     /// Whether it is a line.
     pub(crate) fn is_line(&self) -> bool {
         matches!(self, Self::Line(_))

@@ -3,7 +3,7 @@
 //! Decides nothing: what is found is decided where it is computed.
 
 use crate::frame::{height, in_work};
-use crate::neighbours::Cut;
+use crate::interference::Cut;
 use crate::reach::Unreachable;
 use crate::span::{Run, Span};
 use cnc_msgs::contour::Source;
@@ -93,8 +93,8 @@ pub(crate) fn more_unreachable(
     .help("use a smaller tool, or check that the compensation is on the right side")
 }
 
-/// An element on which the tool cuts into the next one.
-pub(crate) fn neighbour_cut(span: &Span, runs: &[Run], cut: &Cut) -> Diagnostic {
+/// An element on which the tool cuts into another one.
+pub(crate) fn cut(span: &Span, runs: &[Run], cut: &Cut, profile: &Profile) -> Diagnostic {
     let into = &span.legs[runs[cut.into].legs.start];
     let (on, later) = (
         span.legs[runs[cut.on].legs.start].source,
@@ -114,15 +114,27 @@ pub(crate) fn neighbour_cut(span: &Span, runs: &[Run], cut: &Cut) -> Diagnostic 
             block_name(on)
         ),
     );
-    if cut.is_other_pass {
+    // A difference of radii says nothing of the tool where a contour closes (M10, N03).
+    if cut.is_other_pass || (span.is_negative && cut.is_at_ends) {
         finding.severity = Severity::Warning;
     }
     finding.other = [into.source, on].into_iter().find(|other| other.line != later.line);
     finding.position = Some(position);
     finding.depth_mm = Some(depth_mm);
     finding.needed_mm = Some(cut.radius_mm);
-    finding.available_mm = Some(cut.distance_mm);
+    finding.available_mm = Some(cut.radius_mm - depth_mm / 2.0);
+    finding.alarm.clone_from(&profile.interference.alarm);
     finding.help("use a smaller tool, or begin and end the contour where it does not bend back")
+}
+
+/// A contour that meets itself so often that not all of it could be checked.
+pub(crate) fn too_entangled(span: &Span) -> Diagnostic {
+    Diagnostic::error(
+        Code::Limit,
+        span.entry.lead.source,
+        "the contour after this block comes near to itself in so many places that they cannot all be checked",
+    )
+    .help("split the contour into several, each with its own selection and cancel")
 }
 
 /// A lead that comes too near.

@@ -1,19 +1,20 @@
 //! Whether a lead cuts into the contour that it leads to or from.
 //!
-//! Looks at the element next to the lead, without its tail (see `tails`).
-//! Other parts of the contour are not seen here.
+//! Leads are judged apart from their span, against all of its walls.
 
 use crate::compensate::WallBehind;
-use crate::distance::nearest;
+use crate::distance::{Nearest, nearest};
 use crate::element::{Element, Vec2};
 use crate::finding::{self, LeadCut};
 use crate::span::{Lead, Run, Span};
-use crate::tails::Walls;
 use crate::tolerance::GOUGE_MM;
+use crate::tree::{Bounds, NO_CHAIN, Tree};
+use crate::walls::{Walls, budget};
 use cnc_msgs::contour::Source;
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::Profile;
+use std::ops::ControlFlow;
 
 /// What every check of a lead needs.
 pub(crate) struct Check<'a> {
@@ -33,28 +34,19 @@ impl Check<'_> {
         behind: Option<WallBehind>,
     ) {
         let lead = &span.entry.lead;
-        if let Some(first) = runs.first() {
-            let other = span.legs[first.legs.start].source;
-            let code = if span.entry.is_link { Code::LinkGouge } else { Code::LeadGouge };
-            let walls = self.walls;
-            let wall = || walls.of(0);
-            self.one(code, ends, (&first.element, wall), span.d_mm.abs(), lead, other);
-        }
+        let code = if span.entry.is_link { Code::LinkGouge } else { Code::LeadGouge };
+        self.span(code, span, runs, ends, span.d_mm.abs(), lead);
         if let Some(behind) = behind {
-            let wall = || Some(behind.wall);
-            let parts = (&behind.wall, wall);
-            self.one(Code::LinkGouge, ends, parts, behind.radius_mm, lead, behind.source);
+            let near = nearest(ends.0, ends.1, &behind.wall);
+            if near.distance < behind.radius_mm - GOUGE_MM {
+                self.report(Code::LinkGouge, near, behind.radius_mm, lead, behind.source);
+            }
         }
     }
 
     /// The lead-off, from the end of the contour.
     pub(crate) fn lead_off(&mut self, span: &Span, runs: &[Run], ends: (Vec2, Vec2), lead: &Lead) {
-        let Some(last) = runs.last() else { return };
-        let other = span.legs[last.legs.end - 1].source;
-        let walls = self.walls;
-        let wall = || walls.of(runs.len() - 1);
-        let radius_mm = span.d_out_mm.abs();
-        self.one(Code::LeadGouge, ends, (&last.element, wall), radius_mm, lead, other);
+        self.span(Code::LeadGouge, span, runs, ends, span.d_out_mm.abs(), lead);
     }
 
     /// What a link at the end of the span will be checked against.
@@ -64,24 +56,41 @@ impl Check<'_> {
         Some(WallBehind { wall: last.element, source, radius_mm: span.d_out_mm.abs() })
     }
 
-    fn one(
+    fn span(
         &mut self,
         code: Code,
+        span: &Span,
+        runs: &[Run],
         (from, to): (Vec2, Vec2),
-        (element, wall): (&Element, impl Fn() -> Option<Element>),
         radius_mm: f64,
         lead: &Lead,
-        other: Source,
     ) {
-        // The quick look first: tails are searched for only where something is cut.
-        if nearest(from, to, element).distance >= radius_mm - GOUGE_MM {
-            return;
+        let limit = radius_mm - GOUGE_MM;
+        let Some(way) = Element::line(from, to).filter(|_| limit > 0.0) else { return };
+        let tree = Tree::new(std::iter::once((Bounds::of(&way), NO_CHAIN)));
+        let mut deepest: Option<(usize, Nearest)> = None;
+        tree.near_pairs(self.walls.tree(), limit, budget(runs.len()), |_, into| {
+            for run in into {
+                // The quick look first.
+                if nearest(from, to, self.walls.element(run)).distance >= limit {
+                    continue;
+                }
+                let Some(wall) = self.walls.of(run) else { continue };
+                let near = nearest(from, to, &wall);
+                let is_deepest = deepest.is_none_or(|(_, other)| near.distance < other.distance);
+                if near.distance < limit && is_deepest {
+                    deepest = Some((run, near));
+                }
+            }
+            ControlFlow::Continue(())
+        });
+        if let Some((run, near)) = deepest {
+            let other = span.legs[runs[run].legs.start].source;
+            self.report(code, near, radius_mm, lead, other);
         }
-        let Some(wall) = wall() else { return };
-        let near = nearest(from, to, &wall);
-        if near.distance >= radius_mm - GOUGE_MM {
-            return;
-        }
+    }
+
+    fn report(&mut self, code: Code, near: Nearest, radius_mm: f64, lead: &Lead, other: Source) {
         let cut = LeadCut {
             code,
             source: lead.source,

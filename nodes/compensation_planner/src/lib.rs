@@ -2,14 +2,13 @@
 //!
 //! [`plan`] is the whole interface: a contour, the rules of a control and the
 //! tools go in; the path of the tool centre or the reasons against it come out.
-//! It does not read programs, and does not see what distant parts of a contour
-//! do to each other.
+//! It does not read programs.
 //!
 //! The way of an event: `walk` gathers what lies between a lead-on and a
 //! lead-off into a [`span`](crate::span) and applies the `rules`; `normalise`
 //! makes runs of its legs, `chain` joins their offsets, `reach` says what the
-//! tool does not fit into, `neighbours` where it cuts into the next element,
-//! `corner` shapes outside corners, `lead` checks the leads, `write` and `emit`
+//! tool does not fit into, `walls` what bounds it, `interference` where it cuts into
+//! that (`tree` finds who is near), `corner` shapes outside corners, `lead` checks the leads, `write` and `emit`
 //! put it all out.
 
 mod chain;
@@ -20,9 +19,9 @@ mod element;
 mod emit;
 mod finding;
 mod frame;
+mod interference;
 mod intersect;
 mod lead;
-mod neighbours;
 #[cfg(feature = "node")]
 pub mod node;
 mod normalise;
@@ -32,10 +31,11 @@ mod radius;
 mod reach;
 mod rules;
 mod span;
-mod tails;
 pub mod tessellate;
 mod tolerance;
+mod tree;
 mod walk;
+mod walls;
 mod write;
 
 use cnc_msgs::contour::{CutterSide, ProgrammedContour};

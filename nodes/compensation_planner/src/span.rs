@@ -68,6 +68,9 @@ pub(crate) struct Span {
     pub d_mm: f64,
     /// The signed offset at the end of the last leg.
     pub d_out_mm: f64,
+    /// The radius is below 0: a difference to the tool that the program was made for
+    /// (M10, S49), or the other of two parts that mate (N04).
+    pub is_negative: bool,
     pub entry: Entry,
     pub legs: Vec<Leg>,
     pub items: Vec<Item>,

@@ -82,6 +82,7 @@ impl Walk<'_> {
             plane,
             d_mm,
             d_out_mm: d_mm,
+            is_negative: (d_mm < 0.0) != (selection.side == CutterSide::Right),
             entry: Entry { lead, is_link: link.is_some() },
             legs: Vec::new(),
             items: Vec::new(),

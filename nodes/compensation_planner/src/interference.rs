@@ -1,0 +1,220 @@
+//! Whether the tool, anywhere on its way along a span, cuts into a wall of it.
+//!
+//! Joints keep the tool off the elements that they join; this looks at all
+//! others, however far apart they are in the program: walls of a slot, a contour
+//! that comes back on itself, an arc that bends back to its neighbour. What the
+//! tool does not reach is the business of `reach`.
+
+use crate::chain::{Link, Placed, Role};
+use crate::distance::nearest_on_way;
+use crate::element::{Element, Vec2};
+use crate::tolerance::{GOUGE_MM, LENGTH_MM};
+use crate::tree::{Bounds, NO_CHAIN, Tree};
+use crate::walls::{Walls, budget};
+use std::ops::ControlFlow;
+
+/// The tool on one run comes too near to another.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cut {
+    /// The run that the tool is on, and the one it cuts into.
+    pub on: usize,
+    pub into: usize,
+    /// Half-way between the two places of the contour that are too near.
+    pub at: Vec2,
+    pub radius_mm: f64,
+    /// Of the tool centre from the wall, mm.
+    pub distance_mm: f64,
+    pub is_other_pass: bool,
+    /// The contour is entered or left where it closes, in an inside corner.
+    pub is_at_ends: bool,
+}
+
+/// What was found, and whether everything was looked at.
+#[derive(Debug)]
+pub(crate) struct Cuts {
+    pub cuts: Vec<Cut>,
+    pub is_complete: bool,
+}
+
+/// An element of the way of the tool.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    place: usize,
+    /// The run that it belongs to; a corner belongs to the run after it (S07).
+    run: usize,
+    chain: u32,
+    /// How much nearer it may be, mm: where something next to it was consumed.
+    slack: f64,
+}
+
+/// Cuts found at most; what is cut everywhere needs no more.
+const CUTS_MAX: usize = 100_000;
+
+/// All places where the tool cuts into a wall, the deepest point of each.
+///
+/// `tolerance` is how much nearer the tool may be where something was consumed, mm.
+pub(crate) fn cuts(walls: &Walls<'_>, links: &[Link], placed: &[Placed], tolerance: f64) -> Cuts {
+    let ways = ways(walls, links, placed, tolerance);
+    let element = |way: &Way| element(&links[placed[way.place].link], &placed[way.place]);
+    let boxes = ways
+        .iter()
+        .map(|way| (element(way).map_or(Bounds::EMPTY, |element| Bounds::of(&element)), way.chain));
+    let tree = Tree::new(boxes);
+    let reach = links.iter().map(|link| link.d_in_mm.abs().max(link.d_out_mm.abs()));
+    let reach = reach.fold(0.0, f64::max);
+    let mut found: Vec<(usize, Cut)> = Vec::new();
+    let is_complete = tree.near_pairs(walls.tree(), reach, budget(ways.len()), |on, into| {
+        for index in on {
+            let Some(way) = element(&ways[index]) else { continue };
+            let link = &links[placed[ways[index].place].link];
+            for run in into.clone() {
+                if let Some(cut) = cut(walls, &ways[index], &way, link, run) {
+                    found.push((index, cut));
+                }
+            }
+        }
+        if found.len() < CUTS_MAX { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    Cuts { cuts: deepest_of_each_place(found), is_complete }
+}
+
+fn ways(walls: &Walls<'_>, links: &[Link], placed: &[Placed], tolerance: f64) -> Vec<Way> {
+    let mut ways: Vec<Way> = Vec::with_capacity(placed.len());
+    let mut run_before = None;
+    let mut open_corner = None;
+    for (place, placed) in placed.iter().enumerate() {
+        match links[placed.link].role {
+            Role::Run(run) => {
+                let is_gap = run_before.is_some_and(|before| before + 1 != run);
+                let slack = if is_gap { tolerance } else { 0.0 };
+                if let Some(before) = ways.last_mut().filter(|_| is_gap) {
+                    before.slack = tolerance;
+                }
+                let chain = walls.chain(run);
+                if let Some(corner) = open_corner.take() {
+                    let same = run_before.is_some_and(|before| walls.chain(before) == chain);
+                    let chain = if same { chain } else { NO_CHAIN };
+                    ways.push(Way { place: corner, run, chain, slack });
+                }
+                ways.push(Way { place, run, chain, slack });
+                run_before = Some(run);
+            }
+            Role::Corner { .. } => open_corner = run_before.map(|_| place),
+            Role::Entry | Role::Exit => {}
+        }
+    }
+    ways
+}
+
+fn cut(walls: &Walls<'_>, on: &Way, way: &Element, link: &Link, into: usize) -> Option<Cut> {
+    // What the tool does not touch has been judged as unreachable, or accepted.
+    if !walls.is_followed(into) || on.chain == walls.chain(into) {
+        return None;
+    }
+    let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
+    let limit = radius_mm - GOUGE_MM - on.slack;
+    let whole = walls.element(into);
+    // The quick looks first.
+    if Bounds::of(way).gap_squared(&Bounds::of(whole)) >= limit * limit
+        || (into == on.run && whole.is_line())
+        || nearest_on_way(way, whole).distance >= limit
+    {
+        return None;
+    }
+    let wall = walls.of(into)?;
+    let near = nearest_on_way(way, &wall);
+    if near.distance >= limit {
+        return None;
+    }
+    let foot = link.element.project(near.on_way);
+    Some(Cut {
+        on: on.run,
+        into,
+        at: (foot + near.on_wall) / 2.0,
+        radius_mm,
+        distance_mm: near.distance,
+        is_other_pass: walls.pass(on.run) != walls.pass(into),
+        is_at_ends: walls.are_ends(on.run, into),
+    })
+}
+
+/// Neighbours that cut into neighbours are one place; so is a pair of walls that
+/// the tool cuts from both.
+fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
+    found.sort_by(|a, b| (a.0, a.1.into).cmp(&(b.0, b.1.into)));
+    let mut places: Vec<Place> = Vec::new();
+    for (way, cut) in found {
+        let open = places.iter_mut().rev().take(8).find(|place| place.continues(way, &cut));
+        match open {
+            Some(place) => place.take(way, cut),
+            None => places.push(Place::new(way, cut)),
+        }
+    }
+    places.sort_by(|a, b| {
+        a.deepest.distance_mm.total_cmp(&b.deepest.distance_mm).then(a.on.0.cmp(&b.on.0))
+    });
+    let mut kept: Vec<Place> = Vec::new();
+    for place in places {
+        let is_other_side = |other: &Place| {
+            overlap(place.on, other.into) && overlap(place.into, other.on)
+                || overlap(place.on, other.on) && overlap(place.into, other.into)
+        };
+        if kept.len() < 1000 && !kept.iter().any(is_other_side) {
+            kept.push(place);
+        }
+    }
+    kept.sort_by_key(|place| (place.on.0.max(place.into.0), place.on.0));
+    kept.into_iter().map(|place| place.deepest).collect()
+}
+
+/// Cuts that hang together.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    last_way: usize,
+    /// First and last run on which and into which is cut.
+    on: (usize, usize),
+    into: (usize, usize),
+    deepest: Cut,
+}
+
+impl Place {
+    fn new(way: usize, cut: Cut) -> Self {
+        Self { last_way: way, on: (cut.on, cut.on), into: (cut.into, cut.into), deepest: cut }
+    }
+
+    fn continues(&self, way: usize, cut: &Cut) -> bool {
+        way <= self.last_way + 2
+            && cut.into + 2 >= self.into.0
+            && cut.into <= self.into.1 + 2
+            && cut.is_other_pass == self.deepest.is_other_pass
+    }
+
+    fn take(&mut self, way: usize, cut: Cut) {
+        self.last_way = way;
+        self.on = (self.on.0.min(cut.on), self.on.1.max(cut.on));
+        self.into = (self.into.0.min(cut.into), self.into.1.max(cut.into));
+        // Of a vertex both runs are as near; it belongs to the later (S07).
+        let nearer = self.deepest.distance_mm - cut.distance_mm;
+        if nearer > LENGTH_MM || (nearer > -LENGTH_MM && cut.into > self.deepest.into) {
+            self.deepest = cut;
+        }
+    }
+}
+
+fn overlap(a: (usize, usize), b: (usize, usize)) -> bool {
+    a.0 <= b.1 + 1 && b.0 <= a.1 + 1
+}
+
+/// The way of the tool along an element, without what joints cut off.
+fn element(link: &Link, place: &Placed) -> Option<Element> {
+    match link.element.offset(link.d_in_mm)? {
+        Element::Line(_) => Element::line(place.start, place.end),
+        Element::Arc(arc) if arc.radius <= LENGTH_MM => None,
+        Element::Arc(arc) => {
+            let whole = Element::Arc(arc);
+            whole
+                .after(place.trim_in)?
+                .before(arc.radius * arc.sweep - place.trim_in - place.trim_out)
+        }
+    }
+}

@@ -1,0 +1,313 @@
+//! What of a span bounds the tool: its passes without their tails.
+//!
+//! A pass ends where the contour returns to a point that it has already passed:
+//! roughing and finishing loops, one after another. A tail is the piece from a
+//! free end of a pass to the first place where the pass meets itself: a contour
+//! that is entered and left by legs that cross has no wall beyond the crossing
+//! (M12).
+
+use crate::chain::{Link, Placed, Role};
+use crate::distance::is_near;
+use crate::element::{Element, Vec2};
+use crate::intersect::crossings;
+use crate::span::Run;
+use crate::tolerance::LENGTH_MM;
+use crate::tree::{Bounds, Chains, NO_CHAIN, Tree};
+use std::ops::{ControlFlow, Range};
+
+/// Boxes that may be looked at for one run, and for any contour.
+const BUDGET: (usize, usize) = (64, 100_000);
+
+/// Meetings that are kept for one run, and for any contour.
+const MEETINGS_MAX: (usize, usize) = (4, 10_000);
+
+/// How many boxes may be looked at for a contour of so many elements.
+pub(crate) const fn budget(count: usize) -> usize {
+    BUDGET.0 * count + BUDGET.1
+}
+
+/// The walls of a span.
+#[derive(Debug)]
+pub(crate) struct Walls<'a> {
+    runs: &'a [Run],
+    passes: Vec<Pass>,
+    /// Over all runs; those that the tool does not touch are in it too.
+    tree: Tree,
+    /// The chain of each run; of one that is consumed that of the run before.
+    chains: Vec<u32>,
+    is_followed: Vec<bool>,
+}
+
+/// Runs without a return, and what of them bounds nothing.
+#[derive(Debug, Clone)]
+struct Pass {
+    runs: Range<usize>,
+    /// Walls begin and end here; `None`: there is no tail.
+    begin: Option<Place>,
+    end: Option<Place>,
+}
+
+/// A place on a run, mm from its start.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+struct Place {
+    run: usize,
+    along: f64,
+}
+
+/// The contour is where it has been before.
+#[derive(Debug, Clone, Copy)]
+struct Meeting {
+    early: Place,
+    late: Place,
+    /// The later run ends there.
+    is_return: bool,
+}
+
+impl<'a> Walls<'a> {
+    /// `links` and `placed` tell which runs the tool follows.
+    pub(crate) fn new(runs: &'a [Run], links: &[Link], placed: &[Placed]) -> Self {
+        let mut chains = vec![NO_CHAIN; runs.len()];
+        let mut is_followed = vec![false; runs.len()];
+        let mut next = 0;
+        let mut chain = Chains::new();
+        let mut d_mm = None;
+        for place in placed {
+            let link = &links[place.link];
+            let Role::Run(run) = link.role else { continue };
+            if d_mm.replace(link.d_out_mm) != Some(link.d_in_mm) {
+                chain.cut();
+            }
+            // What was consumed is no reason to look closer at what is around it.
+            let before = run.checked_sub(1).map_or(NO_CHAIN, |_| chain.current());
+            chains[next.min(run)..run].fill(before);
+            chains[run] = chain.next(&link.element);
+            is_followed[run] = true;
+            next = run + 1;
+        }
+        let boxes = runs.iter().zip(&chains).map(|(run, &chain)| (Bounds::of(&run.element), chain));
+        let tree = Tree::new(boxes);
+        let meetings = meetings(runs, &tree);
+        let passes = passes(runs, &meetings);
+        Self { runs, passes, tree, chains, is_followed }
+    }
+
+    /// Boxes over all runs.
+    pub(crate) fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    /// Whether the tool follows a run.
+    pub(crate) fn is_followed(&self, run: usize) -> bool {
+        self.is_followed[run]
+    }
+
+    /// All of the element of a run, tails too.
+    pub(crate) fn element(&self, run: usize) -> &Element {
+        &self.runs[run].element
+    }
+
+    /// The chain of a run.
+    pub(crate) fn chain(&self, run: usize) -> u32 {
+        self.chains[run]
+    }
+
+    /// Number of the pass that a run belongs to.
+    pub(crate) fn pass(&self, run: usize) -> usize {
+        self.passes.partition_point(|pass| pass.runs.end <= run)
+    }
+
+    /// Whether the walls of a pass begin on one of two runs and end on the other.
+    pub(crate) fn are_ends(&self, one: usize, other: usize) -> bool {
+        let Some(pass) = self.passes.get(self.pass(one)) else { return false };
+        let first = pass.begin.map_or(pass.runs.start, |begin| begin.run);
+        let last = pass.end.map_or(pass.runs.end.saturating_sub(1), |end| end.run);
+        first != last && (one.min(other), one.max(other)) == (first, last)
+    }
+
+    /// The wall in the element of a run; `None` when all of it is a tail.
+    pub(crate) fn of(&self, run: usize) -> Option<Element> {
+        let pass = self.passes.get(self.pass(run))?;
+        let mut element = self.runs.get(run)?.element;
+        if let Some(end) = pass.end {
+            if run > end.run {
+                return None;
+            }
+            if run == end.run {
+                element = element.before(end.along)?;
+            }
+        }
+        if let Some(begin) = pass.begin {
+            if run < begin.run {
+                return None;
+            }
+            if run == begin.run {
+                element = element.after(begin.along)?;
+            }
+        }
+        Some(element)
+    }
+}
+
+fn passes(runs: &[Run], meetings: &[Meeting]) -> Vec<Pass> {
+    let mut passes: Vec<Range<usize>> = Vec::new();
+    let mut start = 0;
+    for meeting in meetings.iter().filter(|meeting| meeting.is_return) {
+        if meeting.early.run >= start && meeting.late.run >= start {
+            passes.push(start..meeting.late.run + 1);
+            start = meeting.late.run + 1;
+        }
+    }
+    if start < runs.len() {
+        passes.push(start..runs.len());
+    }
+    let with_tails = |runs: Range<usize>| {
+        let mut pass = Pass { runs, begin: None, end: None };
+        // Meetings are in the order of their later place.
+        let from = meetings.partition_point(|meeting| meeting.late.run < pass.runs.start);
+        for meeting in &meetings[from..] {
+            if meeting.late.run >= pass.runs.end {
+                break;
+            }
+            if meeting.early.run < pass.runs.start {
+                continue;
+            }
+            if pass.begin.is_none_or(|begin| meeting.early < begin) {
+                pass.begin = Some(meeting.early);
+            }
+            if pass.end.is_none_or(|end| meeting.late > end) {
+                pass.end = Some(meeting.late);
+            }
+        }
+        pass
+    };
+    passes.into_iter().map(with_tails).collect()
+}
+
+/// All places where the contour meets itself, in the order of the later place.
+fn meetings(runs: &[Run], tree: &Tree) -> Vec<Meeting> {
+    let mut found: Vec<Meeting> = Vec::new();
+    for (index, run) in runs.iter().enumerate() {
+        if run.element.is_closed() {
+            let late = Place { run: index, along: run.element.length() };
+            let early = Place { run: index, along: 0.0 };
+            found.push(Meeting { early, late, is_return: true });
+        }
+    }
+    let most = MEETINGS_MAX.0 * runs.len() + MEETINGS_MAX.1;
+    tree.near_pairs(tree, LENGTH_MM, budget(runs.len()), |early, late| {
+        if early.start > late.start {
+            return ControlFlow::Continue(());
+        }
+        for late in late {
+            for early in early.start..early.end.min(late) {
+                meet(runs, early, late, &mut found);
+            }
+        }
+        if found.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    found.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
+    found
+}
+
+fn meet(runs: &[Run], early: usize, late: usize, found: &mut Vec<Meeting>) {
+    let (a, b) = (&runs[early].element, &runs[late].element);
+    if Bounds::of(a).gap_squared(&Bounds::of(b)) > LENGTH_MM * LENGTH_MM {
+        return;
+    }
+    let joint = (early + 1 == late).then(|| a.end());
+    let mut add = |point: Vec2, is_end_of_late: bool| {
+        if joint.is_some_and(|joint| (joint - point).norm() <= LENGTH_MM)
+            || !is_near(a, point)
+            || !is_near(b, point)
+        {
+            return;
+        }
+        let length = b.length();
+        let along = if is_end_of_late { length } else { b.along_from_start(point, LENGTH_MM) };
+        found.push(Meeting {
+            early: Place {
+                run: early,
+                along: a.along_from_start(point, LENGTH_MM).clamp(0.0, a.length()),
+            },
+            late: Place { run: late, along: along.clamp(0.0, length) },
+            is_return: is_end_of_late,
+        });
+    };
+    add(b.end(), true);
+    add(b.start(), false);
+    add(a.start(), false);
+    add(a.end(), false);
+    for &point in crossings(a, b, 0.0).points() {
+        add(point, false);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn runs(points: &[[f64; 2]]) -> Vec<Run> {
+        let element = |ends: &[[f64; 2]]| {
+            let [a, b] = [ends[0], ends[1]].map(|[x, y]| Vec2::new(x, y));
+            Element::line(a, b).expect("two points")
+        };
+        (points.windows(2).enumerate())
+            .map(|(index, ends)| Run {
+                element: element(ends),
+                legs: index..index + 1,
+                d_in_mm: 5.0,
+                d_out_mm: 5.0,
+            })
+            .collect()
+    }
+
+    /// Start and end of the wall of each run.
+    fn walls(points: &[[f64; 2]]) -> Vec<Option<[[f64; 2]; 2]>> {
+        let runs = runs(points);
+        let walls = Walls::new(&runs, &[], &[]);
+        let ends = |wall: Element| [wall.start(), wall.end()].map(|point| [point.x, point.y]);
+        (0..runs.len()).map(|run| walls.of(run).map(ends)).collect()
+    }
+
+    #[test]
+    fn what_lies_beyond_a_crossing_is_no_wall() {
+        let points = [
+            [-30.0, -25.0],
+            [0.0, -25.0],
+            [100.0, -25.0],
+            [100.0, -100.0],
+            [25.0, -100.0],
+            [25.0, 0.0],
+            [25.0, 25.0],
+        ];
+        let expected = [
+            None,
+            Some([[25.0, -25.0], [100.0, -25.0]]),
+            Some([[100.0, -25.0], [100.0, -100.0]]),
+            Some([[100.0, -100.0], [25.0, -100.0]]),
+            Some([[25.0, -100.0], [25.0, -25.0]]),
+            None,
+        ];
+        assert_eq!(walls(&points), expected);
+    }
+
+    #[test]
+    fn a_closed_contour_and_an_open_one_have_no_tails() {
+        let square = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0], [0.0, 0.0]];
+        for points in [&square[..], &square[..4]] {
+            let whole: Vec<_> = points.windows(2).map(|ends| Some([ends[0], ends[1]])).collect();
+            assert_eq!(walls(points), whole);
+        }
+    }
+
+    #[test]
+    fn a_loop_that_closes_is_a_pass_and_what_follows_is_the_next() {
+        let points =
+            [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 0.0]];
+        let runs = runs(&points);
+        let walls = Walls::new(&runs, &[], &[]);
+        let passes: Vec<usize> = (0..6).map(|run| walls.pass(run)).collect();
+        assert_eq!(passes, [0, 0, 0, 1, 1, 1]);
+        assert!(walls.are_ends(2, 0) && !walls.are_ends(1, 0) && !walls.are_ends(2, 3));
+    }
+}

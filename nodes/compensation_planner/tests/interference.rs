@@ -1,0 +1,336 @@
+//! What the tool does to elements that it does not follow: neighbours and distant ones.
+
+mod support;
+
+use cnc_msgs::contour::ContourEventKind;
+use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::geometry::Position;
+use cnc_msgs::path::{PathElement, Role};
+use compensation_planner::{Plan, tessellate};
+use proptest::prelude::*;
+use support::*;
+
+#[test]
+fn a_tool_around_a_boss_does_not_cut_the_bow_behind_it() {
+    // The bow of radius 50 closes around where the tool comes from.
+    let text = "
+        N1 G0 X60 Y20
+        N2 G41 D1 G456 G1 X0 Y0 F100
+        N3 G2 X-9.274596 Y2.74666 I-5.598253 J-1.871509
+        N4 G3 X9.615319 Y35.781532 I-31.446117 J39.899666
+        N5 G40 G456 G1 X-55 Y45";
+    let plan = plan(text, &sinumerik(), &tool(45.8));
+    let finding = finding(&plan, Code::Gouge);
+    assert_eq!((finding.source.line, finding.severity), (4, Severity::Error));
+    assert!(finding.depth_mm.unwrap() > 1.0, "{finding:?}");
+    assert!(!plan.accepted());
+}
+
+#[test]
+fn an_outside_corner_does_not_swing_through_the_arc_before_it() {
+    let text = "
+        N1 G0 X10 Y-20
+        N2 G41 D1 G456 G1 X0 Y0 F100
+        N3 G3 X23.779 Y-3.880 I8.859 J-20.512
+        N4 G1 X61.536 Y-35.400
+        N5 G40 G456 X84 Y-8";
+    let plan = plan(text, &sinumerik(), &tool(15.761));
+    assert_eq!(finding(&plan, Code::Gouge).source.line, 4);
+}
+
+#[test]
+fn a_d_shaped_pocket_entered_in_its_corner_is_cut() {
+    let text = "
+        N1 G0 X0 Y5
+        N2 G41 D1 G456 G1 X-20 Y0 F100
+        N3 X20
+        N4 G3 X-20 Y0 I-20 J0
+        N5 G40 G456 G1 X0 Y5";
+    let plan = plan(text, &sinumerik(), &tool(5.0));
+    let finding = finding(&plan, Code::Gouge);
+    assert!((finding.depth_mm.unwrap() - 5.0).abs() < 0.7, "{finding:?}");
+}
+
+#[test]
+fn a_closed_circle_is_a_pass_and_what_follows_is_another() {
+    let text = "
+        N1 G0 X40 Y5
+        N2 G42 D1 G456 G1 X20 Y0 F100
+        N3 G3 X20 Y0 I-20 J0
+        N4 G1 X24 Y-30
+        N5 G40 G456 X60 Y-30";
+    let plan = plan(text, &sinumerik(), &tool(5.0));
+    let finding = finding(&plan, Code::CutsOtherPass);
+    assert_eq!(finding.severity, Severity::Warning);
+    assert!(plan.accepted(), "{}", findings(&plan));
+}
+
+/// 11.15, closed, entered in the middle of N40 from the other side: N50 and N70
+/// come within 10 mm of each other.
+const BOTTLENECK: &str = "
+    N1 G0 X80 Y45
+    N2 G42 D1 G456 G1 X80 Y55 F400
+    N40 X95
+    N50 G2 X110 Y70 I15 J0
+    N60 G1 X105 Y55
+    N70 X110 Y35
+    N80 X90
+    N90 X65 Y15
+    N100 X40 Y40
+    N110 X30 Y60
+    N20 X40 Y80
+    N30 G2 X65 Y55 I0 J-25
+    N41 G1 X80
+    N120 G40 G456 X80 Y45";
+
+#[test]
+fn two_walls_far_apart_in_the_program_are_too_near() {
+    let run = |radius| plan(BOTTLENECK, &sinumerik(), &tool(radius));
+    for radius in [1.0, 4.0, 4.99, 5.0] {
+        assert!(run(radius).accepted(), "{radius}: {}", findings(&run(radius)));
+    }
+    for radius in [5.01, 5.05, 5.1] {
+        let plan = run(radius);
+        let finding = finding(&plan, Code::Gouge);
+        assert!(!plan.accepted());
+        assert_eq!(codes(&plan), [Code::Gouge], "{radius}: {}", findings(&plan));
+        assert_eq!(finding.source.block, Some(70));
+        assert_eq!(finding.other.unwrap().block, Some(50));
+        let [x, y, _] = finding.position.unwrap();
+        assert!((x - 100.0).abs() < 1e-3 && (y - 55.0).abs() < 1e-3, "{finding:?}");
+        assert!((finding.depth_mm.unwrap() - 2.0 * (radius - 5.0)).abs() < 1e-6, "{finding:?}");
+        assert!((finding.available_mm.unwrap() - 5.0).abs() < 1e-6, "{finding:?}");
+        assert_eq!(finding.alarm.as_deref(), Some("3021"));
+    }
+}
+
+#[test]
+fn a_contour_that_is_entered_in_an_inside_corner_is_cut() {
+    let plan = plan(&A6.replace("G41", "G42"), &sinumerik(), &tool(5.0));
+    let finding = finding(&plan, Code::Gouge);
+    assert!((finding.depth_mm.unwrap() - 2.0).abs() < 1e-6, "{finding:?}");
+    let blocks = [finding.source.block, finding.other.unwrap().block];
+    assert_eq!(blocks, [Some(110), Some(20)]);
+}
+
+#[test]
+fn a_neck_is_judged_by_its_width_however_its_walls_are_split() {
+    // A chamber of 24 by 30 mm behind a neck of 4 mm.
+    let whole = "Y-10\nX30\nY-40\nX54\nY-10\nX44\nY0";
+    let split = "Y-2\nY-4.5\nY-9.9\nY-10\nX30\nY-40\nX54\nY-10\nX44\nY-8\nY-3.3\nY0";
+    for walls in [whole, split] {
+        let text =
+            format!("G0 X0 Y20\nG41 D1 G456 G1 X0 Y0 F100\nX40\n{walls}\nX100\nG40 G456 X100 Y20");
+        let fits = plan(&text, &sinumerik(), &tool(1.999));
+        assert!(fits.accepted(), "{}", findings(&fits));
+        let gouges = plan(&text, &sinumerik(), &tool(3.0));
+        assert_eq!(codes(&gouges), [Code::Gouge], "{}", findings(&gouges));
+        let finding = finding(&gouges, Code::Gouge);
+        assert!((finding.depth_mm.unwrap() - 2.0).abs() < 1e-9, "{finding:?}");
+        assert!((finding.available_mm.unwrap() - 2.0).abs() < 1e-9, "{finding:?}");
+    }
+}
+
+#[test]
+fn an_open_slot_is_cut_by_a_tool_that_runs_between_its_walls() {
+    // Both walls in one contour, joined far away on the side of the tool.
+    let text = "
+        G0 X-20 Y2
+        G42 D1 G456 G1 X0 Y4 F100
+        X100
+        X140 Y30
+        X140 Y-26
+        X100 Y0
+        X0
+        G40 G456 X-20 Y-2";
+    let accepted = |radius| plan(text, &sinumerik(), &tool(radius)).accepted();
+    assert!(accepted(1.9));
+    let plan = plan(text, &sinumerik(), &tool(3.0));
+    let finding = finding(&plan, Code::Gouge);
+    assert!((finding.depth_mm.unwrap() - 2.0).abs() < 1e-6, "{finding:?}");
+}
+
+#[test]
+fn a_rib_that_the_tool_runs_around_may_be_thinner_than_the_tool() {
+    let text = "
+        G0 X50 Y-30
+        G42 D1 G456 G1 X50 Y0 F100
+        X100
+        Y1
+        X60
+        X60 Y0.5
+        X40
+        X40 Y1
+        X0
+        Y0
+        X50
+        G40 G456 X50 Y-30";
+    let plan = plan(text, &sinumerik(), &tool(0.2));
+    assert!(plan.accepted(), "{}", findings(&plan));
+}
+
+/// A closed contour of straight and bent edges about the origin, entered in the
+/// middle of its first edge.
+fn closed(corners: &[(f64, f64)], bends: &[f64], side: &str) -> String {
+    let count = corners.len();
+    let corner = |index: usize| {
+        let (radius, jitter) = corners[index % count];
+        let angle = (index as f64 + 0.6 * jitter) / count as f64 * std::f64::consts::TAU;
+        [radius * angle.cos(), radius * angle.sin()]
+    };
+    let [a, b] = [corner(0), corner(1)];
+    let middle = [(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0];
+    let mut text = format!("G0 X0 Y0\n{side} D1 G456 G1 X{} Y{} F100\n", middle[0], middle[1]);
+    let mut at = middle;
+    for index in 1..=count {
+        let to = corner(index);
+        let bend = if index == 1 { 0.0 } else { bends[index % bends.len()] };
+        text += &edge(at, to, bend);
+        at = to;
+    }
+    text += &edge(at, middle, 0.0);
+    text + "G40 G456 G1 X0 Y0"
+}
+
+/// A line, or an arc through a point beside the middle of the chord.
+fn edge(from: [f64; 2], to: [f64; 2], bend: f64) -> String {
+    let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+    if bend.abs() < 0.1 {
+        return format!("G1 X{} Y{}\n", to[0], to[1]);
+    }
+    // The centre is this far left of the middle of the chord.
+    let off = (1.0 - bend * bend) / (2.0 * bend);
+    let (i, j) = (dx / 2.0 - dy * off / 2.0, dy / 2.0 + dx * off / 2.0);
+    let word = if bend > 0.0 { "G3" } else { "G2" };
+    format!("{word} X{} Y{} I{i} J{j}\n", to[0], to[1])
+}
+
+/// The smallest distance of the tool from the programmed contour, both in short chords.
+fn clearance(text: &str, plan: &Plan) -> f64 {
+    let elements = if plan.accepted() { &plan.path.elements } else { &plan.refused };
+    let mut way = Vec::new();
+    let mut at = [0.0; 3];
+    for element in elements {
+        if matches!(element.role, Role::Contour | Role::Corner) {
+            way.extend(chords(at, element));
+        }
+        at = element.end;
+    }
+    let mut walls = Vec::new();
+    let mut at = [0.0; 3];
+    for event in &contour(text, &sinumerik()).events {
+        let ContourEventKind::Motion(motion) = event.kind else { continue };
+        let element = PathElement { shape: motion.shape, end: motion.end, ..elements[0] };
+        // The leads are the first two and the last motion.
+        if event.source.line > 2 && !(text.lines().count() as u32 == event.source.line) {
+            walls.extend(chords(at, &element));
+        }
+        at = motion.end;
+    }
+    let pairs = way.iter().flat_map(|way| walls.iter().map(move |wall| apart(*way, *wall)));
+    pairs.fold(f64::INFINITY, f64::min)
+}
+
+fn chords(start: Position, element: &PathElement) -> Vec<[[f64; 2]; 2]> {
+    let mut from = [start[0], start[1]];
+    let mut chords = Vec::new();
+    tessellate::points(start, element, 1e-3, |to| {
+        let to = [to[0], to[1]];
+        chords.push([from, to]);
+        from = to;
+    });
+    chords
+}
+
+fn apart([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> f64 {
+    let side = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
+        (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+    };
+    if side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0 {
+        return 0.0;
+    }
+    let ends = [from_chord(a, c, d), from_chord(b, c, d), from_chord(c, a, b), from_chord(d, a, b)];
+    ends.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+fn from_chord(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
+    let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+    let squared = dx * dx + dy * dy;
+    let along = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / squared.max(f64::MIN_POSITIVE);
+    let along = along.clamp(0.0, 1.0);
+    (p[0] - a[0] - dx * along).hypot(p[1] - a[1] - dy * along)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, max_global_rejects: 1_000_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn what_is_accepted_keeps_its_distance_and_what_is_cut_is_cut_so_deep(
+        corners in prop::collection::vec((5.0..60.0_f64, -1.0..1.0_f64), 3..24),
+        bends in prop::collection::vec(prop_oneof![2 => Just(0.0), 1 => -0.9..0.9_f64], 1..6),
+        is_left in any::<bool>(),
+        radius in 0.1..12.0_f64,
+    ) {
+        let text = closed(&corners, &bends, if is_left { "G41" } else { "G42" });
+        let plan = plan(&text, &sinumerik(), &tool(radius));
+        let gouges: Vec<f64> = plan
+            .diagnostics
+            .iter()
+            .filter(|finding| matches!(finding.code, Code::Gouge | Code::CutsOtherPass))
+            .map(|finding| finding.depth_mm.unwrap())
+            .collect();
+        // A contour that crosses itself as it is programmed has tails; what is not reached
+        // has no path.
+        let other = codes(&plan).into_iter().any(|code| {
+            !matches!(code, Code::Gouge | Code::CutsOtherPass | Code::LeadGouge)
+        });
+        prop_assume!(!other && !crosses_itself(&text));
+        let depth = radius - clearance(&text, &plan);
+        let deepest = gouges.iter().copied().fold(0.0, f64::max);
+        prop_assert!(
+            (depth - deepest).abs() < 4e-3,
+            "R {radius}: {depth} deep, and {deepest} was found\n{text}\n{}",
+            findings(&plan)
+        );
+    }
+}
+
+/// Whether edges that are not neighbours meet.
+fn crosses_itself(text: &str) -> bool {
+    let mut at = [0.0; 3];
+    let mut edges = Vec::new();
+    for event in &contour(text, &sinumerik()).events {
+        let ContourEventKind::Motion(motion) = event.kind else { continue };
+        let element = PathElement {
+            shape: motion.shape,
+            end: motion.end,
+            feed_mm_per_min: None,
+            role: Role::None,
+            side: None,
+            axes: motion.axes,
+            source: event.source,
+        };
+        edges.push(chords(at, &element));
+        at = motion.end;
+    }
+    // Without the rapid and both leads.
+    let edges = &edges[2..edges.len() - 1];
+    let count = edges.len();
+    (0..count).any(|i| {
+        (i + 1..count).any(|j| {
+            let is_neighbour = j == i + 1 || (i == 0 && j + 1 == count);
+            let (a, b) = (&edges[i], &edges[j]);
+            let skip = usize::from(is_neighbour);
+            let near = |a: &[[[f64; 2]; 2]], b: &[[[f64; 2]; 2]]| {
+                a.iter().any(|a| b.iter().any(|b| apart(*a, *b) < 1e-3))
+            };
+            if is_neighbour && j == i + 1 {
+                near(&a[..a.len() - skip], b) || near(a, &b[skip..])
+            } else if is_neighbour {
+                near(&a[skip..], b) || near(a, &b[..b.len() - skip])
+            } else {
+                near(a, b)
+            }
+        })
+    })
+}
