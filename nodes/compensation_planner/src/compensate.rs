@@ -3,6 +3,7 @@
 //! Brings the parts together in order: runs, leads, joints, what cannot be
 //! reached, and the way back from runs to blocks. Each part's rules are its own.
 
+use crate::certificate::{Certificate, Subject};
 use crate::chain::{Link, Placed, Role as LinkRole, Turn, join, push, turn};
 use crate::element::Element;
 use crate::emit::{Emitter, Label, feed};
@@ -13,7 +14,7 @@ use crate::lead;
 use crate::normalise::runs;
 use crate::reach::{is_any_unreachable, unreachable};
 use crate::span::{Lead, Run, Span};
-use crate::tolerance::{MERGE_MM, RADIUS_MM};
+use crate::tolerance::{GOUGE_MM, MERGE_MM, RADIUS_MM};
 use crate::walls::Walls;
 use crate::write::Writer;
 use cnc_msgs::contour::{Approach, CutterSide, Source};
@@ -44,7 +45,8 @@ pub(crate) struct WallBehind {
 }
 
 /// Puts a span out. `behind` is the wall that a link at its start leaves; the
-/// wall that a link at its end leaves is given back.
+/// wall that a link at its end leaves is given back. A certificate is made when
+/// there is a place for it.
 pub(crate) fn compensate(
     mut span: Span,
     exit: Exit<'_>,
@@ -52,6 +54,7 @@ pub(crate) fn compensate(
     profile: &Profile,
     out: &mut Emitter,
     diagnostics: &mut Vec<Diagnostic>,
+    certificates: Option<&mut Vec<Certificate>>,
 ) -> Option<WallBehind> {
     let exit_lead = match exit {
         Exit::LeadOff(lead) | Exit::Link(lead) => Some(*lead),
@@ -60,6 +63,11 @@ pub(crate) fn compensate(
     let is_identity = is_zero(span.d_mm) && span.legs.iter().all(|leg| is_zero(leg.d_out_mm));
     let tolerance = profile.accept_tolerance_mm;
     let mut chain = Chain::new(&mut span, MERGE_MM, exit_lead.as_ref(), is_identity, profile);
+    if let Some(certificates) = certificates.filter(|_| !is_zero(span.d_mm)) {
+        let lead_off = exit_lead.as_ref().filter(|_| matches!(exit, Exit::LeadOff(_)));
+        let subject = Subject { span: &span, runs: &chain.runs, lead_off, profile };
+        certificates.push(subject.certificate());
+    }
     if is_any_unreachable(&chain.links, &chain.placed, tolerance) {
         // Rounded coordinates bend short chords so much that the tool loses them,
         // and break straight walls. Taken as straight as is accepted, the contour
@@ -75,7 +83,7 @@ pub(crate) fn compensate(
         diagnostics.push(finding::more_unreachable(&span, &runs, &place, FINDINGS_MAX));
     }
     let walls = Walls::new(&runs, &links, &placed);
-    let cuts = interference::cuts(&walls, &links, &placed, tolerance);
+    let cuts = interference::cuts(&walls, &links, &placed, tolerance, GOUGE_MM);
     for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
         diagnostics.push(finding::cut(&span, &runs, cut, profile));
     }
@@ -130,7 +138,7 @@ impl Chain {
         profile: &Profile,
     ) -> Self {
         let runs = runs(span, straight_mm.max(MERGE_MM));
-        let links = if is_identity { Vec::new() } else { links(span, &runs, exit, profile) };
+        let links = if is_identity { Vec::new() } else { links(span, &runs, exit, profile, 1.0) };
         let placed = join(&links, profile.accept_tolerance_mm);
         Self { runs, links, placed }
     }
@@ -149,24 +157,29 @@ fn is_zero(d_mm: f64) -> bool {
     d_mm.abs() < RADIUS_MM
 }
 
-/// The chain of a span: the leads where they take part in a corner, runs and corners.
-fn links(span: &Span, runs: &[Run], exit: Option<&Lead>, profile: &Profile) -> Vec<Link> {
+/// The chain of a span: the leads where they take part in a corner, runs and corners;
+/// with all radii scaled.
+pub(crate) fn links(
+    span: &Span,
+    runs: &[Run],
+    exit: Option<&Lead>,
+    profile: &Profile,
+    scale: f64,
+) -> Vec<Link> {
     let mut links = Vec::with_capacity(runs.len() * 2 + 2);
+    let d_mm = span.d_mm * scale;
     let first = runs.first().map(|run| run.element);
     let joins_on = |lead: &Element| match profile.select.target {
-        _ if span.entry.is_link => is_outside_corner(lead, first, span.d_mm, &span.entry.lead),
+        _ if span.entry.is_link => is_outside_corner(lead, first, d_mm, &span.entry.lead),
         SelectTarget::NormalEntry => true,
-        SelectTarget::NormalNext => is_outside_corner(lead, first, span.d_mm, &span.entry.lead),
+        SelectTarget::NormalNext => is_outside_corner(lead, first, d_mm, &span.entry.lead),
     };
     if let Some(element) = line_of(&span.entry.lead, span).filter(joins_on) {
-        links.push(link(LinkRole::Entry, element, span.d_mm, span.d_mm));
+        links.push(link(LinkRole::Entry, element, d_mm, d_mm));
     }
-    for (index, run) in runs.iter().enumerate() {
-        let role = LinkRole::Run(index);
-        push(&mut links, link(role, run.element, run.d_in_mm, run.d_out_mm), run.legs.start);
-    }
+    push_runs(&mut links, runs, scale);
     if let (Some(lead), Some(last)) = (exit, runs.last()) {
-        let d_mm = span.d_out_mm;
+        let d_mm = span.d_out_mm * scale;
         let joins_off = |element: &Element| {
             lead.approach == Approach::Corner && turn(&last.element, element, d_mm) == Turn::Outside
         };
@@ -175,6 +188,15 @@ fn links(span: &Span, runs: &[Run], exit: Option<&Lead>, profile: &Profile) -> V
         }
     }
     links
+}
+
+/// Runs and the corners between them, with all radii scaled.
+pub(crate) fn push_runs(links: &mut Vec<Link>, runs: &[Run], scale: f64) {
+    for (index, run) in runs.iter().enumerate() {
+        let role = LinkRole::Run(index);
+        let link = link(role, run.element, run.d_in_mm * scale, run.d_out_mm * scale);
+        push(links, link, run.legs.start);
+    }
 }
 
 fn is_outside_corner(lead: &Element, first: Option<Element>, d_mm: f64, of: &Lead) -> bool {

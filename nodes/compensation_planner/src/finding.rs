@@ -101,7 +101,8 @@ pub(crate) fn cut(span: &Span, runs: &[Run], cut: &Cut, profile: &Profile) -> Di
         span.legs[runs[cut.on.max(cut.into)].legs.start].source,
     );
     let depth_mm = cut.radius_mm - cut.distance_mm;
-    let position = in_work(span.plane, cut.at, height(span.plane, into.end));
+    let position =
+        in_work(span.plane, (cut.foot + cut.on_wall) / 2.0, height(span.plane, into.end));
     let code = if cut.is_other_pass { Code::CutsOtherPass } else { Code::Gouge };
     let mut finding = Diagnostic::error(
         code,

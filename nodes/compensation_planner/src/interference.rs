@@ -8,7 +8,7 @@
 use crate::chain::{Link, Placed, Role};
 use crate::distance::nearest_on_way;
 use crate::element::{Element, Vec2};
-use crate::tolerance::{GOUGE_MM, LENGTH_MM};
+use crate::tolerance::LENGTH_MM;
 use crate::tree::{Bounds, NO_CHAIN, Tree};
 use crate::walls::{Walls, budget};
 use std::ops::ControlFlow;
@@ -19,8 +19,9 @@ pub(crate) struct Cut {
     /// The run that the tool is on, and the one it cuts into.
     pub on: usize,
     pub into: usize,
-    /// Half-way between the two places of the contour that are too near.
-    pub at: Vec2,
+    /// The two places of the contour that are too near: what the tool follows, and what it cuts.
+    pub foot: Vec2,
+    pub on_wall: Vec2,
     pub radius_mm: f64,
     /// Of the tool centre from the wall, mm.
     pub distance_mm: f64,
@@ -43,7 +44,7 @@ struct Way {
     /// The run that it belongs to; a corner belongs to the run after it (S07).
     run: usize,
     chain: u32,
-    /// How much nearer it may be, mm: where something next to it was consumed.
+    /// How much nearer than the radius it may be, mm.
     slack: f64,
 }
 
@@ -52,9 +53,16 @@ const CUTS_MAX: usize = 100_000;
 
 /// All places where the tool cuts into a wall, the deepest point of each.
 ///
-/// `tolerance` is how much nearer the tool may be where something was consumed, mm.
-pub(crate) fn cuts(walls: &Walls<'_>, links: &[Link], placed: &[Placed], tolerance: f64) -> Cuts {
-    let ways = ways(walls, links, placed, tolerance);
+/// The tool may be `gouge_mm` nearer than its radius, and `tolerance` more where
+/// something was consumed, mm.
+pub(crate) fn cuts(
+    walls: &Walls<'_>,
+    links: &[Link],
+    placed: &[Placed],
+    tolerance: f64,
+    gouge_mm: f64,
+) -> Cuts {
+    let ways = ways(walls, links, placed, [gouge_mm, gouge_mm + tolerance]);
     let element = |way: &Way| element(&links[placed[way.place].link], &placed[way.place]);
     let boxes = ways
         .iter()
@@ -78,7 +86,12 @@ pub(crate) fn cuts(walls: &Walls<'_>, links: &[Link], placed: &[Placed], toleran
     Cuts { cuts: deepest_of_each_place(found), is_complete }
 }
 
-fn ways(walls: &Walls<'_>, links: &[Link], placed: &[Placed], tolerance: f64) -> Vec<Way> {
+fn ways(
+    walls: &Walls<'_>,
+    links: &[Link],
+    placed: &[Placed],
+    [near, nearer]: [f64; 2],
+) -> Vec<Way> {
     let mut ways: Vec<Way> = Vec::with_capacity(placed.len());
     let mut run_before = None;
     let mut open_corner = None;
@@ -86,9 +99,9 @@ fn ways(walls: &Walls<'_>, links: &[Link], placed: &[Placed], tolerance: f64) ->
         match links[placed.link].role {
             Role::Run(run) => {
                 let is_gap = run_before.is_some_and(|before| before + 1 != run);
-                let slack = if is_gap { tolerance } else { 0.0 };
+                let slack = if is_gap { nearer } else { near };
                 if let Some(before) = ways.last_mut().filter(|_| is_gap) {
-                    before.slack = tolerance;
+                    before.slack = nearer;
                 }
                 let chain = walls.chain(run);
                 if let Some(corner) = open_corner.take() {
@@ -112,7 +125,7 @@ fn cut(walls: &Walls<'_>, on: &Way, way: &Element, link: &Link, into: usize) -> 
         return None;
     }
     let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
-    let limit = radius_mm - GOUGE_MM - on.slack;
+    let limit = radius_mm - on.slack;
     let whole = walls.element(into);
     // The quick looks first.
     if Bounds::of(way).gap_squared(&Bounds::of(whole)) >= limit * limit
@@ -126,11 +139,12 @@ fn cut(walls: &Walls<'_>, on: &Way, way: &Element, link: &Link, into: usize) -> 
     if near.distance >= limit {
         return None;
     }
-    let foot = link.element.project(near.on_way);
+
     Some(Cut {
         on: on.run,
         into,
-        at: (foot + near.on_wall) / 2.0,
+        foot: link.element.project(near.on_way),
+        on_wall: near.on_wall,
         radius_mm,
         distance_mm: near.distance,
         is_other_pass: walls.pass(on.run) != walls.pass(into),
@@ -141,7 +155,7 @@ fn cut(walls: &Walls<'_>, on: &Way, way: &Element, link: &Link, into: usize) -> 
 /// Neighbours that cut into neighbours are one place; so is a pair of walls that
 /// the tool cuts from both.
 fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
-    found.sort_by(|a, b| (a.0, a.1.into).cmp(&(b.0, b.1.into)));
+    found.sort_by_key(|(way, cut)| (*way, cut.into));
     let mut places: Vec<Place> = Vec::new();
     for (way, cut) in found {
         let open = places.iter_mut().rev().take(8).find(|place| place.continues(way, &cut));

@@ -16,6 +16,33 @@ use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::Profile;
 use std::ops::ControlFlow;
 
+/// The wall that a straight move comes nearest to, if nearer than `limit` mm.
+pub(crate) fn deepest_cut(
+    walls: &Walls<'_>,
+    (from, to): (Vec2, Vec2),
+    limit: f64,
+) -> Option<(usize, Nearest)> {
+    let way = Element::line(from, to).filter(|_| limit > 0.0)?;
+    let tree = Tree::new(std::iter::once((Bounds::of(&way), NO_CHAIN)));
+    let mut deepest: Option<(usize, Nearest)> = None;
+    tree.near_pairs(walls.tree(), limit, budget(walls.count()), |_, into| {
+        for run in into {
+            // The quick look first.
+            if nearest(from, to, walls.element(run)).distance >= limit {
+                continue;
+            }
+            let Some(wall) = walls.of(run) else { continue };
+            let near = nearest(from, to, &wall);
+            let is_deepest = deepest.is_none_or(|(_, other)| near.distance < other.distance);
+            if near.distance < limit && is_deepest {
+                deepest = Some((run, near));
+            }
+        }
+        ControlFlow::Continue(())
+    });
+    deepest
+}
+
 /// What every check of a lead needs.
 pub(crate) struct Check<'a> {
     pub profile: &'a Profile,
@@ -66,25 +93,7 @@ impl Check<'_> {
         lead: &Lead,
     ) {
         let limit = radius_mm - GOUGE_MM;
-        let Some(way) = Element::line(from, to).filter(|_| limit > 0.0) else { return };
-        let tree = Tree::new(std::iter::once((Bounds::of(&way), NO_CHAIN)));
-        let mut deepest: Option<(usize, Nearest)> = None;
-        tree.near_pairs(self.walls.tree(), limit, budget(runs.len()), |_, into| {
-            for run in into {
-                // The quick look first.
-                if nearest(from, to, self.walls.element(run)).distance >= limit {
-                    continue;
-                }
-                let Some(wall) = self.walls.of(run) else { continue };
-                let near = nearest(from, to, &wall);
-                let is_deepest = deepest.is_none_or(|(_, other)| near.distance < other.distance);
-                if near.distance < limit && is_deepest {
-                    deepest = Some((run, near));
-                }
-            }
-            ControlFlow::Continue(())
-        });
-        if let Some((run, near)) = deepest {
+        if let Some((run, near)) = deepest_cut(self.walls, (from, to), limit) {
             let other = span.legs[runs[run].legs.start].source;
             self.report(code, near, radius_mm, lead, other);
         }

@@ -11,6 +11,7 @@
 //! that (`tree` finds who is near), `corner` shapes outside corners, `lead` checks the leads, `write` and `emit`
 //! put it all out.
 
+mod certificate;
 mod chain;
 mod compensate;
 mod corner;
@@ -38,6 +39,8 @@ mod walk;
 mod walls;
 mod write;
 
+pub use certificate::{Certificate, CertificateLimit};
+
 use cnc_msgs::contour::{CutterSide, ProgrammedContour};
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::path::{CompensatedPath, PathElement};
@@ -55,6 +58,8 @@ pub struct Plan {
     pub diagnostics: Vec<Diagnostic>,
     /// The compensated pieces, in order.
     pub spans: Vec<SpanSummary>,
+    /// The radii that each of them is good for, by [`plan_certified`].
+    pub certificates: Vec<Certificate>,
 }
 
 /// One compensated piece: what lies between a lead-on and the next lead-off.
@@ -83,9 +88,23 @@ impl Plan {
 /// Compensates a contour by the rules of a control.
 ///
 /// Never panics; a contour that cannot be compensated gives findings and no path.
-/// The time is linear in the number of events.
+/// The time is linear in the number of events but for the sorting of boxes.
 pub fn plan(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Plan {
-    let mut walk = walk::Walk::new(contour, profile, tools);
+    walked(contour, profile, tools, false)
+}
+
+/// [`plan`], and the radii that each span is good for: some ten times the work.
+pub fn plan_certified(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Plan {
+    walked(contour, profile, tools, true)
+}
+
+fn walked(
+    contour: &ProgrammedContour,
+    profile: &Profile,
+    tools: &ToolTable,
+    certifies: bool,
+) -> Plan {
+    let mut walk = walk::Walk::new(contour, profile, tools, certifies);
     for event in &contour.events {
         walk.event(&event.kind, event.source);
     }

@@ -34,26 +34,52 @@ pub(crate) fn unreachable<'a>(
     placed: &'a [Placed],
     tolerance: f64,
 ) -> impl Iterator<Item = Unreachable> + 'a {
-    gaps(links, placed).filter(move |gap| deviation(links, gap, tolerance) > tolerance).filter_map(
-        move |gap| {
-            let runs = || {
-                links[gap.from..gap.to].iter().filter_map(|link| match link.role {
-                    Role::Run(run) => Some((run, link.element.length())),
-                    _ => None,
-                })
-            };
-            let (first, last) = (runs().next()?, runs().next_back()?);
-            let longest = runs().fold(first, |best, run| if run.1 > best.1 { run } else { best });
-            let from = gap.before.unwrap_or(gap.from);
-            let to = gap.after.map_or(gap.to, |after| after + 1);
-            Some(Unreachable {
-                first: first.0,
-                last: last.0,
-                longest: longest.0,
-                radius_mm_max: largest_radius(&links[from..to], tolerance),
-            })
-        },
-    )
+    let is_deep = move |gap: &Gap| deviation(links, gap, tolerance) > tolerance;
+    gaps(links, placed).filter(is_deep).filter_map(move |gap| {
+        place(links, &gap, tolerance, |links, placed| !is_any_unreachable(links, placed, tolerance))
+    })
+}
+
+fn place(
+    links: &[Link],
+    gap: &Gap,
+    slack: f64,
+    fits: impl Fn(&[Link], &[Placed]) -> bool,
+) -> Option<Unreachable> {
+    let runs = || {
+        links[gap.from..gap.to].iter().filter_map(|link| match link.role {
+            Role::Run(run) => Some((run, link.element.length())),
+            _ => None,
+        })
+    };
+    let (first, last) = (runs().next()?, runs().next_back()?);
+    let longest = runs().fold(first, |best, run| if run.1 > best.1 { run } else { best });
+    let from = gap.before.unwrap_or(gap.from);
+    let to = gap.after.map_or(gap.to, |after| after + 1);
+    Some(Unreachable {
+        first: first.0,
+        last: last.0,
+        longest: longest.0,
+        radius_mm_max: largest_radius(&links[from..to], slack, fits),
+    })
+}
+
+/// All that is consumed, accepted or not, each with its own search for the radius.
+pub(crate) fn consumed<'a>(
+    links: &'a [Link],
+    placed: &'a [Placed],
+) -> impl Iterator<Item = Unreachable> + 'a {
+    gaps(links, placed).filter_map(move |gap| {
+        place(links, &gap, 0.0, |links, placed| gaps(links, placed).next().is_none())
+    })
+}
+
+/// What joints leave of the compensated element of a run, mm; below 0 when it vanishes.
+pub(crate) fn left_of(links: &[Link], placed: &[Placed], run: usize) -> Option<f64> {
+    let place = placed.iter().find(|place| links[place.link].role == Role::Run(run))?;
+    let link = &links[place.link];
+    let length = link.element.offset(link.d_in_mm)?.length();
+    Some(length - place.trim_in - place.trim_out)
 }
 
 /// Links `from..to` are consumed; `before` and `after` are the neighbours that stay.
@@ -136,8 +162,8 @@ fn programmed_corner(
     }
 }
 
-/// The largest radius for which a piece of the chain has nothing unreachable.
-fn largest_radius(links: &[Link], tolerance: f64) -> f64 {
+/// The largest radius for which a piece of the chain fits.
+fn largest_radius(links: &[Link], slack: f64, fits: impl Fn(&[Link], &[Placed]) -> bool) -> f64 {
     let radius = links.iter().map(|link| link.d_in_mm.abs()).fold(0.0, f64::max);
     let fits = |part: f64| {
         let scaled: Vec<Link> = links
@@ -148,8 +174,7 @@ fn largest_radius(links: &[Link], tolerance: f64) -> f64 {
                 ..*link
             })
             .collect();
-        let placed = join(&scaled, tolerance);
-        !is_any_unreachable(&scaled, &placed, tolerance)
+        fits(&scaled, &join(&scaled, slack))
     };
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..48 {

@@ -7,6 +7,7 @@
 
 mod spans;
 
+use crate::certificate::Certificate;
 use crate::compensate::{Exit, WallBehind};
 use crate::emit::Emitter;
 use crate::frame::{element, height};
@@ -62,6 +63,8 @@ pub(crate) struct Walk<'a> {
     out: Emitter,
     diagnostics: Vec<Diagnostic>,
     spans: Vec<SpanSummary>,
+    /// Where certificates go, if they are wanted.
+    certificates: Option<Vec<Certificate>>,
     plane: Plane,
     corner: OutsideCorner,
     radius: Option<RadiusSource>,
@@ -76,6 +79,7 @@ impl<'a> Walk<'a> {
         contour: &ProgrammedContour,
         profile: &'a Profile,
         tools: &'a ToolTable,
+        certifies: bool,
     ) -> Self {
         let mut out = Emitter::new(contour.start, contour.assumed_axes);
         out.path.elements.reserve(contour.events.len() + contour.events.len() / 2);
@@ -85,6 +89,7 @@ impl<'a> Walk<'a> {
             out,
             diagnostics: Vec::new(),
             spans: Vec::new(),
+            certificates: certifies.then(Vec::new),
             plane: Plane::default(),
             corner: profile.corner.default,
             radius: None,
@@ -141,7 +146,12 @@ impl<'a> Walk<'a> {
         }
         self.diagnostics.sort_by_key(|diagnostic| diagnostic.source.line);
         let is_refused = self.diagnostics.iter().any(Diagnostic::is_error);
-        let mut plan = Plan { diagnostics: self.diagnostics, spans: self.spans, ..Plan::default() };
+        let mut plan = Plan {
+            diagnostics: self.diagnostics,
+            spans: self.spans,
+            certificates: self.certificates.unwrap_or_default(),
+            ..Plan::default()
+        };
         if is_refused {
             plan.refused = self.out.path.elements;
         } else {

@@ -91,6 +91,11 @@ impl<'a> Walls<'a> {
         Self { runs, passes, tree, chains, is_followed }
     }
 
+    /// Number of runs.
+    pub(crate) fn count(&self) -> usize {
+        self.runs.len()
+    }
+
     /// Boxes over all runs.
     pub(crate) fn tree(&self) -> &Tree {
         &self.tree

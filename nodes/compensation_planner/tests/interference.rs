@@ -222,7 +222,7 @@ fn clearance(text: &str, plan: &Plan) -> f64 {
         let ContourEventKind::Motion(motion) = event.kind else { continue };
         let element = PathElement { shape: motion.shape, end: motion.end, ..elements[0] };
         // The leads are the first two and the last motion.
-        if event.source.line > 2 && !(text.lines().count() as u32 == event.source.line) {
+        if event.source.line > 2 && event.source.line != text.lines().count() as u32 {
             walls.extend(chords(at, &element));
         }
         at = motion.end;

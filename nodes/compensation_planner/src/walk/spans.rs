@@ -115,8 +115,15 @@ impl Walk<'_> {
             last_element: 0,
         };
         let before = self.out.path.elements.len();
-        let rest =
-            compensate(span, exit, behind, self.profile, &mut self.out, &mut self.diagnostics);
+        let rest = compensate(
+            span,
+            exit,
+            behind,
+            self.profile,
+            &mut self.out,
+            &mut self.diagnostics,
+            self.certificates.as_mut(),
+        );
         let is_contour = |index: &usize| {
             matches!(
                 self.out.path.elements[*index].role,

@@ -1,0 +1,286 @@
+//! The radii that a span is good for.
+//!
+//! The interval about the planned radius in which nothing of the contour is
+//! consumed and no wall is nearer than the radius, at zero tolerance, and what
+//! limits it. Every trial is a whole join and a whole check at another radius;
+//! what fails tells where to try next, so that few trials are needed.
+
+use crate::chain::{Link, Placed, Role, join};
+use crate::compensate::{links, push_runs};
+use crate::frame::{height, in_plane, in_work};
+use crate::interference::{self, Cut};
+use crate::lead::deepest_cut;
+use crate::reach::{Unreachable, consumed, left_of};
+use crate::span::{Lead, Run, Span};
+use crate::tolerance::LENGTH_MM;
+use crate::walls::Walls;
+use cnc_msgs::contour::{CutterSide, Source};
+use cnc_msgs::geometry::Position;
+use cnc_msgs::profile::Profile;
+
+/// No tool is larger, mm; an interval that reaches it has no upper end.
+const RADIUS_MM_MAX: f64 = 1e6;
+
+/// How exact an end is, mm.
+const EXACT_MM: f64 = 1e-7;
+
+/// How much nearer than the radius a wall may be in a trial, mm: rounding.
+const TOUCH_MM: f64 = 1e-8;
+
+/// Runs at an end that a lead may depend on.
+const END_RUNS: usize = 64;
+
+/// The same for leads: they leave the circle about the contour's end at a tangent,
+/// so that this is squared on the way to the radius.
+const LEAD_TOUCH_MM: f64 = 1e-12;
+
+/// Trials for one end.
+const TRIALS_MAX: usize = 100;
+
+/// The radii that a compensated piece of a program is good for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Certificate {
+    /// Lines of the first and last block, without the leads.
+    pub first_line: u32,
+    pub last_line: u32,
+    /// The side that the tool runs on; a negative radius has been taken into account.
+    pub side: CutterSide,
+    /// The radius that was planned, mm, never negative.
+    pub radius_mm: f64,
+    /// The interval of radii, mm. The upper end is infinite when nothing limits it.
+    pub valid_from_mm: f64,
+    pub valid_to_mm: f64,
+    /// What limits the upper end.
+    pub limited_by: Vec<CertificateLimit>,
+    /// The largest radius for which the leads are free, mm.
+    pub leads_valid_to_mm: f64,
+}
+
+/// A block that limits a certificate, and where.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CertificateLimit {
+    pub source: Source,
+    pub position: Position,
+}
+
+/// A span whose radius is tried.
+pub(crate) struct Subject<'a> {
+    pub span: &'a Span,
+    pub runs: &'a [Run],
+    pub lead_off: Option<&'a Lead>,
+    pub profile: &'a Profile,
+}
+
+/// What fails in a trial.
+#[derive(Debug)]
+enum Failure {
+    Consumed(Unreachable),
+    Cut(Cut),
+}
+
+impl Subject<'_> {
+    pub(crate) fn certificate(&self) -> Certificate {
+        let planned = self.span.d_mm.abs();
+        let (below, above) = if self.failures(planned).is_empty() {
+            (planned, self.first_failing_above(planned))
+        } else {
+            (0.0, Some(planned))
+        };
+        let (valid_to_mm, failures) = match above {
+            Some(failing) => self.end_between(below, failing),
+            None => (f64::INFINITY, Vec::new()),
+        };
+        let mut limited_by: Vec<CertificateLimit> =
+            failures.iter().flat_map(|failure| self.limits(failure)).collect();
+        limited_by.sort_by_key(|limit| limit.source.line);
+        limited_by.dedup_by_key(|limit| limit.source.line);
+        let (first, last) = (&self.span.legs[0], &self.span.legs[self.span.legs.len() - 1]);
+        Certificate {
+            first_line: first.source.line,
+            last_line: last.source.line,
+            side: if self.span.d_mm < 0.0 { CutterSide::Right } else { CutterSide::Left },
+            radius_mm: planned,
+            valid_from_mm: 0.0,
+            valid_to_mm,
+            limited_by,
+            leads_valid_to_mm: self.leads_valid_to(valid_to_mm),
+        }
+    }
+
+    fn joined(&self, radius_mm: f64) -> (Vec<Link>, Vec<Placed>) {
+        let mut links = Vec::with_capacity(self.runs.len() * 2);
+        push_runs(&mut links, self.runs, radius_mm / self.span.d_mm.abs());
+        let placed = join(&links, 0.0);
+        (links, placed)
+    }
+
+    fn failures(&self, radius_mm: f64) -> Vec<Failure> {
+        const FAILURES_MAX: usize = 32;
+        let (links, placed) = self.joined(radius_mm);
+        let gaps = consumed(&links, &placed).take(FAILURES_MAX);
+        let mut failures: Vec<Failure> = gaps.map(Failure::Consumed).collect();
+        if failures.is_empty() {
+            let walls = Walls::new(self.runs, &links, &placed);
+            let cuts = interference::cuts(&walls, &links, &placed, 0.0, TOUCH_MM);
+            let within = cuts.cuts.into_iter().filter(|cut| !cut.is_other_pass);
+            failures.extend(within.take(FAILURES_MAX).map(Failure::Cut));
+        }
+        failures
+    }
+
+    fn first_failing_above(&self, valid: f64) -> Option<f64> {
+        let mut radius = valid * 2.0;
+        while radius <= RADIUS_MM_MAX {
+            if !self.failures(radius).is_empty() {
+                return Some(radius);
+            }
+            radius *= 4.0;
+        }
+        None
+    }
+
+    /// The end of validity between a valid and a failing radius, and what fails there.
+    fn end_between(&self, mut valid: f64, mut failing: f64) -> (f64, Vec<Failure>) {
+        let mut failures = self.failures(failing);
+        for _ in 0..TRIALS_MAX {
+            if failing - valid <= EXACT_MM {
+                break;
+            }
+            let scale = failing;
+            let estimate = failures
+                .iter()
+                .map(|failure| match failure {
+                    Failure::Consumed(place) => place.radius_mm_max,
+                    Failure::Cut(cut) => scale - (cut.radius_mm - cut.distance_mm) / 2.0,
+                })
+                .fold(f64::INFINITY, f64::min);
+            // A little beyond the estimate, so that it closes the interval from above.
+            let mut trial = estimate + EXACT_MM / 2.0;
+            if !(trial > valid && trial < failing - EXACT_MM / 4.0) {
+                trial = f64::midpoint(valid, failing);
+            }
+            let found = self.failures(trial);
+            if found.is_empty() {
+                valid = trial;
+            } else {
+                let progress = (failing - trial) / (failing - valid);
+                (failing, failures) = (trial, found);
+                let below = failing - EXACT_MM;
+                if below > valid && self.failures(below).is_empty() {
+                    valid = below;
+                } else if progress < 0.5 {
+                    // Estimates that creep are no better than halving.
+                    let middle = f64::midpoint(valid, failing);
+                    let found = self.failures(middle);
+                    if found.is_empty() {
+                        valid = middle;
+                    } else {
+                        (failing, failures) = (middle, found);
+                    }
+                }
+            }
+        }
+        // Joining allows for rounding: what vanishes shows a little later.
+        let failures = self.failures(failing + 4.0 * LENGTH_MM);
+        let end = match failures.first() {
+            Some(Failure::Consumed(place)) => self.vanishing(place, failing),
+            _ => f64::midpoint(valid, failing),
+        };
+        (end, failures)
+    }
+
+    /// Where exactly a run vanishes: the radius at which nothing is left of it.
+    ///
+    /// Joining allows for rounding; what is left at smaller radii leads to the zero.
+    fn vanishing(&self, place: &Unreachable, failing: f64) -> f64 {
+        let left = |radius_mm: f64| {
+            let (links, placed) = self.joined(radius_mm);
+            left_of(&links, &placed, place.longest)
+        };
+        let (mut far, mut near) = (failing * (1.0 - 1e-3), failing * (1.0 - 1e-4));
+        for _ in 0..6 {
+            let (Some(at_far), Some(at_near)) = (left(far), left(near)) else { return failing };
+            let zero = near + (near - far) * at_near / (at_far - at_near);
+            if !zero.is_finite() || (zero - failing).abs() > 1e-4 * failing {
+                return failing;
+            }
+            let step = (zero - near) * 0.01;
+            if step.abs() <= EXACT_MM / 10.0 {
+                return zero;
+            }
+            (far, near) = (near, zero - step);
+        }
+        near
+    }
+
+    fn limits(&self, failure: &Failure) -> Vec<CertificateLimit> {
+        let limit = |run: usize, at: crate::element::Vec2| {
+            let leg = &self.span.legs[self.runs[run].legs.start];
+            let position = in_work(self.span.plane, at, height(self.span.plane, leg.end));
+            CertificateLimit { source: leg.source, position }
+        };
+        match failure {
+            Failure::Consumed(place) => {
+                vec![limit(place.longest, self.runs[place.longest].element.start())]
+            }
+            Failure::Cut(cut) => vec![limit(cut.on, cut.foot), limit(cut.into, cut.on_wall)],
+        }
+    }
+
+    fn leads_valid_to(&self, limit_mm: f64) -> f64 {
+        let (links, placed) = self.joined(self.span.d_mm.abs());
+        let walls = Walls::new(self.runs, &links, &placed);
+        let mut high = limit_mm.min(RADIUS_MM_MAX);
+        if self.leads_are_free(&walls, high) {
+            return limit_mm;
+        }
+        let mut low = 0.0;
+        while high - low > EXACT_MM {
+            let middle = f64::midpoint(low, high);
+            if self.leads_are_free(&walls, middle) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        low
+    }
+
+    /// Whether the straight moves to and from the contour keep off its walls.
+    fn leads_are_free(&self, walls: &Walls<'_>, radius_mm: f64) -> bool {
+        let scale = radius_mm / self.span.d_mm.abs();
+        let plane = self.span.plane;
+        let (head, tail) = (&self.runs[..self.runs.len().min(END_RUNS)], {
+            &self.runs[self.runs.len().saturating_sub(END_RUNS)..]
+        });
+        let is_free = |from, to, radius_mm: f64| {
+            deepest_cut(walls, (from, to), radius_mm - LEAD_TOUCH_MM).is_none()
+        };
+        let joined = |runs, exit| {
+            let links = links(self.span, runs, exit, self.profile, scale);
+            let placed = join(&links, 0.0);
+            (links, placed)
+        };
+        if !self.span.entry.is_link {
+            let (links, placed) = joined(head, None);
+            let lead = &self.span.entry.lead;
+            let end = placed.first().map(|first| match links[first.link].role {
+                Role::Entry => first.end,
+                _ => first.start,
+            });
+            let from = in_plane(plane, lead.start);
+            if end.is_some_and(|end| !is_free(from, end, radius_mm)) {
+                return false;
+            }
+        }
+        let Some(lead) = self.lead_off else { return true };
+        let (links, placed) = joined(tail, Some(lead));
+        let start = placed.last().map(|last| match links[last.link].role {
+            Role::Exit => last.start,
+            _ => last.end,
+        });
+        let to = in_plane(plane, lead.motion.end);
+        let radius_mm = self.span.d_out_mm.abs() * scale;
+        start.is_none_or(|start| is_free(start, to, radius_mm))
+    }
+}

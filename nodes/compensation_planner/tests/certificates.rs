@@ -1,0 +1,106 @@
+//! The radii that contours are good for.
+
+mod support;
+
+use cnc_msgs::profile::Profile;
+use compensation_planner::{Certificate, plan_certified};
+use support::*;
+
+fn certificate(text: &str, profile: &Profile, radius: f64) -> Certificate {
+    let plan = plan_certified(&contour(text, profile), profile, &tool(radius));
+    assert_eq!(plan.certificates.len(), 1, "{}", findings(&plan));
+    plan.certificates[0].clone()
+}
+
+fn blocks(certificate: &Certificate) -> Vec<(u32, [f64; 2])> {
+    let limits = certificate.limited_by.iter();
+    let short = |value: f64| (value * 1e5).round() / 1e5;
+    limits
+        .map(|limit| {
+            let [x, y, _] = limit.position.map(short);
+            (limit.source.block.unwrap(), [x, y])
+        })
+        .collect()
+}
+
+#[test]
+fn s03_the_contour_of_11_15_is_good_until_n40_vanishes() {
+    for radius in [0.5, 5.0, 20.0, 20.85, 20.9, 50.0] {
+        let certificate = certificate(A6, &sinumerik(), radius);
+        assert!((certificate.valid_to_mm - 20.851449).abs() < 1e-6, "{certificate:?}");
+        assert_eq!(blocks(&certificate), [(40, [65.0, 55.0])], "{radius}");
+        assert_eq!((certificate.first_line, certificate.last_line), (3, 12));
+        // Beyond it the lead from (15,60) turns back along N20: 15 cos of its normal.
+        let turns_back = 15.0 * 20.0 / 500.0_f64.sqrt();
+        assert!((certificate.leads_valid_to_mm - turns_back).abs() < 1e-4, "{certificate:?}");
+    }
+}
+
+#[test]
+fn s03_the_same_contour_from_inside_is_good_until_n50_and_n70_are_too_near() {
+    let closed = "
+        N1 G0 X80 Y45
+        N2 G42 D1 G456 G1 X80 Y55 F400
+        N40 X95
+        N50 G2 X110 Y70 I15 J0
+        N60 G1 X105 Y55
+        N70 X110 Y35
+        N80 X90
+        N90 X65 Y15
+        N100 X40 Y40
+        N110 X30 Y60
+        N20 X40 Y80
+        N30 G2 X65 Y55 I0 J-25
+        N41 G1 X80
+        N120 G40 G456 X80 Y45";
+    for radius in [1.0, 5.0, 5.05, 5.2, 9.0] {
+        let certificate = certificate(closed, &sinumerik(), radius);
+        assert!((certificate.valid_to_mm - 5.0).abs() < 1e-6, "{certificate:?}");
+        let limits = [(50, [95.0, 55.0]), (70, [105.0, 55.0])];
+        assert_eq!(blocks(&certificate), limits, "{radius}");
+    }
+}
+
+#[test]
+fn s64_the_trapezoid_is_good_until_its_short_side_vanishes() {
+    let text = "
+        N1 G0 X-40 Y20
+        N2 G41 D1 G456 G1 X-22 Y20 F100
+        N3 X-2 Y0
+        N4 X2
+        N5 X22 Y20
+        N6 G40 G456 X40 Y20";
+    for radius in [1.0, 4.8, 4.9, 5.0] {
+        let certificate = certificate(text, &sinumerik(), radius);
+        let exact = 2.0 / (2.0_f64.sqrt() - 1.0);
+        assert!((certificate.valid_to_mm - exact).abs() < 1e-6, "{certificate:?}");
+        assert_eq!(blocks(&certificate), [(4, [-2.0, 0.0])]);
+    }
+}
+
+#[test]
+fn a_contour_that_bends_away_everywhere_takes_any_tool() {
+    let text = "
+        N1 G0 X-40 Y20
+        N2 G41 D1 G456 G1 X-20 Y0 F100
+        N3 X0 Y10
+        N4 X20 Y0
+        N5 G40 G456 X40 Y20";
+    let certificate = certificate(text, &sinumerik(), 5.0);
+    assert_eq!(certificate.valid_to_mm, f64::INFINITY);
+    assert_eq!(certificate.limited_by, []);
+}
+
+#[test]
+fn an_inside_arc_is_good_until_its_radius() {
+    let text = "
+        N1 G0 X0 Y30
+        N2 G41 D1 G456 G1 X-40 Y0 F100
+        N3 X-20
+        N4 G3 X20 Y0 I20 J0
+        N5 G1 X40
+        N6 G40 G456 X0 Y30";
+    // A half circle that ends in outside corners: nothing but its radius limits it.
+    let certificate = certificate(text, &sinumerik(), 5.0);
+    assert!((certificate.valid_to_mm - 20.0).abs() < 1e-6, "{certificate:?}");
+}
