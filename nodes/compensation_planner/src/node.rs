@@ -3,10 +3,10 @@
 //! Follows the newest programmed contour, keeps the tool table, and plans
 //! again when either changes. What the path is, [`plan`](crate::plan) decides.
 
-use crate::{Plan, plan, preview};
+use crate::{Certificate, Plan, plan_certified, preview};
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::{Collector, PathChunks};
-use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::contour::{CutterSide, ProgrammedContour};
 use cnc_msgs::interface::{Message, Service};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
@@ -250,7 +250,7 @@ impl Planner {
             state.revision += 1;
             (input, state.tools.clone(), state.tools_revision, state.revision)
         };
-        let planned = plan(&input.contour, &input.profile, &tools);
+        let planned = plan_certified(&input.contour, &input.profile, &tools);
         let stamp = self.node.now();
         let accepted = planned.accepted();
         let report = self.report_of(&input, (revision, tools_revision), stamp, &planned);
@@ -343,6 +343,13 @@ impl Planner {
             error_count: errors as u32,
             warning_count: (planned.diagnostics.len() - errors) as u32,
             diagnostics: fitting(findings),
+            certificate_count: planned.certificates.len() as u32,
+            certificates: planned
+                .certificates
+                .iter()
+                .take(FINDINGS_IN_REPORT)
+                .map(certificate_to_wire)
+                .collect(),
             ..wire::CompensationReport::default()
         }
     }
@@ -390,6 +397,29 @@ impl Planner {
             diagnostics: fitting(rest),
             ..GetFindingsResponse::default()
         }
+    }
+}
+
+fn certificate_to_wire(certificate: &Certificate) -> wire::RadiusCertificate {
+    let missing_mm = (certificate.radius_mm - certificate.valid_to_mm).max(0.0);
+    let limits = certificate.limited_by.iter().map(|limit| wire::CertificateLimit {
+        line: limit.source.line,
+        block: limit.source.block.into_iter().collect(),
+        position: point_from_position(limit.position),
+        missing: m_from_mm(missing_mm),
+    });
+    wire::RadiusCertificate {
+        first_line: certificate.first_line,
+        last_line: certificate.last_line,
+        side: match certificate.side {
+            CutterSide::Left => wire::RadiusCertificate::SIDE_LEFT,
+            CutterSide::Right => wire::RadiusCertificate::SIDE_RIGHT,
+        },
+        radius: m_from_mm(certificate.radius_mm),
+        valid_from: m_from_mm(certificate.valid_from_mm),
+        valid_to: m_from_mm(certificate.valid_to_mm),
+        limited_by: limits.collect(),
+        leads_valid_to: m_from_mm(certificate.leads_valid_to_mm),
     }
 }
 

@@ -219,6 +219,12 @@ async fn wait_until<M: cnc_msgs::interface::Message>(
 fn draw(path: &Path) -> Result<(), Failure> {
     let profile = files::profile(CONTROLLER)?;
     let tools = runtime::from_yaml_str(TOOLS, "tools.yaml").map_err(Failure::usage)?;
-    let planned = Planned::new(PROGRAM.as_bytes(), &profile, &tools, &LoadOptions::default());
+    let planned = Planned::new(
+        PROGRAM.as_bytes(),
+        &profile,
+        &tools,
+        &LoadOptions::default(),
+        compensation_planner::plan,
+    );
     files::write(path, &planned.svg("contour.mpf, G41, radius 5 mm"))
 }

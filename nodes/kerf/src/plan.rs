@@ -4,10 +4,13 @@ use crate::exit::{Failure, Outcome, Status};
 use crate::plan_json::PlanReport;
 use crate::{files, picture};
 use clap::Args;
+use cnc_msgs::contour::{CutterSide, ProgrammedContour};
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::CompensatedPath;
-use compensation_planner::Plan;
+use cnc_msgs::profile::Profile;
+use cnc_msgs::tool_table::ToolTable;
+use compensation_planner::{Certificate, Plan, plan_certified};
 use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::{LoadOptions, Loaded};
 use std::io::IsTerminal;
@@ -46,7 +49,9 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let name = files::file_name(&args.file);
 
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
-    let planned = Planned::new(&text, &profile, &tools, &options);
+    // Nobody reads certificates of a quiet plan, and they cost more than the plan.
+    let plan = if args.quiet { compensation_planner::plan } else { plan_certified };
+    let planned = Planned::new(&text, &profile, &tools, &options, plan);
 
     if let Some(path) = &args.svg {
         files::write(path, &planned.svg(&name))?;
@@ -95,18 +100,19 @@ impl Planned {
     /// Loads and, when nothing was refused, plans.
     pub(crate) fn new(
         text: &[u8],
-        profile: &cnc_msgs::profile::Profile,
-        tools: &cnc_msgs::tool_table::ToolTable,
+        profile: &Profile,
+        tools: &ToolTable,
         options: &LoadOptions,
+        plan: impl Fn(&ProgrammedContour, &Profile, &ToolTable) -> Plan,
     ) -> Self {
         let loaded = program_loader::load(text, profile, options);
         let mut diagnostics = loaded.diagnostics.clone();
-        let mut plan = Plan::default();
+        let mut planned = Plan::default();
         if !diagnostics.iter().any(Diagnostic::is_error) {
-            plan = compensation_planner::plan(&loaded.contour, profile, tools);
-            diagnostics.extend(plan.diagnostics.iter().cloned());
+            planned = plan(&loaded.contour, profile, tools);
+            diagnostics.extend(planned.diagnostics.iter().cloned());
         }
-        Self { loaded, plan, diagnostics }
+        Self { loaded, plan: planned, diagnostics }
     }
 
     pub(crate) fn accepted(&self) -> bool {
@@ -131,6 +137,7 @@ impl Planned {
             events: &self.path().events,
             refused_elements: &self.plan.refused,
             diagnostics: &self.diagnostics,
+            certificates: &self.plan.certificates,
         }
     }
 
@@ -167,8 +174,46 @@ impl Planned {
                 plural(path.events.len(), "event")
             );
         }
+        for certificate in &self.plan.certificates {
+            summary += &format!("\n  {}", certificate_text(certificate));
+        }
         summary
     }
+}
+
+/// `lines 3 to 12, tool left, radius 5.000 mm: good up to 20.851 mm (N40)`
+fn certificate_text(certificate: &Certificate) -> String {
+    let side = match certificate.side {
+        CutterSide::Left => "left",
+        CutterSide::Right => "right",
+    };
+    let limits: Vec<String> = certificate
+        .limited_by
+        .iter()
+        .map(|limit| match limit.source.block {
+            Some(block) => format!("N{block}"),
+            None => format!("line {}", limit.source.line),
+        })
+        .collect();
+    // Cut off, not rounded: the radius that is printed fits.
+    let cut = |radius_mm: f64| (radius_mm * 1e3).floor() / 1e3;
+    let good = if certificate.valid_to_mm.is_finite() {
+        format!(
+            "good for tools up to {:.3} mm ({}), with these leads up to {:.3} mm",
+            cut(certificate.valid_to_mm),
+            limits.join(", "),
+            cut(certificate.leads_valid_to_mm)
+        )
+    } else if certificate.leads_valid_to_mm.is_finite() {
+        let leads = cut(certificate.leads_valid_to_mm);
+        format!("good for any tool, with these leads up to {leads:.3} mm")
+    } else {
+        "good for any tool".into()
+    };
+    format!(
+        "lines {} to {}, tool on the {side}, radius {:.3} mm: {good}",
+        certificate.first_line, certificate.last_line, certificate.radius_mm
+    )
 }
 
 /// `1 error`, `2 errors`.

@@ -3,10 +3,11 @@
 //! Millimetres and degrees. The names here are a contract; the types behind
 //! them are free to change.
 
-use cnc_msgs::contour::Source;
+use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, PathEvent};
+use compensation_planner::{Certificate, CertificateLimit};
 use serde_json::{Map, Value, json};
 
 /// What is printed.
@@ -21,6 +22,7 @@ pub(crate) struct PlanReport<'a> {
     /// What a refused program would have cut, for pictures.
     pub(crate) refused_elements: &'a [PathElement],
     pub(crate) diagnostics: &'a [Diagnostic],
+    pub(crate) certificates: &'a [Certificate],
 }
 
 impl PlanReport<'_> {
@@ -35,8 +37,9 @@ impl PlanReport<'_> {
         }
         object.insert("events".into(), self.events.iter().map(event).collect());
         object.insert("diagnostics".into(), self.diagnostics.iter().map(diagnostic).collect());
-        // The whole-program check that these come from does not exist yet.
-        object.insert("certificates".into(), json!([]));
+        let certificates = self.certificates.iter().map(certificate).collect();
+        object.insert("certificates".into(), certificates);
+        // What trimming would leave uncut: nothing is trimmed yet.
         object.insert("uncut".into(), json!([]));
         Value::Object(object)
     }
@@ -99,6 +102,31 @@ pub(crate) fn diagnostic(finding: &Diagnostic) -> Value {
         "available_mm": finding.available_mm,
         "message": finding.message,
         "help": finding.help,
+    })
+}
+
+/// The radii that a span is good for; `null` when nothing limits them.
+fn certificate(certificate: &Certificate) -> Value {
+    let limit = |limit: &CertificateLimit| {
+        json!({
+            "line": limit.source.line,
+            "block": limit.source.block,
+            "position": limit.position,
+        })
+    };
+    let finite = |radius_mm: f64| radius_mm.is_finite().then_some(radius_mm);
+    json!({
+        "first_line": certificate.first_line,
+        "last_line": certificate.last_line,
+        "side": match certificate.side {
+            CutterSide::Left => "left",
+            CutterSide::Right => "right",
+        },
+        "radius_mm": certificate.radius_mm,
+        "valid_from_mm": certificate.valid_from_mm,
+        "valid_to_mm": finite(certificate.valid_to_mm),
+        "limited_by": certificate.limited_by.iter().map(limit).collect::<Vec<_>>(),
+        "leads_valid_to_mm": finite(certificate.leads_valid_to_mm),
     })
 }
 

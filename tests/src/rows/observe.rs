@@ -8,6 +8,7 @@
 //! | `events` | functions, and where the tool is when they run |
 //! | `findings` | of loader and planner; none are allowed when it is not expected |
 //! | `spans` | side and radius of each compensated piece |
+//! | `certificates` | the radii that each piece is good for, and the blocks that limit them |
 //! | `offset_mm` | smallest and largest distance of contour elements from their blocks, and of corner arcs from their vertex |
 //! | `same_mm` | largest distance between ends of elements and those of the other program |
 
@@ -98,7 +99,7 @@ impl Run {
         let mut diagnostics = loaded.diagnostics;
         let mut plan = Plan::default();
         if !diagnostics.iter().any(Diagnostic::is_error) {
-            plan = compensation_planner::plan(&loaded.contour, &profile, table);
+            plan = compensation_planner::plan_certified(&loaded.contour, &profile, table);
             diagnostics.extend(plan.diagnostics.iter().cloned());
         }
         let mut path = plan.path.clone();
@@ -140,6 +141,19 @@ impl Run {
             })
         });
         observed.insert("spans".into(), spans.collect());
+        let certificates = self.plan.certificates.iter().map(|certificate| {
+            let limits = certificate.limited_by.iter();
+            let limits = limits.map(|limit| {
+                let [x, y, z] = limit.position;
+                json!({"line": limit.source.line, "block": limit.source.block, "x": x, "y": y, "z": z})
+            });
+            json!({
+                "valid_to_mm": certificate.valid_to_mm,
+                "leads_valid_to_mm": certificate.leads_valid_to_mm,
+                "limited_by": limits.collect::<Vec<_>>(),
+            })
+        });
+        observed.insert("certificates".into(), certificates.collect());
         if let Some((min, max)) = self.offset() {
             observed.insert("offset_mm".into(), json!({"min": min, "max": max}));
         }
