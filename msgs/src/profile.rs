@@ -73,7 +73,7 @@ pub struct Profile {
     /// G41 while G41 is active (C13).
     pub reselect: Rule<Reselect>,
     /// D0 (C21).
-    pub d0: Rule<ZeroOffset>,
+    pub d0: ZeroOffset,
     /// Rapids under compensation (C9).
     pub rapid: Rule<RapidMode>,
     pub off_plane: OffPlaneRules,

@@ -59,6 +59,9 @@ pub struct Case {
     #[serde(default)]
     pub start: [f64; 3],
     pub program: String,
+    /// A line to start the program at.
+    #[serde(default)]
+    pub start_line: Option<u32>,
     /// A program whose path must be the same; see `same_mm` in `observe`.
     #[serde(default)]
     pub other: Option<Other>,

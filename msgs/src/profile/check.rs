@@ -61,9 +61,9 @@ impl Profile {
             );
         }
         let source = self.radius.source.rule;
-        if self.d0.rule != ZeroOffset::None && source != RadiusKind::DRegister {
+        if self.d0 != ZeroOffset::None && source != RadiusKind::DRegister {
             return refuse(
-                &["d0", "rule"],
+                &["d0"],
                 "D0 means something only where radius.source is d_register; write none".into(),
             );
         }

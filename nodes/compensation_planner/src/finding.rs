@@ -147,6 +147,8 @@ pub(crate) struct LeadCut {
     pub at: Position,
     pub radius_mm: f64,
     pub distance_mm: f64,
+    /// See `Span::is_negative`.
+    pub is_negative: bool,
 }
 
 /// A lead or link that cuts into the element next to it.
@@ -164,7 +166,11 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
             cut.distance_mm
         ),
     );
-    finding.severity = profile.interference.leads.severity();
+    // With a difference of radii the programmed contour is no wall to lead through.
+    finding.severity = match profile.interference.leads.severity() {
+        Severity::Error if !cut.is_negative => Severity::Error,
+        _ => Severity::Warning,
+    };
     finding.other = Some(cut.other);
     finding.position = Some(cut.at);
     finding.depth_mm = Some(depth_mm);

@@ -66,7 +66,8 @@ impl Check<'_> {
         if let Some(behind) = behind {
             let near = nearest(ends.0, ends.1, &behind.wall);
             if near.distance < behind.radius_mm - GOUGE_MM {
-                self.report(Code::LinkGouge, near, behind.radius_mm, lead, behind.source);
+                let negative = span.is_negative;
+                self.report(Code::LinkGouge, near, behind.radius_mm, lead, behind.source, negative);
             }
         }
     }
@@ -95,11 +96,19 @@ impl Check<'_> {
         let limit = radius_mm - GOUGE_MM;
         if let Some((run, near)) = deepest_cut(self.walls, (from, to), limit) {
             let other = span.legs[runs[run].legs.start].source;
-            self.report(code, near, radius_mm, lead, other);
+            self.report(code, near, radius_mm, lead, other, span.is_negative);
         }
     }
 
-    fn report(&mut self, code: Code, near: Nearest, radius_mm: f64, lead: &Lead, other: Source) {
+    fn report(
+        &mut self,
+        code: Code,
+        near: Nearest,
+        radius_mm: f64,
+        lead: &Lead,
+        other: Source,
+        is_negative: bool,
+    ) {
         let cut = LeadCut {
             code,
             source: lead.source,
@@ -111,6 +120,7 @@ impl Check<'_> {
             ),
             radius_mm,
             distance_mm: near.distance,
+            is_negative,
         };
         self.diagnostics.push(finding::lead_cut(&cut, self.profile));
     }

@@ -30,6 +30,7 @@ mod normalise;
 mod preview;
 mod radius;
 mod reach;
+mod restart;
 mod rules;
 mod span;
 pub mod tessellate;
@@ -40,6 +41,7 @@ mod walls;
 mod write;
 
 pub use certificate::{Certificate, CertificateLimit};
+pub use restart::{Restart, restart};
 
 use cnc_msgs::contour::{CutterSide, ProgrammedContour};
 use cnc_msgs::diagnostic::Diagnostic;

@@ -5,15 +5,47 @@
 
 use cnc_msgs::contour::{RadiusSource, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
-use cnc_msgs::profile::{NegativeRadius, Profile, RadiusKind};
+use cnc_msgs::profile::{NegativeRadius, Profile, RadiusKind, RadiusValue};
 use cnc_msgs::tool_table::{Tool, ToolTable};
 
-/// The radius in force, mm, signed; the finding when there is none.
+/// The radius in force, mm, signed, and what is to be said of it: an error when
+/// there is none, which goes with a radius of 0.
 ///
-/// Without a word the profile decides: the tool in the spindle (rs274, MASSO),
-/// or nothing (840C, where a register must be named).
-/// Source: MASSO M03 to M10; SINUMERIK 840C S17, S22, S49.
+/// Without a word the profile decides: the tool in the spindle (rs274, MASSO,
+/// Automation1), or nothing (where a register must be named).
+/// Source: MASSO M03 to M10; SINUMERIK 840C S17, S22, S49; Automation1 A03, A13.
 pub(crate) fn resolve(
+    word: Option<RadiusSource>,
+    spindle_tool: Option<u32>,
+    profile: &Profile,
+    tools: &ToolTable,
+    at: Source,
+) -> (f64, Option<Diagnostic>) {
+    let radius_mm = match value(word, spindle_tool, profile, tools, at) {
+        Ok(radius_mm) => radius_mm,
+        Err(finding) => return (0.0, Some(*finding)),
+    };
+    if !radius_mm.is_finite() {
+        let message = format!("the compensation radius is {radius_mm}, not a finite number");
+        return (0.0, Some(Diagnostic::error(Code::RadiusSource, at, message)));
+    }
+    if radius_mm < 0.0 && profile.radius.negative.rule == NegativeRadius::Forbidden {
+        let mut finding = Diagnostic::error(
+            Code::RadiusSource,
+            at,
+            format!(
+                "the compensation radius is {radius_mm:.3} mm, and {} takes none below 0",
+                profile.name
+            ),
+        )
+        .help("select the other side and make the radius positive");
+        finding.severity = profile.radius.negative.severity();
+        return (radius_mm, Some(finding));
+    }
+    (radius_mm, double_radius(word, spindle_tool, tools, at))
+}
+
+fn value(
     word: Option<RadiusSource>,
     spindle_tool: Option<u32>,
     profile: &Profile,
@@ -21,22 +53,12 @@ pub(crate) fn resolve(
     at: Source,
 ) -> Result<f64, Box<Diagnostic>> {
     let default = match profile.radius.source.rule {
-        RadiusKind::ToolNumber => Some(RadiusSource::SpindleTool),
+        RadiusKind::ToolNumber | RadiusKind::ProgramValue => Some(RadiusSource::SpindleTool),
         RadiusKind::SpindleToolPlusP => Some(RadiusSource::SpindleToolPlus(0.0)),
-        RadiusKind::ProgramValue => Some(RadiusSource::SpindleTool),
         RadiusKind::DRegister | RadiusKind::NoseRegister => None,
     };
-    let radius_mm = match word.or(default) {
-        None => {
-            return Err(Box::new(
-                Diagnostic::error(
-                    Code::RadiusSource,
-                    at,
-                    "compensation is selected without a D word, so it has no radius",
-                )
-                .help("write the offset register in the same block: D1"),
-            ));
-        }
+    Ok(match word.or(default) {
+        None => return Err(Box::new(no_word(profile, at))),
         Some(RadiusSource::SpindleTool) => of_spindle(spindle_tool, tools, at)?,
         Some(RadiusSource::SpindleToolPlus(more_mm)) => {
             // Nothing is known of any tool: all of the radius is in the program (M03).
@@ -53,29 +75,49 @@ pub(crate) fn resolve(
             None => of_nose(number, tools, at)?,
         },
         Some(RadiusSource::Diameter(diameter_mm)) => diameter_mm / 2.0,
-        Some(RadiusSource::Radius(radius_mm)) => radius_mm,
-    };
-    if !radius_mm.is_finite() {
-        return Err(Box::new(Diagnostic::error(
-            Code::RadiusSource,
+        Some(RadiusSource::Radius(value_mm)) => match profile.radius.value_is {
+            RadiusValue::Radius => value_mm,
+            RadiusValue::Width => value_mm / 2.0,
+        },
+    })
+}
+
+fn no_word(profile: &Profile, at: Source) -> Diagnostic {
+    let mut finding = Diagnostic::error(
+        Code::RadiusSource,
+        at,
+        "compensation is selected without a word for its radius, so it has none",
+    )
+    .help(match profile.radius.source.rule {
+        RadiusKind::NoseRegister => "name the nose radius in a T word before: T010101",
+        _ => "write the offset register in the same block: D1",
+    });
+    finding.severity = profile.radius.source.severity();
+    finding
+}
+
+/// P is a radius that is added to that of the tool; both at once are uncommon (M09).
+fn double_radius(
+    word: Option<RadiusSource>,
+    spindle_tool: Option<u32>,
+    tools: &ToolTable,
+    at: Source,
+) -> Option<Diagnostic> {
+    let Some(RadiusSource::SpindleToolPlus(more_mm)) = word else { return None };
+    let tool = spindle_tool.and_then(|number| tools.tools.get(&number))?;
+    (more_mm > 0.0 && tool.diameter_mm > 0.0).then(|| {
+        let own_mm = of_tool(tool);
+        Diagnostic::warning(
+            Code::SuspiciousValue,
             at,
-            format!("the compensation radius is {radius_mm}, not a finite number"),
-        )));
-    }
-    if radius_mm < 0.0 && profile.radius.negative.rule == NegativeRadius::Forbidden {
-        return Err(Box::new(
-            Diagnostic::error(
-                Code::RadiusSource,
-                at,
-                format!(
-                    "the compensation radius is {radius_mm:.3} mm, and {} takes none below 0",
-                    profile.name
-                ),
-            )
-            .help("select the other side and make the radius positive"),
-        ));
-    }
-    Ok(radius_mm)
+            format!(
+                "P{more_mm} is added to the {own_mm:.3} mm that the tool table has: \
+                 the radius is {:.3} mm. Is it twice there?",
+                own_mm + more_mm
+            ),
+        )
+        .help("leave out P, or set the diameter in the tool table to 0")
+    })
 }
 
 /// The radius of a tool, mm: half of the worn diameter (M05).

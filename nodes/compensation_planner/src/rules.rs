@@ -12,13 +12,26 @@ use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position, Shape};
 use cnc_msgs::profile::{
-    CancelAxes, FullCircle, LeadLength, Permission, Profile, Reselect, Rule, SideChange, Strictness,
+    CancelAxes, FullCircle, LeadLength, Permission, Profile, RadiusChange, Reselect, Rule,
+    SideChange, Strictness,
 };
 use std::f64::consts::TAU;
 
 /// What no control allows under compensation.
 const FORBIDDEN: Rule<Permission> =
     Rule { rule: Permission::Forbidden, strictness: Strictness::Error };
+
+/// The finding about a broken rule.
+fn of(
+    strictness: Strictness,
+    code: Code,
+    source: Source,
+    message: impl Into<String>,
+) -> Diagnostic {
+    let mut finding = Diagnostic::error(code, source, message);
+    finding.severity = strictness.severity();
+    finding
+}
 
 /// Applies a profile's rules.
 pub(crate) struct Rules<'a> {
@@ -29,8 +42,8 @@ pub(crate) struct Rules<'a> {
 impl Rules<'_> {
     /// The first move after the selection (M21, M23, M24, S20).
     pub(crate) fn lead_on(self, lead: &Lead, plane: Plane, radius_mm: f64) {
-        let length = self.profile.select.length;
-        self.lead(lead, plane, radius_mm, length, "lead-on");
+        let rules = &self.profile.select;
+        self.lead(lead, plane, radius_mm, (rules.length, rules.arc_lead), "lead-on");
     }
 
     /// The first move after the cancel (M22, M24, M27, S29).
@@ -40,7 +53,8 @@ impl Rules<'_> {
         if profile.cancel.axes.rule == CancelAxes::Both && !(axes.contains(u) && axes.contains(v)) {
             let names = axes.letters();
             self.diagnostics.push(
-                Diagnostic::error(
+                of(
+                    profile.cancel.axes.strictness,
                     Code::Cancel,
                     lead.source,
                     format!(
@@ -54,49 +68,68 @@ impl Rules<'_> {
                 .help("write both axes of the plane in this block, even if one does not change"),
             );
         }
-        let length = profile.cancel.length;
-        self.lead(lead, plane, radius_mm, length, "lead-off");
+        let rules = &profile.cancel;
+        self.lead(lead, plane, radius_mm, (rules.length, rules.arc_lead), "lead-off");
     }
 
     /// A move that ends one contour and begins the next (S36 to S42).
     pub(crate) fn link(self, lead: &Lead) {
-        self.lead_type(lead, "link");
+        let strictness = self.profile.select.arc_lead;
+        self.lead_type(lead, strictness, "link");
     }
 
-    fn lead(self, lead: &Lead, plane: Plane, radius_mm: f64, rule: Rule<LeadLength>, name: &str) {
+    fn lead(
+        self,
+        lead: &Lead,
+        plane: Plane,
+        radius_mm: f64,
+        (rule, arc_lead): (Rule<LeadLength>, Strictness),
+        name: &str,
+    ) {
         let length_mm = lead.length(plane);
         if rule.rule == LeadLength::LongerThanRadius
             && radius_mm > RADIUS_MM
             && length_mm <= radius_mm + RADIUS_MM
         {
-            let mut finding = Diagnostic::error(
+            // What programs are written in: the next longer one that three decimals tell.
+            let enough_mm = (radius_mm * 1e3).floor() / 1e3 + 1e-3;
+            let mut finding = of(
+                rule.strictness,
                 Code::LeadLength,
                 lead.source,
                 format!(
-                    "the {name} is {length_mm:.3} mm long; \
-                     it must be longer than the radius of {radius_mm:.3} mm"
+                    "the {name} is {length_mm:.3} mm long; {} needs it longer than the radius of \
+                     {radius_mm:.3} mm: {enough_mm:.3} mm or more",
+                    self.profile.name
                 ),
             )
-            .help(format!("make the {name} longer than {radius_mm:.3} mm, or use a smaller tool"));
+            .help(format!(
+                "make the {name} {enough_mm:.3} mm long or longer, or use a smaller tool"
+            ));
             finding.needed_mm = Some(radius_mm);
             finding.available_mm = Some(length_mm);
             finding.position = Some(lead.motion.end);
             self.diagnostics.push(finding);
         }
-        self.lead_type(lead, name);
+        self.lead_type(lead, arc_lead, name);
     }
 
-    fn lead_type(self, lead: &Lead, name: &str) {
+    fn lead_type(self, lead: &Lead, strictness: Strictness, name: &str) {
         let what = match (lead.motion.shape, lead.motion.class) {
             (Shape::Arc(_), _) => "an arc",
             (_, MotionClass::NonCoordinated) => "a move whose axes go by themselves",
             _ => return,
         };
+        let instead = match strictness {
+            Strictness::Error => "",
+            Strictness::Warn | Strictness::Emulate => ", and is run as one",
+        };
         self.diagnostics.push(
-            Diagnostic::error(
+            of(
+                strictness,
                 Code::LeadType,
                 lead.source,
-                format!("the {name} is {what}; it must be a straight line"),
+                format!("the {name} is {what}; it must be a straight line{instead}"),
             )
             .help("put a straight move in the plane before the arc"),
         );
@@ -117,7 +150,8 @@ impl Rules<'_> {
         let Element::Arc(arc) = element else { return };
         if self.profile.full_circle.rule == FullCircle::Forbidden && arc.sweep >= TAU - 1e-9 {
             self.diagnostics.push(
-                Diagnostic::error(
+                of(
+                    self.profile.full_circle.strictness,
                     Code::FullCircle,
                     source,
                     format!(
@@ -272,15 +306,23 @@ pub(crate) fn not_sane(source: Source, motion: &Motion) -> Diagnostic {
     .help("correct the coordinates of this block")
 }
 
-/// A new radius while compensation is active that cannot be taken (S43, S44).
+/// A new radius while compensation is active that cannot be taken, or only with
+/// a warning (A14, S43, S44).
 pub(crate) fn radius_change(
     source: Source,
     element: &Element,
-    old_mm: f64,
-    new_mm: f64,
+    (old_mm, new_mm): (f64, f64),
+    profile: &Profile,
 ) -> Option<Diagnostic> {
-    let (message, code) = if !element.is_line() {
+    let rule = profile.radius.change;
+    let mut strictness = rule.strictness;
+    let (message, code) = if rule.rule == RadiusChange::WhenOff {
+        ("the radius changes while compensation is active", Code::RadiusSource)
+    } else if rule.rule == RadiusChange::StraightBlocks && !element.is_line() {
         ("the radius changes in an arc; it may only change in a straight block", Code::RadiusSource)
+    } else if !element.is_line() {
+        strictness = Strictness::Error;
+        ("the radius changes in an arc, which has no offset of two radii", Code::RadiusSource)
     } else if new_mm.abs() < RADIUS_MM || old_mm.abs() < RADIUS_MM {
         ("the radius changes from or to 0 while compensation is active", Code::RadiusSource)
     } else if new_mm.signum() != old_mm.signum() {
@@ -291,7 +333,8 @@ pub(crate) fn radius_change(
     } else {
         return None;
     };
-    let mut finding = Diagnostic::error(
+    let mut finding = of(
+        strictness,
         code,
         source,
         format!("{message} ({:.3} mm to {:.3} mm)", old_mm.abs(), new_mm.abs()),
@@ -305,7 +348,8 @@ pub(crate) fn radius_change(
 /// A plane that the control does not compensate in (M16).
 pub(crate) fn wrong_plane(source: Source, plane: Plane, profile: &Profile) -> Diagnostic {
     let planes: Vec<&str> = profile.language.planes.rule.iter().map(|plane| plane.name()).collect();
-    Diagnostic::error(
+    of(
+        profile.language.planes.strictness,
         Code::Plane,
         source,
         format!(
@@ -340,7 +384,9 @@ pub(crate) fn takes_no_selection(profile: &Profile, is_repeat: bool) -> bool {
 /// A selection while compensation is active, where the control takes none.
 pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> Diagnostic {
     let what = if is_repeat { "selected again" } else { "selected anew or for the other side" };
-    Diagnostic::error(
+    let rule = if is_repeat { profile.reselect.strictness } else { profile.side_change.strictness };
+    of(
+        rule,
         Code::SideChange,
         source,
         format!("compensation is {what} while it is active, which {} does not take", profile.name),
@@ -357,13 +403,15 @@ pub(crate) fn not_cancelled(source: Source, has_cancel: bool, profile: &Profile)
     };
     let mut finding = Diagnostic::error(Code::NotCancelled, source, message)
         .help("end the contour with G40 and a straight move in the plane, then end the program");
-    finding.severity = profile.cancel.missing.severity();
+    let rules = &profile.cancel;
+    finding.severity = if has_cancel { rules.if_no_move } else { rules.missing }.severity();
     finding
 }
 
 /// A selection that no move in the plane follows.
-pub(crate) fn never_active(source: Source) -> Diagnostic {
-    Diagnostic::warning(
+pub(crate) fn never_active(source: Source, profile: &Profile) -> Diagnostic {
+    of(
+        profile.select.if_no_move,
         Code::NeverActive,
         source,
         "compensation is selected and never becomes active: no move in the plane follows",
@@ -372,8 +420,9 @@ pub(crate) fn never_active(source: Source) -> Diagnostic {
 }
 
 /// A move out of the plane right after the cancel (M13).
-pub(crate) fn no_lead_off(source: Source) -> Diagnostic {
-    Diagnostic::error(
+pub(crate) fn no_lead_off(source: Source, profile: &Profile) -> Diagnostic {
+    of(
+        profile.cancel.before_off_plane.strictness,
         Code::Cancel,
         source,
         "the tool leaves the plane after the cancel before it has led off the contour",

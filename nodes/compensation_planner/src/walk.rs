@@ -170,17 +170,28 @@ impl<'a> Walk<'a> {
 
     fn select(&mut self, selection: Selection) {
         if !self.profile.language.planes.rule.contains(&self.plane) {
-            self.diagnostics.push(rules::wrong_plane(selection.source, self.plane, self.profile));
+            let finding = rules::wrong_plane(selection.source, self.plane, self.profile);
+            let is_refused = finding.is_error();
+            self.diagnostics.push(finding);
+            if is_refused {
+                return;
+            }
         }
         let State::Active(active) = &mut self.state else {
             self.state = State::Selected(selection);
             return;
         };
         let is_repeat = active.side == selection.side && active.cancel.is_none();
-        if rules::takes_no_selection(self.profile, is_repeat) {
+        let forbids = rules::takes_no_selection(self.profile, is_repeat);
+        if forbids {
             let finding = rules::reselected(selection.source, is_repeat, self.profile);
+            let is_refused = finding.is_error();
             self.diagnostics.push(finding);
-        } else if !is_repeat || selection.approach.is_some() {
+            if is_refused {
+                return;
+            }
+        }
+        if !is_repeat || selection.approach.is_some() {
             // S36 to S39: both ends as the word says, straight without one.
             let exit = match active.cancel.take() {
                 Some((exit, _)) => exit,
@@ -207,7 +218,7 @@ impl<'a> Walk<'a> {
     }
 
     fn never_active(&mut self, source: Source) {
-        self.diagnostics.push(rules::never_active(source));
+        self.diagnostics.push(rules::never_active(source, self.profile));
     }
 
     fn action(&mut self, action: Action, source: Source) {
@@ -312,7 +323,7 @@ impl<'a> Walk<'a> {
                         && self.profile.cancel.before_off_plane.rule
                             == OffPlaneAfterCancel::LeadOffFirst
                     {
-                        self.diagnostics.push(rules::no_lead_off(source));
+                        self.diagnostics.push(rules::no_lead_off(source, self.profile));
                     } else {
                         self.rules().off_plane_move(source, start, motion);
                     }

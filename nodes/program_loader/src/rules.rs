@@ -4,8 +4,7 @@
 
 use cnc_msgs::contour::{Approach, OutsideCorner, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
-use cnc_msgs::geometry::Plane;
-use cnc_msgs::profile::Profile;
+use cnc_msgs::profile::{Profile, ZeroOffset};
 
 use crate::dialect::{self, Dialect};
 
@@ -14,8 +13,8 @@ pub(crate) struct Rules<'p> {
     pub(crate) dialect: &'static Dialect,
     /// The name of the control.
     pub(crate) control: &'p str,
-    /// Planes in which compensation works.
-    pub(crate) planes: &'p [Plane],
+    /// What D0 does.
+    pub(crate) d0: ZeroOffset,
     /// By G number in tenths.
     corners: Vec<(u16, OutsideCorner)>,
     approaches: Vec<(u16, Approach)>,
@@ -53,7 +52,7 @@ impl<'p> Rules<'p> {
         let rules = Self {
             dialect: dialect::of(profile.language.dialect),
             control: &profile.name,
-            planes: &profile.language.planes.rule,
+            d0: profile.d0,
             corners,
             approaches,
             forbidden,

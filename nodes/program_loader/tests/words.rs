@@ -187,13 +187,12 @@ fn s17_d_is_modal_on_the_840c_and_may_stand_before() {
 }
 
 #[test]
-fn s22_s29_d0_selects_nothing_and_deselects_while_g41_stays_in_force() {
+fn s22_s29_n06_d0_deselects_or_only_suspends() {
     check("sinumerik_840c", "G41 D0\nD2\nG40", &["radius of offset 2", "select left", "cancel"]);
-    check(
-        "sinumerik_840c",
-        "G42 D1\nD0\nD1",
-        &["radius of offset 1", "select right", "cancel", "radius of offset 1", "select right"],
-    );
+    let off = ["radius of offset 1", "select right", "cancel"];
+    check("sinumerik_840c", "G42 D1\nD0\nD1", &off);
+    let again = [&off[..], &off[..2]].concat();
+    check("nct", "G42 D1\nD0\nD1", &again);
     check("sinumerik_840c", "D1\nG40\nD0\nD2", &[]);
 }
 

@@ -90,7 +90,7 @@ mod tests {
             ("accept_tolerance_mm: 0.002", "accept_tolerance_mm: -1.0", "accept_tolerance_mm: -1"),
             ("rule: [xy, zx, yz]", "rule: []", "mine.yaml:11: language.planes: at least one plane"),
             ("rule: [xy, zx, yz]", "rule: [xy, xy]", "twice"),
-            ("d0: {rule: none}", "d0: {rule: suspend}", "d_register"),
+            ("d0: none", "d0: suspend", "d_register"),
             ("name: rs274", "name: ''", "name: it is empty"),
             ("name: rs274", "name: a\nspeed: 5", "unknown field `speed`"),
         ];

@@ -9,6 +9,8 @@
 //! | `findings` | of loader and planner; none are allowed when it is not expected |
 //! | `spans` | side and radius of each compensated piece |
 //! | `certificates` | the radii that each piece is good for, and the blocks that limit them |
+//! | `table_fault` | what is wrong with the tool table |
+//! | `restart` | what is said about starting at `start_line` |
 //! | `offset_mm` | smallest and largest distance of contour elements from their blocks, and of corner arcs from their vertex |
 //! | `same_mm` | largest distance between ends of elements and those of the other program |
 
@@ -57,6 +59,20 @@ pub fn observe(case: &Case, control: &str) -> Value {
     let control = case.controller.as_deref().unwrap_or(control);
     let run = Run::new(control, &case.profile, &case.table, case.start, &case.program);
     let mut observed = run.observed();
+    if let Err(fault) = case.table.check() {
+        observed.insert("table_fault".into(), json!(fault.to_string()));
+    }
+    if let Some(line) = case.start_line {
+        let profile = profile(control, &case.profile);
+        let restart = compensation_planner::restart(&run.contour, &profile, line);
+        let told = restart.map(|restart| {
+            let mut told = finding(&restart.finding);
+            told["nearest_line"] = json!(restart.nearest.line);
+            told["nearest_block"] = json!(restart.nearest.block);
+            told
+        });
+        observed.insert("restart".into(), json!(told));
+    }
     if let Some(other) = &case.other {
         observed.insert("same_mm".into(), json!(run.distance(&other_run(case, other, control))));
     }

@@ -14,6 +14,7 @@ use crate::rules;
 use crate::span::{Entry, ItemKind, Lead, Leg, Span};
 use crate::tolerance::RADIUS_MM;
 use cnc_msgs::contour::{Approach, CutterSide, Motion, Source};
+use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
 
@@ -29,9 +30,15 @@ impl Walk<'_> {
         if let Some(at) = active.radius_changes.take() {
             let resolved = self.signed_offset(active.side, at);
             if (resolved - d_out_mm).abs() >= RADIUS_MM {
-                match rules::radius_change(source, &element, d_out_mm, resolved) {
-                    Some(finding) => self.diagnostics.push(finding),
-                    None => d_out_mm = resolved,
+                let radii = (d_out_mm, resolved);
+                let finding = rules::radius_change(source, &element, radii, self.profile);
+                let is_refused = finding.as_ref().is_some_and(Diagnostic::is_error);
+                self.diagnostics.extend(finding);
+                if element.is_line() && !is_refused {
+                    d_out_mm = resolved;
+                } else if !is_refused {
+                    // The next straight block takes it.
+                    active.radius_changes = Some(at);
                 }
             }
         }
@@ -158,12 +165,9 @@ impl Walk<'_> {
 
     /// The radius in force with the sign of the side, mm; 0 when it is not known.
     pub(super) fn signed_offset(&mut self, side: CutterSide, at: Source) -> f64 {
-        let resolved =
+        let (radius_mm, finding) =
             radius::resolve(self.radius, self.spindle_tool, self.profile, self.tools, at);
-        let radius_mm = resolved.unwrap_or_else(|finding| {
-            self.diagnostics.push(*finding);
-            0.0
-        });
+        self.diagnostics.extend(finding);
         match side {
             CutterSide::Left => radius_mm,
             CutterSide::Right => -radius_mm,

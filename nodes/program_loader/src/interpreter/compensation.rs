@@ -3,14 +3,15 @@
 //! Knows the words; what the tool does then is the planner's. Emits the radius
 //! first, then the selection or the cancel.
 //!
-//! D0 of the 840C selects nothing (S22) and deselects (S29). G41 stays in
-//! force beside it: the next D that is not 0 selects again.
+//! D0 selects nothing (S22). While compensation is on it deselects (S29), or only
+//! suspends: then the next D that is not 0 selects again (N06), as the profile says.
 
 use super::{Interpreter, Scene};
 use crate::dialect::{GWord, Group, RadiusWord};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{Approach, ContourEventKind, CutterSide, RadiusSource, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::profile::ZeroOffset;
 
 #[derive(Debug, Default)]
 pub(super) struct Compensation {
@@ -80,6 +81,9 @@ impl Interpreter<'_> {
         let Some(side) = self.modal.compensation.side else { return };
         if self.modal.compensation.offset == Some(0) {
             self.cancel(None);
+            if self.rules.d0 == ZeroOffset::Deselect {
+                self.modal.compensation.side = None;
+            }
         } else if self.modal.compensation.is_selected() {
             self.tell_offset();
         } else {
@@ -105,14 +109,6 @@ impl Interpreter<'_> {
 
     #[cold]
     fn select(&mut self, scene: &mut Scene<'_>, side: CutterSide, is_dynamic: bool, at: usize) {
-        if !self.rules.planes.contains(&self.modal.plane) {
-            let (plane, word) = (self.modal.plane.name(), scene.quote(at));
-            let message =
-                format!("{word} does not work in plane {plane} on {}", self.rules.control);
-            let names: Vec<&str> = self.rules.planes.iter().map(|plane| plane.name()).collect();
-            let help = format!("compensate in plane {}", names.join(", "));
-            return self.complain_at(scene, at, Code::Plane, message, &help);
-        }
         match self.rules.dialect.radius_word {
             RadiusWord::ModalOffset => return self.select_with_offset(scene, side, at),
             RadiusWord::Addend => {
