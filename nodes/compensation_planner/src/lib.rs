@@ -10,6 +10,9 @@
 //! tool does not fit into, `walls` what bounds it, `interference` where it cuts into
 //! that (`tree` finds who is near), `corner` shapes outside corners, `lead` checks the leads, `write` and `emit`
 //! put it all out.
+//!
+//! Beside it: `mdi` plans a single block, `set_tool` decides on a change of the tool
+//! table and `tool_file` writes it into the file of its owner.
 
 mod certificate;
 mod chain;
@@ -23,6 +26,7 @@ mod frame;
 mod interference;
 mod intersect;
 mod lead;
+pub mod mdi;
 #[cfg(feature = "node")]
 pub mod node;
 mod normalise;
@@ -32,9 +36,11 @@ mod radius;
 mod reach;
 mod restart;
 mod rules;
+pub mod set_tool;
 mod span;
 pub mod tessellate;
 mod tolerance;
+pub mod tool_file;
 mod tree;
 mod walk;
 mod walls;

@@ -53,6 +53,9 @@ pub struct LoadOptions {
     pub start: Position,
     /// Whether blocks that begin with `/` are left out.
     pub block_delete: bool,
+    /// The text is one block of manual data input: it needs no end, and there is
+    /// exactly one.
+    pub is_single_block: bool,
 }
 
 /// A program that was read.
@@ -90,6 +93,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
     // DOS ended its texts with this.
     let text = text.strip_suffix(b"\x1A").unwrap_or(text);
+    let text = if options.is_single_block { text.trim_ascii_end() } else { text };
     let line_feeds = memchr::memchr_iter(b'\n', text).count();
     let lines = line_feeds + usize::from(text.last().is_some_and(|&last| last != b'\n'));
     let line_count = u32::try_from(lines).unwrap_or(u32::MAX);
@@ -206,6 +210,9 @@ impl Reader<'_> {
         if is_binary {
             return;
         }
+        if self.options.is_single_block {
+            return self.refuse_unless_single(number, has_blocks);
+        }
         if !has_blocks {
             let message = "the program has no blocks";
             self.findings.push(
@@ -222,6 +229,19 @@ impl Reader<'_> {
                     .help("is the file complete? programs end with M2 or M30"),
             );
         }
+    }
+
+    /// What a text must be to be one block.
+    #[cold]
+    fn refuse_unless_single(&mut self, lines: u32, has_blocks: bool) {
+        let source = Source { line: lines, column: 1, ..Source::default() };
+        let message = match (lines, has_blocks) {
+            (1, true) => return,
+            (1, false) => "there is no block to run".to_owned(),
+            (lines, _) => format!("{lines} lines are not a single block"),
+        };
+        let help = "give one block, without a line end; longer things are programs";
+        self.findings.push(Diagnostic::error(Code::Syntax, source, message).help(help));
     }
 
     /// A line that begins with `%`: a tape mark, or the name of a program.

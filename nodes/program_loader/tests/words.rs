@@ -235,3 +235,24 @@ fn a_profile_whose_words_are_no_words_refuses_everything() {
     assert!(!loaded.is_accepted());
     assert!(loaded.diagnostics[0].message.contains("`home`"));
 }
+
+#[test]
+fn a_single_block_needs_no_end_and_is_exactly_one() {
+    let options =
+        LoadOptions { start: [1.0, 2.0, 3.0], is_single_block: true, ..LoadOptions::default() };
+    let read = |text: &str| load(text.as_bytes(), &profile("rs274"), &options);
+    let loaded = read("G91 G1 X10 F200\r\n");
+    assert!(loaded.diagnostics.is_empty(), "{:?}", loaded.diagnostics);
+    let events: Vec<String> = loaded.contour.events.iter().map(canonical::event_text).collect();
+    assert_eq!(events.len(), 1);
+    assert!(events[0].contains("11"), "{events:?}");
+    for (text, part) in [
+        ("", "no block to run"),
+        ("(a remark)", "no block to run"),
+        ("G0 X1\nG0 X2", "2 lines are not a single block"),
+    ] {
+        let loaded = read(text);
+        assert!(!loaded.is_accepted(), "{text:?}");
+        assert!(loaded.diagnostics[0].message.contains(part), "{:?}", loaded.diagnostics);
+    }
+}

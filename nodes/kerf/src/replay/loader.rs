@@ -18,8 +18,11 @@ pub(super) fn replay(
     for (id, program) in &recording.programs {
         let profile = runtime::profile_from_yaml(&program.manifest.profile)
             .map_err(|error| ReplayError::Input { of: id.clone(), reason: error.to_string() })?;
-        let options =
-            LoadOptions { start: program.contour.start, block_delete: block_delete(recording) };
+        let options = LoadOptions {
+            start: program.contour.start,
+            block_delete: block_delete(recording),
+            ..LoadOptions::default()
+        };
         let loaded = load(&program.text, &profile, &options);
         if let Some(finding) = loaded.diagnostics.iter().find(|finding| finding.is_error()) {
             comparison.differs(
