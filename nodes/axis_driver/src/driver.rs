@@ -8,10 +8,12 @@
 //!
 //! None of this is a safety function.
 
+mod block;
 mod checkpoint;
 mod command;
 mod config;
 mod connect;
+mod course;
 mod events;
 mod machine;
 mod proof;
@@ -19,7 +21,7 @@ mod run;
 mod stop;
 mod stream;
 
-pub use command::{Command, Refusal, RunRequest};
+pub use command::{Command, MDI, Refusal, RunRequest};
 pub use config::DriverConfig;
 
 use crate::codes::error_code;
@@ -144,6 +146,8 @@ pub struct Driver {
     machine: Machine,
     check: Option<Check>,
     hold: Option<stop::HoldWatch>,
+    /// The machine stops behind every block and waits for a resume.
+    is_single_block: bool,
     shutdown: Option<stop::Shutdown>,
     outputs: VecDeque<Output>,
     published: Option<MachineState>,
@@ -161,6 +165,7 @@ impl Driver {
             machine: Machine::default(),
             check: None,
             hold: None,
+            is_single_block: false,
             shutdown: None,
             outputs: VecDeque::new(),
             published: None,

@@ -8,6 +8,7 @@
 
 mod action;
 mod arc;
+mod config;
 mod problem;
 mod restart;
 mod words;
@@ -16,42 +17,13 @@ use crate::link::LineKind;
 use cnc_msgs::contour::{Source, SpindleMode};
 use cnc_msgs::geometry::{AXIS_LETTERS, Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
-use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync;
 use words::{to_grid, write_word};
 
+pub use config::{EncoderConfig, Homing};
 pub use problem::{EncodeError, EncodeProblem};
 pub use restart::{StartProblem, start_at};
-
-/// What the controller takes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct EncoderConfig {
-    /// Bytes of a line without its end; grbl 1.1 takes 79.
-    pub line_bytes_max: usize,
-    /// The largest coordinate, either sign, mm. grbl itself checks nothing: beyond
-    /// what its step counters hold it moves for ever.
-    pub position_mm_max: f64,
-    pub feed_mm_per_min_max: f64,
-    pub spindle_rpm_max: f64,
-    /// Whether the build knows mist coolant (letter M in `[OPT:]`).
-    pub has_mist: bool,
-    /// Whether `M1` stops; grbl ignores the word, so it is sent as `M0` or not at all.
-    pub optional_stop: bool,
-}
-
-impl Default for EncoderConfig {
-    fn default() -> Self {
-        Self {
-            line_bytes_max: 79,
-            position_mm_max: 10_000.0,
-            feed_mm_per_min_max: 60_000.0,
-            spindle_rpm_max: 200_000.0,
-            has_mist: false,
-            optional_stop: false,
-        }
-    }
-}
 
 /// One line and where it comes from.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,6 +52,12 @@ pub enum Step {
         tool: u32,
         source_line: u32,
     },
+    /// Motion ends, these axes are homed by this line, and the program goes on.
+    Home {
+        text: String,
+        axes: AxisSet,
+        source_line: u32,
+    },
     /// The frame in which the path is written is in force from here on: whether the
     /// tool is where the path begins can be seen now and not before.
     CheckStart,
@@ -96,6 +74,10 @@ struct Modal {
     unknown: AxisSet,
     /// ...this word.
     unknown_since: String,
+    /// 1 to 6; 0 is the first, which every run begins with.
+    work_system: u8,
+    /// The word of the tool length in force; empty when there is none.
+    tool_length: String,
     ended_at: Option<Source>,
 }
 

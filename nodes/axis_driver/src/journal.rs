@@ -5,6 +5,8 @@
 //! whoever plays the record again looks the path up. Where entries are kept is the
 //! shell's business.
 
+mod mdi;
+
 use crate::driver::{Command, Driver, DriverConfig, Input, Output, RunRequest};
 use cnc_msgs::path::CompensatedPath;
 use serde::{Deserialize, Serialize};
@@ -107,6 +109,11 @@ enum CommandForm {
     Unlock,
     Home,
     ConfirmToolChange,
+    /// The path has no program that it could be found by.
+    ExecuteMdi(mdi::PathRecord),
+    SetSingleBlock {
+        on: bool,
+    },
     Shutdown,
 }
 
@@ -126,6 +133,8 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
         Command::Unlock => CommandForm::Unlock,
         Command::Home => CommandForm::Home,
         Command::ConfirmToolChange => CommandForm::ConfirmToolChange,
+        Command::ExecuteMdi { path } => CommandForm::ExecuteMdi(mdi::PathRecord::of(path)),
+        Command::SetSingleBlock(on) => CommandForm::SetSingleBlock { on: *on },
         Command::Shutdown => CommandForm::Shutdown,
     };
     serde_json::to_string(&CommandRecord { id, command })
@@ -152,6 +161,8 @@ pub fn command_from_json(
         CommandForm::Unlock => Command::Unlock,
         CommandForm::Home => Command::Home,
         CommandForm::ConfirmToolChange => Command::ConfirmToolChange,
+        CommandForm::ExecuteMdi(record) => Command::ExecuteMdi { path: Arc::new(record.path()?) },
+        CommandForm::SetSingleBlock { on } => Command::SetSingleBlock(on),
         CommandForm::Shutdown => Command::Shutdown,
     };
     Ok((record.id, command))
@@ -162,6 +173,8 @@ pub fn command_from_json(
 pub enum CommandError {
     #[error("the command is not understood: {0}")]
     Json(#[from] serde_json::Error),
+    #[error("the path of a single block is not whole: {0}")]
+    Path(String),
     #[error("the path of program {program_id}, revision {revision}, is not at hand")]
     UnknownPath { program_id: String, revision: u64 },
 }
@@ -298,6 +311,8 @@ mod tests {
             Command::Unlock,
             Command::Home,
             Command::ConfirmToolChange,
+            Command::ExecuteMdi { path: path.clone() },
+            Command::SetSingleBlock(true),
             Command::Shutdown,
         ];
         for (id, command) in (7..).zip(commands) {

@@ -40,6 +40,11 @@ impl Tracker {
         self.element
     }
 
+    /// Whether that element has been cut to its end.
+    pub fn is_at_end(&self) -> bool {
+        self.part >= 1.0
+    }
+
     /// A line that cuts this element was answered: it is in the planner.
     pub fn on_answer(&mut self, element: usize) {
         // One more than the planner holds: the line that is being read has no answer yet.

@@ -19,6 +19,8 @@ struct Checkpoint {
     link: LinkAtRest,
     machine: Machine,
     hold: Option<HoldWatch>,
+    #[serde(default)]
+    is_single_block: bool,
 }
 
 /// The same, borrowed.
@@ -29,6 +31,7 @@ struct CheckpointRef<'a> {
     link: LinkAtRest,
     machine: &'a Machine,
     hold: Option<&'a HoldWatch>,
+    is_single_block: bool,
 }
 
 impl Driver {
@@ -46,6 +49,7 @@ impl Driver {
             link: self.link.at_rest().filter(|_| is_at_rest)?,
             machine: &self.machine,
             hold: self.hold.as_ref(),
+            is_single_block: self.is_single_block,
         };
         let text = serde_json::to_string(&checkpoint);
         Some(text.expect("a struct of numbers and texts is always JSON"))
@@ -53,7 +57,8 @@ impl Driver {
 
     /// A driver that goes on from a checkpoint.
     pub fn from_checkpoint(json: &[u8]) -> Result<Self, serde_json::Error> {
-        let Checkpoint { config, now, link, machine, hold } = serde_json::from_slice(json)?;
+        let Checkpoint { config, now, link, machine, hold, is_single_block } =
+            serde_json::from_slice(json)?;
         let mut driver = Self {
             link: Link::from_rest(config.link(), link),
             config,
@@ -62,6 +67,7 @@ impl Driver {
             machine,
             check: None,
             hold,
+            is_single_block,
             shutdown: None,
             outputs: VecDeque::new(),
             published: None,

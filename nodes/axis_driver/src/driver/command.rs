@@ -36,9 +36,18 @@ pub enum Command {
     Home,
     /// The tool that was asked for is in the spindle.
     ConfirmToolChange,
+    /// Runs the path of a single block, from idle; answered as a run is.
+    ExecuteMdi { path: Arc<CompensatedPath> },
+    /// Whether the machine stops behind every block. It takes effect at the end of
+    /// the block up to which lines have been sent; a machine that stands goes on with
+    /// a resume in any case.
+    SetSingleBlock(bool),
     /// Brings everything to a stop as a cancel does; then the port may be closed.
     Shutdown,
 }
+
+/// What the state calls the program of a single block of manual data input.
+pub const MDI: &str = "mdi";
 
 /// What to run.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +72,14 @@ pub struct Refusal {
     pub message: String,
 }
 
+impl RunRequest {
+    /// The path of a single block.
+    fn mdi(path: Arc<CompensatedPath>) -> Self {
+        let program_id = MDI.to_owned();
+        Self { program_id, revision: 0, path, start_line: 0, check_only: false }
+    }
+}
+
 impl Refusal {
     pub(super) fn new(error_code: u16, message: impl Into<String>) -> Self {
         Self { error_code, message: message.into() }
@@ -82,7 +99,10 @@ fn refused(code: u16, text: impl Into<String>) -> Answer {
 
 impl Driver {
     pub(super) fn on_command(&mut self, id: u64, command: Command) {
-        let is_start = matches!(command, Command::RunProgram(_) | Command::Home | Command::Unlock);
+        let is_start = matches!(
+            command,
+            Command::RunProgram(_) | Command::ExecuteMdi { .. } | Command::Home | Command::Unlock
+        );
         let answer = if is_start && self.shutdown.is_some() {
             refused(error_code::SHUTDOWN, "the driver is shutting down")
         } else {
@@ -95,6 +115,8 @@ impl Driver {
                 Command::Unlock => self.unlock(id),
                 Command::Home => self.home(id),
                 Command::ConfirmToolChange => self.confirm_tool_change(),
+                Command::ExecuteMdi { path } => self.run_program(id, RunRequest::mdi(path)),
+                Command::SetSingleBlock(is_on) => self.set_single_block(is_on),
                 Command::Shutdown => self.shut_down(id),
             }
         };
@@ -114,6 +136,7 @@ impl Driver {
         }
         let config = EncoderConfig {
             has_mist: self.config.encoder.has_mist || self.machine.has_mist,
+            homing: self.machine.homing(),
             ..self.config.encoder
         };
         let started = start_at(request.path.clone(), config, request.start_line);
@@ -169,7 +192,11 @@ impl Driver {
         if let Phase::Running(run) = &mut self.phase {
             run.set_held(true);
         }
-        if matches!(self.phase, Phase::Homing { .. }) {
+        let is_homing = match &self.phase {
+            Phase::Running(run) => run.is_homing(),
+            phase => matches!(phase, Phase::Homing { .. }),
+        };
+        if is_homing {
             return done("feed hold was sent, but homing does not listen to it: use soft_reset");
         }
         done("feed hold was sent")
@@ -187,6 +214,10 @@ impl Driver {
                 return refused(error_code::BUSY, "the run is being stopped");
             }
             Phase::Running(run) if is_held || run.is_held() => run.set_held(false),
+            Phase::Running(run) if run.is_at_block_end() => {
+                run.go_on();
+                return done("the run goes on with the next block");
+            }
             Phase::Running(run) if run.is_changing_tool() => {
                 let text = "a tool is being changed: confirm_tool_change goes on";
                 return refused(error_code::NOTHING_TO_DO, text);
@@ -279,6 +310,20 @@ impl Driver {
             }
             _ => refused(error_code::NOTHING_TO_DO, "no tool change was asked for"),
         }
+    }
+
+    fn set_single_block(&mut self, is_on: bool) -> Answer {
+        self.is_single_block = is_on;
+        done(match (is_on, &self.phase) {
+            (true, Phase::Running(_)) => {
+                "single block is on: what has been sent is cut first, then every block waits"
+            }
+            (true, _) => "single block is on: every block waits for a resume",
+            (false, Phase::Running(run)) if run.is_at_block_end() => {
+                "single block is off: resume goes on"
+            }
+            (false, _) => "single block is off",
+        })
     }
 
     fn shut_down(&mut self, id: u64) -> Answer {

@@ -3,6 +3,7 @@
 use super::connect::QUERIES_DONE;
 use super::{Driver, Origin, Phase};
 use crate::codes;
+use crate::encoder::Homing;
 use crate::estimate::Rates;
 use crate::report::{ControllerState, Firmware, Message, StatusReport};
 use cnc_msgs::geometry::Position;
@@ -20,6 +21,8 @@ pub(super) struct Machine {
     /// Whether `$13` was read, so that lengths can be believed.
     pub(super) has_units: bool,
     pub(super) has_mist: bool,
+    #[serde(default)]
+    homes_one_by_one: bool,
     planner_blocks: Option<u16>,
     pub(super) status: Option<StatusReport>,
     work_offset: Option<Position>,
@@ -92,6 +95,7 @@ impl Machine {
         match message {
             Message::Options { letters, planner_blocks, receive_bytes } => {
                 self.has_mist = letters.contains('M');
+                self.homes_one_by_one = letters.contains('H');
                 self.planner_blocks = *planner_blocks;
                 return Some(*receive_bytes);
             }
@@ -129,6 +133,16 @@ impl Machine {
 
     pub(super) fn has_homing(&self) -> bool {
         self.settings.get(&22).is_none_or(|value| *value > 0.5)
+    }
+
+    /// What it homes on demand.
+    pub(super) fn homing(&self) -> Homing {
+        let one_by_one = self.homes_one_by_one || self.firmware == Firmware::FluidNc;
+        match (self.has_homing(), one_by_one) {
+            (false, _) => Homing::Off,
+            (true, false) => Homing::Together,
+            (true, true) => Homing::OneByOne,
+        }
     }
 
     pub(super) fn planner_blocks(&self) -> u16 {

@@ -93,6 +93,13 @@ impl Driver {
             Stage::Proving(_) => {
                 return self.end_run(outcome, error_code, verdict.message, Phase::Ready);
             }
+            // Homing does not listen to a hold.
+            Stage::Homing { .. } => {
+                let step = Step::Resetting { until: self.now + ANSWER };
+                run.stage = Stage::Stopping(Stopping { verdict, step, reply: None });
+                self.hold = None;
+                return self.link.send_reset(self.now);
+            }
             _ => {}
         }
         self.link.send_realtime(realtime::FEED_HOLD);

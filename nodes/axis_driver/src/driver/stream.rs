@@ -1,5 +1,6 @@
 //! From the encoder to the link, as fast as there is room.
 
+use super::block::BlockOfLine;
 use super::run::{Next, Stage, Then};
 use super::{Driver, Origin, Phase, RunOutcome};
 use crate::codes::error_code;
@@ -12,18 +13,41 @@ impl Driver {
     pub(super) fn feed_run(&mut self) {
         let is_machine_held = self.machine.is_state(&ControllerState::Hold)
             || self.machine.is_state(&ControllerState::Door);
+        let is_single_block = self.is_single_block;
         let Phase::Running(run) = &mut self.phase else { return };
         if run.is_held || is_machine_held || run.is_alone {
             return;
         }
         loop {
             if run.next.is_none() && matches!(run.stage, Stage::Streaming) {
-                let then = match run.encoder.next_step() {
+                let resumed = run.next_block.take();
+                let step = match resumed {
+                    Some(line) => Some(Ok(Step::Line(line))),
+                    None => run.encoder.next_step(),
+                };
+                let then = match step {
                     Some(Ok(Step::Line(line))) => {
-                        run.next = Some(Next::Line(line));
-                        continue;
+                        let block = BlockOfLine::of(&line);
+                        let last = run.block.replace(block);
+                        match last {
+                            Some(last) if is_single_block && last.ends_before(&block) => {
+                                // It is looked at again after the resume, as if it were the first.
+                                run.block = None;
+                                run.next_block = Some(line);
+                                Then::BlockEnd(last)
+                            }
+                            _ => {
+                                run.next = Some(Next::Line(line));
+                                continue;
+                            }
+                        }
+                    }
+                    Some(Ok(Step::Home { text, axes, source_line })) => {
+                        Then::Home { text, axes, source_line }
                     }
                     Some(Ok(Step::ToolChange { tool, source_line })) => {
+                        // Whoever confirms it has seen the machine stand.
+                        run.block = None;
                         Then::ToolChange { tool, source_line }
                     }
                     Some(Ok(Step::CheckStart)) => Then::CheckStart,

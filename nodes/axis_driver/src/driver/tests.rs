@@ -3,6 +3,7 @@
 
 mod anything;
 mod bench;
+mod blocks;
 mod rest;
 mod truth;
 mod wire;

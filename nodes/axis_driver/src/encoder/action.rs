@@ -1,7 +1,7 @@
 //! All that is not motion of the contour, as grbl says it or cannot.
 
 use super::words::{to_grid, write_word};
-use super::{EncodeProblem, EncodedLine, Encoder, Step, spindle_word};
+use super::{EncodeProblem, EncodedLine, Encoder, Homing, Modal, Step, spindle_word};
 use crate::link::LineKind;
 use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
@@ -40,6 +40,7 @@ impl Encoder {
                     Some(_) => word_after("G43.1", 'Z', length_mm),
                     None => "G49".into(),
                 };
+                self.modal.tool_length = offset.map(|_| text.clone()).unwrap_or_default();
                 self.push_action(text, LineKind::Motion, false, source)
             }
             Action::WorkOffset { system } => {
@@ -47,6 +48,7 @@ impl Encoder {
                     return Err(EncodeProblem::WorkOffset { system });
                 }
                 self.modal.forget(AxisSet::ALL, &event.action.text());
+                self.modal.work_system = system;
                 let text = format!("G{}", 53 + u32::from(system));
                 self.push_action(text, LineKind::Motion, true, source)
             }
@@ -79,9 +81,40 @@ impl Encoder {
                 let kind = LineKind::Dwell { milliseconds: 0 };
                 self.push_action("G4P0".into(), kind, false, source)
             }
-            Action::Home { .. } | Action::Auxiliary { .. } => {
+            Action::Home { axes } => self.encode_home(axes, source),
+            Action::Auxiliary { .. } => {
                 Err(EncodeProblem::Unsupported { word: event.action.text() })
             }
+        }
+    }
+
+    /// Homing ends with the words that the owner of the controller has stored for its
+    /// start (`$N0`), whatever they are: those in force are said again after it.
+    fn encode_home(&mut self, axes: AxisSet, source: Source) -> Result<(), EncodeProblem> {
+        let axes = if axes.is_empty() { AxisSet::ALL } else { axes };
+        let word = Action::Home { axes }.text();
+        let unsupported =
+            |why: &str| Err(EncodeProblem::Unsupported { word: format!("{word}: {why}") });
+        let letters = axes.letters();
+        let lines: Vec<String> = match self.config.homing {
+            Homing::Off => return unsupported("its homing is switched off ($22=0)"),
+            _ if axes == AxisSet::ALL => vec!["$H".into()],
+            Homing::Together => return unsupported("it homes all axes together, so home XYZ"),
+            Homing::OneByOne => letters.chars().map(|letter| format!("$H{letter}")).collect(),
+        };
+        for text in lines {
+            let source_line = source.line;
+            self.pending.push_back(Step::Home { text, axes, source_line });
+        }
+        let work_system = self.modal.work_system.max(1);
+        let tool_length = std::mem::take(&mut self.modal.tool_length);
+        self.modal = Modal { work_system, tool_length, ..Modal::default() };
+        self.modal.forget(axes, &word);
+        let words = format!("G21G90G94G17G40G{}", 53 + u32::from(work_system));
+        self.push_action(words, LineKind::Motion, true, source)?;
+        match self.modal.tool_length.clone() {
+            text if text.is_empty() => Ok(()),
+            text => self.push_action(text, LineKind::Motion, false, source),
         }
     }
 

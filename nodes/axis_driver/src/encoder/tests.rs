@@ -45,6 +45,7 @@ fn text_of(step: &Step) -> String {
         Step::Line(line) => line.text.clone(),
         Step::ToolChange { tool, .. } => format!("(T{tool})"),
         Step::CheckStart => "(start)".into(),
+        Step::Home { text, .. } => format!("({text})"),
     }
 }
 

@@ -47,7 +47,7 @@ fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         8 => (0..LINES.len()).prop_map(Step::Line),
         1 => prop::collection::vec(any::<u8>(), 0..40).prop_map(Step::Fragment),
-        4 => (0usize..10).prop_map(Step::Command),
+        4 => (0usize..13).prop_map(Step::Command),
         4 => (0u64..3000).prop_map(Step::Wait),
         1 => Just(Step::Open),
         1 => Just(Step::Close),
@@ -71,6 +71,8 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
         6 => Command::Unlock,
         7 => Command::Home,
         8 => Command::ConfirmToolChange,
+        9 => Command::ExecuteMdi { path: Arc::new(straight(1)) },
+        10 | 11 => Command::SetSingleBlock(index == 10),
         _ => Command::Shutdown,
     }
 }
@@ -83,7 +85,8 @@ proptest! {
         connect in any::<bool>(),
         steps in prop::collection::vec(step(), 1..150),
     ) {
-        let path = Arc::new(with_event(straight(30), 4, Action::ChangeTool { tool: 2 }));
+        let path = with_event(straight(30), 4, Action::ChangeTool { tool: 2 });
+        let path = Arc::new(with_event(path, 6, Action::Home { axes: AxisSet::ALL }));
         let mut driver = Driver::new(DriverConfig::default());
         let mut journal = Journal::default();
         let (mut entries, mut outputs) = (Vec::new(), Vec::new());

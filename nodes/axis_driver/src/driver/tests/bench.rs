@@ -39,6 +39,8 @@ pub(super) struct Firmware {
     pub(super) refuse: Option<(&'static str, u16)>,
     /// This line raises an alarm in place of its answer.
     pub(super) alarm: Option<(&'static str, u16)>,
+    /// This line is never answered.
+    pub(super) ignore: Option<&'static str>,
     /// The next answer is this.
     pub(super) answer_with: Option<&'static str>,
     /// What `$$` says.
@@ -162,6 +164,9 @@ impl Firmware {
     }
 
     fn execute(&mut self, line: String) {
+        if self.ignore == Some(line.as_str()) {
+            return;
+        }
         if let Some((_, code)) = self.refuse.filter(|(text, _)| line == *text) {
             return self.say(&format!("error:{code}"));
         }

@@ -1,0 +1,42 @@
+//! Which lines are one block, where the machine stops behind every block.
+//!
+//! Knows lines and elements; when the machine stops, `stream` decides.
+
+use crate::encoder::EncodedLine;
+use cnc_msgs::path::Role;
+
+/// The block that a line belongs to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct BlockOfLine {
+    source_line: u32,
+    element: Option<usize>,
+    role: Role,
+    /// The controller stops by itself behind the line.
+    is_stop: bool,
+}
+
+impl BlockOfLine {
+    pub(super) fn of(line: &EncodedLine) -> Self {
+        let EncodedLine { source_line, element, role, .. } = *line;
+        Self { source_line, element, role, is_stop: line.text == "M0" }
+    }
+
+    /// Whether a single block ends between the two: between any two elements, those
+    /// that were generated included (S10), and between two blocks of the program.
+    pub(super) fn ends_before(&self, next: &Self) -> bool {
+        let is_next_element = self.element.is_some() && self.element != next.element;
+        let is_own_function = next.element.is_none() && self.source_line == next.source_line;
+        let is_next_line = self.source_line != next.source_line;
+        !self.is_stop && (is_next_line || is_next_element && !is_own_function)
+    }
+}
+
+impl std::fmt::Display for BlockOfLine {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "line {}", self.source_line)?;
+        match self.role {
+            Role::None => Ok(()),
+            role => write!(f, ", {}", role.name()),
+        }
+    }
+}

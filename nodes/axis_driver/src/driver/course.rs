@@ -1,0 +1,258 @@
+//! How a run goes on: with time, with answers, with reports, to its end.
+
+use super::command::check_start;
+use super::config::{ANSWER, WORK_POSITION};
+use super::proof::Proven;
+use super::run::{Stage, Then};
+use super::stop::{Stopping, Verdict};
+use super::{Driver, LogLevel, Origin, Output, Phase, Refusal, RunOutcome, RunResult};
+use crate::codes::{self, error_code};
+use crate::encoder::{PREAMBLE, SYNC};
+use crate::link::LineKind;
+use crate::report::ControllerState;
+use cnc_msgs::contour::Action;
+use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::machine::Mode;
+use std::time::Duration;
+
+impl Driver {
+    pub(super) fn on_run_time(&mut self) {
+        let is_machine_held = self.machine.is_state(&ControllerState::Hold)
+            || self.machine.is_state(&ControllerState::Door);
+        let Phase::Running(run) = &mut self.phase else { return };
+        match &mut run.stage {
+            // A controller that holds reads nothing; the time counts from the resume.
+            Stage::Preparing { until } if run.is_held || is_machine_held => {
+                *until = self.now + ANSWER;
+            }
+            Stage::Proving(proof) => match proof.step(&run.request.path) {
+                Proven::NotYet => {}
+                Proven::Not(problem) => {
+                    let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());
+                    self.end_run(RunOutcome::Aborted, code, text, Phase::Ready);
+                }
+                Proven::Whole { lines, seconds } => self.begin_run(lines, seconds),
+            },
+            Stage::Preparing { until } if self.now >= *until => {
+                let text = "the controller did not answer the first line".to_owned();
+                self.stop_run(RunOutcome::Aborted, error_code::NO_ANSWER, text);
+            }
+            Stage::Positioning { until } if self.now >= *until => {
+                let text = "the controller did not report a work position".to_owned();
+                self.stop_run(RunOutcome::Aborted, error_code::NO_ANSWER, text);
+            }
+            Stage::Homing { until, .. } if self.now >= *until => {
+                let text = "the axes did not find their switches in time".to_owned();
+                self.stop_run(RunOutcome::Aborted, error_code::NO_ANSWER, text);
+            }
+            Stage::Stopping(stopping) if self.now >= stopping.until() => self.on_stop_timeout(),
+            _ => {}
+        }
+    }
+
+    fn begin_run(&mut self, lines: usize, seconds: f64) {
+        let mode = self.machine.mode();
+        let Phase::Running(run) = &mut self.phase else { return };
+        if mode != Mode::Idle {
+            let text = format!("the machine is no longer idle but in {}", mode.name());
+            return self.end_run(RunOutcome::Aborted, error_code::BUSY, text, Phase::Ready);
+        }
+        run.total_s = seconds;
+        run.stage = Stage::Preparing { until: self.now + ANSWER };
+        self.machine.program_id.clone_from(&run.request.program_id);
+        self.machine.line = 0;
+        self.machine.work_system = None;
+        self.machine.has_tool_length = None;
+        let id = run.id;
+        self.link.send_line(PREAMBLE, LineKind::Slow, Origin::Preamble);
+        self.reply(id, Ok(format!("{lines} lines, about {seconds:.0} s")));
+        let time_left_s = seconds / self.machine.feed_override();
+        self.outputs.push_back(Output::Progress { line: 0, fraction: 0.0, time_left_s });
+    }
+
+    pub(super) fn on_run_answer(&mut self, origin: Origin, error: Option<u16>) {
+        let firmware = self.machine.firmware;
+        let is_all_answered = self.link.unanswered() == 0;
+        let Phase::Running(run) = &mut self.phase else { return };
+        if run.is_stopping() {
+            return;
+        }
+        if is_all_answered {
+            run.is_alone = false;
+        }
+        if let Some(code) = error {
+            let text = codes::describe_error(firmware, code);
+            let message = match &origin {
+                Origin::Program { text: line, source_line, .. } => {
+                    format!("line {source_line}: the controller refused {line:?}: {text}")
+                }
+                _ => format!("the controller refused {}: {text}", own_line(&origin)),
+            };
+            self.log(LogLevel::Error, message.clone());
+            return self.stop_run(RunOutcome::Aborted, error_code::CONTROLLER_ERROR, message);
+        }
+        match (origin, &run.stage) {
+            (Origin::Preamble, Stage::Preparing { .. }) => {
+                let is_checked_later = run.encoder.checks_start();
+                run.stage = match is_checked_later || run.assumed_axes().is_empty() {
+                    true => Stage::Streaming,
+                    false => Stage::Positioning { until: self.now + WORK_POSITION },
+                };
+                self.link.ask_status(self.now);
+            }
+            (Origin::Program { element: Some(element), .. }, _) => run.tracker.on_answer(element),
+            (Origin::Sync, Stage::Draining(then)) => {
+                run.stage = Stage::Settling(then.clone());
+                self.link.ask_status(self.now);
+            }
+            (Origin::Home, Stage::Homing { is_homed_after, .. }) => {
+                self.machine.is_homed = *is_homed_after;
+                run.stage = Stage::Settling(Then::GoOn);
+                self.link.ask_status(self.now);
+            }
+            _ => {}
+        }
+    }
+
+    pub(super) fn on_run_status(&mut self) {
+        let is_idle = self.machine.is_state(&ControllerState::Idle);
+        let is_alarm = self.machine.is_state(&ControllerState::Alarm);
+        self.track();
+        let Phase::Running(run) = &mut self.phase else { return };
+        match &run.stage {
+            Stage::Stopping(_) => return self.on_stop_status(),
+            _ if is_alarm => {
+                let text = "the controller is in alarm".to_owned();
+                let next = Phase::Adrift { reason: format!("{text}; soft_reset to go on") };
+                return self.end_run(RunOutcome::Aborted, error_code::ALARM, text, next);
+            }
+            Stage::Positioning { .. } => {
+                let Some(at) = self.machine.work_position() else { return };
+                match check_start(at, run.start(), run.assumed_axes()) {
+                    Ok(()) => run.stage = Stage::Streaming,
+                    Err(Refusal { error_code, message }) => {
+                        return self.end_run(
+                            RunOutcome::Aborted,
+                            error_code,
+                            message,
+                            Phase::Ready,
+                        );
+                    }
+                }
+            }
+            Stage::Settling(then) if is_idle => {
+                let then = then.clone();
+                run.tracker.on_all_done();
+                self.machine.line = run.line();
+                match then {
+                    Then::ToolChange { tool, source_line } => {
+                        run.stage = Stage::ToolChange { tool, source_line };
+                    }
+                    Then::CheckStart => {
+                        run.stage = Stage::Positioning { until: self.now + WORK_POSITION };
+                        self.link.ask_status(self.now);
+                    }
+                    Then::BlockEnd(block) => run.stage = Stage::BlockEnd(block),
+                    Then::GoOn => run.stage = Stage::Streaming,
+                    Then::Home { text, axes, source_line } => {
+                        let is_homed_after = axes == AxisSet::ALL || self.machine.is_homed;
+                        let limit = Duration::from_secs(u64::from(self.config.homing_s_max));
+                        let until = self.now + limit;
+                        run.stage = Stage::Homing { until, source_line, is_homed_after };
+                        // Where the axes are is not known again before they are home.
+                        self.machine.is_homed = false;
+                        self.link.send_line(&text, LineKind::Silent, Origin::Home);
+                    }
+                    Then::End => return self.succeed(),
+                }
+            }
+            _ => {}
+        }
+        self.report_progress();
+    }
+
+    fn succeed(&mut self) {
+        let Phase::Running(run) = &self.phase else { return };
+        let events = &run.request.path.events;
+        // The end of the program selects the first work system; tool lengths stay.
+        if matches!(events.last().map(|event| event.action), Some(Action::ProgramEnd { .. })) {
+            self.machine.work_system = Some(1);
+        }
+        if !events.iter().any(|event| matches!(event.action, Action::ToolLength { .. })) {
+            self.machine.has_tool_length = Some(false);
+        }
+        let last = Output::Progress { line: run.line(), fraction: 1.0, time_left_s: 0.0 };
+        self.outputs.push_back(last);
+        self.end_run(RunOutcome::Succeeded, 0, "done".into(), Phase::Ready);
+    }
+
+    fn track(&mut self) {
+        let position = self.machine.work_position();
+        let blocks = self.machine.blocks_in_use();
+        let oldest = match self.link.oldest() {
+            Some(Origin::Program { element, .. }) => *element,
+            _ => None,
+        };
+        let Phase::Running(run) = &mut self.phase else { return };
+        if run.has_sent {
+            run.tracker.on_position(&run.request.path, position, blocks, oldest);
+            self.machine.line = run.line();
+        }
+    }
+
+    fn report_progress(&mut self) {
+        let faster = self.machine.feed_override();
+        let Phase::Running(run) = &mut self.phase else { return };
+        if !run.has_sent {
+            return;
+        }
+        let done = run.estimate.advance_to(&run.request.path, run.tracker.element());
+        let fraction = if run.total_s > 0.0 { (done / run.total_s).min(1.0) } else { 0.0 };
+        let line = run.line();
+        if run.progress != Some((line, fraction)) {
+            run.progress = Some((line, fraction));
+            let time_left_s = (run.total_s - done).max(0.0) / faster;
+            self.outputs.push_back(Output::Progress { line, fraction, time_left_s });
+        }
+    }
+
+    /// Ends the run and says so: to the command itself when it was not accepted yet.
+    pub(super) fn end_run(
+        &mut self,
+        outcome: RunOutcome,
+        error_code: u16,
+        message: String,
+        next: Phase,
+    ) {
+        let Phase::Running(run) = std::mem::replace(&mut self.phase, next) else {
+            panic!("only a run can end");
+        };
+        if run.is_proving() {
+            return self.reply(run.id, Err(Refusal { error_code, message }));
+        }
+        let (id, last_line) = (run.id, run.line());
+        if let Stage::Stopping(Stopping { reply: Some(reply), .. }) = run.stage {
+            // No start message was heard: whether the reset arrived is not known.
+            self.reply(reply, Err(Refusal::new(error_code, message.clone())));
+        }
+        self.hold = None;
+        let result = RunResult { id, outcome, error_code, message, last_line };
+        self.outputs.push_back(Output::RunFinished(result));
+    }
+
+    pub(super) fn end_with_verdict(&mut self, next: Phase) {
+        let Phase::Running(run) = &mut self.phase else { return };
+        let Stage::Stopping(stopping) = &mut run.stage else { return };
+        let Verdict { outcome, error_code, message } = stopping.verdict.clone();
+        self.end_run(outcome, error_code, message, next);
+    }
+}
+
+fn own_line(origin: &Origin) -> &'static str {
+    match origin {
+        Origin::Preamble => PREAMBLE,
+        Origin::Sync => SYNC,
+        Origin::Home => "to home",
+        _ => "a line",
+    }
+}

@@ -1,0 +1,49 @@
+//! What a controller takes, as far as lines depend on it.
+
+use serde::{Deserialize, Serialize};
+
+/// What the controller takes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct EncoderConfig {
+    /// Bytes of a line without its end; grbl 1.1 takes 79.
+    pub line_bytes_max: usize,
+    /// The largest coordinate, either sign, mm. grbl itself checks nothing: beyond
+    /// what its step counters hold it moves for ever.
+    pub position_mm_max: f64,
+    pub feed_mm_per_min_max: f64,
+    pub spindle_rpm_max: f64,
+    /// Whether the build knows mist coolant (letter M in `[OPT:]`).
+    pub has_mist: bool,
+    /// Whether `M1` stops; grbl ignores the word, so it is sent as `M0` or not at all.
+    pub optional_stop: bool,
+    /// What the controller can home; it tells.
+    #[serde(default)]
+    pub homing: Homing,
+}
+
+/// Which axes a controller homes on demand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Homing {
+    /// It is switched off ($22=0).
+    Off,
+    /// All that have switches, one after the other (`$H`).
+    #[default]
+    Together,
+    /// One by one as well (`$HX`, letter H in `[OPT:]`).
+    OneByOne,
+}
+
+impl Default for EncoderConfig {
+    fn default() -> Self {
+        Self {
+            line_bytes_max: 79,
+            position_mm_max: 10_000.0,
+            feed_mm_per_min_max: 60_000.0,
+            spindle_rpm_max: 200_000.0,
+            has_mist: false,
+            optional_stop: false,
+            homing: Homing::default(),
+        }
+    }
+}
