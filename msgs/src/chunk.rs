@@ -118,6 +118,11 @@ impl ContourChunks {
         chunks
     }
 
+    /// What it is the contour of.
+    pub fn program_id(&self) -> &str {
+        &self.program_id
+    }
+
     /// The contour that was cut.
     pub fn contour(&self) -> &ProgrammedContour {
         &self.contour

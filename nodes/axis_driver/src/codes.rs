@@ -154,6 +154,8 @@ pub mod error_code {
     pub const NO_HOMING: u16 = 317;
     /// No answer in time.
     pub const NO_ANSWER: u16 = 318;
+    /// The loader or the planner refused a single block.
+    pub const BLOCK_REFUSED: u16 = 322;
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 
 mod actions;
 mod edges;
+mod mdi;
 mod parameters;
 mod path;
 mod traffic;
@@ -21,7 +22,7 @@ use cnc_msgs::interface::Service;
 use cnc_msgs::machine::MachineState;
 use cnc_msgs::wire::cnc_msgs::srv::GetTraffic;
 use cnc_msgs::wire::std_msgs::msg::Bool;
-use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerResponse};
+use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
 use edges::Edges;
 use path::Paths;
 use runtime::commands::{Answer, CommandLog};
@@ -103,6 +104,7 @@ async fn start(node: Handle) -> NodeResult {
     });
 
     offer_services(&node, &driver)?;
+    mdi::offer(&node, &driver)?;
     let shared = traffic.clone();
     node.service::<GetTraffic, _, _>("get_traffic", move |request, _| {
         std::future::ready(shared.answer(&request))
@@ -294,6 +296,14 @@ impl Driver {
     }
 }
 
+/// A reply as services say it.
+fn told(reply: Reply) -> (bool, u16, String) {
+    match reply {
+        Ok(message) => (true, 0, message),
+        Err(Refusal { error_code, message }) => (false, error_code, message),
+    }
+}
+
 fn offer_services(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
     for (name, command) in [
         ("feed_hold", Command::FeedHold),
@@ -306,17 +316,24 @@ fn offer_services(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
         node.concurrent_service::<Trigger, _, _>(name, move |request, info: RequestInfo| {
             let (driver, command) = (Arc::clone(&driver), command.clone());
             async move {
-                let reply = driver.ask(command, REPLY_WITHIN).await;
-                let (success, error_code, message) = match reply {
-                    Ok(message) => (true, 0, message),
-                    Err(refusal) => (false, refusal.error_code, refusal.message),
-                };
+                let (success, error_code, message) = told(driver.ask(command, REPLY_WITHIN).await);
                 let answer = Answer { success, error_code, message: &message };
                 driver.commands.record(name, Trigger::TYPE_NAME, &info, &request, answer);
                 TriggerResponse { success, message }
             }
         })?;
     }
+    let shared = Arc::clone(driver);
+    node.service::<SetBool, _, _>("single_block", move |request, info: RequestInfo| {
+        let driver = Arc::clone(&shared);
+        async move {
+            let reply = driver.ask(Command::SetSingleBlock(request.data), REPLY_WITHIN).await;
+            let (success, error_code, message) = told(reply);
+            let answer = Answer { success, error_code, message: &message };
+            driver.commands.record("single_block", SetBool::TYPE_NAME, &info, &request, answer);
+            SetBoolResponse { success, message }
+        }
+    })?;
     // Topics work across every middleware; a hold must.
     let mut holds = node.subscription::<Bool>("feed_hold", Qos::DEFAULT)?;
     let driver = Arc::clone(driver);

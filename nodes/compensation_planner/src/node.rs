@@ -3,6 +3,10 @@
 //! Follows the newest programmed contour, keeps the tool table, and plans
 //! again when either changes. What the path is, [`plan`](crate::plan) decides.
 
+mod block;
+mod tool_file;
+
+use crate::set_tool::{self, LoadedProgram, Refusal};
 use crate::{Certificate, Plan, plan_certified, preview};
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::{Collector, PathChunks};
@@ -10,12 +14,12 @@ use cnc_msgs::contour::{CutterSide, ProgrammedContour};
 use cnc_msgs::interface::{Message, Service};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
-use cnc_msgs::units::{m_from_mm, mm_from_m, point_from_position};
+use cnc_msgs::units::{m_from_mm, point_from_position};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{
     GetContourChunks, GetContourChunksRequest, GetFindings, GetFindingsRequest,
     GetFindingsResponse, GetPathChunks, GetPathChunksRequest, GetPathChunksResponse, GetTools,
-    GetToolsResponse, SetTool, SetToolRequest, SetToolResponse,
+    GetToolsResponse, PlanBlock, SetTool, SetToolRequest, SetToolResponse,
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
 use cnc_msgs::wire::{nav_msgs, visualization_msgs};
@@ -25,6 +29,7 @@ use runtime::{Client, Declared, Handle, NodeResult, Publisher, Qos, RosTime};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::watch;
+use tool_file::ToolFile;
 
 /// Findings of each sort in the report; the rest is had from `get_findings`.
 const FINDINGS_IN_REPORT: usize = 50;
@@ -42,7 +47,7 @@ pub fn parameters() -> Vec<Declared> {
         Declared::new(
             "tool_table",
             "",
-            "YAML file with tools and offsets, millimetres; empty: no tools",
+            "YAML file with tools and offsets, millimetres; set_tool writes it; empty: no tools",
         )
         .read_only(),
         Declared::new("preview_chord_error_mm", 0.05, "how far the preview may be from an arc")
@@ -59,14 +64,27 @@ async fn start(node: Handle) -> NodeResult {
 
     let shared = Arc::clone(&planner);
     node.service::<SetTool, _, _>("set_tool", move |request, info| {
-        let response = shared.set_tool(&request);
-        let answer = Answer {
-            success: response.success,
-            error_code: response.error_code,
-            message: &response.message,
-        };
-        commands.record("set_tool", SetTool::TYPE_NAME, &info, &request, answer);
-        std::future::ready(response)
+        let (planner, commands) = (Arc::clone(&shared), commands.clone());
+        async move {
+            let asked = request.clone();
+            let response = tokio::task::spawn_blocking(move || planner.set_tool(&request)).await;
+            let response = response.unwrap_or_else(|error| SetToolResponse {
+                message: format!("the planner failed: {error}"),
+                ..SetToolResponse::default()
+            });
+            let answer = Answer {
+                success: response.success,
+                error_code: response.error_code,
+                message: &response.message,
+            };
+            commands.record("set_tool", SetTool::TYPE_NAME, &info, &asked, answer);
+            response
+        }
+    })?;
+    let shared = Arc::clone(&planner);
+    node.service::<PlanBlock, _, _>("plan_block", move |request, _| {
+        let tools = shared.state().tools.clone();
+        std::future::ready(block::plan(&request, &tools))
     })?;
     let shared = Arc::clone(&planner);
     node.service::<GetTools, _, _>("get_tools", move |_, _| {
@@ -149,6 +167,8 @@ struct Planner {
     report: Publisher<wire::CompensationReport>,
     preview: Publisher<nav_msgs::msg::Path>,
     markers: Publisher<visualization_msgs::msg::MarkerArray>,
+    /// Held while the table is being changed: one change after the other.
+    tool_file: Mutex<Option<ToolFile>>,
     state: Mutex<State>,
 }
 
@@ -174,10 +194,12 @@ struct Current {
 impl Planner {
     fn new(node: &Handle, replan: watch::Sender<()>) -> Result<Self, runtime::Error> {
         let file: String = node.parameter("tool_table");
-        let tools = if file.is_empty() {
-            ToolTable::default()
-        } else {
-            runtime::load_tool_table(file.as_ref())?
+        let (tool_file, tools) = match file.as_str() {
+            "" => (None, ToolTable::default()),
+            path => {
+                let (file, tools) = ToolFile::open(path.as_ref())?;
+                (Some(file), tools)
+            }
         };
         Ok(Self {
             node: node.clone(),
@@ -189,6 +211,7 @@ impl Planner {
             report: node.publisher("compensation_report", Qos::LATCHED)?,
             preview: node.publisher("compensated_path/preview", Qos::LATCHED)?,
             markers: node.publisher("markers", Qos::LATCHED)?,
+            tool_file: Mutex::new(tool_file),
             state: Mutex::new(State {
                 tools,
                 tools_revision: 1,
@@ -221,25 +244,49 @@ impl Planner {
         self.replan.send_replace(());
     }
 
+    /// Changes the table in memory, in its file and for the loaded program, or not at all.
     fn set_tool(&self, request: &SetToolRequest) -> SetToolResponse {
-        let mut state = self.state();
-        match changed(&state.tools, request) {
-            Ok(tools) => {
-                state.tools = tools;
-                state.tools_revision += 1;
-                let revision = state.tools_revision;
-                drop(state);
-                self.publish_tools();
-                self.replan.send_replace(());
-                SetToolResponse { success: true, revision, ..SetToolResponse::default() }
+        let mut file = self.tool_file.lock().unwrap_or_else(PoisonError::into_inner);
+        match self.try_set_tool(request, file.as_mut()) {
+            Ok((message, revision)) => {
+                tracing::info!("{message}");
+                SetToolResponse { success: true, message, revision, ..SetToolResponse::default() }
             }
-            Err(message) => SetToolResponse {
-                error_code: SetToolResponse::INVALID_REQUEST,
-                message,
-                revision: state.tools_revision,
-                ..SetToolResponse::default()
-            },
+            Err(Refusal { error_code, message }) => {
+                let revision = self.state().tools_revision;
+                SetToolResponse { error_code, message, revision, ..SetToolResponse::default() }
+            }
         }
+    }
+
+    fn try_set_tool(
+        &self,
+        request: &SetToolRequest,
+        file: Option<&mut ToolFile>,
+    ) -> Result<(String, u64), Refusal> {
+        let (tools, input) = {
+            let state = self.state();
+            (state.tools.clone(), state.input.clone())
+        };
+        let change = set_tool::change(&tools, request)?;
+        if let Some(Input { manifest, contour, profile }) = &input {
+            let program = LoadedProgram { name: &manifest.name, contour, profile };
+            set_tool::still_cuts(program, &tools, &change)?;
+        }
+        let kept = match file {
+            Some(file) => file.write(&change)?,
+            None => "until the planner ends: it has no tool file".to_owned(),
+        };
+        let message = format!("{}; kept {kept}", change.describe());
+        let revision = {
+            let mut state = self.state();
+            state.tools = change.tools;
+            state.tools_revision += 1;
+            state.tools_revision
+        };
+        self.publish_tools();
+        self.replan.send_replace(());
+        Ok((message, revision))
     }
 
     /// Plans what is there and publishes what came of it.
@@ -431,53 +478,4 @@ fn fitting<M: Message>(messages: impl Iterator<Item = M>) -> Vec<M> {
         bytes <= FINDINGS_BYTES_MAX
     };
     messages.take_while(fits).collect()
-}
-
-/// The tool table with what the request sets, or why it cannot be so.
-fn changed(tools: &ToolTable, request: &SetToolRequest) -> Result<ToolTable, String> {
-    type W = SetToolRequest;
-    let mut tools = tools.clone();
-    let sets = |bit| request.mask & bit != 0;
-    if request.mask == 0 {
-        return Err("mask is 0: nothing would be set".into());
-    }
-    match (request.tool_number, request.offset_number) {
-        (tool, 0) if tool > 0 => {
-            let row = tools.tools.entry(tool).or_default();
-            for (bit, field, value) in [
-                (W::DIAMETER, &mut row.diameter_mm, request.diameter),
-                (W::WEAR_DIAMETER, &mut row.wear_diameter_mm, request.wear_diameter),
-                (W::LENGTH, &mut row.length_mm, request.length),
-                (W::NOSE_RADIUS, &mut row.nose_radius_mm, request.nose_radius),
-            ] {
-                if sets(bit) {
-                    *field = mm_from_m(value);
-                }
-            }
-            if sets(W::TIP_DIRECTION) {
-                row.tip_direction = request.tip_direction;
-            }
-        }
-        (0, offset) if offset > 0 => {
-            if sets(W::NOSE_RADIUS) {
-                return Err("an offset has a radius, not a nose radius: set diameter".into());
-            }
-            let row = tools.offsets.entry(offset).or_default();
-            for (bit, field, value) in [
-                (W::DIAMETER, &mut row.radius_mm, request.diameter / 2.0),
-                (W::WEAR_DIAMETER, &mut row.wear_mm, request.wear_diameter / 2.0),
-                (W::LENGTH, &mut row.length_mm, request.length),
-            ] {
-                if sets(bit) {
-                    *field = mm_from_m(value);
-                }
-            }
-            if sets(W::TIP_DIRECTION) {
-                row.tip_direction = request.tip_direction;
-            }
-        }
-        _ => return Err("name one tool or one offset, by a number above 0".into()),
-    }
-    tools.check().map_err(|error| error.to_string())?;
-    Ok(tools)
 }

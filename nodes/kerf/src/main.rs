@@ -8,6 +8,7 @@
 mod terminal;
 
 mod bag;
+mod by_hand;
 mod demo;
 mod exit;
 mod files;
@@ -64,6 +65,12 @@ enum Command {
     Unlock,
     /// Reset the controller at once; while moving the position is lost
     Reset,
+    /// Stop behind every block and wait for `kerf resume`, or do not
+    SingleBlock(by_hand::SingleBlockArgs),
+    /// Run one block, from standstill to standstill
+    Mdi(by_hand::MdiArgs),
+    /// Change one tool or offset register: kerf tool T1 --wear -0.5
+    Tool(by_hand::ToolArgs),
     /// What the machine does
     Status,
     /// Run today's cores on recorded runs and compare
@@ -97,6 +104,9 @@ fn run(command: Command, ros_args: &[String]) -> Outcome {
         Command::Home => operate::home(ros_args),
         Command::Unlock => operate::press(Button::Unlock, ros_args),
         Command::Reset => operate::press(Button::Reset, ros_args),
+        Command::SingleBlock(args) => by_hand::single_block(&args, ros_args),
+        Command::Mdi(args) => by_hand::mdi(&args, ros_args),
+        Command::Tool(args) => by_hand::tool(&args, ros_args),
         Command::Status => status::run(ros_args),
         Command::Replay(args) => replay::run(&args),
         Command::Bag(command) => bag::run(&command),

@@ -11,12 +11,13 @@ use cnc_msgs::chunk::{ContourChunks, ProgramChunks, program_id, sha256_hex};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::interface::Service;
 use cnc_msgs::profile::Profile;
-use cnc_msgs::units::point_from_position;
+use cnc_msgs::units::{point_from_position, position_from_point};
 use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, Program, ProgramChunk, ProgrammedContour};
 use cnc_msgs::wire::cnc_msgs::srv::{
     GetContourChunks, GetContourChunksRequest, GetContourChunksResponse, GetProgramChunks,
     GetProgramChunksRequest, GetProgramChunksResponse, LoadProgram, LoadProgramRequest,
     LoadProgramResponse, PutProgramChunk, PutProgramChunkRequest, PutProgramChunkResponse,
+    ReadBlock, ReadBlockRequest, ReadBlockResponse,
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::chunks::{ChunkTopic, Cut, page};
@@ -71,6 +72,10 @@ async fn start(node: Handle) -> NodeResult {
             log.record("load_program", LoadProgram::TYPE_NAME, &info, &asked, answer);
             response
         }
+    })?;
+    let shared = Arc::clone(&loader);
+    node.service::<ReadBlock, _, _>("read_block", move |request, _| {
+        std::future::ready(shared.read_block(&request))
     })?;
     let (shared, log) = (Arc::clone(&loader), commands);
     node.service::<PutProgramChunk, _, _>(
@@ -209,6 +214,44 @@ impl Loader {
         Ok(response)
     }
 
+    /// Reads a single block; the loaded program stays.
+    fn read_block(&self, request: &ReadBlockRequest) -> ReadBlockResponse {
+        type W = ReadBlockResponse;
+        let controller =
+            if request.controller.is_empty() { &self.controller } else { &request.controller };
+        let refused = |error_code, message| W { error_code, message, ..W::default() };
+        let profile = match runtime::load_profile(controller) {
+            Ok(profile) => profile,
+            Err(error) => return refused(W::UNKNOWN_CONTROLLER, error.to_string()),
+        };
+        let start = position_from_point(&request.start);
+        if !start.iter().all(|value| value.is_finite()) {
+            return refused(W::PROGRAM_REFUSED, "the start is not a position".into());
+        }
+        let options = LoadOptions { start, is_single_block: true, ..self.options };
+        let loaded = load(request.text.as_bytes(), &profile, &options);
+        let accepted = loaded.is_accepted();
+        let said: Vec<&str> = loaded
+            .diagnostics
+            .iter()
+            .filter(|finding| accepted || finding.is_error())
+            .map(|finding| finding.message.as_str())
+            .collect();
+        let response =
+            W { message: said.join("; "), diagnostics: first_findings(&loaded).0, ..W::default() };
+        if !accepted {
+            return W { error_code: W::PROGRAM_REFUSED, ..response };
+        }
+        let program_id = program_id(&profile.name, request.text.as_bytes());
+        let chunks = ContourChunks::new(program_id, loaded.contour);
+        W {
+            success: true,
+            contour: self.manifest(request.text.clone(), &profile, &chunks, (start, start)),
+            chunks: (0..chunks.count()).filter_map(|index| chunks.chunk(index)).collect(),
+            ..response
+        }
+    }
+
     /// The text and a name for it, from the one source that the request names.
     fn text_of(&self, request: &LoadProgramRequest) -> Result<(Vec<u8>, String), Refusal> {
         type W = LoadProgramResponse;
@@ -269,20 +312,7 @@ impl Loader {
         let program_cut: Cut<ProgramChunk> = Arc::new(move |index| chunks.chunk(index));
 
         let chunks = ContourChunks::new(program_id.clone(), loaded.contour);
-        let contour = ProgrammedContour {
-            header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
-            program_id: program_id.clone(),
-            name,
-            controller: profile.name.clone(),
-            profile: runtime::profile_to_yaml(profile),
-            event_count: chunks.contour().events.len() as u64,
-            chunk_count: chunks.count(),
-            sha256: chunks.sha256().to_owned(),
-            start: point_from_position(chunks.contour().start),
-            assumed_axes: chunks.contour().assumed_axes.bits(),
-            bounds_min: point_from_position(min),
-            bounds_max: point_from_position(max),
-        };
+        let contour = self.manifest(name, profile, &chunks, (min, max));
         let contour_cut: Cut<ContourChunk> = Arc::new(move |index| chunks.chunk(index));
 
         self.state().current = Some(Current {
@@ -294,6 +324,29 @@ impl Loader {
         self.program_topic.send(program_cut);
         self.contour.publish(contour);
         self.contour_topic.send(contour_cut);
+    }
+
+    fn manifest(
+        &self,
+        name: String,
+        profile: &Profile,
+        chunks: &ContourChunks,
+        (min, max): (Position, Position),
+    ) -> ProgrammedContour {
+        ProgrammedContour {
+            header: Header { stamp: self.node.now().into(), frame_id: self.frame_id.clone() },
+            program_id: chunks.program_id().to_owned(),
+            name,
+            controller: profile.name.clone(),
+            profile: runtime::profile_to_yaml(profile),
+            event_count: chunks.contour().events.len() as u64,
+            chunk_count: chunks.count(),
+            sha256: chunks.sha256().to_owned(),
+            start: point_from_position(chunks.contour().start),
+            assumed_axes: chunks.contour().assumed_axes.bits(),
+            bounds_min: point_from_position(min),
+            bounds_max: point_from_position(max),
+        }
     }
 
     fn put_chunk(&self, request: PutProgramChunkRequest) -> PutProgramChunkResponse {

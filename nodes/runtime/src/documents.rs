@@ -28,11 +28,18 @@ pub enum ToolTableFileError {
 /// # Errors
 /// The file cannot be read, is not a tool table, or holds a tool that cannot be.
 pub fn load_tool_table(path: &Path) -> Result<ToolTable, ToolTableFileError> {
-    let (text, file) = (read_text(path)?, path.display().to_string());
-    let table: ToolTable = from_yaml_str(&text, &file)?;
+    tool_table_from_yaml(&read_text(path)?, &path.display().to_string())
+}
+
+/// Reads and checks a tool table from its text; `file` names it in errors.
+///
+/// # Errors
+/// It is not a tool table, or holds a tool that cannot be.
+pub fn tool_table_from_yaml(text: &str, file: &str) -> Result<ToolTable, ToolTableFileError> {
+    let table: ToolTable = from_yaml_str(text, file)?;
     table.check().map_err(|error| {
-        let line = line_of(&text, &place_of(&error));
-        ToolTableFileError::Content { file, line, error }
+        let line = line_of(text, &place_of(&error));
+        ToolTableFileError::Content { file: file.to_owned(), line, error }
     })?;
     Ok(table)
 }

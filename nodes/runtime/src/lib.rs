@@ -98,7 +98,9 @@ pub use cancel::Shutdown;
 pub use client::{ANSWER_WITHIN, CallError, Client, SERVER_WITHIN};
 pub use client_session::{ClientSessionError, client_session};
 pub use diagnostics::{Health, HealthLevel};
-pub use documents::{ToolTableFileError, load_tool_table, profile_from_yaml, profile_to_yaml};
+pub use documents::{
+    ToolTableFileError, load_tool_table, profile_from_yaml, profile_to_yaml, tool_table_from_yaml,
+};
 pub use graph::LOOPBACK_PARTICIPANTS_MAX;
 pub use logging::LogSettings;
 pub use node::{Handle, NodeError};
@@ -114,7 +116,7 @@ pub use session::Session;
 pub use subscription::{SampleInfo, Subscription};
 pub use time::RosTime;
 pub use wire::{Gid, ServiceMapping};
-pub use yaml::{FileError, from_yaml_file, from_yaml_str};
+pub use yaml::{FileError, from_yaml_file, from_yaml_str, read_text};
 
 /// Whatever ends a node, for its log.
 pub type Error = Box<dyn std::error::Error + Send + Sync>;

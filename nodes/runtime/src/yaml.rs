@@ -65,7 +65,7 @@ pub fn from_yaml_file<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> 
 ///
 /// # Errors
 /// The file cannot be read, is too long, or is not UTF-8.
-pub(crate) fn read_text(path: &Path) -> Result<String, FileError> {
+pub fn read_text(path: &Path) -> Result<String, FileError> {
     let name = path.display().to_string();
     let told = |error: std::io::Error| FileError::new(&name, None, error.to_string());
     let size = std::fs::metadata(path).map_err(told)?.len();

@@ -22,9 +22,9 @@ use tokio::sync::oneshot;
 /// How long a path that is on its way may take to arrive.
 const PATH_WITHIN: Duration = Duration::from_millis(1_500);
 /// How long proving that a path can be sent may take.
-const PROVE_WITHIN: Duration = Duration::from_millis(2_000);
+pub(super) const PROVE_WITHIN: Duration = Duration::from_millis(2_000);
 /// How long a cancel may take to be answered; the run ends when the machine stands.
-const CANCEL_WITHIN: Duration = Duration::from_secs(10);
+pub(super) const CANCEL_WITHIN: Duration = Duration::from_secs(10);
 /// How often feedback goes out.
 const FEEDBACK_PERIOD: Duration = Duration::from_millis(100);
 /// Longer than the driver's own limit.

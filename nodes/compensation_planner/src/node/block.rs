@@ -1,0 +1,79 @@
+//! A single block of manual data input over the wire: contour in, path out.
+//!
+//! Nothing is kept: the plan of the loaded program stays what it is.
+
+use super::fitting;
+use crate::mdi::plan_block;
+use crate::preview;
+use cnc_msgs::chunk::{Collector, PathChunks};
+use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::tool_table::ToolTable;
+use cnc_msgs::units::{m_from_mm, point_from_position};
+use cnc_msgs::wire::cnc_msgs::msg as wire;
+use cnc_msgs::wire::cnc_msgs::srv::{PlanBlockRequest, PlanBlockResponse};
+use std::sync::Arc;
+
+/// Arcs of a block are no picture.
+const CHORD_ERROR_MM: f64 = 1.0;
+
+pub(super) fn plan(request: &PlanBlockRequest, tools: &ToolTable) -> PlanBlockResponse {
+    type W = PlanBlockResponse;
+    let invalid = |message| W { error_code: W::INVALID_REQUEST, message, ..W::default() };
+    let profile = match runtime::profile_from_yaml(&request.contour.profile) {
+        Ok(profile) => profile,
+        Err(error) => return invalid(error.to_string()),
+    };
+    let contour = match contour(request) {
+        Ok(contour) => contour,
+        Err(error) => return invalid(error),
+    };
+    let planned = plan_block(&contour, &profile, tools);
+    let accepted = planned.accepted();
+    let said: Vec<&str> = planned
+        .diagnostics
+        .iter()
+        .filter(|finding| accepted || finding.is_error())
+        .map(|finding| finding.message.as_str())
+        .collect();
+    let response = W {
+        message: said.join("; "),
+        diagnostics: fitting(planned.diagnostics.iter().map(Into::into)),
+        ..W::default()
+    };
+    if !accepted {
+        return W { error_code: W::PLAN_REFUSED, ..response };
+    }
+    let path = Arc::new(planned.path);
+    let extent = preview::extent(&path, CHORD_ERROR_MM);
+    let chunks = PathChunks::new(request.contour.program_id.clone(), 0, Arc::clone(&path));
+    W {
+        success: true,
+        path: wire::CompensatedPath {
+            header: request.contour.header.clone(),
+            program_id: request.contour.program_id.clone(),
+            controller: request.contour.controller.clone(),
+            element_count: path.elements.len() as u64,
+            event_count: path.events.len() as u64,
+            chunk_count: chunks.count(),
+            sha256: chunks.sha256().to_owned(),
+            start: point_from_position(path.start),
+            assumed_axes: path.assumed_axes.bits(),
+            bounds_min: point_from_position(extent.min),
+            bounds_max: point_from_position(extent.max),
+            feed_length: m_from_mm(extent.feed_mm),
+            rapid_length: m_from_mm(extent.rapid_mm),
+            ..wire::CompensatedPath::default()
+        },
+        chunks: (0..chunks.count()).filter_map(|index| chunks.chunk(index)).collect(),
+        ..response
+    }
+}
+
+fn contour(request: &PlanBlockRequest) -> Result<ProgrammedContour, String> {
+    let told = |error: cnc_msgs::chunk::ChunkError| error.to_string();
+    let mut collector = Collector::for_contour(&request.contour).map_err(told)?;
+    for chunk in &request.chunks {
+        collector.add(chunk.clone()).map_err(told)?;
+    }
+    collector.finish(&request.contour).map_err(told)
+}

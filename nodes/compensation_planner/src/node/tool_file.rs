@@ -1,0 +1,161 @@
+//! The tool file on the disk: read once, replaced at once or not at all.
+//!
+//! A new file is written beside the old one, brought to the disk and renamed over
+//! it, so that a crash leaves one of the two. What stands in it is decided in
+//! [`tool_file`](crate::tool_file).
+
+use crate::set_tool::{Change, Refusal};
+use crate::tool_file::{edited, whole};
+use cnc_msgs::tool_table::ToolTable;
+use cnc_msgs::wire::cnc_msgs::srv::SetToolResponse;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// The file and what stood in it when this node read or wrote it last.
+#[derive(Debug)]
+pub(super) struct ToolFile {
+    /// Where it really is: a link to it stays a link.
+    path: PathBuf,
+    text: String,
+}
+
+impl ToolFile {
+    pub(super) fn open(path: &Path) -> Result<(Self, ToolTable), runtime::Error> {
+        let text = runtime::read_text(path)?;
+        let tools = runtime::tool_table_from_yaml(&text, &path.display().to_string())?;
+        Ok((Self { path: fs::canonicalize(path)?, text }, tools))
+    }
+
+    /// Puts the row of a change into the file; returns where the change is kept.
+    pub(super) fn write(&mut self, change: &Change) -> Result<String, Refusal> {
+        let name = self.path.display().to_string();
+        let refuse = |why: String| Refusal {
+            error_code: SetToolResponse::TOOL_FILE,
+            message: format!("{why}; nothing was changed"),
+        };
+        let cannot = |error: io::Error| refuse(format!("{name} cannot be written: {error}"));
+        let now = runtime::read_text(&self.path).map_err(|error| refuse(error.to_string()))?;
+        if now != self.text {
+            return Err(refuse(format!(
+                "somebody has changed {name} since the planner read it: restart the planner to take it up"
+            )));
+        }
+        let permissions = fs::metadata(&self.path).map_err(cannot)?.permissions();
+        if permissions.readonly() {
+            // It could be replaced all the same; its owner does not want that.
+            return Err(refuse(format!("{name} is read-only")));
+        }
+        let is_meant = |text: &String| {
+            runtime::tool_table_from_yaml(text, &name).is_ok_and(|tools| tools == change.tools)
+        };
+        let edited = edited(&self.text, change).filter(is_meant);
+        let kept_comments = edited.is_some();
+        let text = edited.unwrap_or_else(|| whole(&change.tools));
+        self.replace(&text, permissions).map_err(cannot)?;
+        self.text = text;
+        Ok(if kept_comments {
+            format!("in {name}")
+        } else {
+            format!("in {name}, which was written anew: comments in it are lost")
+        })
+    }
+
+    fn replace(&self, text: &str, permissions: fs::Permissions) -> io::Result<()> {
+        let mut beside = self.path.clone().into_os_string();
+        beside.push(format!(".{}.new", std::process::id()));
+        let beside = PathBuf::from(beside);
+        let written = (|| {
+            let mut file =
+                OpenOptions::new().write(true).create(true).truncate(true).open(&beside)?;
+            file.write_all(text.as_bytes())?;
+            file.set_permissions(permissions)?;
+            file.sync_all()?;
+            fs::rename(&beside, &self.path)
+        })();
+        if let Err(error) = written {
+            // It may not even be there.
+            let _ = fs::remove_file(&beside);
+            return Err(error);
+        }
+        // The new name is on the disk when the folder is; it is in force already.
+        if let Some(Ok(folder)) = self.path.parent().map(File::open) {
+            let _ = folder.sync_all();
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::set_tool::change;
+    use cnc_msgs::wire::cnc_msgs::srv::SetToolRequest as W;
+    use std::os::unix::fs::PermissionsExt;
+
+    const TEXT: &str = "tools:\n  1: {diameter_mm: 10.0} # HSS\n";
+
+    fn worn(tools: &ToolTable, wear_diameter: f64) -> Change {
+        let (tool_number, mask) = (1, W::WEAR_DIAMETER);
+        let request = W { tool_number, mask, wear_diameter, ..W::default() };
+        change(tools, &request).expect("T1 is there")
+    }
+
+    #[test]
+    fn a_file_is_replaced_at_once_and_its_owner_recognises_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, link) = (folder.path().join("tools.yaml"), folder.path().join("link.yaml"));
+        fs::write(&path, TEXT).expect("written");
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).expect("allowed");
+        std::os::unix::fs::symlink(&path, &link).expect("a link");
+        let (mut file, tools) = ToolFile::open(&link).expect("a tool file");
+        let first = worn(&tools, -0.0005);
+        file.write(&first).expect("written");
+        file.write(&worn(&first.tools, -0.0006)).expect("its own change is no stranger's");
+        let text = fs::read_to_string(&path).expect("there");
+        assert_eq!(text, "tools:\n  1: {diameter_mm: 10.0, wear_diameter_mm: -0.6} # HSS\n");
+        assert_eq!(fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o640);
+        assert!(fs::symlink_metadata(&link).expect("there").is_symlink());
+        assert_eq!(
+            fs::read_dir(folder.path()).expect("there").count(),
+            2,
+            "nothing is left beside"
+        );
+        // A form that is not known is written anew, and that is said.
+        fs::write(&path, "{tools: {1: {diameter_mm: 10.0}}} # flow\n").expect("written");
+        let (mut file, tools) = ToolFile::open(&path).expect("a tool file");
+        let change = worn(&tools, -0.0005);
+        let kept = file.write(&change).expect("written");
+        assert!(kept.contains("comments in it are lost"), "{kept}");
+        assert_eq!(ToolFile::open(&path).expect("a tool file").1, change.tools);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_or_is_not_what_was_read_stays_as_it_is() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("tools.yaml");
+        let lock = |mode| fs::set_permissions(&path, fs::Permissions::from_mode(mode));
+        fs::write(&path, TEXT).expect("written");
+        let (mut file, tools) = ToolFile::open(&path).expect("a tool file");
+        let mut refused = |part: &str| {
+            let before = fs::read(&path).ok();
+            let Refusal { error_code, message } =
+                file.write(&worn(&tools, -0.0005)).expect_err("refused");
+            assert_eq!(error_code, SetToolResponse::TOOL_FILE);
+            assert!(
+                message.contains(part) && message.ends_with("nothing was changed"),
+                "{message}"
+            );
+            assert_eq!(fs::read(&path).ok(), before);
+        };
+        lock(0o440).expect("allowed");
+        refused("is read-only");
+        lock(0o640).expect("allowed");
+        fs::write(&path, TEXT.replace("10.0", "12.0")).expect("written");
+        refused("somebody has changed");
+        fs::write(&path, b"tools: \xff").expect("written");
+        refused("not UTF-8");
+        fs::remove_file(&path).expect("removed");
+        refused("No such file");
+    }
+}

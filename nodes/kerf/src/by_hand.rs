@@ -1,0 +1,131 @@
+//! What an operator does beside running programs: a tool, a single block, blocks one
+//! at a time. Nothing is decided here; the nodes answer.
+
+use crate::exit::{Failure, Outcome, Status};
+use crate::operate::with_node;
+use clap::{Args, ValueEnum};
+use cnc_msgs::units::m_from_mm;
+use cnc_msgs::wire::cnc_msgs::srv::{ExecuteMdi, ExecuteMdiRequest, SetTool, SetToolRequest};
+use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolRequest};
+use std::time::Duration;
+
+/// No single block takes longer.
+const BLOCK_WITHIN: Duration = Duration::from_secs(3600);
+/// How long planning a long program twice may take.
+const PLAN_WITHIN: Duration = Duration::from_secs(120);
+
+/// What `kerf mdi` takes.
+#[derive(Debug, Args)]
+pub(crate) struct MdiArgs {
+    /// The block: "G1 X10 F200"
+    block: String,
+    /// Controller profile; the loader's parameter when left out
+    #[arg(long, value_name = "NAME|FILE", default_value = "")]
+    controller: String,
+}
+
+/// What `kerf single-block` takes.
+#[derive(Debug, Args)]
+pub(crate) struct SingleBlockArgs {
+    switch: Switch,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Switch {
+    On,
+    Off,
+}
+
+/// What `kerf tool` takes; millimetres.
+#[derive(Debug, Args)]
+#[command(allow_negative_numbers = true)]
+pub(crate) struct ToolArgs {
+    /// The tool or the offset register: T1, D1
+    #[arg(value_parser = row)]
+    row: (char, u32),
+    /// Nominal diameter; of an offset register twice its radius
+    #[arg(long, value_name = "MM")]
+    diameter: Option<f64>,
+    /// Added to the diameter: negative for a worn tool
+    #[arg(long, value_name = "MM")]
+    wear: Option<f64>,
+    #[arg(long, value_name = "MM")]
+    length: Option<f64>,
+    /// Of a turning tool
+    #[arg(long, value_name = "MM")]
+    nose_radius: Option<f64>,
+    /// Of a turning tool, 0 to 9
+    #[arg(long, value_name = "0..9")]
+    tip_direction: Option<u8>,
+}
+
+fn row(text: &str) -> Result<(char, u32), String> {
+    let mut letters = text.chars();
+    let letter = letters.next().map(|letter| letter.to_ascii_uppercase());
+    match (letter, letters.as_str().parse()) {
+        (Some(letter @ ('T' | 'D')), Ok(number)) => Ok((letter, number)),
+        _ => Err("T and the number of a tool, or D and the number of an offset register".into()),
+    }
+}
+
+/// `kerf mdi`
+pub(crate) fn mdi(args: &MdiArgs, ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        let client = node.client::<ExecuteMdi>("execute_mdi")?;
+        let request =
+            ExecuteMdiRequest { text: args.block.clone(), controller: args.controller.clone() };
+        let answer = client.call_within(request, BLOCK_WITHIN).await?;
+        said(answer.success, answer.message)
+    })
+}
+
+/// `kerf single-block`
+pub(crate) fn single_block(args: &SingleBlockArgs, ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        let client = node.client::<SetBool>("single_block")?;
+        let request = SetBoolRequest { data: matches!(args.switch, Switch::On) };
+        let answer = client.call(request).await?;
+        said(answer.success, answer.message)
+    })
+}
+
+/// `kerf tool`
+pub(crate) fn tool(args: &ToolArgs, ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        let client = node.client::<SetTool>("set_tool")?;
+        let answer = client.call_within(request(args), PLAN_WITHIN).await?;
+        said(answer.success, answer.message)
+    })
+}
+
+fn request(args: &ToolArgs) -> SetToolRequest {
+    type W = SetToolRequest;
+    let metres = |mm: Option<f64>| mm.map_or(0.0, m_from_mm);
+    let masks = [
+        (W::DIAMETER, args.diameter.is_some()),
+        (W::WEAR_DIAMETER, args.wear.is_some()),
+        (W::LENGTH, args.length.is_some()),
+        (W::NOSE_RADIUS, args.nose_radius.is_some()),
+        (W::TIP_DIRECTION, args.tip_direction.is_some()),
+    ];
+    let (letter, number) = args.row;
+    W {
+        tool_number: if letter == 'T' { number } else { 0 },
+        offset_number: if letter == 'D' { number } else { 0 },
+        mask: masks.iter().filter(|(_, is_set)| *is_set).map(|(bit, _)| bit).sum(),
+        diameter: metres(args.diameter),
+        wear_diameter: metres(args.wear),
+        length: metres(args.length),
+        nose_radius: metres(args.nose_radius),
+        tip_direction: args.tip_direction.unwrap_or_default(),
+    }
+}
+
+fn said(success: bool, message: String) -> Outcome {
+    if success {
+        println!("{message}");
+        Ok(())
+    } else {
+        Err(Failure::new(Status::NodeRefused, message))
+    }
+}
