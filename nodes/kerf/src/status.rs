@@ -68,7 +68,12 @@ fn describe(state: &MachineState) -> String {
         state.spindle_override * 100.0,
     );
     if !state.program_id.is_empty() {
-        text += &format!("  program {} line {}\n", state.program_id, state.line);
+        let side = match (state.cutter_radius_active_left, state.cutter_radius_active_right) {
+            (true, _) => ", cutter left of the contour",
+            (_, true) => ", cutter right of the contour",
+            _ => "",
+        };
+        text += &format!("  program {} line {}{side}\n", state.program_id, state.line);
     }
     let report = match state.link_age {
         age if age.is_finite() => format!("last report {age:.1} s ago"),

@@ -93,15 +93,15 @@ pub(crate) struct Machine {
 impl Machine {
     /// A machine with the virtual controller, so many times faster than a real one.
     pub(crate) fn virtual_one(time_factor: u32) -> Self {
+        Self::virtual_with(time_factor, &[])
+    }
+
+    /// The same with arguments for its nodes.
+    pub(crate) fn virtual_with(time_factor: u32, ros_args: &[&str]) -> Self {
         let time_factor = time_factor.to_string();
         let turn = Turn::wait();
-        let machine = Self::start(
-            &domain(),
-            "mill",
-            &["--virtual-controller", "--time-factor", &time_factor],
-            &[],
-            Some(turn),
-        );
+        let args = ["--virtual-controller", "--time-factor", &time_factor];
+        let machine = Self::start(&domain(), "mill", &args, ros_args, Some(turn));
         machine.until_state("IDLE");
         machine
     }
@@ -264,16 +264,19 @@ pub(crate) fn kill_at_once(id: Pid) {
     kill_process(id, Signal::KILL).expect("the process is there");
 }
 
+/// All messages of a type in a bag, in order.
+pub(crate) fn messages<M: Message>(bag: &Path) -> Vec<M> {
+    let mut bag = open_bag(bag).expect("a bag");
+    let messages = bag.messages().map(|message| message.expect("a message"));
+    let of_type = messages.filter(|message| message.channel.type_name() == M::TYPE_NAME);
+    of_type.map(|message| cdr::decode(&message.data).expect("a message of ours")).collect()
+}
+
 /// The bytes that a bag says were sent to the controller, in order.
 pub(crate) fn transmitted(bag: &Path) -> Vec<Vec<u8>> {
-    let mut bag = open_bag(bag).expect("a bag");
     let mut entries = std::collections::BTreeMap::new();
-    for message in bag.messages() {
-        let message = message.expect("a message");
-        if message.channel.type_name() == ControllerTraffic::TYPE_NAME {
-            let traffic: ControllerTraffic = cdr::decode(&message.data).expect("traffic");
-            entries.extend(traffic.entries.into_iter().map(|entry| (entry.sequence, entry)));
-        }
+    for traffic in messages::<ControllerTraffic>(bag) {
+        entries.extend(traffic.entries.into_iter().map(|entry| (entry.sequence, entry)));
     }
     let entries = entries.into_values();
     entries

@@ -1,0 +1,217 @@
+//! What the manuals say of the shell: offsets from outside, single block, manual data
+//! input, status. Each row's numbers are in `tests/controls`.
+
+#[path = "support/machine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod machine;
+mod support;
+
+use cnc_msgs::wire::cnc_msgs::msg::{MachineState, PathChunk, PathElement, ToolTable};
+use kerf_tests::rows::check_at_node;
+use machine::{Machine, messages, until};
+use serde_json::{Value, json};
+use std::path::Path;
+use support::Folder;
+
+/// The number behind a word: `X` in `work     X35.528 Y82.236`, to 0.01 mm: steps.
+fn number_behind(text: &str, line: &str, word: &str) -> f64 {
+    let line = text.lines().find(|text| text.trim_start().starts_with(line)).expect(line);
+    let rest = &line[line.rfind(word).expect(word) + word.len()..];
+    let end = rest.find([' ', ',']).unwrap_or(rest.len());
+    (rest[..end].parse::<f64>().expect("a number") * 100.0).round() / 100.0
+}
+
+/// Where the machine stands, as `kerf status` says it.
+fn stop_of(status: &str) -> Value {
+    let role = status.lines().next().and_then(|line| line.strip_suffix(')'));
+    let role = role.and_then(|line| line.split_once(", ")).map_or("none", |(_, role)| role);
+    let side = |side: &str| status.contains(&format!("cutter {side} of the contour"));
+    json!({
+        "line": number_behind(status, "program", "line "),
+        "x": number_behind(status, "work", "X"),
+        "y": number_behind(status, "work", "Y"),
+        "role": role,
+        "left": side("left"),
+        "right": side("right"),
+    })
+}
+
+/// Runs a program block by block and returns every stop.
+fn stops(machine: &Machine, program: &str, controller: &str) -> Vec<Value> {
+    machine.kerf(&["single-block", "on"]).expect(0).says(&["every block waits"]);
+    let running = machine.kerf_meanwhile(&["run", program, "--controller", controller]);
+    let mut stops: Vec<Value> = Vec::new();
+    while !running.is_finished() {
+        let status = machine.kerf(&["status"]).out;
+        if !status.starts_with("HOLD: SINGLE_BLOCK: resume goes on") {
+            continue;
+        }
+        let stop = stop_of(&status);
+        if stops.last() != Some(&stop) {
+            stops.push(stop);
+            machine.kerf(&["resume"]).expect(0).says(&["the next block"]);
+        }
+    }
+    running.join().expect("it only runs a command").expect(0);
+    machine.kerf(&["single-block", "off"]).expect(0);
+    stops
+}
+
+#[test]
+fn s10_single_block_stops_behind_every_block_of_the_corner_of_11_15() {
+    let machine = Machine::virtual_one(10);
+    let program = "N10 G0 X15 Y60\nN20 G41 G450 G1 D1 X30 Y60 F2000\nN30 X40 Y80\n\
+                   N40 G2 X65 Y55 I0 J-25\nN50 G40 G1 X80 Y55\nN60 M30\n";
+    machine.folder.file("corner.mpf", program);
+    let stops = stops(&machine, "corner.mpf", "sinumerik_840c");
+    check_at_node(
+        "S10",
+        "s10_single_block_stops_behind_every_block_of_the_corner_of_11_15",
+        &json!({ "stops": stops }),
+    );
+    let bags = machine.until_bags(1);
+    let bag = bags[0].to_str().expect("UTF-8");
+    machine.kerf(&["replay", bag]).expect(0).says(&["driver: 0 differences"]);
+}
+
+/// The lines in which a side was active, and whether both ever were.
+fn sides(bag: &Path) -> Value {
+    let states = messages::<MachineState>(bag);
+    let lines = |is_active: fn(&MachineState) -> bool| {
+        let lines = states.iter().filter(|state| is_active(state)).map(|state| state.line);
+        lines.collect::<std::collections::BTreeSet<u32>>()
+    };
+    json!({
+        "left": lines(|state| state.cutter_radius_active_left),
+        "right": lines(|state| state.cutter_radius_active_right),
+        "both": lines(|s| s.cutter_radius_active_left && s.cutter_radius_active_right),
+    })
+}
+
+#[test]
+fn a18_a19_the_side_is_told_from_the_lead_on_to_the_end_of_the_lead_off() {
+    let machine = Machine::virtual_one(4);
+    let program = "G21 G17 G90\nG1 X10 Y20 F600\nG41.1 D4 X30 Y0\nX60\nG40 X80 Y20\nY60\n\
+                   G42.1 D4 X60 Y40\nX30\nG40 X10 Y60\nX0\nM30\n";
+    machine.folder.file("sides.ngc", program);
+    machine.kerf(&["run", "sides.ngc", "--controller", "rs274"]).expect(0);
+    let bags = machine.until_bags(1);
+    let seen = sides(&bags[0]);
+    for row in ["A18", "A19"] {
+        check_at_node(
+            row,
+            "a18_a19_the_side_is_told_from_the_lead_on_to_the_end_of_the_lead_off",
+            &seen,
+        );
+    }
+}
+
+#[test]
+fn n09_c20_compensation_in_a_single_block_does_nothing_or_is_refused() {
+    let machine = Machine::virtual_one(10);
+    let block = "G41 D1 G1 X10 F3000";
+    let done = machine.kerf(&["mdi", block, "--controller", "nct"]).expect(0);
+    let status = machine.until_state("IDLE");
+    let refused =
+        machine.kerf(&["mdi", "G41 D1 G1 X20 F3000", "--controller", "sinumerik_840c"]).expect(4);
+    let after = machine.until_state("IDLE");
+    // Not in the middle of a program, and not two blocks.
+    machine.kerf(&["mdi", "G0 X1\nG0 X2"]).expect(4).says(&["2 lines are not a single block"]);
+    machine.folder.file("long.ngc", "G21 G90 G1 X200 F1200\nX0\nM30\n");
+    let running = machine.kerf_meanwhile(&["run", "long.ngc"]);
+    machine.until_state("RUN");
+    machine.kerf(&["mdi", "G0 X1"]).expect(4).says(&["the machine is not idle: RUN"]);
+    running.join().expect("it only runs a command").expect(0);
+    check_at_node(
+        "N09",
+        "n09_c20_compensation_in_a_single_block_does_nothing_or_is_refused",
+        &json!({
+            "x": number_behind(&status, "work", "X"),
+            "y": number_behind(&status, "work", "Y"),
+            "says": done.out.trim(),
+            "forbidden": { "says": refused.err.trim(), "x": number_behind(&after, "work", "X") },
+        }),
+    );
+    let bags = machine.until_bags(1);
+    let bag = bags[0].to_str().expect("UTF-8");
+    machine.kerf(&["replay", bag]).expect(0).says(&["driver: 0 differences"]);
+}
+
+/// The elements of the newest plan in a bag.
+fn newest_path(bag: &Path) -> Vec<PathElement> {
+    let mut chunks = messages::<PathChunk>(bag);
+    let newest = chunks.iter().map(|chunk| chunk.revision).max().expect("a path");
+    chunks.retain(|chunk| chunk.revision == newest);
+    chunks.sort_by_key(|chunk| chunk.index);
+    chunks.dedup_by_key(|chunk| chunk.index);
+    chunks.into_iter().flat_map(|chunk| chunk.elements).collect()
+}
+
+/// How far each straight of the contour has moved to its left, mm.
+fn shifts(before: &[PathElement], after: &[PathElement]) -> Vec<f64> {
+    let straights = before.iter().zip(after).filter(|(old, _)| {
+        old.role == PathElement::ROLE_CONTOUR && old.kind == PathElement::KIND_LINE
+    });
+    let shift = straights.map(|(old, new)| {
+        let along = (old.end.x - old.start.x, old.end.y - old.start.y);
+        let off = (new.end.x - old.end.x, new.end.y - old.end.y);
+        1e3 * (along.0 * off.1 - along.1 * off.0) / along.0.hypot(along.1)
+    });
+    shift.map(|mm| (mm * 1e6).round() / 1e6).collect()
+}
+
+const M12: &str = include_str!("../../program_loader/tests/programs/masso/m12.nc");
+
+#[test]
+fn m30_s46_an_offset_that_is_set_from_outside_moves_every_straight_and_is_kept() {
+    let folder = Folder::new();
+    let text = "# Of the mill in the corner.\ntools:\n  1: {diameter_mm: 10.0} # HSS\n";
+    let tools = folder.file("tools.yaml", text);
+    let table = format!("compensation_planner:tool_table:={}", tools.display());
+    let machine = Machine::virtual_with(20, &["-p", &table]);
+    machine.folder.file("m12.nc", M12);
+    let run = |count: usize| {
+        let running = machine.kerf_meanwhile(&["run", "m12.nc", "--controller", "masso"]);
+        // The program asks for its tool.
+        machine.until_state("TOOL_CHANGE");
+        machine.kerf(&["confirm"]).expect(0);
+        running.join().expect("it only runs a command").expect(0);
+        machine.until_bags(count).pop().expect("a bag")
+    };
+    let before = newest_path(&run(1));
+    // What cannot be is refused, with its number, and nothing has changed.
+    machine.kerf(&["tool", "T1", "--diameter", "-3"]).expect(4).says(&["T1 is -3 mm"]);
+    machine.kerf(&["tool", "T9", "--wear", "-0.5"]).expect(4).says(&["there is no T9"]);
+    let huge = machine.kerf(&["tool", "T1", "--diameter", "400"]).expect(4);
+    let huge = huge.says(&["m12.nc could not be cut any more: line ", "nothing was changed"]);
+    assert!(!huge.err.is_empty());
+    assert_eq!(std::fs::read_to_string(&tools).expect("there"), text);
+
+    machine
+        .kerf(&["tool", "T1", "--wear", "-0.5"])
+        .expect(0)
+        .says(&["wear_diameter_mm -0.5; kept in"]);
+    let kept = std::fs::read_to_string(&tools).expect("there");
+    let after = run(2);
+    let tables = messages::<ToolTable>(&after);
+    let seen = json!({
+        "shifts": shifts(&before, &newest_path(&after)),
+        "file": kept.lines().nth(2),
+        "comment": kept.lines().next(),
+        "published": tables.last().map(|table| json!({
+            "revision": table.revision,
+            "wear": table.tools[0].wear_diameter * 1e3,
+        })),
+    });
+    check_at_node(
+        "S46",
+        "m30_s46_an_offset_that_is_set_from_outside_moves_every_straight_and_is_kept",
+        &seen,
+    );
+    // A file that somebody else has changed is not overwritten.
+    std::fs::write(&tools, "tools:\n  1: {diameter_mm: 12.0}\n").expect("written");
+    machine.kerf(&["tool", "T1", "--wear", "-0.6"]).expect(4).says(&["somebody has changed"]);
+    until("the other's file", || {
+        std::fs::read_to_string(&tools).expect("there").contains("12.0").then_some(())
+    });
+}
