@@ -419,9 +419,6 @@ pub struct AuxiliaryRules {
     /// Where functions without a move run when they stand between two blocks.
     #[serde(default)]
     pub anchor: Anchor,
-    /// When the functions of a block with a move run (S57).
-    #[serde(default)]
-    pub timing: Timing,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -440,16 +437,6 @@ pub enum Anchor {
     BeforeCorner,
     /// Those of blocks without any move after it, the others before it (SINUMERIK 880).
     AfterCorner,
-}
-
-/// When the functions of a block run, seen from its motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Timing {
-    #[default]
-    Before,
-    /// Along with it; a machine that waits for its functions runs them before.
-    During,
 }
 
 /// What a full circle in one block is.

@@ -109,7 +109,8 @@ impl Subject<'_> {
 
     fn joined(&self, radius_mm: f64) -> (Vec<Link>, Vec<Placed>) {
         let mut links = Vec::with_capacity(self.runs.len() * 2);
-        push_runs(&mut links, self.runs, radius_mm / self.span.d_mm.abs());
+        let short_mm = self.profile.corner.short_block_mm;
+        push_runs(&mut links, self.runs, radius_mm / self.span.d_mm.abs(), short_mm);
         let placed = join(&links, 0.0);
         (links, placed)
     }

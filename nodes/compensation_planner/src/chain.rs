@@ -7,7 +7,7 @@
 //! means to a program is the business of `reach`.
 
 use crate::element::{Element, Vec2, cross, left};
-use crate::intersect::{Meeting, meet};
+use crate::intersect::{Meeting, meet, meet_across};
 use crate::tolerance::{LENGTH_MM, SHORT_CORNER_MM, SMALL_TURN_RAD, TANGENT_RAD};
 
 /// What a link of the chain stands for.
@@ -32,6 +32,9 @@ pub(crate) struct Link {
     pub d_out_mm: f64,
     /// The tool goes from the link before to this one without cutting either short.
     pub is_smooth: bool,
+    /// It and the link before are lengthened until they meet: a corner too short for
+    /// a block of its own (S68).
+    pub is_lengthened: bool,
 }
 
 /// A link that stays, and where the tool is on it.
@@ -83,11 +86,17 @@ pub(crate) fn line_corner(at: Vec2, before: Vec2, after: Vec2, d_mm: f64) -> Vec
 }
 
 /// Appends a link and, where the contour turns away from the tool, the corner before it.
-pub(crate) fn push(links: &mut Vec<Link>, mut link: Link, next_leg: usize) {
+///
+/// Corners with arcs whose ends are nearer than `short_mm` get none.
+pub(crate) fn push(links: &mut Vec<Link>, mut link: Link, next_leg: usize, short_mm: f64) {
     if let Some(before) = links.last() {
+        let changes_side = before.d_out_mm * link.d_in_mm < 0.0;
         match turn(&before.element, &link.element, link.d_in_mm) {
+            // Both sides meet at the intersection of their offsets (O02).
+            _ if changes_side => {}
             Turn::Inside => {}
             Turn::Tangent => link.is_smooth = true,
+            Turn::Outside if is_short(before, &link, short_mm) => link.is_lengthened = true,
             Turn::Outside => {
                 let element = Element::corner(
                     link.element.start(),
@@ -97,12 +106,38 @@ pub(crate) fn push(links: &mut Vec<Link>, mut link: Link, next_leg: usize) {
                 );
                 let (d_in_mm, d_out_mm) = (link.d_in_mm, link.d_in_mm);
                 let role = Role::Corner { next_leg };
-                links.push(Link { role, element, d_in_mm, d_out_mm, is_smooth: true });
+                let is_lengthened = false;
+                links.push(Link {
+                    role,
+                    element,
+                    d_in_mm,
+                    d_out_mm,
+                    is_smooth: true,
+                    is_lengthened,
+                });
                 link.is_smooth = true;
             }
         }
     }
     links.push(link);
+}
+
+/// How far the ends of the offsets are apart at an outside corner, mm (S68: A and C).
+pub(crate) fn gap(before: Vec2, after: Vec2, d_mm: f64) -> f64 {
+    (after - before).norm() * d_mm.abs()
+}
+
+/// Whether the corner between two is so short that they are lengthened instead.
+fn is_short(before: &Link, link: &Link, short_mm: f64) -> bool {
+    if before.element.is_line() && link.element.is_line() {
+        return false;
+    }
+    let tangents = (before.element.end_tangent(), link.element.start_tangent());
+    if gap(tangents.0, tangents.1, link.d_in_mm) >= short_mm {
+        return false;
+    }
+    let offsets = before.element.offset(before.d_out_mm).zip(link.element.offset(link.d_in_mm));
+    offsets.is_some_and(|(behind, ahead)| meet_across(&behind, &ahead).is_some())
 }
 
 /// Joins all links.
@@ -212,6 +247,9 @@ fn joint(
             )
         };
         return Some(Meeting { point, trim_a: 0.0, trim_b: 0.0 });
+    }
+    if b.is_lengthened || a.d_out_mm * b.d_in_mm < 0.0 {
+        return meet_across(behind, ahead);
     }
     if let (Element::Line(before), Element::Line(after)) = (&a.element, &b.element) {
         let cosine = 1.0 + before.tangent.dot(&after.tangent);

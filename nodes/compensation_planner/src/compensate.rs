@@ -14,13 +14,14 @@ use crate::lead;
 use crate::normalise::runs;
 use crate::reach::{is_any_unreachable, unreachable};
 use crate::span::{Lead, Run, Span};
+use crate::tip;
 use crate::tolerance::{GOUGE_MM, MERGE_MM, RADIUS_MM};
 use crate::walls::Walls;
 use crate::write::Writer;
 use cnc_msgs::contour::{Approach, CutterSide, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::path::Role;
-use cnc_msgs::profile::{Profile, SelectTarget};
+use cnc_msgs::profile::{OutputPoint, Profile, SelectTarget};
 
 /// Findings of one kind in a span; more help nobody, and each takes a search.
 const FINDINGS_MAX: usize = 100;
@@ -91,8 +92,15 @@ pub(crate) fn compensate(
         diagnostics.push(finding::too_entangled(&span));
     }
     out.side = side_of(span.d_mm);
-    let mut writer =
-        Writer { span: &span, out, diagnostics, item: 0, exit_source: exit_lead.map(|l| l.source) };
+    let mut writer = Writer {
+        span: &span,
+        profile,
+        out,
+        diagnostics,
+        item: 0,
+        exit_source: exit_lead.map(|l| l.source),
+    };
+    let first_element = writer.out.path.elements.len();
     let lead_start = in_plane(span.plane, writer.out.position);
     writer.lead_on(&links, &placed);
     let lead_end = in_plane(span.plane, writer.out.position);
@@ -102,6 +110,10 @@ pub(crate) fn compensate(
         writer.links(&runs, &links, &placed, exit_lead.as_ref());
     }
     writer.items_before(span.legs.len(), false);
+    if profile.output == OutputPoint::Tip {
+        tip::to_tip(&span, &mut out.path.elements[first_element..]);
+        out.position = out.path.elements.last().map_or(out.position, |last| last.end);
+    }
     let mut check = lead::Check { profile, plane: span.plane, walls: &walls, diagnostics };
     let move_on = (lead_start, lead_end);
     check.lead_on(&span, &runs, move_on, behind);
@@ -145,7 +157,7 @@ impl Chain {
 }
 
 /// The side that the tool runs on; none without an offset.
-fn side_of(d_mm: f64) -> Option<CutterSide> {
+pub(crate) fn side_of(d_mm: f64) -> Option<CutterSide> {
     match d_mm {
         _ if is_zero(d_mm) => None,
         _ if d_mm < 0.0 => Some(CutterSide::Right),
@@ -170,6 +182,7 @@ pub(crate) fn links(
     let d_mm = span.d_mm * scale;
     let first = runs.first().map(|run| run.element);
     let joins_on = |lead: &Element| match profile.select.target {
+        _ if span.entry.is_joined || span.entry.lead.along.is_some() => true,
         _ if span.entry.is_link => is_outside_corner(lead, first, d_mm, &span.entry.lead),
         SelectTarget::NormalEntry => true,
         SelectTarget::NormalNext => is_outside_corner(lead, first, d_mm, &span.entry.lead),
@@ -177,25 +190,27 @@ pub(crate) fn links(
     if let Some(element) = line_of(&span.entry.lead, span).filter(joins_on) {
         links.push(link(LinkRole::Entry, element, d_mm, d_mm));
     }
-    push_runs(&mut links, runs, scale);
+    let short_mm = profile.corner.short_block_mm;
+    push_runs(&mut links, runs, scale, short_mm);
     if let (Some(lead), Some(last)) = (exit, runs.last()) {
         let d_mm = span.d_out_mm * scale;
         let joins_off = |element: &Element| {
             lead.approach == Approach::Corner && turn(&last.element, element, d_mm) == Turn::Outside
         };
         if let Some(element) = line_of(lead, span).filter(joins_off) {
-            push(&mut links, link(LinkRole::Exit, element, d_mm, d_mm), span.legs.len());
+            let exit = link(LinkRole::Exit, element, d_mm, d_mm);
+            push(&mut links, exit, span.legs.len(), short_mm);
         }
     }
     links
 }
 
 /// Runs and the corners between them, with all radii scaled.
-pub(crate) fn push_runs(links: &mut Vec<Link>, runs: &[Run], scale: f64) {
+pub(crate) fn push_runs(links: &mut Vec<Link>, runs: &[Run], scale: f64, short_mm: f64) {
     for (index, run) in runs.iter().enumerate() {
         let role = LinkRole::Run(index);
         let link = link(role, run.element, run.d_in_mm * scale, run.d_out_mm * scale);
-        push(links, link, run.legs.start);
+        push(links, link, run.legs.start, short_mm);
     }
 }
 
@@ -205,11 +220,16 @@ fn is_outside_corner(lead: &Element, first: Option<Element>, d_mm: f64, of: &Lea
 }
 
 fn line_of(lead: &Lead, span: &Span) -> Option<Element> {
-    Element::line(in_plane(span.plane, lead.start), in_plane(span.plane, lead.motion.end))
+    let end = in_plane(span.plane, lead.motion.end);
+    match lead.along {
+        // However far it comes from.
+        Some(along) => Element::line(end - along.normalize() * 1e3, end),
+        None => Element::line(in_plane(span.plane, lead.start), end),
+    }
 }
 
 fn link(role: LinkRole, element: Element, d_in_mm: f64, d_out_mm: f64) -> Link {
-    Link { role, element, d_in_mm, d_out_mm, is_smooth: false }
+    Link { role, element, d_in_mm, d_out_mm, is_smooth: false, is_lengthened: false }
 }
 
 /// Reports a span that has no contour between its leads.

@@ -30,6 +30,8 @@ pub(crate) struct Emitter {
     told: AxisSet,
     /// The last feed of any element.
     pub last_feed_mm_per_min: Option<f64>,
+    /// Lines whose elements end in an exact stop, in order.
+    exact_stops: Vec<u32>,
     /// The side that the tool runs on now.
     pub side: Option<CutterSide>,
 }
@@ -37,7 +39,21 @@ pub(crate) struct Emitter {
 impl Emitter {
     pub(crate) fn new(start: Position, assumed_axes: AxisSet) -> Self {
         let path = CompensatedPath { start, assumed_axes, ..CompensatedPath::default() };
-        Self { path, position: start, told: AxisSet::NONE, last_feed_mm_per_min: None, side: None }
+        Self {
+            path,
+            position: start,
+            told: AxisSet::NONE,
+            last_feed_mm_per_min: None,
+            exact_stops: Vec::new(),
+            side: None,
+        }
+    }
+
+    /// Every element of this block will end in an exact stop.
+    pub(crate) fn stop_exactly_in(&mut self, source: Source) {
+        if self.exact_stops.last() != Some(&source.line) {
+            self.exact_stops.push(source.line);
+        }
     }
 
     /// Puts out an action where the tool is.
@@ -135,6 +151,11 @@ impl Emitter {
             source: label.source,
         });
         self.position = end;
+        if !self.exact_stops.is_empty()
+            && self.exact_stops.binary_search(&label.source.line).is_ok()
+        {
+            self.action(Action::ExactStop, label.source);
+        }
     }
 }
 

@@ -9,7 +9,7 @@ use crate::span::{Run, Span};
 use cnc_msgs::contour::Source;
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
-use cnc_msgs::profile::Profile;
+use cnc_msgs::profile::{Profile, Strictness};
 
 /// `N40`, or the line where there is no number.
 pub(crate) fn block_name(source: Source) -> String {
@@ -63,6 +63,8 @@ pub(crate) fn unreachable(
         ),
     );
     finding.alarm.clone_from(&profile.interference.alarm);
+    let apart = place_of.last - place_of.first + 2;
+    soften(&mut finding, apart, profile);
     finding.other = [first, last].into_iter().find(|other| other.line != leg.source.line);
     finding.position = Some(position);
     finding.needed_mm = Some(radius_mm);
@@ -73,6 +75,23 @@ pub(crate) fn unreachable(
     } else {
         "no tool fits here: check that the compensation is on the right side".into()
     })
+}
+
+/// What the profile says of a contour that the tool does not fit (C18), and of
+/// one that its control is too short-sighted to see (C17).
+fn soften(finding: &mut Diagnostic, apart: usize, profile: &Profile) {
+    let mut severity = profile.interference.contour.severity();
+    if let Some(blocks) = profile.lookahead.blocks
+        && apart > blocks as usize
+    {
+        finding.message += &format!(
+            "; {} looks {blocks} {} ahead and would not see it",
+            profile.name,
+            if blocks == 1 { "block" } else { "blocks" }
+        );
+        severity = severity.min(profile.lookahead.strictness.severity());
+    }
+    finding.severity = severity;
 }
 
 /// There are more places that the tool does not reach than are listed.
@@ -115,6 +134,8 @@ pub(crate) fn cut(span: &Span, runs: &[Run], cut: &Cut, profile: &Profile) -> Di
             block_name(on)
         ),
     );
+    let apart = runs[cut.on].legs.start.abs_diff(runs[cut.into].legs.start);
+    soften(&mut finding, apart, profile);
     // A difference of radii says nothing of the tool where a contour closes (M10, N03).
     if cut.is_other_pass || (span.is_negative && cut.is_at_ends) {
         finding.severity = Severity::Warning;
@@ -185,6 +206,29 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
     finding.help(format!(
         "lead from the side of the tool, perpendicular to the contour, or with a longer {what}{word}"
     ))
+}
+
+/// A circle that its joints lengthen over 360 degrees (S70).
+pub(crate) fn over_360(
+    source: Source,
+    sweep: f64,
+    rule: Strictness,
+    profile: &Profile,
+) -> Diagnostic {
+    let degrees = sweep.to_degrees();
+    let what = if rule == Strictness::Emulate {
+        format!("only {:.3} degrees are run", degrees - 360.0)
+    } else {
+        format!("{} would run {:.3} degrees of it", profile.name, degrees - 360.0)
+    };
+    let mut finding = Diagnostic::error(
+        Code::ArcOver360,
+        source,
+        format!("the arc is lengthened to {degrees:.3} degrees to meet its neighbour; {what}"),
+    )
+    .help("write the arc as two");
+    finding.severity = rule.severity();
+    finding
 }
 
 /// A corner arc between rapids before any feed rate.

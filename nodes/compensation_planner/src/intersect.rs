@@ -102,6 +102,31 @@ pub(crate) struct Meeting {
     pub trim_b: f64,
 }
 
+/// The meeting point nearest to the joint, wherever it is on both carriers.
+///
+/// Trims are negative where an element is lengthened.
+pub(crate) fn meet_across(a: &Element, b: &Element) -> Option<Meeting> {
+    let near = (a.end() + b.start()) / 2.0;
+    let points = crossings(a, b, LENGTH_MM);
+    let distance = |point: &&Vec2| (**point - near).norm();
+    let nearest = points.points().iter().min_by(|p, q| distance(p).total_cmp(&distance(q)));
+    nearest.map(|&point| Meeting {
+        point,
+        trim_a: signed(a, a.back_from_end(point, 0.0)),
+        trim_b: signed(b, b.along_from_start(point, 0.0)),
+    })
+}
+
+/// Around a circle the shorter way counts: backwards when it is less than half.
+fn signed(element: &Element, along: f64) -> f64 {
+    match element {
+        Element::Arc(arc) if along > std::f64::consts::PI * arc.radius => {
+            along - std::f64::consts::TAU * arc.radius
+        }
+        _ => along,
+    }
+}
+
 /// The meeting point nearest to the corner that shortens both elements.
 ///
 /// `slack` is how far they may miss each other or be lengthened, mm. Elements

@@ -39,6 +39,7 @@ mod rules;
 pub mod set_tool;
 mod span;
 pub mod tessellate;
+mod tip;
 mod tolerance;
 pub mod tool_file;
 mod tree;

@@ -120,6 +120,20 @@ fn double_radius(
     })
 }
 
+/// The tip direction that goes with the radius in force; 0 when there is none.
+pub(crate) fn tip(word: Option<RadiusSource>, spindle_tool: Option<u32>, tools: &ToolTable) -> u8 {
+    let of_tool = |number: u32| tools.tools.get(&number).map(|tool| tool.tip_direction);
+    let of_offset = |number: u32| tools.offsets.get(&number).map(|offset| offset.tip_direction);
+    match word {
+        Some(RadiusSource::Offset(number) | RadiusSource::Nose(number)) => {
+            of_offset(number).or_else(|| of_tool(number))
+        }
+        Some(RadiusSource::Tool(number)) => of_tool(number),
+        _ => spindle_tool.and_then(of_tool),
+    }
+    .unwrap_or(0)
+}
+
 /// The radius of a tool, mm: half of the worn diameter (M05).
 pub(crate) fn of_tool(tool: &Tool) -> f64 {
     (tool.diameter_mm + tool.wear_diameter_mm) / 2.0

@@ -10,16 +10,12 @@ use crate::span::Lead;
 use crate::tolerance::RADIUS_MM;
 use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
-use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position, Shape};
+use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Plane, Position, Shape};
 use cnc_msgs::profile::{
-    CancelAxes, FullCircle, LeadLength, Permission, Profile, RadiusChange, Reselect, Rule,
-    SideChange, Strictness,
+    CancelAxes, CancelBeforeEnd, FullCircle, HomeMode, LeadLength, Permission, Profile,
+    RadiusChange, RapidMode, Reselect, Rule, SideChange, Strictness,
 };
 use std::f64::consts::TAU;
-
-/// What no control allows under compensation.
-const FORBIDDEN: Rule<Permission> =
-    Rule { rule: Permission::Forbidden, strictness: Strictness::Error };
 
 /// The finding about a broken rule.
 fn of(
@@ -137,7 +133,9 @@ impl Rules<'_> {
 
     /// A block with motion in the plane (M26).
     pub(crate) fn leg(self, source: Source, motion: &Motion, element: &Element) {
-        if motion.class == MotionClass::NonCoordinated {
+        if motion.class == MotionClass::NonCoordinated
+            && self.profile.rapid.rule == RapidMode::Compensated
+        {
             self.diagnostics.push(
                 Diagnostic::error(
                     Code::Unsupported,
@@ -199,17 +197,23 @@ impl Rules<'_> {
 
     /// An action while compensation is selected (M20, S27).
     pub(crate) fn action(self, action: &Action, source: Source, selected: Source) {
+        let always = Rule {
+            rule: Permission::Forbidden,
+            strictness: self.profile.forbidden_under_compensation.strictness,
+        };
         match action {
             Action::ProgramEnd { .. } => {}
             Action::WorkOffset { .. }
             | Action::Reference { .. }
             | Action::MachineMove { .. }
             | Action::ChangeTool { .. } => self.permit(
-                FORBIDDEN,
+                always,
                 source,
                 &action.text(),
                 "cancel the compensation before, and select it again after",
             ),
+            // The walk has ended the compensation, and said so.
+            Action::Home { .. } => {}
             // What stands in the block of the selection happens before it.
             _ if source == selected => {}
             _ => {
@@ -268,7 +272,8 @@ impl Between {
         if count <= max {
             return None;
         }
-        let mut finding = Diagnostic::error(
+        let mut finding = of(
+            profile.off_plane.strictness,
             Code::OffPlaneBlocks,
             next,
             format!(
@@ -293,6 +298,125 @@ pub(crate) fn is_sane(motion: &Motion) -> bool {
         Shape::Line => motion.end,
     };
     motion.end.iter().chain(&center).all(|value| value.abs() <= FAR_MM)
+}
+
+/// Axes of the plane that compensation does not apply to (A01).
+pub(crate) fn dominant_axes(source: Source, plane: Plane, profile: &Profile) -> Option<Diagnostic> {
+    let rule = &profile.language.dominant_axes;
+    let missing = crate::frame::plane_axes(plane).without(rule.rule);
+    (!missing.is_empty()).then(|| {
+        of(
+            rule.strictness,
+            Code::Axes,
+            source,
+            format!(
+                "compensation in the {} plane needs {}, and {} compensates {} only",
+                plane.name(),
+                missing.letters(),
+                profile.name,
+                rule.rule.letters()
+            ),
+        )
+        .help("configure the axis as dominant (language.dominant_axes in the profile), or choose another plane")
+    })
+}
+
+/// Homing while compensation is active (A05, C16).
+pub(crate) fn homed(source: Source, since: Source, profile: &Profile) -> Diagnostic {
+    let message = match profile.home.rule {
+        HomeMode::Drop => format!(
+            "homing ends the compensation of {} at once, without a lead-off",
+            block_name(since)
+        ),
+        HomeMode::Forbidden => format!(
+            "homing while the compensation of {} is active, which {} forbids",
+            block_name(since),
+            profile.name
+        ),
+    };
+    let mut finding =
+        of(profile.home.strictness, Code::ForbiddenUnderCompensation, source, message)
+            .help("cancel with G40 and a lead-off before homing");
+    finding.other = Some(since);
+    finding
+}
+
+/// The cancel and its move stand in the block that ends the program (S32).
+pub(crate) fn cancelled_with_the_end(source: Source, profile: &Profile) -> Option<Diagnostic> {
+    let rule = profile.cancel.before_end;
+    (rule.rule == CancelBeforeEnd::OwnBlock).then(|| {
+        of(
+            rule.strictness,
+            Code::NotCancelled,
+            source,
+            format!(
+                "the cancel stands in the block that ends the program; {} needs it in a block before",
+                profile.name
+            ),
+        )
+        .help("write G40 and its move into a block of their own, and the end of the program behind")
+    })
+}
+
+/// A rapid along which the offset is not held (A08, C9).
+pub(crate) fn rapid(source: Source, profile: &Profile) -> Option<Diagnostic> {
+    let what = match profile.rapid.rule {
+        RapidMode::Compensated => return None,
+        RapidMode::Endpoint => "its ends are compensated, the way between them is the machine's",
+        RapidMode::Raw => "it goes to the programmed point, and compensation begins anew behind it",
+    };
+    Some(
+        of(
+            profile.rapid.strictness,
+            Code::SuspiciousValue,
+            source,
+            format!("{} does not hold the offset along a rapid: {what}", profile.name),
+        )
+        .help("use a feed move, or cancel the compensation before"),
+    )
+}
+
+/// A change of side where the offsets do not meet (O02, C12).
+pub(crate) fn no_intersection(source: Source, profile: &Profile) -> Diagnostic {
+    let mut finding = of(
+        profile.side_change.strictness,
+        Code::SideChange,
+        source,
+        "the side changes where the offsets of both blocks do not meet",
+    )
+    .help("change the side at a corner, or cancel and select again");
+    finding.alarm = Some("3047".into());
+    finding
+}
+
+/// A corner arc in a direction that the next block does not have (NCT G39).
+pub(crate) fn corner_arc(
+    source: Source,
+    along: Option<Direction>,
+    plane: Plane,
+    next: &Element,
+) -> Option<Diagnostic> {
+    let along = crate::frame::in_plane(plane, along?);
+    let tangent = next.start_tangent();
+    let is_same = along.dot(&tangent) > 0.0 && along.normalize().perp(&tangent).abs() < 1e-3;
+    (!is_same).then(|| {
+        Diagnostic::error(
+            Code::Unsupported,
+            source,
+            "the corner arc ends in a direction that the next block does not have",
+        )
+        .help("leave out I, J and K, or give the direction of the next block")
+    })
+}
+
+/// An offset that keeps its direction.
+pub(crate) fn no_held_direction(source: Source) -> Diagnostic {
+    Diagnostic::error(
+        Code::Unsupported,
+        source,
+        "an offset that keeps its direction is not done here",
+    )
+    .help("end the contour with G40 and begin the next with G41")
 }
 
 /// A motion to nowhere; it is left out.

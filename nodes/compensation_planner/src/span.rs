@@ -2,7 +2,7 @@
 //!
 //! Only data: `walk` fills it, `compensate` reads it.
 
-use crate::element::Element;
+use crate::element::{Element, Vec2};
 use cnc_msgs::contour::{Action, Approach, Motion, OutsideCorner, Source};
 use cnc_msgs::geometry::{AxisSet, Plane, Position, Shape};
 
@@ -20,9 +20,14 @@ pub(crate) struct Leg {
     pub axes: AxisSet,
     /// How an outside corner at its start is rounded: it belongs to this block (S07, S09).
     pub corner: OutsideCorner,
+    /// The signed offset at its start: that at the end of the leg before, unless the
+    /// side changes between them (O02).
+    pub d_in_mm: f64,
     /// The signed offset at its end; it differs from that at its start in a
     /// block that changes the radius (S43).
     pub d_out_mm: f64,
+    /// Tip direction of the edge in force, 0 to 9.
+    pub tip: u8,
     /// Where it ends along its run: mm on a line, rad on an arc.
     pub reach: f64,
 }
@@ -35,6 +40,8 @@ pub(crate) struct Lead {
     /// Where it starts in the program.
     pub start: Position,
     pub approach: Approach,
+    /// Direction of an imaginary line that enters the contour at the end of this move.
+    pub along: Option<Vec2>,
 }
 
 /// Something between two blocks with motion in the plane.
@@ -58,6 +65,8 @@ pub(crate) struct Entry {
     pub lead: Lead,
     /// Whether it also ends the span before: a change of side or a reselection.
     pub is_link: bool,
+    /// Its end is on the offset of the lead itself, joined to the contour as a corner.
+    pub is_joined: bool,
 }
 
 /// A compensated piece of the program.
@@ -71,6 +80,8 @@ pub(crate) struct Span {
     /// The radius is below 0: a difference to the tool that the program was made for
     /// (M10, S49), or the other of two parts that mate (N04).
     pub is_negative: bool,
+    /// Tip direction of the edge at the lead-on, 0 to 9.
+    pub tip: u8,
     pub entry: Entry,
     pub legs: Vec<Leg>,
     pub items: Vec<Item>,

@@ -21,9 +21,9 @@ use cnc_msgs::contour::{
     RadiusSource, Source,
 };
 use cnc_msgs::diagnostic::Diagnostic;
-use cnc_msgs::geometry::{Plane, Position, Shape};
+use cnc_msgs::geometry::{Direction, Plane, Position, Shape};
 use cnc_msgs::path::Role;
-use cnc_msgs::profile::{OffPlaneAfterCancel, Profile};
+use cnc_msgs::profile::{OffPlaneAfterCancel, Profile, SideChange};
 use cnc_msgs::tool_table::ToolTable;
 
 /// A selection that waits for its first move in the plane.
@@ -31,6 +31,7 @@ use cnc_msgs::tool_table::ToolTable;
 struct Selection {
     side: CutterSide,
     approach: Option<Approach>,
+    along: Option<Direction>,
     source: Source,
 }
 
@@ -48,6 +49,12 @@ struct Active {
     between: rules::Between,
     /// A new radius word waits for the next block in the plane (S43).
     radius_changes: Option<Source>,
+    /// A new value is in force after so many more blocks (S47).
+    value_waits: Option<(u32, Source)>,
+    /// The next corner is an arc, to this direction if there is one (NCT G39).
+    corner_arc: Option<(Option<Direction>, Source)>,
+    /// The next leg is on the other side, from the intersection on (O02).
+    other_side: Option<Selection>,
 }
 
 #[derive(Debug)]
@@ -68,7 +75,11 @@ pub(crate) struct Walk<'a> {
     plane: Plane,
     corner: OutsideCorner,
     radius: Option<RadiusSource>,
+    /// What the program has made of the value of the offset in force, mm.
+    radius_value_mm: Option<f64>,
     spindle_tool: Option<u32>,
+    /// The block of the last lead-off.
+    led_off_in: Option<Source>,
     /// Where the program is; the tool may be elsewhere.
     programmed: Position,
     state: State,
@@ -93,7 +104,9 @@ impl<'a> Walk<'a> {
             plane: Plane::default(),
             corner: profile.corner.default,
             radius: None,
+            radius_value_mm: None,
             spindle_tool: None,
+            led_off_in: None,
             programmed: contour.start,
             state: State::Off,
         }
@@ -105,12 +118,13 @@ impl<'a> Walk<'a> {
             ContourEventKind::Plane(plane) => self.select_plane(plane, source),
             ContourEventKind::Radius(word) => {
                 self.radius = Some(word);
+                self.radius_value_mm = None;
                 if let State::Active(active) = &mut self.state {
                     active.radius_changes = Some(source);
                 }
             }
-            ContourEventKind::Select { side, approach, .. } => {
-                self.select(Selection { side, approach, source });
+            ContourEventKind::Select { side, approach, along } => {
+                self.select(Selection { side, approach, along, source });
             }
             ContourEventKind::Cancel { exit } => self.cancel(exit, source),
             ContourEventKind::Corner(corner) => {
@@ -119,9 +133,15 @@ impl<'a> Walk<'a> {
                     active.between.block(source);
                 }
             }
-            ContourEventKind::RadiusValue { .. }
-            | ContourEventKind::HoldDirection { .. }
-            | ContourEventKind::CornerArc { .. } => {}
+            ContourEventKind::RadiusValue { radius_mm } => self.radius_value(radius_mm, source),
+            ContourEventKind::HoldDirection { .. } => {
+                self.diagnostics.push(rules::no_held_direction(source));
+            }
+            ContourEventKind::CornerArc { along } => {
+                if let State::Active(active) = &mut self.state {
+                    active.corner_arc = Some((along, source));
+                }
+            }
             ContourEventKind::Action(action) => self.action(action, source),
         }
     }
@@ -177,6 +197,7 @@ impl<'a> Walk<'a> {
                 return;
             }
         }
+        self.diagnostics.extend(rules::dominant_axes(selection.source, self.plane, self.profile));
         let State::Active(active) = &mut self.state else {
             self.state = State::Selected(selection);
             return;
@@ -191,7 +212,13 @@ impl<'a> Walk<'a> {
                 return;
             }
         }
-        if !is_repeat || selection.approach.is_some() {
+        let is_at_intersection = !is_repeat
+            && active.cancel.is_none()
+            && selection.approach.is_none()
+            && self.profile.side_change.rule == SideChange::Intersection;
+        if is_at_intersection {
+            active.other_side = Some(selection);
+        } else if !is_repeat || selection.approach.is_some() {
             // S36 to S39: both ends as the word says, straight without one.
             let exit = match active.cancel.take() {
                 Some((exit, _)) => exit,
@@ -217,14 +244,28 @@ impl<'a> Walk<'a> {
         }
     }
 
+    /// The value changes; while compensation is active after some more blocks (S47).
+    fn radius_value(&mut self, radius_mm: f64, source: Source) {
+        self.radius_value_mm = Some(radius_mm);
+        if let State::Active(active) = &mut self.state {
+            active.between.block(source);
+            active.value_waits = Some((self.profile.radius.value_latency_blocks, source));
+        }
+    }
+
     fn never_active(&mut self, source: Source) {
         self.diagnostics.push(rules::never_active(source, self.profile));
     }
 
     fn action(&mut self, action: Action, source: Source) {
         let action = self.with_length(action, source);
-        if let Action::ChangeTool { tool } = action {
-            self.spindle_tool = Some(tool);
+        match action {
+            Action::ChangeTool { tool } => self.spindle_tool = Some(tool),
+            // It is of this block's elements, generated ones too (S55).
+            Action::ExactStop => return self.out.stop_exactly_in(source),
+            Action::Home { .. } => self.home(source),
+            Action::ProgramEnd { .. } => self.end_of_program(source),
+            _ => {}
         }
         let rules = Rules { profile: self.profile, diagnostics: &mut self.diagnostics };
         match &mut self.state {
@@ -238,6 +279,22 @@ impl<'a> Walk<'a> {
                 active.between.block(source);
                 active.push_item(source, ItemKind::Action(action));
             }
+        }
+    }
+
+    /// Homing ends compensation at once, without a lead-off (A05).
+    fn home(&mut self, source: Source) {
+        if let State::Active(active) = std::mem::replace(&mut self.state, State::Off) {
+            let since = active.span.entry.lead.source;
+            self.diagnostics.push(rules::homed(source, since, self.profile));
+            self.close(*active, Exit::None);
+        }
+    }
+
+    /// The cancel with its move stands in a block before that of the end (S32).
+    fn end_of_program(&mut self, source: Source) {
+        if self.led_off_in == Some(source) && matches!(self.state, State::Off) {
+            self.diagnostics.extend(rules::cancelled_with_the_end(source, self.profile));
         }
     }
 
@@ -269,7 +326,7 @@ impl<'a> Walk<'a> {
             State::Off => self.out.programmed(&motion, source, Role::None),
             State::Selected(selection) => {
                 if self.moves_in_plane(start, &motion) {
-                    self.open(selection, start, &motion, source, None);
+                    self.open(selection, start, &motion, source, None, false);
                 } else {
                     self.rules().off_plane_move(source, start, &motion);
                     self.out.programmed(&motion, source, Role::None);
@@ -297,12 +354,13 @@ impl<'a> Walk<'a> {
                 let lead = self.lead(start, motion, source, exit);
                 active.span.exit_corner = self.corner;
                 self.rules().lead_off(&lead, plane, active.span.d_out_mm.abs());
+                self.led_off_in = Some(source);
                 self.close(*active, Exit::LeadOff(&lead));
             } else if let Some((selection, exit)) = active.relink {
                 let lead = self.lead(start, motion, source, exit);
                 active.span.exit_corner = self.corner;
                 let behind = self.close(*active, Exit::Link(&lead));
-                self.open(selection, start, motion, source, Some(behind));
+                self.open(selection, start, motion, source, Some(behind), false);
             }
             return;
         }
@@ -313,7 +371,11 @@ impl<'a> Walk<'a> {
                     self.rules().off_plane_move(source, start, motion);
                 }
                 self.rules().leg(source, motion, &element);
-                self.off_plane_blocks(&mut active, source);
+                let excess = self.off_plane_blocks(&mut active, source);
+                active = match self.before_leg(active, excess, start, motion, source, &element) {
+                    Some(active) => active,
+                    None => return,
+                };
                 self.leg(&mut active, element, motion, source);
             }
             None => {

@@ -5,7 +5,8 @@
 //! they stand in the block after it, at that block's normal point. Where the
 //! tool is at each joint was decided in `chain`.
 
-use crate::chain::{Link, Placed, Role as LinkRole};
+use crate::chain::{Link, Placed, Role as LinkRole, gap};
+use crate::compensate::side_of;
 use crate::corner::{Around, around};
 use crate::element::{Element, Vec2};
 use crate::emit::{Emitter, Label, feed, follow};
@@ -17,10 +18,13 @@ use cnc_msgs::contour::{Motion, MotionClass, OutsideCorner, Source};
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::path::Role;
+use cnc_msgs::profile::{Anchor, Profile, Strictness};
+use std::f64::consts::TAU;
 
 /// Puts out what was decided, block by block.
 pub(crate) struct Writer<'a> {
     pub span: &'a Span,
+    pub profile: &'a Profile,
     pub out: &'a mut Emitter,
     pub diagnostics: &'a mut Vec<Diagnostic>,
     /// The next item that has not been put out.
@@ -134,7 +138,15 @@ impl Writer<'_> {
         let is_whole = place.trim_in <= 0.0 && place.trim_out <= 0.0;
         match (before, after, element) {
             (Some(before), Some(after), Element::Arc(arc)) if is_whole => {
-                around(self.mode(next_leg), arc, (before, after), links[place.link].d_in_mm)
+                let d_mm = links[place.link].d_in_mm;
+                // S69: two arcs that nearly touch get a circle instead of two lines.
+                let is_short = !before
+                    && !after
+                    && gap(arc.from, arc.to, d_mm) < 2.0 * self.profile.corner.short_block_mm;
+                if is_short {
+                    return Around::Arc;
+                }
+                around(self.mode(next_leg), arc, (before, after), d_mm)
             }
             _ => Around::Arc,
         }
@@ -199,6 +211,7 @@ impl Writer<'_> {
     /// The blocks of a run, cut at their normal points.
     fn pieces(&mut self, run: &Run, trims: (f64, f64), end: Vec2) {
         let changes = run.d_in_mm != run.d_out_mm;
+        self.out.side = side_of(run.d_in_mm);
         let Some(element) = run.element.offset(run.d_in_mm) else { return };
         // Reach is mm on lines and rad on arcs.
         let unit = match element {
@@ -209,7 +222,10 @@ impl Writer<'_> {
             Element::Line(line) => line.length,
             Element::Arc(arc) => arc.sweep,
         };
-        let (low, high) = (trims.0 / unit, full - trims.1 / unit);
+        let (mut low, high) = (trims.0 / unit, full - trims.1 / unit);
+        if !element.is_line() && high - low > TAU && full <= TAU {
+            low += self.over_360(run, high - low);
+        }
         let mut from = f64::NEG_INFINITY;
         for index in run.legs.clone() {
             let leg = self.span.legs[index];
@@ -237,6 +253,15 @@ impl Writer<'_> {
         }
     }
 
+    /// A circle that its joints lengthen to more than a whole one (S70); how much
+    /// of it is left out, rad.
+    fn over_360(&mut self, run: &Run, sweep: f64) -> f64 {
+        let rule = self.profile.corner.arc_over_360;
+        let leg = &self.span.legs[run.legs.start];
+        self.diagnostics.push(finding::over_360(leg.source, sweep, rule, self.profile));
+        if rule == Strictness::Emulate { TAU } else { 0.0 }
+    }
+
     fn label(&self, leg: &Leg) -> Label {
         Label {
             role: Role::Contour,
@@ -258,13 +283,26 @@ impl Writer<'_> {
             .any(|item| item.before == leg && Some(item.source) == own)
     }
 
+    /// The first item that waits for the end of the corner: functions behind the
+    /// last move out of the plane, where the profile says so (SINUMERIK 880).
+    fn after_corner(&self, leg: usize, is_at_corner: bool) -> usize {
+        if !is_at_corner || self.profile.auxiliary.anchor == Anchor::BeforeCorner {
+            return usize::MAX;
+        }
+        let items = self.span.items[self.item..].iter().take_while(|item| item.before <= leg);
+        let moves =
+            items.enumerate().filter(|(_, item)| matches!(item.what, ItemKind::OffPlane(_)));
+        self.item + moves.last().map_or(0, |(index, _)| index + 1)
+    }
+
     /// Puts out what comes before a leg and has not been put out; `foreign_only`
     /// leaves what stands in the leg's own block for after the corner (S51, S56).
     pub(crate) fn items_before(&mut self, leg: usize, foreign_only: bool) {
         let own = self.source_of(leg);
+        let waiting = self.after_corner(leg, foreign_only);
         while let Some(item) = self.span.items.get(self.item) {
             let is_own = item.before == leg && Some(item.source) == own;
-            if item.before > leg || (foreign_only && is_own) {
+            if item.before > leg || (foreign_only && is_own) || self.item >= waiting {
                 return;
             }
             match item.what {

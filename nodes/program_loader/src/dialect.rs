@@ -32,6 +32,8 @@ pub(crate) struct Dialect {
     pub(crate) auxiliary: Letters,
     /// What G41 takes its radius from.
     pub(crate) radius_word: RadiusWord,
+    /// Whether I, J and K of a block with G41 are the direction to enter by.
+    pub(crate) approach_direction: bool,
     /// Letters that G4 takes its seconds from.
     pub(crate) dwell: Letters,
     /// Whether G2 and G3 with R, and with P turns, exist.
@@ -75,6 +77,10 @@ pub(crate) enum GWord {
     /// Accepted without effect on the contour; the letters that belong to it.
     Accepted(Group, Letters),
     Dwell,
+    /// A corner arc about the end of the block before (NCT G39).
+    CornerArc,
+    /// G9: the axes stop at the end of this block.
+    ExactStop,
     Reference {
         second: bool,
     },
@@ -130,7 +136,8 @@ impl GWord {
             Self::LengthOn | Self::LengthOff => Group::Length,
             Self::WorkOffset(_) => Group::WorkOffset,
             Self::Accepted(group, _) => group,
-            Self::Dwell | Self::Reference { .. } => Group::NonModal,
+            Self::Dwell | Self::CornerArc | Self::Reference { .. } => Group::NonModal,
+            Self::ExactStop => Group::ExactStop,
             Self::MachineCoordinates => Group::MachineCoordinates,
             Self::Refused(_) | Self::Unknown => return None,
         })

@@ -196,6 +196,12 @@ impl<'r> Interpreter<'r> {
             self.emit(ContourEventKind::Corner(corner));
         }
         self.compensation(scene);
+        if let Some((GWord::CornerArc, at)) = self.request.g(Group::NonModal) {
+            self.corner_arc(scene, at);
+        }
+        if let Some((GWord::ExactStop, _)) = self.request.g(Group::ExactStop) {
+            self.act(Action::ExactStop);
+        }
         self.tool_length(scene);
         self.work_offset();
         if let Some((GWord::Distance(distance), _)) = self.request.g(Group::Distance) {

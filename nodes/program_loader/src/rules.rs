@@ -3,7 +3,7 @@
 //! Knows words and planes; the rules that need geometry are the planner's.
 
 use cnc_msgs::contour::{Approach, OutsideCorner, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::profile::{Profile, ZeroOffset};
 
 use crate::dialect::{self, Dialect};
@@ -20,6 +20,8 @@ pub(crate) struct Rules<'p> {
     approaches: Vec<(u16, Approach)>,
     /// Letter and number in tenths.
     forbidden: Vec<(u8, u16)>,
+    /// What becomes of a forbidden word.
+    pub(crate) forbidden_severity: Severity,
 }
 
 impl<'p> Rules<'p> {
@@ -56,6 +58,7 @@ impl<'p> Rules<'p> {
             corners,
             approaches,
             forbidden,
+            forbidden_severity: profile.forbidden_under_compensation.strictness.severity(),
         };
         (rules, wrong)
     }

@@ -8,15 +8,17 @@ use crate::SpanSummary;
 use crate::compensate::{Exit, WallBehind, compensate, empty_span};
 use crate::element::Element;
 use crate::emit::feed;
-use crate::frame::height;
+use crate::frame::{height, in_plane};
+use crate::intersect::crossings;
 use crate::radius;
 use crate::rules;
 use crate::span::{Entry, ItemKind, Lead, Leg, Span};
 use crate::tolerance::RADIUS_MM;
-use cnc_msgs::contour::{Approach, CutterSide, Motion, Source};
+use cnc_msgs::contour::{Approach, CutterSide, Motion, MotionClass, OutsideCorner, Source};
 use cnc_msgs::diagnostic::Diagnostic;
-use cnc_msgs::geometry::Position;
+use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::Role;
+use cnc_msgs::profile::{ChangeAt, RapidMode, Strictness};
 
 impl Walk<'_> {
     pub(super) fn leg(
@@ -27,6 +29,31 @@ impl Walk<'_> {
         source: Source,
     ) {
         let mut d_out_mm = active.span.d_out_mm;
+        let mut d_in_mm = d_out_mm;
+        if let Some(selection) = active.other_side.take() {
+            active.side = selection.side;
+            d_in_mm = -d_in_mm;
+            d_out_mm = d_in_mm;
+        }
+        active.value_waits = match active.value_waits {
+            Some((0, at)) => {
+                active.radius_changes = Some(at);
+                None
+            }
+            waits => waits.map(|(blocks, at)| (blocks - 1, at)),
+        };
+        let corner = match active.corner_arc.take() {
+            Some((along, at)) => {
+                let plane = active.span.plane;
+                self.diagnostics.extend(rules::corner_arc(at, along, plane, &element));
+                OutsideCorner::Arc
+            }
+            // The intersection with the imaginary line, whatever the corner.
+            None if active.span.legs.is_empty() && active.span.entry.lead.along.is_some() => {
+                OutsideCorner::Intersection
+            }
+            None => self.corner,
+        };
         if let Some(at) = active.radius_changes.take() {
             let resolved = self.signed_offset(active.side, at);
             if (resolved - d_out_mm).abs() >= RADIUS_MM {
@@ -50,18 +77,120 @@ impl Walk<'_> {
             source,
             feed_mm_per_min: feed(motion),
             axes: motion.axes,
-            corner: self.corner,
+            corner,
+            d_in_mm,
             d_out_mm,
+            tip: radius::tip(self.radius, self.spindle_tool, self.tools),
             reach: 0.0,
         });
     }
 
-    pub(super) fn off_plane_blocks(&mut self, active: &mut Active, source: Source) {
+    /// Looks at what came between two blocks in the plane; whether it was too much.
+    pub(super) fn off_plane_blocks(&mut self, active: &mut Active, source: Source) -> bool {
         let between = std::mem::take(&mut active.between);
-        if let Some(finding) = between.excess(source, self.profile) {
-            self.diagnostics.push(finding);
-        }
+        let excess = between.excess(source, self.profile);
+        let is_too_much = excess.is_some();
+        self.diagnostics.extend(excess);
         active.between = rules::Between::after(source);
+        is_too_much
+    }
+
+    /// What the joint before a leg may be other than a corner; `None` when the
+    /// motion was no leg after all.
+    pub(super) fn before_leg(
+        &mut self,
+        mut active: Box<Active>,
+        is_excess: bool,
+        start: Position,
+        motion: &Motion,
+        source: Source,
+        element: &Element,
+    ) -> Option<Box<Active>> {
+        if motion.class != MotionClass::Feed {
+            self.diagnostics.extend(rules::rapid(source, self.profile));
+            if self.profile.rapid.rule == RapidMode::Raw {
+                self.leave_raw(*active, start, motion, source);
+                return None;
+            }
+        }
+        if is_excess && self.profile.off_plane.strictness == Strictness::Emulate {
+            return Some(self.stand_perpendicular(active, start, motion, source));
+        }
+        if let Some(selection) = active.other_side
+            && !meets(&active, element)
+        {
+            // There is no intersection: the old contour ends and the new one begins here.
+            self.diagnostics.push(rules::no_intersection(selection.source, self.profile));
+            active.side = selection.side;
+            active.other_side = None;
+            return Some(self.stand_perpendicular(active, start, motion, source));
+        }
+        if active.radius_changes.is_some()
+            && self.profile.radius.change_at == ChangeAt::Perpendicular
+            && element.is_line()
+            && !active.span.legs.is_empty()
+        {
+            self.change_perpendicular(active, start, motion, source);
+            return None;
+        }
+        Some(active)
+    }
+
+    /// The span ends perpendicular where the program is, and another begins there.
+    fn stand_perpendicular(
+        &mut self,
+        active: Box<Active>,
+        start: Position,
+        motion: &Motion,
+        source: Source,
+    ) -> Box<Active> {
+        let here = Motion { shape: Shape::Line, end: start, ..*motion };
+        let selection = Selection {
+            side: active.side,
+            approach: Some(Approach::Normal),
+            along: None,
+            source: active.span.entry.lead.source,
+        };
+        let lead = Lead { motion: here, source, start, approach: Approach::Normal, along: None };
+        let behind = self.close(*active, Exit::Link(&lead));
+        self.open(selection, start, &here, source, Some(behind), false);
+        match std::mem::replace(&mut self.state, State::Off) {
+            State::Active(active) => active,
+            _ => unreachable!("open makes the state active"),
+        }
+    }
+
+    /// A block with a new radius begins perpendicular to the block before (SINUMERIK 880).
+    fn change_perpendicular(
+        &mut self,
+        active: Box<Active>,
+        start: Position,
+        motion: &Motion,
+        source: Source,
+    ) {
+        let selection = Selection {
+            side: active.side,
+            approach: Some(Approach::Normal),
+            along: None,
+            source: active.radius_changes.unwrap_or(source),
+        };
+        let lead = Lead { motion: *motion, source, start, approach: Approach::Normal, along: None };
+        let behind = self.close(*active, Exit::Link(&lead));
+        self.open(selection, start, motion, source, Some(behind), true);
+    }
+
+    /// A rapid that goes where it is programmed to: the offset is left and entered again.
+    fn leave_raw(&mut self, active: Active, start: Position, motion: &Motion, source: Source) {
+        let selection = Selection {
+            side: active.side,
+            approach: None,
+            along: None,
+            source: active.span.entry.lead.source,
+        };
+        let approach = self.profile.cancel.default;
+        let lead = Lead { motion: *motion, source, start, approach, along: None };
+        self.close(active, Exit::LeadOff(&lead));
+        self.state = State::Selected(selection);
     }
 
     /// Begins a span with its lead-on; `link` when the motion also ends another one.
@@ -72,9 +201,11 @@ impl Walk<'_> {
         motion: &Motion,
         source: Source,
         link: Option<Option<WallBehind>>,
+        is_joined: bool,
     ) {
         let approach = selection.approach.unwrap_or(self.profile.select.default);
-        let lead = self.lead(start, motion, source, approach);
+        let mut lead = self.lead(start, motion, source, approach);
+        lead.along = selection.along.map(|along| in_plane(self.plane, along));
         let d_mm = self.signed_offset(selection.side, selection.source);
         let plane = self.plane;
         if link.is_none() {
@@ -89,8 +220,9 @@ impl Walk<'_> {
             plane,
             d_mm,
             d_out_mm: d_mm,
+            tip: radius::tip(self.radius, self.spindle_tool, self.tools),
             is_negative: (d_mm < 0.0) != (selection.side == CutterSide::Right),
-            entry: Entry { lead, is_link: link.is_some() },
+            entry: Entry { lead, is_link: link.is_some(), is_joined },
             legs: Vec::new(),
             items: Vec::new(),
             exit_corner: self.corner,
@@ -103,6 +235,9 @@ impl Walk<'_> {
             behind: link.flatten(),
             between: rules::Between::after(source),
             radius_changes: None,
+            value_waits: None,
+            corner_arc: None,
+            other_side: None,
         }));
     }
 
@@ -167,6 +302,7 @@ impl Walk<'_> {
     pub(super) fn signed_offset(&mut self, side: CutterSide, at: Source) -> f64 {
         let (radius_mm, finding) =
             radius::resolve(self.radius, self.spindle_tool, self.profile, self.tools, at);
+        let radius_mm = self.radius_value_mm.unwrap_or(radius_mm);
         self.diagnostics.extend(finding);
         match side {
             CutterSide::Left => radius_mm,
@@ -181,6 +317,14 @@ impl Walk<'_> {
         source: Source,
         approach: Approach,
     ) -> Lead {
-        Lead { motion: *motion, source, start, approach }
+        Lead { motion: *motion, source, start, approach, along: None }
     }
+}
+
+/// Whether the offsets of the last leg and of the next one, on the other side, meet.
+fn meets(active: &Active, next: &Element) -> bool {
+    let d_mm = active.span.d_out_mm;
+    let last = active.span.legs.last().and_then(|leg| leg.element.offset(d_mm));
+    last.zip(next.offset(-d_mm))
+        .is_some_and(|(last, next)| !crossings(&last, &next, 0.0).points().is_empty())
 }

@@ -18,6 +18,7 @@ pub(super) static DIALECT: Dialect = Dialect {
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
     radius_word: RadiusWord::Addend,
+    approach_direction: false,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,
     percent_delimits: true,

@@ -1,36 +1,88 @@
-//! NCT: D registers, G38 and G39.
+//! NCT: D registers, D00 beside G40, G39, and an approach direction on G41.
+//!
+//! H is a length offset, `%` begins a program name, M functions without a
+//! meaning here belong to the machine. G38 keeps an offset vector that depends on
+//! the move before it; it is refused by name.
 
-use super::rs274::{common, common_m};
-use super::{Dialect, GWord, Letters, MWord, RadiusWord};
+use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
+use super::{Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units};
 use crate::block::LexerRules;
+use cnc_msgs::contour::CutterSide;
+use cnc_msgs::geometry::Plane;
 
 pub(super) static DIALECT: Dialect = Dialect {
     lexer: LexerRules {
-        blanks_in_numbers: true,
+        blanks_in_numbers: false,
         written_line_feed: false,
         at_words: false,
-        delete_levels: false,
+        delete_levels: true,
     },
     g,
     m,
-    letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
-    // M18 names Z, A and B.
+    letters: Letters::of(b"XYZIJKRFSTDHPQ"),
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
     radius_word: RadiusWord::ModalOffset,
+    approach_direction: true,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,
-    percent_delimits: true,
+    percent_delimits: false,
 };
+
+const SCALE: &str = "post the program in its final size and position";
 
 fn g(tenths: u16) -> GWord {
     match tenths {
-        // Fine points of LinuxCNC that MASSO's page does not name.
-        80 | 611 => GWord::Unknown,
-        _ => common(tenths),
+        0 => GWord::Motion(Mode::Rapid),
+        10 => GWord::Motion(Mode::Feed),
+        20 => GWord::Motion(Mode::Arc { clockwise: true }),
+        30 => GWord::Motion(Mode::Arc { clockwise: false }),
+        40 => GWord::Dwell,
+        90 => GWord::ExactStop,
+        100 | 520 | 920 => GWord::Refused(OFFSETS),
+        170 => GWord::Plane(Plane::Xy),
+        180 => GWord::Plane(Plane::Zx),
+        190 => GWord::Plane(Plane::Yz),
+        200 => GWord::Units(Units::Inch),
+        210 => GWord::Units(Units::Millimetre),
+        280 => GWord::Reference { second: false },
+        300 => GWord::Reference { second: true },
+        310 | 320 | 370 => {
+            GWord::RefusedMotion("probe with the probe action, outside part programs")
+        }
+        330 => GWord::RefusedMotion(THREAD),
+        380 => GWord::Refused(
+            "end the contour with G40 and begin the next with G41 instead of keeping the vector",
+        ),
+        390 => GWord::CornerArc,
+        400 => GWord::CompensationOff,
+        410 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: false },
+        420 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: false },
+        430 => GWord::LengthOn,
+        440 => GWord::Refused("enter the length with its sign and use G43"),
+        490 => GWord::LengthOff,
+        500 | 510 | 680 | 690 => GWord::Refused(SCALE),
+        530 => GWord::MachineCoordinates,
+        540 | 550 | 560 | 570 | 580 | 590 => GWord::WorkOffset((tenths / 10 - 53) as u8),
+        610 | 620 | 630 | 640 => GWord::Accepted(Group::Path, Letters::NONE),
+        650..=670 => GWord::Refused("write macros out where they are called"),
+        730 | 740 | 760 | 810..=899 => GWord::RefusedMotion(CYCLE),
+        800 => GWord::NoMotion,
+        900 => GWord::Distance(Distance::Absolute),
+        910 => GWord::Distance(Distance::Incremental),
+        930 | 950 => GWord::Refused(FEED_MODE),
+        940 => GWord::Accepted(Group::Feed, Letters::NONE),
+        960 => GWord::Refused(CONSTANT_SPEED),
+        970 => GWord::Accepted(Group::SpindleMode, Letters::NONE),
+        980 | 990 => GWord::Accepted(Group::Retract, Letters::NONE),
+        _ => GWord::Unknown,
     }
 }
 
 fn m(number: u16) -> MWord {
-    common_m(number)
+    match number {
+        0..=9 | 30 | 98 | 99 => common_m(number),
+        10..=97 => MWord::Auxiliary { after_motion: false },
+        _ => MWord::Unknown,
+    }
 }

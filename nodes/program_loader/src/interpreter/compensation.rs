@@ -6,11 +6,13 @@
 //! D0 selects nothing (S22). While compensation is on it deselects (S29), or only
 //! suspends: then the next D that is not 0 selects again (N06), as the profile says.
 
+use super::moves::CENTER_WORDS;
 use super::{Interpreter, Scene};
-use crate::dialect::{GWord, Group, RadiusWord};
+use crate::dialect::{GWord, Group, Mode, RadiusWord};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{Approach, ContourEventKind, CutterSide, RadiusSource, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::geometry::Direction;
 use cnc_msgs::profile::ZeroOffset;
 
 #[derive(Debug, Default)]
@@ -50,7 +52,7 @@ impl Interpreter<'_> {
         match word {
             None => {
                 if offset.is_some() {
-                    self.change_offset();
+                    self.change_offset(scene);
                 }
                 if self.request.approach.is_some() {
                     let at = self.request.g_place(Group::Approach);
@@ -77,7 +79,7 @@ impl Interpreter<'_> {
     }
 
     /// A new D while G41 or G42 may be in force.
-    fn change_offset(&mut self) {
+    fn change_offset(&mut self, scene: &mut Scene<'_>) {
         let Some(side) = self.modal.compensation.side else { return };
         if self.modal.compensation.offset == Some(0) {
             self.cancel(None);
@@ -88,8 +90,35 @@ impl Interpreter<'_> {
             self.tell_offset();
         } else {
             self.tell_offset();
-            self.tell_selection(side);
+            self.tell_selection(scene, side);
         }
+    }
+
+    /// I, J and K as a direction; a missing one counts as 0.
+    fn take_direction(&mut self, scene: &mut Scene<'_>) -> Option<Direction> {
+        if CENTER_WORDS.iter().all(|&letter| !self.request.present.contains(letter)) {
+            return None;
+        }
+        let along = CENTER_WORDS.map(|letter| {
+            self.take_within(scene, letter, 1.0, COORDINATE_MM_MAX, "mm").unwrap_or(0.0)
+        });
+        (along != [0.0; 3] && along.iter().all(|part| part.is_finite())).then_some(along)
+    }
+
+    /// A corner arc, alone in its block.
+    #[cold]
+    pub(super) fn corner_arc(&mut self, scene: &mut Scene<'_>, at: usize) {
+        let along = self.take_direction(scene);
+        if !self.modal.compensation.is_selected() {
+            let message = format!("{} stands where no compensation is selected", scene.quote(at));
+            let mut finding = Diagnostic::error(Code::ModalConflict, scene.source_of(at), message)
+                .help("select compensation before, or delete it");
+            finding.alarm = Some("3036".into());
+            self.request.is_damaged = true;
+            scene.findings.push(finding);
+            return;
+        }
+        self.emit(ContourEventKind::CornerArc { along });
     }
 
     fn tell_offset(&mut self) {
@@ -102,9 +131,17 @@ impl Interpreter<'_> {
         }
     }
 
-    fn tell_selection(&mut self, side: CutterSide) {
+    fn tell_selection(&mut self, scene: &mut Scene<'_>, side: CutterSide) {
         self.modal.compensation.selected.get_or_insert(self.source);
-        self.emit(ContourEventKind::Select { side, approach: self.request.approach, along: None });
+        let is_arc =
+            matches!(self.request.g(Group::Motion), Some((GWord::Motion(Mode::Arc { .. }), _)));
+        let along = if self.rules.dialect.approach_direction && !is_arc {
+            self.take_direction(scene)
+        } else {
+            None
+        };
+        let approach = self.request.approach;
+        self.emit(ContourEventKind::Select { side, approach, along });
     }
 
     #[cold]
@@ -136,7 +173,7 @@ impl Interpreter<'_> {
             }
         }
         self.modal.compensation.side = Some(side);
-        self.tell_selection(side);
+        self.tell_selection(scene, side);
     }
 
     fn select_with_offset(&mut self, scene: &mut Scene<'_>, side: CutterSide, at: usize) {
@@ -160,7 +197,7 @@ impl Interpreter<'_> {
             }
             Some(_) => {
                 self.tell_offset();
-                self.tell_selection(side);
+                self.tell_selection(scene, side);
             }
         }
     }

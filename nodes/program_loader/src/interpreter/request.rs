@@ -167,8 +167,11 @@ impl Request {
         let Some(tenths) = code_in_tenths(word.value) else {
             return self.no_code(scene, word, at);
         };
-        if scene.under_compensation.is_some() && scene.rules.forbids(b'G', tenths) {
-            return self.forbidden(scene, at);
+        if scene.under_compensation.is_some()
+            && scene.rules.forbids(b'G', tenths)
+            && self.forbidden(scene, at)
+        {
+            return;
         }
         let meaning = (scene.rules.dialect.g)(tenths);
         let Some(group) = meaning.group() else {
@@ -218,8 +221,11 @@ impl Request {
         let Some(tenths) = code_in_tenths(word.value).filter(|tenths| tenths % 10 == 0) else {
             return self.no_code(scene, word, at);
         };
-        if scene.under_compensation.is_some() && scene.rules.forbids(b'M', tenths) {
-            return self.forbidden(scene, at);
+        if scene.under_compensation.is_some()
+            && scene.rules.forbids(b'M', tenths)
+            && self.forbidden(scene, at)
+        {
+            return;
         }
         let number = tenths / 10;
         let meaning = (scene.rules.dialect.m)(number);
@@ -252,7 +258,7 @@ impl Request {
             Some(tenths)
                 if scene.under_compensation.is_some() && scene.rules.forbids(b'@', tenths) =>
             {
-                self.forbidden(scene, at);
+                let _ = self.forbidden(scene, at);
             }
             Some(STOP_READING_AHEAD) => {}
             Some(_) => {
@@ -263,9 +269,10 @@ impl Request {
         }
     }
 
+    /// A word that must not stand under compensation; whether it is refused.
     #[cold]
-    fn forbidden(&mut self, scene: &mut Scene<'_>, at: usize) {
-        let Some(since) = scene.under_compensation else { return };
+    fn forbidden(&mut self, scene: &mut Scene<'_>, at: usize) -> bool {
+        let Some(since) = scene.under_compensation else { return false };
         let word = scene.quote(at);
         let message = format!(
             "{word} must not stand under cutter radius compensation, which is on since line {}",
@@ -278,9 +285,12 @@ impl Request {
         let mut diagnostic =
             Diagnostic::error(Code::ForbiddenUnderCompensation, scene.source_of(at), message);
         diagnostic.other = Some(since);
-        self.is_damaged = true;
-        self.has_refused_word = true;
+        diagnostic.severity = scene.rules.forbidden_severity;
+        let is_refused = diagnostic.is_error();
+        self.is_damaged |= is_refused;
+        self.has_refused_word |= is_refused;
         scene.findings.push(diagnostic.help(help));
+        is_refused
     }
 
     /// A G or M number that cannot be one.
