@@ -137,7 +137,11 @@ fn is_short(before: &Link, link: &Link, short_mm: f64) -> bool {
         return false;
     }
     let offsets = before.element.offset(before.d_out_mm).zip(link.element.offset(link.d_in_mm));
-    offsets.is_some_and(|(behind, ahead)| meet_across(&behind, &ahead).is_some())
+    // Nearly tangent circles may meet far away: then the corner is gone around.
+    let is_near = |trim: f64| trim.abs() <= 2.0 * short_mm;
+    offsets
+        .and_then(|(behind, ahead)| meet_across(&behind, &ahead))
+        .is_some_and(|meeting| is_near(meeting.trim_a) && is_near(meeting.trim_b))
 }
 
 /// Joins all links.

@@ -10,7 +10,7 @@ use cnc_msgs::contour::{
 use cnc_msgs::diagnostic::Code;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
-use cnc_msgs::profile::Profile;
+use cnc_msgs::profile::{Profile, Strictness};
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::{Plan, tessellate};
 use proptest::prelude::*;
@@ -406,6 +406,8 @@ fn set_radius(contour: &mut ProgrammedContour, radius: f64) {
 
 fn free() -> Profile {
     let mut profile = sinumerik();
+    profile.interference.contour = Strictness::Warn;
+    profile.corner.arc_over_360 = Strictness::Warn;
     profile.off_plane.max_blocks = None;
     profile
 }
