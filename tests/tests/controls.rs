@@ -51,6 +51,9 @@ fn holds(row: &Row, control: &str) -> Result<(), Failed> {
         let observed = observe(case, control);
         if let Err(difference) = matches(&expect, &observed, case.tolerance) {
             writeln!(failures, "{}: {difference}", case.name)?;
+            for finding in observed["findings"].as_array().into_iter().flatten() {
+                writeln!(failures, "  {}: {}", finding["line"], finding["message"])?;
+            }
         }
         for place in lax_numbers(&expect, &observed, case.tolerance) {
             writeln!(failures, "{}: {place} could be another number", case.name)?;

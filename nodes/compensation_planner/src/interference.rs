@@ -225,10 +225,9 @@ fn element(link: &Link, place: &Placed) -> Option<Element> {
         Element::Line(_) => Element::line(place.start, place.end),
         Element::Arc(arc) if arc.radius <= LENGTH_MM => None,
         Element::Arc(arc) => {
-            let whole = Element::Arc(arc);
-            whole
-                .after(place.trim_in)?
-                .before(arc.radius * arc.sweep - place.trim_in - place.trim_out)
+            // What a short corner lengthens is not looked at (S68).
+            let (skipped, left_out) = (place.trim_in.max(0.0), place.trim_out.max(0.0));
+            Element::Arc(arc).after(skipped)?.before(arc.radius * arc.sweep - skipped - left_out)
         }
     }
 }
