@@ -11,6 +11,7 @@
 //! | `certificates` | the radii that each piece is good for, and the blocks that limit them |
 //! | `table_fault` | what is wrong with the tool table |
 //! | `restart` | what is said about starting at `start_line` |
+//! | `length_mm` | by role |
 //! | `offset_mm` | smallest and largest distance of contour elements from their blocks, and of corner arcs from their vertex |
 //! | `same_mm` | largest distance between ends of elements and those of the other program |
 
@@ -170,6 +171,12 @@ impl Run {
             })
         });
         observed.insert("certificates".into(), certificates.collect());
+        let mut lengths: BTreeMap<&str, f64> = BTreeMap::new();
+        for (index, element) in path.elements.iter().enumerate() {
+            let length = element_length(path.start_of(index), element);
+            *lengths.entry(element.role.name()).or_default() += length;
+        }
+        observed.insert("length_mm".into(), json!(lengths));
         if let Some((min, max)) = self.offset() {
             observed.insert("offset_mm".into(), json!({"min": min, "max": max}));
         }
@@ -273,6 +280,16 @@ fn radius_and_sweep(start: Position, element: &PathElement) -> (f64, f64) {
     let turn = if arc.clockwise { -turn } else { turn };
     let turn = if turn < -1e-12 { turn + std::f64::consts::TAU } else { turn.max(0.0) };
     (a.hypot(b), turn + f64::from(arc.turns) * std::f64::consts::TAU)
+}
+
+fn element_length(start: Position, element: &PathElement) -> f64 {
+    match element.shape {
+        Shape::Line => length(sub(element.end, start)),
+        Shape::Arc(_) => {
+            let (radius, sweep) = radius_and_sweep(start, element);
+            radius * sweep
+        }
+    }
 }
 
 fn along(start: Position, shape: &Shape, end: Position, part: f64) -> Position {

@@ -15,7 +15,7 @@ use crate::rules;
 use crate::span::{Entry, ItemKind, Lead, Leg, Span};
 use crate::tolerance::RADIUS_MM;
 use cnc_msgs::contour::{Approach, CutterSide, Motion, MotionClass, OutsideCorner, Source};
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{ChangeAt, RapidMode, Strictness};
@@ -69,6 +69,7 @@ impl Walk<'_> {
                 }
             }
         }
+        self.diagnostics.extend(slow_corner(active, motion, source));
         active.span.d_out_mm = d_out_mm;
         active.span.legs.push(Leg {
             element,
@@ -319,6 +320,37 @@ impl Walk<'_> {
     ) -> Lead {
         Lead { motion: *motion, source, start, approach, along: None }
     }
+}
+
+/// A feed that came with a move out of the plane and now holds for the corner and
+/// the contour behind it (S54).
+fn slow_corner(active: &Active, motion: &Motion, source: Source) -> Option<Diagnostic> {
+    let own = feed(motion)?;
+    let before = match active.span.legs.last() {
+        Some(leg) => leg.feed_mm_per_min?,
+        None => feed(&active.span.entry.lead.motion)?,
+    };
+    let count = active.span.legs.len();
+    let came = active
+        .span
+        .items
+        .iter()
+        .rev()
+        .take_while(|item| item.before == count)
+        .find(|item| matches!(item.what, ItemKind::OffPlane(off) if feed(&off) == Some(own)))?;
+    (own < before).then(|| {
+        let mut finding = Diagnostic::warning(
+            Code::SuspiciousValue,
+            source,
+            format!(
+                "the feed of {own} mm/min that came with a move out of the plane holds for this block \
+                 and its corner; before it was {before} mm/min"
+            ),
+        )
+        .help("write the feed of the contour into this block");
+        finding.other = Some(came.source);
+        finding
+    })
 }
 
 /// Whether the offsets of the last leg and of the next one, on the other side, meet.
