@@ -59,6 +59,11 @@ pub struct MachineState {
     pub spindle_rpm: f64,
     /// The program that runs or ran last; empty when none.
     pub program_id: String,
+    /// The revision of the path that is being run; 0 when none is.
+    pub path_revision: u64,
+    /// While a run stands in a hold: the elements of its path that have been sent or
+    /// are about to be, so that only what comes after them can change; else 0.
+    pub settled_elements: u64,
     /// The source line that is being cut; 0 when none.
     pub line: u32,
     /// The firmware's alarm, 0 when none.

@@ -57,6 +57,8 @@ pub fn machine_state_to_wire(header: Header, state: &MachineState) -> wire::Mach
         feed_rate: m_per_s_from_mm_per_min(state.feed_mm_per_min),
         spindle_speed: rad_per_s_from_rpm(state.spindle_rpm),
         program_id: state.program_id.clone(),
+        path_revision: state.path_revision,
+        settled_elements: state.settled_elements,
         line: state.line,
         alarm_code: state.alarm_code,
         is_homed: state.is_homed,

@@ -17,12 +17,14 @@ mod course;
 mod events;
 mod machine;
 mod proof;
+mod rest;
 mod run;
 mod stop;
 mod stream;
 
 pub use command::{Command, MDI, Refusal, RunRequest};
 pub use config::DriverConfig;
+pub use rest::RestRequest;
 
 use crate::codes::error_code;
 use crate::link::Link;
@@ -240,7 +242,8 @@ impl Driver {
     }
 
     fn is_proving(&self) -> bool {
-        self.check.is_some() || matches!(&self.phase, Phase::Running(run) if run.is_proving())
+        self.check.is_some()
+            || matches!(&self.phase, Phase::Running(run) if run.is_proving() || run.rest.is_some())
     }
 
     fn on_time(&mut self) {
@@ -257,6 +260,7 @@ impl Driver {
             _ => {}
         }
         self.step_check();
+        self.step_rest();
         self.step_shutdown();
     }
 

@@ -117,6 +117,16 @@ impl Encoder {
         self.next_element
     }
 
+    /// The same place in another path; `None` when that path is not the same so far.
+    pub fn going_on_with(&self, path: sync::Arc<CompensatedPath>) -> Option<Self> {
+        let (elements, events) = (self.next_element, self.next_event);
+        let is_same = path.start == self.path.start
+            && path.assumed_axes == self.path.assumed_axes
+            && path.elements.get(..elements)? == &self.path.elements[..elements]
+            && path.events.get(..events)? == &self.path.events[..events];
+        is_same.then(|| Self { path, ..self.clone() })
+    }
+
     /// Whether a [`Step::CheckStart`] is among the next steps.
     pub fn checks_start(&self) -> bool {
         self.pending.contains(&Step::CheckStart)

@@ -7,7 +7,7 @@
 
 mod mdi;
 
-use crate::driver::{Command, Driver, DriverConfig, Input, Output, RunRequest};
+use crate::driver::{Command, Driver, DriverConfig, Input, Output, RestRequest, RunRequest};
 use cnc_msgs::path::CompensatedPath;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -109,6 +109,11 @@ enum CommandForm {
     Unlock,
     Home,
     ConfirmToolChange,
+    TakeRest {
+        program_id: String,
+        of: u64,
+        revision: u64,
+    },
     /// The path has no program that it could be found by.
     ExecuteMdi(mdi::PathRecord),
     SetSingleBlock {
@@ -133,6 +138,11 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
         Command::Unlock => CommandForm::Unlock,
         Command::Home => CommandForm::Home,
         Command::ConfirmToolChange => CommandForm::ConfirmToolChange,
+        Command::TakeRest(request) => CommandForm::TakeRest {
+            program_id: request.program_id.clone(),
+            of: request.of,
+            revision: request.revision,
+        },
         Command::ExecuteMdi { path } => CommandForm::ExecuteMdi(mdi::PathRecord::of(path)),
         Command::SetSingleBlock(on) => CommandForm::SetSingleBlock { on: *on },
         Command::Shutdown => CommandForm::Shutdown,
@@ -161,6 +171,12 @@ pub fn command_from_json(
         CommandForm::Unlock => Command::Unlock,
         CommandForm::Home => Command::Home,
         CommandForm::ConfirmToolChange => Command::ConfirmToolChange,
+        CommandForm::TakeRest { program_id, of, revision } => {
+            let Some(path) = lookup(&program_id, revision) else {
+                return Err(CommandError::UnknownPath { program_id, revision });
+            };
+            Command::TakeRest(RestRequest { program_id, of, revision, path })
+        }
         CommandForm::ExecuteMdi(record) => Command::ExecuteMdi { path: Arc::new(record.path()?) },
         CommandForm::SetSingleBlock { on } => Command::SetSingleBlock(on),
         CommandForm::Shutdown => Command::Shutdown,
@@ -311,6 +327,12 @@ mod tests {
             Command::Unlock,
             Command::Home,
             Command::ConfirmToolChange,
+            Command::TakeRest(RestRequest {
+                program_id: "part".into(),
+                of: 3,
+                revision: 4,
+                path: path.clone(),
+            }),
             Command::ExecuteMdi { path: path.clone() },
             Command::SetSingleBlock(true),
             Command::Shutdown,

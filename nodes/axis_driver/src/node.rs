@@ -15,7 +15,7 @@ mod viewers;
 pub use parameters::driver_config;
 pub use traffic::kind_from_wire;
 
-use crate::driver::{Command, LogLevel, Output, Refusal, RunResult};
+use crate::driver::{Command, LogLevel, Output, Refusal, RestRequest, RunResult};
 use crate::journal::Entry;
 use crate::serial::{Event, Serial};
 use cnc_msgs::interface::Service;
@@ -24,7 +24,7 @@ use cnc_msgs::wire::cnc_msgs::srv::GetTraffic;
 use cnc_msgs::wire::std_msgs::msg::Bool;
 use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
 use edges::Edges;
-use path::Paths;
+use path::{Paths, Planned};
 use runtime::commands::{Answer, CommandLog};
 use runtime::{Handle, Health, HealthLevel, NodeResult, Qos, RequestInfo, RosTime};
 use std::collections::BTreeMap;
@@ -109,7 +109,11 @@ async fn start(node: Handle) -> NodeResult {
     node.service::<GetTraffic, _, _>("get_traffic", move |request, _| {
         std::future::ready(shared.answer(&request))
     })?;
-    let paths = Paths::follow(&node)?;
+    let (handle, shared) = (node.clone(), Arc::clone(&driver));
+    let paths = Paths::follow(&node, move |of, planned| {
+        let driver = Arc::clone(&shared);
+        handle.spawn("rest of a run", async move { driver.take_rest(of, planned).await });
+    })?;
     actions::offer(&node, &driver, paths)?;
     let shared = Arc::clone(&driver);
     node.diagnostics(move || vec![shared.health()])?;
@@ -253,6 +257,16 @@ impl Driver {
                 self.waiting().replies.remove(&id);
                 Err(refuse(format!("the driver did not answer within {} s", within.as_secs_f64())))
             }
+        }
+    }
+
+    /// Offers the core another path for what is left of its run.
+    async fn take_rest(&self, of: u64, planned: Planned) {
+        let Planned { program_id, revision, path, .. } = planned;
+        let request = RestRequest { program_id, of, revision, path };
+        match self.ask(Command::TakeRest(request), REPLY_WITHIN).await {
+            Ok(message) => tracing::info!("{message}"),
+            Err(refusal) => tracing::warn!("revision {revision} is not taken: {}", refusal.message),
         }
     }
 

@@ -34,6 +34,7 @@ mod normalise;
 mod preview;
 mod radius;
 mod reach;
+pub mod rest;
 mod restart;
 mod rules;
 pub mod set_tool;

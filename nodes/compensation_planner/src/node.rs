@@ -4,6 +4,7 @@
 //! again when either changes. What the path is, [`plan`](crate::plan) decides.
 
 mod block;
+mod live;
 mod tool_file;
 
 use crate::set_tool::{self, LoadedProgram, Refusal};
@@ -23,11 +24,13 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
 use cnc_msgs::wire::{nav_msgs, visualization_msgs};
+use live::{Live, RunningPlan};
 use runtime::chunks::{ChunkTopic, Cut, page, pull};
 use runtime::commands::{Answer, CommandLog};
 use runtime::{Client, Declared, Handle, NodeResult, Publisher, Qos, RosTime};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use tokio::sync::watch;
 use tool_file::ToolFile;
 
@@ -100,6 +103,7 @@ async fn start(node: Handle) -> NodeResult {
         std::future::ready(shared.findings(&request))
     })?;
 
+    live::follow(&node, &planner)?;
     let mut contours = node.subscription("programmed_contour", Qos::LATCHED)?;
     let chunks = node.client::<GetContourChunks>("programmed_contour/get_chunks")?;
     let shared = Arc::clone(&planner);
@@ -117,6 +121,8 @@ async fn start(node: Handle) -> NodeResult {
     let shared = Arc::clone(&planner);
     node.spawn("planning", async move {
         while work.changed().await.is_ok() {
+            let pause = shared.state().pause.take();
+            tokio::time::sleep(pause.unwrap_or_default()).await;
             work.borrow_and_update();
             let planner = Arc::clone(&shared);
             if let Err(error) = tokio::task::spawn_blocking(move || planner.plan()).await {
@@ -179,6 +185,9 @@ struct State {
     /// Counts the plans; the first is 1.
     revision: u64,
     current: Option<Current>,
+    live: Live,
+    /// Planning waits for so long, until the path before it has gone out.
+    pause: Option<Duration>,
 }
 
 /// The plan that is published.
@@ -218,6 +227,8 @@ impl Planner {
                 input: None,
                 revision: 0,
                 current: None,
+                live: Live::default(),
+                pause: None,
             }),
         })
     }
@@ -285,6 +296,7 @@ impl Planner {
             state.tools_revision
         };
         self.publish_tools();
+        let message = message + &self.go_live();
         self.replan.send_replace(());
         Ok((message, revision))
     }
@@ -317,7 +329,15 @@ impl Planner {
             chunks: None,
         };
         if accepted {
-            self.publish_path(&input, tools_revision, stamp, planned, &mut current);
+            let plan = RunningPlan {
+                revision,
+                program_id: current.program_id.clone(),
+                input: input.clone(),
+                tools,
+                path: Arc::new(planned.path),
+            };
+            self.publish_path(&plan, (tools_revision, 0, 0), stamp, &mut current);
+            self.state().live.newest = Some(plan);
         } else {
             self.state().current = Some(current);
         }
@@ -328,15 +348,16 @@ impl Planner {
         Header { stamp: stamp.into(), frame_id: input.manifest.header.frame_id.clone() }
     }
 
+    /// Publishes a path; the numbers are those of its manifest.
     fn publish_path(
         &self,
-        input: &Input,
-        tool_table_revision: u64,
+        plan: &RunningPlan,
+        (tool_table_revision, continues_revision, settled_elements): (u64, u64, u64),
         stamp: RosTime,
-        planned: Plan,
         current: &mut Current,
     ) {
-        let path = Arc::new(planned.path);
+        let RunningPlan { input, path, .. } = plan;
+        let path = Arc::clone(path);
         let extent = preview::extent(&path, self.chord_error_mm);
         let chunks =
             PathChunks::new(current.program_id.clone(), current.revision, Arc::clone(&path));
@@ -346,6 +367,8 @@ impl Planner {
             revision: current.revision,
             controller: input.manifest.controller.clone(),
             tool_table_revision,
+            continues_revision,
+            settled_elements,
             element_count: path.elements.len() as u64,
             event_count: path.events.len() as u64,
             chunk_count: chunks.count(),

@@ -37,9 +37,9 @@ fn stop_of(status: &str) -> Value {
 }
 
 /// Runs a program block by block and returns every stop.
-fn stops(machine: &Machine, program: &str, controller: &str) -> Vec<Value> {
+fn stops(machine: &Machine, program: &str, mut at_stop: impl FnMut(&Value)) -> Vec<Value> {
     machine.kerf(&["single-block", "on"]).expect(0).says(&["every block waits"]);
-    let running = machine.kerf_meanwhile(&["run", program, "--controller", controller]);
+    let running = machine.kerf_meanwhile(&["run", program, "--controller", "sinumerik_840c"]);
     let mut stops: Vec<Value> = Vec::new();
     while !running.is_finished() {
         let status = machine.kerf(&["status"]).out;
@@ -48,6 +48,7 @@ fn stops(machine: &Machine, program: &str, controller: &str) -> Vec<Value> {
         }
         let stop = stop_of(&status);
         if stops.last() != Some(&stop) {
+            at_stop(&stop);
             stops.push(stop);
             machine.kerf(&["resume"]).expect(0).says(&["the next block"]);
         }
@@ -63,15 +64,13 @@ fn s10_single_block_stops_behind_every_block_of_the_corner_of_11_15() {
     let program = "N10 G0 X15 Y60\nN20 G41 G450 G1 D1 X30 Y60 F2000\nN30 X40 Y80\n\
                    N40 G2 X65 Y55 I0 J-25\nN50 G40 G1 X80 Y55\nN60 M30\n";
     machine.folder.file("corner.mpf", program);
-    let stops = stops(&machine, "corner.mpf", "sinumerik_840c");
+    let stops = stops(&machine, "corner.mpf", |_| ());
     check_at_node(
         "S10",
         "s10_single_block_stops_behind_every_block_of_the_corner_of_11_15",
         &json!({ "stops": stops }),
     );
-    let bags = machine.until_bags(1);
-    let bag = bags[0].to_str().expect("UTF-8");
-    machine.kerf(&["replay", bag]).expect(0).says(&["driver: 0 differences"]);
+    reproduced(&machine, &machine.until_bags(1)[0]);
 }
 
 /// The lines in which a side was active, and whether both ever were.
@@ -132,9 +131,7 @@ fn n09_c20_compensation_in_a_single_block_does_nothing_or_is_refused() {
             "forbidden": { "says": refused.err.trim(), "x": number_behind(&after, "work", "X") },
         }),
     );
-    let bags = machine.until_bags(1);
-    let bag = bags[0].to_str().expect("UTF-8");
-    machine.kerf(&["replay", bag]).expect(0).says(&["driver: 0 differences"]);
+    reproduced(&machine, &machine.until_bags(1)[0]);
 }
 
 /// The elements of the newest plan in a bag.
@@ -214,4 +211,52 @@ fn m30_s46_an_offset_that_is_set_from_outside_moves_every_straight_and_is_kept()
     until("the other's file", || {
         std::fs::read_to_string(&tools).expect("there").contains("12.0").then_some(())
     });
+}
+
+#[test]
+fn s48_a_value_that_is_entered_in_a_stop_is_in_force_from_the_next_corner_on() {
+    let folder = Folder::new();
+    let tools = folder.file("tools.yaml", "offsets:\n  1: {radius_mm: 5.0}\n");
+    let table = format!("compensation_planner:tool_table:={}", tools.display());
+    let machine = Machine::virtual_with(10, &["-p", &table]);
+    let program = "N10 G0 X20 Y50\nN20 G41 G1 D1 X0 Y0 F3000\nN30 X100\nN40 Y100\nN50 X0\n\
+                   N60 G40 X50 Y60\nN70 M30\n";
+    machine.folder.file("square.mpf", program);
+    let mut said = String::new();
+    let held = stops(&machine, "square.mpf", |stop| {
+        // The tool stands at the end of the lead-on; N30 is the block that is ready.
+        if stop["role"] == "lead_on" {
+            said = machine.kerf(&["tool", "D1", "--diameter", "16"]).expect(0).out;
+        }
+    });
+    let bag = machine.until_bags(1).remove(0);
+    let again = stops(&machine, "square.mpf", |_| ());
+    let corners = |stops: &[Value]| -> Vec<Value> {
+        let ends = stops.iter().filter(|stop| stop["role"] == "contour");
+        ends.map(|stop| json!({ "line": stop["line"], "x": stop["x"], "y": stop["y"] })).collect()
+    };
+    check_at_node(
+        "S48",
+        "s48_a_value_that_is_entered_in_a_stop_is_in_force_from_the_next_corner_on",
+        &json!({
+            "said": said.trim().rsplit("; ").next(),
+            "held": corners(&held),
+            "next_run": corners(&again),
+        }),
+    );
+    reproduced(&machine, &bag);
+    reproduced(&machine, &machine.until_bags(2)[1]);
+}
+
+/// Fails unless every core does today what it did then.
+#[track_caller]
+fn reproduced(machine: &Machine, bag: &Path) {
+    let bag = bag.to_str().expect("UTF-8");
+    machine.kerf(&["bag", "info", bag]).expect(0).says(&["complete:    yes"]);
+    machine.kerf(&["replay", bag]).expect(0).says(&[
+        "reproduced",
+        "loader: 0 differences",
+        "planner: 0 differences",
+        "driver: 0 differences",
+    ]);
 }

@@ -2,6 +2,7 @@
 
 use super::config::{STANDSTILL, START_TOLERANCE_MM};
 use super::proof::{Check, Proof};
+use super::rest::RestRequest;
 use super::run::Run;
 use super::stop::{HoldWatch, Shutdown};
 use super::{Driver, Origin, Phase, RunOutcome};
@@ -36,6 +37,8 @@ pub enum Command {
     Home,
     /// The tool that was asked for is in the spindle.
     ConfirmToolChange,
+    /// Goes on with another path for what is left, while the machine stands in a hold.
+    TakeRest(RestRequest),
     /// Runs the path of a single block, from idle; answered as a run is.
     ExecuteMdi { path: Arc<CompensatedPath> },
     /// Whether the machine stops behind every block. It takes effect at the end of
@@ -87,13 +90,13 @@ impl Refusal {
 }
 
 /// What to answer now; `None` when the answer comes later.
-type Answer = Option<Result<String, Refusal>>;
+pub(super) type Answer = Option<Result<String, Refusal>>;
 
 fn done(text: &str) -> Answer {
     Some(Ok(text.to_owned()))
 }
 
-fn refused(code: u16, text: impl Into<String>) -> Answer {
+pub(super) fn refused(code: u16, text: impl Into<String>) -> Answer {
     Some(Err(Refusal::new(code, text)))
 }
 
@@ -115,6 +118,7 @@ impl Driver {
                 Command::Unlock => self.unlock(id),
                 Command::Home => self.home(id),
                 Command::ConfirmToolChange => self.confirm_tool_change(),
+                Command::TakeRest(request) => self.take_rest(id, request),
                 Command::ExecuteMdi { path } => self.run_program(id, RunRequest::mdi(path)),
                 Command::SetSingleBlock(is_on) => self.set_single_block(is_on),
                 Command::Shutdown => self.shut_down(id),
@@ -212,6 +216,10 @@ impl Driver {
             Phase::Ready if is_held => {}
             Phase::Running(run) if run.is_stopping() => {
                 return refused(error_code::BUSY, "the run is being stopped");
+            }
+            Phase::Running(run) if run.rest.is_some() => {
+                let text = "the rest of the program is being checked: try again";
+                return refused(error_code::BUSY, text);
             }
             Phase::Running(run) if is_held || run.is_held() => run.set_held(false),
             Phase::Running(run) if run.is_at_block_end() => {

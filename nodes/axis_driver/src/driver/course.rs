@@ -231,6 +231,9 @@ impl Driver {
             return self.reply(run.id, Err(Refusal { error_code, message }));
         }
         let (id, last_line) = (run.id, run.line());
+        if let Some(rest) = &run.rest {
+            self.reply(rest.id, Err(Refusal::new(error_code, message.clone())));
+        }
         if let Stage::Stopping(Stopping { reply: Some(reply), .. }) = run.stage {
             // No start message was heard: whether the reset arrived is not known.
             self.reply(reply, Err(Refusal::new(error_code, message.clone())));

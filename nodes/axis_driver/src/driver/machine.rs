@@ -245,7 +245,7 @@ impl Driver {
             }
             Phase::Adrift { reason } => state.reason.clone_from(reason),
             Phase::Homing { .. } => state.mode = Mode::Home,
-            Phase::Running(run) => run.compose_mode(state),
+            Phase::Running(run) => run.compose_mode(state, self.machine.is_held()),
             Phase::Ready | Phase::Unlocking { .. } => {}
         }
         if !state.reason.is_empty() {

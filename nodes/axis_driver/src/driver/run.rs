@@ -6,6 +6,7 @@ use super::block::BlockOfLine;
 use super::command::RunRequest;
 use super::machine::Machine;
 use super::proof::Proof;
+use super::rest::NewRest;
 use super::stop::Stopping;
 use crate::encoder::{EncodedLine, Encoder};
 use crate::estimate::Estimate;
@@ -32,6 +33,8 @@ pub(super) struct Run {
     pub(super) has_sent: bool,
     /// The line that was sent last, where single blocks are told apart.
     pub(super) block: Option<BlockOfLine>,
+    /// Another path for what is left, which is being looked at.
+    pub(super) rest: Option<Box<NewRest>>,
     /// A line of the next block, which waits for a resume.
     pub(super) next_block: Option<EncodedLine>,
     pub(super) tracker: Tracker,
@@ -124,6 +127,7 @@ impl Run {
             has_sent: false,
             block: None,
             next_block: None,
+            rest: None,
             tracker,
             estimate,
             total_s: 0.0,
@@ -204,8 +208,10 @@ impl Run {
         side(element).filter(|_| self.has_sent && !is_over)
     }
 
-    pub(super) fn compose_mode(&self, state: &mut MachineState) {
+    pub(super) fn compose_mode(&self, state: &mut MachineState, is_machine_held: bool) {
         state.compensation = self.compensation();
+        state.path_revision = self.request.revision;
+        state.settled_elements = self.settled(is_machine_held).unwrap_or(0);
         match &self.stage {
             Stage::ToolChange { tool, source_line } if state.mode == Mode::Idle => {
                 state.mode = Mode::ToolChange;

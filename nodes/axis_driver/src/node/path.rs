@@ -41,7 +41,11 @@ pub(super) struct Paths {
 
 impl Paths {
     /// Subscribes; chunks are pulled from the planner as fast as this side takes them.
-    pub(super) fn follow(node: &Handle) -> Result<Self, NodeError> {
+    /// What is meant for the rest of a run goes to `on_rest`, with the revision that runs.
+    pub(super) fn follow(
+        node: &Handle,
+        on_rest: impl Fn(u64, Planned) + Send + 'static,
+    ) -> Result<Self, NodeError> {
         let paths = Self::default();
         let mut manifests =
             node.subscription::<wire::CompensatedPath>("compensated_path", Qos::LATCHED)?;
@@ -52,7 +56,10 @@ impl Paths {
                 // Of several that waited only the newest matters.
                 let (first, _) = manifests.next().await;
                 let manifest = manifests.drain().pop().map_or(first, |(newest, _)| newest);
+                let of = manifest.continues_revision;
                 match fetch(&client, &manifest).await {
+                    // It is for a run that stands in a hold; no run can begin with it.
+                    Ok(planned) if of > 0 => on_rest(of, planned),
                     Ok(planned) => shared.take(planned),
                     Err(error) => tracing::error!(
                         "revision {} of the compensated path cannot be had: {error}",

@@ -1,12 +1,15 @@
 //! The planner's core on recorded contours and tool tables.
 
 use super::compare::Comparison;
-use super::recording::Recording;
+use super::recording::{RecordedProgram, Recording};
 use super::{Output, ReplayError};
 use cnc_msgs::chunk::PathChunks;
+use cnc_msgs::profile::Profile;
 use cnc_msgs::units::point_from_position;
 use cnc_msgs::wire::cnc_msgs::msg::{CompensatedPath, CompensationReport, PathChunk};
 use compensation_planner::plan;
+use compensation_planner::rest::{Rest, plan_rest};
+use compensation_planner::set_tool::LoadedProgram;
 use std::sync::Arc;
 
 /// Plans again whatever was planned and whose inputs are there.
@@ -29,7 +32,10 @@ pub(super) fn replay(
         let profile = runtime::profile_from_yaml(&program.manifest.profile).map_err(|error| {
             ReplayError::Input { of: report.program_id.clone(), reason: error.to_string() }
         })?;
-        let now = plan(&program.contour, &profile, tools);
+        let now = match rest_of(recording, program, &profile, revision)? {
+            Some(rest) => rest.plan,
+            None => plan(&program.contour, &profile, tools),
+        };
         let errors = now.diagnostics.iter().filter(|finding| finding.is_error()).count();
         let mut report_now = CompensationReport {
             accepted: now.accepted(),
@@ -70,4 +76,39 @@ pub(super) fn replay(
             .extend(chunks.iter().map(|chunk| Output::new("compensated_path/chunks", at, chunk)));
     }
     Ok(())
+}
+
+/// What was planned for the rest of a run that stood in a hold: upon the plan that ran
+/// then, which may be such a rest itself. `None` for a plan of its own.
+fn rest_of(
+    recording: &Recording,
+    program: &RecordedProgram,
+    profile: &Profile,
+    revision: u64,
+) -> Result<Option<Rest>, ReplayError> {
+    let manifest = recording.plans.get(&revision).and_then(|plan| plan.manifest.as_ref());
+    let Some(manifest) = manifest.filter(|manifest| manifest.continues_revision > 0) else {
+        return Ok(None);
+    };
+    let of = || format!("revision {revision} of {}", manifest.program_id);
+    let base = manifest.continues_revision;
+    let earlier = (base < revision).then(|| recording.plans.get(&base)).flatten();
+    let running = earlier.and_then(|plan| plan.path.as_ref());
+    let tables = earlier.map(|plan| plan.report.tool_table_revision);
+    let before = tables.and_then(|revision| recording.tool_tables.get(&revision));
+    let after = recording.tool_tables.get(&manifest.tool_table_revision);
+    let (Some(running), Some(before), Some(after)) = (running, before, after) else {
+        return Err(ReplayError::Incomplete { what: "the plan that ran", of: of() });
+    };
+    let base = rest_of(recording, program, profile, base)?;
+    let (contour, before) = match &base {
+        Some(rest) => (&rest.contour, &rest.tools),
+        None => (&*program.contour, before),
+    };
+    let name = &program.manifest.name;
+    let settled = usize::try_from(manifest.settled_elements).unwrap_or(usize::MAX);
+    let program = LoadedProgram { name, contour, profile };
+    plan_rest(program, before, after, running, settled)
+        .map(Some)
+        .map_err(|reason| ReplayError::Input { of: of(), reason })
 }

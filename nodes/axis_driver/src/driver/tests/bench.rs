@@ -292,6 +292,12 @@ impl Bench {
         self.command(100, Command::RunProgram(request));
     }
 
+    /// Keeps a path for the replay; gives its revision.
+    pub(super) fn keep(&mut self, path: &Arc<CompensatedPath>) -> u64 {
+        self.paths.push(Arc::clone(path));
+        self.paths.len() as u64 - 1
+    }
+
     pub(super) fn command(&mut self, id: u64, command: Command) {
         self.handle(Input::Command { id, command });
     }

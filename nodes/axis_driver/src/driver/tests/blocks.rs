@@ -206,3 +206,52 @@ fn homing_that_fails_or_is_canceled_ends_the_run_and_the_position_is_not_trusted
     assert_eq!(code, error_code::NOT_ENCODABLE);
     assert!(message.contains("Home X: it homes all axes together"), "{message}");
 }
+
+#[test]
+fn s48_what_is_left_of_a_run_can_be_another_path_while_the_machine_holds() {
+    let old = straight(60);
+    let mut bench = Bench::running(old.clone());
+    let rest = |bench: &mut Bench, path: CompensatedPath, of| {
+        let path = Arc::new(path);
+        let revision = bench.keep(&path);
+        bench.command(
+            7,
+            Command::TakeRest(RestRequest { program_id: "part".into(), of, revision, path }),
+        );
+    };
+    let shifted = |from: usize| {
+        let mut path = old.clone();
+        path.elements[from..].iter_mut().for_each(|element| element.end[1] = 3.0);
+        path
+    };
+    rest(&mut bench, shifted(50), 0);
+    assert_eq!(refusal(bench.replies.pop().unwrap().1).0, error_code::BUSY);
+    bench.ask(Command::FeedHold).unwrap();
+    bench.until("a hold", |bench| bench.state().settled_elements > 0);
+    let settled = bench.state().settled_elements as usize;
+    assert_eq!(bench.state().path_revision, 0);
+    for (path, of, code) in [
+        (shifted(settled - 1), 0, error_code::START_POSITION),
+        (straight(4), 0, error_code::START_POSITION),
+        (shifted(settled), 9, error_code::NOTHING_TO_DO),
+    ] {
+        rest(&mut bench, path, of);
+        assert_eq!(refusal(bench.replies.pop().unwrap().1).0, code);
+    }
+    // What cannot be sent does not count, and the run is what it was.
+    let mut impossible = shifted(settled);
+    impossible.elements[59].end[0] = 1e9;
+    rest(&mut bench, impossible, 0);
+    bench.until("an answer", |bench| bench.replies.iter().any(|(id, _)| *id == 7));
+    assert_eq!(refusal(bench.replies.pop().unwrap().1).0, error_code::NOT_ENCODABLE);
+    rest(&mut bench, shifted(settled), 0);
+    bench.until("an answer", |bench| bench.replies.iter().any(|(id, _)| *id == 7));
+    let revision = bench.state().path_revision;
+    assert!(revision > 0, "{:?}", bench.replies.pop());
+    bench.ask(Command::Resume).unwrap();
+    assert_ended(&bench.result(), RunOutcome::Succeeded, 0);
+    let executed = &bench.firmware.executed;
+    assert_eq!(executed.len(), 62, "no line is lost and none is sent twice");
+    assert_eq!(executed[settled], format!("X{}", 10 * settled));
+    assert_eq!(executed[settled + 1], format!("X{}Y3", 10 * (settled + 1)));
+}

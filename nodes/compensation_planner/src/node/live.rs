@@ -1,0 +1,127 @@
+//! A new value of an offset for a program that runs, where the control works so.
+//!
+//! Follows what the driver says of its run. When the machine stands in a hold, the
+//! rest of the path is planned anew and offered; whether it is taken the driver
+//! decides, and says so in its state. In every other case a program keeps the
+//! values that it began with.
+
+use super::{Current, Input, Planner};
+use crate::rest::{Rest, plan_rest};
+use crate::set_tool::LoadedProgram;
+use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::tool_table::ToolTable;
+use cnc_msgs::wire::cnc_msgs::msg::MachineState;
+use runtime::{Handle, NodeError, Qos};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How long the driver may take to fetch and prove a rest.
+const TAKEN_WITHIN: Duration = Duration::from_secs(5);
+/// How often its state is looked at meanwhile.
+const LOOK: Duration = Duration::from_millis(20);
+/// A chunk goes out on its topic in less.
+const CHUNK: Duration = Duration::from_millis(15);
+
+/// A path with what it was planned from.
+#[derive(Clone)]
+pub(super) struct RunningPlan {
+    pub(super) revision: u64,
+    pub(super) program_id: String,
+    pub(super) input: Input,
+    pub(super) tools: ToolTable,
+    pub(super) path: Arc<CompensatedPath>,
+}
+
+/// What runs, as far as this node planned it.
+#[derive(Default)]
+pub(super) struct Live {
+    pub(super) newest: Option<RunningPlan>,
+    running: Option<RunningPlan>,
+    /// Revision of the path that runs, 0 when none does.
+    revision: u64,
+    /// Elements of it that can no longer change; 0 unless the machine stands in a hold.
+    settled: u64,
+}
+
+impl Live {
+    fn hear(&mut self, state: &MachineState) {
+        (self.revision, self.settled) = (state.path_revision, state.settled_elements);
+        let is_meant = |plan: &&RunningPlan| {
+            plan.revision == state.path_revision && plan.program_id == state.program_id
+        };
+        if self.running.as_ref().filter(is_meant).is_none() {
+            self.running = self.newest.as_ref().filter(is_meant).cloned();
+        }
+    }
+}
+
+/// Follows the driver's state.
+pub(super) fn follow(node: &Handle, planner: &Arc<Planner>) -> Result<(), NodeError> {
+    let mut states = node.subscription::<MachineState>("machine_state", Qos::LATCHED)?;
+    let planner = Arc::clone(planner);
+    node.spawn("machine state", async move {
+        loop {
+            let (first, _) = states.next().await;
+            let newest = states.drain().pop().map_or(first, |(newest, _)| newest);
+            planner.state().live.hear(&newest);
+        }
+    });
+    Ok(())
+}
+
+impl Planner {
+    /// Brings the table into force for a program that stands in a hold, where its
+    /// control says so; tells what came of it.
+    pub(super) fn go_live(&self) -> String {
+        let (live, tools, tools_revision, is_running) = {
+            let state = self.state();
+            let Live { running, settled, revision, .. } = &state.live;
+            let live = running.clone().map(|running| (running, *settled));
+            (live, state.tools.clone(), state.tools_revision, *revision > 0)
+        };
+        let keeps = |why: &str| format!("; the program that runs keeps its values: {why}");
+        let Some((running, settled)) = live else {
+            return if is_running { keeps("it is not of this planner") } else { String::new() };
+        };
+        if settled == 0 {
+            return keeps("it does not stand in a hold");
+        }
+        let Input { manifest, contour, profile } = &running.input;
+        let program = LoadedProgram { name: &manifest.name, contour, profile };
+        let settled_here = usize::try_from(settled).unwrap_or(usize::MAX);
+        let rest = plan_rest(program, &running.tools, &tools, &running.path, settled_here);
+        let Rest { contour, tools, plan, from_line } = match rest {
+            Ok(rest) => rest,
+            Err(why) => return keeps(&why),
+        };
+        let revision = {
+            let mut state = self.state();
+            state.revision += 1;
+            state.revision
+        };
+        let stamp = self.node.now();
+        let report = self.report_of(&running.input, (revision, tools_revision), stamp, &plan);
+        let mut current = Current {
+            program_id: running.program_id.clone(),
+            revision,
+            diagnostics: Arc::new(plan.diagnostics.iter().map(Into::into).collect()),
+            chunks: None,
+        };
+        let input = Input { contour: Arc::new(contour), ..running.input };
+        let offered = RunningPlan { revision, input, tools, path: Arc::new(plan.path), ..running };
+        self.state().live.newest = Some(offered.clone());
+        let numbers = (tools_revision, running.revision, settled);
+        self.publish_path(&offered, numbers, stamp, &mut current);
+        self.report.publish(report);
+        let chunks = (offered.path.elements.len() / 300 + 2) as u32;
+        self.state().pause = Some(CHUNK * chunks);
+        let end = Instant::now() + TAKEN_WITHIN;
+        while Instant::now() < end {
+            if self.state().live.revision == revision {
+                return format!("; in force in the program that runs, from line {from_line} on");
+            }
+            std::thread::sleep(LOOK);
+        }
+        keeps("the driver did not take the rest of the path")
+    }
+}
