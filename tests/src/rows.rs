@@ -118,6 +118,17 @@ pub fn of(control: &str) -> Vec<Row> {
         rows.extend(more);
     }
     rows.sort_by(|a, b| a.id.cmp(&b.id));
+    // What is proved in two places, in cases and at a node, is one row.
+    rows.dedup_by(|more, row| {
+        let is_same = more.id == row.id && (more.cases.is_empty() || row.cases.is_empty());
+        if is_same {
+            if row.cases.is_empty() {
+                std::mem::swap(row, more);
+            }
+            row.nodes.append(&mut more.nodes);
+        }
+        is_same
+    });
     rows
 }
 

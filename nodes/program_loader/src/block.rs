@@ -11,6 +11,8 @@ pub(crate) struct LexerRules {
     pub(crate) at_words: bool,
     /// `/2` deletes by level.
     pub(crate) delete_levels: bool,
+    /// `MoveLinear([X], [1])` is a call, `//` and `/* */` are comments, `( )` is none.
+    pub(crate) calls: bool,
 }
 
 /// One word.

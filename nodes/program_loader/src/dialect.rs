@@ -4,7 +4,7 @@
 //! controls, so that each dialect has its own file beside this one. This file
 //! knows the meanings that the interpreter can execute.
 
-mod automation1;
+pub(crate) mod automation1;
 mod masso;
 mod nct;
 mod osp_lathe;
@@ -51,6 +51,8 @@ pub(crate) enum RadiusWord {
     ModalOffset,
     /// P, a radius that is added to that of the tool in the spindle.
     Addend,
+    /// None: a word or call of its own has set it.
+    Set,
 }
 
 /// What a G word means.
@@ -79,6 +81,14 @@ pub(crate) enum GWord {
     Dwell,
     /// A corner arc about the end of the block before (NCT G39).
     CornerArc,
+    /// The axes of compensation, in order (Automation1 G44).
+    SetAxes,
+    /// The axes of corner rounding, in order.
+    RoundingAxes,
+    /// The radius of compensation (Automation1 G43).
+    SetRadius,
+    /// Axes are homed.
+    Home,
     /// G9: the axes stop at the end of this block.
     ExactStop,
     Reference {
@@ -136,7 +146,13 @@ impl GWord {
             Self::LengthOn | Self::LengthOff => Group::Length,
             Self::WorkOffset(_) => Group::WorkOffset,
             Self::Accepted(group, _) => group,
-            Self::Dwell | Self::CornerArc | Self::Reference { .. } => Group::NonModal,
+            Self::Dwell
+            | Self::CornerArc
+            | Self::SetAxes
+            | Self::RoundingAxes
+            | Self::SetRadius
+            | Self::Home
+            | Self::Reference { .. } => Group::NonModal,
             Self::ExactStop => Group::ExactStop,
             Self::MachineCoordinates => Group::MachineCoordinates,
             Self::Refused(_) | Self::Unknown => return None,

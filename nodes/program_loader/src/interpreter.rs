@@ -199,6 +199,13 @@ impl<'r> Interpreter<'r> {
         if let Some((GWord::CornerArc, at)) = self.request.g(Group::NonModal) {
             self.corner_arc(scene, at);
         }
+        match self.request.g(Group::NonModal) {
+            Some((GWord::SetRadius, at)) => self.set_radius(scene, at),
+            Some((GWord::SetAxes, at)) => self.set_axes(scene, at, false),
+            Some((GWord::RoundingAxes, at)) => self.set_axes(scene, at, true),
+            Some((GWord::Home, _)) => self.home_axes(),
+            _ => {}
+        }
         if let Some((GWord::ExactStop, _)) = self.request.g(Group::ExactStop) {
             self.act(Action::ExactStop);
         }

@@ -4,6 +4,8 @@
 //! A word that cannot be read is reported once and stays in the block as
 //! present, so that nothing is reported as missing because of it.
 
+pub(crate) mod call;
+
 use crate::block::{Block, LexerRules, Word};
 use crate::findings::Findings;
 use crate::limits::{BLOCK_WORDS_MAX, NUMBER_MAX};
@@ -38,7 +40,8 @@ impl Lexer<'_> {
             match byte {
                 b' ' | b'\t' => self.at += 1,
                 b'A'..=b'Z' | b'a'..=b'z' => self.word(byte & 0xDF),
-                b'(' => self.comment(),
+                b'/' if self.rules.calls => self.slashes(),
+                b'(' if !self.rules.calls => self.comment(),
                 b';' => return,
                 b'/' => self.slash(),
                 b'@' if self.rules.at_words => self.word(b'@'),
@@ -64,6 +67,9 @@ impl Lexer<'_> {
         let mut digits = start + 1;
         while matches!(text.get(digits), Some(b' ' | b'\t')) {
             digits += 1;
+        }
+        if self.rules.calls && text.get(start + 1).is_some_and(u8::is_ascii_alphabetic) {
+            return self.name(start);
         }
         if letter == b'O' {
             return self.rest(
@@ -119,6 +125,12 @@ impl Lexer<'_> {
                 self.at = digits;
                 return self.expression(letter, start);
             }
+        }
+        let sets_axes = || self.block.words.iter().any(|w| w.letter == b'G' && w.value == 44.0);
+        if self.rules.calls && matches!(letter, b'X' | b'Y' | b'Z') && sets_axes() {
+            // G44 X Y names axes.
+            self.at = start + 1;
+            return self.add(letter, 0.0, start);
         }
         self.at = match trouble.what {
             Trouble::Missing => end_of_name(text, start),
@@ -214,6 +226,24 @@ impl Lexer<'_> {
             let help = "controls end the comment at the first ); use [ ] inside it";
             self.report(Code::Syntax, inner, message, help);
             self.at = end;
+        }
+    }
+
+    /// `//` to the end of the line, `/* */` within it.
+    fn slashes(&mut self) {
+        let (start, text) = (self.at, self.line.text);
+        match text.get(start + 1) {
+            Some(b'/') => self.at = text.len(),
+            Some(b'*') => {
+                self.block.has_remark = true;
+                let close = text[start + 2..].windows(2).position(|pair| pair == b"*/");
+                self.at = close.map_or(text.len(), |length| start + length + 4);
+                if close.is_none() {
+                    let message = "the comment is not closed in its line".to_owned();
+                    self.report(Code::Syntax, start, message, "close it with */ on the same line");
+                }
+            }
+            _ => self.slash(),
         }
     }
 

@@ -1,34 +1,76 @@
-//! Aerotech Automation1: G code, and AeroScript calls between.
+//! Aerotech Automation1: G code, and AeroScript calls of motion and compensation.
+//!
+//! Calls become words (see `lexer/call.rs`). G43 sets the radius, G44 the axes of
+//! compensation; a rapid does not follow a path (A08).
 
-use super::rs274::{common, common_m};
-use super::{Dialect, GWord, Letters, MWord, RadiusWord};
+use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
+use super::{Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units};
 use crate::block::LexerRules;
+use crate::lexer::call;
+use cnc_msgs::contour::CutterSide;
+use cnc_msgs::geometry::Plane;
 
 pub(super) static DIALECT: Dialect = Dialect {
     lexer: LexerRules {
-        blanks_in_numbers: true,
+        blanks_in_numbers: false,
         written_line_feed: false,
         at_words: false,
         delete_levels: false,
+        calls: true,
     },
     g,
     m,
-    letters: Letters::of(b"XYZIJKRFSTHLPQ"),
-    // M18 names Z, A and B.
-    foreign_axes: Letters::of(b"ABCUVW"),
+    letters: Letters::of(b"XYZIJKRFSTPQ"),
+    foreign_axes: Letters::of(b"ABCUVWD"),
     auxiliary: Letters::NONE,
-    radius_word: RadiusWord::Addend,
+    radius_word: RadiusWord::Set,
     approach_direction: false,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,
     percent_delimits: true,
 };
 
+/// What a call means that no G word stands for.
+pub(crate) fn called(number: f64) -> GWord {
+    match number {
+        call::SET_AXES => GWord::SetAxes,
+        call::ROUNDING_AXES => GWord::RoundingAxes,
+        call::HOME => GWord::Home,
+        _ => GWord::Unknown,
+    }
+}
+
 fn g(tenths: u16) -> GWord {
     match tenths {
-        // Fine points of LinuxCNC that MASSO's page does not name.
-        80 | 611 => GWord::Unknown,
-        _ => common(tenths),
+        0 => GWord::Motion(Mode::Rapid),
+        10 => GWord::Motion(Mode::Feed),
+        20 => GWord::Motion(Mode::Arc { clockwise: true }),
+        30 => GWord::Motion(Mode::Arc { clockwise: false }),
+        40 => GWord::Dwell,
+        90 => GWord::ExactStop,
+        170 => GWord::Plane(Plane::Xy),
+        180 => GWord::Plane(Plane::Zx),
+        190 => GWord::Plane(Plane::Yz),
+        330 => GWord::RefusedMotion(THREAD),
+        400 => GWord::CompensationOff,
+        410 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: false },
+        420 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: false },
+        430 => GWord::SetRadius,
+        440 => GWord::SetAxes,
+        530 => GWord::MachineCoordinates,
+        540 | 550 | 560 | 570 | 580 | 590 => GWord::WorkOffset((tenths / 10 - 53) as u8),
+        610 | 640 => GWord::Accepted(Group::Path, Letters::NONE),
+        700 => GWord::Units(Units::Inch),
+        710 => GWord::Units(Units::Millimetre),
+        810..=899 => GWord::RefusedMotion(CYCLE),
+        900 => GWord::Distance(Distance::Absolute),
+        910 => GWord::Distance(Distance::Incremental),
+        920 => GWord::Refused(OFFSETS),
+        930 | 950 => GWord::Refused(FEED_MODE),
+        940 => GWord::Accepted(Group::Feed, Letters::NONE),
+        960 => GWord::Refused(CONSTANT_SPEED),
+        970 => GWord::Accepted(Group::SpindleMode, Letters::NONE),
+        _ => GWord::Unknown,
     }
 }
 

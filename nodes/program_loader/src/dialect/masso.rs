@@ -10,6 +10,7 @@ pub(super) static DIALECT: Dialect = Dialect {
         written_line_feed: false,
         at_words: false,
         delete_levels: false,
+        calls: false,
     },
     g,
     m,

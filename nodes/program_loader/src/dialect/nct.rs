@@ -16,6 +16,7 @@ pub(super) static DIALECT: Dialect = Dialect {
         written_line_feed: false,
         at_words: false,
         delete_levels: true,
+        calls: false,
     },
     g,
     m,

@@ -207,7 +207,7 @@ impl Interpreter<'_> {
     }
 
     #[cold]
-    fn negative(&mut self, scene: &mut Scene<'_>, letter: u8) {
+    pub(super) fn negative(&mut self, scene: &mut Scene<'_>, letter: u8) {
         let message = format!("{} is negative", scene.quote(self.request.word(letter)));
         self.complain(scene, letter, Code::BadNumber, message, "write a number above 0");
     }

@@ -6,13 +6,14 @@
 //! D0 selects nothing (S22). While compensation is on it deselects (S29), or only
 //! suspends: then the next D that is not 0 selects again (N06), as the profile says.
 
-use super::moves::CENTER_WORDS;
+use super::axes::Cause;
+use super::moves::{AXIS_WORDS, CENTER_WORDS};
 use super::{Interpreter, Scene};
 use crate::dialect::{GWord, Group, Mode, RadiusWord};
 use crate::limits::COORDINATE_MM_MAX;
-use cnc_msgs::contour::{Approach, ContourEventKind, CutterSide, RadiusSource, Source};
+use cnc_msgs::contour::{Action, Approach, ContourEventKind, CutterSide, RadiusSource, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
-use cnc_msgs::geometry::Direction;
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Direction};
 use cnc_msgs::profile::ZeroOffset;
 
 #[derive(Debug, Default)]
@@ -23,6 +24,9 @@ pub(super) struct Compensation {
     selected: Option<Source>,
     /// The D in force, where D is modal.
     offset: Option<u32>,
+    /// The axes of compensation and of corner rounding, where words set them.
+    axes: Option<[usize; 2]>,
+    rounding_axes: Option<[usize; 2]>,
     /// The D that the planner has been told.
     told_offset: Option<u32>,
 }
@@ -105,6 +109,97 @@ impl Interpreter<'_> {
         (along != [0.0; 3] && along.iter().all(|part| part.is_finite())).then_some(along)
     }
 
+    /// The radius that counts from here on (A13).
+    #[cold]
+    pub(super) fn set_radius(&mut self, scene: &mut Scene<'_>, at: usize) {
+        let scale = self.scale();
+        let Some(radius) = self.take_within(scene, b'P', scale, COORDINATE_MM_MAX, "mm") else {
+            let message = format!("{} has no P", scene.quote(at));
+            return self.complain_at(
+                scene,
+                at,
+                Code::MissingWord,
+                message,
+                "write the radius behind P",
+            );
+        };
+        if radius < 0.0 {
+            return self.negative(scene, b'P');
+        }
+        self.emit(ContourEventKind::Radius(RadiusSource::Radius(radius)));
+    }
+
+    /// The axes of compensation or of corner rounding, in their order (A09 to A12).
+    #[cold]
+    pub(super) fn set_axes(&mut self, scene: &mut Scene<'_>, at: usize, rounds_corners: bool) {
+        let mut axes = Vec::new();
+        for word in &scene.block.words {
+            if let Some(axis) = AXIS_WORDS.iter().position(|&letter| letter == word.letter) {
+                axes.push(axis);
+            }
+        }
+        for letter in AXIS_WORDS {
+            let _ = self.take(letter);
+        }
+        if !(2..=3).contains(&axes.len()) {
+            let message =
+                format!("{} names {} axes; 2 or 3 are needed", scene.quote(at), axes.len());
+            let help =
+                "name the axes of the plane in its order: X Y in G17, Z X in G18, Y Z in G19";
+            return self.complain_at(scene, at, Code::Axes, message, help);
+        }
+        let pair = [axes[0], axes[1]];
+        let state = &mut self.modal.compensation;
+        if rounds_corners {
+            state.rounding_axes = Some(pair);
+        } else {
+            state.axes = Some(pair);
+        }
+        self.axes_agree(scene, at);
+    }
+
+    /// Whether the axes of compensation are those of the plane and of corner rounding.
+    fn axes_agree(&mut self, scene: &mut Scene<'_>, at: usize) -> bool {
+        let Some(axes) = self.modal.compensation.axes else { return true };
+        let name = |axes: [usize; 2]| axes.map(|axis| AXIS_LETTERS[axis].to_string()).join(" ");
+        let [u, v, _] = self.modal.plane.axes();
+        let message = match self.modal.compensation.rounding_axes {
+            _ if axes != [u, v] => format!(
+                "compensation has the axes {}, and the plane {} has {}",
+                name(axes),
+                self.modal.plane.name(),
+                name([u, v])
+            ),
+            Some(rounding) if rounding != axes => format!(
+                "compensation has the axes {}, and corner rounding {}",
+                name(axes),
+                name(rounding)
+            ),
+            _ => return true,
+        };
+        let help = "give both the axes of the plane, in its order";
+        self.complain_at(scene, at, Code::Axes, message, help);
+        false
+    }
+
+    /// Homing switches compensation off at once (A05).
+    #[cold]
+    pub(super) fn home_axes(&mut self) {
+        let mut named = AxisSet::NONE;
+        for (axis, letter) in AXIS_WORDS.into_iter().enumerate() {
+            if self.take(letter).is_some() {
+                named = named.with(axis);
+            }
+        }
+        if self.request.is_damaged {
+            return self.axes.poison(named);
+        }
+        let state = &mut self.modal.compensation;
+        (state.side, state.selected, state.told_offset) = (None, None, None);
+        self.emit(ContourEventKind::Action(Action::Home { axes: named }));
+        self.axes.lose(named, Cause { source: self.source, word: "Home" });
+    }
+
     /// A corner arc, alone in its block.
     #[cold]
     pub(super) fn corner_arc(&mut self, scene: &mut Scene<'_>, at: usize) {
@@ -148,6 +243,11 @@ impl Interpreter<'_> {
     fn select(&mut self, scene: &mut Scene<'_>, side: CutterSide, is_dynamic: bool, at: usize) {
         match self.rules.dialect.radius_word {
             RadiusWord::ModalOffset => return self.select_with_offset(scene, side, at),
+            RadiusWord::Set => {
+                if !self.axes_agree(scene, at) {
+                    return;
+                }
+            }
             RadiusWord::Addend => {
                 let radius = self.take_within(scene, b'P', self.scale(), COORDINATE_MM_MAX, "mm");
                 let radius = RadiusSource::SpindleToolPlus(radius.unwrap_or(0.0));

@@ -47,6 +47,12 @@ impl Interpreter<'_> {
             return;
         }
         let has_axes = AXIS_WORDS.iter().any(|&letter| self.request.present.contains(letter));
+        if let Some((GWord::SetAxes | GWord::RoundingAxes | GWord::Home, _)) =
+            self.request.g(Group::NonModal)
+        {
+            // The axes are only named.
+            return;
+        }
         if let Some((GWord::Reference { second }, at)) = self.request.g(Group::NonModal) {
             return self.reference(scene, second, at);
         }

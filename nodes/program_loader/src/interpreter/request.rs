@@ -4,7 +4,7 @@
 
 use super::Scene;
 use crate::block::Word;
-use crate::dialect::{GWord, Group, Letters, MWord};
+use crate::dialect::{GWord, Group, Letters, MWord, automation1};
 use crate::limits::CODE_FUZZ;
 use cnc_msgs::contour::{Approach, CoolantMode, OutsideCorner};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
@@ -64,6 +64,7 @@ impl Request {
             match word.letter {
                 b'G' => self.g_word(scene, word, at),
                 b'M' => self.m_word(scene, word, at),
+                b'@' if scene.rules.dialect.lexer.calls => self.called(scene, word, at),
                 b'@' => self.at_word(scene, word, at),
                 _ => self.value_word(scene, word, at),
             }
@@ -246,6 +247,25 @@ impl Request {
         }
         self.m[self.m_count] = (meaning, number, at as u8);
         self.m_count += 1;
+    }
+
+    /// A call that no G word stands for.
+    #[cold]
+    fn called(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
+        let meaning = automation1::called(word.value);
+        // What holds for G44 holds for the call that does the same.
+        if meaning == GWord::SetAxes
+            && scene.under_compensation.is_some()
+            && scene.rules.forbids(b'G', 440)
+            && self.forbidden(scene, at)
+        {
+            return;
+        }
+        if let Some(group) = meaning.group()
+            && self.claim(scene, group, at)
+        {
+            self.g[group as usize] = meaning;
+        }
     }
 
     /// `@` functions of the 840C.
