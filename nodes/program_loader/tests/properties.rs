@@ -8,7 +8,8 @@ use common::profile;
 use program_loader::{LoadOptions, Loaded, limits, load, render};
 use proptest::prelude::*;
 
-const CONTROLS: [&str; 3] = ["rs274", "masso", "sinumerik_840c"];
+const CONTROLS: [&str; 6] =
+    ["rs274", "masso", "sinumerik_840c", "automation1", "osp_lathe", "nct"];
 
 fn load_as(control: &str, text: &[u8]) -> Loaded {
     load(text, &profile(control), &LoadOptions::default())
@@ -53,6 +54,9 @@ fn nearly_a_program() -> impl Strategy<Value = String> {
         "G(450|451|455|456|81|92|70|71) ?",
         "[XYZIJK]-?[0-9]{1,3} ?",
         "(F100|S100|D1|D0|H1|P2|R10|M3|M6|M8|M30|T1) ?",
+        "(MoveLinear|MoveCw|MoveRapid|Home|CutterCompensationSetAxes|Dwell|Foo)\\(?\\[?[XYZ1-9]?,? ?[XY]?",
+        "\\]?,? ?\\[?[0-9XY$]?,? ?[0-9]?\\]?\\)? ?",
+        "(G38|G39|G43 P1|G44 X Y|//|/\\*|\\*/|T010203) ?",
         "[\\(\\);\\[\\]#$=<> \tXG\r\u{fc}.+-]",
     ];
     proptest::collection::vec(prop_oneof![9 => word, 3 => Just("\n".to_owned())], 0..120)

@@ -20,7 +20,7 @@ pub(super) static DIALECT: Dialect = Dialect {
     },
     g,
     m,
-    letters: Letters::of(b"XYZIJKRFSTDHPQ"),
+    letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
     radius_word: RadiusWord::ModalOffset,

@@ -114,6 +114,9 @@ impl Interpreter<'_> {
     pub(super) fn set_radius(&mut self, scene: &mut Scene<'_>, at: usize) {
         let scale = self.scale();
         let Some(radius) = self.take_within(scene, b'P', scale, COORDINATE_MM_MAX, "mm") else {
+            if scene.block.is_damaged {
+                return;
+            }
             let message = format!("{} has no P", scene.quote(at));
             return self.complain_at(
                 scene,

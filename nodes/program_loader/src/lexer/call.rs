@@ -202,7 +202,11 @@ impl Lexer<'_> {
             if (least..=most).contains(&arguments.len()) {
                 Ok(())
             } else {
-                Err(wrong(format!("{name} takes {least} to {most} arguments")))
+                Err(wrong(match (least, most) {
+                    (1, 1) => format!("{name} takes one argument"),
+                    _ if least == most => format!("{name} takes {least} arguments"),
+                    _ => format!("{name} takes {least} or {most} arguments"),
+                }))
             }
         };
         match name {
