@@ -58,7 +58,8 @@ fn value(
         RadiusKind::DRegister | RadiusKind::NoseRegister => None,
     };
     Ok(match word.or(default) {
-        None => return Err(Box::new(no_word(profile, at))),
+        // T000101 names a tool and no nose radius.
+        None | Some(RadiusSource::Nose(0)) => return Err(Box::new(no_word(profile, at))),
         Some(RadiusSource::SpindleTool) => of_spindle(spindle_tool, tools, at)?,
         Some(RadiusSource::SpindleToolPlus(more_mm)) => {
             // Nothing is known of any tool: all of the radius is in the program (M03).

@@ -24,6 +24,8 @@ pub(crate) struct Dialect {
     pub(crate) g: fn(u16) -> GWord,
     /// The meaning of an M number.
     pub(crate) m: fn(u16) -> MWord,
+    /// The plane that programs begin in.
+    pub(crate) plane: Plane,
     /// Letters, besides G, M and N, that mean something in some block.
     pub(crate) letters: Letters,
     /// Axes that programs of this language may name and this machine does not have.
@@ -32,12 +34,14 @@ pub(crate) struct Dialect {
     pub(crate) auxiliary: Letters,
     /// What G41 takes its radius from.
     pub(crate) radius_word: RadiusWord,
-    /// Whether I, J and K of a block with G41 are the direction to enter by.
-    pub(crate) approach_direction: bool,
+    /// What I, J and K of a block with G41 say.
+    pub(crate) approach: ApproachWords,
     /// Letters that G4 takes its seconds from.
     pub(crate) dwell: Letters,
-    /// Whether G2 and G3 with R, and with P turns, exist.
+    /// Whether G2 and G3 with a radius, and with P turns, exist.
     pub(crate) arc_radius_and_turns: bool,
+    /// The letter of that radius.
+    pub(crate) arc_radius: u8,
     /// Whether a line with `%` alone begins and ends the program; else `%` begins a program name.
     pub(crate) percent_delimits: bool,
 }
@@ -53,6 +57,18 @@ pub(crate) enum RadiusWord {
     Addend,
     /// None: a word or call of its own has set it.
     Set,
+    /// Six digits of T: nose radius, tool and tool offset; T turns the turret too.
+    Nose,
+}
+
+/// What I, J and K of a block with G41 say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ApproachWords {
+    None,
+    /// The direction of an imaginary line to the end of the block (NCT).
+    Direction,
+    /// A point on that line, seen from the end of the block (OSP).
+    Point,
 }
 
 /// What a G word means.

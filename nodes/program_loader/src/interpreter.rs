@@ -109,20 +109,25 @@ pub(crate) struct Interpreter<'r> {
 }
 
 impl<'r> Interpreter<'r> {
-    /// The state of a machine that has been switched on and homed: G21, G17,
-    /// G90, G91.1, G94, G40, G49, G54, no motion mode, no feed.
+    /// The state of a machine that has been switched on and homed: G21, the plane
+    /// of the dialect, G90, G91.1, G94, G40, G49, G54, no motion mode, no feed.
     pub(crate) fn new(rules: &'r Rules<'r>, start: Position, events: usize) -> Self {
-        let contour = ProgrammedContour {
+        let mut contour = ProgrammedContour {
             start,
             assumed_axes: AxisSet::NONE,
             events: Vec::with_capacity(events),
         };
+        if rules.dialect.plane != Plane::Xy {
+            // Whoever reads the events begins in XY.
+            let kind = ContourEventKind::Plane(rules.dialect.plane);
+            contour.events.push(ContourEvent { source: Source::default(), kind });
+        }
         Self {
             rules,
             modal: Modal {
                 mode: None,
                 mode_is_poisoned: false,
-                plane: Plane::Xy,
+                plane: rules.dialect.plane,
                 distance: Distance::Absolute,
                 centers: Distance::Incremental,
                 units: Units::Millimetre,

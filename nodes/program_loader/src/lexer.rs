@@ -72,6 +72,10 @@ impl Lexer<'_> {
             return self.name(start);
         }
         if letter == b'O' {
+            if self.rules.names && !self.has_begun {
+                self.at = end_of_alphanumeric(text, start);
+                return;
+            }
             return self.rest(
                 Code::Unsupported,
                 "O words are not understood",
@@ -120,6 +124,10 @@ impl Lexer<'_> {
             {
                 self.at = text.len();
                 return;
+            }
+            if self.rules.names && letter == b'N' && !self.has_begun {
+                self.at = end_of_alphanumeric(text, start);
+                return self.covers(start);
             }
             if matches!(text.get(digits), Some(b'[' | b'#' | b'=' | b'"' | b'<')) {
                 self.at = digits;
@@ -383,6 +391,12 @@ impl Lexer<'_> {
         let source = self.line.source(self.block.number, start, self.at);
         self.findings.push(Diagnostic::error(code, source, message).help(help));
     }
+}
+
+/// Where the name of a program or block ends.
+fn end_of_alphanumeric(text: &[u8], start: usize) -> usize {
+    let length = text[start..].iter().take_while(|byte| byte.is_ascii_alphanumeric()).count();
+    start + length
 }
 
 /// Where a word without a number ends: `X` in `XY5`, `Xnan` in `Xnan Y5`.

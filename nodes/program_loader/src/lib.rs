@@ -244,14 +244,18 @@ impl Reader<'_> {
         self.findings.push(Diagnostic::error(Code::Syntax, source, message).help(help));
     }
 
-    /// A line that begins with `%`: a tape mark, or the name of a program.
+    /// A line that begins with `%`: a tape mark, or the name of a program; or the
+    /// name of an OSP file.
     #[inline]
     fn percent(&mut self, line: Line<'_>) -> bool {
         let visible = line.text.trim_ascii_start();
+        let is_first = self.stage == Stage::Before;
+        if is_first && self.rules.dialect.lexer.names && visible.first() == Some(&b'$') {
+            return true;
+        }
         if visible.first() != Some(&b'%') {
             return false;
         }
-        let is_first = self.stage == Stage::Before;
         if !self.rules.dialect.percent_delimits {
             // The name of the program; the name of another one ends this one.
             if !is_first && self.stage == Stage::Within {

@@ -13,6 +13,8 @@ pub(crate) struct Rules<'p> {
     pub(crate) dialect: &'static Dialect,
     /// The name of the control.
     pub(crate) control: &'p str,
+    /// X words are diameters.
+    pub(crate) x_is_diameter: bool,
     /// What D0 does.
     pub(crate) d0: ZeroOffset,
     /// By G number in tenths.
@@ -54,6 +56,7 @@ impl<'p> Rules<'p> {
         let rules = Self {
             dialect: dialect::of(profile.language.dialect),
             control: &profile.name,
+            x_is_diameter: profile.language.x_is_diameter,
             d0: profile.d0,
             corners,
             approaches,

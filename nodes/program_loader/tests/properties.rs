@@ -8,8 +8,7 @@ use common::profile;
 use program_loader::{LoadOptions, Loaded, limits, load, render};
 use proptest::prelude::*;
 
-const CONTROLS: [&str; 6] =
-    ["rs274", "masso", "sinumerik_840c", "automation1", "osp_lathe", "nct"];
+const CONTROLS: [&str; 6] = ["rs274", "masso", "sinumerik_840c", "automation1", "osp_lathe", "nct"];
 
 fn load_as(control: &str, text: &[u8]) -> Loaded {
     load(text, &profile(control), &LoadOptions::default())

@@ -4,7 +4,9 @@
 //! compensation; a rapid does not follow a path (A08).
 
 use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
-use super::{Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units};
+use super::{
+    ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units,
+};
 use crate::block::LexerRules;
 use crate::lexer::call;
 use cnc_msgs::contour::CutterSide;
@@ -17,16 +19,19 @@ pub(super) static DIALECT: Dialect = Dialect {
         at_words: false,
         delete_levels: false,
         calls: true,
+        names: false,
     },
     g,
     m,
+    plane: Plane::Xy,
     letters: Letters::of(b"XYZIJKRFSTPQ"),
     foreign_axes: Letters::of(b"ABCUVWD"),
     auxiliary: Letters::NONE,
     radius_word: RadiusWord::Set,
-    approach_direction: false,
+    approach: ApproachWords::None,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,
+    arc_radius: b'R',
     percent_delimits: true,
 };
 

@@ -1,8 +1,9 @@
 //! MASSO G3 and Touch: the words of RS-274, with P as a radius on G41 (M03, M08).
 
 use super::rs274::{common, common_m};
-use super::{Dialect, GWord, Letters, MWord, RadiusWord};
+use super::{ApproachWords, Dialect, GWord, Letters, MWord, RadiusWord};
 use crate::block::LexerRules;
+use cnc_msgs::geometry::Plane;
 
 pub(super) static DIALECT: Dialect = Dialect {
     lexer: LexerRules {
@@ -11,17 +12,20 @@ pub(super) static DIALECT: Dialect = Dialect {
         at_words: false,
         delete_levels: false,
         calls: false,
+        names: false,
     },
     g,
     m,
+    plane: Plane::Xy,
     letters: Letters::of(b"XYZIJKRFSTHLPQ"),
     // M18 names Z, A and B.
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
     radius_word: RadiusWord::Addend,
-    approach_direction: false,
+    approach: ApproachWords::None,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,
+    arc_radius: b'R',
     percent_delimits: true,
 };
 

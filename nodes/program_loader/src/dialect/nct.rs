@@ -5,7 +5,9 @@
 //! the move before it; it is refused by name.
 
 use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
-use super::{Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units};
+use super::{
+    ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units,
+};
 use crate::block::LexerRules;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::Plane;
@@ -17,16 +19,19 @@ pub(super) static DIALECT: Dialect = Dialect {
         at_words: false,
         delete_levels: true,
         calls: false,
+        names: false,
     },
     g,
     m,
+    plane: Plane::Xy,
     letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
     radius_word: RadiusWord::ModalOffset,
-    approach_direction: true,
+    approach: ApproachWords::Direction,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,
+    arc_radius: b'R',
     percent_delimits: false,
 };
 

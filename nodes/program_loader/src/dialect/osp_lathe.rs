@@ -1,38 +1,82 @@
-//! Okuma OSP for turning.
+//! Okuma OSP for turning: Z and X, six-digit T words, tool-nose radius compensation.
+//!
+//! X is a diameter; I is the X part of a centre or of an imaginary point, as a
+//! radius, and L the radius of an arc. `$` heads a file, O names a program, N a
+//! block. T turns the turret, so that there is no M6; G20 and G21 are no units
+//! here. Feeds are mm/min: a program that says otherwise is refused by name.
 
-use super::rs274::{common, common_m};
-use super::{Dialect, GWord, Letters, MWord, RadiusWord};
+use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
+use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord};
 use crate::block::LexerRules;
+use cnc_msgs::contour::CutterSide;
+use cnc_msgs::geometry::Plane;
 
 pub(super) static DIALECT: Dialect = Dialect {
     lexer: LexerRules {
-        blanks_in_numbers: true,
+        blanks_in_numbers: false,
         written_line_feed: false,
         at_words: false,
         delete_levels: false,
         calls: false,
+        names: true,
     },
     g,
     m,
-    letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
-    // M18 names Z, A and B.
-    foreign_axes: Letters::of(b"ABCUVW"),
+    plane: Plane::Zx,
+    letters: Letters::of(b"XZIKLFST"),
+    foreign_axes: Letters::of(b"ABCUVWY"),
     auxiliary: Letters::NONE,
-    radius_word: RadiusWord::Tool,
-    approach_direction: true,
-    dwell: Letters::of(b"P"),
+    radius_word: RadiusWord::Nose,
+    approach: ApproachWords::Point,
+    dwell: Letters::of(b"F"),
     arc_radius_and_turns: true,
+    arc_radius: b'L',
     percent_delimits: true,
 };
 
+const C_AXIS: &str = "post for turning; the spindle is no axis here";
+const MACHINE: &str = "do it at the machine, outside part programs";
+
 fn g(tenths: u16) -> GWord {
     match tenths {
-        // Fine points of LinuxCNC that MASSO's page does not name.
-        80 | 611 => GWord::Unknown,
-        _ => common(tenths),
+        0 => GWord::Motion(Mode::Rapid),
+        10 => GWord::Motion(Mode::Feed),
+        20 => GWord::Motion(Mode::Arc { clockwise: true }),
+        30 => GWord::Motion(Mode::Arc { clockwise: false }),
+        40 => GWord::Dwell,
+        // The upper turret; the other one is not there.
+        130 => GWord::Accepted(Group::Path, Letters::NONE),
+        140 => GWord::Refused("write the program of each turret by itself"),
+        170 => GWord::Plane(Plane::Xy),
+        180 => GWord::Plane(Plane::Zx),
+        190 => GWord::Plane(Plane::Yz),
+        200 | 210 => GWord::Refused("home the machine with the home action before the program"),
+        220 | 280 | 290 => GWord::Refused(MACHINE),
+        310..=350 => GWord::RefusedMotion(THREAD),
+        400 => GWord::CompensationOff,
+        410 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: false },
+        420 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: false },
+        500 => GWord::Refused(OFFSETS),
+        640 | 650 => GWord::Accepted(Group::Path, Letters::NONE),
+        710..=790 | 810..=889 => GWord::RefusedMotion(CYCLE),
+        900 => GWord::Distance(Distance::Absolute),
+        910 => GWord::Distance(Distance::Incremental),
+        940 => GWord::Accepted(Group::Feed, Letters::NONE),
+        950 => GWord::Refused(FEED_MODE),
+        960 => GWord::Refused(CONSTANT_SPEED),
+        970 => GWord::Accepted(Group::SpindleMode, Letters::NONE),
+        1010..=1039 | 1190 | 1320..=1339 | 1360..=1399 => GWord::RefusedMotion(C_AXIS),
+        1070 | 1080 | 1120 | 1130 => GWord::RefusedMotion(THREAD),
+        1100 | 1110 => GWord::Refused(CONSTANT_SPEED),
+        _ => GWord::Unknown,
     }
 }
 
 fn m(number: u16) -> MWord {
-    common_m(number)
+    match number {
+        6 => MWord::Refused("a T word turns the turret: write T010101"),
+        0..=9 | 30 => common_m(number),
+        10..=999 => MWord::Auxiliary { after_motion: false },
+        _ => MWord::Unknown,
+    }
 }

@@ -1,6 +1,8 @@
 //! RS-274/NGC as LinuxCNC reads it, and grbl where LinuxCNC leaves a choice.
 
-use super::{Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units};
+use super::{
+    ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units,
+};
 use crate::block::LexerRules;
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
 use cnc_msgs::geometry::Plane;
@@ -12,16 +14,19 @@ pub(super) static DIALECT: Dialect = Dialect {
         at_words: false,
         delete_levels: false,
         calls: false,
+        names: false,
     },
     g,
     m,
+    plane: Plane::Xy,
     letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
     radius_word: RadiusWord::Tool,
-    approach_direction: false,
+    approach: ApproachWords::None,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,
+    arc_radius: b'R',
     percent_delimits: true,
 };
 

@@ -5,7 +5,9 @@
 //! profile.
 
 use super::rs274::{CONSTANT_SPEED, FEED_MODE, OFFSETS, THREAD, common_m};
-use super::{Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units};
+use super::{
+    ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units,
+};
 use crate::block::LexerRules;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::Plane;
@@ -17,16 +19,19 @@ pub(super) static DIALECT: Dialect = Dialect {
         at_words: true,
         delete_levels: true,
         calls: false,
+        names: false,
     },
     g,
     m,
+    plane: Plane::Xy,
     letters: Letters::of(b"XYZIJKFSTDH"),
     foreign_axes: Letters::of(b"ABCQUVWE"),
     auxiliary: Letters::of(b"H"),
     radius_word: RadiusWord::ModalOffset,
-    approach_direction: false,
+    approach: ApproachWords::None,
     dwell: Letters::of(b"FX"),
     arc_radius_and_turns: false,
+    arc_radius: b'R',
     percent_delimits: false,
 };
 

@@ -3,11 +3,11 @@
 
 use super::axes::Cause;
 use super::{Interpreter, Scene};
-use crate::dialect::{GWord, Group, MWord};
+use crate::dialect::{GWord, Group, MWord, RadiusWord};
 use crate::limits::{
     DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, FEED_MM_PER_MIN_MAX, NUMBER_MAX, SPINDLE_RPM_MAX,
 };
-use cnc_msgs::contour::Action;
+use cnc_msgs::contour::{Action, ContourEventKind, RadiusSource};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::AxisSet;
 
@@ -39,8 +39,12 @@ impl Interpreter<'_> {
         if self.request.present.contains(b'T')
             && let Some(tool) = self.take_number(scene, b'T')
         {
-            self.modal.selected_tool = Some(tool);
-            self.act(Action::SelectTool { tool });
+            if self.rules.dialect.radius_word == RadiusWord::Nose {
+                self.turret(scene, tool);
+            } else {
+                self.modal.selected_tool = Some(tool);
+                self.act(Action::SelectTool { tool });
+            }
         }
         if self.request.m_at(0).is_some() {
             self.m_functions(scene);
@@ -53,6 +57,26 @@ impl Interpreter<'_> {
                 }
             }
         }
+    }
+
+    /// `TNNMMOO`: the number of the nose radius, of the tool and of its offset. The
+    /// turret turns at once; the offset of the tool is the machine's.
+    fn turret(&mut self, scene: &mut Scene<'_>, digits: u32) {
+        if digits > 999_999 {
+            let quote = scene.quote(self.request.word(b'T'));
+            let message = format!("{quote} has more than six digits");
+            let help =
+                "write the numbers of nose radius, tool and offset with two digits each: T010101";
+            return self.complain(scene, b'T', Code::BadNumber, message, help);
+        }
+        let (nose, tool) = (digits / 10_000, digits / 100 % 100);
+        if self.modal.spindle_tool != Some(tool) {
+            self.modal.selected_tool = Some(tool);
+            self.modal.spindle_tool = Some(tool);
+            self.act(Action::SelectTool { tool });
+            self.act(Action::ChangeTool { tool });
+        }
+        self.emit(ContourEventKind::Radius(RadiusSource::Nose(nose)));
     }
 
     fn m_functions(&mut self, scene: &mut Scene<'_>) {

@@ -80,8 +80,9 @@ impl Interpreter<'_> {
         let letters = [CENTER_WORDS[first], CENTER_WORDS[second]];
         let offsets =
             letters.map(|letter| self.take_within(scene, letter, scale, COORDINATE_MM_MAX, "mm"));
+        let arc_radius = self.rules.dialect.arc_radius;
         let radius = if self.rules.dialect.arc_radius_and_turns {
-            self.take_within(scene, b'R', scale, COORDINATE_MM_MAX, "mm")
+            self.take_within(scene, arc_radius, scale, COORDINATE_MM_MAX, "mm")
         } else {
             None
         };
@@ -92,9 +93,10 @@ impl Interpreter<'_> {
         }
         let names = letters.map(char::from);
         if radius.is_some() && offsets.iter().any(Option::is_some) {
-            let message = format!("R and {} or {} in one block", names[0], names[1]);
+            let radius = char::from(arc_radius);
+            let message = format!("{radius} and {} or {} in one block", names[0], names[1]);
             let help = "give the centre or the radius, not both";
-            self.complain(scene, b'R', Code::ModalConflict, message, help);
+            self.complain(scene, arc_radius, Code::ModalConflict, message, help);
             return None;
         }
         let is_absolute = self.modal.centers == Distance::Absolute;
@@ -159,11 +161,11 @@ impl Interpreter<'_> {
                      which takes {half_chord_mm:.3} mm",
                     2.0 * half_chord_mm
                 ),
-                "check the end and R",
+                "check the end and the radius",
                 Some((half_chord_mm, radius_mm)),
             ),
             ArcTrouble::NoChord => (
-                "an arc with R must end elsewhere than it starts".to_owned(),
+                "an arc with a radius must end elsewhere than it starts".to_owned(),
                 "program a full circle with its centre: I, J or K",
                 None,
             ),

@@ -9,7 +9,7 @@
 use super::axes::Cause;
 use super::moves::{AXIS_WORDS, CENTER_WORDS};
 use super::{Interpreter, Scene};
-use crate::dialect::{GWord, Group, Mode, RadiusWord};
+use crate::dialect::{ApproachWords, GWord, Group, Mode, RadiusWord};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{Action, Approach, ContourEventKind, CutterSide, RadiusSource, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
@@ -233,10 +233,12 @@ impl Interpreter<'_> {
         self.modal.compensation.selected.get_or_insert(self.source);
         let is_arc =
             matches!(self.request.g(Group::Motion), Some((GWord::Motion(Mode::Arc { .. }), _)));
-        let along = if self.rules.dialect.approach_direction && !is_arc {
-            self.take_direction(scene)
-        } else {
-            None
+        let along = match self.rules.dialect.approach {
+            ApproachWords::Direction if !is_arc => self.take_direction(scene),
+            ApproachWords::Point if !is_arc => {
+                self.take_direction(scene).map(|point| point.map(|part| 0.0 - part))
+            }
+            _ => None,
         };
         let approach = self.request.approach;
         self.emit(ContourEventKind::Select { side, approach, along });
@@ -251,6 +253,8 @@ impl Interpreter<'_> {
                     return;
                 }
             }
+            // It came with the T word.
+            RadiusWord::Nose => {}
             RadiusWord::Addend => {
                 let radius = self.take_within(scene, b'P', self.scale(), COORDINATE_MM_MAX, "mm");
                 let radius = RadiusSource::SpindleToolPlus(radius.unwrap_or(0.0));

@@ -98,11 +98,11 @@ impl Interpreter<'_> {
     /// Reads the axis words. Values that could not be read are NaN.
     #[inline]
     pub(super) fn end(&mut self, scene: &mut Scene<'_>) -> End {
-        let scale = self.scale();
         let is_relative = self.modal.distance == Distance::Incremental;
         let mut end =
             End { position: self.axes.position, named: AxisSet::NONE, relative: AxisSet::NONE };
         for (axis, letter) in AXIS_WORDS.into_iter().enumerate() {
+            let scale = self.scale_of(axis);
             if let Some(value) = self.take_within(scene, letter, scale, COORDINATE_MM_MAX, "mm") {
                 let base = if is_relative { self.axes.position[axis] } else { 0.0 };
                 end.position[axis] = base + value;
@@ -116,6 +116,13 @@ impl Interpreter<'_> {
             end.relative = end.named;
         }
         end
+    }
+
+    /// Millimetres of one unit of an axis word: a diameter counts half.
+    #[inline]
+    fn scale_of(&self, axis: usize) -> f64 {
+        let is_diameter = axis == 0 && self.rules.x_is_diameter;
+        if is_diameter { self.scale() / 2.0 } else { self.scale() }
     }
 
     #[cold]

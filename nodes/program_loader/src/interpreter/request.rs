@@ -157,7 +157,11 @@ impl Request {
         }
         if scene.rules.dialect.foreign_axes.contains(word.letter) {
             let message = format!("{letter} is not an axis of this machine");
-            let help = "post the program for three axes: X, Y and Z";
+            let help = if scene.rules.dialect.letters.contains(b'Y') {
+                "post the program for three axes: X, Y and Z"
+            } else {
+                "post the program for two axes: X and Z"
+            };
             return self.refuse(scene, at, Code::Axes, message, help);
         }
         self.unknown(scene, at);
