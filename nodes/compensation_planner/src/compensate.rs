@@ -21,7 +21,7 @@ use crate::write::Writer;
 use cnc_msgs::contour::{Approach, CutterSide, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::path::Role;
-use cnc_msgs::profile::{OutputPoint, Profile, SelectTarget};
+use cnc_msgs::profile::{Profile, SelectTarget};
 
 /// Findings of one kind in a span; more help nobody, and each takes a search.
 const FINDINGS_MAX: usize = 100;
@@ -37,10 +37,11 @@ pub(crate) enum Exit<'a> {
     None,
 }
 
-/// The wall that a link leaves behind, for its check.
+/// The wall that a link leaves behind, and the way of the tool along it, for its check.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WallBehind {
     pub wall: Element,
+    pub way: Option<Element>,
     pub source: Source,
     pub radius_mm: f64,
 }
@@ -92,6 +93,9 @@ pub(crate) fn compensate(
         diagnostics.push(finding::too_entangled(&span));
     }
     out.side = side_of(span.d_mm);
+    // What is compensated is computed at the centre, and put out there or at the tip.
+    let to_tip = tip::Shift::new(&span, profile);
+    out.position = to_tip.centre(span.plane, out.position, to_tip.first);
     let mut writer = Writer {
         span: &span,
         profile,
@@ -110,27 +114,34 @@ pub(crate) fn compensate(
         writer.links(&runs, &links, &placed, exit_lead.as_ref());
     }
     writer.items_before(span.legs.len(), false);
-    if profile.output == OutputPoint::Tip {
-        tip::to_tip(&span, &mut out.path.elements[first_element..]);
-        out.position = out.path.elements.last().map_or(out.position, |last| last.end);
-    }
+    let exit_start = in_plane(span.plane, out.position);
+    to_tip.apply(&span, &mut out.path.elements[first_element..]);
+    out.position = to_tip.tip(span.plane, out.position, to_tip.last);
     let mut check = lead::Check { profile, plane: span.plane, walls: &walls, diagnostics };
     let move_on = (lead_start, lead_end);
     check.lead_on(&span, &runs, move_on, behind);
-    let exit_start = in_plane(span.plane, out.position);
+    let way_of = |run: usize| {
+        let place = placed.iter().find(|place| links[place.link].role == LinkRole::Run(run))?;
+        interference::element(&links[place.link], place)
+    };
+    if let (Some(behind), Some(_)) = (behind, span.entry.from) {
+        check.change_of_side(&span, way_of(0), behind);
+    }
     if let Exit::LeadOff(lead) = exit {
-        let end = in_plane(span.plane, lead.motion.end);
         let label = Label {
             role: Role::LeadOff,
             source: lead.source,
             feed_mm_per_min: feed(&lead.motion),
             axes: lead.motion.axes.union(plane_axes(span.plane)),
         };
+        let end = in_plane(span.plane, lead.motion.end);
         out.line_to(span.plane, end, height(span.plane, lead.motion.end), label);
-        check.lead_off(&span, &runs, (exit_start, end), lead);
+        let centre = to_tip.centre(span.plane, lead.motion.end, to_tip.last);
+        let ends = (exit_start, in_plane(span.plane, centre));
+        check.lead_off(&span, &runs, ends, lead);
     }
     out.side = None;
-    check.wall_behind(&span, &runs)
+    check.wall_behind(&span, &runs, runs.len().checked_sub(1).and_then(way_of))
 }
 
 /// The runs of a span, joined.
@@ -187,12 +198,18 @@ pub(crate) fn links(
         SelectTarget::NormalEntry => true,
         SelectTarget::NormalNext => is_outside_corner(lead, first, d_mm, &span.entry.lead),
     };
-    if let Some(element) = line_of(&span.entry.lead, span).filter(joins_on) {
+    if let Some(from) = span.entry.from {
+        let d_mm = from.d_mm * scale;
+        links.push(link(LinkRole::Entry, from.element, d_mm, d_mm));
+    } else if let Some(element) = line_of(&span.entry.lead, span).filter(joins_on) {
         links.push(link(LinkRole::Entry, element, d_mm, d_mm));
     }
     let short_mm = profile.corner.short_block_mm;
     push_runs(&mut links, runs, scale, short_mm);
-    if let (Some(lead), Some(last)) = (exit, runs.last()) {
+    if let Some(next) = span.next {
+        let d_mm = next.d_mm * scale;
+        push(&mut links, link(LinkRole::Exit, next.element, d_mm, d_mm), span.legs.len(), short_mm);
+    } else if let (Some(lead), Some(last)) = (exit, runs.last()) {
         let d_mm = span.d_out_mm * scale;
         let joins_off = |element: &Element| {
             lead.approach == Approach::Corner && turn(&last.element, element, d_mm) == Turn::Outside

@@ -163,6 +163,8 @@ pub(crate) fn too_entangled(span: &Span) -> Diagnostic {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LeadCut {
     pub code: Code,
+    /// `lead`, `link`, `change of side`.
+    pub what: &'static str,
     pub source: Source,
     pub other: Source,
     pub at: Position,
@@ -175,7 +177,7 @@ pub(crate) struct LeadCut {
 /// A lead or link that cuts into the element next to it.
 pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
     let depth_mm = cut.radius_mm - cut.distance_mm;
-    let what = if cut.code == Code::LinkGouge { "link" } else { "lead" };
+    let what = cut.what;
     let mut finding = Diagnostic::error(
         cut.code,
         cut.source,
@@ -197,6 +199,11 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
     finding.depth_mm = Some(depth_mm);
     finding.needed_mm = Some(cut.radius_mm);
     finding.available_mm = Some(cut.distance_mm);
+    if what == "change of side" {
+        return finding.help(
+            "end the contour with G40 before, and select the other side with a lead-on behind",
+        );
+    }
     let word = profile
         .select
         .words

@@ -220,7 +220,7 @@ fn overlap(a: (usize, usize), b: (usize, usize)) -> bool {
 }
 
 /// The way of the tool along an element, without what joints cut off.
-fn element(link: &Link, place: &Placed) -> Option<Element> {
+pub(crate) fn element(link: &Link, place: &Placed) -> Option<Element> {
     match link.element.offset(link.d_in_mm)? {
         Element::Line(_) => Element::line(place.start, place.end),
         Element::Arc(arc) if arc.radius <= LENGTH_MM => None,

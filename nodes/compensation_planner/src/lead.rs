@@ -3,9 +3,10 @@
 //! Leads are judged apart from their span, against all of its walls.
 
 use crate::compensate::WallBehind;
-use crate::distance::{Nearest, nearest};
+use crate::distance::{Nearest, nearest, nearest_on_way};
 use crate::element::{Element, Vec2};
 use crate::finding::{self, LeadCut};
+use crate::frame::{height, in_work};
 use crate::span::{Lead, Run, Span};
 use crate::tolerance::GOUGE_MM;
 use crate::tree::{Bounds, NO_CHAIN, Tree};
@@ -77,11 +78,40 @@ impl Check<'_> {
         self.span(Code::LeadGouge, span, runs, ends, span.d_out_mm.abs(), lead);
     }
 
+    /// The ways along the last block on one side and the first on the other (O02):
+    /// each may cut into what the other follows.
+    pub(crate) fn change_of_side(&mut self, span: &Span, way: Option<Element>, from: WallBehind) {
+        let to = &span.legs[0];
+        let pairs = [
+            (from.way, self.walls.of(0), from.radius_mm, from.source, to.source),
+            (way, Some(from.wall), span.d_mm.abs(), to.source, from.source),
+        ];
+        for (way, wall, radius_mm, source, other) in pairs {
+            let Some(near) = way.zip(wall).map(|(way, wall)| nearest_on_way(&way, &wall)) else {
+                continue;
+            };
+            if near.distance < radius_mm - GOUGE_MM {
+                let at = in_work(self.plane, near.on_wall, height(self.plane, to.end));
+                let what = "change of side";
+                let code = Code::LinkGouge;
+                let (distance_mm, is_negative) = (near.distance, span.is_negative);
+                let cut =
+                    LeadCut { code, what, source, other, at, radius_mm, distance_mm, is_negative };
+                self.diagnostics.push(finding::lead_cut(&cut, self.profile));
+            }
+        }
+    }
+
     /// What a link at the end of the span will be checked against.
-    pub(crate) fn wall_behind(&self, span: &Span, runs: &[Run]) -> Option<WallBehind> {
+    pub(crate) fn wall_behind(
+        &self,
+        span: &Span,
+        runs: &[Run],
+        way: Option<Element>,
+    ) -> Option<WallBehind> {
         let last = runs.last()?;
         let source = span.legs[last.legs.end - 1].source;
-        Some(WallBehind { wall: last.element, source, radius_mm: span.d_out_mm.abs() })
+        Some(WallBehind { wall: last.element, way, source, radius_mm: span.d_out_mm.abs() })
     }
 
     fn span(
@@ -111,13 +141,10 @@ impl Check<'_> {
     ) {
         let cut = LeadCut {
             code,
+            what: if code == Code::LinkGouge { "link" } else { "lead" },
             source: lead.source,
             other,
-            at: crate::frame::in_work(
-                self.plane,
-                near.on_wall,
-                crate::frame::height(self.plane, lead.motion.end),
-            ),
+            at: in_work(self.plane, near.on_wall, height(self.plane, lead.motion.end)),
             radius_mm,
             distance_mm: near.distance,
             is_negative,

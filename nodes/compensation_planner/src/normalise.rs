@@ -20,7 +20,7 @@ pub(crate) fn runs(span: &mut Span, straight_mm: f64) -> Vec<Run> {
     for index in 0..span.legs.len() {
         let leg = span.legs[index];
         let end = in_plane(span.plane, leg.end);
-        let changes = leg.d_in_mm != d_mm || leg.d_out_mm != leg.d_in_mm;
+        let changes = leg.d_out_mm != d_mm;
         let open = runs.last_mut().filter(|run| !changes && run.d_in_mm == run.d_out_mm);
         let reach = open.and_then(|run| {
             let reach = extend(run, &leg, end, &mut cone)?;
@@ -37,7 +37,7 @@ pub(crate) fn runs(span: &mut Span, straight_mm: f64) -> Vec<Run> {
                 runs.push(Run {
                     element: leg.element,
                     legs: index..index + 1,
-                    d_in_mm: leg.d_in_mm,
+                    d_in_mm: d_mm,
                     d_out_mm: leg.d_out_mm,
                 });
                 full_reach(&leg.element)

@@ -20,9 +20,6 @@ pub(crate) struct Leg {
     pub axes: AxisSet,
     /// How an outside corner at its start is rounded: it belongs to this block (S07, S09).
     pub corner: OutsideCorner,
-    /// The signed offset at its start: that at the end of the leg before, unless the
-    /// side changes between them (O02).
-    pub d_in_mm: f64,
     /// The signed offset at its end; it differs from that at its start in a
     /// block that changes the radius (S43).
     pub d_out_mm: f64,
@@ -67,6 +64,15 @@ pub(crate) struct Entry {
     pub is_link: bool,
     /// Its end is on the offset of the lead itself, joined to the contour as a corner.
     pub is_joined: bool,
+    /// What the tool comes from, where the side changes without a move between (O02).
+    pub from: Option<OtherSide>,
+}
+
+/// The neighbour on the other side of the tool, and the signed offset that it has.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OtherSide {
+    pub element: Element,
+    pub d_mm: f64,
 }
 
 /// A compensated piece of the program.
@@ -85,6 +91,8 @@ pub(crate) struct Span {
     pub entry: Entry,
     pub legs: Vec<Leg>,
     pub items: Vec<Item>,
+    /// What the tool goes on to, where the side changes at its end (O02).
+    pub next: Option<OtherSide>,
     /// How an outside corner before the lead-off is rounded.
     pub exit_corner: OutsideCorner,
 }

@@ -35,6 +35,9 @@ pub(crate) struct Writer<'a> {
 impl Writer<'_> {
     /// Goes to where compensation begins.
     pub(crate) fn lead_on(&mut self, links: &[Link], placed: &[Placed]) {
+        if self.span.entry.from.is_some() {
+            return;
+        }
         let lead = &self.span.entry.lead;
         let programmed = in_plane(self.span.plane, lead.motion.end);
         let target = match placed.first() {

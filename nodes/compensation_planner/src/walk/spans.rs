@@ -9,11 +9,11 @@ use crate::compensate::{Exit, WallBehind, compensate, empty_span};
 use crate::element::Element;
 use crate::emit::feed;
 use crate::frame::{height, in_plane};
-use crate::intersect::crossings;
+use crate::intersect::meet_across;
 use crate::radius;
 use crate::rules;
-use crate::span::{Entry, ItemKind, Lead, Leg, Span};
-use crate::tolerance::RADIUS_MM;
+use crate::span::{Entry, ItemKind, Lead, Leg, OtherSide, Span};
+use crate::tolerance::{LENGTH_MM, RADIUS_MM};
 use cnc_msgs::contour::{Approach, CutterSide, Motion, MotionClass, OutsideCorner, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{Position, Shape};
@@ -29,12 +29,6 @@ impl Walk<'_> {
         source: Source,
     ) {
         let mut d_out_mm = active.span.d_out_mm;
-        let mut d_in_mm = d_out_mm;
-        if let Some(selection) = active.other_side.take() {
-            active.side = selection.side;
-            d_in_mm = -d_in_mm;
-            d_out_mm = d_in_mm;
-        }
         active.value_waits = match active.value_waits {
             Some((0, at)) => {
                 active.radius_changes = Some(at);
@@ -79,7 +73,6 @@ impl Walk<'_> {
             feed_mm_per_min: feed(motion),
             axes: motion.axes,
             corner,
-            d_in_mm,
             d_out_mm,
             tip: radius::tip(self.radius, self.spindle_tool, self.tools),
             reach: 0.0,
@@ -117,14 +110,8 @@ impl Walk<'_> {
         if is_excess && self.profile.off_plane.strictness == Strictness::Emulate {
             return Some(self.stand_perpendicular(active, start, motion, source));
         }
-        if let Some(selection) = active.other_side
-            && !meets(&active, element)
-        {
-            // There is no intersection: the old contour ends and the new one begins here.
-            self.diagnostics.push(rules::no_intersection(selection.source, self.profile));
-            active.side = selection.side;
-            active.other_side = None;
-            return Some(self.stand_perpendicular(active, start, motion, source));
+        if let Some(selection) = active.other_side.take() {
+            return Some(self.change_side(active, selection, start, motion, source, element));
         }
         if active.radius_changes.is_some()
             && self.profile.radius.change_at == ChangeAt::Perpendicular
@@ -135,6 +122,53 @@ impl Walk<'_> {
             return None;
         }
         Some(active)
+    }
+
+    /// The tool goes over to the other side at the intersection of the offsets (O02).
+    ///
+    /// Parallel lines have none, and short ones none on them: there the old contour
+    /// ends and the new one begins perpendicular; where an arc takes part, that is a
+    /// broken rule.
+    fn change_side(
+        &mut self,
+        mut active: Box<Active>,
+        selection: Selection,
+        start: Position,
+        motion: &Motion,
+        source: Source,
+        element: &Element,
+    ) -> Box<Active> {
+        let d_mm = match active.radius_changes {
+            Some(_) => self.signed_offset(selection.side, selection.source),
+            None => -active.span.d_out_mm,
+        };
+        let next = OtherSide { element: *element, d_mm };
+        let last = active.span.legs.last().map(|leg| leg.element);
+        let before = last.map(|element| OtherSide { element, d_mm: active.span.d_out_mm });
+        if let Some(before) = before.filter(|before| meets(before, &next)) {
+            active.span.next = Some(next);
+            let here = Motion { shape: Shape::Line, end: start, ..*motion };
+            let behind = self.close(*active, Exit::None);
+            let selection = Selection { approach: Some(Approach::Normal), ..selection };
+            self.open(selection, start, &here, source, Some(behind), false);
+            let mut active = self.opened();
+            let wall = behind.map_or(before.element, |behind| behind.wall);
+            active.span.entry.from = Some(OtherSide { element: wall, ..before });
+            return active;
+        }
+        if !(element.is_line() && last.is_none_or(|last| last.is_line())) {
+            self.diagnostics.push(rules::no_intersection(selection.source, self.profile));
+        }
+        active.side = selection.side;
+        self.stand_perpendicular(active, start, motion, source)
+    }
+
+    /// The span that has just been opened.
+    fn opened(&mut self) -> Box<Active> {
+        match std::mem::replace(&mut self.state, State::Off) {
+            State::Active(active) => active,
+            _ => unreachable!("open makes the state active"),
+        }
     }
 
     /// The span ends perpendicular where the program is, and another begins there.
@@ -155,10 +189,7 @@ impl Walk<'_> {
         let lead = Lead { motion: here, source, start, approach: Approach::Normal, along: None };
         let behind = self.close(*active, Exit::Link(&lead));
         self.open(selection, start, &here, source, Some(behind), false);
-        match std::mem::replace(&mut self.state, State::Off) {
-            State::Active(active) => active,
-            _ => unreachable!("open makes the state active"),
-        }
+        self.opened()
     }
 
     /// A block with a new radius begins perpendicular to the block before (SINUMERIK 880).
@@ -223,9 +254,10 @@ impl Walk<'_> {
             d_out_mm: d_mm,
             tip: radius::tip(self.radius, self.spindle_tool, self.tools),
             is_negative: (d_mm < 0.0) != (selection.side == CutterSide::Right),
-            entry: Entry { lead, is_link: link.is_some(), is_joined },
+            entry: Entry { lead, is_link: link.is_some(), is_joined, from: None },
             legs: Vec::new(),
             items: Vec::new(),
+            next: None,
             exit_corner: self.corner,
         };
         self.state = State::Active(Box::new(Active {
@@ -353,10 +385,13 @@ fn slow_corner(active: &Active, motion: &Motion, source: Source) -> Option<Diagn
     })
 }
 
-/// Whether the offsets of the last leg and of the next one, on the other side, meet.
-fn meets(active: &Active, next: &Element) -> bool {
-    let d_mm = active.span.d_out_mm;
-    let last = active.span.legs.last().and_then(|leg| leg.element.offset(d_mm));
-    last.zip(next.offset(-d_mm))
-        .is_some_and(|(last, next)| !crossings(&last, &next, 0.0).points().is_empty())
+/// Whether the offsets on both sides of the tool meet where something is left of each.
+fn meets(before: &OtherSide, next: &OtherSide) -> bool {
+    let offsets = before.element.offset(before.d_mm).zip(next.element.offset(next.d_mm));
+    offsets.is_some_and(|(behind, ahead)| {
+        meet_across(&behind, &ahead).is_some_and(|meeting| {
+            meeting.trim_a < behind.length() - LENGTH_MM
+                && meeting.trim_b < ahead.length() - LENGTH_MM
+        })
+    })
 }
