@@ -69,7 +69,7 @@ pub struct Profile {
     pub select: SelectRules,
     pub cancel: CancelRules,
     /// G42 while G41 is active, and the reverse (C12).
-    pub side_change: Rule<SideChange>,
+    pub side_change: SideChangeRules,
     /// G41 while G41 is active (C13).
     pub reselect: Rule<Reselect>,
     /// D0 (C21).
@@ -241,6 +241,10 @@ pub struct CornerRules {
     /// this get no block of their own (S68, S69, S71); 0: they always do.
     #[serde(default)]
     pub short_block_mm: f64,
+    /// An outside corner whose offsets do not meet where they should: a reversal, or
+    /// an arc that curves away (O08); unless it is refused, an arc goes around it.
+    #[serde(default)]
+    pub no_intersection: Strictness,
     /// A circle that its corner would lengthen over 360 degrees (S70); emulate:
     /// only what is above 360 degrees is run.
     #[serde(default)]
@@ -347,6 +351,19 @@ pub enum OffPlaneAfterCancel {
     Allowed,
     /// The lead-off comes first.
     LeadOffFirst,
+}
+
+/// A change of side while compensation is active.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SideChangeRules {
+    pub rule: SideChange,
+    /// A change that there is none of, or where the offsets do not meet.
+    #[serde(default)]
+    pub strictness: Strictness,
+    /// The control's alarm where the offsets do not meet.
+    #[serde(default)]
+    pub alarm: Option<String>,
 }
 
 /// What a change of side does.
@@ -504,8 +521,25 @@ pub struct InterferenceRules {
     pub contour: Strictness,
     /// A lead that cuts into its contour.
     pub leads: Strictness,
+    /// What the radius of an arc must be that the tool runs inside of.
+    #[serde(default = "any_arc")]
+    pub inside_arc: Rule<InsideArc>,
     /// The control's alarm for a contour that the tool does not fit.
     pub alarm: Option<String>,
+}
+
+const fn any_arc() -> Rule<InsideArc> {
+    Rule { rule: InsideArc::Any, strictness: Strictness::Error }
+}
+
+/// What the radius of an arc must be that the tool runs inside of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InsideArc {
+    /// Larger than that of the tool, so that something is left of it.
+    Any,
+    /// At least twice that of the nose (Okuma).
+    TwiceTheRadius,
 }
 
 /// The point of the tool that the path is of.

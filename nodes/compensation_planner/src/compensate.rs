@@ -15,7 +15,7 @@ use crate::normalise::runs;
 use crate::reach::{is_any_unreachable, unreachable};
 use crate::span::{Lead, Run, Span};
 use crate::tip;
-use crate::tolerance::{GOUGE_MM, MERGE_MM, RADIUS_MM};
+use crate::tolerance::{GOUGE_MM, MERGE_MM, RADIUS_MM, REVERSAL};
 use crate::walls::Walls;
 use crate::write::Writer;
 use cnc_msgs::contour::{Approach, CutterSide, Source};
@@ -193,7 +193,10 @@ pub(crate) fn links(
     let d_mm = span.d_mm * scale;
     let first = runs.first().map(|run| run.element);
     let joins_on = |lead: &Element| match profile.select.target {
-        _ if span.entry.is_joined || span.entry.lead.along.is_some() => true,
+        _ if span.entry.is_joined => true,
+        // Where the imaginary line comes straight back there is no intersection.
+        _ if span.entry.lead.along.is_some() => first
+            .is_some_and(|first| 1.0 + lead.end_tangent().dot(&first.start_tangent()) >= REVERSAL),
         _ if span.entry.is_link => is_outside_corner(lead, first, d_mm, &span.entry.lead),
         SelectTarget::NormalEntry => true,
         SelectTarget::NormalNext => is_outside_corner(lead, first, d_mm, &span.entry.lead),

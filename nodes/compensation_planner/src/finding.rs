@@ -215,6 +215,44 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
     ))
 }
 
+/// An outside corner whose offsets do not meet (O08).
+pub(crate) fn no_corner(source: Source, profile: &Profile) -> Diagnostic {
+    let rule = profile.corner.no_intersection;
+    let what = match rule {
+        Strictness::Error => "and the control goes to their intersection",
+        Strictness::Warn | Strictness::Emulate => "an arc goes around the corner",
+    };
+    let mut finding = Diagnostic::error(
+        Code::Unsupported,
+        source,
+        format!(
+            "the offsets of the blocks at the start of {} do not meet: {what}",
+            block_name(source)
+        ),
+    )
+    .help(
+        "split the turn with a short block, or end the contour before it and begin another behind",
+    );
+    finding.severity = rule.severity();
+    finding
+}
+
+/// An outside corner whose offsets meet far off.
+pub(crate) fn far_corner(source: Source, distance_mm: f64, radius_mm: f64) -> Diagnostic {
+    let mut finding = Diagnostic::warning(
+        Code::SuspiciousValue,
+        source,
+        format!(
+            "the tool (radius {radius_mm:.3} mm) goes {distance_mm:.3} mm beyond the corner at the start of {}, \
+             to where both offsets meet",
+            block_name(source)
+        ),
+    )
+    .help("make sure that nothing is in the way, or split the turn with a short block");
+    finding.available_mm = Some(distance_mm);
+    finding
+}
+
 /// A circle that its joints lengthen over 360 degrees (S70).
 pub(crate) fn over_360(
     source: Source,

@@ -12,7 +12,7 @@ use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Plane, Position, Shape};
 use cnc_msgs::profile::{
-    CancelAxes, CancelBeforeEnd, FullCircle, HomeMode, LeadLength, Permission, Profile,
+    CancelAxes, CancelBeforeEnd, FullCircle, HomeMode, InsideArc, LeadLength, Permission, Profile,
     RadiusChange, RapidMode, Reselect, Rule, SideChange, Strictness,
 };
 use std::f64::consts::TAU;
@@ -385,8 +385,37 @@ pub(crate) fn no_intersection(source: Source, profile: &Profile) -> Diagnostic {
         "the side changes where the offsets of both blocks do not meet",
     )
     .help("change the side at a corner, or cancel and select again");
-    finding.alarm = Some("3047".into());
+    finding.alarm.clone_from(&profile.side_change.alarm);
     finding
+}
+
+/// An arc that the tool runs inside of, and that its control does not take so small.
+pub(crate) fn inside_arc(
+    source: Source,
+    element: &Element,
+    d_mm: f64,
+    profile: &Profile,
+) -> Option<Diagnostic> {
+    let rule = profile.interference.inside_arc;
+    let Element::Arc(arc) = element else { return None };
+    let needed_mm = 2.0 * d_mm.abs();
+    if rule.rule == InsideArc::Any || arc.turn * d_mm <= 0.0 || arc.radius >= needed_mm - RADIUS_MM
+    {
+        return None;
+    }
+    let mut finding = of(
+        rule.strictness,
+        Code::ArcRadius,
+        source,
+        format!(
+            "the tool runs inside an arc of radius {:.3} mm; {} needs twice the radius of the tool, {needed_mm:.3} mm",
+            arc.radius, profile.name
+        ),
+    )
+    .help(format!("use a nose radius of at most {:.3} mm", arc.radius / 2.0));
+    finding.needed_mm = Some(needed_mm);
+    finding.available_mm = Some(arc.radius);
+    Some(finding)
 }
 
 /// A corner arc in a direction that the next block does not have (NCT G39).

@@ -30,6 +30,10 @@ pub(crate) const PARALLEL_RAD: f64 = 1e-9;
 /// gouge, mm. That of merging: both add up to less than a quarter of a micrometre.
 pub(crate) const GOUGE_MM: f64 = 1e-4;
 
+/// An intersection at an outside corner that is farther from the corner than so
+/// many radii is told: a turn of more than 168.5 degrees.
+pub(crate) const FAR_CORNER_RADII: f64 = 10.0;
+
 /// `1 + cos(turn)` below which the intersection of an outside corner is not used,
 /// whatever the mode: a turn of more than 178.4 degrees, a spike of 70 radii.
 pub(crate) const REVERSAL: f64 = 4e-4;

@@ -216,6 +216,10 @@ impl<'a> Walk<'a> {
             && active.cancel.is_none()
             && selection.approach.is_none()
             && self.profile.side_change.rule == SideChange::Intersection;
+        if is_repeat {
+            // Back to the side that it is on, with no move between.
+            active.other_side = None;
+        }
         if is_at_intersection {
             active.other_side = Some(selection);
         } else if !is_repeat || selection.approach.is_some() {

@@ -11,9 +11,9 @@ use crate::corner::{Around, around};
 use crate::element::{Element, Vec2};
 use crate::emit::{Emitter, Label, feed, follow};
 use crate::finding;
-use crate::frame::{height, in_plane, plane_axes};
+use crate::frame::{height, in_plane, in_work, plane_axes};
 use crate::span::{ItemKind, Lead, Leg, Run, Span};
-use crate::tolerance::LENGTH_MM;
+use crate::tolerance::{FAR_CORNER_RADII, LENGTH_MM};
 use cnc_msgs::contour::{Motion, MotionClass, OutsideCorner, Source};
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::geometry::AxisSet;
@@ -46,7 +46,7 @@ impl Writer<'_> {
                     Some(Link { role: LinkRole::Corner { next_leg }, element, .. }) => {
                         match self.corner(next_leg, &element, (links, placed, 1)) {
                             Around::Lines(lines) => lines.before_end,
-                            Around::Arc => first.end,
+                            Around::Arc | Around::NoIntersection => first.end,
                         }
                     }
                     _ => first.end,
@@ -109,7 +109,7 @@ impl Writer<'_> {
                         Some(Link { role: LinkRole::Corner { next_leg }, element, .. }) => {
                             match self.corner(next_leg, &element, (links, placed, index + 1)) {
                                 Around::Lines(lines) => Some(lines),
-                                Around::Arc => None,
+                                Around::Arc | Around::NoIntersection => None,
                             }
                         }
                         _ => None,
@@ -134,7 +134,7 @@ impl Writer<'_> {
         let place = &placed[index];
         let neighbour = |other: Option<usize>, offset: usize| {
             let other = placed.get(other?)?;
-            (other.link == place.link + offset - 1).then(|| links[other.link].element.is_line())
+            (other.link == place.link + offset - 1).then(|| &links[other.link].element)
         };
         let before = neighbour(index.checked_sub(1), 0);
         let after = neighbour(Some(index + 1), 2);
@@ -143,8 +143,8 @@ impl Writer<'_> {
             (Some(before), Some(after), Element::Arc(arc)) if is_whole => {
                 let d_mm = links[place.link].d_in_mm;
                 // S69: two arcs that nearly touch get a circle instead of two lines.
-                let is_short = !before
-                    && !after
+                let is_short = !before.is_line()
+                    && !after.is_line()
                     && gap(arc.from, arc.to, d_mm) < 2.0 * self.profile.corner.short_block_mm;
                 if is_short {
                     return Around::Arc;
@@ -181,8 +181,10 @@ impl Writer<'_> {
             axes: plane_axes(plane),
         };
         let here = height(plane, self.out.position);
-        match self.corner(next_leg, &link.element, context) {
-            Around::Arc => {
+        let around = self.corner(next_leg, &link.element, context);
+        self.check_corner(next_leg, source, link, &around);
+        match around {
+            Around::Arc | Around::NoIntersection => {
                 let Some(Element::Arc(arc)) = link.element.offset(link.d_in_mm) else {
                     return 0.0;
                 };
@@ -202,13 +204,48 @@ impl Writer<'_> {
                 }
                 if lines.after_longer > 0.0 && self.has_own_items(next_leg) {
                     // The block's own functions come at its normal point (S56).
-                    let normal = place.end;
-                    self.out.line_to(plane, normal, here, label);
+                    let (links, placed, index) = context;
+                    let next = placed.get(index + 1).and_then(|next| {
+                        let link = &links[next.link];
+                        link.element.offset(link.d_in_mm)
+                    });
+                    match next {
+                        Some(Element::Arc(arc)) if arc.radius > LENGTH_MM => {
+                            let sweep = lines.after_longer / arc.radius;
+                            self.out.arc_to(plane, &arc, sweep, place.end, here, label);
+                        }
+                        _ => self.out.line_to(plane, place.end, here, label),
+                    }
                     return 0.0;
                 }
                 lines.after_longer
             }
         }
+    }
+
+    /// Says where an intersection is not there (O08), or far off.
+    fn check_corner(&mut self, next_leg: usize, source: Source, link: &Link, around: &Around) {
+        let Element::Arc(corner) = &link.element else { return };
+        let radius_mm = link.d_in_mm.abs();
+        let found = match around {
+            Around::Arc => return,
+            Around::NoIntersection => finding::no_corner(source, self.profile),
+            // Only one mode has no line of its own between lines (O05).
+            Around::Lines(_) if self.mode(next_leg) != OutsideCorner::Intersection => return,
+            Around::Lines(lines) => {
+                let distance_mm = (lines.before_end - corner.center).norm();
+                if distance_mm <= FAR_CORNER_RADII * radius_mm {
+                    return;
+                }
+                finding::far_corner(source, distance_mm, radius_mm)
+            }
+        };
+        let mut found = found;
+        let end = self.span.legs.get(next_leg.wrapping_sub(1));
+        found.other = end.map(|leg| leg.source).filter(|other| other.line != source.line);
+        let at = end.map_or(0.0, |leg| height(self.span.plane, leg.end));
+        found.position = Some(in_work(self.span.plane, corner.center, at));
+        self.diagnostics.push(found);
     }
 
     /// The blocks of a run, cut at their normal points.

@@ -8,12 +8,13 @@ use crate::SpanSummary;
 use crate::compensate::{Exit, WallBehind, compensate, empty_span};
 use crate::element::Element;
 use crate::emit::feed;
+use crate::finding;
 use crate::frame::{height, in_plane};
-use crate::intersect::meet_across;
+use crate::intersect::{Meeting, meet_across};
 use crate::radius;
 use crate::rules;
 use crate::span::{Entry, ItemKind, Lead, Leg, OtherSide, Span};
-use crate::tolerance::{LENGTH_MM, RADIUS_MM};
+use crate::tolerance::{FAR_CORNER_RADII, LENGTH_MM, RADIUS_MM};
 use cnc_msgs::contour::{Approach, CutterSide, Motion, MotionClass, OutsideCorner, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{Position, Shape};
@@ -65,6 +66,7 @@ impl Walk<'_> {
         }
         self.diagnostics.extend(slow_corner(active, motion, source));
         active.span.d_out_mm = d_out_mm;
+        self.diagnostics.extend(rules::inside_arc(source, &element, d_out_mm, self.profile));
         active.span.legs.push(Leg {
             element,
             shape: motion.shape,
@@ -107,10 +109,12 @@ impl Walk<'_> {
                 return None;
             }
         }
+        let other_side = active.other_side.take();
         if is_excess && self.profile.off_plane.strictness == Strictness::Emulate {
+            active.side = other_side.map_or(active.side, |selection| selection.side);
             return Some(self.stand_perpendicular(active, start, motion, source));
         }
-        if let Some(selection) = active.other_side.take() {
+        if let Some(selection) = other_side {
             return Some(self.change_side(active, selection, start, motion, source, element));
         }
         if active.radius_changes.is_some()
@@ -145,7 +149,12 @@ impl Walk<'_> {
         let next = OtherSide { element: *element, d_mm };
         let last = active.span.legs.last().map(|leg| leg.element);
         let before = last.map(|element| OtherSide { element, d_mm: active.span.d_out_mm });
-        if let Some(before) = before.filter(|before| meets(before, &next)) {
+        let met = before.and_then(|before| Some((before, meeting(&before, &next)?)));
+        if let Some((before, meeting)) = met {
+            let (distance_mm, radius_mm) = ((meeting.point - element.start()).norm(), d_mm.abs());
+            if distance_mm > FAR_CORNER_RADII * radius_mm {
+                self.diagnostics.push(finding::far_corner(source, distance_mm, radius_mm));
+            }
             active.span.next = Some(next);
             let here = Motion { shape: Shape::Line, end: start, ..*motion };
             let behind = self.close(*active, Exit::None);
@@ -385,13 +394,11 @@ fn slow_corner(active: &Active, motion: &Motion, source: Source) -> Option<Diagn
     })
 }
 
-/// Whether the offsets on both sides of the tool meet where something is left of each.
-fn meets(before: &OtherSide, next: &OtherSide) -> bool {
-    let offsets = before.element.offset(before.d_mm).zip(next.element.offset(next.d_mm));
-    offsets.is_some_and(|(behind, ahead)| {
-        meet_across(&behind, &ahead).is_some_and(|meeting| {
-            meeting.trim_a < behind.length() - LENGTH_MM
-                && meeting.trim_b < ahead.length() - LENGTH_MM
-        })
-    })
+/// Where the offsets on both sides of the tool meet, if something is left of each.
+fn meeting(before: &OtherSide, next: &OtherSide) -> Option<Meeting> {
+    let (behind, ahead) = (before.element.offset(before.d_mm)?, next.element.offset(next.d_mm)?);
+    let meeting = meet_across(&behind, &ahead)?;
+    let is_left =
+        meeting.trim_a < behind.length() - LENGTH_MM && meeting.trim_b < ahead.length() - LENGTH_MM;
+    (is_left && before.d_mm * next.d_mm < 0.0).then_some(meeting)
 }
