@@ -43,7 +43,8 @@ pub(crate) struct WallBehind {
     pub wall: Element,
     pub way: Option<Element>,
     pub source: Source,
-    pub radius_mm: f64,
+    /// The signed offset along it, mm.
+    pub d_mm: f64,
 }
 
 /// Puts a span out. `behind` is the wall that a link at its start leaves; the

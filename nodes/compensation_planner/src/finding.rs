@@ -29,6 +29,12 @@ pub(crate) fn place(plane: Plane, position: Position) -> String {
     )
 }
 
+/// `the tool (radius 5.000 mm, on the right)`: G41 and G42 are often confused (O04).
+fn tool(d_mm: f64) -> String {
+    let side = if d_mm < 0.0 { "right" } else { "left" };
+    format!("the tool (radius {:.3} mm, on the {side})", d_mm.abs())
+}
+
 /// A radius that is surely small enough: cut off after three decimals.
 fn rounded_down(radius_mm: f64) -> f64 {
     (radius_mm * 1e3).floor() / 1e3
@@ -57,8 +63,9 @@ pub(crate) fn unreachable(
         Code::Unreachable,
         leg.source,
         format!(
-            "the tool (radius {radius_mm:.3} mm) does not reach {blocks} at {}: \
+            "{} does not reach {blocks} at {}: \
              nothing is left of the compensated path; at most {limit_mm:.3} mm fits",
+            tool(blamed.d_in_mm),
             place(span.plane, position)
         ),
     );
@@ -127,8 +134,8 @@ pub(crate) fn cut(span: &Span, runs: &[Run], cut: &Cut, profile: &Profile) -> Di
         code,
         later,
         format!(
-            "the tool (radius {:.3} mm) cuts {depth_mm:.4} mm into {} at {} while it follows {}",
-            cut.radius_mm,
+            "{} cuts {depth_mm:.4} mm into {} at {} while it follows {}",
+            tool(cut.radius_mm.copysign(runs[cut.on].d_in_mm)),
             block_name(into.source),
             place(span.plane, position),
             block_name(on)
@@ -168,7 +175,8 @@ pub(crate) struct LeadCut {
     pub source: Source,
     pub other: Source,
     pub at: Position,
-    pub radius_mm: f64,
+    /// The signed offset, mm.
+    pub d_mm: f64,
     pub distance_mm: f64,
     /// See `Span::is_negative`.
     pub is_negative: bool,
@@ -176,15 +184,15 @@ pub(crate) struct LeadCut {
 
 /// A lead or link that cuts into the element next to it.
 pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
-    let depth_mm = cut.radius_mm - cut.distance_mm;
+    let radius_mm = cut.d_mm.abs();
+    let depth_mm = radius_mm - cut.distance_mm;
     let what = cut.what;
     let mut finding = Diagnostic::error(
         cut.code,
         cut.source,
         format!(
-            "the tool (radius {:.3} mm) cuts {depth_mm:.4} mm into {} on the {what}: \
-             it comes as near as {:.4} mm",
-            cut.radius_mm,
+            "{} cuts {depth_mm:.4} mm into {} on the {what}: it comes as near as {:.4} mm",
+            tool(cut.d_mm),
             block_name(cut.other),
             cut.distance_mm
         ),
@@ -197,7 +205,7 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
     finding.other = Some(cut.other);
     finding.position = Some(cut.at);
     finding.depth_mm = Some(depth_mm);
-    finding.needed_mm = Some(cut.radius_mm);
+    finding.needed_mm = Some(radius_mm);
     finding.available_mm = Some(cut.distance_mm);
     if what == "change of side" {
         return finding.help(
@@ -219,14 +227,14 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
 pub(crate) fn no_corner(source: Source, profile: &Profile) -> Diagnostic {
     let rule = profile.corner.no_intersection;
     let what = match rule {
-        Strictness::Error => "and the control goes to their intersection",
-        Strictness::Warn | Strictness::Emulate => "an arc goes around the corner",
+        Strictness::Error => format!(", and {} goes to their intersection", profile.name),
+        Strictness::Warn | Strictness::Emulate => "; an arc goes around the corner".into(),
     };
     let mut finding = Diagnostic::error(
         Code::Unsupported,
         source,
         format!(
-            "the offsets of the blocks at the start of {} do not meet: {what}",
+            "the offsets of the blocks at the start of {} do not meet{what}",
             block_name(source)
         ),
     )
@@ -238,13 +246,14 @@ pub(crate) fn no_corner(source: Source, profile: &Profile) -> Diagnostic {
 }
 
 /// An outside corner whose offsets meet far off.
-pub(crate) fn far_corner(source: Source, distance_mm: f64, radius_mm: f64) -> Diagnostic {
+pub(crate) fn far_corner(source: Source, distance_mm: f64, d_mm: f64) -> Diagnostic {
     let mut finding = Diagnostic::warning(
         Code::SuspiciousValue,
         source,
         format!(
-            "the tool (radius {radius_mm:.3} mm) goes {distance_mm:.3} mm beyond the corner at the start of {}, \
+            "{} goes {distance_mm:.3} mm beyond the corner at the start of {}, \
              to where both offsets meet",
+            tool(d_mm),
             block_name(source)
         ),
     )

@@ -63,19 +63,19 @@ impl Check<'_> {
     ) {
         let lead = &span.entry.lead;
         let code = if span.entry.is_link { Code::LinkGouge } else { Code::LeadGouge };
-        self.span(code, span, runs, ends, span.d_mm.abs(), lead);
+        self.span(code, span, runs, ends, span.d_mm, lead);
         if let Some(behind) = behind {
             let near = nearest(ends.0, ends.1, &behind.wall);
-            if near.distance < behind.radius_mm - GOUGE_MM {
+            if near.distance < behind.d_mm.abs() - GOUGE_MM {
                 let negative = span.is_negative;
-                self.report(Code::LinkGouge, near, behind.radius_mm, lead, behind.source, negative);
+                self.report(Code::LinkGouge, near, behind.d_mm, lead, behind.source, negative);
             }
         }
     }
 
     /// The lead-off, from the end of the contour.
     pub(crate) fn lead_off(&mut self, span: &Span, runs: &[Run], ends: (Vec2, Vec2), lead: &Lead) {
-        self.span(Code::LeadGouge, span, runs, ends, span.d_out_mm.abs(), lead);
+        self.span(Code::LeadGouge, span, runs, ends, span.d_out_mm, lead);
     }
 
     /// The ways along the last block on one side and the first on the other (O02):
@@ -83,20 +83,19 @@ impl Check<'_> {
     pub(crate) fn change_of_side(&mut self, span: &Span, way: Option<Element>, from: WallBehind) {
         let to = &span.legs[0];
         let pairs = [
-            (from.way, self.walls.of(0), from.radius_mm, from.source, to.source),
-            (way, Some(from.wall), span.d_mm.abs(), to.source, from.source),
+            (from.way, self.walls.of(0), from.d_mm, from.source, to.source),
+            (way, Some(from.wall), span.d_mm, to.source, from.source),
         ];
-        for (way, wall, radius_mm, source, other) in pairs {
+        for (way, wall, d_mm, source, other) in pairs {
             let Some(near) = way.zip(wall).map(|(way, wall)| nearest_on_way(&way, &wall)) else {
                 continue;
             };
-            if near.distance < radius_mm - GOUGE_MM {
+            if near.distance < d_mm.abs() - GOUGE_MM {
                 let at = in_work(self.plane, near.on_wall, height(self.plane, to.end));
                 let what = "change of side";
                 let code = Code::LinkGouge;
                 let (distance_mm, is_negative) = (near.distance, span.is_negative);
-                let cut =
-                    LeadCut { code, what, source, other, at, radius_mm, distance_mm, is_negative };
+                let cut = LeadCut { code, what, source, other, at, d_mm, distance_mm, is_negative };
                 self.diagnostics.push(finding::lead_cut(&cut, self.profile));
             }
         }
@@ -111,7 +110,7 @@ impl Check<'_> {
     ) -> Option<WallBehind> {
         let last = runs.last()?;
         let source = span.legs[last.legs.end - 1].source;
-        Some(WallBehind { wall: last.element, way, source, radius_mm: span.d_out_mm.abs() })
+        Some(WallBehind { wall: last.element, way, source, d_mm: span.d_out_mm })
     }
 
     fn span(
@@ -120,13 +119,13 @@ impl Check<'_> {
         span: &Span,
         runs: &[Run],
         (from, to): (Vec2, Vec2),
-        radius_mm: f64,
+        d_mm: f64,
         lead: &Lead,
     ) {
-        let limit = radius_mm - GOUGE_MM;
+        let limit = d_mm.abs() - GOUGE_MM;
         if let Some((run, near)) = deepest_cut(self.walls, (from, to), limit) {
             let other = span.legs[runs[run].legs.start].source;
-            self.report(code, near, radius_mm, lead, other, span.is_negative);
+            self.report(code, near, d_mm, lead, other, span.is_negative);
         }
     }
 
@@ -134,7 +133,7 @@ impl Check<'_> {
         &mut self,
         code: Code,
         near: Nearest,
-        radius_mm: f64,
+        d_mm: f64,
         lead: &Lead,
         other: Source,
         is_negative: bool,
@@ -145,7 +144,7 @@ impl Check<'_> {
             source: lead.source,
             other,
             at: in_work(self.plane, near.on_wall, height(self.plane, lead.motion.end)),
-            radius_mm,
+            d_mm,
             distance_mm: near.distance,
             is_negative,
         };

@@ -237,7 +237,7 @@ impl Writer<'_> {
                 if distance_mm <= FAR_CORNER_RADII * radius_mm {
                     return;
                 }
-                finding::far_corner(source, distance_mm, radius_mm)
+                finding::far_corner(source, distance_mm, link.d_in_mm)
             }
         };
         let mut found = found;

@@ -171,7 +171,7 @@ fn a_tool_that_does_not_fit_is_refused_with_place_and_numbers() {
         "x.svg",
     ];
     let ran = said(&folder, &args).expect(1).says(&[
-        "error[unreachable]: the tool (radius 25.000 mm) does not reach block N40",
+        "error[unreachable]: the tool (radius 25.000 mm, on the left) does not reach block N40",
         "contour.mpf:5:1",
         "at most 20.851 mm fits",
         "closest at X65.000 Y55.000",

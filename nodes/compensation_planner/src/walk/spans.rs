@@ -153,7 +153,7 @@ impl Walk<'_> {
         if let Some((before, meeting)) = met {
             let (distance_mm, radius_mm) = ((meeting.point - element.start()).norm(), d_mm.abs());
             if distance_mm > FAR_CORNER_RADII * radius_mm {
-                self.diagnostics.push(finding::far_corner(source, distance_mm, radius_mm));
+                self.diagnostics.push(finding::far_corner(source, distance_mm, d_mm));
             }
             active.span.next = Some(next);
             let here = Motion { shape: Shape::Line, end: start, ..*motion };
