@@ -59,6 +59,10 @@ pub struct Case {
     #[serde(default)]
     pub start: [f64; 3],
     pub program: String,
+    /// The program changes the value of the offset in force: in this line, to this
+    /// radius, mm. No language here has words for it; the neutral events do.
+    #[serde(default)]
+    pub radius_value: Option<(u32, f64)>,
     /// A line to start the program at.
     #[serde(default)]
     pub start_line: Option<u32>,

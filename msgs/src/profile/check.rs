@@ -1,7 +1,7 @@
 //! What the form of a profile cannot say: values and combinations that no
 //! control could have.
 
-use super::{OutputPoint, Profile, RadiusKind, ZeroOffset};
+use super::{Dialect, OutputPoint, Profile, RadiusKind, ZeroOffset};
 use crate::geometry::Plane;
 
 /// A profile that no control could have.
@@ -65,6 +65,34 @@ impl Profile {
             return refuse(
                 &["d0"],
                 "D0 means something only where radius.source is d_register; write none".into(),
+            );
+        }
+        let dialect = self.language.dialect;
+        let is_possible = match source {
+            RadiusKind::ToolNumber | RadiusKind::DRegister => {
+                !matches!(dialect, Dialect::Masso | Dialect::Automation1 | Dialect::OspLathe)
+            }
+            RadiusKind::SpindleToolPlusP => {
+                matches!(dialect, Dialect::Masso | Dialect::Rs274 | Dialect::Nct)
+            }
+            RadiusKind::ProgramValue => dialect == Dialect::Automation1,
+            RadiusKind::NoseRegister => dialect == Dialect::OspLathe,
+        };
+        if !is_possible {
+            return refuse(
+                &["radius", "source"],
+                "the language of this profile has no word for it: see docs/profiles.md".into(),
+            );
+        }
+        let number = |word: &String| word.trim_start_matches('G').parse::<f64>().ok();
+        let select = self.select.words.keys().filter_map(number);
+        let mut numbers: Vec<f64> =
+            self.corner.words.keys().filter_map(number).chain(select).collect();
+        numbers.sort_by(f64::total_cmp);
+        if numbers.windows(2).any(|pair| pair[0] == pair[1]) {
+            return refuse(
+                &["corner", "words"],
+                "one G number stands twice among corner.words and select.words".into(),
             );
         }
         if self.output == OutputPoint::Tip

@@ -9,6 +9,7 @@ mod terminal;
 
 mod bag;
 mod by_hand;
+mod check;
 mod demo;
 mod exit;
 mod files;
@@ -47,6 +48,8 @@ enum Command {
     Node(node::NodeArgs),
     /// Compensate a program; no ROS needed
     Plan(plan::PlanArgs),
+    /// What each control would say of a program, side by side
+    Check(check::CheckArgs),
     /// Load a program into the running nodes
     Load(operate::LoadArgs),
     /// Run the loaded program, or load one and run it
@@ -95,6 +98,7 @@ fn run(command: Command, ros_args: &[String]) -> Outcome {
         Command::Up(args) => up::run(&args, ros_args),
         Command::Node(_) => unreachable!("nodes have an exit code of their own"),
         Command::Plan(args) => plan::run(&args),
+        Command::Check(args) => check::run(&args),
         Command::Load(args) => operate::load(&args, ros_args),
         Command::Run(args) => operate::run(&args, ros_args),
         Command::Hold => operate::press(Button::Hold, ros_args),

@@ -75,7 +75,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
     if planned.accepted() { Ok(()) } else { Err(Failure::said(Status::Refused)) }
 }
 
-fn position(text: &str) -> Result<[f64; 3], String> {
+pub(crate) fn position(text: &str) -> Result<[f64; 3], String> {
     let numbers: Vec<f64> = text
         .split(',')
         .map(|part| part.trim().parse::<f64>().ok().filter(|number| number.is_finite()))

@@ -32,8 +32,6 @@ pub(crate) struct Dialect {
     pub(crate) foreign_axes: Letters,
     /// Letters that go to the machine as they are, with their number.
     pub(crate) auxiliary: Letters,
-    /// What G41 takes its radius from.
-    pub(crate) radius_word: RadiusWord,
     /// What I, J and K of a block with G41 say.
     pub(crate) approach: ApproachWords,
     /// Letters that G4 takes its seconds from.

@@ -4,9 +4,9 @@
 
 use cnc_msgs::contour::{Approach, OutsideCorner, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
-use cnc_msgs::profile::{Profile, ZeroOffset};
+use cnc_msgs::profile::{Profile, RadiusKind, ZeroOffset};
 
-use crate::dialect::{self, Dialect};
+use crate::dialect::{self, Dialect, RadiusWord};
 
 #[derive(Debug)]
 pub(crate) struct Rules<'p> {
@@ -15,6 +15,10 @@ pub(crate) struct Rules<'p> {
     pub(crate) control: &'p str,
     /// X words are diameters.
     pub(crate) x_is_diameter: bool,
+    /// What G41 takes its radius from.
+    pub(crate) radius_word: RadiusWord,
+    /// What becomes of a selection without such a word.
+    pub(crate) no_radius: Severity,
     /// What D0 does.
     pub(crate) d0: ZeroOffset,
     /// By G number in tenths.
@@ -57,6 +61,8 @@ impl<'p> Rules<'p> {
             dialect: dialect::of(profile.language.dialect),
             control: &profile.name,
             x_is_diameter: profile.language.x_is_diameter,
+            radius_word: radius_word(profile),
+            no_radius: profile.radius.source.severity(),
             d0: profile.d0,
             corners,
             approaches,
@@ -77,6 +83,17 @@ impl<'p> Rules<'p> {
     /// Whether a word must not stand in a block under compensation.
     pub(crate) fn forbids(&self, letter: u8, tenths: u16) -> bool {
         self.forbidden.contains(&(letter, tenths))
+    }
+}
+
+/// The profile decides what D and P mean, where the language has them.
+fn radius_word(profile: &Profile) -> RadiusWord {
+    match profile.radius.source.rule {
+        RadiusKind::ToolNumber => RadiusWord::Tool,
+        RadiusKind::DRegister => RadiusWord::ModalOffset,
+        RadiusKind::SpindleToolPlusP => RadiusWord::Addend,
+        RadiusKind::ProgramValue => RadiusWord::Set,
+        RadiusKind::NoseRegister => RadiusWord::Nose,
     }
 }
 

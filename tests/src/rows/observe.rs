@@ -17,7 +17,7 @@
 
 use super::{Case, Other};
 use crate::root;
-use cnc_msgs::contour::{ContourEventKind, CutterSide, ProgrammedContour};
+use cnc_msgs::contour::{ContourEvent, ContourEventKind, CutterSide, ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
@@ -43,7 +43,8 @@ pub fn profile(name: &str, changes: &Value) -> Profile {
     profile
 }
 
-fn merge(into: &mut Value, changes: &Value) {
+/// Puts the keys of one object into another.
+pub fn merge(into: &mut Value, changes: &Value) {
     match (into, changes) {
         (_, Value::Null) => {}
         (Value::Object(into), Value::Object(changes)) => {
@@ -58,7 +59,7 @@ fn merge(into: &mut Value, changes: &Value) {
 /// What comes of a case.
 pub fn observe(case: &Case, control: &str) -> Value {
     let control = case.controller.as_deref().unwrap_or(control);
-    let run = Run::new(control, &case.profile, &case.table, case.start, &case.program);
+    let run = Run::of(control, &case.profile, &case.table, case);
     let mut observed = run.observed();
     if let Err(fault) = case.table.check() {
         observed.insert("table_fault".into(), json!(fault.to_string()));
@@ -86,13 +87,10 @@ fn other_run(case: &Case, other: &Other, control: &str) -> Run {
         changes = json!({});
     }
     merge(&mut changes, &other.profile);
-    Run::new(
-        other.controller.as_deref().unwrap_or(control),
-        &changes,
-        other.table.as_ref().unwrap_or(&case.table),
-        case.start,
-        other.program.as_deref().unwrap_or(&case.program),
-    )
+    let program = other.program.as_ref().unwrap_or(&case.program).clone();
+    let case = &Case { program, ..case.clone() };
+    let control = other.controller.as_deref().unwrap_or(control);
+    Run::of(control, &changes, other.table.as_ref().unwrap_or(&case.table), case)
 }
 
 struct Run {
@@ -103,16 +101,19 @@ struct Run {
 }
 
 impl Run {
-    fn new(
-        control: &str,
-        changes: &Value,
-        table: &ToolTable,
-        start: Position,
-        program: &str,
-    ) -> Self {
+    fn of(control: &str, changes: &Value, table: &ToolTable, case: &Case) -> Self {
         let profile = profile(control, changes);
-        let options = LoadOptions { start, ..LoadOptions::default() };
-        let loaded = program_loader::load(program.as_bytes(), &profile, &options);
+        let options = LoadOptions { start: case.start, ..LoadOptions::default() };
+        let mut loaded = program_loader::load(case.program.as_bytes(), &profile, &options);
+        if let Some((line, radius_mm)) = case.radius_value {
+            let events = &mut loaded.contour.events;
+            let at = events.partition_point(|event| event.source.line <= line);
+            let source = Source { line, column: 1, ..Source::default() };
+            events.insert(
+                at,
+                ContourEvent { source, kind: ContourEventKind::RadiusValue { radius_mm } },
+            );
+        }
         let mut diagnostics = loaded.diagnostics;
         let mut plan = Plan::default();
         if !diagnostics.iter().any(Diagnostic::is_error) {

@@ -4,9 +4,7 @@
 //! compensation; a rapid does not follow a path (A08).
 
 use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
-use super::{
-    ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units,
-};
+use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};
 use crate::block::LexerRules;
 use crate::lexer::call;
 use cnc_msgs::contour::CutterSide;
@@ -25,9 +23,8 @@ pub(super) static DIALECT: Dialect = Dialect {
     m,
     plane: Plane::Xy,
     letters: Letters::of(b"XYZIJKRFSTPQ"),
-    foreign_axes: Letters::of(b"ABCUVWD"),
+    foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
-    radius_word: RadiusWord::Set,
     approach: ApproachWords::None,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,

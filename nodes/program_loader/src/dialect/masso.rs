@@ -1,7 +1,7 @@
 //! MASSO G3 and Touch: the words of RS-274, with P as a radius on G41 (M03, M08).
 
 use super::rs274::{common, common_m};
-use super::{ApproachWords, Dialect, GWord, Letters, MWord, RadiusWord};
+use super::{ApproachWords, Dialect, GWord, Letters, MWord};
 use crate::block::LexerRules;
 use cnc_msgs::geometry::Plane;
 
@@ -21,7 +21,6 @@ pub(super) static DIALECT: Dialect = Dialect {
     // M18 names Z, A and B.
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
-    radius_word: RadiusWord::Addend,
     approach: ApproachWords::None,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,

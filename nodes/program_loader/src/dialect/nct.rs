@@ -5,9 +5,7 @@
 //! the move before it; it is refused by name.
 
 use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
-use super::{
-    ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units,
-};
+use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};
 use crate::block::LexerRules;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::Plane;
@@ -27,7 +25,6 @@ pub(super) static DIALECT: Dialect = Dialect {
     letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
-    radius_word: RadiusWord::ModalOffset,
     approach: ApproachWords::Direction,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,

@@ -6,7 +6,7 @@
 //! here. Feeds are mm/min: a program that says otherwise is refused by name.
 
 use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
-use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord};
+use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode};
 use crate::block::LexerRules;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::Plane;
@@ -26,7 +26,6 @@ pub(super) static DIALECT: Dialect = Dialect {
     letters: Letters::of(b"XZIKLFST"),
     foreign_axes: Letters::of(b"ABCUVWY"),
     auxiliary: Letters::NONE,
-    radius_word: RadiusWord::Nose,
     approach: ApproachWords::Point,
     dwell: Letters::of(b"F"),
     arc_radius_and_turns: true,

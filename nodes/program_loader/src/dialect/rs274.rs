@@ -1,8 +1,6 @@
 //! RS-274/NGC as LinuxCNC reads it, and grbl where LinuxCNC leaves a choice.
 
-use super::{
-    ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units,
-};
+use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};
 use crate::block::LexerRules;
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
 use cnc_msgs::geometry::Plane;
@@ -22,7 +20,6 @@ pub(super) static DIALECT: Dialect = Dialect {
     letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
-    radius_word: RadiusWord::Tool,
     approach: ApproachWords::None,
     dwell: Letters::of(b"P"),
     arc_radius_and_turns: true,

@@ -5,9 +5,7 @@
 //! profile.
 
 use super::rs274::{CONSTANT_SPEED, FEED_MODE, OFFSETS, THREAD, common_m};
-use super::{
-    ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, RadiusWord, Units,
-};
+use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};
 use crate::block::LexerRules;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::Plane;
@@ -27,7 +25,6 @@ pub(super) static DIALECT: Dialect = Dialect {
     letters: Letters::of(b"XYZIJKFSTDH"),
     foreign_axes: Letters::of(b"ABCQUVWE"),
     auxiliary: Letters::of(b"H"),
-    radius_word: RadiusWord::ModalOffset,
     approach: ApproachWords::None,
     dwell: Letters::of(b"FX"),
     arc_radius_and_turns: false,

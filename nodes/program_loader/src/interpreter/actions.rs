@@ -39,7 +39,7 @@ impl Interpreter<'_> {
         if self.request.present.contains(b'T')
             && let Some(tool) = self.take_number(scene, b'T')
         {
-            if self.rules.dialect.radius_word == RadiusWord::Nose {
+            if self.rules.radius_word == RadiusWord::Nose {
                 self.turret(scene, tool);
             } else {
                 self.modal.selected_tool = Some(tool);

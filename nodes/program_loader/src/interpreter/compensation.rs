@@ -12,7 +12,7 @@ use super::{Interpreter, Scene};
 use crate::dialect::{ApproachWords, GWord, Group, Mode, RadiusWord};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{Action, Approach, ContourEventKind, CutterSide, RadiusSource, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Direction};
 use cnc_msgs::profile::ZeroOffset;
 
@@ -48,7 +48,7 @@ impl Interpreter<'_> {
     #[inline]
     pub(super) fn compensation(&mut self, scene: &mut Scene<'_>) {
         let word = self.request.g(Group::Compensation);
-        let is_modal_offset = self.rules.dialect.radius_word == RadiusWord::ModalOffset;
+        let is_modal_offset = self.rules.radius_word == RadiusWord::ModalOffset;
         let offset = if is_modal_offset { self.take_number(scene, b'D') } else { None };
         if offset.is_some() {
             self.modal.compensation.offset = offset;
@@ -246,7 +246,7 @@ impl Interpreter<'_> {
 
     #[cold]
     fn select(&mut self, scene: &mut Scene<'_>, side: CutterSide, is_dynamic: bool, at: usize) {
-        match self.rules.dialect.radius_word {
+        match self.rules.radius_word {
             RadiusWord::ModalOffset => return self.select_with_offset(scene, side, at),
             RadiusWord::Set => {
                 if !self.axes_agree(scene, at) {
@@ -287,6 +287,8 @@ impl Interpreter<'_> {
         self.modal.compensation.side = Some(side);
         match self.modal.compensation.offset {
             None if self.request.present.contains(b'D') => {}
+            // The planner says that there is no radius.
+            None if self.rules.no_radius == Severity::Warning => self.tell_selection(scene, side),
             None => {
                 let message =
                     format!("{} without a D: no offset has been selected", scene.quote(at));
