@@ -515,3 +515,69 @@ fn without_nodes_a_client_says_so_after_five_seconds() {
         }
     });
 }
+
+/// A program for everybody who has D words and G40.
+const PORTABLE: &str = "N10 G0 X-50 Y-25\nN20 G1 Z-5 F250\nN40 G41 D1\nN50 X-25\nN60 X100\n\
+                        N65 M8\nN70 Y-100\nN80 X25\nN90 Y25\nN100 G40\nN110 X25 Y50\nN120 M30\n";
+
+#[test]
+fn controls_are_put_side_by_side() {
+    let folder = Folder::new();
+    folder.file("part.nc", PORTABLE);
+    folder.file("tools.yaml", "tools:\n  1: {diameter_mm: 10.0}\n");
+    let args = ["check", "part.nc", "--all-controllers", "--tools", "tools.yaml"];
+    let ran = said(&folder, &args).expect(0);
+    for line in [
+        "masso           cannot read  1 error",
+        "line 3 N40, unknown_word: masso has no word D1",
+        "osp_lathe       cannot read  5 errors",
+        "nct             accepts      0 errors, 0 warnings",
+        // Corners cut short at both tangents are (sqrt(2) - 1) 5 mm away from arcs.
+        "nct and rs274: 2.0712 mm apart at X105.000 Y-20.000 Z-5.000 in line 5 N60",
+    ] {
+        assert!(ran.out.contains(line), "{line}\n{}", ran.out);
+    }
+
+    let ran = said(&folder, &[&args[..], &["--json"]].concat()).expect(0);
+    let report: Value = serde_json::from_str(&ran.out).expect("one JSON object");
+    let controllers = report["controllers"].as_array().expect("a list");
+    let verdict = |name: &str| {
+        let row = controllers.iter().find(|row| row["controller"] == name).expect("the control");
+        (row["read"].clone(), row["accepted"].clone(), row["error_count"].clone())
+    };
+    assert_eq!(controllers.len(), 6);
+    assert_eq!(verdict("masso"), (false.into(), false.into(), 1.into()));
+    assert_eq!(verdict("sinumerik_840c"), (true.into(), true.into(), 0.into()));
+    let differences = report["differences"].as_array().expect("a list");
+    let pair = differences.iter().find(|pair| pair["to"] == "rs274").expect("beside nct");
+    let apart = pair["distance_mm"].as_f64().expect("a number");
+    assert!((apart - 5.0 * (2.0_f64.sqrt() - 1.0)).abs() < 1e-3, "{pair}");
+    assert_eq!((&pair["line"], &pair["block"]), (&5.into(), &60.into()));
+}
+
+#[test]
+fn a_program_that_nobody_takes_and_controls_that_nobody_knows() {
+    let folder = Folder::new();
+    folder.file("junk.nc", "G1 X1 Q9 F100\n");
+    folder.file("mine.yaml", "name: mine\nlanguage: {dialect: fanuc}\n");
+    folder.file("odd.yaml", &odd_profile());
+    said(&folder, &["check", "junk.nc", "--all-controllers"]).expect(1);
+    said(&folder, &["check", "junk.nc"]).expect(2);
+    said(&folder, &["check", "junk.nc", "--controller", "fanuc"]).expect(2).says(&["known are"]);
+    said(&folder, &["check", "junk.nc", "--controller", "./mine.yaml"])
+        .expect(2)
+        .says(&["mine.yaml:2", "unknown variant `fanuc`"]);
+    said(&folder, &["check", "junk.nc", "--controller", "./odd.yaml"]).expect(2).says(&[
+        "odd.yaml:",
+        "radius.source",
+        "no word for it",
+    ]);
+    said(&folder, &["check", "none.nc", "--all-controllers"]).expect(2);
+}
+
+/// A profile with a combination that no control could have.
+fn odd_profile() -> String {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controllers/masso.yaml");
+    let text = std::fs::read_to_string(path).expect("a profile");
+    text.replace("rule: spindle_tool_plus_p", "rule: nose_register")
+}
