@@ -1,15 +1,18 @@
 //! Draws a plan as an SVG picture.
 //!
-//! Seen from the positive end of the plane's normal, millimetres as user
-//! units: the programmed contour in grey, the tool centre in purple, leads
+//! Millimetres as user units: the programmed contour in grey, the path in purple, leads
 //! dashed, rapids thin, findings pinned with their code and line. This file
 //! knows how things look; what they are was decided before.
 
-use cnc_msgs::contour::{ContourEventKind, MotionClass, ProgrammedContour};
+mod view;
+
+use cnc_msgs::contour::{ContourEventKind, CutterSide, MotionClass, ProgrammedContour};
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
-use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position, Shape};
+use cnc_msgs::geometry::{AXIS_LETTERS, Position, Shape};
 use cnc_msgs::path::{PathElement, Role};
+use cnc_msgs::profile::{OutputPoint, Profile};
 use std::fmt::Write;
+use view::{Point, View};
 
 /// What is drawn.
 #[derive(Debug, Clone, Copy)]
@@ -22,55 +25,29 @@ pub(crate) struct Picture<'a> {
     pub(crate) elements: &'a [PathElement],
     pub(crate) accepted: bool,
     pub(crate) diagnostics: &'a [Diagnostic],
+    pub(crate) profile: &'a Profile,
 }
 
 /// Draws it; the result is a complete SVG document.
 pub(crate) fn draw(picture: &Picture<'_>) -> String {
-    let plane = main_plane(picture.contour);
-    let programmed = programmed_strokes(picture.contour, plane);
-    let compensated = compensated_strokes(picture.start, picture.elements, plane);
-    let frame = Frame::around(programmed.iter().chain(&compensated), picture.diagnostics, plane);
+    let view = View::of(picture.contour, picture.profile);
+    let programmed = programmed_strokes(picture.contour, view);
+    let compensated = compensated_strokes(picture.start, picture.elements, view);
+    let frame = Frame::around(programmed.iter().chain(&compensated), picture.diagnostics, view);
 
     let mut svg = String::new();
-    frame.open(&mut svg, picture, plane);
-    frame.grid(&mut svg);
+    frame.open(&mut svg, picture, view);
+    frame.grid(&mut svg, view);
     for stroke in programmed.iter().chain(&compensated) {
         stroke.write(&mut svg);
     }
     for (number, finding) in picture.diagnostics.iter().enumerate() {
         if let Some(position) = finding.position {
-            frame.pin(&mut svg, project(position, plane), number, finding);
+            frame.pin(&mut svg, view.project(position), number, finding);
         }
     }
     svg.push_str("</svg>\n");
     svg
-}
-
-/// A point on the paper, y downwards.
-type Point = [f64; 2];
-
-fn project(position: Position, plane: Plane) -> Point {
-    let [first, second, _] = plane.axes();
-    [position[first], -position[second]]
-}
-
-/// The plane of the first compensation, else of the first arc, else XY.
-fn main_plane(contour: &ProgrammedContour) -> Plane {
-    let mut plane = Plane::default();
-    let mut arc_plane = None;
-    for event in &contour.events {
-        match event.kind {
-            ContourEventKind::Plane(selected) => plane = selected,
-            ContourEventKind::Select { .. } => return plane,
-            ContourEventKind::Motion(motion) => {
-                if let (Shape::Arc(arc), None) = (motion.shape, arc_plane) {
-                    arc_plane = Some(arc.plane);
-                }
-            }
-            _ => {}
-        }
-    }
-    arc_plane.unwrap_or_default()
 }
 
 /// A run of drawing commands of one look.
@@ -87,12 +64,13 @@ impl Stroke {
         Self { class, commands, points: vec![start] }
     }
 
-    fn add(&mut self, start: Position, shape: &Shape, end: Position, plane: Plane) {
-        let (from, to) = (project(start, plane), project(end, plane));
+    fn add(&mut self, start: Position, shape: &Shape, end: Position, view: View) {
+        let (from, to) = (view.project(start), view.project(end));
         match shape {
-            Shape::Arc(arc) if arc.plane == plane => {
-                let center = project(arc.center, plane);
+            Shape::Arc(arc) if arc.plane == view.plane => {
+                let center = view.project(arc.center);
                 let radius = (from[0] - center[0]).hypot(from[1] - center[1]);
+                let clockwise = view.turns_clockwise(arc.clockwise);
                 for &corner in &[[-1.0, -1.0], [1.0, 1.0]] {
                     self.points
                         .push([center[0] + corner[0] * radius, center[1] + corner[1] * radius]);
@@ -101,7 +79,7 @@ impl Stroke {
                     let _ = write!(
                         self.commands,
                         "A{radius:.6} {radius:.6} 0 0 {} {:.6} {:.6}",
-                        u8::from(arc.clockwise),
+                        u8::from(clockwise),
                         point[0],
                         point[1]
                     );
@@ -113,8 +91,8 @@ impl Stroke {
                 let _ = write!(
                     self.commands,
                     "A{radius:.6} {radius:.6} 0 {} {} {:.6} {:.6}",
-                    u8::from(is_major(from, to, center, arc.clockwise)),
-                    u8::from(arc.clockwise),
+                    u8::from(is_major(from, to, center, clockwise)),
+                    u8::from(clockwise),
                     to[0],
                     to[1]
                 );
@@ -140,21 +118,21 @@ fn is_major(from: Point, to: Point, center: Point, clockwise: bool) -> bool {
     if clockwise { cross < 0.0 } else { cross > 0.0 }
 }
 
-fn programmed_strokes(contour: &ProgrammedContour, plane: Plane) -> Vec<Stroke> {
+fn programmed_strokes(contour: &ProgrammedContour, view: View) -> Vec<Stroke> {
     let mut strokes = Strokes::default();
     let mut position = contour.start;
     for event in &contour.events {
         if let ContourEventKind::Motion(motion) = event.kind {
             let class =
                 if motion.class == MotionClass::Feed { "programmed" } else { "programmed rapid" };
-            strokes.add(class, position, &motion.shape, motion.end, plane);
+            strokes.add(class, position, &motion.shape, motion.end, view);
             position = motion.end;
         }
     }
     strokes.done
 }
 
-fn compensated_strokes(start: Position, elements: &[PathElement], plane: Plane) -> Vec<Stroke> {
+fn compensated_strokes(start: Position, elements: &[PathElement], view: View) -> Vec<Stroke> {
     let mut strokes = Strokes::default();
     let mut position = start;
     for element in elements {
@@ -164,7 +142,7 @@ fn compensated_strokes(start: Position, elements: &[PathElement], plane: Plane) 
             (Role::Corner, _) => "path corner",
             _ => "path",
         };
-        strokes.add(class, position, &element.shape, element.end, plane);
+        strokes.add(class, position, &element.shape, element.end, view);
         position = element.end;
     }
     strokes.done
@@ -183,13 +161,13 @@ impl Strokes {
         start: Position,
         shape: &Shape,
         end: Position,
-        plane: Plane,
+        view: View,
     ) {
         match self.done.last_mut() {
-            Some(stroke) if stroke.class == class => stroke.add(start, shape, end, plane),
+            Some(stroke) if stroke.class == class => stroke.add(start, shape, end, view),
             _ => {
-                let mut stroke = Stroke::new(class, project(start, plane));
-                stroke.add(start, shape, end, plane);
+                let mut stroke = Stroke::new(class, view.project(start));
+                stroke.add(start, shape, end, view);
                 self.done.push(stroke);
             }
         }
@@ -208,11 +186,11 @@ impl Frame {
     fn around<'a>(
         strokes: impl Iterator<Item = &'a Stroke>,
         diagnostics: &[Diagnostic],
-        plane: Plane,
+        view: View,
     ) -> Self {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let pins =
-            diagnostics.iter().filter_map(|finding| finding.position).map(|p| project(p, plane));
+            diagnostics.iter().filter_map(|finding| finding.position).map(|p| view.project(p));
         for point in strokes.flat_map(|stroke| stroke.points.iter().copied()).chain(pins) {
             for axis in 0..2 {
                 min[axis] = min[axis].min(point[axis]);
@@ -231,7 +209,7 @@ impl Frame {
         Self { min, size, text }
     }
 
-    fn open(&self, svg: &mut String, picture: &Picture<'_>, plane: Plane) {
+    fn open(&self, svg: &mut String, picture: &Picture<'_>, view: View) {
         let (text, line) = (self.text, self.text * 0.12);
         let pixels = 1200.0 / self.size[0].max(self.size[1]);
         let _ = writeln!(
@@ -266,7 +244,7 @@ impl Frame {
             line * 0.8,
             text * 0.7,
         );
-        let [first, second, _] = plane.axes();
+        let [first, second, _] = view.plane.axes();
         let _ = writeln!(
             svg,
             "<rect x=\"{:.6}\" y=\"{:.6}\" width=\"{:.6}\" height=\"{:.6}\" fill=\"white\"/>",
@@ -274,23 +252,25 @@ impl Frame {
         );
         let _ = writeln!(
             svg,
-            "<text x=\"{:.6}\" y=\"{:.6}\">{} — {}{} to the right, {} up, mm</text>",
+            "<text x=\"{:.6}\" y=\"{:.6}\">{} — {}{} to the right, {} {}, mm</text>",
             self.min[0] + text,
             self.min[1] + 1.6 * text,
             escape(picture.title),
             if picture.accepted { "" } else { "REFUSED — " },
             AXIS_LETTERS[first],
             AXIS_LETTERS[second],
+            if view.is_mirrored { "down" } else { "up" },
         );
-        self.legend(svg);
+        self.legend(svg, picture);
     }
 
-    fn legend(&self, svg: &mut String) {
+    fn legend(&self, svg: &mut String, picture: &Picture<'_>) {
+        let path = path_label(picture);
         let y = self.min[1] + self.size[1] - self.text;
         let mut x = self.min[0] + self.text;
         for (class, label) in [
             ("programmed", "programmed"),
-            ("path", "tool centre"),
+            ("path", &path),
             ("path corner", "corner"),
             ("path lead", "lead"),
             ("path rapid", "rapid"),
@@ -308,7 +288,7 @@ impl Frame {
     }
 
     /// Lines at round coordinates, about ten across, with their numbers.
-    fn grid(&self, svg: &mut String) {
+    fn grid(&self, svg: &mut String, view: View) {
         let step = round_step(self.size[0].max(self.size[1]) / 10.0);
         for axis in 0..2 {
             let first = (self.min[axis] / step).ceil() as i64;
@@ -316,7 +296,7 @@ impl Frame {
             for index in first..=last {
                 let at = index as f64 * step;
                 let class = if index == 0 { "axis" } else { "grid" };
-                let value = if axis == 0 { at } else { -at } + 0.0;
+                let value = if axis == 0 || view.is_mirrored { at } else { -at } + 0.0;
                 let (line, x, y) = if axis == 0 {
                     let top = self.min[1] + 2.2 * self.text;
                     let height = self.size[1] - 4.6 * self.text;
@@ -358,6 +338,21 @@ impl Frame {
             finding.code.name(),
             finding.source.line,
         );
+    }
+}
+
+/// What the path is of, and on which side of the contour it runs (O04).
+fn path_label(picture: &Picture<'_>) -> String {
+    let point = match picture.profile.output {
+        OutputPoint::Center => "tool centre",
+        OutputPoint::Tip => "tool tip",
+    };
+    let runs_on = |side| picture.elements.iter().any(|element| element.side == Some(side));
+    match (runs_on(CutterSide::Left), runs_on(CutterSide::Right)) {
+        (true, true) => format!("{point}, on the left and on the right"),
+        (true, false) => format!("{point}, on the left"),
+        (false, true) => format!("{point}, on the right"),
+        (false, false) => point.to_owned(),
     }
 }
 

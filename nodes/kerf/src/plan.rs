@@ -54,7 +54,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let planned = Planned::new(&text, &profile, &tools, &options, plan);
 
     if let Some(path) = &args.svg {
-        files::write(path, &planned.svg(&name))?;
+        files::write(path, &planned.svg(&name, &profile))?;
     }
     if args.json {
         println!("{:#}", planned.report(&profile.name).to_json());
@@ -142,7 +142,7 @@ impl Planned {
     }
 
     /// The picture, of what was refused too.
-    pub(crate) fn svg(&self, title: &str) -> String {
+    pub(crate) fn svg(&self, title: &str, profile: &Profile) -> String {
         let elements = if self.accepted() { &self.path().elements } else { &self.plan.refused };
         picture::draw(&picture::Picture {
             title,
@@ -151,6 +151,7 @@ impl Planned {
             elements,
             accepted: self.accepted(),
             diagnostics: &self.diagnostics,
+            profile,
         })
     }
 

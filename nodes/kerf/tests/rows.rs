@@ -260,3 +260,44 @@ fn reproduced(machine: &Machine, bag: &Path) {
         "driver: 0 differences",
     ]);
 }
+
+/// The last point of the path in a picture, and how the X axis is drawn.
+fn end_of_path(svg: &str) -> Value {
+    let path = svg.lines().find_map(|line| line.strip_prefix("<path class=\"path\" d=\""));
+    let path = path.expect("the picture has a path").trim_end_matches("\"/>");
+    let last = path.rsplit(['M', 'L']).next().expect("a point");
+    let numbers: Vec<f64> =
+        last.split(' ').map(|number| number.parse().expect("a number")).collect();
+    let title = svg.lines().find(|line| line.contains("to the right")).expect("a title");
+    let side = ["tool centre, on the right", "tool centre, on the left"];
+    json!({
+        "right": numbers[0],
+        "down": numbers[1],
+        "axis": if title.contains("X down") { "down" } else { "up" },
+        "legend": side.into_iter().find(|label| svg.contains(label)),
+    })
+}
+
+#[test]
+fn s02_in_front_of_the_centre_the_picture_has_x_downwards() {
+    let folder = Folder::new();
+    let program = "G18\nG0 X30 Z5\nN10 G42 G0 D1 X20 Z2\nN20 G1 Z-30 F100\nN30 G40 X40\nM30\n";
+    let program = folder.file("turn.mpf", program);
+    let tools = folder.file("tools.yaml", "offsets:\n  1: {radius_mm: 0.8, tip_direction: 3}\n");
+    let shipped = kerf_tests::root().join("config/controllers/sinumerik_840c.yaml");
+    let behind = std::fs::read_to_string(shipped).expect("a shipped profile");
+    let front = behind.replace("mirror_x: false", "mirror_x: true");
+    assert_ne!(behind, front);
+    let picture = |name: &str, profile: &str| {
+        let profile = folder.file(&format!("{name}.yaml"), profile);
+        let svg = folder.path().join(format!("{name}.svg"));
+        let mut command = support::kerf();
+        command.arg("plan").arg(&program).arg("--tools").arg(&tools);
+        command.arg("--controller").arg(profile).arg("--svg").arg(&svg);
+        support::run(&mut command).expect(0);
+        end_of_path(&std::fs::read_to_string(svg).expect("the picture"))
+    };
+    let observed =
+        json!({"behind": picture("behind", &behind), "in_front": picture("front", &front)});
+    check_at_node("S02", "s02_in_front_of_the_centre_the_picture_has_x_downwards", &observed);
+}
