@@ -226,5 +226,5 @@ fn draw(path: &Path) -> Result<(), Failure> {
         &LoadOptions::default(),
         compensation_planner::plan,
     );
-    files::write(path, &planned.svg("contour.mpf, G41, radius 5 mm"))
+    files::write(path, &planned.svg("contour.mpf, G41, radius 5 mm", &profile))
 }

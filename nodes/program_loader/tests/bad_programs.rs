@@ -14,7 +14,7 @@ fn bad_programs_get_the_errors_of_their_first_comment() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bad");
     let mut count = 0;
     let mut wrong = String::new();
-    for control in ["rs274", "masso", "sinumerik_840c", "automation1", "nct"] {
+    for control in ["rs274", "masso", "sinumerik_840c", "automation1", "nct", "osp_lathe"] {
         let profile = profile(control);
         let entries = std::fs::read_dir(folder.join(control)).expect("the folder of the control");
         let mut paths: Vec<_> = entries.map(|entry| entry.expect("an entry").path()).collect();

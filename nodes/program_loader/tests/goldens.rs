@@ -11,7 +11,7 @@ use std::path::Path;
 fn programs_mean_what_the_files_beside_them_say() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/programs");
     let mut count = 0;
-    for control in ["rs274", "masso", "sinumerik_840c", "automation1", "nct"] {
+    for control in ["rs274", "masso", "sinumerik_840c", "automation1", "nct", "osp_lathe"] {
         let profile = profile(control);
         let entries = std::fs::read_dir(folder.join(control)).expect("the folder of the control");
         let mut paths: Vec<_> = entries.map(|entry| entry.expect("an entry").path()).collect();
