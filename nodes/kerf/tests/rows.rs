@@ -263,8 +263,10 @@ fn reproduced(machine: &Machine, bag: &Path) {
 
 /// The last point of the path in a picture, and how the X axis is drawn.
 fn end_of_path(svg: &str) -> Value {
-    let path = svg.lines().find_map(|line| line.strip_prefix("<path class=\"path\" d=\""));
-    let path = path.expect("the picture has a path").trim_end_matches("\"/>");
+    let mut paths = svg.lines().filter_map(|line| line.strip_prefix("<path class=\"path\" d=\""));
+    // That of the legend is drawn with h.
+    let path = paths.find(|path| path.contains('L')).expect("the picture has a path");
+    let path = path.trim_end_matches("\"/>");
     let last = path.rsplit(['M', 'L']).next().expect("a point");
     let numbers: Vec<f64> =
         last.split(' ').map(|number| number.parse().expect("a number")).collect();
