@@ -5,6 +5,7 @@
 //! [`Span`]; `compensate` makes the path of it. The rules of controls about
 //! where compensation may begin and end are in `rules`.
 
+mod joints;
 mod spans;
 
 use crate::certificate::Certificate;
