@@ -560,7 +560,7 @@ fn a_program_that_nobody_takes_and_controls_that_nobody_knows() {
     let folder = Folder::new();
     folder.file("junk.nc", "G1 X1 Q9 F100\n");
     folder.file("mine.yaml", "name: mine\nlanguage: {dialect: fanuc}\n");
-    folder.file("odd.yaml", &odd_profile());
+    folder.file("odd.yaml", odd_profile());
     said(&folder, &["check", "junk.nc", "--all-controllers"]).expect(1);
     said(&folder, &["check", "junk.nc"]).expect(2);
     said(&folder, &["check", "junk.nc", "--controller", "fanuc"]).expect(2).says(&["known are"]);

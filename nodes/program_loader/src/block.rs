@@ -13,6 +13,8 @@ pub(crate) struct LexerRules {
     pub(crate) delete_levels: bool,
     /// `MoveLinear([X], [1])` is a call, `//` and `/* */` are comments, `( )` is none.
     pub(crate) calls: bool,
+    /// The G number whose axes are named without a number: `G44 X Y`.
+    pub(crate) axis_names_after: Option<f64>,
     /// `$PART.MIN%` heads the file, `OPART` names the program, `NLAP1` a block.
     pub(crate) names: bool,
 }

@@ -95,6 +95,8 @@ pub(crate) enum GWord {
     Dwell,
     /// A corner arc about the end of the block before (NCT G39).
     CornerArc,
+    /// The plane of the axes that it names (840C G16).
+    FreePlane,
     /// The axes of compensation, in order (Automation1 G44).
     SetAxes,
     /// The axes of corner rounding, in order.
@@ -152,7 +154,7 @@ impl GWord {
             // Of the motion group by the book; but `G0 G17 G80` heads many a
             // posted program, and can mean only one thing without cycles.
             Self::NoMotion => Group::CycleCancel,
-            Self::Plane(_) => Group::Plane,
+            Self::Plane(_) | Self::FreePlane => Group::Plane,
             Self::Distance(_) => Group::Distance,
             Self::Centers(_) => Group::Centers,
             Self::Units(_) => Group::Units,
@@ -179,7 +181,13 @@ impl GWord {
 pub(crate) enum Mode {
     Rapid,
     Feed,
-    Arc { clockwise: bool },
+    Arc {
+        clockwise: bool,
+    },
+    /// To a point at an angle and a distance from a pole.
+    Polar {
+        rapid: bool,
+    },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -12,6 +12,7 @@ mod axes;
 mod compensation;
 mod home;
 mod moves;
+mod polar;
 mod request;
 
 use crate::block::Block;
@@ -26,6 +27,7 @@ use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, ProgrammedContou
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
 use compensation::Compensation;
+use polar::Polar;
 use request::Request;
 pub(crate) use request::code_in_tenths;
 
@@ -89,6 +91,7 @@ struct Modal {
     /// G43 H.
     length: Option<u32>,
     work_offset: u8,
+    polar: Polar,
     compensation: Compensation,
 }
 
@@ -137,6 +140,7 @@ impl<'r> Interpreter<'r> {
                 spindle_tool: None,
                 length: None,
                 work_offset: 1,
+                polar: Polar::default(),
                 compensation: Compensation::default(),
             },
             axes: Axes::new(start),
@@ -191,7 +195,12 @@ impl<'r> Interpreter<'r> {
         if dwells {
             self.dwell(scene);
         }
-        if let Some((GWord::Plane(plane), _)) = self.request.g(Group::Plane)
+        let plane = match self.request.g(Group::Plane) {
+            Some((GWord::Plane(plane), _)) => Some(plane),
+            Some((GWord::FreePlane, at)) => self.free_plane(scene, at),
+            _ => None,
+        };
+        if let Some(plane) = plane
             && self.modal.plane != plane
         {
             self.modal.plane = plane;

@@ -134,8 +134,10 @@ impl Lexer<'_> {
                 return self.expression(letter, start);
             }
         }
-        let sets_axes = || self.block.words.iter().any(|w| w.letter == b'G' && w.value == 44.0);
-        if self.rules.calls && matches!(letter, b'X' | b'Y' | b'Z') && sets_axes() {
+        let names_axes = self.rules.axis_names_after.is_some_and(|number| {
+            self.block.words.iter().any(|word| word.letter == b'G' && word.value == number)
+        });
+        if names_axes && matches!(letter, b'X' | b'Y' | b'Z') && trouble.what == Trouble::Missing {
             // G44 X Y names axes.
             self.at = start + 1;
             return self.add(letter, 0.0, start);

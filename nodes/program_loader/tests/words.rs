@@ -256,3 +256,34 @@ fn a_single_block_needs_no_end_and_is_exactly_one() {
         assert!(loaded.diagnostics[0].message.contains(part), "{:?}", loaded.diagnostics);
     }
 }
+
+#[test]
+fn polar_moves_of_the_840c_keep_pole_radius_and_angle() {
+    check(
+        "sinumerik_840c",
+        "G11 X10 Y20 B5 A90 F100\nA180\nG91 A-90 X1\nG90 G10 U10 A0 Z3",
+        &[
+            "line X10 Y25 Z0 F100 named XY",
+            "line X5 Y20 Z0 F100 named XY",
+            "line X11 Y25 Z0 F100 named XY",
+            "rapid X21 Y20 Z3 named XYZ",
+        ],
+    );
+    check(
+        "sinumerik_840c",
+        "G18 G11 Z10 X20 B5 A90 F100",
+        &["plane zx", "line X25 Y0 Z10 F100 named XZ"],
+    );
+    check_bad("sinumerik_840c", "G11 B5 A90 F100", &[("missing_word", "G11 B5 A90 F100")]);
+    check_bad("sinumerik_840c", "G11 X0 Y0 A90 F100", &[("missing_word", "G11 X0 Y0 A90 F100")]);
+    check_bad("sinumerik_840c", "G11 X0 Y0 B-5 A90 F100", &[("bad_number", "B-5")]);
+}
+
+#[test]
+fn g16_of_the_840c_names_the_axes_of_the_plane() {
+    check("sinumerik_840c", "G16 Z X", &["plane zx"]);
+    check("sinumerik_840c", "G16 Y Z X", &["plane yz"]);
+    check("sinumerik_840c", "G18\nG16 X Y", &["plane zx", "plane xy"]);
+    check_bad("sinumerik_840c", "G16 Y X", &[("plane", "G16")]);
+    check_bad("sinumerik_840c", "G16", &[("plane", "G16")]);
+}

@@ -17,6 +17,7 @@ pub(super) static DIALECT: Dialect = Dialect {
         at_words: false,
         delete_levels: false,
         calls: true,
+        axis_names_after: Some(44.0),
         names: false,
     },
     g,

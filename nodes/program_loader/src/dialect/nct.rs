@@ -17,6 +17,7 @@ pub(super) static DIALECT: Dialect = Dialect {
         at_words: false,
         delete_levels: true,
         calls: false,
+        axis_names_after: None,
         names: false,
     },
     g,

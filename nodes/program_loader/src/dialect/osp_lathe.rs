@@ -18,6 +18,7 @@ pub(super) static DIALECT: Dialect = Dialect {
         at_words: false,
         delete_levels: false,
         calls: false,
+        axis_names_after: None,
         names: true,
     },
     g,

@@ -17,13 +17,14 @@ pub(super) static DIALECT: Dialect = Dialect {
         at_words: true,
         delete_levels: true,
         calls: false,
+        axis_names_after: Some(16.0),
         names: false,
     },
     g,
     m,
     plane: Plane::Xy,
-    letters: Letters::of(b"XYZIJKFSTDH"),
-    foreign_axes: Letters::of(b"ABCQUVWE"),
+    letters: Letters::of(b"XYZIJKFSTDHABU"),
+    foreign_axes: Letters::of(b"CQVWE"),
     auxiliary: Letters::of(b"H"),
     approach: ApproachWords::None,
     dwell: Letters::of(b"FX"),
@@ -32,7 +33,7 @@ pub(super) static DIALECT: Dialect = Dialect {
     percent_delimits: false,
 };
 
-const POLAR: &str = "program end points in X, Y and Z";
+const POLAR: &str = "program arcs with G2 and G3, X, Y and Z";
 
 fn g(tenths: u16) -> GWord {
     match tenths {
@@ -42,8 +43,10 @@ fn g(tenths: u16) -> GWord {
         30 => GWord::Motion(Mode::Arc { clockwise: false }),
         40 => GWord::Dwell,
         90 => GWord::ExactStop,
-        100 | 110 | 120 | 130 => GWord::RefusedMotion(POLAR),
-        160 => GWord::Refused("select the plane with G17, G18 or G19"),
+        100 => GWord::Motion(Mode::Polar { rapid: true }),
+        110 => GWord::Motion(Mode::Polar { rapid: false }),
+        120 | 130 => GWord::RefusedMotion(POLAR),
+        160 => GWord::FreePlane,
         170 => GWord::Plane(Plane::Xy),
         180 => GWord::Plane(Plane::Zx),
         190 => GWord::Plane(Plane::Yz),

@@ -5,7 +5,7 @@
 
 use super::axes::{Cause, Reliance};
 use super::{Interpreter, Scene};
-use crate::dialect::{Distance, GWord, Group, Mode};
+use crate::dialect::{Distance, GWord, Group, Letters, Mode};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{ContourEventKind, Motion, MotionClass};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
@@ -47,6 +47,9 @@ impl Interpreter<'_> {
             return;
         }
         let has_axes = AXIS_WORDS.iter().any(|&letter| self.request.present.contains(letter));
+        if let Some((GWord::FreePlane, _)) = self.request.g(Group::Plane) {
+            return;
+        }
         if let Some((GWord::SetAxes | GWord::RoundingAxes | GWord::Home, _)) =
             self.request.g(Group::NonModal)
         {
@@ -61,7 +64,10 @@ impl Interpreter<'_> {
         }
         let is_arc = matches!(self.modal.mode, Some(Mode::Arc { .. }));
         let has_circle = is_arc && self.asks_for_circle(word.is_some());
-        if !has_axes && !has_circle {
+        const POLAR: Letters = Letters::of(b"ABU");
+        let is_polar = matches!(self.modal.mode, Some(Mode::Polar { .. }));
+        let has_polar = is_polar && !self.request.present.intersection(POLAR).is_empty();
+        if !has_axes && !has_circle && !has_polar {
             return;
         }
         if self.modal.mode_is_poisoned {
@@ -86,6 +92,9 @@ impl Interpreter<'_> {
             Some(Mode::Rapid) => self.straight(scene, MotionClass::Rapid),
             Some(Mode::Feed) => self.straight(scene, MotionClass::Feed),
             Some(Mode::Arc { clockwise }) => self.arc(scene, clockwise),
+            Some(Mode::Polar { rapid }) => {
+                self.polar(scene, if rapid { MotionClass::Rapid } else { MotionClass::Feed });
+            }
         }
     }
 
