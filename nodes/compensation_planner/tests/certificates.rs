@@ -38,23 +38,8 @@ fn s03_the_contour_of_11_15_is_good_until_n40_vanishes() {
 
 #[test]
 fn s03_the_same_contour_from_inside_is_good_until_n50_and_n70_are_too_near() {
-    let closed = "
-        N1 G0 X80 Y45
-        N2 G42 D1 G456 G1 X80 Y55 F400
-        N40 X95
-        N50 G2 X110 Y70 I15 J0
-        N60 G1 X105 Y55
-        N70 X110 Y35
-        N80 X90
-        N90 X65 Y15
-        N100 X40 Y40
-        N110 X30 Y60
-        N20 X40 Y80
-        N30 G2 X65 Y55 I0 J-25
-        N41 G1 X80
-        N120 G40 G456 X80 Y45";
     for radius in [1.0, 5.0, 5.05, 5.2, 9.0] {
-        let certificate = certificate(closed, &sinumerik(), radius);
+        let certificate = certificate(BOTTLENECK, &sinumerik(), radius);
         assert!((certificate.valid_to_mm - 5.0).abs() < 1e-6, "{certificate:?}");
         let limits = [(50, [95.0, 55.0]), (70, [105.0, 55.0])];
         assert_eq!(blocks(&certificate), limits, "{radius}");

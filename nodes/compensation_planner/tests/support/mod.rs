@@ -304,3 +304,21 @@ pub const M12: &str = "
     N100 G40
     N110 X25 Y50
     N120 M30";
+
+/// 11.15, closed, entered in the middle of N40 from the other side: N50 and N70
+/// come within 10 mm of each other.
+pub const BOTTLENECK: &str = "
+    N1 G0 X80 Y45
+    N2 G42 D1 G456 G1 X80 Y55 F400
+    N40 X95
+    N50 G2 X110 Y70 I15 J0
+    N60 G1 X105 Y55
+    N70 X110 Y35
+    N80 X90
+    N90 X65 Y15
+    N100 X40 Y40
+    N110 X30 Y60
+    N20 X40 Y80
+    N30 G2 X65 Y55 I0 J-25
+    N41 G1 X80
+    N120 G40 G456 X80 Y45";

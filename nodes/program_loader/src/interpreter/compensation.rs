@@ -135,15 +135,7 @@ impl Interpreter<'_> {
     /// The axes of compensation or of corner rounding, in their order (A09 to A12).
     #[cold]
     pub(super) fn set_axes(&mut self, scene: &mut Scene<'_>, at: usize, rounds_corners: bool) {
-        let mut axes = Vec::new();
-        for word in &scene.block.words {
-            if let Some(axis) = AXIS_WORDS.iter().position(|&letter| letter == word.letter) {
-                axes.push(axis);
-            }
-        }
-        for letter in AXIS_WORDS {
-            let _ = self.take(letter);
-        }
+        let axes = self.take_axis_names(scene);
         if !(2..=3).contains(&axes.len()) {
             let message =
                 format!("{} names {} axes; 2 or 3 are needed", scene.quote(at), axes.len());

@@ -5,6 +5,7 @@
 
 use super::axes::{Cause, Reliance};
 use super::{Interpreter, Scene};
+use crate::block::Word;
 use crate::dialect::{Distance, GWord, Group, Letters, Mode};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{ContourEventKind, Motion, MotionClass};
@@ -96,6 +97,15 @@ impl Interpreter<'_> {
                 self.polar(scene, if rapid { MotionClass::Rapid } else { MotionClass::Feed });
             }
         }
+    }
+
+    /// Takes the axes that a block only names, as indices in the order of its words.
+    pub(super) fn take_axis_names(&mut self, scene: &Scene<'_>) -> Vec<usize> {
+        for letter in AXIS_WORDS {
+            let _ = self.take(letter);
+        }
+        let axis = |word: &Word| AXIS_WORDS.iter().position(|&letter| letter == word.letter);
+        scene.block.words.iter().filter_map(axis).collect()
     }
 
     /// Whether a block without axis words is an arc all the same: `G2 I5`, or a bare `G2`.

@@ -94,15 +94,7 @@ impl Interpreter<'_> {
     /// G16: the plane of the two axes that it names first.
     #[cold]
     pub(super) fn free_plane(&mut self, scene: &mut Scene<'_>, at: usize) -> Option<Plane> {
-        let mut axes = Vec::new();
-        for word in &scene.block.words {
-            if let Some(axis) = AXIS_WORDS.iter().position(|&letter| letter == word.letter) {
-                axes.push(axis);
-            }
-        }
-        for letter in AXIS_WORDS {
-            let _ = self.take(letter);
-        }
+        let axes = self.take_axis_names(scene);
         let planes = [Plane::Xy, Plane::Zx, Plane::Yz];
         let plane = planes.into_iter().find(|plane| axes.starts_with(&plane.axes()[..2]));
         if plane.is_none() {

@@ -1,0 +1,307 @@
+//! What is said when a rule of a control is broken: each finding with the values of
+//! the profile that it obeys.
+
+use super::of;
+use crate::element::Element;
+use crate::finding::block_name;
+use crate::tolerance::RADIUS_MM;
+use cnc_msgs::contour::{Motion, Source};
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::geometry::{Direction, Plane, Shape};
+use cnc_msgs::profile::{
+    CancelBeforeEnd, HomeMode, InsideArc, Profile, RadiusChange, RapidMode, Reselect, SideChange,
+    Strictness,
+};
+
+/// Coordinates that can be computed with: finite, and no farther than 1000 km.
+pub(crate) fn is_sane(motion: &Motion) -> bool {
+    const FAR_MM: f64 = 1e9;
+    let center = match motion.shape {
+        Shape::Arc(arc) => arc.center,
+        Shape::Line => motion.end,
+    };
+    motion.end.iter().chain(&center).all(|value| value.abs() <= FAR_MM)
+}
+
+/// Axes of the plane that compensation does not apply to (A01).
+pub(crate) fn dominant_axes(source: Source, plane: Plane, profile: &Profile) -> Option<Diagnostic> {
+    let rule = &profile.language.dominant_axes;
+    let missing = crate::frame::plane_axes(plane).without(rule.rule);
+    (!missing.is_empty()).then(|| {
+        of(
+            rule.strictness,
+            Code::Axes,
+            source,
+            format!(
+                "compensation in the {} plane needs {}, and {} compensates {} only",
+                plane.name(),
+                missing.letters(),
+                profile.name,
+                rule.rule.letters()
+            ),
+        )
+        .help("configure the axis as dominant (language.dominant_axes in the profile), or choose another plane")
+    })
+}
+
+/// Homing while compensation is active (A05, C16).
+pub(crate) fn homed(source: Source, since: Source, profile: &Profile) -> Diagnostic {
+    let message = match profile.home.rule {
+        HomeMode::Drop => format!(
+            "homing ends the compensation of {} at once, without a lead-off",
+            block_name(since)
+        ),
+        HomeMode::Forbidden => format!(
+            "homing while the compensation of {} is active, which {} forbids",
+            block_name(since),
+            profile.name
+        ),
+    };
+    let mut finding =
+        of(profile.home.strictness, Code::ForbiddenUnderCompensation, source, message)
+            .help("cancel with G40 and a lead-off before homing");
+    finding.other = Some(since);
+    finding
+}
+
+/// The cancel and its move stand in the block that ends the program (S32).
+pub(crate) fn cancelled_with_the_end(source: Source, profile: &Profile) -> Option<Diagnostic> {
+    let rule = profile.cancel.before_end;
+    (rule.rule == CancelBeforeEnd::OwnBlock).then(|| {
+        of(
+            rule.strictness,
+            Code::NotCancelled,
+            source,
+            format!(
+                "the cancel stands in the block that ends the program; {} needs it in a block before",
+                profile.name
+            ),
+        )
+        .help("write G40 and its move into a block of their own, and the end of the program behind")
+    })
+}
+
+/// A rapid along which the offset is not held (A08, C9).
+pub(crate) fn rapid(source: Source, profile: &Profile) -> Option<Diagnostic> {
+    let what = match profile.rapid.rule {
+        RapidMode::Compensated => return None,
+        RapidMode::Endpoint => "its ends are compensated, the way between them is the machine's",
+        RapidMode::Raw => "it goes to the programmed point, and compensation begins anew behind it",
+    };
+    Some(
+        of(
+            profile.rapid.strictness,
+            Code::SuspiciousValue,
+            source,
+            format!("{} does not hold the offset along a rapid: {what}", profile.name),
+        )
+        .help("use a feed move, or cancel the compensation before"),
+    )
+}
+
+/// A change of side where the offsets do not meet (O02, C12).
+pub(crate) fn no_intersection(source: Source, profile: &Profile) -> Diagnostic {
+    let mut finding = of(
+        profile.side_change.strictness,
+        Code::SideChange,
+        source,
+        "the side changes where the offsets of both blocks do not meet",
+    )
+    .help("change the side at a corner, or cancel and select again");
+    finding.alarm.clone_from(&profile.side_change.alarm);
+    finding
+}
+
+/// An arc that the tool runs inside of, and that its control does not take so small.
+pub(crate) fn inside_arc(
+    source: Source,
+    element: &Element,
+    d_mm: f64,
+    profile: &Profile,
+) -> Option<Diagnostic> {
+    let rule = profile.interference.inside_arc;
+    let Element::Arc(arc) = element else { return None };
+    let needed_mm = 2.0 * d_mm.abs();
+    if rule.rule == InsideArc::Any || arc.turn * d_mm <= 0.0 || arc.radius >= needed_mm - RADIUS_MM
+    {
+        return None;
+    }
+    let mut finding = of(
+        rule.strictness,
+        Code::ArcRadius,
+        source,
+        format!(
+            "the tool runs inside an arc of radius {:.3} mm; {} needs twice the radius of the tool, {needed_mm:.3} mm",
+            arc.radius, profile.name
+        ),
+    )
+    .help(format!("use a nose radius of at most {:.3} mm", arc.radius / 2.0));
+    finding.needed_mm = Some(needed_mm);
+    finding.available_mm = Some(arc.radius);
+    Some(finding)
+}
+
+/// A corner arc in a direction that the next block does not have (NCT G39).
+pub(crate) fn corner_arc(
+    source: Source,
+    along: Option<Direction>,
+    plane: Plane,
+    next: &Element,
+) -> Option<Diagnostic> {
+    let along = crate::frame::in_plane(plane, along?);
+    let tangent = next.start_tangent();
+    let is_same = along.dot(&tangent) > 0.0 && along.normalize().perp(&tangent).abs() < 1e-3;
+    (!is_same).then(|| {
+        Diagnostic::error(
+            Code::Unsupported,
+            source,
+            "the corner arc ends in a direction that the next block does not have",
+        )
+        .help("leave out I, J and K, or give the direction of the next block")
+    })
+}
+
+/// An offset that keeps its direction.
+pub(crate) fn no_held_direction(source: Source) -> Diagnostic {
+    Diagnostic::error(
+        Code::Unsupported,
+        source,
+        "an offset that keeps its direction is not done here",
+    )
+    .help("end the contour with G40 and begin the next with G41")
+}
+
+/// A motion to nowhere; it is left out.
+pub(crate) fn not_sane(source: Source, motion: &Motion) -> Diagnostic {
+    let [x, y, z] = motion.end;
+    Diagnostic::error(
+        Code::BadNumber,
+        source,
+        format!("the motion to X{x} Y{y} Z{z} has coordinates that are no place, or a centre that is none"),
+    )
+    .help("correct the coordinates of this block")
+}
+
+/// A new radius while compensation is active that cannot be taken, or only with
+/// a warning (A14, S43, S44).
+pub(crate) fn radius_change(
+    source: Source,
+    element: &Element,
+    (old_mm, new_mm): (f64, f64),
+    profile: &Profile,
+) -> Option<Diagnostic> {
+    let rule = profile.radius.change;
+    let mut strictness = rule.strictness;
+    let (message, code) = if rule.rule == RadiusChange::WhenOff {
+        ("the radius changes while compensation is active", Code::RadiusSource)
+    } else if rule.rule == RadiusChange::StraightBlocks && !element.is_line() {
+        ("the radius changes in an arc; it may only change in a straight block", Code::RadiusSource)
+    } else if !element.is_line() {
+        strictness = Strictness::Error;
+        ("the radius changes in an arc, which has no offset of two radii", Code::RadiusSource)
+    } else if new_mm.abs() < RADIUS_MM || old_mm.abs() < RADIUS_MM {
+        ("the radius changes from or to 0 while compensation is active", Code::RadiusSource)
+    } else if new_mm.signum() != old_mm.signum() {
+        (
+            "the radius changes its sign while compensation is active, and with it the side",
+            Code::SideChange,
+        )
+    } else {
+        return None;
+    };
+    let mut finding = of(
+        strictness,
+        code,
+        source,
+        format!("{message} ({:.3} mm to {:.3} mm)", old_mm.abs(), new_mm.abs()),
+    )
+    .help("change the radius in a straight block, or cancel the compensation before");
+    finding.needed_mm = Some(new_mm.abs());
+    finding.available_mm = Some(old_mm.abs());
+    Some(finding)
+}
+
+/// A plane that the control does not compensate in (M16).
+pub(crate) fn wrong_plane(source: Source, plane: Plane, profile: &Profile) -> Diagnostic {
+    let planes: Vec<&str> = profile.language.planes.rule.iter().map(|plane| plane.name()).collect();
+    of(
+        profile.language.planes.strictness,
+        Code::Plane,
+        source,
+        format!(
+            "compensation in the {} plane; {} compensates in {}",
+            plane.name(),
+            profile.name,
+            planes.join(", ")
+        ),
+    )
+    .help("select the plane before the compensation")
+}
+
+/// Another plane while compensation is selected (S17, S27).
+pub(crate) fn plane_change(source: Source) -> Diagnostic {
+    Diagnostic::error(
+        Code::ForbiddenUnderCompensation,
+        source,
+        "the plane changes while cutter compensation is active",
+    )
+    .help("cancel the compensation, change the plane, and select the compensation again")
+}
+
+/// Whether the control takes no selection while compensation is active.
+pub(crate) fn takes_no_selection(profile: &Profile, is_repeat: bool) -> bool {
+    if is_repeat {
+        profile.reselect.rule == Reselect::Forbidden
+    } else {
+        profile.side_change.rule == SideChange::Forbidden
+    }
+}
+
+/// A selection while compensation is active, where the control takes none.
+pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> Diagnostic {
+    let what = if is_repeat { "selected again" } else { "selected anew or for the other side" };
+    let rule = if is_repeat { profile.reselect.strictness } else { profile.side_change.strictness };
+    of(
+        rule,
+        Code::SideChange,
+        source,
+        format!("compensation is {what} while it is active, which {} does not take", profile.name),
+    )
+    .help("cancel with G40 and a lead-off, then select again with a lead-on")
+}
+
+/// Compensation that the program does not end (S32).
+pub(crate) fn not_cancelled(source: Source, has_cancel: bool, profile: &Profile) -> Diagnostic {
+    let message = if has_cancel {
+        "the cancel has no effect: no move in the plane follows it"
+    } else {
+        "the program ends while this compensation is active"
+    };
+    let mut finding = Diagnostic::error(Code::NotCancelled, source, message)
+        .help("end the contour with G40 and a straight move in the plane, then end the program");
+    let rules = &profile.cancel;
+    finding.severity = if has_cancel { rules.if_no_move } else { rules.missing }.severity();
+    finding
+}
+
+/// A selection that no move in the plane follows.
+pub(crate) fn never_active(source: Source, profile: &Profile) -> Diagnostic {
+    of(
+        profile.select.if_no_move,
+        Code::NeverActive,
+        source,
+        "compensation is selected and never becomes active: no move in the plane follows",
+    )
+    .help("move in the plane after the selection, or leave it out")
+}
+
+/// A move out of the plane right after the cancel (M13).
+pub(crate) fn no_lead_off(source: Source, profile: &Profile) -> Diagnostic {
+    of(
+        profile.cancel.before_off_plane.strictness,
+        Code::Cancel,
+        source,
+        "the tool leaves the plane after the cancel before it has led off the contour",
+    )
+    .help("after the cancel move to a safe place in the plane, then retract")
+}
