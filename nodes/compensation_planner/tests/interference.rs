@@ -6,7 +6,7 @@ use cnc_msgs::contour::ContourEventKind;
 use cnc_msgs::diagnostic::{Code, Severity};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::{PathElement, Role};
-use compensation_planner::{Plan, tessellate};
+use compensation_planner::{Plan, plan_certified, tessellate};
 use proptest::prelude::*;
 use support::*;
 
@@ -274,6 +274,35 @@ proptest! {
             "R {radius}: {depth} deep, and {deepest} was found\n{text}\n{}",
             findings(&plan)
         );
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, max_global_rejects: 1_000_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_certificate_is_good_up_to_its_end_and_no_farther(
+        corners in prop::collection::vec((5.0..60.0_f64, -1.0..1.0_f64), 3..16),
+        bends in prop::collection::vec(prop_oneof![2 => Just(0.0), 1 => -0.9..0.9_f64], 1..6),
+        is_left in any::<bool>(),
+        radius in 0.1..12.0_f64,
+    ) {
+        let text = closed(&corners, &bends, if is_left { "G41" } else { "G42" });
+        prop_assume!(!crosses_itself(&text));
+        let profile = sinumerik();
+        let certified = |radius| plan_certified(&contour(&text, &profile), &profile, &tool(radius));
+        let end = certified(radius).certificates[0].valid_to_mm;
+        // Below, what is accepted with a tolerance may be anything.
+        prop_assume!(end > 0.5 && end < 200.0);
+        let fits = |radius| {
+            let codes = codes(&plan(&text, &profile, &tool(radius)));
+            !codes.iter().any(|code| matches!(code, Code::Gouge | Code::Unreachable))
+        };
+        prop_assert!(fits(end * (1.0 - 1e-6)), "{end} does not fit\n{text}");
+        prop_assert!(!fits(end * 1.02 + 0.02), "{end} is not the end\n{text}");
+        // The same end from a radius below it.
+        let again = certified(end * 0.7).certificates[0].valid_to_mm;
+        prop_assert!((again - end).abs() < 1e-6 * end.max(1.0), "{again} and {end}");
     }
 }
 
