@@ -8,7 +8,7 @@ mod live;
 mod tool_file;
 
 use crate::set_tool::{self, LoadedProgram, Refusal};
-use crate::{Certificate, Plan, plan_certified, preview};
+use crate::{Certificate, Plan, plan, plan_certified, preview};
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::{Collector, PathChunks};
 use cnc_msgs::contour::{CutterSide, ProgrammedContour};
@@ -309,10 +309,10 @@ impl Planner {
             state.revision += 1;
             (input, state.tools.clone(), state.tools_revision, state.revision)
         };
-        let planned = plan_certified(&input.contour, &input.profile, &tools);
+        let planned = plan(&input.contour, &input.profile, &tools);
         let stamp = self.node.now();
         let accepted = planned.accepted();
-        let report = self.report_of(&input, (revision, tools_revision), stamp, &planned);
+        let mut report = self.report_of(&input, (revision, tools_revision), stamp, &planned);
         tracing::info!(
             "{} is {}: {} elements, {} errors, {} warnings",
             input.manifest.name,
@@ -333,7 +333,7 @@ impl Planner {
                 revision,
                 program_id: current.program_id.clone(),
                 input: input.clone(),
-                tools,
+                tools: tools.clone(),
                 path: Arc::new(planned.path),
             };
             self.publish_path(&plan, (tools_revision, 0, 0), stamp, &mut current);
@@ -341,6 +341,11 @@ impl Planner {
         } else {
             self.state().current = Some(current);
         }
+        // Nobody waits for certificates; they take longer than the path.
+        let certified = plan_certified(&input.contour, &input.profile, &tools).certificates;
+        report.certificate_count = certified.len() as u32;
+        report.certificates =
+            certified.iter().take(FINDINGS_IN_REPORT).map(certificate_to_wire).collect();
         self.report.publish(report);
     }
 
@@ -413,13 +418,6 @@ impl Planner {
             error_count: errors as u32,
             warning_count: (planned.diagnostics.len() - errors) as u32,
             diagnostics: fitting(findings),
-            certificate_count: planned.certificates.len() as u32,
-            certificates: planned
-                .certificates
-                .iter()
-                .take(FINDINGS_IN_REPORT)
-                .map(certificate_to_wire)
-                .collect(),
             ..wire::CompensationReport::default()
         }
     }

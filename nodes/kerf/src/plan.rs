@@ -176,29 +176,42 @@ impl Planned {
             );
         }
         for certificate in &self.plan.certificates {
-            summary += &format!("\n  {}", certificate_text(certificate));
+            summary += &format!("\n  {}", certificate_text(certificate, self.accepted()));
         }
         summary
     }
 }
 
 /// `lines 3 to 12, tool left, radius 5.000 mm: good up to 20.851 mm (N40)`
-fn certificate_text(certificate: &Certificate) -> String {
+fn certificate_text(certificate: &Certificate, is_accepted: bool) -> String {
     let side = match certificate.side {
         CutterSide::Left => "left",
         CutterSide::Right => "right",
     };
-    let limits: Vec<String> = certificate
+    const LIMITS_SHOWN: usize = 3;
+    let mut limits: Vec<String> = certificate
         .limited_by
         .iter()
+        .take(LIMITS_SHOWN)
         .map(|limit| match limit.source.block {
             Some(block) => format!("N{block}"),
             None => format!("line {}", limit.source.line),
         })
         .collect();
+    let more = certificate.limited_by.len().saturating_sub(LIMITS_SHOWN);
+    if more > 0 {
+        limits.push(format!("{more} more"));
+    }
     // Cut off, not rounded: the radius that is printed fits.
     let cut = |radius_mm: f64| (radius_mm * 1e3).floor() / 1e3;
-    let good = if certificate.valid_to_mm.is_finite() {
+    let good = if is_accepted && certificate.valid_to_mm < certificate.radius_mm {
+        // Exact to the last digit of posted coordinates the tool loses some short elements.
+        format!(
+            "good within the accepted tolerance; to the last digit only up to {:.3} mm ({})",
+            cut(certificate.valid_to_mm),
+            limits.join(", ")
+        )
+    } else if certificate.valid_to_mm.is_finite() {
         format!(
             "good for tools up to {:.3} mm ({}), with these leads up to {:.3} mm",
             cut(certificate.valid_to_mm),
