@@ -5,11 +5,12 @@
 //! limits it. Every trial is a whole join and a whole check at another radius;
 //! what fails tells where to try next, so that few trials are needed.
 
-use crate::chain::{Link, Placed, Role, join};
+use crate::chain::{Link, Placed, join};
 use crate::compensate::{links, push_runs};
+use crate::corner::Corners;
 use crate::frame::{height, in_plane, in_work};
-use crate::interference::{self, Cut};
-use crate::lead::deepest_cut;
+use crate::interference::{self, Cut, Joined};
+use crate::lead;
 use crate::reach::{Unreachable, consumed, left_of};
 use crate::span::{Lead, Run, Span};
 use crate::tolerance::LENGTH_MM;
@@ -116,6 +117,10 @@ impl Subject<'_> {
         (links, placed)
     }
 
+    fn corners(&self) -> Corners<'_> {
+        Corners { span: self.span, short_mm: self.profile.corner.short_block_mm }
+    }
+
     fn failures(&self, radius_mm: f64) -> Vec<Failure> {
         const FAILURES_MAX: usize = 32;
         let (links, placed) = self.joined(radius_mm);
@@ -123,7 +128,9 @@ impl Subject<'_> {
         let mut failures: Vec<Failure> = gaps.map(Failure::Consumed).collect();
         if failures.is_empty() {
             let walls = Walls::new(self.runs, &links, &placed);
-            let cuts = interference::cuts(&walls, &links, &placed, 0.0, TOUCH_MM);
+            let corners = self.corners();
+            let joined = Joined { links: &links, placed: &placed, corners };
+            let cuts = interference::cuts(&walls, &joined, 0.0, TOUCH_MM);
             let within = cuts.cuts.into_iter().filter(|cut| !cut.is_other_pass);
             failures.extend(within.take(FAILURES_MAX).map(Failure::Cut));
         }
@@ -259,34 +266,26 @@ impl Subject<'_> {
         let (head, tail) = (&self.runs[..self.runs.len().min(END_RUNS)], {
             &self.runs[self.runs.len().saturating_sub(END_RUNS)..]
         });
-        let is_free = |from, to, radius_mm: f64| {
-            deepest_cut(walls, (from, to), radius_mm - LEAD_TOUCH_MM).is_none()
+        let is_free = |way: &lead::Way, radius_mm: f64| {
+            way.deepest_cut(walls, radius_mm - LEAD_TOUCH_MM).is_none()
         };
-        let joined = |runs, exit| {
-            let links = links(self.span, runs, exit, self.profile, scale);
-            let placed = join(&links, 0.0);
-            (links, placed)
+        let way = |(links, placed): (&[Link], &[Placed]), is_on, outside| {
+            let joined = Joined { links, placed, corners: self.corners() };
+            if is_on { lead::Way::on(&joined, outside) } else { lead::Way::off(&joined, outside) }
         };
         if !self.span.entry.is_link {
-            let (links, placed) = joined(head, None);
-            let lead = &self.span.entry.lead;
-            let end = placed.first().map(|first| match links[first.link].role {
-                Role::Entry => first.end,
-                _ => first.start,
-            });
-            let from = in_plane(plane, lead.start);
-            if end.is_some_and(|end| !is_free(from, end, radius_mm)) {
+            let links = links(self.span, head, None, self.profile, scale);
+            let placed = join(&links, 0.0);
+            let from = in_plane(plane, self.span.entry.lead.start);
+            if way((&links, &placed), true, from).is_some_and(|way| !is_free(&way, radius_mm)) {
                 return false;
             }
         }
         let Some(lead) = self.lead_off else { return true };
-        let (links, placed) = joined(tail, Some(lead));
-        let start = placed.last().map(|last| match links[last.link].role {
-            Role::Exit => last.start,
-            _ => last.end,
-        });
+        let links = links(self.span, tail, Some(lead), self.profile, scale);
+        let placed = join(&links, 0.0);
         let to = in_plane(plane, lead.motion.end);
         let radius_mm = self.span.d_out_mm.abs() * scale;
-        start.is_none_or(|start| is_free(start, to, radius_mm))
+        way((&links, &placed), false, to).is_none_or(|way| is_free(&way, radius_mm))
     }
 }

@@ -5,11 +5,12 @@
 
 use crate::certificate::{Certificate, Subject};
 use crate::chain::{Link, Placed, Role as LinkRole, Turn, join, push, turn};
+use crate::corner::Corners;
 use crate::element::Element;
 use crate::emit::{Emitter, Label, feed};
 use crate::finding;
 use crate::frame::{height, in_plane, plane_axes};
-use crate::interference;
+use crate::interference::{self, Joined};
 use crate::lead;
 use crate::normalise::runs;
 use crate::reach::{is_any_unreachable, unreachable};
@@ -86,7 +87,9 @@ pub(crate) fn compensate(
         diagnostics.push(finding::more_unreachable(&span, &runs, &place, FINDINGS_MAX));
     }
     let walls = Walls::new(&runs, &links, &placed);
-    let cuts = interference::cuts(&walls, &links, &placed, tolerance, GOUGE_MM);
+    let corners = Corners { span: &span, short_mm: profile.corner.short_block_mm };
+    let joined = Joined { links: &links, placed: &placed, corners };
+    let cuts = interference::cuts(&walls, &joined, tolerance, GOUGE_MM);
     for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
         diagnostics.push(finding::cut(&span, &runs, cut, profile));
     }
@@ -99,6 +102,7 @@ pub(crate) fn compensate(
     out.position = to_tip.centre(span.plane, out.position, to_tip.first);
     let mut writer = Writer {
         span: &span,
+        corners,
         profile,
         out,
         diagnostics,
@@ -108,19 +112,20 @@ pub(crate) fn compensate(
     let first_element = writer.out.path.elements.len();
     let lead_start = in_plane(span.plane, writer.out.position);
     writer.lead_on(&links, &placed);
-    let lead_end = in_plane(span.plane, writer.out.position);
     if is_identity {
         writer.as_programmed();
     } else {
         writer.links(&runs, &links, &placed, exit_lead.as_ref());
     }
     writer.items_before(span.legs.len(), false);
-    let exit_start = in_plane(span.plane, out.position);
     to_tip.apply(&span, &mut out.path.elements[first_element..]);
     out.position = to_tip.tip(span.plane, out.position, to_tip.last);
     let mut check = lead::Check { profile, plane: span.plane, walls: &walls, diagnostics };
-    let move_on = (lead_start, lead_end);
-    check.lead_on(&span, &runs, move_on, behind);
+    if span.entry.from.is_none()
+        && let Some(way) = lead::Way::on(&joined, lead_start)
+    {
+        check.lead_on(&span, &runs, &way, behind);
+    }
     let way_of = |run: usize| {
         let place = placed.iter().find(|place| links[place.link].role == LinkRole::Run(run))?;
         interference::element(&links[place.link], place)
@@ -138,8 +143,9 @@ pub(crate) fn compensate(
         let end = in_plane(span.plane, lead.motion.end);
         out.line_to(span.plane, end, height(span.plane, lead.motion.end), label);
         let centre = to_tip.centre(span.plane, lead.motion.end, to_tip.last);
-        let ends = (exit_start, in_plane(span.plane, centre));
-        check.lead_off(&span, &runs, ends, lead);
+        if let Some(way) = lead::Way::off(&joined, in_plane(span.plane, centre)) {
+            check.lead_off(&span, &runs, &way, lead);
+        }
     }
     out.side = None;
     check.wall_behind(&span, &runs, runs.len().checked_sub(1).and_then(way_of))

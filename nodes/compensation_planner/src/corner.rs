@@ -5,9 +5,10 @@
 //! both tangents lengthened by the radius and joined (S08, S26). Lines are
 //! lengthened themselves; of arcs the tangents are followed in lines.
 
-use crate::chain::line_corner;
+use crate::chain::{Link, Placed, Role, gap, line_corner};
 use crate::element::{Arc, Element, Vec2, left};
 use crate::intersect::crossings;
+use crate::span::Span;
 use crate::tolerance::{LENGTH_MM, REVERSAL};
 use cnc_msgs::contour::OutsideCorner;
 use std::f64::consts::{PI, TAU};
@@ -44,16 +45,108 @@ impl Lines {
         &self.points[..self.count]
     }
 
+    /// Where the generated lines end, and the element after goes on.
+    pub(crate) fn last(&self) -> Vec2 {
+        self.points().last().copied().unwrap_or(self.before_end)
+    }
+
     fn push(&mut self, point: Vec2) {
         self.points[self.count] = point;
         self.count += 1;
     }
 }
 
+/// Knows how each corner of a span is gone around.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Corners<'a> {
+    pub span: &'a Span,
+    /// Corners between two arcs whose ends are nearer than twice this get an arc, mm (S69).
+    pub short_mm: f64,
+}
+
+impl Corners<'_> {
+    /// The mode of the corner before a leg; the number of legs means before the lead-off.
+    pub(crate) fn mode(&self, next_leg: usize) -> OutsideCorner {
+        self.span.legs.get(next_leg).map_or(self.span.exit_corner, |leg| leg.corner)
+    }
+
+    /// The shape of what is placed there; a corner that was cut short stays an arc.
+    pub(crate) fn around(&self, links: &[Link], placed: &[Placed], index: usize) -> Around {
+        let place = &placed[index];
+        let Link { role: Role::Corner { next_leg }, element: Element::Arc(arc), d_in_mm, .. } =
+            links[place.link]
+        else {
+            return Around::Arc;
+        };
+        let mode = self.mode(next_leg);
+        if mode == OutsideCorner::Arc || place.trim_in > 0.0 || place.trim_out > 0.0 {
+            return Around::Arc;
+        }
+        let Some((before, after)) = neighbours(links, placed, index) else { return Around::Arc };
+        let is_short = !before.is_line()
+            && !after.is_line()
+            && gap(arc.from, arc.to, d_in_mm) < 2.0 * self.short_mm;
+        if is_short { Around::Arc } else { around(mode, &arc, (before, after), d_in_mm) }
+    }
+
+    /// The lines around what is placed there, if it is a corner that has them.
+    pub(crate) fn lines(&self, links: &[Link], placed: &[Placed], index: usize) -> Option<Lines> {
+        placed.get(index)?;
+        match self.around(links, placed, index) {
+            Around::Lines(lines) => Some(lines),
+            Around::Arc | Around::NoIntersection => None,
+        }
+    }
+
+    /// The way around a corner that is not an arc, with what its neighbours are
+    /// lengthened by.
+    pub(crate) fn pieces(
+        &self,
+        links: &[Link],
+        placed: &[Placed],
+        index: usize,
+    ) -> Option<[Option<Element>; PIECES]> {
+        let lines = self.lines(links, placed, index)?;
+        let (before, after) = neighbours(links, placed, index)?;
+        let d_mm = links[placed[index].link].d_in_mm;
+        let on = |element: &Element, from: Vec2, to: Vec2| match element.offset(d_mm) {
+            Some(Element::Arc(arc)) if (from - to).norm() > LENGTH_MM => {
+                Element::arc(from, to, arc.center, arc.turn > 0.0, 0)
+            }
+            _ => Element::line(from, to),
+        };
+        let mut pieces = [None; PIECES];
+        let mut at = lines.before_end;
+        pieces[0] = on(before, placed[index].start, at);
+        for (piece, &point) in pieces[1..].iter_mut().zip(lines.points()) {
+            *piece = Element::line(at, point);
+            at = point;
+        }
+        pieces[PIECES - 1] = on(after, at, placed[index].end);
+        Some(pieces)
+    }
+}
+
+/// Pieces of a corner at most.
+pub(crate) const PIECES: usize = 5;
+
+/// The elements that a corner joins, where both are still there.
+fn neighbours<'a>(
+    links: &'a [Link],
+    placed: &[Placed],
+    index: usize,
+) -> Option<(&'a Element, &'a Element)> {
+    let link = placed[index].link;
+    let before = placed.get(index.checked_sub(1)?)?.link;
+    let after = placed.get(index + 1)?.link;
+    (before + 1 == link && link + 1 == after)
+        .then(|| (&links[before].element, &links[after].element))
+}
+
 /// Shapes the corner that `corner` stands for: an arc of radius 0 about it.
 ///
 /// `before` and `after` are the elements that it joins.
-pub(crate) fn around(
+fn around(
     mode: OutsideCorner,
     corner: &Arc,
     (before, after): (&Element, &Element),

@@ -6,6 +6,7 @@
 //! tool does not reach is the business of `reach`.
 
 use crate::chain::{Link, Placed, Role};
+use crate::corner::{Corners, PIECES};
 use crate::distance::nearest_on_way;
 use crate::element::{Element, Vec2};
 use crate::tolerance::LENGTH_MM;
@@ -41,6 +42,8 @@ pub(crate) struct Cuts {
 #[derive(Debug, Clone, Copy)]
 struct Way {
     place: usize,
+    /// Of a corner that is not an arc.
+    piece: Option<usize>,
     /// The run that it belongs to; a corner belongs to the run after it (S07).
     run: usize,
     chain: u32,
@@ -51,19 +54,31 @@ struct Way {
 /// Cuts found at most; what is cut everywhere needs no more.
 const CUTS_MAX: usize = 100_000;
 
+/// The joined way of the tool along a span.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Joined<'a> {
+    pub links: &'a [Link],
+    pub placed: &'a [Placed],
+    pub corners: Corners<'a>,
+}
+
 /// All places where the tool cuts into a wall, the deepest point of each.
 ///
 /// The tool may be `gouge_mm` nearer than its radius, and `tolerance` more where
 /// something was consumed, mm.
-pub(crate) fn cuts(
-    walls: &Walls<'_>,
-    links: &[Link],
-    placed: &[Placed],
-    tolerance: f64,
-    gouge_mm: f64,
-) -> Cuts {
-    let ways = ways(walls, links, placed, [gouge_mm, gouge_mm + tolerance]);
-    let element = |way: &Way| element(&links[placed[way.place].link], &placed[way.place]);
+pub(crate) fn cuts(walls: &Walls<'_>, joined: &Joined<'_>, tolerance: f64, gouge_mm: f64) -> Cuts {
+    let (found, is_complete) = all_cuts(walls, joined, [gouge_mm, gouge_mm + tolerance]);
+    Cuts { cuts: deepest_of_each_place(found), is_complete }
+}
+
+/// All cuts with the number of the way that makes each, and whether that is all.
+fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(usize, Cut)>, bool) {
+    let Joined { links, placed, corners } = *joined;
+    let ways = ways(walls, joined, slack);
+    let element = |way: &Way| match way.piece {
+        None => element(&links[placed[way.place].link], &placed[way.place]),
+        Some(piece) => corners.pieces(links, placed, way.place)?[piece],
+    };
     let boxes = ways
         .iter()
         .map(|way| (element(way).map_or(Bounds::EMPTY, |element| Bounds::of(&element)), way.chain));
@@ -83,19 +98,15 @@ pub(crate) fn cuts(
         }
         if found.len() < CUTS_MAX { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
-    Cuts { cuts: deepest_of_each_place(found), is_complete }
+    (found, is_complete)
 }
 
-fn ways(
-    walls: &Walls<'_>,
-    links: &[Link],
-    placed: &[Placed],
-    [near, nearer]: [f64; 2],
-) -> Vec<Way> {
-    let mut ways: Vec<Way> = Vec::with_capacity(placed.len());
+fn ways(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec<Way> {
+    let Joined { links, placed: all, corners } = *joined;
+    let mut ways: Vec<Way> = Vec::with_capacity(all.len());
     let mut run_before = None;
     let mut open_corner = None;
-    for (place, placed) in placed.iter().enumerate() {
+    for (place, placed) in all.iter().enumerate() {
         match links[placed.link].role {
             Role::Run(run) => {
                 let is_gap = run_before.is_some_and(|before| before + 1 != run);
@@ -107,9 +118,15 @@ fn ways(
                 if let Some(corner) = open_corner.take() {
                     let same = run_before.is_some_and(|before| walls.chain(before) == chain);
                     let chain = if same { chain } else { NO_CHAIN };
-                    ways.push(Way { place: corner, run, chain, slack });
+                    let way = Way { place: corner, piece: None, run, chain, slack };
+                    match corners.lines(links, all, corner) {
+                        None => ways.push(way),
+                        Some(_) => {
+                            ways.extend((0..PIECES).map(|piece| Way { piece: Some(piece), ..way }))
+                        }
+                    }
                 }
-                ways.push(Way { place, run, chain, slack });
+                ways.push(Way { place, piece: None, run, chain, slack });
                 run_before = Some(run);
             }
             Role::Corner { .. } => open_corner = run_before.map(|_| place),

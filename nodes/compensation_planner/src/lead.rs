@@ -2,11 +2,14 @@
 //!
 //! Leads are judged apart from their span, against all of its walls.
 
+use crate::chain::Role;
 use crate::compensate::WallBehind;
+use crate::corner::PIECES;
 use crate::distance::{Nearest, nearest, nearest_on_way};
 use crate::element::{Element, Vec2};
 use crate::finding::{self, LeadCut};
 use crate::frame::{height, in_work};
+use crate::interference::{self, Joined};
 use crate::span::{Lead, Run, Span};
 use crate::tolerance::GOUGE_MM;
 use crate::tree::{Bounds, NO_CHAIN, Tree};
@@ -17,23 +20,99 @@ use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::Profile;
 use std::ops::ControlFlow;
 
-/// The wall that a straight move comes nearest to, if nearer than `limit` mm.
+/// The way of the tool between the programmed path and the contour: the straight
+/// move, and the corner between it and the contour.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Way {
+    straight: (Vec2, Vec2),
+    corner: [Option<Element>; PIECES],
+}
+
+impl Way {
+    /// From `outside` to the contour; `None` where nothing leads to it.
+    pub(crate) fn on(joined: &Joined<'_>, outside: Vec2) -> Option<Self> {
+        let Joined { links, placed, corners } = *joined;
+        let first = placed.first()?;
+        let is_joined = links[first.link].role == Role::Entry;
+        let end = match corners.lines(links, placed, 1).filter(|_| is_joined) {
+            Some(lines) => lines.before_end,
+            None if is_joined => first.end,
+            None => first.start,
+        };
+        let corner = if is_joined { corner(joined, 1) } else { [None; PIECES] };
+        Some(Self { straight: (outside, end), corner })
+    }
+
+    /// From the contour to `outside`.
+    pub(crate) fn off(joined: &Joined<'_>, outside: Vec2) -> Option<Self> {
+        let Joined { links, placed, corners } = *joined;
+        let last = placed.last()?;
+        if links[last.link].role != Role::Exit {
+            return Some(Self { straight: (last.end, outside), corner: [None; PIECES] });
+        }
+        let Some(index) = placed.len().checked_sub(2) else {
+            return Some(Self { straight: (last.start, outside), corner: [None; PIECES] });
+        };
+        let mut corner = corner(joined, index);
+        let start = match corners.lines(links, placed, index) {
+            // From the last line it goes straight outside.
+            Some(lines) => {
+                corner[PIECES - 1] = None;
+                lines.last()
+            }
+            None => last.start,
+        };
+        Some(Self { straight: (start, outside), corner })
+    }
+
+    /// The wall that it comes nearest to, if nearer than `limit` mm.
+    pub(crate) fn deepest_cut(&self, walls: &Walls<'_>, limit: f64) -> Option<(usize, Nearest)> {
+        let straight = Element::line(self.straight.0, self.straight.1);
+        let ways = straight.into_iter().chain(self.corner.into_iter().flatten());
+        let cuts = ways.filter_map(|way| deepest_cut(walls, &way, limit));
+        cuts.min_by(|a, b| a.1.distance.total_cmp(&b.1.distance))
+    }
+}
+
+/// What is placed there, if it is a corner.
+fn corner(joined: &Joined<'_>, index: usize) -> [Option<Element>; PIECES] {
+    let Joined { links, placed, corners } = *joined;
+    let mut pieces = [None; PIECES];
+    match placed.get(index) {
+        Some(place) if matches!(links[place.link].role, Role::Corner { .. }) => {
+            match corners.pieces(links, placed, index) {
+                Some(lines) => pieces = lines,
+                None => pieces[0] = interference::element(&links[place.link], place),
+            }
+        }
+        _ => {}
+    }
+    pieces
+}
+
+/// The wall that a way comes nearest to, if nearer than `limit` mm.
 pub(crate) fn deepest_cut(
     walls: &Walls<'_>,
-    (from, to): (Vec2, Vec2),
+    way: &Element,
     limit: f64,
 ) -> Option<(usize, Nearest)> {
-    let way = Element::line(from, to).filter(|_| limit > 0.0)?;
-    let tree = Tree::new(std::iter::once((Bounds::of(&way), NO_CHAIN)));
+    if limit <= 0.0 {
+        return None;
+    }
+    let bounds = Bounds::of(way);
+    let tree = Tree::new(std::iter::once((bounds, NO_CHAIN)));
     let mut deepest: Option<(usize, Nearest)> = None;
     tree.near_pairs(walls.tree(), limit, budget(walls.count()), |_, into| {
         for run in into {
-            // The quick look first.
-            if nearest(from, to, walls.element(run)).distance >= limit {
+            let whole = walls.element(run);
+            // The quick looks first.
+            if bounds.gap_squared(&Bounds::of(whole)) >= limit * limit
+                || nearest_on_way(way, whole).distance >= limit
+            {
                 continue;
             }
             let Some(wall) = walls.of(run) else { continue };
-            let near = nearest(from, to, &wall);
+            let near = nearest_on_way(way, &wall);
             let is_deepest = deepest.is_none_or(|(_, other)| near.distance < other.distance);
             if near.distance < limit && is_deepest {
                 deepest = Some((run, near));
@@ -58,14 +137,14 @@ impl Check<'_> {
         &mut self,
         span: &Span,
         runs: &[Run],
-        ends: (Vec2, Vec2),
+        way: &Way,
         behind: Option<WallBehind>,
     ) {
         let lead = &span.entry.lead;
         let code = if span.entry.is_link { Code::LinkGouge } else { Code::LeadGouge };
-        self.span(code, span, runs, ends, span.d_mm, lead);
+        self.span(code, span, runs, way, span.d_mm, lead);
         if let Some(behind) = behind {
-            let near = nearest(ends.0, ends.1, &behind.wall);
+            let near = nearest(way.straight.0, way.straight.1, &behind.wall);
             if near.distance < behind.d_mm.abs() - GOUGE_MM {
                 let negative = span.is_negative;
                 self.report(Code::LinkGouge, near, behind.d_mm, lead, behind.source, negative);
@@ -74,8 +153,8 @@ impl Check<'_> {
     }
 
     /// The lead-off, from the end of the contour.
-    pub(crate) fn lead_off(&mut self, span: &Span, runs: &[Run], ends: (Vec2, Vec2), lead: &Lead) {
-        self.span(Code::LeadGouge, span, runs, ends, span.d_out_mm, lead);
+    pub(crate) fn lead_off(&mut self, span: &Span, runs: &[Run], way: &Way, lead: &Lead) {
+        self.span(Code::LeadGouge, span, runs, way, span.d_out_mm, lead);
     }
 
     /// The ways along the last block on one side and the first on the other (O02):
@@ -113,17 +192,9 @@ impl Check<'_> {
         Some(WallBehind { wall: last.element, way, source, d_mm: span.d_out_mm })
     }
 
-    fn span(
-        &mut self,
-        code: Code,
-        span: &Span,
-        runs: &[Run],
-        (from, to): (Vec2, Vec2),
-        d_mm: f64,
-        lead: &Lead,
-    ) {
+    fn span(&mut self, code: Code, span: &Span, runs: &[Run], way: &Way, d_mm: f64, lead: &Lead) {
         let limit = d_mm.abs() - GOUGE_MM;
-        if let Some((run, near)) = deepest_cut(self.walls, (from, to), limit) {
+        if let Some((run, near)) = way.deepest_cut(self.walls, limit) {
             let other = span.legs[runs[run].legs.start].source;
             self.report(code, near, d_mm, lead, other, span.is_negative);
         }

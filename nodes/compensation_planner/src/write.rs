@@ -5,9 +5,9 @@
 //! they stand in the block after it, at that block's normal point. Where the
 //! tool is at each joint was decided in `chain`.
 
-use crate::chain::{Link, Placed, Role as LinkRole, gap};
+use crate::chain::{Link, Placed, Role as LinkRole};
 use crate::compensate::side_of;
-use crate::corner::{Around, around};
+use crate::corner::{Around, Corners};
 use crate::element::{Element, Vec2};
 use crate::emit::{Emitter, Label, feed, follow};
 use crate::finding;
@@ -24,6 +24,7 @@ use std::f64::consts::TAU;
 /// Puts out what was decided, block by block.
 pub(crate) struct Writer<'a> {
     pub span: &'a Span,
+    pub corners: Corners<'a>,
     pub profile: &'a Profile,
     pub out: &'a mut Emitter,
     pub diagnostics: &'a mut Vec<Diagnostic>,
@@ -42,15 +43,7 @@ impl Writer<'_> {
         let programmed = in_plane(self.span.plane, lead.motion.end);
         let target = match placed.first() {
             Some(first) if links[first.link].role == LinkRole::Entry => {
-                match placed.get(1).map(|next| links[next.link]) {
-                    Some(Link { role: LinkRole::Corner { next_leg }, element, .. }) => {
-                        match self.corner(next_leg, &element, (links, placed, 1)) {
-                            Around::Lines(lines) => lines.before_end,
-                            Around::Arc | Around::NoIntersection => first.end,
-                        }
-                    }
-                    _ => first.end,
-                }
+                self.corners.lines(links, placed, 1).map_or(first.end, |lines| lines.before_end)
             }
             Some(first) => first.start,
             // No offset, or nothing is left of the contour.
@@ -105,15 +98,7 @@ impl Writer<'_> {
                     longer_in = self.write_corner(next_leg, link, place, exit, context);
                 }
                 LinkRole::Run(run) => {
-                    let longer_out = match placed.get(index + 1).map(|next| links[next.link]) {
-                        Some(Link { role: LinkRole::Corner { next_leg }, element, .. }) => {
-                            match self.corner(next_leg, &element, (links, placed, index + 1)) {
-                                Around::Lines(lines) => Some(lines),
-                                Around::Arc | Around::NoIntersection => None,
-                            }
-                        }
-                        _ => None,
-                    };
+                    let longer_out = self.corners.lines(links, placed, index + 1);
                     let (end, more) = longer_out
                         .map_or((place.end, 0.0), |lines| (lines.before_end, lines.before_longer));
                     let trims = (place.trim_in - longer_in, place.trim_out - more);
@@ -122,41 +107,6 @@ impl Writer<'_> {
                 }
             }
         }
-    }
-
-    /// The shape of a corner; one that was cut short stays an arc.
-    fn corner(
-        &self,
-        next_leg: usize,
-        element: &Element,
-        (links, placed, index): (&[Link], &[Placed], usize),
-    ) -> Around {
-        let place = &placed[index];
-        let neighbour = |other: Option<usize>, offset: usize| {
-            let other = placed.get(other?)?;
-            (other.link == place.link + offset - 1).then(|| &links[other.link].element)
-        };
-        let before = neighbour(index.checked_sub(1), 0);
-        let after = neighbour(Some(index + 1), 2);
-        let is_whole = place.trim_in <= 0.0 && place.trim_out <= 0.0;
-        match (before, after, element) {
-            (Some(before), Some(after), Element::Arc(arc)) if is_whole => {
-                let d_mm = links[place.link].d_in_mm;
-                // S69: two arcs that nearly touch get a circle instead of two lines.
-                let is_short = !before.is_line()
-                    && !after.is_line()
-                    && gap(arc.from, arc.to, d_mm) < 2.0 * self.profile.corner.short_block_mm;
-                if is_short {
-                    return Around::Arc;
-                }
-                around(self.mode(next_leg), arc, (before, after), d_mm)
-            }
-            _ => Around::Arc,
-        }
-    }
-
-    fn mode(&self, next_leg: usize) -> OutsideCorner {
-        self.span.legs.get(next_leg).map_or(self.span.exit_corner, |leg| leg.corner)
     }
 
     /// Puts a corner out; gives by how much it lengthens what comes after.
@@ -181,7 +131,8 @@ impl Writer<'_> {
             axes: plane_axes(plane),
         };
         let here = height(plane, self.out.position);
-        let around = self.corner(next_leg, &link.element, context);
+        let (links, placed, index) = context;
+        let around = self.corners.around(links, placed, index);
         self.check_corner(next_leg, source, link, &around);
         match around {
             Around::Arc | Around::NoIntersection => {
@@ -204,7 +155,6 @@ impl Writer<'_> {
                 }
                 if lines.after_longer > 0.0 && self.has_own_items(next_leg) {
                     // The block's own functions come at its normal point (S56).
-                    let (links, placed, index) = context;
                     let next = placed.get(index + 1).and_then(|next| {
                         let link = &links[next.link];
                         link.element.offset(link.d_in_mm)
@@ -231,7 +181,9 @@ impl Writer<'_> {
             Around::Arc => return,
             Around::NoIntersection => finding::no_corner(source, self.profile),
             // Only one mode has no line of its own between lines (O05).
-            Around::Lines(_) if self.mode(next_leg) != OutsideCorner::Intersection => return,
+            Around::Lines(_) if self.corners.mode(next_leg) != OutsideCorner::Intersection => {
+                return;
+            }
             Around::Lines(lines) => {
                 let distance_mm = (lines.before_end - corner.center).norm();
                 if distance_mm <= FAR_CORNER_RADII * radius_mm {

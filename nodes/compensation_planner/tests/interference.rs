@@ -345,3 +345,60 @@ fn crosses_itself(text: &str) -> bool {
         })
     })
 }
+
+/// Two outside corners that face each other across 11.3 mm.
+fn facing_corners(mode: &str) -> String {
+    format!(
+        "
+        N1 G0 X-50 Y20
+        N2 G41 D1 {mode} G456 G1 X-50 Y0 F100
+        N3 X0
+        N4 Y-50
+        N5 X60
+        N6 Y8
+        N7 X8
+        N8 Y60
+        N9 G40 G456 X-20 Y60"
+    )
+}
+
+#[test]
+fn the_spike_of_an_intersection_does_not_cut_what_the_arc_passes_by() {
+    let arc = plan(&facing_corners("G450"), &sinumerik(), &tool(5.0));
+    assert!(arc.diagnostics.is_empty(), "{}", findings(&arc));
+    let spike = plan(&facing_corners("G451"), &sinumerik(), &tool(5.0));
+    let finding = finding(&spike, Code::Gouge);
+    // The spike ends at (5, 5), the other corner is at (8, 8).
+    let depth_mm = 5.0 - 3.0 * 2.0_f64.sqrt();
+    assert!((finding.depth_mm.unwrap() - depth_mm).abs() < 1e-9, "{finding:?}");
+    let certified =
+        plan_certified(&contour(&facing_corners("G451"), &sinumerik()), &sinumerik(), &tool(4.0));
+    // Where (8 - R) * sqrt 2 = R.
+    let radius_mm = 8.0 * 2.0_f64.sqrt() / (1.0 + 2.0_f64.sqrt());
+    assert!((certified.certificates[0].valid_to_mm - radius_mm).abs() < 1e-6);
+}
+
+#[test]
+fn the_corner_between_a_lead_and_the_contour_is_part_of_the_lead() {
+    // From below, around the start of the contour, past a wall 8 mm away from it.
+    let run = |y: f64| {
+        let text = format!(
+            "
+            N1 G0 X-20 Y-40
+            N2 G41 D1 G450 G455 G1 X0 Y0 F100
+            N3 X50
+            N4 Y{y}
+            N5 X-20
+            N6 G40 G456 X-20 Y{}",
+            y - 20.0
+        );
+        plan(&text, &sinumerik(), &tool(5.0))
+    };
+    // An oblique lead nicks the corner itself, whatever else there is (S18).
+    let nicked = finding(&run(11.0), Code::LeadGouge).other.unwrap().block;
+    assert_eq!(nicked, Some(3));
+    let near = run(9.0);
+    let swung = finding(&near, Code::LeadGouge);
+    assert_eq!(swung.other.unwrap().block, Some(5));
+    assert!((swung.depth_mm.unwrap() - 1.0).abs() < 1e-9, "{swung:?}");
+}
