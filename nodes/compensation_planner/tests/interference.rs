@@ -387,9 +387,11 @@ fn the_corner_between_a_lead_and_the_contour_is_part_of_the_lead() {
             N1 G0 X-20 Y-40
             N2 G41 D1 G450 G455 G1 X0 Y0 F100
             N3 X50
-            N4 Y{y}
-            N5 X-20
-            N6 G40 G456 X-20 Y{}",
+            N4 Y60
+            N5 X20
+            N6 Y{y}
+            N7 X-20
+            N8 G40 G456 X-20 Y{}",
             y - 20.0
         );
         plan(&text, &sinumerik(), &tool(5.0))
@@ -399,6 +401,6 @@ fn the_corner_between_a_lead_and_the_contour_is_part_of_the_lead() {
     assert_eq!(nicked, Some(3));
     let near = run(9.0);
     let swung = finding(&near, Code::LeadGouge);
-    assert_eq!(swung.other.unwrap().block, Some(5));
+    assert_eq!(swung.other.unwrap().block, Some(7));
     assert!((swung.depth_mm.unwrap() - 1.0).abs() < 1e-9, "{swung:?}");
 }
