@@ -1,0 +1,223 @@
+//! Contours to measure on, for the planner and for others alike.
+//!
+//! An [`Outline`] is points, lines and arcs in the plane; it becomes a programmed
+//! contour with leads, or a polyline of `cavalier_contours`. Every shape is made
+//! by a formula, so that a figure can be measured again.
+
+use cavalier_contours::polyline::{PlineSourceMut, Polyline};
+use cnc_msgs::contour::{
+    Approach, ContourEvent, ContourEventKind, CutterSide, Motion, MotionClass, ProgrammedContour,
+    RadiusSource, Source,
+};
+use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
+use std::f64::consts::TAU;
+
+type Point = [f64; 2];
+
+/// A line, or an arc about a centre, to a point.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Segment {
+    end: Point,
+    arc: Option<Bend>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Bend {
+    center: Point,
+    clockwise: bool,
+    /// Tangent of a quarter of the angle, positive counter-clockwise.
+    bulge: f64,
+}
+
+/// A contour without leads.
+#[derive(Debug, Clone)]
+pub(crate) struct Outline {
+    start: Point,
+    segments: Vec<Segment>,
+    side: CutterSide,
+}
+
+/// Length of the elements of rings, mm: what a post processor writes for a fine finish.
+const STEP_MM: f64 = 0.1;
+
+impl Outline {
+    fn lines(points: &[Point], side: CutterSide) -> Self {
+        let segments = points[1..].iter().map(|&end| Segment { end, arc: None }).collect();
+        Self { start: points[0], segments, side }
+    }
+
+    /// A ring with seven waves, of so many lines, counter-clockwise, the tool outside.
+    pub(crate) fn wave(count: usize) -> Self {
+        Self::lines(&wave_points(count), CutterSide::Right)
+    }
+
+    /// The same ring of half as many lines, each corner rounded by a tangent arc.
+    pub(crate) fn rounded_wave(count: usize) -> Self {
+        let points = wave_points(count / 2);
+        let corners = points.len() - 1;
+        let mut outline =
+            Self { start: points[0], segments: Vec::with_capacity(count), side: CutterSide::Right };
+        for index in 0..=corners {
+            let before = points[(index + corners - 1) % corners];
+            let (at, after) = (points[index % corners], points[(index + 1) % corners]);
+            let (t, u) = (unit(before, at), unit(at, after));
+            let trim = STEP_MM * 0.3;
+            let from = [at[0] - t[0] * trim, at[1] - t[1] * trim];
+            let to = [at[0] + u[0] * trim, at[1] + u[1] * trim];
+            let sine = t[0] * u[1] - t[1] * u[0];
+            let angle = sine.atan2(t[0] * u[0] + t[1] * u[1]);
+            let radius = trim / (angle / 2.0).tan();
+            let center = [from[0] - t[1] * radius, from[1] + t[0] * radius];
+            let bend = Bend { center, clockwise: angle < 0.0, bulge: (angle / 4.0).tan() };
+            if index == 0 {
+                outline.start = to;
+                continue;
+            }
+            outline.segments.push(Segment { end: from, arc: None });
+            // At a point of inflection there is nothing to round.
+            let arc = (radius.abs() < 1e6).then_some(bend);
+            outline.segments.push(Segment { end: to, arc });
+        }
+        outline
+    }
+
+    /// A ring of lines of 1 mm with a corner of 30 degrees at each end.
+    pub(crate) fn zigzag(count: usize) -> Self {
+        let half_turn = 15.0_f64.to_radians();
+        let (depth, radius) = (half_turn.sin(), count as f64 * half_turn.cos() / TAU);
+        let count = count & !1;
+        let point = |index: usize| {
+            let out = radius + if index.is_multiple_of(2) { depth } else { 0.0 };
+            let (sin, cos) = (TAU * index as f64 / count as f64).sin_cos();
+            [out * cos, out * sin]
+        };
+        let points: Vec<Point> = (0..=count).map(|index| point(index % count)).collect();
+        Self::lines(&points, CutterSide::Right)
+    }
+
+    /// A ring of 0.5 mm: every element is near every other.
+    pub(crate) fn speck(count: usize) -> Self {
+        let point = |index: usize| {
+            let (sin, cos) = (TAU * index as f64 / count as f64).sin_cos();
+            [0.25 * cos, 0.25 * sin]
+        };
+        let points: Vec<Point> = (0..=count).map(|index| point(index % count)).collect();
+        Self::lines(&points, CutterSide::Right)
+    }
+
+    /// Lines between points in a square of 1 mm that nobody would program.
+    pub(crate) fn scribble(count: usize) -> Self {
+        // Multiples of the golden ratio and of its square root fill the square evenly.
+        let point = |index: usize| {
+            let index = index as f64;
+            [(index * 0.618_033_988_75).fract(), (index * 0.786_151_377_76).fract()]
+        };
+        let points: Vec<Point> = (0..=count).map(point).collect();
+        Self::lines(&points, CutterSide::Right)
+    }
+
+    /// A comb: so many slots of this width and 100 mm deep, the tool above it.
+    pub(crate) fn comb(teeth: usize, slot_mm: f64) -> Self {
+        let mut points = vec![[-50.0, 0.0]];
+        for tooth in 0..teeth {
+            let left = tooth as f64 * (slot_mm + 4.0);
+            points.extend([[left, 0.0], [left, -100.0]]);
+            points.extend([[left + slot_mm, -100.0], [left + slot_mm, 0.0]]);
+        }
+        points.push([teeth as f64 * (slot_mm + 4.0) + 50.0, 0.0]);
+        Self::lines(&points, CutterSide::Left)
+    }
+
+    /// A spiral inwards with this distance between its turns, 360 lines a turn.
+    pub(crate) fn spiral(turns: usize, pitch_mm: f64) -> Self {
+        let count = turns * 360;
+        let point = |index: usize| {
+            let angle = index as f64 / 360.0;
+            let radius = 50.0 + pitch_mm * angle;
+            let (sin, cos) = (TAU * angle).sin_cos();
+            [radius * cos, radius * sin]
+        };
+        let points: Vec<Point> = (0..=count).rev().map(point).collect();
+        Self::lines(&points, CutterSide::Left)
+    }
+
+    /// Number of lines and arcs.
+    pub(crate) fn count(&self) -> usize {
+        self.segments.len()
+    }
+
+    /// With D1, a lead-on and a lead-off of 20 mm perpendicular to the ends.
+    pub(crate) fn programmed(&self) -> ProgrammedContour {
+        let (first, last) = (self.segments[0], self.segments[self.count() - 1]);
+        let behind =
+            if self.count() > 1 { self.segments[self.count() - 2].end } else { self.start };
+        let sign = if self.side == CutterSide::Left { 20.0 } else { -20.0 };
+        let aside = |at: Point, along: Point| [at[0] - along[1] * sign, at[1] + along[0] * sign];
+        let from = aside(self.start, unit(self.start, first.end));
+        let to = aside(last.end, unit(behind, last.end));
+
+        let mut events = Vec::with_capacity(self.count() + 6);
+        let mut line = 1;
+        let mut push = |kind| {
+            let source = Source { line, column: 1, length: 20, block: None };
+            line += u32::from(matches!(kind, ContourEventKind::Motion(_)));
+            events.push(ContourEvent { source, kind });
+        };
+        let approach = Some(Approach::Normal);
+        push(ContourEventKind::Radius(RadiusSource::Offset(1)));
+        push(motion(from, None, MotionClass::Rapid));
+        push(ContourEventKind::Select { side: self.side, approach, along: None });
+        push(motion(self.start, None, MotionClass::Feed));
+        for segment in &self.segments {
+            push(motion(segment.end, segment.arc, MotionClass::Feed));
+        }
+        push(ContourEventKind::Cancel { exit: approach });
+        push(motion(to, None, MotionClass::Feed));
+        ProgrammedContour { start: [from[0], from[1], 0.0], events, ..ProgrammedContour::default() }
+    }
+
+    /// The closed polyline that others offset.
+    pub(crate) fn polyline(&self) -> Polyline<f64> {
+        let mut polyline = Polyline::new_closed();
+        let mut start = self.start;
+        for segment in &self.segments {
+            polyline.add(start[0], start[1], segment.arc.map_or(0.0, |arc| arc.bulge));
+            start = segment.end;
+        }
+        polyline
+    }
+}
+
+fn wave_points(count: usize) -> Vec<Point> {
+    let radius = count as f64 * STEP_MM / TAU;
+    let point = |index: usize| {
+        let angle = TAU * (index % count) as f64 / count as f64;
+        let (sin, cos) = angle.sin_cos();
+        let out = radius * (1.0 + 0.05 * (7.0 * angle).cos());
+        [out * cos, out * sin]
+    };
+    (0..=count).map(point).collect()
+}
+
+fn unit(from: Point, to: Point) -> Point {
+    let (x, y) = (to[0] - from[0], to[1] - from[1]);
+    let length = x.hypot(y);
+    [x / length, y / length]
+}
+
+fn motion(end: Point, bend: Option<Bend>, class: MotionClass) -> ContourEventKind {
+    let shape = match bend {
+        None => Shape::Line,
+        Some(Bend { center, clockwise, .. }) => {
+            let center = [center[0], center[1], 0.0];
+            Shape::Arc(Arc { center, plane: Plane::Xy, clockwise, turns: 0 })
+        }
+    };
+    ContourEventKind::Motion(Motion {
+        shape,
+        end: [end[0], end[1], 0.0],
+        class,
+        feed_mm_per_min: if class == MotionClass::Feed { 1000.0 } else { 0.0 },
+        axes: AxisSet::NONE.with(0).with(1),
+    })
+}

@@ -1,0 +1,185 @@
+//! How fast contours are planned with the check of the whole program, and how fast
+//! `cavalier_contours` offsets the same ones.
+//!
+//! ```text
+//! cargo bench -p compensation_planner --no-default-features            all
+//! cargo bench -p compensation_planner --no-default-features -- closed  beside cavalier_contours
+//! cargo bench -p compensation_planner --no-default-features -- --test  each once
+//! ```
+//!
+//! At its end it prints the ratios to `cavalier_contours` measured in this run.
+//! The planner does more than it: it reads events, checks leads and writes a path
+//! with its provenance.
+
+#![allow(clippy::print_stdout)]
+
+mod outline;
+
+use cavalier_contours::polyline::PlineSource;
+use cnc_msgs::profile::Profile;
+use cnc_msgs::tool_table::{Offset, ToolTable};
+use compensation_planner::{plan, plan_certified};
+use criterion::{Criterion, SamplingMode, Throughput};
+use outline::Outline;
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+/// One way to make an outline of so many elements, and the tool for it.
+struct Ring {
+    name: &'static str,
+    make: fn(usize) -> Outline,
+    radius_mm: f64,
+}
+
+const RINGS: [Ring; 3] = [
+    Ring { name: "lines", make: Outline::wave, radius_mm: 5.0 },
+    Ring { name: "lines_and_arcs", make: Outline::rounded_wave, radius_mm: 5.0 },
+    Ring { name: "corners", make: Outline::zigzag, radius_mm: 0.5 },
+];
+
+const COUNTS: [usize; 3] = [10_000, 100_000, 1_000_000];
+
+/// The shortest time of anything that was measured, by name.
+#[derive(Debug, Default)]
+struct Best(Vec<(String, Duration)>);
+
+impl Best {
+    fn note(&mut self, name: &str, time: Duration) {
+        match self.0.iter_mut().find(|(known, _)| known == name) {
+            Some((_, best)) => *best = time.min(*best),
+            None => self.0.push((name.to_owned(), time)),
+        }
+    }
+
+    fn of(&self, name: &str) -> Option<Duration> {
+        self.0.iter().find(|(known, _)| known == name).map(|(_, best)| *best)
+    }
+}
+
+fn profile() -> Profile {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controllers/sinumerik_840c.yaml");
+    let yaml = std::fs::read_to_string(path).expect("the shipped profile");
+    serde_yaml::from_str(&yaml).expect("a valid profile")
+}
+
+fn tool(radius_mm: f64, wear_mm: f64) -> ToolTable {
+    let mut tools = ToolTable::default();
+    tools.offsets.insert(1, Offset { radius_mm, wear_mm, ..Offset::default() });
+    tools
+}
+
+/// Measures one thing some times over.
+fn measure(
+    criterion: &mut Criterion,
+    best: &mut Best,
+    [group, name]: [&str; 2],
+    elements: usize,
+    mut run: impl FnMut(),
+) {
+    let full_name = format!("{group}/{name}");
+    let mut group = criterion.benchmark_group(group);
+    group.sampling_mode(SamplingMode::Flat).sample_size(10);
+    group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
+    group.throughput(Throughput::Elements(elements as u64));
+    group.bench_function(name, |bencher| {
+        bencher.iter_custom(|iterations| {
+            let mut total = Duration::ZERO;
+            for _ in 0..iterations {
+                let start = Instant::now();
+                run();
+                let time = start.elapsed();
+                best.note(&full_name, time);
+                total += time;
+            }
+            total
+        });
+    });
+    group.finish();
+}
+
+/// Closed contours, the whole program checked, beside `cavalier_contours`.
+fn closed(criterion: &mut Criterion, best: &mut Best) {
+    let profile = profile();
+    for Ring { name, make, radius_mm } in RINGS {
+        for count in COUNTS {
+            let outline = make(count);
+            let group = format!("closed/{name}/{count}");
+            let (contour, tools) = (outline.programmed(), tool(radius_mm, 0.0));
+            measure(criterion, best, [&group, "kerf"], outline.count(), || {
+                let plan = plan(black_box(&contour), &profile, &tools);
+                assert!(plan.accepted(), "{:?}", plan.diagnostics.first());
+            });
+            let polyline = outline.polyline();
+            measure(criterion, best, [&group, "cavalier_contours"], outline.count(), || {
+                let offsets = black_box(&polyline).parallel_offset(-radius_mm);
+                assert_eq!(offsets.len(), 1, "one closed offset");
+            });
+        }
+    }
+}
+
+/// What defeats boxes, grids and neighbours: refused or accepted, in bounded time.
+fn worst(criterion: &mut Criterion, best: &mut Best) {
+    let profile = profile();
+    let cases = [
+        ("comb_of_100000_teeth", Outline::comb(100_000, 12.0), 5.0, true),
+        ("comb_too_narrow", Outline::comb(100_000, 8.0), 5.0, false),
+        ("spiral_of_100_turns", Outline::spiral(100, 12.0), 5.0, true),
+        ("spiral_too_narrow", Outline::spiral(100, 8.0), 5.0, false),
+        ("all_in_one_cell", Outline::speck(100_000), 5.0, true),
+        ("scribble", Outline::scribble(10_000), 0.01, false),
+        ("scribble_consumed", Outline::scribble(100_000), 5.0, false),
+    ];
+    for (name, outline, radius_mm, is_good) in cases {
+        let (contour, tools) = (outline.programmed(), tool(radius_mm, 0.0));
+        measure(criterion, best, ["worst", name], outline.count(), || {
+            let plan = plan(black_box(&contour), &profile, &tools);
+            assert_eq!(plan.accepted(), is_good, "{name}: {:?}", plan.diagnostics.first());
+        });
+    }
+}
+
+/// What follows a new wear, and the radii that a contour is good for.
+fn again(criterion: &mut Criterion, best: &mut Best) {
+    let profile = profile();
+    for Ring { name, make, radius_mm } in RINGS {
+        let outline = make(10_000);
+        let contour = outline.programmed();
+        let worn = tool(radius_mm, -0.02);
+        measure(criterion, best, ["replan_after_wear_10000", name], outline.count(), || {
+            let plan = plan(black_box(&contour), &profile, &worn);
+            assert!(plan.accepted(), "{:?}", plan.diagnostics.first());
+        });
+        for count in [10_000, 100_000] {
+            let outline = make(count);
+            let (contour, tools) = (outline.programmed(), tool(radius_mm, 0.0));
+            let group = format!("with_certificate/{count}");
+            measure(criterion, best, [&group, name], outline.count(), || {
+                let plan = plan_certified(black_box(&contour), &profile, &tools);
+                assert_eq!(plan.certificates.len(), 1);
+            });
+        }
+    }
+}
+
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
+    let mut best = Best::default();
+    closed(&mut criterion, &mut best);
+    worst(&mut criterion, &mut best);
+    again(&mut criterion, &mut best);
+    criterion.final_summary();
+    for Ring { name, .. } in RINGS {
+        for count in COUNTS {
+            let time = |who| best.of(&format!("closed/{name}/{count}/{who}"));
+            let (Some(ours), Some(theirs)) = (time("kerf"), time("cavalier_contours")) else {
+                continue;
+            };
+            println!(
+                "{name}, {count} elements: {:.2} M elements/s, {:.2} times cavalier_contours",
+                count as f64 / ours.as_secs_f64() / 1e6,
+                theirs.as_secs_f64() / ours.as_secs_f64()
+            );
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! How fast `kerf plan --quiet` is as a process, and how much memory it takes.
+//!
+//! ```text
+//! cargo bench -p kerf                        three programs of 1 M feed blocks
+//! cargo bench -p kerf -- --blocks 200000     shorter ones
+//! cargo bench -p kerf -- --keep FOLDER       and keep the programs, to profile with
+//! cargo bench -p kerf -- --test              each once, 2000 blocks
+//! ```
+//!
+//! The process is bound to one processor with `taskset`. Time is from its start to
+//! its end, the best of some runs. Its peak of resident memory is read from the
+//! kernel in a run of its own, up to its end.
+
+#![allow(clippy::print_stdout)]
+
+use std::f64::consts::TAU;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const BLOCKS: usize = 1_000_000;
+const RUNS: usize = 5;
+
+/// What is asked for on the command line; what is not understood is for others.
+struct Arguments {
+    blocks: usize,
+    runs: usize,
+    keep: Option<PathBuf>,
+}
+
+impl Arguments {
+    fn read() -> Self {
+        let mut arguments = Self { blocks: BLOCKS, runs: RUNS, keep: None };
+        let mut words = std::env::args().skip(1);
+        while let Some(word) = words.next() {
+            match word.as_str() {
+                "--test" => (arguments.blocks, arguments.runs) = (2000, 1),
+                "--blocks" => {
+                    let blocks = words.next().and_then(|word| word.parse().ok());
+                    arguments.blocks = blocks.expect("--blocks takes a number");
+                }
+                "--keep" => arguments.keep = words.next().map(PathBuf::from),
+                _ => {}
+            }
+        }
+        arguments
+    }
+}
+
+fn main() {
+    let arguments = Arguments::read();
+    let folder = tempfile::tempdir().expect("a folder for programs");
+    let folder = arguments.keep.as_deref().unwrap_or(folder.path());
+    std::fs::create_dir_all(folder).expect("the folder of the programs");
+    println!("{:<16} {:>10} {:>12} {:>14}", "1 core", "s", "M blocks/s", "bytes a block");
+    type Program = fn(usize) -> String;
+    let programs: [(&str, Program); 3] =
+        [("lines", lines), ("lines_and_arcs", lines_and_arcs), ("corners", corners)];
+    for (name, program) in programs {
+        let path = folder.join(format!("{name}.ngc"));
+        std::fs::write(&path, program(arguments.blocks)).expect("a program can be written");
+        let times = (0..arguments.runs).map(|_| time(&path));
+        let seconds = times.min().expect("at least one run").as_secs_f64();
+        let blocks = arguments.blocks as f64;
+        println!(
+            "{name:<16} {seconds:>10.3} {:>12.2} {:>14.0}",
+            blocks / seconds / 1e6,
+            peak_bytes(&path) as f64 / blocks
+        );
+    }
+}
+
+/// Starts a plan of a program on the first processor.
+fn start(program: &Path) -> Child {
+    Command::new("taskset")
+        .args(["-c", "0", env!("CARGO_BIN_EXE_kerf"), "plan", "--quiet"])
+        .arg(program)
+        .stdin(Stdio::null())
+        .spawn()
+        .expect("taskset (of util-linux) starts kerf")
+}
+
+fn time(program: &Path) -> Duration {
+    let begin = Instant::now();
+    let status = start(program).wait().expect("its end");
+    assert!(status.success(), "{}: {status}", program.display());
+    begin.elapsed()
+}
+
+/// The peak so far is asked for again and again: it only grows, and stands long
+/// before the end.
+fn peak_bytes(program: &Path) -> u64 {
+    let mut child = start(program);
+    let mut peak = 0;
+    while child.try_wait().expect("its state").is_none() {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id()));
+        let line = status.as_deref().unwrap_or_default();
+        let line = line.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kilobytes = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
+        peak = peak.max(kilobytes.unwrap_or(0_u64) * 1024);
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    peak
+}
+
+/// A program with the tool outside of a ring, whose start is as far out as it gets.
+fn program(start: [f64; 2], blocks: impl FnOnce(&mut String)) -> String {
+    let mut text = String::from("G21 G17 G90 G40\nT1 M6\n");
+    let out = start[0] + 20.0;
+    let _ = writeln!(text, "G0 X{out:.3} Y{:.3}", start[1]);
+    let _ = writeln!(text, "F1000\nG42.1 D{DIAMETER_MM} G1 X{:.3} Y{:.3}", start[0], start[1]);
+    blocks(&mut text);
+    let _ = writeln!(text, "G40 G1 X{out:.3} Y{:.3}\nM2", start[1]);
+    text
+}
+
+const DIAMETER_MM: f64 = 6.0;
+
+/// Points of a ring with seven waves and 2 mm between two points.
+fn wave(index: usize, count: usize) -> [f64; 2] {
+    let angle = TAU * (index % count) as f64 / count as f64;
+    let (sin, cos) = angle.sin_cos();
+    let out = count as f64 * 2.0 / TAU * (1.0 + 0.05 * (7.0 * angle).cos());
+    [out * cos, out * sin]
+}
+
+fn lines(blocks: usize) -> String {
+    program(wave(0, blocks), |text| {
+        for index in 1..=blocks {
+            let [x, y] = wave(index, blocks);
+            let _ = writeln!(text, "X{x:.3} Y{y:.3}");
+        }
+    })
+}
+
+/// Lines and arcs of 30 degrees that bend away from the ring, like the edge of a stamp.
+fn lines_and_arcs(blocks: usize) -> String {
+    let steps = blocks / 2;
+    let points = steps * 2;
+    program(wave(0, points), |text| {
+        for step in 0..steps {
+            let [a, b] = [2 * step + 1, 2 * step + 2].map(|index| wave(index, points));
+            let _ = writeln!(text, "G1 X{:.3} Y{:.3}", a[0], a[1]);
+            // The centre on the left, its distance for 30 degrees.
+            let half = [(b[0] - a[0]) / 2.0, (b[1] - a[1]) / 2.0];
+            let far = 1.0 / 15.0_f64.to_radians().tan();
+            let (i, j) = (half[0] - half[1] * far, half[1] + half[0] * far);
+            let _ = writeln!(text, "G3 X{:.3} Y{:.3} I{i:.4} J{j:.4}", b[0], b[1]);
+        }
+    })
+}
+
+/// A corner of 30 degrees in each block, inside and outside in turn.
+fn corners(blocks: usize) -> String {
+    let half_turn = 15.0_f64.to_radians();
+    let count = blocks & !1;
+    let point = |index: usize| {
+        let out = count as f64 * 4.0 * half_turn.cos() / TAU;
+        let out = out + if index.is_multiple_of(2) { 4.0 * half_turn.sin() } else { 0.0 };
+        let (sin, cos) = (TAU * (index % count) as f64 / count as f64).sin_cos();
+        [out * cos, out * sin]
+    };
+    program(point(0), |text| {
+        for index in 1..=count {
+            let [x, y] = point(index);
+            let _ = writeln!(text, "X{x:.3} Y{y:.3}");
+        }
+    })
+}

@@ -1,0 +1,75 @@
+//! How fast programs are read.
+//!
+//! ```text
+//! cargo bench -p program_loader --no-default-features            in lines and bytes a second
+//! cargo bench -p program_loader --no-default-features -- --test  each once
+//! ```
+
+use cnc_msgs::profile::Profile;
+use criterion::{Criterion, SamplingMode, Throughput};
+use program_loader::{LoadOptions, load};
+use std::fmt::Write;
+use std::hint::black_box;
+use std::time::Duration;
+
+const LINES: u32 = 1_000_000;
+
+/// Writes the block of this index.
+type WriteBlock = fn(&mut String, u32);
+
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controllers/rs274.yaml");
+    let yaml = std::fs::read_to_string(path).expect("the shipped profile");
+    let profile: Profile = serde_yaml::from_str(&yaml).expect("a valid profile");
+    let programs: [(&str, WriteBlock); 3] =
+        [("lines", feed_line), ("numbered_lines", numbered_line), ("arcs", arc)];
+    for (name, block) in programs {
+        let text = program(block);
+        let per = [
+            ("lines", Throughput::Elements(LINES.into())),
+            ("bytes", Throughput::Bytes(text.len() as u64)),
+        ];
+        for (unit, throughput) in per {
+            let mut group = criterion.benchmark_group(format!("load/{unit}_per_second"));
+            group.sampling_mode(SamplingMode::Flat).sample_size(10).throughput(throughput);
+            group.warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(3));
+            group.bench_function(name, |bencher| {
+                bencher.iter_with_large_drop(|| {
+                    let loaded =
+                        load(black_box(text.as_bytes()), &profile, &LoadOptions::default());
+                    assert!(loaded.is_accepted(), "{:?}", loaded.diagnostics.first());
+                    loaded
+                });
+            });
+            group.finish();
+        }
+    }
+    criterion.final_summary();
+}
+
+fn program(block: WriteBlock) -> String {
+    let mut text = String::from("G21 G17 G90 G0 X0 Y0 Z0\nG1 F500 X0\n");
+    for index in 0..LINES {
+        block(&mut text, index);
+    }
+    text.push_str("M2\n");
+    text
+}
+
+fn feed_line(text: &mut String, index: u32) {
+    let turn = f64::from(index) * 0.01;
+    let (x, y) = (50.0 * turn.cos(), 50.0 * turn.sin());
+    let _ = writeln!(text, "X{x:.3} Y{y:.3} Z{:.3}", -turn / 100.0);
+}
+
+fn numbered_line(text: &mut String, index: u32) {
+    let turn = f64::from(index) * 0.01;
+    let (x, y) = (50.0 * turn.cos(), 50.0 * turn.sin());
+    let _ = writeln!(text, "N{} G1 X{x:.4} Y{y:.4} F800", index * 5);
+}
+
+fn arc(text: &mut String, index: u32) {
+    let (x, i) = if index.is_multiple_of(2) { (10.0, 5.0) } else { (0.0, -5.0) };
+    let _ = writeln!(text, "G2 X{x:.4} Y0.0000 I{i:.4} J0.0000");
+}

@@ -1,0 +1,86 @@
+//! Fuzz targets: mutated programs through loader and planner, random contours through
+//! the planner.
+//!
+//! A test run tries a fixed number of cases from a fixed seed. For longer:
+//!
+//! ```text
+//! KERF_FUZZ_SECONDS=600 KERF_FUZZ_SEED=7 cargo test --release -p kerf_tests --test fuzz -- --nocapture
+//! ```
+//!
+//! runs each target for so many seconds; another seed gives other cases. What fails is
+//! printed with the number that repeats it (`KERF_FUZZ_SEED` is then that number, and the
+//! first case is the one that failed).
+
+mod contours;
+mod mutate;
+mod programs;
+
+use mutate::Random;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::time::{Duration, Instant};
+
+/// No case is allowed to take longer, on a busy machine and without optimisation.
+const CASE_SECONDS_MAX: u64 = 20;
+
+fn setting(name: &str) -> Option<u64> {
+    let text = std::env::var(name).ok()?;
+    Some(text.parse().unwrap_or_else(|_| panic!("{name}={text} is not a number")))
+}
+
+/// Runs cases until their number or the time asked for is reached; gives their number.
+fn fuzz(name: &str, cases: u64, mut case: impl FnMut(&mut Random)) -> u64 {
+    let first = setting("KERF_FUZZ_SEED").unwrap_or(1);
+    let seconds = setting("KERF_FUZZ_SECONDS").map(Duration::from_secs);
+    let begin = Instant::now();
+    for count in 0.. {
+        let is_over = seconds.map_or(count >= cases, |seconds| begin.elapsed() >= seconds);
+        if is_over {
+            return count;
+        }
+        let seed = first.wrapping_add(count);
+        let start = Instant::now();
+        let outcome = catch_unwind(AssertUnwindSafe(|| case(&mut Random::new(seed))));
+        if let Err(panic) = outcome {
+            #[allow(clippy::print_stderr)]
+            {
+                eprintln!("{name} fails with KERF_FUZZ_SEED={seed}");
+            }
+            resume_unwind(panic);
+        }
+        let took = start.elapsed();
+        assert!(took.as_secs() < CASE_SECONDS_MAX, "{name}: {took:?} with KERF_FUZZ_SEED={seed}");
+    }
+    0
+}
+
+#[test]
+fn mutated_programs_are_loaded_and_planned_or_refused_at_a_place() {
+    let corpus = programs::corpus();
+    let mut accepted = 0_u64;
+    let cases = fuzz("programs", 2000, |random| {
+        accepted += u64::from(programs::check(&corpus, random));
+    });
+    assert!(accepted * 20 > cases, "{accepted} of {cases} were accepted: too few to tell anything");
+}
+
+#[test]
+fn random_bytes_are_no_program_and_no_trouble() {
+    let controls = programs::controls();
+    fuzz("bytes", 1500, |random| programs::check_bytes(&controls, random));
+}
+
+#[test]
+fn what_is_accepted_of_random_contours_is_not_cut() {
+    let profile = programs::profile("sinumerik_840c");
+    let mut accepted = 0_u64;
+    let cases = fuzz("contours", 300, |random| {
+        accepted += u64::from(contours::check_ring(&profile, random));
+    });
+    assert!(accepted * 10 > cases, "{accepted} of {cases} were accepted: too few to tell anything");
+}
+
+#[test]
+fn events_in_any_order_are_planned_or_refused() {
+    let controls = programs::controls();
+    fuzz("events", 2000, |random| contours::check_events(&controls, random));
+}

@@ -1,0 +1,180 @@
+//! Programs as bytes: through loader and planner, under the profile of a control.
+//!
+//! Whatever comes in: no panic, nothing that is not a number, a path whose elements
+//! hang together, findings at places that the text has, and no path with an error.
+
+use crate::mutate::{Random, mutate};
+use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::geometry::Shape;
+use cnc_msgs::path::{CompensatedPath, PathElement};
+use cnc_msgs::profile::Profile;
+use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
+use compensation_planner::{Plan, plan, plan_certified};
+use kerf_tests::root;
+use program_loader::{LoadOptions, load};
+
+pub(crate) const CONTROLS: [&str; 6] =
+    ["rs274", "masso", "automation1", "osp_lathe", "sinumerik_840c", "nct"];
+
+/// Programs to begin with, each with the profile of its control.
+pub(crate) fn corpus() -> Vec<(Profile, Vec<u8>)> {
+    let mut corpus = Vec::new();
+    for control in CONTROLS {
+        let folder = root().join("nodes/program_loader/tests/programs").join(control);
+        let files = std::fs::read_dir(folder).expect("golden programs of each control");
+        let mut paths: Vec<_> = files.map(|file| file.expect("a file").path()).collect();
+        paths.retain(|path| path.extension().is_some_and(|ending| ending != "txt"));
+        paths.sort();
+        assert!(!paths.is_empty(), "no golden program of {control}");
+        for path in paths {
+            corpus.push((profile(control), std::fs::read(path).expect("a golden program")));
+        }
+    }
+    corpus
+}
+
+pub(crate) fn profile(control: &str) -> Profile {
+    let path = root().join(format!("config/controllers/{control}.yaml"));
+    let yaml = std::fs::read_to_string(path).expect("a shipped profile");
+    serde_yaml::from_str(&yaml).expect("a valid profile")
+}
+
+pub(crate) fn controls() -> Vec<Profile> {
+    CONTROLS.iter().map(|control| profile(control)).collect()
+}
+
+/// T1 to T7 and D1 to D7, of sizes between nothing and too much.
+pub(crate) fn tools(random: &mut Random) -> ToolTable {
+    let mut tools = ToolTable::default();
+    for number in 1..8 {
+        let radius_mm = *random.of(&[0.0, 0.001, 0.4, 1.0, 3.0, 5.0, 8.0, 40.0]);
+        let tip_direction = random.below(10) as u8;
+        let (diameter_mm, nose_radius_mm) = (2.0 * radius_mm, radius_mm);
+        let tool = Tool { diameter_mm, nose_radius_mm, tip_direction, ..Tool::default() };
+        tools.tools.insert(number, tool);
+        let radius_mm = if random.once_in(6) { -radius_mm } else { radius_mm };
+        tools.offsets.insert(number, Offset { radius_mm, tip_direction, ..Offset::default() });
+    }
+    tools
+}
+
+/// One mutated program; whether it was accepted.
+pub(crate) fn check(corpus: &[(Profile, Vec<u8>)], random: &mut Random) -> bool {
+    let (profile, text) = random.of(corpus).clone();
+    let (_, other) = random.of(corpus);
+    // Now and then under the rules of another control.
+    let profile = if random.once_in(8) { random.of(corpus).0.clone() } else { profile };
+    let text = mutate(&text, other, random);
+    loaded_and_planned(&text, &profile, random)
+}
+
+/// Bytes that are like a program in nothing but their alphabet, or not even in that.
+pub(crate) fn check_bytes(profiles: &[Profile], random: &mut Random) {
+    const ALPHABET: &[u8] = b"GMXYZIJKDFTN0123456789.- \n\r()%;/#[]=\"\0\xff\xc3\xbc";
+    let is_any = random.once_in(4);
+    let bytes: Vec<u8> = (0..random.below(400))
+        .map(|_| if is_any { random.next() as u8 } else { *random.of(ALPHABET) })
+        .collect();
+    loaded_and_planned(&bytes, random.of(profiles), random);
+}
+
+fn loaded_and_planned(text: &[u8], profile: &Profile, random: &mut Random) -> bool {
+    let shown = || format!("{}\n{}", profile.name, String::from_utf8_lossy(text));
+    let options = LoadOptions {
+        start: [0.0, 0.0, random.between(-10.0, 10.0)],
+        block_delete: random.once_in(2),
+        is_single_block: random.once_in(10),
+    };
+    let loaded = load(text, profile, &options);
+    check_places(&loaded.diagnostics, loaded.line_count, &shown());
+    for event in &loaded.contour.events {
+        assert!(event.source.line <= loaded.line_count, "{event:?}\n{}", shown());
+    }
+    if !loaded.is_accepted() {
+        assert!(loaded.contour.events.is_empty(), "{}", shown());
+        return false;
+    }
+    let tools = tools(random);
+    planned(&loaded.contour, profile, &tools, loaded.line_count, true, shown).accepted()
+}
+
+/// Plans with and without certificates and checks what comes out.
+pub(crate) fn planned(
+    contour: &ProgrammedContour,
+    profile: &Profile,
+    tools: &ToolTable,
+    line_count: u32,
+    are_arcs: bool,
+    shown: impl Fn() -> String,
+) -> Plan {
+    let plan = plan(contour, profile, tools);
+    let certified = plan_certified(contour, profile, tools);
+    assert_eq!(plan.path, certified.path, "a certificate changes the path\n{}", shown());
+    assert_eq!(plan.diagnostics, certified.diagnostics, "{}", shown());
+    for certificate in &certified.certificates {
+        let radii = [certificate.radius_mm, certificate.valid_to_mm, certificate.leads_valid_to_mm];
+        assert!(radii.iter().all(|radius| *radius >= 0.0), "{certificate:?}\n{}", shown());
+    }
+    check_places(&plan.diagnostics, line_count, &shown());
+    if plan.accepted() {
+        check_path(&plan.path, line_count, are_arcs, &shown);
+    } else {
+        assert!(plan.path.elements.is_empty() && plan.path.events.is_empty(), "{}", shown());
+    }
+    check_elements(contour.start, &plan.refused, are_arcs, &shown);
+    plan
+}
+
+fn check_places(diagnostics: &[Diagnostic], line_count: u32, shown: &str) {
+    for finding in diagnostics {
+        assert!(finding.source.line <= line_count.max(1), "{finding:?}\n{shown}");
+        assert!(!finding.message.is_empty(), "{finding:?}");
+        let numbers = [finding.depth_mm, finding.needed_mm, finding.available_mm];
+        let position = finding.position.into_iter().flatten();
+        let are_numbers = numbers.into_iter().flatten().chain(position).all(f64::is_finite);
+        assert!(are_numbers, "{finding:?}\n{shown}");
+    }
+}
+
+fn check_path(
+    path: &CompensatedPath,
+    line_count: u32,
+    are_arcs: bool,
+    shown: &impl Fn() -> String,
+) {
+    check_elements(path.start, &path.elements, are_arcs, shown);
+    let mut before = 0;
+    for event in &path.events {
+        let is_in_order = before <= event.at_element && event.at_element <= path.elements.len();
+        assert!(is_in_order && event.source.line <= line_count, "{event:?}\n{}", shown());
+        before = event.at_element;
+    }
+}
+
+/// How far the radii of an arc at its ends may differ in what a loader lets through, mm.
+const ARC_MISMATCH_MM: f64 = 0.5 + 1e-3;
+
+/// `are_arcs`: what was programmed as an arc was one.
+fn check_elements(
+    start: [f64; 3],
+    elements: &[PathElement],
+    are_arcs: bool,
+    shown: &impl Fn() -> String,
+) {
+    let mut at = start;
+    for element in elements {
+        assert!(element.end.iter().all(|value| value.is_finite()), "{element:?}\n{}", shown());
+        let feed = element.feed_mm_per_min.unwrap_or(1.0);
+        assert!(feed.is_finite() && feed >= 0.0, "{element:?}\n{}", shown());
+        if let Shape::Arc(arc) = element.shape
+            && are_arcs
+        {
+            let [u, v, _] = arc.plane.axes();
+            let out = |p: [f64; 3]| (p[u] - arc.center[u]).hypot(p[v] - arc.center[v]);
+            let difference = (out(at) - out(element.end)).abs();
+            assert!(difference <= ARC_MISMATCH_MM, "{difference} {at:?} {element:?}\n{}", shown());
+        }
+        at = element.end;
+    }
+}
