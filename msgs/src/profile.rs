@@ -516,9 +516,9 @@ pub struct ForbiddenWords {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InterferenceRules {
-    /// A contour that is cut into, or that the tool does not reach.
+    /// What is done about a contour that is cut into, or that the tool does not reach.
     #[serde(default)]
-    pub contour: Strictness,
+    pub react: Reaction,
     /// A lead that cuts into its contour.
     pub leads: Strictness,
     /// What the radius of an arc must be that the tool runs inside of.
@@ -526,6 +526,19 @@ pub struct InterferenceRules {
     pub inside_arc: Rule<InsideArc>,
     /// The control's alarm for a contour that the tool does not fit.
     pub alarm: Option<String>,
+}
+
+/// What is done about a contour that the tool does not fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reaction {
+    /// The program is refused, with all places.
+    #[default]
+    Alarm,
+    /// What does not fit is left out, with warnings; what stays uncut is told.
+    Trim,
+    /// A warning; the tool cuts what it cuts.
+    Ignore,
 }
 
 const fn any_arc() -> Rule<InsideArc> {

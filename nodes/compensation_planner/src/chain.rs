@@ -225,7 +225,8 @@ fn is_smaller(a: &Link, b: &Link) -> bool {
     length(a, &a.element) < length(b, &b.element)
 }
 
-fn joint(
+/// Where one link is left for the next that is placed.
+pub(crate) fn joint(
     a: &Link,
     behind: &Element,
     b: &Link,

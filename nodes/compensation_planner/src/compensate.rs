@@ -13,16 +13,18 @@ use crate::frame::{height, in_plane, plane_axes};
 use crate::interference::{self, Joined};
 use crate::lead;
 use crate::normalise::runs;
-use crate::reach::{is_any_unreachable, unreachable};
+use crate::reach::{self, is_any_unreachable, unreachable};
 use crate::span::{Lead, Run, Span};
 use crate::tip;
 use crate::tolerance::{GOUGE_MM, MERGE_MM, RADIUS_MM, REVERSAL};
+use crate::trim::trim;
+use crate::uncut::{self, UncutRegion};
 use crate::walls::Walls;
 use crate::write::Writer;
 use cnc_msgs::contour::{Approach, CutterSide, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::path::Role;
-use cnc_msgs::profile::{Profile, SelectTarget};
+use cnc_msgs::profile::{Profile, Reaction, SelectTarget};
 
 /// Findings of one kind in a span; more help nobody, and each takes a search.
 const FINDINGS_MAX: usize = 100;
@@ -48,18 +50,26 @@ pub(crate) struct WallBehind {
     pub d_mm: f64,
 }
 
+/// What is said about the spans of a contour.
+#[derive(Debug, Default)]
+pub(crate) struct Verdict {
+    pub diagnostics: Vec<Diagnostic>,
+    /// Where certificates go, if they are wanted.
+    pub certificates: Option<Vec<Certificate>>,
+    pub uncut: Vec<UncutRegion>,
+}
+
 /// Puts a span out. `behind` is the wall that a link at its start leaves; the
-/// wall that a link at its end leaves is given back. A certificate is made when
-/// there is a place for it.
+/// wall that a link at its end leaves is given back.
 pub(crate) fn compensate(
     mut span: Span,
     exit: Exit<'_>,
     behind: Option<WallBehind>,
     profile: &Profile,
     out: &mut Emitter,
-    diagnostics: &mut Vec<Diagnostic>,
-    certificates: Option<&mut Vec<Certificate>>,
+    verdict: &mut Verdict,
 ) -> Option<WallBehind> {
+    let Verdict { diagnostics, certificates, uncut } = verdict;
     let exit_lead = match exit {
         Exit::LeadOff(lead) | Exit::Link(lead) => Some(*lead),
         Exit::None => None,
@@ -67,7 +77,7 @@ pub(crate) fn compensate(
     let is_identity = is_zero(span.d_mm) && span.legs.iter().all(|leg| is_zero(leg.d_out_mm));
     let tolerance = profile.accept_tolerance_mm;
     let mut chain = Chain::new(&mut span, MERGE_MM, exit_lead.as_ref(), is_identity, profile);
-    if let Some(certificates) = certificates.filter(|_| !is_zero(span.d_mm)) {
+    if let Some(certificates) = certificates.as_mut().filter(|_| !is_zero(span.d_mm)) {
         let lead_off = exit_lead.as_ref().filter(|_| matches!(exit, Exit::LeadOff(_)));
         let subject = Subject { span: &span, runs: &chain.runs, lead_off, profile };
         certificates.push(subject.certificate());
@@ -76,19 +86,21 @@ pub(crate) fn compensate(
         // Rounded coordinates bend short chords so much that the tool loses them,
         // and break straight walls. Taken as straight as is accepted, the contour
         // shows what is really too narrow.
-        chain = Chain::new(&mut span, tolerance, exit_lead.as_ref(), is_identity, profile);
+        let straight = Chain::new(&mut span, tolerance, exit_lead.as_ref(), is_identity, profile);
+        let tells = profile.interference.react == Reaction::Alarm
+            || !is_any_unreachable(&straight.links, &straight.placed, tolerance);
+        chain = if tells {
+            straight
+        } else {
+            // It is not refused, and what is cut is to be exact.
+            Chain::new(&mut span, MERGE_MM, exit_lead.as_ref(), is_identity, profile)
+        };
     }
-    let Chain { runs, links, placed } = chain;
-    let mut places = unreachable(&links, &placed, tolerance);
-    for place in places.by_ref().take(FINDINGS_MAX) {
-        diagnostics.push(finding::unreachable(&span, &runs, &place, profile));
-    }
-    if let Some(place) = places.next() {
-        diagnostics.push(finding::more_unreachable(&span, &runs, &place, FINDINGS_MAX));
-    }
-    let walls = Walls::new(&runs, &links, &placed);
+    let Chain { runs, links, mut placed } = chain;
+    unreachable_places(&span, (&runs, &links, &placed), profile, diagnostics);
     let corners = Corners { span: &span, short_mm: profile.corner.short_block_mm };
     let joined = Joined { links: &links, placed: &placed, corners };
+    let mut walls = Walls::new(&runs, &links, &placed);
     let cuts = interference::cuts(&walls, &joined, tolerance, GOUGE_MM);
     for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
         diagnostics.push(finding::cut(&span, &runs, cut, profile));
@@ -96,6 +108,22 @@ pub(crate) fn compensate(
     if !cuts.is_complete {
         diagnostics.push(finding::too_entangled(&span));
     }
+    if profile.interference.react == Reaction::Trim
+        && (!cuts.cuts.is_empty() || reach::left_out(&links, &placed, tolerance).next().is_some())
+    {
+        walls = Walls::all(&runs, &links, &placed);
+        let trimmed = trim(&walls, &joined, tolerance);
+        for cut in &trimmed.cuts {
+            diagnostics.extend(finding::not_trimmed(&span, &runs, cut, profile));
+        }
+        if !trimmed.placed.iter().any(|p| matches!(links[p.link].role, LinkRole::Run(_))) {
+            diagnostics.push(finding::nothing_left(&span));
+        }
+        let joined = Joined { placed: &trimmed.placed, ..joined };
+        uncut.extend(uncut::regions(&joined, &runs, &trimmed.loops, tolerance));
+        placed = trimmed.placed;
+    }
+    let joined = Joined { links: &links, placed: &placed, corners };
     out.side = side_of(span.d_mm);
     // What is compensated is computed at the centre, and put out there or at the tip.
     let to_tip = tip::Shift::new(&span, profile);
@@ -149,6 +177,22 @@ pub(crate) fn compensate(
     }
     out.side = None;
     check.wall_behind(&span, &runs, runs.len().checked_sub(1).and_then(way_of))
+}
+
+/// Tells what the tool does not reach.
+fn unreachable_places(
+    span: &Span,
+    (runs, links, placed): (&[Run], &[Link], &[Placed]),
+    profile: &Profile,
+    diagnostics: &mut Vec<Diagnostic>,
+) {
+    let mut places = unreachable(links, placed, profile.accept_tolerance_mm);
+    for place in places.by_ref().take(FINDINGS_MAX) {
+        diagnostics.push(finding::unreachable(span, runs, &place, profile));
+    }
+    if let Some(place) = places.next() {
+        diagnostics.push(finding::more_unreachable(span, runs, &place, FINDINGS_MAX));
+    }
 }
 
 /// The runs of a span, joined.

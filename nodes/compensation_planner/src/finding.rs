@@ -9,7 +9,7 @@ use crate::span::{Run, Span};
 use cnc_msgs::contour::Source;
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
-use cnc_msgs::profile::{Profile, Strictness};
+use cnc_msgs::profile::{Profile, Reaction, Strictness};
 
 /// `N40`, or the line where there is no number.
 pub(crate) fn block_name(source: Source) -> String {
@@ -87,7 +87,13 @@ pub(crate) fn unreachable(
 /// What the profile says of a contour that the tool does not fit (C18), and of
 /// one that its control is too short-sighted to see (C17).
 fn soften(finding: &mut Diagnostic, apart: usize, profile: &Profile) {
-    let mut severity = profile.interference.contour.severity();
+    let mut severity = match profile.interference.react {
+        Reaction::Alarm => Severity::Error,
+        Reaction::Trim | Reaction::Ignore => Severity::Warning,
+    };
+    if profile.interference.react == Reaction::Trim {
+        finding.message += "; what does not fit is left out";
+    }
     if let Some(blocks) = profile.lookahead.blocks
         && apart > blocks as usize
     {
@@ -154,6 +160,37 @@ pub(crate) fn cut(span: &Span, runs: &[Run], cut: &Cut, profile: &Profile) -> Di
     finding.available_mm = Some(cut.radius_mm - depth_mm / 2.0);
     finding.alarm.clone_from(&profile.interference.alarm);
     finding.help("use a smaller tool, or begin and end the contour where it does not bend back")
+}
+
+/// A cut that is still there after everything that does not fit was left out.
+pub(crate) fn not_trimmed(
+    span: &Span,
+    runs: &[Run],
+    cut: &Cut,
+    profile: &Profile,
+) -> Option<Diagnostic> {
+    // A difference of radii says nothing of the tool there, and was no reason to trim.
+    if span.is_negative && cut.is_at_ends {
+        return None;
+    }
+    let mut finding = self::cut(span, runs, cut, profile);
+    finding.severity = Severity::Error;
+    let tells_so = "; what does not fit is left out";
+    finding.message = finding.message.replace(tells_so, "; leaving blocks out does not help");
+    Some(finding)
+}
+
+/// A contour that the tool fits nowhere.
+pub(crate) fn nothing_left(span: &Span) -> Diagnostic {
+    let at = span.legs.first().map_or(span.entry.lead.source, |leg| leg.source);
+    let mut finding = Diagnostic::error(
+        Code::Unreachable,
+        at,
+        format!("{} fits nowhere on the contour that begins here", tool(span.d_mm)),
+    )
+    .help("use a smaller tool, or check that the compensation is on the right side");
+    finding.needed_mm = Some(span.d_mm.abs());
+    finding
 }
 
 /// A contour that meets itself so often that not all of it could be checked.

@@ -71,7 +71,16 @@ pub(crate) fn cuts(walls: &Walls<'_>, joined: &Joined<'_>, tolerance: f64, gouge
     Cuts { cuts: deepest_of_each_place(found), is_complete }
 }
 
-/// All cuts with the number of the way that makes each, and whether that is all.
+/// For each place whether the tool cuts into a wall of the same pass from there.
+pub(crate) fn cut_places(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> Vec<bool> {
+    let mut is_cutting = vec![false; joined.placed.len()];
+    for (place, cut) in all_cuts(walls, joined, slack).0 {
+        is_cutting[place] |= !cut.is_other_pass;
+    }
+    is_cutting
+}
+
+/// All cuts with the place that each is made from that makes each, and whether that is all.
 fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(usize, Cut)>, bool) {
     let Joined { links, placed, corners } = *joined;
     let ways = ways(walls, joined, slack);
@@ -92,7 +101,7 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
             let link = &links[placed[ways[index].place].link];
             for run in into.clone() {
                 if let Some(cut) = cut(walls, &ways[index], &way, link, run) {
-                    found.push((index, cut));
+                    found.push((ways[index].place, cut));
                 }
             }
         }
@@ -101,36 +110,46 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     (found, is_complete)
 }
 
+/// What there is between the leads. A corner belongs to the run behind it, or before
+/// it when there is none.
 fn ways(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec<Way> {
-    let Joined { links, placed: all, corners } = *joined;
-    let mut ways: Vec<Way> = Vec::with_capacity(all.len());
-    let mut run_before = None;
-    let mut open_corner = None;
-    for (place, placed) in all.iter().enumerate() {
-        match links[placed.link].role {
-            Role::Run(run) => {
-                let is_gap = run_before.is_some_and(|before| before + 1 != run);
-                let slack = if is_gap { nearer } else { near };
-                if let Some(before) = ways.last_mut().filter(|_| is_gap) {
-                    before.slack = nearer;
+    let Joined { links, placed, corners } = *joined;
+    let role = |place: Option<usize>| Some(links[placed.get(place?)?.link].role);
+    let mut ways: Vec<Way> = Vec::with_capacity(placed.len());
+    let mut run_before: Option<usize> = None;
+    for place in 0..placed.len() {
+        let run = match role(Some(place)) {
+            Some(Role::Run(run)) => Some(run),
+            Some(Role::Corner { .. }) => {
+                match (role(place.checked_sub(1)), role(Some(place + 1))) {
+                    // They are part of the lead.
+                    (Some(Role::Entry), _) | (_, Some(Role::Exit)) => None,
+                    (_, Some(Role::Run(run))) => Some(run),
+                    _ => run_before,
                 }
-                let chain = walls.chain(run);
-                if let Some(corner) = open_corner.take() {
-                    let same = run_before.is_some_and(|before| walls.chain(before) == chain);
-                    let chain = if same { chain } else { NO_CHAIN };
-                    let way = Way { place: corner, piece: None, run, chain, slack };
-                    match corners.lines(links, all, corner) {
-                        None => ways.push(way),
-                        Some(_) => {
-                            ways.extend((0..PIECES).map(|piece| Way { piece: Some(piece), ..way }))
-                        }
-                    }
-                }
-                ways.push(Way { place, piece: None, run, chain, slack });
-                run_before = Some(run);
             }
-            Role::Corner { .. } => open_corner = run_before.map(|_| place),
-            Role::Entry | Role::Exit => {}
+            _ => None,
+        };
+        let Some(run) = run else { continue };
+        let is_corner = role(Some(place)) != Some(Role::Run(run));
+        let is_gap = run_before.is_some_and(|before| before + 1 != run);
+        if is_gap && let Some(way) = ways.last_mut() {
+            way.slack = nearer;
+        }
+        let slack = if is_gap { nearer } else { near };
+        let mut chain = walls.chain(run);
+        if is_corner {
+            let before = run_before.filter(|before| *before != run);
+            if before.map(|before| walls.chain(before)) != Some(chain) {
+                chain = NO_CHAIN;
+            }
+        } else {
+            run_before = Some(run);
+        }
+        let way = Way { place, piece: None, run, chain, slack };
+        match corners.lines(links, placed, place).filter(|_| is_corner) {
+            None => ways.push(way),
+            Some(_) => ways.extend((0..PIECES).map(|piece| Way { piece: Some(piece), ..way })),
         }
     }
     ways
@@ -138,7 +157,7 @@ fn ways(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec
 
 fn cut(walls: &Walls<'_>, on: &Way, way: &Element, link: &Link, into: usize) -> Option<Cut> {
     // What the tool does not touch has been judged as unreachable, or accepted.
-    if !walls.is_followed(into) || on.chain == walls.chain(into) {
+    if !walls.is_judged(into) || (on.chain != NO_CHAIN && on.chain == walls.chain(into)) {
         return None;
     }
     let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());

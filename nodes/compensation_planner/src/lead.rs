@@ -69,7 +69,7 @@ impl Way {
     pub(crate) fn deepest_cut(&self, walls: &Walls<'_>, limit: f64) -> Option<(usize, Nearest)> {
         let straight = Element::line(self.straight.0, self.straight.1);
         let ways = straight.into_iter().chain(self.corner.into_iter().flatten());
-        let cuts = ways.filter_map(|way| deepest_cut(walls, &way, limit));
+        let cuts = ways.filter_map(|way| deepest_cut(walls, &way, limit, |_| true));
         cuts.min_by(|a, b| a.1.distance.total_cmp(&b.1.distance))
     }
 }
@@ -90,11 +90,12 @@ fn corner(joined: &Joined<'_>, index: usize) -> [Option<Element>; PIECES] {
     pieces
 }
 
-/// The wall that a way comes nearest to, if nearer than `limit` mm.
+/// The wall that a way comes nearest to, if nearer than `limit` mm, of runs that count.
 pub(crate) fn deepest_cut(
     walls: &Walls<'_>,
     way: &Element,
     limit: f64,
+    counts: impl Fn(usize) -> bool,
 ) -> Option<(usize, Nearest)> {
     if limit <= 0.0 {
         return None;
@@ -103,7 +104,7 @@ pub(crate) fn deepest_cut(
     let tree = Tree::new(std::iter::once((bounds, NO_CHAIN)));
     let mut deepest: Option<(usize, Nearest)> = None;
     tree.near_pairs(walls.tree(), limit, budget(walls.count()), |_, into| {
-        for run in into {
+        for run in into.filter(|&run| counts(run)) {
             let whole = walls.element(run);
             // The quick looks first.
             if bounds.gap_squared(&Bounds::of(whole)) >= limit * limit

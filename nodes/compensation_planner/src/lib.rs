@@ -8,7 +8,8 @@
 //! lead-off into a [`span`](crate::span) and applies the `rules`; `normalise`
 //! makes runs of its legs, `chain` joins their offsets, `reach` says what the
 //! tool does not fit into, `walls` what bounds it, `interference` where it cuts into
-//! that (`tree` finds who is near), `corner` shapes outside corners, `lead` checks the leads, `write` and `emit`
+//! that (`tree` finds who is near), `trim` cuts off what does not fit and `uncut` tells
+//! what that leaves, `corner` shapes outside corners, `lead` checks the leads, `write` and `emit`
 //! put it all out.
 //!
 //! Beside it: `mdi` plans a single block, `set_tool` decides on a change of the tool
@@ -44,12 +45,15 @@ mod tip;
 mod tolerance;
 pub mod tool_file;
 mod tree;
+mod trim;
+mod uncut;
 mod walk;
 mod walls;
 mod write;
 
 pub use certificate::{Certificate, CertificateLimit};
 pub use restart::{Restart, restart};
+pub use uncut::{OutlinePiece, UncutRegion};
 
 use cnc_msgs::contour::{CutterSide, ProgrammedContour};
 use cnc_msgs::diagnostic::Diagnostic;
@@ -70,6 +74,8 @@ pub struct Plan {
     pub spans: Vec<SpanSummary>,
     /// The radii that each of them is good for, by [`plan_certified`].
     pub certificates: Vec<Certificate>,
+    /// What stays uncut where the profile leaves out what does not fit.
+    pub uncut: Vec<UncutRegion>,
 }
 
 /// One compensated piece: what lies between a lead-on and the next lead-off.

@@ -82,8 +82,22 @@ pub(crate) fn left_of(links: &[Link], placed: &[Placed], run: usize) -> Option<f
     Some(length - place.trim_in - place.trim_out)
 }
 
-/// Links `from..to` are consumed; `before` and `after` are the neighbours that stay.
+/// Where there is something that the tool cannot reach: each time the index of what
+/// is placed before it.
+pub(crate) fn left_out<'a>(
+    links: &'a [Link],
+    placed: &'a [Placed],
+    tolerance: f64,
+) -> impl Iterator<Item = Option<usize>> + 'a {
+    gaps(links, placed)
+        .filter(move |gap| deviation(links, gap, tolerance) > tolerance)
+        .map(|gap| gap.index.checked_sub(1))
+}
+
+/// Links `from..to` are consumed; `before` and `after` are the neighbours that stay,
+/// the one after at an index of what is placed.
 struct Gap {
+    index: usize,
     from: usize,
     to: usize,
     before: Option<usize>,
@@ -97,7 +111,7 @@ fn gaps<'a>(links: &'a [Link], placed: &'a [Placed]) -> impl Iterator<Item = Gap
         let from = before.map_or(0, |before| before + 1);
         let to = after.unwrap_or(links.len());
         let is_gap = links[from.min(to)..to].iter().any(|link| matches!(link.role, Role::Run(_)));
-        is_gap.then_some(Gap { from, to, before, after })
+        is_gap.then_some(Gap { index, from, to, before, after })
     })
 }
 

@@ -8,8 +8,7 @@
 mod joints;
 mod spans;
 
-use crate::certificate::Certificate;
-use crate::compensate::{Exit, WallBehind};
+use crate::compensate::{Exit, Verdict, WallBehind};
 use crate::emit::Emitter;
 use crate::frame::{element, height};
 use crate::radius;
@@ -69,10 +68,8 @@ pub(crate) struct Walk<'a> {
     profile: &'a Profile,
     tools: &'a ToolTable,
     out: Emitter,
-    diagnostics: Vec<Diagnostic>,
+    verdict: Verdict,
     spans: Vec<SpanSummary>,
-    /// Where certificates go, if they are wanted.
-    certificates: Option<Vec<Certificate>>,
     plane: Plane,
     corner: OutsideCorner,
     radius: Option<RadiusSource>,
@@ -99,9 +96,8 @@ impl<'a> Walk<'a> {
             profile,
             tools,
             out,
-            diagnostics: Vec::new(),
+            verdict: Verdict { certificates: certifies.then(Vec::new), ..Verdict::default() },
             spans: Vec::new(),
-            certificates: certifies.then(Vec::new),
             plane: Plane::default(),
             corner: profile.corner.default,
             radius: None,
@@ -136,7 +132,7 @@ impl<'a> Walk<'a> {
             }
             ContourEventKind::RadiusValue { radius_mm } => self.radius_value(radius_mm, source),
             ContourEventKind::HoldDirection { .. } => {
-                self.diagnostics.push(rules::no_held_direction(source));
+                self.verdict.diagnostics.push(rules::no_held_direction(source));
             }
             ContourEventKind::CornerArc { along } => {
                 if let State::Active(active) = &mut self.state {
@@ -157,7 +153,7 @@ impl<'a> Walk<'a> {
                     Some((_, source)) => source,
                     None => active.span.entry.lead.source,
                 };
-                self.diagnostics.push(rules::not_cancelled(
+                self.verdict.diagnostics.push(rules::not_cancelled(
                     source,
                     active.cancel.is_some(),
                     self.profile,
@@ -165,12 +161,13 @@ impl<'a> Walk<'a> {
                 self.close(*active, Exit::None);
             }
         }
-        self.diagnostics.sort_by_key(|diagnostic| diagnostic.source.line);
-        let is_refused = self.diagnostics.iter().any(Diagnostic::is_error);
+        self.verdict.diagnostics.sort_by_key(|diagnostic| diagnostic.source.line);
+        let is_refused = self.verdict.diagnostics.iter().any(Diagnostic::is_error);
         let mut plan = Plan {
-            diagnostics: self.diagnostics,
+            diagnostics: self.verdict.diagnostics,
             spans: self.spans,
-            certificates: self.certificates.unwrap_or_default(),
+            certificates: self.verdict.certificates.unwrap_or_default(),
+            uncut: self.verdict.uncut,
             ..Plan::default()
         };
         if is_refused {
@@ -183,7 +180,7 @@ impl<'a> Walk<'a> {
 
     fn select_plane(&mut self, plane: Plane, source: Source) {
         if plane != self.plane && !matches!(self.state, State::Off) {
-            self.diagnostics.push(rules::plane_change(source));
+            self.verdict.diagnostics.push(rules::plane_change(source));
             return;
         }
         self.plane = plane;
@@ -193,12 +190,16 @@ impl<'a> Walk<'a> {
         if !self.profile.language.planes.rule.contains(&self.plane) {
             let finding = rules::wrong_plane(selection.source, self.plane, self.profile);
             let is_refused = finding.is_error();
-            self.diagnostics.push(finding);
+            self.verdict.diagnostics.push(finding);
             if is_refused {
                 return;
             }
         }
-        self.diagnostics.extend(rules::dominant_axes(selection.source, self.plane, self.profile));
+        self.verdict.diagnostics.extend(rules::dominant_axes(
+            selection.source,
+            self.plane,
+            self.profile,
+        ));
         let State::Active(active) = &mut self.state else {
             self.state = State::Selected(selection);
             return;
@@ -208,7 +209,7 @@ impl<'a> Walk<'a> {
         if forbids {
             let finding = rules::reselected(selection.source, is_repeat, self.profile);
             let is_refused = finding.is_error();
-            self.diagnostics.push(finding);
+            self.verdict.diagnostics.push(finding);
             if is_refused {
                 return;
             }
@@ -259,7 +260,7 @@ impl<'a> Walk<'a> {
     }
 
     fn never_active(&mut self, source: Source) {
-        self.diagnostics.push(rules::never_active(source, self.profile));
+        self.verdict.diagnostics.push(rules::never_active(source, self.profile));
     }
 
     fn action(&mut self, action: Action, source: Source) {
@@ -272,7 +273,7 @@ impl<'a> Walk<'a> {
             Action::ProgramEnd { .. } => self.end_of_program(source),
             _ => {}
         }
-        let rules = Rules { profile: self.profile, diagnostics: &mut self.diagnostics };
+        let rules = Rules { profile: self.profile, diagnostics: &mut self.verdict.diagnostics };
         match &mut self.state {
             State::Off => self.out.action(action, source),
             State::Selected(selection) => {
@@ -291,7 +292,7 @@ impl<'a> Walk<'a> {
     fn home(&mut self, source: Source) {
         if let State::Active(active) = std::mem::replace(&mut self.state, State::Off) {
             let since = active.span.entry.lead.source;
-            self.diagnostics.push(rules::homed(source, since, self.profile));
+            self.verdict.diagnostics.push(rules::homed(source, since, self.profile));
             self.close(*active, Exit::None);
         }
     }
@@ -299,7 +300,7 @@ impl<'a> Walk<'a> {
     /// The cancel with its move stands in a block before that of the end (S32).
     fn end_of_program(&mut self, source: Source) {
         if self.led_off_in == Some(source) && matches!(self.state, State::Off) {
-            self.diagnostics.extend(rules::cancelled_with_the_end(source, self.profile));
+            self.verdict.diagnostics.extend(rules::cancelled_with_the_end(source, self.profile));
         }
     }
 
@@ -313,7 +314,7 @@ impl<'a> Walk<'a> {
                     finding.severity = cnc_msgs::diagnostic::Severity::Warning;
                     finding.message += "; a length of 0 is taken";
                 }
-                self.diagnostics.push(finding);
+                self.verdict.diagnostics.push(finding);
                 0.0
             }
         };
@@ -322,7 +323,7 @@ impl<'a> Walk<'a> {
 
     fn motion(&mut self, motion: Motion, source: Source) {
         if !rules::is_sane(&motion) {
-            self.diagnostics.push(rules::not_sane(source, &motion));
+            self.verdict.diagnostics.push(rules::not_sane(source, &motion));
             return;
         }
         let start = self.programmed;
@@ -390,7 +391,7 @@ impl<'a> Walk<'a> {
                         && self.profile.cancel.before_off_plane.rule
                             == OffPlaneAfterCancel::LeadOffFirst
                     {
-                        self.diagnostics.push(rules::no_lead_off(source, self.profile));
+                        self.verdict.diagnostics.push(rules::no_lead_off(source, self.profile));
                     } else {
                         self.rules().off_plane_move(source, start, motion);
                     }
@@ -402,7 +403,7 @@ impl<'a> Walk<'a> {
     }
 
     fn rules(&mut self) -> Rules<'_> {
-        Rules { profile: self.profile, diagnostics: &mut self.diagnostics }
+        Rules { profile: self.profile, diagnostics: &mut self.verdict.diagnostics }
     }
 
     /// Whether a motion is one in the plane: it moves there, or names one of its axes (S21).

@@ -35,7 +35,8 @@ pub(crate) struct Walls<'a> {
     tree: Tree,
     /// The chain of each run; of one that is consumed that of the run before.
     chains: Vec<u32>,
-    is_followed: Vec<bool>,
+    /// Whether it may be cut into: it is followed, or all are judged.
+    is_judged: Vec<bool>,
 }
 
 /// Runs without a return, and what of them bounds nothing.
@@ -64,31 +65,45 @@ struct Meeting {
 }
 
 impl<'a> Walls<'a> {
-    /// `links` and `placed` tell which runs the tool follows.
+    /// `links` and `placed` tell which runs the tool follows; others are not judged.
     pub(crate) fn new(runs: &'a [Run], links: &[Link], placed: &[Placed]) -> Self {
+        Self::with(runs, links, placed, false)
+    }
+
+    /// Those that the tool does not follow are walls too.
+    pub(crate) fn all(runs: &'a [Run], links: &[Link], placed: &[Placed]) -> Self {
+        Self::with(runs, links, placed, true)
+    }
+
+    fn with(runs: &'a [Run], links: &[Link], placed: &[Placed], judges_all: bool) -> Self {
         let mut chains = vec![NO_CHAIN; runs.len()];
-        let mut is_followed = vec![false; runs.len()];
+        let mut is_judged = vec![false; runs.len()];
         let mut next = 0;
         let mut chain = Chains::new();
         let mut d_mm = None;
         for place in placed {
             let link = &links[place.link];
             let Role::Run(run) = link.role else { continue };
-            if d_mm.replace(link.d_out_mm) != Some(link.d_in_mm) {
+            // Between what is joined across a gap anything may happen.
+            let is_across = judges_all && run != next;
+            if d_mm.replace(link.d_out_mm) != Some(link.d_in_mm) || is_across {
                 chain.cut();
             }
             // What was consumed is no reason to look closer at what is around it.
-            let before = run.checked_sub(1).map_or(NO_CHAIN, |_| chain.current());
+            let before = if judges_all || run == 0 { NO_CHAIN } else { chain.current() };
             chains[next.min(run)..run].fill(before);
             chains[run] = chain.next(&link.element);
-            is_followed[run] = true;
+            is_judged[run] = true;
             next = run + 1;
+        }
+        if judges_all {
+            is_judged.fill(true);
         }
         let boxes = runs.iter().zip(&chains).map(|(run, &chain)| (Bounds::of(&run.element), chain));
         let tree = Tree::new(boxes);
         let meetings = meetings(runs, &tree);
         let passes = passes(runs, &meetings);
-        Self { runs, passes, tree, chains, is_followed }
+        Self { runs, passes, tree, chains, is_judged }
     }
 
     /// Number of runs.
@@ -101,9 +116,9 @@ impl<'a> Walls<'a> {
         &self.tree
     }
 
-    /// Whether the tool follows a run.
-    pub(crate) fn is_followed(&self, run: usize) -> bool {
-        self.is_followed[run]
+    /// Whether a run is one that must not be cut into.
+    pub(crate) fn is_judged(&self, run: usize) -> bool {
+        self.is_judged[run]
     }
 
     /// All of the element of a run, tails too.

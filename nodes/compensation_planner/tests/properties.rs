@@ -9,12 +9,13 @@ use cnc_msgs::contour::{
 };
 use cnc_msgs::diagnostic::Code;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
-use cnc_msgs::path::{CompensatedPath, PathElement, Role};
-use cnc_msgs::profile::{Profile, Strictness};
+use cnc_msgs::path::{PathElement, Role};
+use cnc_msgs::profile::{Profile, Reaction, Strictness};
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::{Plan, tessellate};
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use support::shapes::area_of;
 use support::*;
 
 /// Failing cases become tests of their own instead of files of seeds.
@@ -406,7 +407,7 @@ fn set_radius(contour: &mut ProgrammedContour, radius: f64) {
 
 fn free() -> Profile {
     let mut profile = sinumerik();
-    profile.interference.contour = Strictness::Warn;
+    profile.interference.react = Reaction::Ignore;
     profile.corner.arc_over_360 = Strictness::Warn;
     profile.off_plane.max_blocks = None;
     profile
@@ -559,25 +560,6 @@ fn peer_area(path: &[Position], bulges: &[f64], offset: f64) -> Option<f64> {
     }
     let offsets = pline.parallel_offset(offset);
     (offsets.len() == 1).then(|| offsets[0].area())
-}
-
-/// Area within the closed part of a path, by its elements: signed, arcs exact.
-fn area_of(path: &CompensatedPath) -> f64 {
-    let mut area = 0.0;
-    for (index, element) in path.elements.iter().enumerate() {
-        if !matches!(element.role, Role::Contour | Role::Corner) {
-            continue;
-        }
-        let (a, b) = (path.start_of(index), element.end);
-        area += (a[0] * b[1] - a[1] * b[0]) / 2.0;
-        if let Shape::Arc(arc) = element.shape {
-            let sweep = tessellate::sweep(a, &arc, b);
-            let radius = (a[0] - arc.center[0]).hypot(a[1] - arc.center[1]);
-            let segment = radius * radius * (sweep - sweep.sin()) / 2.0;
-            area += if arc.clockwise { -segment } else { segment };
-        }
-    }
-    area
 }
 
 fn closed_contour(points: &[Position], bulges: &[f64], side: CutterSide) -> ProgrammedContour {

@@ -29,7 +29,7 @@ impl Walk<'_> {
         element: &Element,
     ) -> Option<Box<Active>> {
         if motion.class != MotionClass::Feed {
-            self.diagnostics.extend(rules::rapid(source, self.profile));
+            self.verdict.diagnostics.extend(rules::rapid(source, self.profile));
             if self.profile.rapid.rule == RapidMode::Raw {
                 self.leave_raw(*active, start, motion, source);
                 return None;
@@ -79,7 +79,7 @@ impl Walk<'_> {
         if let Some((before, meeting)) = met {
             let (distance_mm, radius_mm) = ((meeting.point - element.start()).norm(), d_mm.abs());
             if distance_mm > FAR_CORNER_RADII * radius_mm {
-                self.diagnostics.push(finding::far_corner(source, distance_mm, d_mm));
+                self.verdict.diagnostics.push(finding::far_corner(source, distance_mm, d_mm));
             }
             active.span.next = Some(next);
             let here = Motion { shape: Shape::Line, end: start, ..*motion };
@@ -92,7 +92,7 @@ impl Walk<'_> {
             return active;
         }
         if !(element.is_line() && last.is_none_or(|last| last.is_line())) {
-            self.diagnostics.push(rules::no_intersection(selection.source, self.profile));
+            self.verdict.diagnostics.push(rules::no_intersection(selection.source, self.profile));
         }
         active.side = selection.side;
         self.stand_perpendicular(active, start, motion, source)

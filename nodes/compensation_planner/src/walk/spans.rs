@@ -37,7 +37,7 @@ impl Walk<'_> {
         let corner = match active.corner_arc.take() {
             Some((along, at)) => {
                 let plane = active.span.plane;
-                self.diagnostics.extend(rules::corner_arc(at, along, plane, &element));
+                self.verdict.diagnostics.extend(rules::corner_arc(at, along, plane, &element));
                 OutsideCorner::Arc
             }
             // The intersection with the imaginary line, whatever the corner.
@@ -52,7 +52,7 @@ impl Walk<'_> {
                 let radii = (d_out_mm, resolved);
                 let finding = rules::radius_change(source, &element, radii, self.profile);
                 let is_refused = finding.as_ref().is_some_and(Diagnostic::is_error);
-                self.diagnostics.extend(finding);
+                self.verdict.diagnostics.extend(finding);
                 if element.is_line() && !is_refused {
                     d_out_mm = resolved;
                 } else if !is_refused {
@@ -61,9 +61,14 @@ impl Walk<'_> {
                 }
             }
         }
-        self.diagnostics.extend(slow_corner(active, motion, source));
+        self.verdict.diagnostics.extend(slow_corner(active, motion, source));
         active.span.d_out_mm = d_out_mm;
-        self.diagnostics.extend(rules::inside_arc(source, &element, d_out_mm, self.profile));
+        self.verdict.diagnostics.extend(rules::inside_arc(
+            source,
+            &element,
+            d_out_mm,
+            self.profile,
+        ));
         active.span.legs.push(Leg {
             element,
             shape: motion.shape,
@@ -83,7 +88,7 @@ impl Walk<'_> {
         let between = std::mem::take(&mut active.between);
         let excess = between.excess(source, self.profile);
         let is_too_much = excess.is_some();
-        self.diagnostics.extend(excess);
+        self.verdict.diagnostics.extend(excess);
         active.between = rules::Between::after(source);
         is_too_much
     }
@@ -153,15 +158,7 @@ impl Walk<'_> {
             last_element: 0,
         };
         let before = self.out.path.elements.len();
-        let rest = compensate(
-            span,
-            exit,
-            behind,
-            self.profile,
-            &mut self.out,
-            &mut self.diagnostics,
-            self.certificates.as_mut(),
-        );
+        let rest = compensate(span, exit, behind, self.profile, &mut self.out, &mut self.verdict);
         let is_contour = |index: &usize| {
             matches!(
                 self.out.path.elements[*index].role,
@@ -179,7 +176,7 @@ impl Walk<'_> {
 
     /// A span without a contour: its moves as programmed, and the finding.
     pub(super) fn close_empty(&mut self, span: &Span, exit: Exit<'_>) {
-        self.diagnostics.push(empty_span(span));
+        self.verdict.diagnostics.push(empty_span(span));
         self.out.programmed(&span.entry.lead.motion, span.entry.lead.source, Role::LeadOn);
         for item in &span.items {
             match item.what {
@@ -199,7 +196,7 @@ impl Walk<'_> {
         let (radius_mm, finding) =
             radius::resolve(self.radius, self.spindle_tool, self.profile, self.tools, at);
         let radius_mm = self.radius_value_mm.unwrap_or(radius_mm);
-        self.diagnostics.extend(finding);
+        self.verdict.diagnostics.extend(finding);
         match side {
             CutterSide::Left => radius_mm,
             CutterSide::Right => -radius_mm,

@@ -5,6 +5,8 @@
 //! functions, selection, motion, stop.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod shapes;
+
 use cnc_msgs::contour::{
     Action, Approach, ContourEvent, ContourEventKind, CoolantMode, CutterSide, Motion, MotionClass,
     OutsideCorner, ProgrammedContour, RadiusSource, Source, SpindleMode,
