@@ -124,8 +124,8 @@ fn worst(criterion: &mut Criterion, best: &mut Best) {
     let cases = [
         ("comb_of_100000_teeth", Outline::comb(100_000, 12.0), 5.0, true),
         ("comb_too_narrow", Outline::comb(100_000, 8.0), 5.0, false),
-        ("spiral_of_100_turns", Outline::spiral(100, 12.0), 5.0, true),
-        ("spiral_too_narrow", Outline::spiral(100, 8.0), 5.0, false),
+        ("spiral_of_1000_turns", Outline::spiral(1000, 12.0), 5.0, true),
+        ("spiral_too_narrow", Outline::spiral(1000, 8.0), 5.0, false),
         ("all_in_one_cell", Outline::speck(100_000), 5.0, true),
         ("scribble", Outline::scribble(10_000), 0.01, false),
         ("scribble_consumed", Outline::scribble(100_000), 5.0, false),

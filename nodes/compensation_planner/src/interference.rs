@@ -10,7 +10,7 @@ use crate::corner::{Corners, PIECES};
 use crate::distance::nearest_on_way;
 use crate::element::{Element, Vec2};
 use crate::tolerance::LENGTH_MM;
-use crate::tree::{Bounds, NO_CHAIN, Tree};
+use crate::tree::{Bounds, LEAF, NO_CHAIN, Tree};
 use crate::walls::{Walls, budget};
 use std::ops::ControlFlow;
 
@@ -96,11 +96,18 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     let reach = reach.fold(0.0, f64::max);
     let mut found: Vec<(usize, Cut)> = Vec::new();
     let is_complete = tree.near_pairs(walls.tree(), reach, budget(ways.len()), |on, into| {
+        // Once for all pairs: most are far enough apart by these alone.
+        let mut wall_boxes = [Bounds::EMPTY; LEAF];
+        for (wall_box, run) in wall_boxes.iter_mut().zip(into.clone()) {
+            *wall_box = Bounds::of(walls.element(run));
+        }
         for index in on {
             let Some(way) = element(&ways[index]) else { continue };
+            let way_box = Bounds::of(&way);
             let link = &links[placed[ways[index].place].link];
-            for run in into.clone() {
-                if let Some(cut) = cut(walls, &ways[index], &way, link, run) {
+            for (run, wall_box) in into.clone().zip(&wall_boxes) {
+                let gap_squared = way_box.gap_squared(wall_box);
+                if let Some(cut) = cut(walls, &ways[index], &way, gap_squared, link, run) {
                     found.push((ways[index].place, cut));
                 }
             }
@@ -155,7 +162,15 @@ fn ways(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec
     ways
 }
 
-fn cut(walls: &Walls<'_>, on: &Way, way: &Element, link: &Link, into: usize) -> Option<Cut> {
+/// The cut into one run, if there is one; `gap_squared` is between the boxes of both, mm².
+fn cut(
+    walls: &Walls<'_>,
+    on: &Way,
+    way: &Element,
+    gap_squared: f64,
+    link: &Link,
+    into: usize,
+) -> Option<Cut> {
     // What the tool does not touch has been judged as unreachable, or accepted.
     if !walls.is_judged(into) || (on.chain != NO_CHAIN && on.chain == walls.chain(into)) {
         return None;
@@ -164,7 +179,7 @@ fn cut(walls: &Walls<'_>, on: &Way, way: &Element, link: &Link, into: usize) -> 
     let limit = radius_mm - on.slack;
     let whole = walls.element(into);
     // The quick looks first.
-    if Bounds::of(way).gap_squared(&Bounds::of(whole)) >= limit * limit
+    if gap_squared >= limit * limit
         || (into == on.run && whole.is_line())
         || nearest_on_way(way, whole).distance >= limit
     {

@@ -10,7 +10,7 @@ use crate::element::{Element, Vec2, cross};
 use std::ops::{ControlFlow, Range};
 
 /// Elements in a lowest box.
-const LEAF: usize = 8;
+pub(crate) const LEAF: usize = 8;
 
 /// Not within one chain.
 pub(crate) const NO_CHAIN: u32 = u32::MAX;
@@ -96,7 +96,8 @@ impl Tree {
 
     /// Visits the elements of all pairs of lowest boxes that are nearer than
     /// `reach` mm and not within one chain; of a tree with itself each pair
-    /// twice. Gives up after `budget` boxes: whether it saw all.
+    /// twice. Gives up after `budget` boxes, where a visit counts as a box for each
+    /// element: whether it saw all.
     pub(crate) fn near_pairs(
         &self,
         other: &Self,
@@ -121,6 +122,7 @@ impl Tree {
                 continue;
             }
             if level_a == 0 && level_b == 0 {
+                budget = budget.saturating_sub(LEAF);
                 if visit(self.items(a), other.items(b)).is_break() {
                     return true;
                 }

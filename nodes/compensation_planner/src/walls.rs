@@ -16,7 +16,10 @@ use crate::tree::{Bounds, Chains, NO_CHAIN, Tree};
 use std::ops::{ControlFlow, Range};
 
 /// Boxes that may be looked at for one run, and for any contour.
-const BUDGET: (usize, usize) = (64, 100_000);
+///
+/// Boxes along the axes are poor at turns that lie within each other: a spiral of a
+/// thousand turns needs more than 64 for each of its lines.
+const BUDGET: (usize, usize) = (256, 2_000_000);
 
 /// Meetings that are kept for one run, and for any contour.
 const MEETINGS_MAX: (usize, usize) = (4, 10_000);
@@ -219,8 +222,12 @@ fn meetings(runs: &[Run], tree: &Tree) -> Vec<Meeting> {
             return ControlFlow::Continue(());
         }
         for late in late {
+            let late_box = Bounds::of(&runs[late].element);
             for early in early.start..early.end.min(late) {
-                meet(runs, early, late, &mut found);
+                let early_box = Bounds::of(&runs[early].element);
+                if early_box.gap_squared(&late_box) <= LENGTH_MM * LENGTH_MM {
+                    meet(runs, early, late, &mut found);
+                }
             }
         }
         if found.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
@@ -231,9 +238,6 @@ fn meetings(runs: &[Run], tree: &Tree) -> Vec<Meeting> {
 
 fn meet(runs: &[Run], early: usize, late: usize, found: &mut Vec<Meeting>) {
     let (a, b) = (&runs[early].element, &runs[late].element);
-    if Bounds::of(a).gap_squared(&Bounds::of(b)) > LENGTH_MM * LENGTH_MM {
-        return;
-    }
     let joint = (early + 1 == late).then(|| a.end());
     let mut add = |point: Vec2, is_end_of_late: bool| {
         if joint.is_some_and(|joint| (joint - point).norm() <= LENGTH_MM)

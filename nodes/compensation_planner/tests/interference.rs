@@ -37,6 +37,29 @@ fn an_outside_corner_does_not_swing_through_the_arc_before_it() {
 }
 
 #[test]
+fn a_spiral_is_followed_if_the_tool_fits_between_its_turns() {
+    // The benchmarks have longer ones.
+    // Half circles about two points in turn, 12 mm from turn to turn.
+    let spiral = |last: &str| {
+        let mut text = "G0 X56 Y0\nG42 D1 G456 G1 F100 X50 Y0\n".to_string();
+        let (mut x, mut radius) = (50.0, 50.0);
+        for half in 0..200 {
+            x = if half % 2 == 0 { x - 2.0 * radius } else { x + 2.0 * radius };
+            let center = if half % 2 == 0 { -radius } else { radius };
+            text += &format!("G3 X{x} Y0 I{center} J0\n");
+            radius += 6.0;
+        }
+        text + last
+    };
+    let text = spiral("G40 G456 G1 X1270 Y0");
+    let contour = contour(&text, &sinumerik());
+    let fits = compensation_planner::plan(&contour, &sinumerik(), &tool(5.9));
+    assert!(fits.diagnostics.is_empty(), "{}", findings(&fits));
+    let gouges = compensation_planner::plan(&contour, &sinumerik(), &tool(6.1));
+    finding(&gouges, Code::Gouge);
+}
+
+#[test]
 fn a_d_shaped_pocket_entered_in_its_corner_is_cut() {
     let text = "
         N1 G0 X0 Y5

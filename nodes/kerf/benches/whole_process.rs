@@ -134,13 +134,15 @@ fn lines(blocks: usize) -> String {
     })
 }
 
-/// Lines and arcs of 30 degrees that bend away from the ring, like the edge of a stamp.
+/// Lines and arcs of 30 degrees that bend away from the ring, like the edge of a stamp;
+/// it begins and ends within a line.
 fn lines_and_arcs(blocks: usize) -> String {
-    let steps = blocks / 2;
-    let points = steps * 2;
-    program(wave(0, points), |text| {
-        for step in 0..steps {
-            let [a, b] = [2 * step + 1, 2 * step + 2].map(|index| wave(index, points));
+    let points = blocks & !1;
+    let [first, second] = [wave(0, points), wave(1, points)];
+    let start = [(first[0] + second[0]) / 2.0, (first[1] + second[1]) / 2.0];
+    program(start, |text| {
+        for index in (1..points).step_by(2) {
+            let [a, b] = [wave(index, points), wave(index + 1, points)];
             let _ = writeln!(text, "G1 X{:.3} Y{:.3}", a[0], a[1]);
             // The centre on the left, its distance for 30 degrees.
             let half = [(b[0] - a[0]) / 2.0, (b[1] - a[1]) / 2.0];
@@ -148,6 +150,7 @@ fn lines_and_arcs(blocks: usize) -> String {
             let (i, j) = (half[0] - half[1] * far, half[1] + half[0] * far);
             let _ = writeln!(text, "G3 X{:.3} Y{:.3} I{i:.4} J{j:.4}", b[0], b[1]);
         }
+        let _ = writeln!(text, "G1 X{:.3} Y{:.3}", start[0], start[1]);
     })
 }
 
