@@ -46,10 +46,12 @@ pub fn crc32(bytes: &[u8]) -> u32 {
     crc32fast::hash(bytes)
 }
 
-/// The id of a program: the same text under the same control is the same program.
-pub fn program_id(controller: &str, text: &[u8]) -> String {
+/// The id of a program: the same text under the same rules is the same program.
+///
+/// `rules` is the whole profile as it is in force.
+pub fn program_id(rules: &str, text: &[u8]) -> String {
     let mut hasher = Sha256::new();
-    hasher.update(controller.as_bytes());
+    hasher.update(rules.as_bytes());
     hasher.update([0]);
     hasher.update(text);
     hex(&hasher.finalize()[..8])

@@ -16,6 +16,7 @@ use crate::diagnostic::Severity;
 use crate::geometry::{AxisSet, Plane};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::str::FromStr;
 
 /// What becomes of a program that breaks a rule of its control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -540,6 +541,24 @@ pub enum Reaction {
     /// A warning; the tool cuts what it cuts.
     Ignore,
 }
+
+impl FromStr for Reaction {
+    type Err = UnknownReaction;
+
+    fn from_str(name: &str) -> Result<Self, UnknownReaction> {
+        match name {
+            "alarm" => Ok(Self::Alarm),
+            "trim" => Ok(Self::Trim),
+            "ignore" => Ok(Self::Ignore),
+            _ => Err(UnknownReaction(name.to_owned())),
+        }
+    }
+}
+
+/// No name of a [`Reaction`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0:?} is no reaction to interference; it is alarm, trim or ignore")]
+pub struct UnknownReaction(String);
 
 const fn any_arc() -> Rule<InsideArc> {
     Rule { rule: InsideArc::Any, strictness: Strictness::Error }

@@ -21,6 +21,11 @@ pub fn m_from_mm(mm: f64) -> f64 {
     mm / 1e3
 }
 
+/// Square millimetres to square metres.
+pub fn m2_from_mm2(mm2: f64) -> f64 {
+    mm2 / 1e6
+}
+
 /// Metres to millimetres, on a grid of 1e-9 mm.
 pub fn mm_from_m(m: f64) -> f64 {
     on_grid(m * (1e3 * GRID))

@@ -191,7 +191,7 @@ fn unreachable_places(
         diagnostics.push(finding::unreachable(span, runs, &place, profile));
     }
     if let Some(place) = places.next() {
-        diagnostics.push(finding::more_unreachable(span, runs, &place, FINDINGS_MAX));
+        diagnostics.push(finding::more_unreachable(span, runs, &place, FINDINGS_MAX, profile));
     }
 }
 

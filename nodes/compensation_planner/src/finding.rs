@@ -113,16 +113,18 @@ pub(crate) fn more_unreachable(
     runs: &[Run],
     next: &Unreachable,
     listed: usize,
+    profile: &Profile,
 ) -> Diagnostic {
     let source = span.legs[runs[next.longest].legs.start].source;
-    Diagnostic::error(
-        Code::Limit,
-        source,
-        format!(
-            "from here on there is more that the tool does not reach; {listed} places are listed"
-        ),
-    )
-    .help("use a smaller tool, or check that the compensation is on the right side")
+    let message = format!(
+        "from here on there is more that the tool does not reach; {listed} places are listed"
+    );
+    let mut finding = Diagnostic::error(Code::Limit, source, message)
+        .help("use a smaller tool, or check that the compensation is on the right side");
+    if profile.interference.react != Reaction::Alarm {
+        finding.severity = Severity::Warning;
+    }
+    finding
 }
 
 /// An element on which the tool cuts into another one.

@@ -5,26 +5,27 @@
 
 mod block;
 mod live;
+mod report;
 mod tool_file;
 
 use crate::set_tool::{self, LoadedProgram, Refusal};
-use crate::{Certificate, Plan, plan, plan_certified, preview};
-use cnc_msgs::cdr;
+use crate::{plan, plan_certified, preview};
 use cnc_msgs::chunk::{Collector, PathChunks};
-use cnc_msgs::contour::{CutterSide, ProgrammedContour};
-use cnc_msgs::interface::{Message, Service};
+use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::interface::Service;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::units::{m_from_mm, point_from_position};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{
-    GetContourChunks, GetContourChunksRequest, GetFindings, GetFindingsRequest,
-    GetFindingsResponse, GetPathChunks, GetPathChunksRequest, GetPathChunksResponse, GetTools,
-    GetToolsResponse, PlanBlock, SetTool, SetToolRequest, SetToolResponse,
+    GetContourChunks, GetContourChunksRequest, GetFindings, GetPathChunks, GetPathChunksRequest,
+    GetPathChunksResponse, GetTools, GetToolsResponse, PlanBlock, SetTool, SetToolRequest,
+    SetToolResponse,
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
 use cnc_msgs::wire::{nav_msgs, visualization_msgs};
 use live::{Live, RunningPlan};
+use report::{FINDINGS_IN_REPORT, certificate_to_wire};
 use runtime::chunks::{ChunkTopic, Cut, page, pull};
 use runtime::commands::{Answer, CommandLog};
 use runtime::{Client, Declared, Handle, NodeResult, Publisher, Qos, RosTime};
@@ -33,11 +34,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
 use tool_file::ToolFile;
-
-/// Findings of each sort in the report; the rest is had from `get_findings`.
-const FINDINGS_IN_REPORT: usize = 50;
-/// What the findings of one message may take, bytes.
-const FINDINGS_BYTES_MAX: usize = 40_000;
 
 /// Runs the node until it is told to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
@@ -196,6 +192,7 @@ struct Current {
     program_id: String,
     revision: u64,
     diagnostics: Arc<Vec<wire::Diagnostic>>,
+    uncut: Arc<Vec<wire::UncutRegion>>,
     /// `None` when the program was refused.
     chunks: Option<Cut<wire::PathChunk>>,
 }
@@ -322,10 +319,12 @@ impl Planner {
             report.warning_count
         );
         let diagnostics = planned.diagnostics.iter().map(Into::into).collect();
+        let uncut = planned.uncut.iter().map(|region| self.uncut_to_wire(region)).collect();
         let mut current = Current {
             program_id: input.manifest.program_id.clone(),
             revision,
             diagnostics: Arc::new(diagnostics),
+            uncut: Arc::new(uncut),
             chunks: None,
         };
         if accepted {
@@ -400,28 +399,6 @@ impl Planner {
         self.markers.publish(view.marker_message(&header));
     }
 
-    fn report_of(
-        &self,
-        input: &Input,
-        (revision, tool_table_revision): (u64, u64),
-        stamp: RosTime,
-        planned: &Plan,
-    ) -> wire::CompensationReport {
-        let errors = planned.diagnostics.iter().filter(|finding| finding.is_error()).count();
-        let findings = planned.diagnostics.iter().take(FINDINGS_IN_REPORT).map(Into::into);
-        wire::CompensationReport {
-            header: self.header(input, stamp),
-            program_id: input.manifest.program_id.clone(),
-            revision,
-            tool_table_revision,
-            accepted: planned.accepted(),
-            error_count: errors as u32,
-            warning_count: (planned.diagnostics.len() - errors) as u32,
-            diagnostics: fitting(findings),
-            ..wire::CompensationReport::default()
-        }
-    }
-
     fn path_chunks(&self, request: &GetPathChunksRequest) -> GetPathChunksResponse {
         type W = GetPathChunksResponse;
         let refuse =
@@ -448,55 +425,4 @@ impl Planner {
         }
         GetPathChunksResponse { success: true, chunks, ..W::default() }
     }
-
-    fn findings(&self, request: &GetFindingsRequest) -> GetFindingsResponse {
-        let Some(current) = self.state().current.clone() else {
-            return GetFindingsResponse {
-                error_code: GetFindingsResponse::UNKNOWN_PLAN,
-                message: "nothing is planned yet".into(),
-                ..GetFindingsResponse::default()
-            };
-        };
-        let rest = current.diagnostics.iter().skip(request.first as usize).cloned();
-        GetFindingsResponse {
-            success: true,
-            program_id: current.program_id.clone(),
-            revision: current.revision,
-            diagnostics: fitting(rest),
-            ..GetFindingsResponse::default()
-        }
-    }
-}
-
-fn certificate_to_wire(certificate: &Certificate) -> wire::RadiusCertificate {
-    let missing_mm = (certificate.radius_mm - certificate.valid_to_mm).max(0.0);
-    let limits = certificate.limited_by.iter().map(|limit| wire::CertificateLimit {
-        line: limit.source.line,
-        block: limit.source.block.into_iter().collect(),
-        position: point_from_position(limit.position),
-        missing: m_from_mm(missing_mm),
-    });
-    wire::RadiusCertificate {
-        first_line: certificate.first_line,
-        last_line: certificate.last_line,
-        side: match certificate.side {
-            CutterSide::Left => wire::RadiusCertificate::SIDE_LEFT,
-            CutterSide::Right => wire::RadiusCertificate::SIDE_RIGHT,
-        },
-        radius: m_from_mm(certificate.radius_mm),
-        valid_from: m_from_mm(certificate.valid_from_mm),
-        valid_to: m_from_mm(certificate.valid_to_mm),
-        limited_by: limits.collect(),
-        leads_valid_to: m_from_mm(certificate.leads_valid_to_mm),
-    }
-}
-
-/// As many messages as fit one.
-fn fitting<M: Message>(messages: impl Iterator<Item = M>) -> Vec<M> {
-    let mut bytes = 0;
-    let fits = |message: &M| {
-        bytes += cdr::body(message).len();
-        bytes <= FINDINGS_BYTES_MAX
-    };
-    messages.take_while(fits).collect()
 }

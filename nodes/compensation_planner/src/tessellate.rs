@@ -18,12 +18,23 @@ pub fn points(
     start: Position,
     element: &PathElement,
     chord_error_mm: f64,
+    each: impl FnMut(Position),
+) {
+    along(start, &element.shape, element.end, chord_error_mm, each);
+}
+
+/// The same for a line or arc that is not of a path.
+pub fn along(
+    start: Position,
+    shape: &Shape,
+    end: Position,
+    chord_error_mm: f64,
     mut each: impl FnMut(Position),
 ) {
-    if let Shape::Arc(arc) = &element.shape {
-        along_arc(start, arc, element.end, chord_error_mm, &mut each);
+    if let Shape::Arc(arc) = shape {
+        along_arc(start, arc, end, chord_error_mm, &mut each);
     }
-    each(element.end);
+    each(end);
 }
 
 /// The points of a whole path, from its start.

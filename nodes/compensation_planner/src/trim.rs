@@ -101,8 +101,8 @@ fn with_consumed(joined: &Joined<'_>, tolerance: f64) -> (Vec<Placed>, Vec<Cross
         if is_gap {
             let from = before.map_or(0, |before| placed[before].link + 1);
             let to = placed.get(index).map_or(links.len(), |place| place.link);
-            for link in from..to {
-                let Some(whole) = links[link].element.offset(links[link].d_in_mm) else { continue };
+            for (link, whole) in links.iter().enumerate().take(to).skip(from) {
+                let Some(whole) = whole.element.offset(whole.d_in_mm) else { continue };
                 let (start, end) = (whole.start(), whole.end());
                 push(Placed { link, start, end, trim_in: 0.0, trim_out: 0.0 }, false, &mut all);
             }

@@ -12,6 +12,7 @@ use crate::frame::{height, in_work};
 use crate::interference::Joined;
 use crate::reach::left_out;
 use crate::span::{Run, Span};
+use crate::tessellate;
 use crate::tolerance::LENGTH_MM;
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{Arc, Plane, Position, Shape};
@@ -34,6 +35,19 @@ pub struct UncutRegion {
 pub struct OutlinePiece {
     pub shape: Shape,
     pub end: Position,
+}
+
+impl UncutRegion {
+    /// Points along the outline, from its start back to it, within a chord error.
+    pub fn points(&self, chord_error_mm: f64) -> Vec<Position> {
+        let mut points = vec![self.start];
+        let mut start = self.start;
+        for piece in &self.outline {
+            tessellate::along(start, &piece.shape, piece.end, chord_error_mm, |p| points.push(p));
+            start = piece.end;
+        }
+        points
+    }
 }
 
 /// All that stays uncut: beside joints behind which a loop was cut off, and where

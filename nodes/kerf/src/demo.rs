@@ -174,7 +174,7 @@ async fn commission(session: &Session, out: &Path) -> Result<PathBuf, Failure> {
         .await
         .map_err(|_| Failure::new(Status::NoAnswer, "the recorder is not there"))?;
 
-    let program_id = operate::load_file(node, &out.join("contour.mpf"), CONTROLLER).await?;
+    let program_id = operate::load_file(node, &out.join("contour.mpf"), CONTROLLER, "").await?;
     let goal = RunProgramGoal { program_id, ..RunProgramGoal::default() };
     let result = operate::run_goal(node, goal, &operate::progress_bar()).await?;
     eprintln!("kerf: {}", result.message);

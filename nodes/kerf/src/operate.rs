@@ -41,6 +41,10 @@ pub(crate) struct LoadArgs {
     /// Controller profile; the loader's parameter when left out
     #[arg(long, value_name = "NAME|FILE", default_value = "")]
     controller: String,
+    /// What is done about a contour that the tool does not fit: alarm, trim or ignore;
+    /// as the profile says when left out
+    #[arg(long, value_name = "REACTION", default_value = "")]
+    interference: String,
 }
 
 /// What `kerf run` takes.
@@ -51,6 +55,10 @@ pub(crate) struct RunArgs {
     /// Controller profile; the loader's parameter when left out
     #[arg(long, value_name = "NAME|FILE", default_value = "", requires = "file")]
     controller: String,
+    /// What is done about a contour that the tool does not fit: alarm, trim or ignore;
+    /// as the profile says when left out
+    #[arg(long, value_name = "REACTION", default_value = "", requires = "file")]
+    interference: String,
     /// Everything but motion
     #[arg(long)]
     check_only: bool,
@@ -120,7 +128,7 @@ pub(crate) fn client_session(ros_args: &[String]) -> Result<Session, Failure> {
 /// `kerf load`
 pub(crate) fn load(args: &LoadArgs, ros_args: &[String]) -> Outcome {
     with_node(ros_args, async |node| {
-        load_file(node, &args.file, &args.controller).await.map(|_| ())
+        load_file(node, &args.file, &args.controller, &args.interference).await.map(|_| ())
     })
 }
 
@@ -128,7 +136,7 @@ pub(crate) fn load(args: &LoadArgs, ros_args: &[String]) -> Outcome {
 pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
     with_node(ros_args, async |node| {
         let program_id = match &args.file {
-            Some(file) => load_file(node, file, &args.controller).await?,
+            Some(file) => load_file(node, file, &args.controller, &args.interference).await?,
             None => String::new(),
         };
         let goal =
@@ -198,12 +206,13 @@ pub(crate) async fn load_file(
     node: &Handle,
     path: &Path,
     controller: &str,
+    interference: &str,
 ) -> Result<String, Failure> {
     let text = files::read_program(path)?;
     let name = files::file_name(path);
     let mut reports: Subscription<CompensationReport> =
         node.subscription("compensation_report", Qos::LATCHED)?;
-    let response = send_program(node, &name, &text, controller).await?;
+    let response = send_program(node, (&name, &text), controller, interference).await?;
     show(&name, &text, &response.diagnostics);
     if !response.success {
         return Err(Failure::new(Status::NodeRefused, response.message));
@@ -235,14 +244,15 @@ pub(crate) async fn load_file(
 
 async fn send_program(
     node: &Handle,
-    name: &str,
-    text: &[u8],
+    (name, text): (&str, &[u8]),
     controller: &str,
+    interference: &str,
 ) -> Result<LoadProgramResponse, Failure> {
     let load = node.client::<LoadProgram>("load_program")?;
     let mut request = LoadProgramRequest {
         name: name.to_owned(),
         controller: controller.to_owned(),
+        interference: interference.to_owned(),
         ..LoadProgramRequest::default()
     };
     match std::str::from_utf8(text) {

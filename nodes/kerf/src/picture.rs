@@ -11,6 +11,7 @@ use cnc_msgs::diagnostic::{Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Position, Shape};
 use cnc_msgs::path::{PathElement, Role};
 use cnc_msgs::profile::{OutputPoint, Profile};
+use compensation_planner::UncutRegion;
 use std::fmt::Write;
 use view::{Point, View};
 
@@ -25,6 +26,7 @@ pub(crate) struct Picture<'a> {
     pub(crate) elements: &'a [PathElement],
     pub(crate) accepted: bool,
     pub(crate) diagnostics: &'a [Diagnostic],
+    pub(crate) uncut: &'a [UncutRegion],
     pub(crate) profile: &'a Profile,
 }
 
@@ -38,6 +40,9 @@ pub(crate) fn draw(picture: &Picture<'_>) -> String {
     let mut svg = String::new();
     frame.open(&mut svg, picture, view);
     frame.grid(&mut svg, view);
+    for stroke in uncut_strokes(picture.uncut, view) {
+        stroke.write(&mut svg);
+    }
     for stroke in programmed.iter().chain(&compensated) {
         stroke.write(&mut svg);
     }
@@ -116,6 +121,19 @@ fn is_major(from: Point, to: Point, center: Point, clockwise: bool) -> bool {
     let cross = a[0] * b[1] - a[1] * b[0];
     // With y downwards a clockwise turn has a positive cross product.
     if clockwise { cross < 0.0 } else { cross > 0.0 }
+}
+
+/// Material that stays, filled.
+fn uncut_strokes(uncut: &[UncutRegion], view: View) -> impl Iterator<Item = Stroke> {
+    uncut.iter().map(move |region| {
+        let mut stroke = Stroke::new("uncut", view.project(region.start));
+        let mut start = region.start;
+        for piece in &region.outline {
+            stroke.add(start, &piece.shape, piece.end, view);
+            start = piece.end;
+        }
+        stroke
+    })
 }
 
 fn programmed_strokes(contour: &ProgrammedContour, view: View) -> Vec<Stroke> {
@@ -233,6 +251,7 @@ impl Frame {
              .grid{{stroke:#e6e8eb;stroke-width:{:.4}}}\
              .axis{{stroke:#c3c8ce;stroke-width:{:.4}}}\
              text{{font:{text:.4}px sans-serif;fill:#30343a}}.tick{{fill:#9aa0a8;font-size:{:.4}px}}\
+             .uncut{{fill:#f2b8a0;stroke:#c65b2b;stroke-width:{:.4}}}\
              .error{{fill:#c62828}}.warning{{fill:#d98200}}</style>",
             line * 1.2,
             line * 1.8,
@@ -243,6 +262,7 @@ impl Frame {
             line * 0.4,
             line * 0.8,
             text * 0.7,
+            line * 0.8,
         );
         let [first, second, _] = view.plane.axes();
         let _ = writeln!(
@@ -268,13 +288,16 @@ impl Frame {
         let path = path_label(picture);
         let y = self.min[1] + self.size[1] - self.text;
         let mut x = self.min[0] + self.text;
-        for (class, label) in [
+        let looks = [
             ("programmed", "programmed"),
             ("path", &path),
             ("path corner", "corner"),
             ("path lead", "lead"),
             ("path rapid", "rapid"),
-        ] {
+            ("uncut", "uncut"),
+        ];
+        let shown = looks.len() - usize::from(picture.uncut.is_empty());
+        for (class, label) in &looks[..shown] {
             let _ = writeln!(
                 svg,
                 "<path class=\"{class}\" d=\"M{x:.6} {:.6}h{:.6}\"/>\

@@ -5,12 +5,12 @@ use crate::plan_json::PlanReport;
 use crate::{files, picture};
 use clap::Args;
 use cnc_msgs::contour::{CutterSide, ProgrammedContour};
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::CompensatedPath;
-use cnc_msgs::profile::Profile;
+use cnc_msgs::profile::{Profile, Reaction};
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::{Certificate, Plan, plan_certified};
+use compensation_planner::{Certificate, Plan, UncutRegion, plan_certified};
 use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::{LoadOptions, Loaded};
 use std::io::IsTerminal;
@@ -30,6 +30,10 @@ pub(crate) struct PlanArgs {
     /// Where the tool is before the first block, millimetres
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = position, allow_hyphen_values = true)]
     start: [f64; 3],
+    /// What is done about a contour that the tool does not fit: alarm, trim or ignore;
+    /// as the profile says when left out
+    #[arg(long, value_name = "REACTION")]
+    interference: Option<Reaction>,
     /// Print one JSON object
     #[arg(long, conflicts_with = "quiet")]
     json: bool,
@@ -44,7 +48,8 @@ pub(crate) struct PlanArgs {
 /// Loads and plans, prints, and says whether the program was accepted.
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let text = files::read_program(&args.file)?;
-    let profile = files::profile(&args.controller)?;
+    let mut profile = files::profile(&args.controller)?;
+    profile.interference.react = args.interference.unwrap_or(profile.interference.react);
     let tools = files::tool_table(args.tools.as_deref())?;
     let name = files::file_name(&args.file);
 
@@ -138,6 +143,7 @@ impl Planned {
             refused_elements: &self.plan.refused,
             diagnostics: &self.diagnostics,
             certificates: &self.plan.certificates,
+            uncut: &self.plan.uncut,
         }
     }
 
@@ -151,6 +157,7 @@ impl Planned {
             elements,
             accepted: self.accepted(),
             diagnostics: &self.diagnostics,
+            uncut: &self.plan.uncut,
             profile,
         })
     }
@@ -175,15 +182,22 @@ impl Planned {
                 plural(path.events.len(), "event")
             );
         }
+        // Accepted although something does not fit: left out, or ignored.
+        let fits = !self.diagnostics.iter().any(|finding| {
+            finding.is_error() || matches!(finding.code, Code::Unreachable | Code::Gouge)
+        });
         for certificate in &self.plan.certificates {
-            summary += &format!("\n  {}", certificate_text(certificate, self.accepted()));
+            summary += &format!("\n  {}", certificate_text(certificate, fits));
+        }
+        if !self.plan.uncut.is_empty() {
+            summary += &uncut_text(&self.plan.uncut);
         }
         summary
     }
 }
 
 /// `lines 3 to 12, tool left, radius 5.000 mm: good up to 20.851 mm (N40)`
-fn certificate_text(certificate: &Certificate, is_accepted: bool) -> String {
+fn certificate_text(certificate: &Certificate, fits: bool) -> String {
     let side = match certificate.side {
         CutterSide::Left => "left",
         CutterSide::Right => "right",
@@ -204,7 +218,7 @@ fn certificate_text(certificate: &Certificate, is_accepted: bool) -> String {
     }
     // Cut off, not rounded: the radius that is printed fits.
     let cut = |radius_mm: f64| (radius_mm * 1e3).floor() / 1e3;
-    let good = if is_accepted && certificate.valid_to_mm < certificate.radius_mm {
+    let good = if fits && certificate.valid_to_mm < certificate.radius_mm {
         // Exact to the last digit of posted coordinates the tool loses some short elements.
         format!(
             "good within the accepted tolerance; to the last digit only up to {:.3} mm ({})",
@@ -228,6 +242,25 @@ fn certificate_text(certificate: &Certificate, is_accepted: bool) -> String {
         "lines {} to {}, tool on the {side}, radius {:.3} mm: {good}",
         certificate.first_line, certificate.last_line, certificate.radius_mm
     )
+}
+
+/// The total and the largest places that stay uncut.
+fn uncut_text(uncut: &[UncutRegion]) -> String {
+    const SHOWN: usize = 5;
+    let mut largest: Vec<&UncutRegion> = uncut.iter().collect();
+    largest.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
+    let total: f64 = largest.iter().map(|region| region.area_mm2).sum();
+    let mut text = format!("\n  {total:.3} mm2 stay uncut in {}", plural(uncut.len(), "place"));
+    for region in largest.iter().take(SHOWN) {
+        let (first, last) = (region.first.line, region.last.line);
+        let lines = if first == last {
+            format!("line {first}")
+        } else {
+            format!("lines {first} to {last}")
+        };
+        text += &format!("\n    {lines}: {:.3} mm2", region.area_mm2);
+    }
+    text
 }
 
 /// `1 error`, `2 errors`.

@@ -7,7 +7,7 @@ use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, PathEvent};
-use compensation_planner::{Certificate, CertificateLimit};
+use compensation_planner::{Certificate, CertificateLimit, OutlinePiece, UncutRegion};
 use serde_json::{Map, Value, json};
 
 /// What is printed.
@@ -23,6 +23,7 @@ pub(crate) struct PlanReport<'a> {
     pub(crate) refused_elements: &'a [PathElement],
     pub(crate) diagnostics: &'a [Diagnostic],
     pub(crate) certificates: &'a [Certificate],
+    pub(crate) uncut: &'a [UncutRegion],
 }
 
 impl PlanReport<'_> {
@@ -39,8 +40,7 @@ impl PlanReport<'_> {
         object.insert("diagnostics".into(), self.diagnostics.iter().map(diagnostic).collect());
         let certificates = self.certificates.iter().map(certificate).collect();
         object.insert("certificates".into(), certificates);
-        // What trimming would leave uncut: nothing is trimmed yet.
-        object.insert("uncut".into(), json!([]));
+        object.insert("uncut".into(), self.uncut.iter().map(uncut).collect());
         Value::Object(object)
     }
 }
@@ -50,21 +50,42 @@ fn elements(start: Position, elements: &[PathElement]) -> Value {
     starts.zip(elements).map(|(start, element)| self::element(start, element)).collect()
 }
 
-fn element(start: Position, element: &PathElement) -> Value {
+/// A line or arc.
+fn shape(start: Position, shape: &Shape, end: Position) -> Map<String, Value> {
     let mut object = Map::new();
-    let kind = match element.shape {
+    let kind = match shape {
         Shape::Line => "line",
         Shape::Arc(_) => "arc",
     };
     object.insert("kind".into(), json!(kind));
     object.insert("start".into(), json!(start));
-    object.insert("end".into(), json!(element.end));
-    if let Shape::Arc(arc) = element.shape {
+    object.insert("end".into(), json!(end));
+    if let Shape::Arc(arc) = shape {
         object.insert("center".into(), json!(arc.center));
         object.insert("clockwise".into(), json!(arc.clockwise));
         object.insert("turns".into(), json!(arc.turns));
         object.insert("plane".into(), json!(arc.plane.name()));
     }
+    object
+}
+
+/// What stays uncut, with its outline.
+fn uncut(region: &UncutRegion) -> Value {
+    let ends = region.outline.iter().map(|piece| piece.end);
+    let starts = std::iter::once(region.start).chain(ends);
+    let piece = |(start, piece): (Position, &OutlinePiece)| {
+        Value::Object(shape(start, &piece.shape, piece.end))
+    };
+    json!({
+        "first_line": region.first.line,
+        "last_line": region.last.line,
+        "area_mm2": region.area_mm2,
+        "outline": starts.zip(&region.outline).map(piece).collect::<Vec<_>>(),
+    })
+}
+
+fn element(start: Position, element: &PathElement) -> Value {
+    let mut object = shape(start, &element.shape, element.end);
     object.insert("rapid".into(), json!(element.feed_mm_per_min.is_none()));
     object.insert("feed_mm_per_min".into(), json!(element.feed_mm_per_min));
     object.insert("role".into(), json!(element.role.name()));

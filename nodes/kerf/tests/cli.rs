@@ -201,6 +201,36 @@ fn a_tool_that_does_not_fit_is_refused_with_place_and_numbers() {
 }
 
 #[test]
+fn what_does_not_fit_is_left_out_on_demand() {
+    let folder = Folder::new();
+    let slot = "G21 G90\nT1 M6\nG0 X0 Y20\nG41 G1 X0 Y0 F400\nX40\nY-10\nX44\nY0\nX100\n\
+                G40 X100 Y20\nM30\n";
+    folder.file("slot.ngc", slot);
+    folder.file("tools.yaml", "tools:\n  1: {diameter_mm: 6.0}\n");
+    let plan = |more: &[&str], status| {
+        let args = ["plan", "slot.ngc", "--tools", "tools.yaml"];
+        said(&folder, &[&args[..], more].concat()).expect(status)
+    };
+    plan(&[], 1);
+    plan(&["--interference", "ignore"], 0);
+    let told = plan(&["--interference", "trim"], 0);
+    assert!(told.out.contains("stay uncut in 1 place"), "{}", told.out);
+    let report = plan(&["--interference", "trim", "--json", "--svg", "slot.svg"], 0);
+    let report: Value = serde_json::from_str(&report.out).unwrap();
+    let region = &report["uncut"][0];
+    assert_eq!((region["first_line"].as_u64(), region["last_line"].as_u64()), (Some(6), Some(8)));
+    // The slot, without what the tool dips into it.
+    let dip = 9.0 * (2.0_f64 / 3.0).asin() - 2.0 * 5.0_f64.sqrt();
+    assert!((region["area_mm2"].as_f64().unwrap() - (40.0 - dip)).abs() < 1e-6, "{region}");
+    let outline = region["outline"].as_array().unwrap();
+    assert_eq!(outline.last().unwrap()["kind"], "arc");
+    assert_eq!(outline[0]["start"], outline.last().unwrap()["end"]);
+    let picture = std::fs::read_to_string(folder.path().join("slot.svg")).unwrap();
+    assert!(picture.contains("class=\"uncut\""), "{picture}");
+    plan(&["--interference", "maybe"], 2);
+}
+
+#[test]
 fn carets_stand_under_what_is_meant() {
     let folder = Folder::new();
     folder.file("a.ngc", "G21 G90\n(µm) G1 X5 Q12 F100\nM30\n");

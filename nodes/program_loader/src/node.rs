@@ -10,7 +10,7 @@ use cnc_msgs::cdr;
 use cnc_msgs::chunk::{ContourChunks, ProgramChunks, program_id, sha256_hex};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::interface::Service;
-use cnc_msgs::profile::Profile;
+use cnc_msgs::profile::{Profile, UnknownReaction};
 use cnc_msgs::units::{point_from_position, position_from_point};
 use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, Program, ProgramChunk, ProgrammedContour};
 use cnc_msgs::wire::cnc_msgs::srv::{
@@ -177,8 +177,14 @@ impl Loader {
         let (text, name) = self.text_of(&request)?;
         let controller =
             if request.controller.is_empty() { &self.controller } else { &request.controller };
-        let profile = runtime::load_profile(controller)
+        let mut profile = runtime::load_profile(controller)
             .or_else(|error| refuse(W::UNKNOWN_CONTROLLER, error))?;
+        if !request.interference.is_empty() {
+            profile.interference.react = request
+                .interference
+                .parse()
+                .or_else(|error: UnknownReaction| refuse(W::INVALID_REQUEST, error))?;
+        }
         let loaded = load(&text, &profile, &self.options);
         let (diagnostics, diagnostic_count) = first_findings(&loaded);
         let errors = loaded.diagnostics.iter().filter(|finding| finding.is_error()).count();
@@ -201,7 +207,7 @@ impl Loader {
         let response = LoadProgramResponse {
             success: true,
             message: format!("{name} is loaded: {} lines", loaded.line_count),
-            program_id: program_id(&profile.name, &text),
+            program_id: id_of(&profile, &text),
             line_count: loaded.line_count,
             bounds_min: point_from_position(min),
             bounds_max: point_from_position(max),
@@ -242,7 +248,7 @@ impl Loader {
         if !accepted {
             return W { error_code: W::PROGRAM_REFUSED, ..response };
         }
-        let program_id = program_id(&profile.name, request.text.as_bytes());
+        let program_id = id_of(&profile, request.text.as_bytes());
         let chunks = ContourChunks::new(program_id, loaded.contour);
         W {
             success: true,
@@ -294,7 +300,7 @@ impl Loader {
     }
 
     fn publish(&self, name: String, text: Vec<u8>, profile: &Profile, loaded: Loaded) {
-        let program_id = program_id(&profile.name, &text);
+        let program_id = id_of(profile, &text);
         let stamp = self.node.now();
         let (min, max) = corners(&loaded);
         let mut program = Program {
@@ -431,4 +437,9 @@ fn first_findings(loaded: &Loaded) -> (Vec<cnc_msgs::wire::cnc_msgs::msg::Diagno
         bytes <= FINDINGS_BYTES_MAX
     });
     (findings.collect(), loaded.diagnostics.len() as u32)
+}
+
+/// One program under other rules is another program: its path may be another.
+fn id_of(profile: &Profile, text: &[u8]) -> String {
+    program_id(&runtime::profile_to_yaml(profile), text)
 }

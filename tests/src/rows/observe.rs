@@ -9,6 +9,7 @@
 //! | `findings` | of loader and planner; none are allowed when it is not expected |
 //! | `spans` | side and radius of each compensated piece |
 //! | `certificates` | the radii that each piece is good for, and the blocks that limit them |
+//! | `uncut` | what is left beside blocks that are left out |
 //! | `table_fault` | what is wrong with the tool table |
 //! | `restart` | what is said about starting at `start_line` |
 //! | `length_mm` | by role |
@@ -172,6 +173,14 @@ impl Run {
             })
         });
         observed.insert("certificates".into(), certificates.collect());
+        let uncut = self.plan.uncut.iter().map(|region| {
+            json!({
+                "area_mm2": region.area_mm2, "first_line": region.first.line,
+                "last_line": region.last.line, "first_block": region.first.block,
+                "last_block": region.last.block,
+            })
+        });
+        observed.insert("uncut".into(), uncut.collect());
         let mut lengths: BTreeMap<&str, f64> = BTreeMap::new();
         for (index, element) in path.elements.iter().enumerate() {
             let length = element_length(path.start_of(index), element);

@@ -2,7 +2,7 @@
 //!
 //! Nothing is kept: the plan of the loaded program stays what it is.
 
-use super::fitting;
+use super::report::fitting;
 use crate::mdi::plan_block;
 use crate::preview;
 use cnc_msgs::chunk::{Collector, PathChunks};

@@ -105,6 +105,7 @@ impl Planner {
             program_id: running.program_id.clone(),
             revision,
             diagnostics: Arc::new(plan.diagnostics.iter().map(Into::into).collect()),
+            uncut: Arc::new(plan.uncut.iter().map(|region| self.uncut_to_wire(region)).collect()),
             chunks: None,
         };
         let input = Input { contour: Arc::new(contour), ..running.input };

@@ -1,0 +1,112 @@
+//! The verdict on a plan as messages: the report, and its findings page by page.
+
+use super::{Input, Planner};
+use crate::{Certificate, Plan, UncutRegion};
+use cnc_msgs::cdr;
+use cnc_msgs::contour::CutterSide;
+use cnc_msgs::interface::Message;
+use cnc_msgs::units::{m_from_mm, m2_from_mm2, point_from_position};
+use cnc_msgs::wire::cnc_msgs::msg as wire;
+use cnc_msgs::wire::cnc_msgs::srv::{GetFindingsRequest, GetFindingsResponse};
+use runtime::RosTime;
+
+/// Findings of each sort in the report; the rest is had from `get_findings`.
+pub(super) const FINDINGS_IN_REPORT: usize = 50;
+/// What the findings of one message may take, bytes.
+const FINDINGS_BYTES_MAX: usize = 40_000;
+/// Points of an outline in a message at most; beyond, the chords get longer.
+const OUTLINE_POINTS_MAX: usize = 1000;
+
+impl Planner {
+    pub(super) fn report_of(
+        &self,
+        input: &Input,
+        (revision, tool_table_revision): (u64, u64),
+        stamp: RosTime,
+        planned: &Plan,
+    ) -> wire::CompensationReport {
+        let errors = planned.diagnostics.iter().filter(|finding| finding.is_error()).count();
+        let findings = planned.diagnostics.iter().take(FINDINGS_IN_REPORT).map(Into::into);
+        let uncut = planned.uncut.iter().map(|region| self.uncut_to_wire(region));
+        wire::CompensationReport {
+            header: self.header(input, stamp),
+            program_id: input.manifest.program_id.clone(),
+            revision,
+            tool_table_revision,
+            accepted: planned.accepted(),
+            error_count: errors as u32,
+            warning_count: (planned.diagnostics.len() - errors) as u32,
+            diagnostics: fitting(findings),
+            uncut_count: planned.uncut.len() as u32,
+            uncut: fitting(uncut.take(FINDINGS_IN_REPORT)),
+            ..wire::CompensationReport::default()
+        }
+    }
+
+    pub(super) fn findings(&self, request: &GetFindingsRequest) -> GetFindingsResponse {
+        let Some(current) = self.state().current.clone() else {
+            return GetFindingsResponse {
+                error_code: GetFindingsResponse::UNKNOWN_PLAN,
+                message: "nothing is planned yet".into(),
+                ..GetFindingsResponse::default()
+            };
+        };
+        let rest = current.diagnostics.iter().skip(request.first as usize).cloned();
+        GetFindingsResponse {
+            success: true,
+            program_id: current.program_id.clone(),
+            revision: current.revision,
+            diagnostics: fitting(rest),
+            uncut: fitting(current.uncut.iter().skip(request.first as usize).cloned()),
+            ..GetFindingsResponse::default()
+        }
+    }
+
+    /// An outline in chords, so that it fits a message.
+    pub(super) fn uncut_to_wire(&self, region: &UncutRegion) -> wire::UncutRegion {
+        let mut chord_error_mm = self.chord_error_mm;
+        let mut outline = region.points(chord_error_mm);
+        while outline.len() > OUTLINE_POINTS_MAX && chord_error_mm < 1e3 {
+            chord_error_mm *= 4.0;
+            outline = region.points(chord_error_mm);
+        }
+        wire::UncutRegion {
+            line: region.first.line,
+            area: m2_from_mm2(region.area_mm2),
+            outline: outline.into_iter().map(point_from_position).collect(),
+        }
+    }
+}
+
+pub(super) fn certificate_to_wire(certificate: &Certificate) -> wire::RadiusCertificate {
+    let missing_mm = (certificate.radius_mm - certificate.valid_to_mm).max(0.0);
+    let limits = certificate.limited_by.iter().map(|limit| wire::CertificateLimit {
+        line: limit.source.line,
+        block: limit.source.block.into_iter().collect(),
+        position: point_from_position(limit.position),
+        missing: m_from_mm(missing_mm),
+    });
+    wire::RadiusCertificate {
+        first_line: certificate.first_line,
+        last_line: certificate.last_line,
+        side: match certificate.side {
+            CutterSide::Left => wire::RadiusCertificate::SIDE_LEFT,
+            CutterSide::Right => wire::RadiusCertificate::SIDE_RIGHT,
+        },
+        radius: m_from_mm(certificate.radius_mm),
+        valid_from: m_from_mm(certificate.valid_from_mm),
+        valid_to: m_from_mm(certificate.valid_to_mm),
+        limited_by: limits.collect(),
+        leads_valid_to: m_from_mm(certificate.leads_valid_to_mm),
+    }
+}
+
+/// As many messages as fit one.
+pub(super) fn fitting<M: Message>(messages: impl Iterator<Item = M>) -> Vec<M> {
+    let mut bytes = 0;
+    let fits = |message: &M| {
+        bytes += cdr::body(message).len();
+        bytes <= FINDINGS_BYTES_MAX
+    };
+    messages.take_while(fits).collect()
+}
