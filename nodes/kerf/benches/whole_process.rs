@@ -109,13 +109,13 @@ fn program(start: [f64; 2], blocks: impl FnOnce(&mut String)) -> String {
     let mut text = String::from("G21 G17 G90 G40\nT1 M6\n");
     let out = start[0] + 20.0;
     let _ = writeln!(text, "G0 X{out:.3} Y{:.3}", start[1]);
-    let _ = writeln!(text, "F1000\nG42.1 D{DIAMETER_MM} G1 X{:.3} Y{:.3}", start[0], start[1]);
+    let _ = writeln!(text, "F1000\nG42.1 D{DIAMETER_MM:.1} G1 X{:.3} Y{:.3}", start[0], start[1]);
     blocks(&mut text);
     let _ = writeln!(text, "G40 G1 X{out:.3} Y{:.3}\nM2", start[1]);
     text
 }
 
-const DIAMETER_MM: f64 = 6.0;
+const DIAMETER_MM: f64 = 1.0;
 
 /// Points of a ring with seven waves and 2 mm between two points.
 fn wave(index: usize, count: usize) -> [f64; 2] {
