@@ -6,6 +6,7 @@
 //! Every element enters and leaves once: the time is linear. What consumption
 //! means to a program is the business of `reach`.
 
+use crate::distance::distance_to;
 use crate::element::{Element, Vec2, cross, left};
 use crate::intersect::{Meeting, meet, meet_across};
 use crate::tolerance::{LENGTH_MM, SHORT_CORNER_MM, SMALL_TURN_RAD, TANGENT_RAD};
@@ -175,11 +176,17 @@ pub(crate) fn join(links: &[Link], slack: f64) -> Vec<Placed> {
                 }
                 break;
             };
+            let ends_before = room - meeting.trim_b.max(0.0) < -LENGTH_MM;
             if top_room - top.trim_in.max(0.0) - meeting.trim_a.max(0.0) < -LENGTH_MM {
+                // Beyond the end of a chord the curve goes elsewhere: it takes only what
+                // the tool cannot be on beside it.
+                if ends_before && distance_to(&link.element, top.start) >= link.d_in_mm.abs() {
+                    break;
+                }
                 placed.pop();
                 continue;
             }
-            if room - meeting.trim_b.max(0.0) < -LENGTH_MM {
+            if ends_before {
                 break;
             }
             top.trim_out = meeting.trim_a;

@@ -86,18 +86,16 @@ pub(crate) fn compensate(
         // Rounded coordinates bend short chords so much that the tool loses them,
         // and break straight walls. Taken as straight as is accepted, the contour
         // shows what is really too narrow.
-        let straight = Chain::new(&mut span, tolerance, exit_lead.as_ref(), is_identity, profile);
-        let tells = profile.interference.react == Reaction::Alarm
-            || !is_any_unreachable(&straight.links, &straight.placed, tolerance);
-        chain = if tells {
-            straight
-        } else {
-            // It is not refused, and what is cut is to be exact.
-            Chain::new(&mut span, MERGE_MM, exit_lead.as_ref(), is_identity, profile)
-        };
+        chain = Chain::new(&mut span, tolerance, exit_lead.as_ref(), is_identity, profile);
+        unreachable_places(&span, &chain, profile, diagnostics);
+        if profile.interference.react == Reaction::Trim
+            && is_any_unreachable(&chain.links, &chain.placed, tolerance)
+        {
+            // What is cut all the same is to be exact.
+            chain = Chain::new(&mut span, MERGE_MM, exit_lead.as_ref(), is_identity, profile);
+        }
     }
     let Chain { runs, links, mut placed } = chain;
-    unreachable_places(&span, (&runs, &links, &placed), profile, diagnostics);
     let corners = Corners { span: &span, short_mm: profile.corner.short_block_mm };
     let joined = Joined { links: &links, placed: &placed, corners };
     let mut walls = Walls::new(&runs, &links, &placed);
@@ -182,7 +180,7 @@ pub(crate) fn compensate(
 /// Tells what the tool does not reach.
 fn unreachable_places(
     span: &Span,
-    (runs, links, placed): (&[Run], &[Link], &[Placed]),
+    Chain { runs, links, placed }: &Chain,
     profile: &Profile,
     diagnostics: &mut Vec<Diagnostic>,
 ) {

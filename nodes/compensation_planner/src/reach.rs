@@ -6,10 +6,11 @@
 //! and a finding when it is not. The answer holds for neighbours only; what
 //! distant parts of a contour do to each other is not seen here.
 
-use crate::chain::{Link, Placed, Role, join};
+use crate::chain::{Link, Placed, Role, Turn, join, turn};
 use crate::distance::distance_to;
 use crate::element::{Element, Vec2, cross};
 use crate::intersect::crossings;
+use crate::tolerance::{CHORD_MM, CHORD_TURN_RAD};
 
 /// Elements in a row that the tool cannot reach.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +26,7 @@ pub(crate) struct Unreachable {
 
 /// Whether there is any place that the tool cannot reach.
 pub(crate) fn is_any_unreachable(links: &[Link], placed: &[Placed], tolerance: f64) -> bool {
-    gaps(links, placed).any(|gap| deviation(links, &gap, tolerance) > tolerance)
+    gaps(links, placed).any(|gap| is_deep(links, &gap, tolerance))
 }
 
 /// All places that the tool cannot reach, each with its own search for the radius.
@@ -34,8 +35,7 @@ pub(crate) fn unreachable<'a>(
     placed: &'a [Placed],
     tolerance: f64,
 ) -> impl Iterator<Item = Unreachable> + 'a {
-    let is_deep = move |gap: &Gap| deviation(links, gap, tolerance) > tolerance;
-    gaps(links, placed).filter(is_deep).filter_map(move |gap| {
+    gaps(links, placed).filter(move |gap| is_deep(links, gap, tolerance)).filter_map(move |gap| {
         place(links, &gap, tolerance, |links, placed| !is_any_unreachable(links, placed, tolerance))
     })
 }
@@ -69,9 +69,12 @@ pub(crate) fn consumed<'a>(
     links: &'a [Link],
     placed: &'a [Placed],
 ) -> impl Iterator<Item = Unreachable> + 'a {
-    gaps(links, placed).filter_map(move |gap| {
-        place(links, &gap, 0.0, |links, placed| gaps(links, placed).next().is_none())
-    })
+    let is_any = |links: &[Link], placed: &[Placed]| {
+        gaps(links, placed).any(|gap| !is_corner_of_curves(links, &gap, 0.0))
+    };
+    gaps(links, placed)
+        .filter(move |gap| !is_corner_of_curves(links, gap, 0.0))
+        .filter_map(move |gap| place(links, &gap, 0.0, |links, placed| !is_any(links, placed)))
 }
 
 /// What joints leave of the compensated element of a run, mm; below 0 when it vanishes.
@@ -82,8 +85,8 @@ pub(crate) fn left_of(links: &[Link], placed: &[Placed], run: usize) -> Option<f
     Some(length - place.trim_in - place.trim_out)
 }
 
-/// Where there is something that the tool cannot reach: each time the index of what
-/// is placed before it.
+/// Where blocks are left out, sharp corners of curves too: each time the index of what
+/// is placed before them.
 pub(crate) fn left_out<'a>(
     links: &'a [Link],
     placed: &'a [Placed],
@@ -113,6 +116,39 @@ fn gaps<'a>(links: &'a [Link], placed: &'a [Placed]) -> impl Iterator<Item = Gap
         let is_gap = links[from.min(to)..to].iter().any(|link| matches!(link.role, Role::Run(_)));
         is_gap.then_some(Gap { index, from, to, before, after })
     })
+}
+
+/// Whether what is consumed is more than noise, and not what a sharp corner takes.
+fn is_deep(links: &[Link], gap: &Gap, tolerance: f64) -> bool {
+    deviation(links, gap, tolerance) > tolerance && !is_corner_of_curves(links, gap, tolerance)
+}
+
+/// Whether two curves, written in chords, meet in a sharp inside corner and the tool
+/// fits into each of them alone.
+///
+/// It takes chords from their ends as it takes a piece of an arc.
+fn is_corner_of_curves(links: &[Link], gap: &Gap, tolerance: f64) -> bool {
+    let is_corner = |link: &usize| matches!(links[*link].role, Role::Corner { .. });
+    let (Some(before), Some(after)) = (gap.before, gap.after) else { return false };
+    // Arcs around outside corners are no part of the contour.
+    let before = if is_corner(&before) { before.checked_sub(1) } else { Some(before) };
+    let after = if is_corner(&after) { after + 1 } else { after };
+    let Some(before) = before.filter(|_| after < links.len()) else { return false };
+    let along: Vec<usize> = (before..=after).filter(|link| !is_corner(link)).collect();
+    let mut sharp = along.windows(2).filter(|pair| !are_chords(&links[pair[0]], &links[pair[1]]));
+    let (Some(&[last, first]), None) = (sharp.next(), sharp.next()) else { return false };
+    turn(&links[last].element, &links[first].element, links[first].d_in_mm) == Turn::Inside
+        && [&links[before..=last], &links[first..=after]]
+            .into_iter()
+            .all(|side| !is_any_unreachable(side, &join(side, tolerance), tolerance))
+}
+
+/// Whether two links go on in each other as chords of one curve.
+fn are_chords(a: &Link, b: &Link) -> bool {
+    let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
+    let sine = cross(before, after).abs();
+    let shorter = a.element.length().min(b.element.length());
+    before.dot(&after) > 0.0 && sine <= CHORD_TURN_RAD && shorter * sine / 4.0 <= CHORD_MM
 }
 
 /// How far what was consumed and the programmed corner that takes its place are

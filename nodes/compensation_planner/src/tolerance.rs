@@ -38,6 +38,13 @@ pub(crate) const FAR_CORNER_RADII: f64 = 10.0;
 /// whatever the mode: a turn of more than 178.4 degrees, a spike of 70 radii.
 pub(crate) const REVERSAL: f64 = 4e-4;
 
+/// Chords of a curve bend less than this from one to the next, rad, and are off the
+/// curve by less than [`CHORD_MM`]: what posts write for splines and surfaces.
+pub(crate) const CHORD_TURN_RAD: f64 = 0.1;
+
+/// See [`CHORD_TURN_RAD`], mm.
+pub(crate) const CHORD_MM: f64 = 0.05;
+
 /// Difference of the radii at both ends of an arc that is rounding only, relative.
 pub(crate) const ARC_RADIUS_REL: f64 = 1e-12;
 

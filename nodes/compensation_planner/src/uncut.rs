@@ -38,6 +38,15 @@ pub struct OutlinePiece {
 }
 
 impl UncutRegion {
+    /// How far its corners are apart along an axis, mm.
+    fn widest(&self, axis: usize) -> f64 {
+        let at = self.outline.iter().map(|piece| piece.end[axis]);
+        let (low, high) = at.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
+            (low.min(at), high.max(at))
+        });
+        high - low
+    }
+
     /// Points along the outline, from its start back to it, within a chord error.
     pub fn points(&self, chord_error_mm: f64) -> Vec<Position> {
         let mut points = vec![self.start];
@@ -64,7 +73,12 @@ pub(crate) fn regions(
     behind.sort_unstable();
     behind.dedup();
     let regions = behind.into_iter().map(|at| region(corners.span, runs, (links, placed), at));
-    regions.flatten().collect()
+    // The noise of coordinates is none.
+    let is_deep = |region: &UncutRegion| {
+        let [x, y, z] = std::array::from_fn(|axis| region.widest(axis));
+        region.area_mm2 > tolerance * x.max(y).max(z)
+    };
+    regions.flatten().filter(is_deep).collect()
 }
 
 /// The region beside the joint behind `placed[index]`; before the first when `None`.

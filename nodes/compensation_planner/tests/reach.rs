@@ -3,6 +3,7 @@
 mod support;
 
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use proptest::prelude::*;
 use support::*;
 
 fn unreachable(text: &str, radius: f64) -> Option<Diagnostic> {
@@ -249,4 +250,65 @@ fn very_many_findings_are_cut_short() {
     let count = codes(&plan).iter().filter(|code| **code == Code::Unreachable).count();
     assert_eq!(count, 100);
     assert!(codes(&plan).contains(&Code::Limit));
+}
+
+/// Points of a curve from (0, 0) in a direction: a line when the curvature is 0.
+fn curve(angle: f64, curvature: f64, length: f64, step: f64) -> Vec<(f64, f64)> {
+    let count = (length / step).ceil().max(1.0) as u32;
+    let at = |index: u32| {
+        let along = length * f64::from(index) / f64::from(count);
+        let turned = curvature * along;
+        let (forward, sideways) = if turned.abs() < 1e-9 {
+            (along, 0.0)
+        } else {
+            (turned.sin() / curvature, (1.0 - turned.cos()) / curvature)
+        };
+        let (sin, cos) = angle.sin_cos();
+        (forward * cos - sideways * sin, forward * sin + sideways * cos)
+    };
+    (1..=count).map(at).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, max_global_rejects: 1_000_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// As arcs they take nothing of each other, and as chords they do not either.
+    #[test]
+    fn curves_in_chords_that_meet_in_a_sharp_corner_are_reached(
+        curvatures in (-0.05..0.05_f64, -0.05..0.05_f64),
+        steps in (0.02..1.0_f64, 0.02..1.0_f64),
+        corner in 0.3..2.6_f64,
+        angle in 0.0..std::f64::consts::TAU,
+        decimals in prop_oneof![Just(3), Just(4), Just(9)],
+    ) {
+        // They do not bend towards each other until the tool does not fit between them.
+        let bend = |curvature: f64| 30.0 * curvature.max(0.0);
+        prop_assume!(corner + bend(curvatures.0) + bend(curvatures.1) < 2.6);
+        // From the corner outwards, with the tool on the left of both.
+        let first = curve(angle + std::f64::consts::PI, -curvatures.0, 30.0, steps.0);
+        let second = curve(angle + corner, curvatures.1, 30.0, steps.1);
+        let start = first[first.len() - 1];
+        let mut points: Vec<(f64, f64)> = first.into_iter().rev().skip(1).collect();
+        points.push((0.0, 0.0));
+        points.extend(second);
+        let leads = |along: f64| {
+            let (sin, cos) = (along + std::f64::consts::FRAC_PI_2).sin_cos();
+            (40.0 * cos, 40.0 * sin)
+        };
+        let on = leads(angle - curvatures.0 * 30.0);
+        let off = leads(angle + corner + curvatures.1 * 30.0);
+        let end = points[points.len() - 1];
+        let write = |(x, y): (f64, f64)| format!("X{x:.decimals$} Y{y:.decimals$}");
+        let mut text = format!(
+            "G0 {}\nG41 D1 G456 G1 {}",
+            write((start.0 + on.0, start.1 + on.1)),
+            write(start)
+        );
+        for point in points {
+            text += &format!("\n{}", write(point));
+        }
+        text += &format!("\nG40 G456 {}", write((end.0 + off.0, end.1 + off.1)));
+        let refused = unreachable(&text, 5.0);
+        prop_assert!(refused.is_none(), "{refused:?}\n{text}");
+    }
 }
