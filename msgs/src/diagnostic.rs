@@ -49,11 +49,13 @@ pub enum Code {
     SideChange,
     Restart,
     SuspiciousValue,
+    /// A path that is not what its program asks for: found by the audit of a path.
+    PathMismatch,
 }
 
 impl Code {
     /// Every code, in the order of declaration.
-    pub const ALL: [Self; 29] = [
+    pub const ALL: [Self; 30] = [
         Self::Syntax,
         Self::UnknownWord,
         Self::ModalConflict,
@@ -83,6 +85,7 @@ impl Code {
         Self::SideChange,
         Self::Restart,
         Self::SuspiciousValue,
+        Self::PathMismatch,
     ];
 
     /// The name in JSON and messages.
@@ -117,6 +120,7 @@ impl Code {
             Self::SideChange => "side_change",
             Self::Restart => "restart",
             Self::SuspiciousValue => "suspicious_value",
+            Self::PathMismatch => "path_mismatch",
         }
     }
 }

@@ -15,6 +15,7 @@
 //! Beside it: `mdi` plans a single block, `set_tool` decides on a change of the tool
 //! table and `tool_file` writes it into the file of its owner.
 
+pub mod audit;
 mod certificate;
 mod chain;
 mod compensate;

@@ -8,6 +8,7 @@ mod live;
 mod report;
 mod tool_file;
 
+use crate::audit::veto;
 use crate::set_tool::{self, LoadedProgram, Refusal};
 use crate::{plan, plan_certified, preview};
 use cnc_msgs::chunk::{Collector, PathChunks};
@@ -306,7 +307,8 @@ impl Planner {
             state.revision += 1;
             (input, state.tools.clone(), state.tools_revision, state.revision)
         };
-        let planned = plan(&input.contour, &input.profile, &tools);
+        let mut planned = plan(&input.contour, &input.profile, &tools);
+        veto(&mut planned, &input.contour, &input.profile, &tools);
         let stamp = self.node.now();
         let accepted = planned.accepted();
         let mut report = self.report_of(&input, (revision, tools_revision), stamp, &planned);

@@ -4,8 +4,8 @@ mod support;
 
 use cavalier_contours::polyline::{PlineSource, PlineSourceMut, Polyline};
 use cnc_msgs::contour::{
-    Action, Approach, ContourEvent, ContourEventKind, CutterSide, Motion, MotionClass,
-    OutsideCorner, ProgrammedContour, RadiusSource, Source,
+    Action, ContourEvent, ContourEventKind, CutterSide, Motion, MotionClass, OutsideCorner,
+    ProgrammedContour, RadiusSource, Source,
 };
 use cnc_msgs::diagnostic::Code;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
@@ -82,7 +82,7 @@ fn other(side: CutterSide) -> CutterSide {
 }
 
 fn run(contour: &ProgrammedContour, profile: &Profile, radius: f64) -> Plan {
-    compensation_planner::plan(contour, profile, &tool(radius))
+    plan_of(contour, profile, &tool(radius))
 }
 
 fn elements(plan: &Plan) -> &[PathElement] {
@@ -401,10 +401,6 @@ fn random_contour(steps: &[Step], side: CutterSide, corner: OutsideCorner) -> Pr
     contour
 }
 
-fn set_radius(contour: &mut ProgrammedContour, radius: f64) {
-    contour.events[0].kind = ContourEventKind::Radius(RadiusSource::Radius(radius));
-}
-
 fn free() -> Profile {
     let mut profile = sinumerik();
     profile.interference.react = Reaction::Ignore;
@@ -560,49 +556,6 @@ fn peer_area(path: &[Position], bulges: &[f64], offset: f64) -> Option<f64> {
     }
     let offsets = pline.parallel_offset(offset);
     (offsets.len() == 1).then(|| offsets[0].area())
-}
-
-fn closed_contour(points: &[Position], bulges: &[f64], side: CutterSide) -> ProgrammedContour {
-    let mut contour = ProgrammedContour::default();
-    let mut push = |line: u32, kind| {
-        let source = Source { line, block: None, column: 1, length: 1 };
-        contour.events.push(ContourEvent { source, kind });
-    };
-    let feed = |shape, end| {
-        let class = MotionClass::Feed;
-        ContourEventKind::Motion(Motion {
-            shape,
-            end,
-            class,
-            feed_mm_per_min: 500.0,
-            axes: AxisSet::ALL,
-        })
-    };
-    let middle: Position = std::array::from_fn(|axis| (points[0][axis] + points[1][axis]) / 2.0);
-    push(1, ContourEventKind::Radius(RadiusSource::Radius(0.0)));
-    push(1, ContourEventKind::Select { side, approach: Some(Approach::Normal), along: None });
-    push(1, feed(Shape::Line, middle));
-    for index in 1..=points.len() {
-        let (a, b) = (points[index - 1], points[index % points.len()]);
-        let bulge = bulges[index - 1];
-        let shape = if bulge == 0.0 {
-            Shape::Line
-        } else {
-            // Centre of the arc of this bulge over the chord.
-            let lever = (1.0 - bulge * bulge) / (4.0 * bulge);
-            let center = [
-                (a[0] + b[0]) / 2.0 - (b[1] - a[1]) * lever,
-                (a[1] + b[1]) / 2.0 + (b[0] - a[0]) * lever,
-                0.0,
-            ];
-            Shape::Arc(Arc { center, plane: Plane::Xy, clockwise: bulge < 0.0, turns: 0 })
-        };
-        push(index as u32 + 1, feed(shape, b));
-    }
-    push(90, feed(Shape::Line, middle));
-    push(91, ContourEventKind::Cancel { exit: Some(Approach::Normal) });
-    push(91, feed(Shape::Line, [middle[0] - 500.0, middle[1] - 500.0, 0.0]));
-    contour
 }
 
 #[test]

@@ -10,6 +10,7 @@ use cnc_msgs::geometry::Position;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::profile::{Profile, Reaction};
 use cnc_msgs::tool_table::ToolTable;
+use compensation_planner::audit::{Audit, veto};
 use compensation_planner::{Certificate, Plan, UncutRegion, plan_certified};
 use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::{LoadOptions, Loaded};
@@ -43,6 +44,9 @@ pub(crate) struct PlanArgs {
     /// Print nothing but errors
     #[arg(long)]
     quiet: bool,
+    /// Prove the path by a second algorithm, and refuse what it refuses
+    #[arg(long)]
+    audit: bool,
 }
 
 /// Loads and plans, prints, and says whether the program was accepted.
@@ -56,7 +60,10 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
     // Nobody reads certificates of a quiet plan, and they cost more than the plan.
     let plan = if args.quiet { compensation_planner::plan } else { plan_certified };
-    let planned = Planned::new(&text, &profile, &tools, &options, plan);
+    let mut planned = Planned::new(&text, &profile, &tools, &options, plan);
+    if args.audit {
+        planned.audit(&profile, &tools);
+    }
 
     if let Some(path) = &args.svg {
         files::write(path, &planned.svg(&name, &profile))?;
@@ -97,7 +104,9 @@ pub(crate) fn position(text: &str) -> Result<[f64; 3], String> {
 pub(crate) struct Planned {
     pub(crate) loaded: Loaded,
     plan: Plan,
-    /// Of the loader, then of the planner.
+    /// If it was asked for and there is a path.
+    audit: Option<Audit>,
+    /// Of the loader, then of the planner, then of the audit.
     pub(crate) diagnostics: Vec<Diagnostic>,
 }
 
@@ -117,7 +126,17 @@ impl Planned {
             planned = plan(&loaded.contour, profile, tools);
             diagnostics.extend(planned.diagnostics.iter().cloned());
         }
-        Self { loaded, plan: planned, diagnostics }
+        Self { loaded, plan: planned, audit: None, diagnostics }
+    }
+
+    /// Has the path audited, and refuses it if the audit does.
+    fn audit(&mut self, profile: &Profile, tools: &ToolTable) {
+        if !self.accepted() {
+            return;
+        }
+        let audit = veto(&mut self.plan, &self.loaded.contour, profile, tools);
+        self.diagnostics.extend(audit.findings.iter().cloned());
+        self.audit = Some(audit);
     }
 
     pub(crate) fn accepted(&self) -> bool {
@@ -144,6 +163,7 @@ impl Planned {
             diagnostics: &self.diagnostics,
             certificates: &self.plan.certificates,
             uncut: &self.plan.uncut,
+            audit: self.audit.as_ref(),
         }
     }
 
@@ -186,6 +206,9 @@ impl Planned {
         let fits = !self.diagnostics.iter().any(|finding| {
             finding.is_error() || matches!(finding.code, Code::Unreachable | Code::Gouge)
         });
+        if let Some(audit) = &self.audit {
+            summary += &format!("\n  {}", audit_text(audit));
+        }
         for certificate in &self.plan.certificates {
             summary += &format!("\n  {}", certificate_text(certificate, fits));
         }
@@ -194,6 +217,20 @@ impl Planned {
         }
         summary
     }
+}
+
+/// `audited 19 elements in 1 span and 4 events: nothing found`
+fn audit_text(audit: &Audit) -> String {
+    let found = match audit.findings.len() {
+        0 => "nothing found".into(),
+        count => plural(count, "finding"),
+    };
+    format!(
+        "audited {} in {} and {}: {found}",
+        plural(audit.elements, "element"),
+        plural(audit.spans, "span"),
+        plural(audit.events, "event")
+    )
 }
 
 /// `lines 3 to 12, tool left, radius 5.000 mm: good up to 20.851 mm (N40)`

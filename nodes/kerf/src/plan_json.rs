@@ -7,6 +7,7 @@ use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, PathEvent};
+use compensation_planner::audit::Audit;
 use compensation_planner::{Certificate, CertificateLimit, OutlinePiece, UncutRegion};
 use serde_json::{Map, Value, json};
 
@@ -24,6 +25,8 @@ pub(crate) struct PlanReport<'a> {
     pub(crate) diagnostics: &'a [Diagnostic],
     pub(crate) certificates: &'a [Certificate],
     pub(crate) uncut: &'a [UncutRegion],
+    /// If it was asked for.
+    pub(crate) audit: Option<&'a Audit>,
 }
 
 impl PlanReport<'_> {
@@ -41,6 +44,9 @@ impl PlanReport<'_> {
         let certificates = self.certificates.iter().map(certificate).collect();
         object.insert("certificates".into(), certificates);
         object.insert("uncut".into(), self.uncut.iter().map(uncut).collect());
+        if let Some(audit) = self.audit {
+            object.insert("audit".into(), self::audit(audit));
+        }
         Value::Object(object)
     }
 }
@@ -123,6 +129,18 @@ pub(crate) fn diagnostic(finding: &Diagnostic) -> Value {
         "available_mm": finding.available_mm,
         "message": finding.message,
         "help": finding.help,
+    })
+}
+
+/// What the audit found beyond the planner's own findings; they are in the list too.
+fn audit(audit: &Audit) -> Value {
+    json!({
+        "accepted": !audit.refuses(),
+        "elements": audit.elements,
+        "spans": audit.spans,
+        "events": audit.events,
+        "nearest_mm": audit.nearest_mm,
+        "findings": audit.findings.iter().map(diagnostic).collect::<Vec<_>>(),
     })
 }
 

@@ -47,7 +47,48 @@ pub fn tool(radius_mm: f64) -> ToolTable {
 }
 
 pub fn plan(text: &str, profile: &Profile, tools: &ToolTable) -> Plan {
-    compensation_planner::plan(&contour(text, profile), profile, tools)
+    plan_of(&contour(text, profile), profile, tools)
+}
+
+/// The plan; what is accepted is audited.
+#[track_caller]
+pub fn plan_of(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Plan {
+    let plan = compensation_planner::plan(contour, profile, tools);
+    assert_sound(contour, &plan, profile, tools);
+    plan
+}
+
+/// The audit refuses no plan that is accepted.
+#[track_caller]
+pub fn assert_sound(
+    contour: &ProgrammedContour,
+    plan: &Plan,
+    profile: &Profile,
+    tools: &ToolTable,
+) {
+    if !plan.accepted() {
+        return;
+    }
+    let audit = compensation_planner::audit::audit(contour, &plan.path, profile, tools);
+    let said: Vec<String> = (audit.beside(&plan.diagnostics).findings.iter())
+        .filter(|finding| finding.is_error())
+        .map(|finding| {
+            let (line, other) = (finding.source.line, finding.other.map(|other| other.line));
+            format!(
+                "{:?} {} {line} {other:?}: {}\n",
+                finding.severity,
+                finding.code.name(),
+                finding.message
+            )
+        })
+        .collect();
+    assert!(
+        said.is_empty(),
+        "false alarm:\n{}planner:\n{}path:\n{}",
+        said.concat(),
+        findings(plan),
+        listing(&plan.path.elements)
+    );
 }
 
 pub fn contour(text: &str, profile: &Profile) -> ProgrammedContour {
@@ -324,3 +365,52 @@ pub const BOTTLENECK: &str = "
     N30 G2 X65 Y55 I0 J-25
     N41 G1 X80
     N120 G40 G456 X80 Y45";
+
+/// A closed contour of lines and arcs of these bulges, entered in the middle of its first line.
+pub fn closed_contour(points: &[Position], bulges: &[f64], side: CutterSide) -> ProgrammedContour {
+    let mut contour = ProgrammedContour::default();
+    let mut push = |line: u32, kind| {
+        let source = Source { line, block: None, column: 1, length: 1 };
+        contour.events.push(ContourEvent { source, kind });
+    };
+    let feed = |shape, end| {
+        let class = MotionClass::Feed;
+        ContourEventKind::Motion(Motion {
+            shape,
+            end,
+            class,
+            feed_mm_per_min: 500.0,
+            axes: AxisSet::ALL,
+        })
+    };
+    let middle: Position = std::array::from_fn(|axis| (points[0][axis] + points[1][axis]) / 2.0);
+    push(1, ContourEventKind::Radius(RadiusSource::Radius(0.0)));
+    push(1, ContourEventKind::Select { side, approach: Some(Approach::Normal), along: None });
+    push(1, feed(Shape::Line, middle));
+    for index in 1..=points.len() {
+        let (a, b) = (points[index - 1], points[index % points.len()]);
+        let bulge = bulges[index - 1];
+        let shape = if bulge == 0.0 {
+            Shape::Line
+        } else {
+            // Centre of the arc of this bulge over the chord.
+            let lever = (1.0 - bulge * bulge) / (4.0 * bulge);
+            let center = [
+                (a[0] + b[0]) / 2.0 - (b[1] - a[1]) * lever,
+                (a[1] + b[1]) / 2.0 + (b[0] - a[0]) * lever,
+                0.0,
+            ];
+            Shape::Arc(Arc { center, plane: Plane::Xy, clockwise: bulge < 0.0, turns: 0 })
+        };
+        push(index as u32 + 1, feed(shape, b));
+    }
+    push(90, feed(Shape::Line, middle));
+    push(91, ContourEventKind::Cancel { exit: Some(Approach::Normal) });
+    push(91, feed(Shape::Line, [middle[0] - 500.0, middle[1] - 500.0, 0.0]));
+    contour
+}
+
+/// Of a contour that begins with its radius.
+pub fn set_radius(contour: &mut ProgrammedContour, radius: f64) {
+    contour.events[0].kind = ContourEventKind::Radius(RadiusSource::Radius(radius));
+}

@@ -7,6 +7,7 @@ use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::units::point_from_position;
 use cnc_msgs::wire::cnc_msgs::msg::{CompensatedPath, CompensationReport, PathChunk};
+use compensation_planner::audit::{audit, veto};
 use compensation_planner::plan;
 use compensation_planner::rest::{Rest, plan_rest};
 use compensation_planner::set_tool::LoadedProgram;
@@ -32,10 +33,24 @@ pub(super) fn replay(
         let profile = runtime::profile_from_yaml(&program.manifest.profile).map_err(|error| {
             ReplayError::Input { of: report.program_id.clone(), reason: error.to_string() }
         })?;
-        let now = match rest_of(recording, program, &profile, revision)? {
-            Some(rest) => rest.plan,
-            None => plan(&program.contour, &profile, tools),
+        let rest = rest_of(recording, program, &profile, revision)?;
+        let (contour, tools) = match &rest {
+            Some(rest) => (&rest.contour, &rest.tools),
+            None => (&*program.contour, tools),
         };
+        let mut now = match &rest {
+            Some(rest) => rest.plan.clone(),
+            None => plan(contour, &profile, tools),
+        };
+        veto(&mut now, contour, &profile, tools);
+        if let Some(path) = &recorded.path {
+            let found = audit(contour, path, &profile, tools).beside(&now.diagnostics);
+            comparison.count("audit", 1);
+            for error in found.findings.iter().filter(|finding| finding.is_error()) {
+                let of = format!("audit of revision {revision}");
+                comparison.differs(&of, error.code.name(), error.message.clone());
+            }
+        }
         let errors = now.diagnostics.iter().filter(|finding| finding.is_error()).count();
         let mut report_now = CompensationReport {
             accepted: now.accepted(),

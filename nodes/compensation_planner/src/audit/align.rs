@@ -1,0 +1,189 @@
+//! Which block of the contour each element of a path belongs to.
+//!
+//! Elements come in the order of their blocks; what a block may become follows from what it
+//! is to compensation. Free moves, and moves out of the plane, must be what is programmed.
+
+use super::planar::{Piece, cross, flat};
+use super::program::{Block, Kind, NONE};
+use super::report::{self, Report};
+use super::way::Way;
+use cnc_msgs::contour::{Motion, MotionClass};
+use cnc_msgs::geometry::{Position, Shape};
+use cnc_msgs::path::{PathElement, Role};
+
+/// How far a position may be off that should be the programmed one, mm: elements shorter
+/// than half of it are not put out.
+pub(super) const SAME_MM: f64 = 2e-6;
+
+/// Elements without a block, after which nothing more can be said.
+const STRAYS_MAX: usize = 20;
+
+/// Gives every element its block; false when path and program have too little in common.
+pub(super) fn align(way: &mut Way<'_>, report: &mut Report<'_>) -> bool {
+    let mut next = 0;
+    let mut strays = 0;
+    for index in 0..way.path.elements.len() {
+        let element = &way.path.elements[index];
+        let Some(found) = find(way, index, element, next) else {
+            strays += 1;
+            report.push(report::stray(element, index));
+            if strays >= STRAYS_MAX {
+                return false;
+            }
+            continue;
+        };
+        let here = way.position_before(index);
+        for skipped in next..found {
+            check_skipped(way, skipped as u32, here, report);
+        }
+        way.of[index] = found as u32;
+        next = found;
+        let motion = way.program.motion(found as u32);
+        let is_programmed = match element.role {
+            Role::None => same_motion(motion, element),
+            Role::LeadOff => near(motion.end, element.end),
+            Role::OffPlane => {
+                let [u, v, w] = way.program.offset(found as u32).plane.axes();
+                element.shape == Shape::Line
+                    && element.end[w] == motion.end[w]
+                    && (element.end[u] - here[u]).abs().max((element.end[v] - here[v]).abs())
+                        <= SAME_MM
+            }
+            Role::LeadOn | Role::Link => element.shape == Shape::Line,
+            Role::Contour | Role::Corner => true,
+        };
+        if !is_programmed {
+            report.push(report::not_as_programmed(element, motion));
+        }
+        let block = &mut way.program.blocks[found];
+        if is_own(block.kind, element.role) {
+            block.element = index as u32;
+            next = found + 1;
+        } else if block.kind == Kind::Leg && element.role == Role::Link {
+            block.begins = true;
+        }
+    }
+    let here = way.path.elements.last().map_or(way.path.start, |element| element.end);
+    for skipped in next..way.program.blocks.len() {
+        check_skipped(way, skipped as u32, here, report);
+    }
+    true
+}
+
+/// Whether an element is what its block itself does, after which no other can follow.
+fn is_own(kind: Kind, role: Role) -> bool {
+    match kind {
+        Kind::Leg => role == Role::Contour,
+        _ => role != Role::Corner,
+    }
+}
+
+fn may_be(kind: Kind, role: Role) -> bool {
+    match kind {
+        Kind::Free => role == Role::None,
+        Kind::LeadOn => role == Role::LeadOn,
+        Kind::Leg => matches!(role, Role::Contour | Role::Corner | Role::Link),
+        Kind::OffPlane => role == Role::OffPlane,
+        Kind::LeadOff => matches!(role, Role::Corner | Role::LeadOff),
+        Kind::Link => matches!(role, Role::Corner | Role::Link),
+        Kind::Still => false,
+    }
+}
+
+/// The first block from here on that an element can belong to; of several in one line that
+/// which it fits.
+fn find(way: &Way<'_>, index: usize, element: &PathElement, next: usize) -> Option<usize> {
+    let blocks = &way.program.blocks;
+    let is_candidate = |block: usize| {
+        way.program.source(block as u32) == element.source
+            && may_be(blocks[block].kind, element.role)
+    };
+    let first = (next..blocks.len()).find(|&block| is_candidate(block))?;
+    let in_line = (first..blocks.len())
+        .take_while(|&block| way.program.source(block as u32) == element.source);
+    let mut others = in_line.filter(|&block| is_candidate(block));
+    if blocks.get(first + 1).is_none_or(|_| way.program.source(first as u32 + 1) != element.source)
+    {
+        return Some(first);
+    }
+    others.find(|&block| fits(way, index, element, block as u32)).or(Some(first))
+}
+
+/// Whether an element is beside a block, by far: for blocks of one line only.
+fn fits(way: &Way<'_>, index: usize, element: &PathElement, block: u32) -> bool {
+    const BESIDE_MM: f64 = 1e-2;
+    let motion = way.program.motion(block);
+    let plane = way.program.offset(block).plane;
+    match element.role {
+        Role::None => near(motion.end, element.end),
+        Role::OffPlane => motion.end[plane.axes()[2]] == element.end[plane.axes()[2]],
+        Role::Contour => {
+            let leg = way.leg(block);
+            let d_out = way.program.offset(block).d_out;
+            let end = flat(plane, element.end);
+            let beside = leg.nearest(end) - end;
+            match (&leg.round, &element.shape) {
+                (None, Shape::Line) => {
+                    let along = leg.along(end);
+                    let off = cross(leg.tangent(leg.from), end - leg.from) - d_out;
+                    off.abs() <= BESIDE_MM && along <= leg.length() + BESIDE_MM
+                }
+                (Some(_), Shape::Arc(_)) => (beside.norm() - d_out.abs()).abs() <= BESIDE_MM,
+                _ => false,
+            }
+        }
+        Role::Corner => {
+            let from = flat(plane, way.position_before(index));
+            let at = Piece::line(from, from).nearest(way.program.ends(block).0);
+            let vertex = way.program.ends(block).0;
+            (at - vertex).norm() <= way.program.offset(block).d_in.abs() * 2.0 + BESIDE_MM
+        }
+        Role::LeadOn | Role::LeadOff | Role::Link => true,
+    }
+}
+
+/// A block without an element must be one that does nothing.
+fn check_skipped(way: &Way<'_>, block: u32, here: Position, report: &mut Report<'_>) {
+    let Block { kind, element, .. } = way.program.blocks[block as usize];
+    if element != NONE {
+        return;
+    }
+    let motion = way.program.motion(block);
+    let does_nothing = match kind {
+        Kind::Free | Kind::LeadOff => near(motion.end, here) && !turns(motion),
+        Kind::OffPlane => {
+            let w = way.program.offset(block).plane.axes()[2];
+            (motion.end[w] - here[w]).abs() <= SAME_MM
+        }
+        // A lead may be too short to be a move; what is left of a contour is seen beside it.
+        Kind::LeadOn | Kind::Link | Kind::Leg | Kind::Still => true,
+    };
+    if !does_nothing {
+        report.push(report::dropped(way.program.source(block), motion));
+    }
+}
+
+fn turns(motion: &Motion) -> bool {
+    matches!(motion.shape, Shape::Arc(arc) if arc.turns > 0)
+}
+
+fn near(a: Position, b: Position) -> bool {
+    (0..3).all(|axis| (a[axis] - b[axis]).abs() <= SAME_MM)
+}
+
+fn same_motion(motion: &Motion, element: &PathElement) -> bool {
+    let same_shape = match (&motion.shape, &element.shape) {
+        (Shape::Line, Shape::Line) => true,
+        (Shape::Arc(a), Shape::Arc(b)) => {
+            near(a.center, b.center)
+                && (a.plane, a.clockwise, a.turns) == (b.plane, b.clockwise, b.turns)
+        }
+        _ => false,
+    };
+    let feed = (motion.class == MotionClass::Feed).then_some(motion.feed_mm_per_min);
+    let same_feed = match (feed, element.feed_mm_per_min) {
+        (Some(a), Some(b)) => (a - b).abs() <= 1e-9 * a.abs(),
+        (a, b) => a.is_none() && b.is_none(),
+    };
+    same_shape && same_feed && near(motion.end, element.end)
+}

@@ -1,0 +1,314 @@
+//! Whether every element runs at its radius beside its own block, and around its own corner:
+//! what comes after what (`follow` knows one element and its leg).
+//!
+//! Blocks that the path leaves out must be noise: as near to their neighbours, lengthened, as
+//! the profile accepts.
+
+use super::follow::{
+    Follow, MERGE_MM, PLACE_MM, is_beside_short, joint, off_circle, one, reaches, runs_on,
+};
+use super::planar::{Piece, Point, cross};
+use super::program::{Kind, NONE};
+use super::report::{self, Report};
+use super::spans::Span;
+use super::way::Way;
+use cnc_msgs::path::Role;
+use cnc_msgs::profile::Reaction;
+
+pub(super) fn check(way: &mut Way<'_>, span: &Span, legs: &[u32], report: &mut Report<'_>) {
+    let mut check = Check { span, legs, before: None, has_corner: false, stands: Vec::new() };
+    for element in span.elements.clone() {
+        if report.is_full() {
+            return;
+        }
+        match way.path.elements[element].role {
+            Role::Corner => check.corner(way, element, report),
+            Role::Contour => check.contour(way, element, report),
+            _ => {}
+        }
+    }
+    check.last(way, report);
+}
+
+struct Check<'a> {
+    span: &'a Span,
+    legs: &'a [u32],
+    before: Option<Follow>,
+    /// A corner lies between it and what comes next; where the pieces of it end.
+    has_corner: bool,
+    stands: Vec<Point>,
+}
+
+impl Check<'_> {
+    fn contour(&mut self, way: &mut Way<'_>, element: usize, report: &mut Report<'_>) {
+        let block = way.of[element];
+        let legs = &self.legs[self.span.legs.clone()];
+        let Ok(index) = legs.binary_search(&block) else { return };
+        let offset = way.program.offset(block);
+        let mut now = Follow {
+            element,
+            block,
+            leg_index: self.span.legs.start + index,
+            way: way.piece(element),
+            leg: way.leg(block),
+            d_in: offset.d_in,
+            d_out: offset.d_out,
+            is_open: self.has_corner,
+            is_loose: false,
+        };
+        let is_joined = offset.is_joined || self.span.from_side;
+        let mut opens = self.has_corner;
+        match self.before.take() {
+            Some(mut before) => {
+                let left_out = before.leg_index + 1..now.leg_index;
+                let runs_on = !self.has_corner && runs_on(&before.way, &now.way);
+                if runs_on || !left_out.is_empty() {
+                    (before.is_loose, now.is_loose) = (true, true);
+                }
+                self.left_out(way, left_out, (Some(&before), Some(&now)), report);
+                if !self.has_corner && !runs_on {
+                    opens = joint(way, &before, &now, report);
+                }
+                now.is_open = opens;
+                one(way, &before, self.legs, opens, report);
+            }
+            None => {
+                let left_out = self.span.legs.start..now.leg_index;
+                if !left_out.is_empty() {
+                    now.is_loose = true;
+                    self.left_out(way, left_out, (None, Some(&now)), report);
+                } else if !is_joined && !self.has_corner {
+                    reaches(way, &now, self.lead(way, true), true, report);
+                }
+                now.is_open = true;
+            }
+        }
+        self.before = Some(now);
+        self.has_corner = false;
+        self.stands.clear();
+    }
+
+    fn last(&mut self, way: &mut Way<'_>, report: &mut Report<'_>) {
+        let Some(mut last) = self.before.take() else {
+            let all = self.span.legs.clone();
+            // Nothing of the contour is left at all.
+            self.left_out(way, all, (None, None), report);
+            return;
+        };
+        let left_out = last.leg_index + 1..self.span.legs.end;
+        if left_out.is_empty() {
+            if !self.span.to_side {
+                reaches(way, &last, self.lead(way, false), false, report);
+            }
+        } else {
+            last.is_loose = true;
+            self.left_out(way, left_out, (Some(&last), None), report);
+        }
+        one(way, &last, self.legs, true, report);
+    }
+
+    /// The block of the lead-on or the lead-off.
+    fn lead(&self, way: &Way<'_>, is_first: bool) -> Option<u32> {
+        let lead = if is_first { self.span.lead_on } else { self.span.lead_off };
+        lead.map(|element| way.of[element])
+    }
+
+    /// The index of a block among all legs; of a lead-off that behind the last.
+    fn leg_index(&self, block: u32) -> usize {
+        let legs = &self.legs[self.span.legs.clone()];
+        self.span.legs.start + legs.partition_point(|&leg| leg < block)
+    }
+
+    /// Whether nothing is left in the path of the leg before a block, or of its own.
+    fn is_between_lost(&self, way: &Way<'_>, block: u32) -> bool {
+        let legs = &self.legs[self.span.legs.clone()];
+        let index = legs.partition_point(|&leg| leg < block);
+        let is_lost = |leg: &u32| way.program.blocks[*leg as usize].element == NONE;
+        index.checked_sub(1).is_some_and(|before| is_lost(&legs[before]))
+            || legs.get(index).is_some_and(is_lost)
+    }
+
+    /// A corner runs around the start of its block.
+    fn corner(&mut self, way: &mut Way<'_>, element: usize, report: &mut Report<'_>) {
+        self.has_corner = true;
+        let block = way.of[element];
+        let kind = way.program.blocks[block as usize].kind;
+        let offset = self.span.offset(way, self.legs, block);
+        let d_mm = if kind == Kind::Leg { offset.d_in } else { offset.d_out };
+        let radius_mm = d_mm.abs();
+        let vertex = way.program.ends(block).0;
+        let leg = way.leg(block);
+        let place_mm = if self.is_between_lost(way, block) {
+            report.profile.accept_tolerance_mm + 2.0 * MERGE_MM
+        } else if self.before.is_some_and(|before| before.is_loose)
+            || is_beside_short(way, self.leg_index(block), self.legs)
+        {
+            1.01 * MERGE_MM
+        } else {
+            PLACE_MM
+        };
+        let piece = way.piece(element);
+        self.stands.push(piece.to);
+        let path_element = &way.path.elements[element];
+        let nearest_mm = (piece.nearest(vertex) - vertex).norm();
+        if let Some(round) = &piece.round {
+            let off = (round.center - vertex).norm();
+            if off <= place_mm {
+                let to_end = (piece.to - vertex).norm();
+                let off = |radius: &f64| (radius - radius_mm).abs();
+                let radii = [round.radius, to_end];
+                if let Some(radius) = radii.into_iter().find(|radius| off(radius) > place_mm) {
+                    report.push(report::beside(path_element, radius_mm, radius));
+                } else if round.sweep * d_mm > 0.0 {
+                    report.push(report::astray(
+                        path_element,
+                        "turns the wrong way around its corner",
+                    ));
+                }
+                return;
+            }
+            // A piece of the next arc, lengthened to where its own functions run.
+            let beside = off_circle(&piece, &leg, d_mm);
+            if kind != Kind::Leg || beside > place_mm {
+                let found = if off <= radius_mm { radius_mm - off.min(beside) } else { off };
+                report.push(report::beside(path_element, radius_mm, found));
+                return;
+            }
+        }
+        if nearest_mm < radius_mm - place_mm {
+            report.push(report::beside(path_element, radius_mm, nearest_mm));
+        }
+    }
+
+    /// Legs that the path leaves out lie beside their neighbours, lengthened.
+    fn left_out(
+        &self,
+        way: &mut Way<'_>,
+        left_out: std::ops::Range<usize>,
+        (before, after): (Option<&Follow>, Option<&Follow>),
+        report: &mut Report<'_>,
+    ) {
+        if left_out.is_empty() {
+            return;
+        }
+        let run_before = before.map(|follow| run(way, follow, self.span, true));
+        let run_after = after.map(|follow| run(way, follow, self.span, false));
+        let d_mm = after.map(|follow| follow.d_in).or(before.map(|follow| follow.d_out));
+        let d_mm = d_mm.unwrap_or(f64::INFINITY);
+        let off = |point: Point| {
+            let of = |run: &Option<(Piece, f64)>| {
+                run.as_ref().map_or(f64::INFINITY, |(run, d_mm)| off_run(run, point, *d_mm))
+            };
+            // Where the tool stands still on it, it touches all of it.
+            let touched = |at: Option<(Point, f64)>| {
+                let off = at.map(|(at, d_mm)| ((point - at).norm() - d_mm.abs()).abs());
+                off.unwrap_or(f64::INFINITY)
+            };
+            let touched = touched(before.map(|follow| (follow.way.to, follow.d_out)))
+                .min(touched(after.map(|follow| (follow.way.from, follow.d_in))));
+            let stands = self.stands.iter().map(|&at| ((point - at).norm() - d_mm.abs()).abs());
+            let touched = stands.fold(touched, f64::min);
+            of(&run_before).min(of(&run_after)).min(touched)
+        };
+        let mut worst = (0.0_f64, left_out.start, Point::zeros());
+        for index in left_out.clone() {
+            let leg = way.leg(self.legs[index]);
+            let length = leg.length();
+            let stands = self.stands.iter().copied();
+            let mut stands = stands
+                .chain(before.map(|follow| follow.way.to))
+                .chain(after.map(|follow| follow.way.from));
+            // Without a neighbour there the tool has to come to the very end.
+            let least = if after.is_none() { length - PLACE_MM } else { -PLACE_MM };
+            let most = if before.is_none() { PLACE_MM } else { length + PLACE_MM };
+            if stands.any(|at| is_touched(&leg, at, d_mm, least..=most)) {
+                // Its joints leave one point of it, and the tool is there.
+                continue;
+            }
+            for quarter in 0..=4 {
+                let point = leg.at(length * f64::from(quarter) / 4.0);
+                let off = off(point);
+                if off > worst.0 {
+                    worst = (off, index, point);
+                }
+            }
+        }
+        let accepted = report.profile.accept_tolerance_mm + MERGE_MM + PLACE_MM;
+        let slack = if worst.0 <= PLACE_MM { 0.0 } else { (worst.0 + MERGE_MM) as f32 };
+        let is_lost = worst.0 > accepted;
+        for index in left_out.clone() {
+            let block = &mut way.program.blocks[self.legs[index] as usize];
+            // What is trimmed away bounds the tool as before.
+            block.is_lost = is_lost && report.profile.interference.react != Reaction::Trim;
+            if !is_lost {
+                block.slack_mm = block.slack_mm.max(slack);
+            }
+        }
+        for follow in [before, after].into_iter().flatten() {
+            let block = &mut way.program.blocks[follow.block as usize];
+            block.slack_mm = block.slack_mm.max(if is_lost { 0.0 } else { slack });
+        }
+        if is_lost {
+            let source = |index: usize| way.program.source(self.legs[index]);
+            let other = if worst.1 == left_out.start { left_out.end - 1 } else { left_out.start };
+            let sources = (source(worst.1), source(other));
+            let mut at = way.program.motion(self.legs[worst.1]).end;
+            let [u, v, _] = way.program.offset(self.legs[worst.1]).plane.axes();
+            (at[u], at[v]) = (worst.2.x, worst.2.y);
+            report.push(report::left_out(sources, (worst.0, left_out.len()), at, report.profile));
+        }
+    }
+}
+
+/// Whether a tool that stands there touches a leg, so far along.
+fn is_touched(leg: &Piece, at: Point, d_mm: f64, along: std::ops::RangeInclusive<f64>) -> bool {
+    let off = match &leg.round {
+        None => cross(leg.tangent(leg.from), at - leg.from) - d_mm,
+        Some(round) => (at - round.center).norm() - (round.radius - d_mm * round.sweep.signum()),
+    };
+    off.abs() <= PLACE_MM && along.contains(&leg.along(at))
+}
+
+/// The line or circle that an element is part of, long enough to be lengthened, and its offset.
+fn run(way: &Way<'_>, follow: &Follow, span: &Span, backwards: bool) -> (Piece, f64) {
+    const LONG_MM: f64 = 1.0;
+    const STEPS_MAX: usize = 64;
+    if follow.leg.round.is_some() {
+        return (follow.leg, 0.0);
+    }
+    let d_mm = if backwards { follow.d_out } else { follow.d_in };
+    if follow.d_in != follow.d_out {
+        return (follow.leg, 0.0);
+    }
+    let mut run = follow.way;
+    let mut element = follow.element;
+    for _ in 0..STEPS_MAX {
+        let next = if backwards { element.wrapping_sub(1) } else { element + 1 };
+        if run.length() >= LONG_MM || !span.elements.contains(&next) {
+            break;
+        }
+        if way.path.elements[next].role != Role::Contour || way.of[next] == NONE {
+            break;
+        }
+        let piece = way.piece(next);
+        let goes_on = if backwards { runs_on(&piece, &run) } else { runs_on(&run, &piece) };
+        if !goes_on || !piece.is_line() {
+            break;
+        }
+        run = if backwards {
+            Piece::line(piece.from, run.to)
+        } else {
+            Piece::line(run.from, piece.to)
+        };
+        element = next;
+    }
+    (run, d_mm)
+}
+
+/// How far a programmed point is from what a run follows, mm.
+fn off_run(run: &Piece, point: Point, d_mm: f64) -> f64 {
+    match &run.round {
+        None => (cross(run.tangent(run.from), point - run.from) + d_mm).abs(),
+        Some(round) => ((point - round.center).norm() - round.radius).abs(),
+    }
+}

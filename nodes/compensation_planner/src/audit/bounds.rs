@@ -1,0 +1,224 @@
+//! What of the legs of a span bounds the tool: its passes without their tails.
+//!
+//! A pass ends where the contour returns to a point that it has already passed. A tail is the
+//! piece from a free end of a pass to the first place where the pass meets itself.
+
+use super::planar::{Piece, Point, chords_apart_squared, cross, crossings, unit};
+use super::strip::{self, Chain, StripTree};
+use std::ops::Range;
+
+/// Places so near each other are one, mm.
+const MEET_MM: f64 = 1.5e-6;
+/// Legs that stay so close to one line are one, mm; a contour does not meet itself within.
+const MERGE_MM: f64 = 1e-4;
+/// Meetings kept for each leg, and for any span.
+const MEETINGS_MAX: (usize, usize) = (4, 10_000);
+
+/// A place on a leg, mm from its start.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+struct Place {
+    leg: usize,
+    along: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Meeting {
+    early: Place,
+    late: Place,
+    is_return: bool,
+}
+
+#[derive(Debug)]
+struct Pass {
+    legs: Range<usize>,
+    begin: Option<Place>,
+    end: Option<Place>,
+}
+
+#[derive(Debug)]
+pub(super) struct Bounds {
+    passes: Vec<Pass>,
+}
+
+impl Bounds {
+    /// Of the legs of a span; `None` when they meet too often to look at.
+    pub(super) fn of(legs: &impl Chain, tree: &StripTree) -> Option<Self> {
+        let mut meetings = meetings(legs, tree)?;
+        meetings.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
+        let mut passes: Vec<Pass> = Vec::new();
+        let mut start = 0;
+        for meeting in meetings.iter().filter(|meeting| meeting.is_return) {
+            if meeting.early.leg >= start && meeting.late.leg >= start {
+                passes.push(Pass { legs: start..meeting.late.leg + 1, begin: None, end: None });
+                start = meeting.late.leg + 1;
+            }
+        }
+        if start < legs.count() {
+            passes.push(Pass { legs: start..legs.count(), begin: None, end: None });
+        }
+        let mut next = 0;
+        for pass in &mut passes {
+            while let Some(meeting) = meetings.get(next).filter(|m| m.late.leg < pass.legs.end) {
+                next += 1;
+                if meeting.early.leg < pass.legs.start {
+                    continue;
+                }
+                if pass.begin.is_none_or(|begin| meeting.early < begin) {
+                    pass.begin = Some(meeting.early);
+                }
+                if pass.end.is_none_or(|end| meeting.late > end) {
+                    pass.end = Some(meeting.late);
+                }
+            }
+        }
+        Some(Self { passes })
+    }
+
+    /// Number of the pass of a leg.
+    pub(super) fn pass(&self, leg: usize) -> usize {
+        if self.passes.len() == 1 {
+            return 0;
+        }
+        self.passes.partition_point(|pass| pass.legs.end <= leg)
+    }
+
+    /// Whether all of a leg is a wall, so that nothing has to be cut off.
+    pub(super) fn is_whole(&self, leg: usize) -> bool {
+        self.passes.get(self.pass(leg)).is_some_and(|pass| {
+            pass.begin.is_none_or(|begin| leg > begin.leg)
+                && pass.end.is_none_or(|end| leg < end.leg)
+        })
+    }
+
+    /// What of a leg is a wall; `None` when all of it is a tail.
+    pub(super) fn wall(&self, leg: usize, piece: &Piece) -> Option<Piece> {
+        let pass = self.passes.get(self.pass(leg))?;
+        let (mut from, mut to) = (0.0, piece.length());
+        if let Some(end) = pass.end {
+            if leg > end.leg {
+                return None;
+            }
+            if leg == end.leg {
+                to = end.along;
+            }
+        }
+        if let Some(begin) = pass.begin {
+            if leg < begin.leg {
+                return None;
+            }
+            if leg == begin.leg {
+                from = begin.along;
+            }
+        }
+        if from <= 0.0 && to >= piece.length() {
+            return Some(*piece);
+        }
+        (from < to).then(|| piece.part(from, to))
+    }
+
+    /// First and last leg of the walls of the pass that a leg belongs to.
+    pub(super) fn ends(&self, leg: usize) -> Option<(usize, usize)> {
+        let pass = self.passes.get(self.pass(leg))?;
+        let first = pass.begin.map_or(pass.legs.start, |begin| begin.leg);
+        let last = pass.end.map_or(pass.legs.end.saturating_sub(1), |end| end.leg);
+        Some((first, last))
+    }
+}
+
+fn meetings(legs: &impl Chain, tree: &StripTree) -> Option<Vec<Meeting>> {
+    let mut found: Vec<Meeting> = Vec::new();
+    for leg in 0..legs.count() {
+        if (legs.end(leg) - legs.begin(leg)).norm_squared() > MEET_MM * MEET_MM {
+            continue;
+        }
+        let piece = legs.piece(leg);
+        if piece.length() > MERGE_MM {
+            let late = Place { leg, along: piece.length() };
+            found.push(Meeting { early: Place { leg, along: 0.0 }, late, is_return: true });
+        }
+    }
+    let most = MEETINGS_MAX.0 * legs.count() + MEETINGS_MAX.1;
+    let is_complete = strip::near((legs, tree), (legs, tree), MEET_MM, |early, late| {
+        if early.start > late.start {
+            return true;
+        }
+        for late in late {
+            for early in early.start..early.end.min(late) {
+                meet(legs, early, late, &mut found);
+            }
+        }
+        found.len() < most
+    });
+    is_complete.then_some(found)
+}
+
+/// Whether one line runs on in the next, so that its end is no end of a wall.
+fn runs_on(legs: &impl Chain, leg: usize) -> bool {
+    if leg + 1 >= legs.count() {
+        return false;
+    }
+    let (a, b) = (legs.piece(leg), legs.piece(leg + 1));
+    if !(a.is_line() && b.is_line()) {
+        return false;
+    }
+    let (da, db) = (a.to - a.from, b.to - b.from);
+    let longer = da.norm().max(db.norm());
+    da.dot(&db) > 0.0 && cross(unit(da), unit(db)).abs() * da.norm().min(db.norm()) <= MERGE_MM
+        || longer <= MERGE_MM
+}
+
+fn meet(legs: &impl Chain, early: usize, late: usize, found: &mut Vec<Meeting>) {
+    let chord = |leg: usize| (legs.begin(leg), legs.end(leg));
+    let ((a0, a1), (b0, b1)) = (chord(early), chord(late));
+    let is_joined = early + 1 == late;
+    let (a, b) = (legs.piece(early), legs.piece(late));
+    if a.is_line() && b.is_line() {
+        // Boxes first; neighbours meet elsewhere only if one comes back on the other.
+        let apart = |a0: f64, a1: f64, b0: f64, b1: f64| {
+            a0.max(a1) + MEET_MM < b0.min(b1) || b0.max(b1) + MEET_MM < a0.min(a1)
+        };
+        if apart(a0.x, a1.x, b0.x, b1.x) || apart(a0.y, a1.y, b0.y, b1.y) {
+            return;
+        }
+        if is_joined {
+            let (back, ahead) = (a0 - a1, b1 - a1);
+            let shorter = back.norm().min(ahead.norm());
+            if back.dot(&ahead) <= 0.0 || cross(unit(back), unit(ahead)).abs() * shorter > MEET_MM {
+                return;
+            }
+        }
+    }
+    let reach = MEET_MM + a.bulge() + b.bulge();
+    if chords_apart_squared((a0, a1), (b0, b1)) > reach * reach {
+        return;
+    }
+    let mut add = |point: Point, is_end_of_late: bool| {
+        let near = |piece: &Piece| (piece.nearest(point) - point).norm() <= MEET_MM;
+        if (is_joined && (point - a1).norm() <= 2.0 * MEET_MM) || !near(&a) || !near(&b) {
+            return;
+        }
+        let place = |leg: usize, piece: &Piece| Place {
+            leg,
+            along: piece.along(point).clamp(0.0, piece.length()),
+        };
+        let (from, mut to) = (place(early, &a), place(late, &b));
+        if is_end_of_late {
+            to.along = b.length();
+        }
+        if late - early <= 64 {
+            let between: f64 = (early + 1..late).map(|leg| legs.piece(leg).length()).sum();
+            if a.length() - from.along + between + to.along <= 2.0 * MERGE_MM {
+                return;
+            }
+        }
+        let is_return = is_end_of_late && !runs_on(legs, late);
+        found.push(Meeting { early: from, late: to, is_return });
+    };
+    add(b1, true);
+    add(b0, false);
+    add(a0, false);
+    add(a1, false);
+    for point in crossings(&a, &b).into_iter().flatten() {
+        add(point, false);
+    }
+}

@@ -1,0 +1,122 @@
+//! Whether everything that is not motion happens once, in order, between the right blocks.
+
+use super::program::NONE;
+use super::report::{self, Report};
+use super::way::Way;
+use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind};
+use cnc_msgs::path::{PathEvent, Role};
+use cnc_msgs::tool_table::ToolTable;
+
+pub(super) fn check(way: &Way<'_>, tools: &ToolTable, report: &mut Report<'_>) {
+    let stops = exact_stops(way.program.contour.events.iter());
+    let mut happened = way.path.events.iter().filter(|event| event.action != Action::ExactStop);
+    let mut last = 0;
+    // The first block behind the action, and the first element that is not before it.
+    let (mut block, mut element) = (0, 0);
+    for (index, event) in way.program.contour.events.iter().enumerate() {
+        let ContourEventKind::Action(action) = event.kind else { continue };
+        if action == Action::ExactStop {
+            continue;
+        }
+        let Some(found) = happened.next() else {
+            report.push(report::lost(event.source, &action));
+            return;
+        };
+        if found.source != event.source || !is_same(&action, &found.action, tools) {
+            // From here on everything would be shifted by one.
+            report.push(report::other_event(event.source, &action, found));
+            return;
+        }
+        while way.program.blocks.get(block).is_some_and(|b| (b.event as usize) < index) {
+            block += 1;
+        }
+        // Elements of earlier blocks are before it.
+        while element < way.of.len()
+            && (way.of[element] == NONE || (way.of[element] as usize) < block)
+        {
+            element += 1;
+        }
+        // Generated elements belong to the next block, but may come before what stands before it.
+        let generated = way.path.elements[element..]
+            .iter()
+            .take_while(|element| matches!(element.role, Role::Corner | Role::Link));
+        let latest = element + generated.count();
+        if found.at_element < element.max(last) || found.at_element > latest {
+            report.push(report::misplaced(found, element));
+        }
+        last = found.at_element;
+    }
+    if let Some(extra) = happened.next() {
+        report.push(report::extra(extra));
+    }
+    check_stops(way, &stops, report);
+}
+
+fn is_same(programmed: &Action, found: &Action, tools: &ToolTable) -> bool {
+    match (programmed, found) {
+        // The planner fills in the length.
+        (
+            Action::ToolLength { offset: Some(a), .. },
+            Action::ToolLength { offset: Some(b), length_mm },
+        ) => {
+            let expected = tools.tools.get(a).map_or(0.0, |tool| tool.length_mm);
+            a == b && (expected - length_mm).abs() <= 1e-9
+        }
+        _ => same_numbers(programmed, found),
+    }
+}
+
+/// Lengths that have been in metres and back may differ by their rounding.
+fn same_numbers(a: &Action, b: &Action) -> bool {
+    match (a, b) {
+        (
+            Action::MachineMove { target: p, axes, rapid, feed_mm_per_min: f },
+            Action::MachineMove { target: q, axes: other, rapid: as_rapid, feed_mm_per_min: g },
+        ) => {
+            let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(1.0);
+            (axes, rapid) == (other, as_rapid)
+                && near(*f, *g)
+                && p.iter().zip(q).all(|(a, b)| near(*a, *b))
+        }
+        _ => a == b,
+    }
+}
+
+/// Lines whose elements all end in an exact stop, in order.
+fn exact_stops<'a>(events: impl Iterator<Item = &'a ContourEvent>) -> Vec<u32> {
+    let stops = events.filter(|event| event.kind == ContourEventKind::Action(Action::ExactStop));
+    let mut lines: Vec<u32> = stops.map(|event| event.source.line).collect();
+    lines.sort_unstable();
+    lines.dedup();
+    lines
+}
+
+fn check_stops(way: &Way<'_>, stops: &[u32], report: &mut Report<'_>) {
+    let mut found = way
+        .path
+        .events
+        .iter()
+        .filter(|event: &&PathEvent| event.action == Action::ExactStop)
+        .peekable();
+    if stops.is_empty() {
+        if let Some(extra) = found.next() {
+            report.push(report::extra(extra));
+        }
+        return;
+    }
+    for (index, element) in way.path.elements.iter().enumerate() {
+        if stops.binary_search(&element.source.line).is_err() {
+            continue;
+        }
+        let is_there = found.next_if(|event| {
+            event.at_element == index + 1 && event.source.line == element.source.line
+        });
+        if is_there.is_none() {
+            report.push(report::lost(element.source, &Action::ExactStop));
+            return;
+        }
+    }
+    if let Some(extra) = found.next() {
+        report.push(report::extra(extra));
+    }
+}

@@ -1,0 +1,296 @@
+//! One element beside its own leg: its distance, its direction, where it begins and ends, and
+//! the joint with the one before it.
+
+use super::planar::{Piece, Point, cross};
+use super::report::{self, Report};
+use super::way::Way;
+
+/// How far an element may be off its place, mm: the longest that is not put out, some times.
+pub(super) const PLACE_MM: f64 = 5e-6;
+/// Legs that stay so close to one line or arc may be one, mm.
+pub(super) const MERGE_MM: f64 = 1e-4;
+/// Shorter elements say nothing of a direction, mm.
+const SHORT_MM: f64 = 1e-3;
+/// Turns below this may be none, rad.
+const STRAIGHT_RAD: f64 = 1.1e-3;
+
+/// An element of role contour and the leg that it follows.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Follow {
+    pub element: usize,
+    pub block: u32,
+    /// Among all legs.
+    pub leg_index: usize,
+    pub way: Piece,
+    pub leg: Piece,
+    pub d_in: f64,
+    pub d_out: f64,
+    /// It may begin before its leg, or behind its end: at an outside corner.
+    pub is_open: bool,
+    /// It is merged with a neighbour, or legs beside it are left out.
+    pub is_loose: bool,
+}
+
+/// Whether two elements are one line or circle.
+pub(super) fn runs_on(a: &Piece, b: &Piece) -> bool {
+    match (&a.round, &b.round) {
+        (None, None) => {
+            let (ta, tb) = (a.tangent(a.to), b.tangent(b.from));
+            let shorter = a.length().min(b.length());
+            ta.dot(&tb) > 0.0 && cross(ta, tb).abs() * shorter <= PLACE_MM
+        }
+        (Some(one), Some(other)) => {
+            (one.center - other.center).norm() <= PLACE_MM
+                && (one.radius - other.radius).abs() <= PLACE_MM
+                && one.sweep * other.sweep > 0.0
+        }
+        _ => false,
+    }
+}
+
+/// How far the circle of an element is from that of its leg, mm.
+pub(super) fn off_circle(way: &Piece, leg: &Piece, d_mm: f64) -> f64 {
+    match (&way.round, &leg.round) {
+        (Some(way), Some(leg)) if way.sweep * leg.sweep > 0.0 => {
+            let radius = leg.radius - d_mm * leg.sweep.signum();
+            (way.center - leg.center).norm() + (way.radius - radius).abs()
+        }
+        _ => f64::INFINITY,
+    }
+}
+
+/// One element beside its leg, when it is known what comes next.
+pub(super) fn one(
+    way: &mut Way<'_>,
+    follow: &Follow,
+    legs: &[u32],
+    opens: bool,
+    report: &mut Report<'_>,
+) {
+    let Follow { way: piece, leg, d_in, d_out, .. } = follow;
+    let element = &way.path.elements[follow.element];
+    let is_short = leg.length() <= 1.01 * MERGE_MM;
+    let coarse = report.profile.accept_tolerance_mm.max(MERGE_MM) + PLACE_MM;
+    let mut place_mm = if follow.is_loose || is_short { coarse } else { PLACE_MM };
+    if let Some(round) = &piece.round {
+        let radii = (round.radius, (piece.to - round.center).norm());
+        let is_merged = follow.is_loose || is_beside_short(way, follow.leg_index, legs);
+        let even_mm = if is_merged { coarse } else { 2.0 * PLACE_MM };
+        if (radii.0 - radii.1).abs() > even_mm.max(1e-6 * radii.0) {
+            report.push(report::uneven(element, radii));
+            return;
+        }
+    }
+    let (off, found) = match (&piece.round, &leg.round) {
+        _ if d_in != d_out => {
+            let off = |point: Point| cross(leg.tangent(leg.from), point - leg.from);
+            let offs = (off(piece.from) - d_in, off(piece.to) - d_out);
+            let worst = if offs.0.abs() > offs.1.abs() { offs.0 } else { offs.1 };
+            (worst.abs(), d_in.abs() + worst * d_in.signum())
+        }
+        (None, None) => off_line(piece, leg, *d_in),
+        (Some(way), Some(of_leg)) => {
+            let found = (way.radius - of_leg.radius).abs();
+            let off = off_circle(piece, leg, *d_in);
+            let is_off_centre = off - (found - d_in.abs()).abs() > PLACE_MM;
+            (off, if is_off_centre { d_in.abs() - off } else { found })
+        }
+        _ => (f64::INFINITY, f64::NAN),
+    };
+    if is_short && off > place_mm {
+        // It lies on what its neighbour follows.
+        let beside = |point: Point| match &piece.round {
+            None => (cross(piece.tangent(piece.from), point - piece.from) + d_in).abs(),
+            Some(round) => {
+                let distance = (point - round.center).norm();
+                ((distance - round.radius).abs() - d_in.abs()).abs()
+            }
+        };
+        if beside(leg.from).max(beside(leg.to)) <= place_mm {
+            return;
+        }
+    }
+    if off.is_infinite() {
+        report.push(report::astray(element, "is a line beside an arc, or turns the other way"));
+        return;
+    }
+    if off > place_mm && is_beside_short(way, follow.leg_index, legs) {
+        // What is so short is merged with it.
+        place_mm = place_mm.max(1.01 * MERGE_MM);
+    }
+    if off > place_mm {
+        report.push(report::beside(element, d_in.abs(), found));
+        return;
+    }
+    if follow.is_loose {
+        let block = &mut way.program.blocks[follow.block as usize];
+        block.slack_mm =
+            block.slack_mm.max((slack(piece, leg, *d_in) + PLACE_MM).min(coarse) as f32);
+    }
+    if d_in == d_out
+        && let Some(what) = extent(follow, opens, place_mm)
+    {
+        report.push(report::astray(element, what));
+    }
+}
+
+/// Whether a leg or one beside it is so short that it is merged.
+pub(super) fn is_beside_short(way: &Way<'_>, index: usize, legs: &[u32]) -> bool {
+    let beside = legs.iter().skip(index.saturating_sub(1)).take(3);
+    beside.into_iter().any(|&leg| way.leg(leg).length() <= 1.01 * MERGE_MM)
+}
+
+/// How far a line is off, and how far from its leg it runs.
+fn off_line(piece: &Piece, leg: &Piece, d_mm: f64) -> (f64, f64) {
+    let signed =
+        |carrier: &Piece, point: Point| cross(carrier.tangent(carrier.from), point - carrier.from);
+    let (a, b) = (signed(leg, piece.from) - d_mm, signed(leg, piece.to) - d_mm);
+    let (c, d) = (signed(piece, leg.from) + d_mm, signed(piece, leg.to) + d_mm);
+    let worst = if a.abs() > b.abs() { a } else { b };
+    let off = worst.abs().min(c.abs().max(d.abs()));
+    (off, d_mm.abs() + worst * d_mm.signum())
+}
+
+/// How much nearer to the leg the element may be than its radius, mm.
+fn slack(piece: &Piece, leg: &Piece, d_mm: f64) -> f64 {
+    match (&piece.round, &leg.round) {
+        (None, None) => {
+            let of =
+                |point: Point| (cross(piece.tangent(piece.from), point - piece.from) + d_mm).abs();
+            of(leg.from).max(of(leg.to))
+        }
+        _ => off_circle(piece, leg, d_mm).min(f64::MAX),
+    }
+}
+
+/// What is wrong with where an element begins and ends along its leg.
+fn extent(follow: &Follow, opens: bool, place_mm: f64) -> Option<&'static str> {
+    let Follow { way: piece, leg, .. } = follow;
+    let length = leg.length();
+    let long_enough = length > 10.0 * place_mm && piece.length() > SHORT_MM;
+    match (&piece.round, &leg.round) {
+        (None, None) => {
+            // Of a merged line its own direction counts, not that of a short leg.
+            let tangent = piece.tangent(piece.from);
+            let begin = (piece.from - leg.from).dot(&tangent);
+            let end = length + (piece.to - leg.to).dot(&tangent);
+            let ahead = tangent.dot(&leg.tangent(leg.from));
+            if long_enough && ahead <= 0.0 {
+                return Some("runs backwards");
+            }
+            if (!follow.is_open && begin < -place_mm) || begin > length + place_mm {
+                return Some("begins where the block is not");
+            }
+            if (!opens && end > length + place_mm) || end < -place_mm {
+                return Some("ends where the block is not");
+            }
+        }
+        (Some(way), Some(of_leg)) => {
+            let (begin, end) = (leg.along(piece.from), leg.along(piece.to));
+            let swept = way.sweep.abs() * of_leg.radius;
+            let full = std::f64::consts::TAU * of_leg.radius;
+            let more = if follow.is_open || opens { full } else { 0.0 };
+            if swept > length + more + place_mm {
+                return Some("turns too far");
+            }
+            if !follow.is_open && !opens && long_enough && length < full - place_mm {
+                let inside =
+                    |along: f64| along >= -2.0 * place_mm && along <= length + 2.0 * place_mm;
+                // Beside a very short circle its own places are coarse.
+                let scale = (of_leg.radius / way.radius.max(1e-9)).max(1.0);
+                if !inside(begin)
+                    || !inside(end)
+                    || (end - begin - swept).abs() > 4.0 * scale * place_mm
+                {
+                    return Some("runs where the block is not");
+                }
+            }
+        }
+        _ => {}
+    }
+    None
+}
+
+/// Whether an element is an arc that its ends make no shorter than its leg.
+fn is_lengthened(follow: &Follow) -> bool {
+    let round = follow.way.round.zip(follow.leg.round);
+    round.is_some_and(|(way, leg)| way.sweep.abs() >= leg.sweep.abs())
+}
+
+/// The contour begins beside the start of its first leg, and ends beside the end of its last.
+pub(super) fn reaches(
+    way: &Way<'_>,
+    follow: &Follow,
+    lead: Option<u32>,
+    is_first: bool,
+    report: &mut Report<'_>,
+) {
+    let Follow { way: piece, leg, .. } = follow;
+    let place_mm = MERGE_MM.max(report.profile.accept_tolerance_mm) + PLACE_MM;
+    if leg.length() <= place_mm || is_lengthened(follow) || piece.is_line() != leg.is_line() {
+        return;
+    }
+    let (end, due) = if is_first { (piece.from, leg.from) } else { (piece.to, leg.to) };
+    let behind = match &leg.round {
+        None => (end - due).dot(&piece.tangent(end)),
+        Some(round) => {
+            let (a, b) = (due - round.center, end - round.center);
+            cross(a, b).atan2(a.dot(&b)) * round.sweep.signum() * round.radius
+        }
+    };
+    let missing = if is_first { behind } else { -behind };
+    if missing <= place_mm {
+        return;
+    }
+    // Where it is joined with the offset of the lead it begins or ends in between.
+    let d_mm = if is_first { follow.d_in } else { follow.d_out };
+    let meets_lead = lead.is_some_and(|lead| {
+        let lead = way.leg(lead);
+        let off = cross(lead.tangent(lead.from), end - lead.from);
+        lead.is_line() && lead.length() > 0.0 && (off - d_mm).abs() <= place_mm
+    });
+    if !meets_lead {
+        let element = &way.path.elements[follow.element];
+        let what = if is_first { "begins behind its start" } else { "ends before its end" };
+        report.push(report::astray(element, what));
+    }
+}
+
+/// Where two elements meet without a corner: turning to the tool they meet within both legs;
+/// turning away from it, beyond both.
+pub(super) fn joint(way: &Way<'_>, a: &Follow, b: &Follow, report: &mut Report<'_>) -> bool {
+    if a.d_in != a.d_out || b.d_in != b.d_out || b.d_in == 0.0 {
+        return true;
+    }
+    let (before, after) = (a.way.tangent(a.way.to), b.way.tangent(b.way.from));
+    let sine = cross(before, after) * b.d_in.signum();
+    let shorter = a.way.length().min(b.way.length());
+    if shorter <= SHORT_MM {
+        return true;
+    }
+    let straight = STRAIGHT_RAD.max(4e-6 / shorter);
+    if sine.abs() <= straight {
+        return sine < 0.0 || before.dot(&after) < 0.0;
+    }
+    if sine > 0.0 {
+        return false;
+    }
+    let place_mm = if a.is_loose || b.is_loose {
+        report.profile.accept_tolerance_mm + MERGE_MM
+    } else {
+        PLACE_MM
+    };
+    let from_corner = (b.way.from - b.leg.from).norm().max((b.way.from - a.leg.to).norm());
+    if from_corner < b.d_in.abs() - place_mm {
+        let element = &way.path.elements[b.element];
+        report.push(report::beside(element, b.d_in.abs(), from_corner));
+        return true;
+    }
+    let turn = cross(a.leg.tangent(a.leg.to), b.leg.tangent(b.leg.from)) * b.d_in.signum();
+    if a.leg_index + 1 == b.leg_index && !a.is_loose && !b.is_loose && turn > STRAIGHT_RAD {
+        // At an inside corner there is nothing to go around.
+        let element = &way.path.elements[b.element];
+        report.push(report::astray(element, "meets the block before it on the wrong side"));
+    }
+    true
+}

@@ -1,0 +1,370 @@
+//! What each motion of a contour is to compensation, read from its events alone.
+//!
+//! A second, smaller reading than the planner's: it tells leads, legs and free moves apart
+//! and knows the offset of each leg. It judges nothing; `align` compares it with a path.
+
+use super::planar::{Point, flat};
+use crate::radius;
+use cnc_msgs::contour::{
+    Action, ContourEventKind, CutterSide, Motion, MotionClass, ProgrammedContour, RadiusSource,
+    Source,
+};
+use cnc_msgs::diagnostic::Severity;
+use cnc_msgs::geometry::{Plane, Position, Shape};
+use cnc_msgs::profile::{ChangeAt, Profile, RapidMode, Reselect, SelectTarget, SideChange};
+use cnc_msgs::tool_table::ToolTable;
+
+/// No index.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Moves shorter than this are none, mm.
+const STILL_MM: f64 = 1e-9;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Not compensated.
+    Free,
+    LeadOn,
+    /// It moves in the plane between lead-on and lead-off.
+    Leg,
+    /// It moves out of the plane there.
+    OffPlane,
+    LeadOff,
+    /// It ends one contour and begins another.
+    Link,
+    /// It moves nothing between lead-on and lead-off.
+    Still,
+}
+
+/// One motion of the contour.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Block {
+    /// Its event, and that of the motion before it.
+    pub event: u32,
+    pub before: u32,
+    /// The element that is its own, and where elements that belong to it begin.
+    pub element: u32,
+    /// Index of its offset.
+    pub offset: u32,
+    pub kind: Kind,
+    /// Another contour begins with it, though no move leads there.
+    pub begins: bool,
+    /// How far the path may be off beside it, mm: what merging and acceptance took.
+    pub slack_mm: f32,
+    /// Nothing is left of it in the path, and that has been said.
+    pub is_lost: bool,
+}
+
+/// Offsets at both ends of legs, mm, positive to the left.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Offset {
+    pub d_in: f64,
+    pub d_out: f64,
+    /// Tip directions before and in the leg.
+    pub tip_in: u8,
+    pub tip: u8,
+    pub plane: Plane,
+    /// The radius is below 0: a difference to another tool.
+    pub is_negative: bool,
+    /// The lead-on meets the first leg as a corner, so that it may begin anywhere.
+    pub is_joined: bool,
+}
+
+#[derive(Debug)]
+pub(super) struct Program<'a> {
+    pub contour: &'a ProgrammedContour,
+    pub blocks: Vec<Block>,
+    pub offsets: Vec<Offset>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum State {
+    Off,
+    Selected {
+        side: CutterSide,
+        is_along: bool,
+    },
+    Active {
+        side: CutterSide,
+        cancels: bool,
+        relinks: Option<CutterSide>,
+        changes: Option<CutterSide>,
+    },
+}
+
+impl Program<'_> {
+    pub(super) fn motion(&self, block: u32) -> &Motion {
+        let event = self.blocks[block as usize].event as usize;
+        match &self.contour.events[event].kind {
+            ContourEventKind::Motion(motion) => motion,
+            _ => unreachable!("blocks are motions"),
+        }
+    }
+
+    pub(super) fn source(&self, block: u32) -> Source {
+        self.contour.events[self.blocks[block as usize].event as usize].source
+    }
+
+    /// Where the program is before a block.
+    pub(super) fn start(&self, block: u32) -> Position {
+        let before = self.blocks[block as usize].before;
+        match self.contour.events.get(before as usize).map(|event| &event.kind) {
+            Some(ContourEventKind::Motion(motion)) => motion.end,
+            _ => self.contour.start,
+        }
+    }
+
+    pub(super) fn offset(&self, block: u32) -> &Offset {
+        &self.offsets[self.blocks[block as usize].offset as usize]
+    }
+
+    /// Where a block starts and ends in its plane.
+    pub(super) fn ends(&self, block: u32) -> (Point, Point) {
+        let plane = self.offset(block).plane;
+        (flat(plane, self.start(block)), flat(plane, self.motion(block).end))
+    }
+}
+
+/// Reads the events once.
+struct Reader<'a> {
+    profile: &'a Profile,
+    tools: &'a ToolTable,
+    state: State,
+    plane: Plane,
+    word: Option<RadiusSource>,
+    value_mm: Option<f64>,
+    spindle_tool: Option<u32>,
+    /// A new radius waits for the next leg, or for so many legs more.
+    radius_changes: bool,
+    value_waits: Option<u32>,
+    offset: Offset,
+    legs: usize,
+}
+
+pub(super) fn read<'a>(
+    contour: &'a ProgrammedContour,
+    profile: &Profile,
+    tools: &ToolTable,
+) -> Program<'a> {
+    let none = Offset {
+        d_in: 0.0,
+        d_out: 0.0,
+        tip_in: 0,
+        tip: 0,
+        plane: Plane::default(),
+        is_negative: false,
+        is_joined: false,
+    };
+    let mut reader = Reader {
+        profile,
+        tools,
+        state: State::Off,
+        plane: Plane::default(),
+        word: None,
+        value_mm: None,
+        spindle_tool: None,
+        radius_changes: false,
+        value_waits: None,
+        offset: none,
+        legs: 0,
+    };
+    let mut program =
+        Program { contour, blocks: Vec::with_capacity(contour.events.len()), offsets: vec![none] };
+    let mut before = NONE;
+    let mut at = contour.start;
+    for (index, event) in contour.events.iter().enumerate() {
+        let ContourEventKind::Motion(motion) = &event.kind else {
+            reader.word(&event.kind);
+            continue;
+        };
+        let (kind, begins) = reader.motion(at, motion, event.source);
+        reader.offset.plane = reader.plane;
+        if program.offsets.last() != Some(&reader.offset) {
+            program.offsets.push(reader.offset);
+        }
+        program.blocks.push(Block {
+            event: index as u32,
+            before,
+            element: NONE,
+            offset: program.offsets.len() as u32 - 1,
+            kind,
+            begins,
+            slack_mm: 0.0,
+            is_lost: false,
+        });
+        before = index as u32;
+        at = motion.end;
+        reader.offset.d_in = reader.offset.d_out;
+        reader.offset.tip_in = reader.offset.tip;
+    }
+    program
+}
+
+impl Reader<'_> {
+    fn word(&mut self, kind: &ContourEventKind) {
+        let is_active = matches!(self.state, State::Active { .. });
+        match *kind {
+            ContourEventKind::Plane(plane) if self.state == State::Off => self.plane = plane,
+            ContourEventKind::Radius(word) => {
+                (self.word, self.value_mm) = (Some(word), None);
+                self.radius_changes |= is_active;
+            }
+            ContourEventKind::RadiusValue { radius_mm } => {
+                self.value_mm = Some(radius_mm);
+                if is_active {
+                    self.value_waits = Some(self.profile.radius.value_latency_blocks);
+                }
+            }
+            ContourEventKind::Action(Action::ChangeTool { tool }) => self.spindle_tool = Some(tool),
+            ContourEventKind::Action(Action::Home { .. }) if is_active => self.state = State::Off,
+            ContourEventKind::Select { side, approach, along } => {
+                self.select(side, approach.is_some(), along.is_some());
+            }
+            ContourEventKind::Cancel { .. } => match &mut self.state {
+                State::Active { cancels, relinks, .. } => (*cancels, *relinks) = (true, None),
+                state => *state = State::Off,
+            },
+            _ => {}
+        }
+    }
+
+    fn select(&mut self, new: CutterSide, has_approach: bool, is_along: bool) {
+        let State::Active { side, cancels, relinks, changes } = &mut self.state else {
+            self.state = State::Selected { side: new, is_along };
+            return;
+        };
+        let is_repeat = *side == new && !*cancels;
+        let rules = self.profile;
+        let is_refused = if is_repeat {
+            rules.reselect.rule == Reselect::Forbidden
+                && rules.reselect.severity() == Severity::Error
+        } else {
+            let change = &rules.side_change;
+            change.rule == SideChange::Forbidden && change.strictness.severity() == Severity::Error
+        };
+        if is_refused {
+            return;
+        }
+        let at_intersection = !is_repeat
+            && !*cancels
+            && !has_approach
+            && rules.side_change.rule == SideChange::Intersection;
+        if is_repeat {
+            *changes = None;
+        }
+        if at_intersection {
+            *changes = Some(new);
+        } else if !is_repeat || has_approach {
+            *cancels = false;
+            *relinks = Some(new);
+        }
+    }
+
+    /// What a motion is, and whether a contour begins with it without a move.
+    fn motion(&mut self, start: Position, motion: &Motion, source: Source) -> (Kind, bool) {
+        let [u, v, w] = self.plane.axes();
+        let moved = (motion.end[u] - start[u]).abs().max((motion.end[v] - start[v]).abs());
+        let turns =
+            matches!(motion.shape, Shape::Arc(arc) if arc.turns > 0 && arc.plane == self.plane);
+        let shifts = moved > STILL_MM || turns;
+        let names = motion.axes.contains(u) || motion.axes.contains(v);
+        let rises = motion.end[w] != start[w];
+        match self.state {
+            State::Off => (Kind::Free, false),
+            State::Selected { side, is_along } => {
+                if !shifts && !names {
+                    return (Kind::Free, false);
+                }
+                self.open(side, source);
+                self.offset.is_joined =
+                    is_along || self.profile.select.target == SelectTarget::NormalEntry;
+                (Kind::LeadOn, false)
+            }
+            State::Active { side, cancels, relinks, changes } => {
+                if (cancels || relinks.is_some()) && (shifts || (names && !rises)) {
+                    let Some(new) = relinks.filter(|_| !cancels) else {
+                        self.state = State::Off;
+                        return (Kind::LeadOff, false);
+                    };
+                    self.open(new, source);
+                    self.offset.is_joined = false;
+                    return (Kind::Link, false);
+                }
+                if moved <= 0.0 && !turns {
+                    return (if rises { Kind::OffPlane } else { Kind::Still }, false);
+                }
+                if motion.class != MotionClass::Feed && self.profile.rapid.rule == RapidMode::Raw {
+                    self.state = State::Selected { side, is_along: false };
+                    return (Kind::LeadOff, false);
+                }
+                if let Some(new) = changes {
+                    self.change_side(new, source);
+                }
+                let is_line = matches!(motion.shape, Shape::Line);
+                let is_perpendicular = self.profile.radius.change_at == ChangeAt::Perpendicular;
+                if self.radius_changes && is_perpendicular && is_line && self.legs > 0 {
+                    self.open(side, source);
+                    self.offset.is_joined = true;
+                    return (Kind::Link, false);
+                }
+                self.leg(is_line, source);
+                (Kind::Leg, changes.is_some())
+            }
+        }
+    }
+
+    fn open(&mut self, side: CutterSide, source: Source) {
+        let d_mm = self.signed(side, source);
+        let tip = radius::tip(self.word, self.spindle_tool, self.tools);
+        self.offset = Offset {
+            d_in: d_mm,
+            d_out: d_mm,
+            tip_in: tip,
+            tip,
+            is_negative: (d_mm < 0.0) != (side == CutterSide::Right),
+            ..self.offset
+        };
+        self.state = State::Active { side, cancels: false, relinks: None, changes: None };
+        (self.radius_changes, self.value_waits, self.legs) = (false, None, 0);
+    }
+
+    /// Straight from one side to the other: the next leg begins another contour.
+    fn change_side(&mut self, new: CutterSide, source: Source) {
+        self.open(new, source);
+        self.offset.is_joined = true;
+    }
+
+    fn leg(&mut self, is_line: bool, source: Source) {
+        self.value_waits = match self.value_waits {
+            Some(0) => {
+                self.radius_changes = true;
+                None
+            }
+            waits => waits.map(|blocks| blocks - 1),
+        };
+        self.legs += 1;
+        self.offset.tip = radius::tip(self.word, self.spindle_tool, self.tools);
+        if self.radius_changes && is_line {
+            self.radius_changes = false;
+            if let State::Active { side, .. } = self.state {
+                let d_mm = self.signed(side, source);
+                // Closer radii are the same.
+                if (d_mm - self.offset.d_out).abs() >= 1e-9 {
+                    self.offset.d_out = d_mm;
+                }
+            }
+        } else if self.radius_changes {
+            let now = match self.state {
+                State::Active { side, .. } => self.signed(side, source),
+                _ => self.offset.d_out,
+            };
+            self.radius_changes = (now - self.offset.d_out).abs() >= 1e-9;
+        }
+    }
+
+    fn signed(&self, side: CutterSide, at: Source) -> f64 {
+        let word = radius::resolve(self.word, self.spindle_tool, self.profile, self.tools, at).0;
+        let radius_mm = self.value_mm.unwrap_or(word);
+        if side == CutterSide::Left { radius_mm } else { -radius_mm }
+    }
+}

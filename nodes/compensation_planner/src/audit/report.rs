@@ -1,0 +1,283 @@
+//! What the audit says, in words and numbers, and how strictly the profile takes it.
+
+use cnc_msgs::contour::{Action, Motion, Source};
+use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
+use cnc_msgs::path::{PathElement, PathEvent};
+use cnc_msgs::profile::{Profile, Reaction};
+
+/// More findings help nobody.
+const FINDINGS_MAX: usize = 100;
+
+#[derive(Debug)]
+pub(super) struct Report<'a> {
+    pub profile: &'a Profile,
+    pub findings: Vec<Diagnostic>,
+    /// Whether findings were left out.
+    is_cut_off: bool,
+}
+
+impl<'a> Report<'a> {
+    pub(super) fn new(profile: &'a Profile) -> Self {
+        Self { profile, findings: Vec::new(), is_cut_off: false }
+    }
+
+    pub(super) fn push(&mut self, finding: Diagnostic) {
+        if self.findings.len() < FINDINGS_MAX {
+            self.findings.push(finding);
+        } else if finding.is_error() && !self.is_cut_off {
+            self.is_cut_off = true;
+            let message = format!(
+                "from here on there is more wrong with the path; {FINDINGS_MAX} places are listed"
+            );
+            self.findings.push(Diagnostic::error(Code::Limit, finding.source, message));
+        }
+    }
+
+    pub(super) fn is_full(&self) -> bool {
+        self.is_cut_off
+    }
+}
+
+const HELP: &str = "do not run this path; plan the program again";
+
+pub(super) fn block_name(source: Source) -> String {
+    match source.block {
+        Some(block) => format!("block N{block}"),
+        None => format!("line {}", source.line),
+    }
+}
+
+fn mismatch(source: Source, message: String) -> Diagnostic {
+    Diagnostic::error(Code::PathMismatch, source, message).help(HELP)
+}
+
+pub(super) fn stray(element: &PathElement, index: usize) -> Diagnostic {
+    let message = format!(
+        "element {index} of the path is a {} of {}, and the program has none here",
+        element.role.name(),
+        block_name(element.source)
+    );
+    mismatch(element.source, message)
+}
+
+pub(super) fn not_as_programmed(element: &PathElement, motion: &Motion) -> Diagnostic {
+    let message = format!(
+        "the path goes to {} in {}, which is programmed to {}",
+        all_axes(element.end),
+        block_name(element.source),
+        all_axes(motion.end)
+    );
+    let mut finding = mismatch(element.source, message);
+    finding.position = Some(element.end);
+    finding
+}
+
+pub(super) fn dropped(source: Source, motion: &Motion) -> Diagnostic {
+    let message = format!(
+        "the path leaves out {}, which goes to {}",
+        block_name(source),
+        all_axes(motion.end)
+    );
+    let mut finding = mismatch(source, message);
+    finding.position = Some(motion.end);
+    finding
+}
+
+pub(super) fn lost(source: Source, action: &Action) -> Diagnostic {
+    mismatch(source, format!("{} of {} is not in the path", action.text(), block_name(source)))
+}
+
+pub(super) fn extra(event: &PathEvent) -> Diagnostic {
+    let (text, name) = (event.action.text(), block_name(event.source));
+    mismatch(
+        event.source,
+        format!("the path has {text} of {name}, and the program no such word left"),
+    )
+}
+
+pub(super) fn other_event(source: Source, action: &Action, found: &PathEvent) -> Diagnostic {
+    let message = format!(
+        "where {} of {} is due, the path has {} of {}",
+        action.text(),
+        block_name(source),
+        found.action.text(),
+        block_name(found.source)
+    );
+    let mut finding = mismatch(source, message);
+    finding.other = Some(found.source).filter(|other| other.line != source.line);
+    finding
+}
+
+pub(super) fn misplaced(event: &PathEvent, due: usize) -> Diagnostic {
+    let message = format!(
+        "{} of {} happens before element {} of the path, and is due before element {due}",
+        event.action.text(),
+        block_name(event.source),
+        event.at_element
+    );
+    mismatch(event.source, message)
+}
+
+pub(super) fn not_finite(element: &PathElement, index: usize) -> Diagnostic {
+    let message = format!(
+        "element {index} of the path, of {}, has a coordinate or feed that is not a finite number",
+        block_name(element.source)
+    );
+    Diagnostic::error(Code::BadNumber, element.source, message).help(HELP)
+}
+
+pub(super) fn no_length(element: &PathElement, index: usize) -> Diagnostic {
+    let name = block_name(element.source);
+    mismatch(element.source, format!("element {index} of the path, of {name}, goes nowhere"))
+}
+
+pub(super) fn uneven(element: &PathElement, radii: (f64, f64)) -> Diagnostic {
+    let message = format!(
+        "the arc of the path in {} begins {:.6} mm and ends {:.6} mm from its centre",
+        block_name(element.source),
+        radii.0,
+        radii.1
+    );
+    let mut finding = Diagnostic::error(Code::ArcRadius, element.source, message).help(HELP);
+    (finding.needed_mm, finding.available_mm) = (Some(radii.0), Some(radii.1));
+    finding.position = Some(element.end);
+    finding
+}
+
+/// The tool does not run at its radius beside its own block.
+pub(super) fn beside(element: &PathElement, needed_mm: f64, found_mm: f64) -> Diagnostic {
+    let is_near = found_mm < needed_mm;
+    let (code, word) =
+        if is_near { (Code::Gouge, "near to") } else { (Code::Unreachable, "far from") };
+    let message = format!(
+        "the tool runs too {word} {}: its centre is {found_mm:.6} mm away, {needed_mm:.6} mm are due",
+        block_name(element.source)
+    );
+    let mut finding = Diagnostic::error(code, element.source, message).help(HELP);
+    (finding.needed_mm, finding.available_mm) = (Some(needed_mm), Some(found_mm));
+    finding.depth_mm = is_near.then_some(needed_mm - found_mm);
+    finding.position = Some(element.end);
+    finding
+}
+
+/// An element that does not follow its block.
+pub(super) fn astray(element: &PathElement, what: &str) -> Diagnostic {
+    let message = format!("the path does not follow {}: it {what}", block_name(element.source));
+    let mut finding = mismatch(element.source, message);
+    finding.position = Some(element.end);
+    finding
+}
+
+/// Too close to a wall, or past what the tool reaches: two blocks, and how far apart they are
+/// in legs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cut {
+    pub code: Code,
+    pub on: Source,
+    pub into: Source,
+    pub legs_apart: usize,
+    pub at: Position,
+    pub plane: Plane,
+    pub radius_mm: f64,
+    pub distance_mm: f64,
+    /// A difference of radii where the contour closes is no wall (M10, N03).
+    pub is_excused: bool,
+}
+
+pub(super) fn cut(cut: &Cut, profile: &Profile) -> Diagnostic {
+    let depth_mm = cut.radius_mm - cut.distance_mm;
+    let later = if cut.into.line > cut.on.line { cut.into } else { cut.on };
+    let source = if is_lead(cut.code) { cut.on } else { later };
+    let message = format!(
+        "the tool (radius {:.3} mm) cuts {depth_mm:.4} mm into {} at {} while it follows {}",
+        cut.radius_mm,
+        block_name(cut.into),
+        place(cut.plane, cut.at),
+        block_name(cut.on)
+    );
+    let mut finding = Diagnostic::error(cut.code, source, message)
+        .help("use a smaller tool, or change the contour or its lead there");
+    finding.alarm.clone_from(&profile.interference.alarm);
+    finding.other = [cut.into, cut.on].into_iter().find(|other| other.line != source.line);
+    finding.position = Some(cut.at);
+    finding.depth_mm = Some(depth_mm);
+    finding.needed_mm = Some(cut.radius_mm);
+    finding.available_mm = Some(cut.distance_mm);
+    finding.severity = if is_lead(cut.code) {
+        profile.interference.leads.severity()
+    } else {
+        contour_severity(cut.legs_apart, profile)
+    };
+    if cut.code == Code::CutsOtherPass || cut.is_excused {
+        finding.severity = Severity::Warning;
+    }
+    finding
+}
+
+fn is_lead(code: Code) -> bool {
+    matches!(code, Code::LeadGouge | Code::LinkGouge)
+}
+
+/// What the profile says of a contour that the tool does not fit, and of one that its control
+/// is too short-sighted to see.
+fn contour_severity(legs_apart: usize, profile: &Profile) -> Severity {
+    let severity = match profile.interference.react {
+        Reaction::Ignore => Severity::Warning,
+        // What does not fit has been left out, so that nothing is cut.
+        Reaction::Alarm | Reaction::Trim => Severity::Error,
+    };
+    match profile.lookahead.blocks {
+        Some(blocks) if legs_apart > blocks as usize => {
+            severity.min(profile.lookahead.strictness.severity())
+        }
+        _ => severity,
+    }
+}
+
+/// Blocks that the path leaves out although they are no noise.
+pub(super) fn left_out(
+    (source, other): (Source, Source),
+    (off_mm, legs): (f64, usize),
+    at: Position,
+    profile: &Profile,
+) -> Diagnostic {
+    let message = format!(
+        "the path leaves out {} and goes straight on, {off_mm:.4} mm off; at most {} mm are accepted",
+        block_name(source),
+        profile.accept_tolerance_mm
+    );
+    let mut finding = Diagnostic::error(Code::Unreachable, source, message)
+        .help("use a smaller tool, or take the blocks out of the program");
+    finding.severity = match profile.interference.react {
+        Reaction::Trim => Severity::Warning,
+        Reaction::Alarm | Reaction::Ignore => contour_severity(legs + 1, profile),
+    };
+    finding.alarm.clone_from(&profile.interference.alarm);
+    finding.other = Some(other).filter(|other| other.line != source.line);
+    finding.position = Some(at);
+    finding.needed_mm = Some(profile.accept_tolerance_mm);
+    finding.available_mm = Some(off_mm);
+    finding
+}
+
+pub(super) fn too_entangled(source: Source) -> Diagnostic {
+    let message = "the contour after this block comes near to itself in so many places that the \
+                   audit cannot look at them all";
+    Diagnostic::error(Code::Limit, source, message)
+        .help("split the contour into several, each with its own selection and cancel")
+}
+
+fn place(plane: Plane, position: Position) -> String {
+    let [u, v, _] = plane.axes();
+    let (first, second) = (u.min(v), u.max(v));
+    format!(
+        "{}{:.3} {}{:.3}",
+        AXIS_LETTERS[first], position[first], AXIS_LETTERS[second], position[second]
+    )
+}
+
+fn all_axes(position: Position) -> String {
+    let [x, y, z] = position;
+    format!("X{x:.4} Y{y:.4} Z{z:.4}")
+}

@@ -1,0 +1,135 @@
+//! What lies between a lead-on and the next lead-off: legs, the elements beside them, leads.
+
+use super::program::{Kind, NONE, Offset};
+use super::way::Way;
+use cnc_msgs::path::Role;
+use std::ops::Range;
+
+#[derive(Debug, Clone)]
+pub(super) struct Span {
+    /// Its legs, in the list of all legs.
+    pub legs: Range<usize>,
+    /// All its blocks, with those of its leads.
+    pub blocks: Range<u32>,
+    /// Its elements between its leads.
+    pub elements: Range<usize>,
+    /// Elements of its leads: before it, after it.
+    pub lead_on: Option<usize>,
+    pub lead_off: Option<usize>,
+    /// Whether the first leg may begin, and the last end, beside the other side of the tool.
+    pub from_side: bool,
+    pub to_side: bool,
+}
+
+/// All spans, and all legs in order.
+#[derive(Debug, Default)]
+pub(super) struct Spans {
+    pub spans: Vec<Span>,
+    pub legs: Vec<u32>,
+}
+
+impl Spans {
+    pub(super) fn of(way: &Way<'_>) -> Self {
+        let mut all =
+            Self { spans: Vec::new(), legs: Vec::with_capacity(way.program.blocks.len()) };
+        all.gather(way);
+        all.add_elements(way);
+        all.spans.retain(|span| !span.legs.is_empty());
+        all
+    }
+
+    fn gather(&mut self, way: &Way<'_>) {
+        let mut open: Option<Span> = None;
+        for (index, block) in way.program.blocks.iter().enumerate() {
+            let number = index as u32;
+            let new = |legs: usize, from_side: bool| Span {
+                legs: legs..legs,
+                blocks: number..number + 1,
+                elements: 0..0,
+                lead_on: None,
+                lead_off: None,
+                from_side,
+                to_side: false,
+            };
+            match block.kind {
+                Kind::Free => {}
+                Kind::LeadOn => {
+                    self.spans.extend(open.take());
+                    open = Some(new(self.legs.len(), false));
+                }
+                Kind::LeadOff | Kind::Link => {
+                    if let Some(mut span) = open.take() {
+                        span.blocks.end = number + 1;
+                        self.spans.push(span);
+                    }
+                    if block.kind == Kind::Link {
+                        open = Some(new(self.legs.len(), false));
+                    }
+                }
+                Kind::Leg | Kind::OffPlane | Kind::Still => {
+                    if block.begins && block.kind == Kind::Leg {
+                        if let Some(mut span) = open.take() {
+                            span.to_side = true;
+                            self.spans.push(span);
+                        }
+                        open = Some(new(self.legs.len(), true));
+                    }
+                    let Some(span) = &mut open else { continue };
+                    span.blocks.end = number + 1;
+                    if block.kind == Kind::Leg {
+                        self.legs.push(number);
+                        span.legs.end = self.legs.len();
+                    }
+                }
+            }
+        }
+        self.spans.extend(open);
+    }
+
+    fn add_elements(&mut self, way: &Way<'_>) {
+        let mut current = 0;
+        for (index, element) in way.path.elements.iter().enumerate() {
+            let block = way.of[index];
+            if block == NONE || element.role == Role::None {
+                continue;
+            }
+            while self.spans.get(current).is_some_and(|span| span.blocks.end <= block) {
+                current += 1;
+            }
+            let Some(span) = self.spans.get_mut(current) else { return };
+            match element.role {
+                Role::LeadOn => span.lead_on = Some(index),
+                Role::LeadOff => span.lead_off = Some(index),
+                // A link block is the last of one span and the first of the next.
+                Role::Link if way.program.blocks[block as usize].kind == Kind::Link => {
+                    span.lead_off = Some(index);
+                    if let Some(next) = self.spans.get_mut(current + 1) {
+                        next.lead_on = Some(index);
+                    }
+                }
+                Role::Link => {
+                    span.lead_on = Some(index);
+                    if let Some(before) = current.checked_sub(1) {
+                        self.spans[before].lead_off = Some(index);
+                    }
+                }
+                _ => {
+                    if span.elements.is_empty() {
+                        span.elements = index..index;
+                    }
+                    span.elements.end = index + 1;
+                }
+            }
+        }
+    }
+}
+
+impl Span {
+    /// The offsets that an element of it has: that of its block, behind the last leg that of
+    /// the last leg.
+    pub(super) fn offset<'a>(&self, way: &'a Way<'_>, legs: &[u32], block: u32) -> &'a Offset {
+        let is_leg = way.program.blocks[block as usize].kind == Kind::Leg;
+        let last = legs[self.legs.end - 1];
+        way.program.offset(if is_leg { block } else { last })
+    }
+}
