@@ -4,7 +4,7 @@
 //! It shares no geometry with the planner, only the vocabulary of contours and paths and the
 //! resolving of radii. `program` reads what each motion is to compensation, `align` gives every
 //! element its block, `events` counts what is not motion, `beside` and `follow` prove that elements run
-//! at their radius beside their own blocks, `bounds` finds what bounds the tool, and `clearance`
+//! at their radius beside their own blocks (`sharp` knows what a sharp corner takes), `bounds` finds what bounds the tool, and `clearance`
 //! measures the exact distance of the path from it, over strip trees (`strip`, `planar`).
 //! Blocks may be left out within the tolerance that the profile accepts.
 
@@ -17,6 +17,7 @@ mod follow;
 mod planar;
 mod program;
 mod report;
+mod sharp;
 mod spans;
 mod strip;
 mod way;

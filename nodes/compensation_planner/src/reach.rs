@@ -135,6 +135,15 @@ fn is_corner_of_curves(links: &[Link], gap: &Gap, tolerance: f64) -> bool {
     let after = if is_corner(&after) { after + 1 } else { after };
     let Some(before) = before.filter(|_| after < links.len()) else { return false };
     let along: Vec<usize> = (before..=after).filter(|link| !is_corner(link)).collect();
+    // An arc that is more than a chord is a feature.
+    let is_chord = |link: &usize| match links[*link].element {
+        Element::Line(_) => true,
+        Element::Arc(arc) => arc.radius * arc.sweep * arc.sweep / 8.0 <= CHORD_MM,
+    };
+    let consumed = along.get(1..along.len().saturating_sub(1)).unwrap_or_default();
+    if !consumed.iter().all(is_chord) {
+        return false;
+    }
     let mut sharp = along.windows(2).filter(|pair| !are_chords(&links[pair[0]], &links[pair[1]]));
     let (Some(&[last, first]), None) = (sharp.next(), sharp.next()) else { return false };
     turn(&links[last].element, &links[first].element, links[first].d_in_mm) == Turn::Inside

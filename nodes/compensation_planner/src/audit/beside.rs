@@ -10,6 +10,7 @@ use super::follow::{
 use super::planar::{Piece, Point, cross};
 use super::program::{Kind, NONE};
 use super::report::{self, Report};
+use super::sharp::is_corner_of_curves;
 use super::spans::Span;
 use super::way::Way;
 use cnc_msgs::path::Role;
@@ -234,8 +235,17 @@ impl Check<'_> {
             }
         }
         let accepted = report.profile.accept_tolerance_mm + MERGE_MM + PLACE_MM;
-        let slack = if worst.0 <= PLACE_MM { 0.0 } else { (worst.0 + MERGE_MM) as f32 };
-        let is_lost = worst.0 > accepted;
+        let at_corner = before.zip(after).is_some_and(|(before, after)| {
+            let left_out = left_out.clone().map(|index| way.leg(self.legs[index]));
+            let legs = std::iter::once(before.leg).chain(left_out).chain([after.leg]);
+            is_corner_of_curves(legs, before.way.to, d_mm)
+        });
+        let is_lost = worst.0 > accepted && !at_corner;
+        let slack = match worst.0 {
+            _ if at_corner => accepted as f32,
+            off if off <= PLACE_MM => 0.0,
+            off => (off + MERGE_MM) as f32,
+        };
         for index in left_out.clone() {
             let block = &mut way.program.blocks[self.legs[index] as usize];
             // What is trimmed away bounds the tool as before.

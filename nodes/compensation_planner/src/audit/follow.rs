@@ -1,7 +1,7 @@
 //! One element beside its own leg: its distance, its direction, where it begins and ends, and
 //! the joint with the one before it.
 
-use super::planar::{Piece, Point, cross};
+use super::planar::{Piece, Point, carriers_cross, cross};
 use super::report::{self, Report};
 use super::way::Way;
 
@@ -262,6 +262,13 @@ pub(super) fn joint(way: &Way<'_>, a: &Follow, b: &Follow, report: &mut Report<'
     if a.d_in != a.d_out || b.d_in != b.d_out || b.d_in == 0.0 {
         return true;
     }
+    let short_mm = report.profile.corner.short_block_mm;
+    if let Some(at) = nearer_joint(a, b, short_mm) {
+        let element = &way.path.elements[b.element];
+        let what = format!("meets the block before it {at:.4} mm from where their offsets meet");
+        report.push(report::astray(element, &what));
+        return true;
+    }
     let (before, after) = (a.way.tangent(a.way.to), b.way.tangent(b.way.from));
     let sine = cross(before, after) * b.d_in.signum();
     let shorter = a.way.length().min(b.way.length());
@@ -293,4 +300,38 @@ pub(super) fn joint(way: &Way<'_>, a: &Follow, b: &Follow, report: &mut Report<'
         report.push(report::astray(element, "meets the block before it on the wrong side"));
     }
     true
+}
+
+/// How far the joint of two neighbours is from where their offsets cross, if they cross
+/// nearer to their corner, mm. Where they nearly touch nothing is told: any place is as good.
+fn nearer_joint(a: &Follow, b: &Follow, short_mm: f64) -> Option<f64> {
+    if a.leg_index + 1 != b.leg_index || a.is_loose || b.is_loose {
+        return None;
+    }
+    let (behind, ahead) = (a.leg.beside(a.d_out)?, b.leg.beside(b.d_in)?);
+    let at = b.way.from;
+    let turn = cross(a.leg.tangent(a.leg.to), b.leg.tangent(b.leg.from)) * b.d_in.signum();
+    let sine = |root: Point| cross(behind.tangent(root), ahead.tangent(root)).abs();
+    // What both lose at a joint. The least wins: inside, where both get shorter; outside,
+    // where they get longer by no more than a short block.
+    let lost = |root: Point| (behind.length() - behind.along(root), ahead.along(root));
+    let (of_a, of_b) = lost(at);
+    let (here, far) = (of_a + of_b, of_a.abs() + of_b.abs());
+    let is_better = |root: &Point| {
+        let (of_a, of_b) = lost(*root);
+        let both = |is: &dyn Fn(f64) -> bool| is(of_a) && is(of_b);
+        if turn > STRAIGHT_RAD {
+            both(&|of| of > PLACE_MM) && of_a + of_b + SHORT_MM < here
+        } else {
+            turn < -STRAIGHT_RAD
+                && both(&|of| (-2.0 * short_mm..=PLACE_MM).contains(&of))
+                && of_a.abs() + of_b.abs() + SHORT_MM < far
+        }
+    };
+    let roots = carriers_cross(&behind, &ahead).into_iter().flatten();
+    roots
+        .filter(|&root| sine(root) > STRAIGHT_RAD)
+        .filter(is_better)
+        .map(|root| (at - root).norm())
+        .find(|off| *off > SHORT_MM)
 }

@@ -142,6 +142,24 @@ impl Piece {
         }
     }
 
+    /// All of it at a signed distance to the left; `None` where nothing is left of an arc.
+    pub(super) fn beside(&self, d_mm: f64) -> Option<Self> {
+        match &self.round {
+            None => {
+                let out = left(unit(self.to - self.from)) * d_mm;
+                Some(Self::line(self.from + out, self.to + out))
+            }
+            Some(round) => {
+                let radius = round.radius - d_mm * round.sweep.signum();
+                let at =
+                    |point: Point| round.center + (point - round.center) * (radius / round.radius);
+                let round = Round { radius, ..*round };
+                let (from, to) = (at(self.from), at(self.to));
+                (radius > 0.0).then_some(Self { from, to, round: Some(round) })
+            }
+        }
+    }
+
     /// The part between two places along it, mm.
     pub(super) fn part(&self, begin: f64, end: f64) -> Self {
         let (from, to) = (self.at(begin), self.at(end));

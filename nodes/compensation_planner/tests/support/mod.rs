@@ -14,7 +14,7 @@ use cnc_msgs::contour::{
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::PathElement;
-use cnc_msgs::profile::{Dialect, Profile};
+use cnc_msgs::profile::{Dialect, Profile, Reaction};
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use compensation_planner::Plan;
 
@@ -58,7 +58,8 @@ pub fn plan_of(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable
     plan
 }
 
-/// The audit refuses no plan that is accepted.
+/// The audit refuses no plan that is accepted; where the profile ignores that the tool does
+/// not fit, the path may be anything.
 #[track_caller]
 pub fn assert_sound(
     contour: &ProgrammedContour,
@@ -66,7 +67,11 @@ pub fn assert_sound(
     profile: &Profile,
     tools: &ToolTable,
 ) {
-    if !plan.accepted() {
+    let ignores = profile.interference.react == Reaction::Ignore
+        && codes(plan).iter().any(|code| {
+            matches!(code, Code::Gouge | Code::CutsOtherPass | Code::Unreachable | Code::ArcOver360)
+        });
+    if !plan.accepted() || ignores {
         return;
     }
     let audit = compensation_planner::audit::audit(contour, &plan.path, profile, tools);

@@ -1,0 +1,92 @@
+//! Where a sharp inside corner takes whole chords of the curves that meet in it.
+//!
+//! Such chords are left out of the path as a piece of an arc would be, and are no feature
+//! that is missed.
+
+use super::planar::{Piece, Point, cross, unit};
+
+/// Chords of a curve bend less than this, rad, and are off it by less than [`CHORD_MM`].
+const CHORD_TURN_RAD: f64 = 0.12;
+const CHORD_MM: f64 = 0.052;
+/// Shorter chords are taken together: their directions are noise, mm.
+const SHORT_MM: f64 = 0.2;
+/// Points of one arc at most.
+const STEPS_MAX: f64 = 1000.0;
+
+/// Whether legs are two curves that meet in one sharp inside corner; the tool goes from the
+/// first to the last of them at `joint`.
+pub(super) fn is_corner_of_curves(
+    legs: impl Iterator<Item = Piece>,
+    joint: Point,
+    d_mm: f64,
+) -> bool {
+    let mut points: Vec<Point> = Vec::new();
+    let mut legs = legs.peekable();
+    while let Some(leg) = legs.next() {
+        // An arc between both is a feature, if it is more than a chord.
+        if !points.is_empty() && legs.peek().is_some() && leg.bulge() > CHORD_MM {
+            return false;
+        }
+        if points.is_empty() {
+            points.push(leg.from);
+        }
+        let steps = leg.round.map_or(1.0, |round| {
+            // As fine as chords of a curve are.
+            let step = (CHORD_TURN_RAD / 1.5).min((2.0 * CHORD_MM / round.radius).sqrt());
+            (round.sweep.abs() / step).ceil().clamp(1.0, STEPS_MAX)
+        }) as u32;
+        let length = leg.length() / f64::from(steps);
+        points.extend((1..steps).map(|step| leg.at(length * f64::from(step))));
+        points.push(leg.to);
+    }
+    let from_joint = |point: &Point| (point - joint).norm();
+    // The corner is what the tool is farthest from, between the two that it touches.
+    let between = 1..points.len().saturating_sub(1);
+    let corner = between.max_by(|&a, &b| from_joint(&points[a]).total_cmp(&from_joint(&points[b])));
+    let Some(corner) = corner else { return false };
+    let before = thinned(points[..=corner].iter().rev().copied());
+    let after = thinned(points[corner..].iter().copied());
+    let (Some(behind), Some(ahead)) = (first_chord(&before), first_chord(&after)) else {
+        return false;
+    };
+    // Both go away from the corner.
+    let turn = cross(-behind, ahead) * d_mm.signum();
+    (turn > CHORD_TURN_RAD || behind.dot(&ahead) > 0.0 && turn > 0.0)
+        && is_curve(&before)
+        && is_curve(&after)
+}
+
+fn first_chord(points: &[Point]) -> Option<Point> {
+    Some(unit(points.get(1)? - points[0]))
+}
+
+/// Without the points that are near to one before; the last is kept.
+fn thinned(points: impl Iterator<Item = Point>) -> Vec<Point> {
+    let mut thinned: Vec<Point> = Vec::new();
+    let mut skipped = None;
+    for point in points {
+        match thinned.last() {
+            Some(last) if (point - last).norm() < SHORT_MM => skipped = Some(point),
+            _ => {
+                thinned.push(point);
+                skipped = None;
+            }
+        }
+    }
+    if let Some(last) = skipped {
+        if thinned.len() > 1 {
+            thinned.pop();
+        }
+        thinned.push(last);
+    }
+    thinned
+}
+
+/// Whether a polyline bends as the chords of a curve do.
+fn is_curve(points: &[Point]) -> bool {
+    points.windows(3).all(|points| {
+        let (a, b) = (points[1] - points[0], points[2] - points[1]);
+        let sine = cross(unit(a), unit(b)).abs();
+        a.dot(&b) > 0.0 && sine <= CHORD_TURN_RAD && a.norm().min(b.norm()) * sine / 4.0 <= CHORD_MM
+    })
+}
