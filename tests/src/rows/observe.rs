@@ -25,6 +25,7 @@ use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::Plan;
+use compensation_planner::audit::veto;
 use program_loader::LoadOptions;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -120,6 +121,9 @@ impl Run {
         if !diagnostics.iter().any(Diagnostic::is_error) {
             plan = compensation_planner::plan_certified(&loaded.contour, &profile, table);
             diagnostics.extend(plan.diagnostics.iter().cloned());
+            let audit = veto(&mut plan, &loaded.contour, &profile, table);
+            let (program, found) = (&case.program, &audit.findings);
+            assert!(!audit.refuses(), "the audit refuses the path of\n{program}\n{found:#?}");
         }
         let mut path = plan.path.clone();
         if !plan.accepted() {

@@ -232,6 +232,8 @@ pub(super) fn reaches(
     }
     let (end, due) = if is_first { (piece.from, leg.from) } else { (piece.to, leg.to) };
     let behind = match &leg.round {
+        // A line whose offset changes is not parallel to its leg.
+        None if follow.d_in != follow.d_out => (end - due).dot(&leg.tangent(due)),
         None => (end - due).dot(&piece.tangent(end)),
         Some(round) => {
             let (a, b) = (due - round.center, end - round.center);
