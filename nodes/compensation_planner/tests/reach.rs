@@ -3,6 +3,7 @@
 mod support;
 
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::path::Role;
 use proptest::prelude::*;
 use support::*;
 
@@ -310,5 +311,23 @@ proptest! {
         text += &format!("\nG40 G456 {}", write((end.0 + off.0, end.1 + off.1)));
         let refused = unreachable(&text, 5.0);
         prop_assert!(refused.is_none(), "{refused:?}\n{text}");
+    }
+}
+
+#[test]
+fn a_lead_takes_of_a_curve_in_chords_what_it_takes_of_an_arc() {
+    // The lead-on meets the contour at 32 degrees, and the tool starts between both.
+    for step in [0.005, 0.05, 0.5, 50.0] {
+        let mut text = "G0 X530 Y0\nG42 D1 G1 X500 Y0".to_string();
+        for (x, y) in curve(0.5585, -0.001, 50.0, step) {
+            text += &format!("\nX{:.3} Y{y:.3}", 500.0 + x);
+        }
+        text += "\nG40 X600 Y0";
+        let plan = plan(&text, &rs274(), &tool(5.0));
+        assert!(plan.accepted(), "{step}: {}", findings(&plan));
+        let lead_on = plan.path.elements.iter().find(|element| element.role == Role::LeadOn);
+        let start = lead_on.unwrap().end;
+        // 5 mm from the lead and from the curve.
+        assert!((start[0] - 518.0).abs() < 0.4 && (start[1] - 5.0).abs() < 1e-6, "{start:?}");
     }
 }

@@ -1,4 +1,5 @@
-//! How fast `kerf plan --quiet` is as a process, and how much memory it takes.
+//! How fast `kerf plan --quiet` is as a process, with and without `--audit`, and how
+//! much memory it takes.
 //!
 //! ```text
 //! cargo bench -p kerf                        three programs of 1 M feed blocks
@@ -53,45 +54,49 @@ fn main() {
     let folder = tempfile::tempdir().expect("a folder for programs");
     let folder = arguments.keep.as_deref().unwrap_or(folder.path());
     std::fs::create_dir_all(folder).expect("the folder of the programs");
-    println!("{:<16} {:>10} {:>12} {:>14}", "1 core", "s", "M blocks/s", "bytes a block");
+    println!("{:<24} {:>10} {:>12} {:>14}", "1 core", "s", "M blocks/s", "bytes a block");
     type Program = fn(usize) -> String;
     let programs: [(&str, Program); 3] =
         [("lines", lines), ("lines_and_arcs", lines_and_arcs), ("corners", corners)];
     for (name, program) in programs {
         let path = folder.join(format!("{name}.ngc"));
         std::fs::write(&path, program(arguments.blocks)).expect("a program can be written");
-        let times = (0..arguments.runs).map(|_| time(&path));
-        let seconds = times.min().expect("at least one run").as_secs_f64();
-        let blocks = arguments.blocks as f64;
-        println!(
-            "{name:<16} {seconds:>10.3} {:>12.2} {:>14.0}",
-            blocks / seconds / 1e6,
-            peak_bytes(&path) as f64 / blocks
-        );
+        for (audit, words) in [("", &["--quiet"][..]), (" --audit", &["--quiet", "--audit"])] {
+            let times = (0..arguments.runs).map(|_| time(&path, words));
+            let seconds = times.min().expect("at least one run").as_secs_f64();
+            let blocks = arguments.blocks as f64;
+            println!(
+                "{:<24} {seconds:>10.3} {:>12.2} {:>14.0}",
+                format!("{name}{audit}"),
+                blocks / seconds / 1e6,
+                peak_bytes(&path, words) as f64 / blocks
+            );
+        }
     }
 }
 
 /// Starts a plan of a program on the first processor.
-fn start(program: &Path) -> Child {
+fn start(program: &Path, words: &[&str]) -> Child {
     Command::new("taskset")
-        .args(["-c", "0", env!("CARGO_BIN_EXE_kerf"), "plan", "--quiet"])
+        .args(["-c", "0", env!("CARGO_BIN_EXE_kerf"), "plan"])
+        .args(words)
         .arg(program)
         .stdin(Stdio::null())
         .spawn()
         .expect("taskset (of util-linux) starts kerf")
 }
 
-fn time(program: &Path) -> Duration {
+fn time(program: &Path, words: &[&str]) -> Duration {
     let begin = Instant::now();
-    let status = start(program).wait().expect("its end");
+    let status = start(program, words).wait().expect("its end");
     assert!(status.success(), "{}: {status}", program.display());
     begin.elapsed()
 }
 
 /// The peak so far is asked for again and again: it only grows, and stands long
 /// before the end.
-fn peak_bytes(program: &Path) -> u64 {
-    let mut child = start(program);
+fn peak_bytes(program: &Path, words: &[&str]) -> u64 {
+    let mut child = start(program, words);
     let mut peak = 0;
     while child.try_wait().expect("its state").is_none() {
         let status = std::fs::read_to_string(format!("/proc/{}/status", child.id()));

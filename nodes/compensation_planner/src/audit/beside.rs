@@ -235,10 +235,17 @@ impl Check<'_> {
             }
         }
         let accepted = report.profile.accept_tolerance_mm + MERGE_MM + PLACE_MM;
-        let at_corner = before.zip(after).is_some_and(|(before, after)| {
+        // A lead meets the contour in a corner as an element does.
+        let end = |follow: Option<&Follow>, is_first: bool| match follow {
+            Some(follow) => Some(follow.leg),
+            None => self.lead(way, is_first).map(|block| way.leg(block)),
+        };
+        let stand = before.map(|follow| follow.way.to).or(after.map(|follow| follow.way.from));
+        let at_corner = end(before, true).zip(end(after, false)).zip(stand);
+        let at_corner = at_corner.is_some_and(|((first, last), stand)| {
             let left_out = left_out.clone().map(|index| way.leg(self.legs[index]));
-            let legs = std::iter::once(before.leg).chain(left_out).chain([after.leg]);
-            is_corner_of_curves(legs, before.way.to, d_mm)
+            let legs = std::iter::once(first).chain(left_out).chain([last]);
+            is_corner_of_curves(legs, stand, d_mm)
         });
         let is_lost = worst.0 > accepted && !at_corner;
         let slack = match worst.0 {
