@@ -19,7 +19,7 @@ use crate::tip;
 use crate::tolerance::{GOUGE_MM, MERGE_MM, RADIUS_MM, REVERSAL};
 use crate::trim::trim;
 use crate::uncut::{self, UncutRegion};
-use crate::walls::Walls;
+use crate::walls::{Layout, Walls};
 use crate::write::Writer;
 use cnc_msgs::contour::{Approach, CutterSide, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
@@ -31,13 +31,22 @@ const FINDINGS_MAX: usize = 100;
 
 /// How a span ends.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Exit<'a> {
+pub(crate) enum Exit {
     /// By a move back to the programmed path.
-    LeadOff(&'a Lead),
+    LeadOff(Lead),
     /// By a move that also begins the next span, which will put it out.
-    Link(&'a Lead),
+    Link(Lead),
     /// Not at all: the program is over.
     None,
+}
+
+impl Exit {
+    fn lead(&self) -> Option<&Lead> {
+        match self {
+            Self::LeadOff(lead) | Self::Link(lead) => Some(lead),
+            Self::None => None,
+        }
+    }
 }
 
 /// The wall that a link leaves behind, and the way of the tool along it, for its check.
@@ -59,52 +68,64 @@ pub(crate) struct Verdict {
     pub uncut: Vec<UncutRegion>,
 }
 
-/// Puts a span out. `behind` is the wall that a link at its start leaves; the
-/// wall that a link at its end leaves is given back.
-pub(crate) fn compensate(
-    mut span: Span,
-    exit: Exit<'_>,
-    behind: Option<WallBehind>,
-    profile: &Profile,
-    out: &mut Emitter,
-    verdict: &mut Verdict,
-) -> Option<WallBehind> {
-    let Verdict { diagnostics, certificates, uncut } = verdict;
-    let exit_lead = match exit {
-        Exit::LeadOff(lead) | Exit::Link(lead) => Some(*lead),
-        Exit::None => None,
-    };
+impl Verdict {
+    /// Adds what is said about a later span.
+    fn extend(&mut self, later: Self) {
+        self.diagnostics.extend(later.diagnostics);
+        if let Some(certificates) = &mut self.certificates {
+            certificates.extend(later.certificates.into_iter().flatten());
+        }
+        self.uncut.extend(later.uncut);
+    }
+}
+
+/// The way of the tool along a span, and what is said about it: all that depends on
+/// nothing but the span.
+#[derive(Debug)]
+pub(crate) struct Solution {
+    runs: Vec<Run>,
+    links: Vec<Link>,
+    placed: Vec<Placed>,
+    layout: Layout,
+    is_identity: bool,
+    verdict: Verdict,
+}
+
+/// Finds the way of the tool along a span.
+pub(crate) fn solve(span: &mut Span, exit: &Exit, profile: &Profile, certifies: bool) -> Solution {
+    let mut verdict = Verdict { certificates: certifies.then(Vec::new), ..Verdict::default() };
+    let Verdict { diagnostics, certificates, uncut } = &mut verdict;
     let is_identity = is_zero(span.d_mm) && span.legs.iter().all(|leg| is_zero(leg.d_out_mm));
     let tolerance = profile.accept_tolerance_mm;
-    let mut chain = Chain::new(&mut span, MERGE_MM, exit_lead.as_ref(), is_identity, profile);
+    let mut chain = Chain::new(span, MERGE_MM, exit.lead(), is_identity, profile);
     if let Some(certificates) = certificates.as_mut().filter(|_| !is_zero(span.d_mm)) {
-        let lead_off = exit_lead.as_ref().filter(|_| matches!(exit, Exit::LeadOff(_)));
-        let subject = Subject { span: &span, runs: &chain.runs, lead_off, profile };
+        let lead_off = exit.lead().filter(|_| matches!(exit, Exit::LeadOff(_)));
+        let subject = Subject { span, runs: &chain.runs, lead_off, profile };
         certificates.push(subject.certificate());
     }
     if is_any_unreachable(&chain.links, &chain.placed, tolerance) {
         // Rounded coordinates bend short chords so much that the tool loses them,
         // and break straight walls. Taken as straight as is accepted, the contour
         // shows what is really too narrow.
-        chain = Chain::new(&mut span, tolerance, exit_lead.as_ref(), is_identity, profile);
-        unreachable_places(&span, &chain, profile, diagnostics);
+        chain = Chain::new(span, tolerance, exit.lead(), is_identity, profile);
+        unreachable_places(span, &chain, profile, diagnostics);
         if profile.interference.react == Reaction::Trim
             && is_any_unreachable(&chain.links, &chain.placed, tolerance)
         {
             // What is cut all the same is to be exact.
-            chain = Chain::new(&mut span, MERGE_MM, exit_lead.as_ref(), is_identity, profile);
+            chain = Chain::new(span, MERGE_MM, exit.lead(), is_identity, profile);
         }
     }
     let Chain { runs, links, mut placed } = chain;
-    let corners = Corners { span: &span, short_mm: profile.corner.short_block_mm };
+    let corners = Corners { span, short_mm: profile.corner.short_block_mm };
     let joined = Joined { links: &links, placed: &placed, corners };
     let mut walls = Walls::new(&runs, &links, &placed);
     let cuts = interference::cuts(&walls, &joined, tolerance, GOUGE_MM);
     for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
-        diagnostics.push(finding::cut(&span, &runs, cut, profile));
+        diagnostics.push(finding::cut(span, &runs, cut, profile));
     }
     if !cuts.is_complete {
-        diagnostics.push(finding::too_entangled(&span));
+        diagnostics.push(finding::too_entangled(span));
     }
     if profile.interference.react == Reaction::Trim
         && (!cuts.cuts.is_empty() || reach::left_out(&links, &placed, tolerance).next().is_some())
@@ -112,69 +133,91 @@ pub(crate) fn compensate(
         walls = Walls::all(&runs, &links, &placed);
         let trimmed = trim(&walls, &joined, tolerance);
         for cut in &trimmed.cuts {
-            diagnostics.extend(finding::not_trimmed(&span, &runs, cut, profile));
+            diagnostics.extend(finding::not_trimmed(span, &runs, cut, profile));
         }
         if !trimmed.placed.iter().any(|p| matches!(links[p.link].role, LinkRole::Run(_))) {
-            diagnostics.push(finding::nothing_left(&span));
+            diagnostics.push(finding::nothing_left(span));
         }
         let joined = Joined { placed: &trimmed.placed, ..joined };
         uncut.extend(uncut::regions(&joined, &runs, &trimmed.loops, tolerance));
         placed = trimmed.placed;
     }
-    let joined = Joined { links: &links, placed: &placed, corners };
-    out.side = side_of(span.d_mm);
-    // What is compensated is computed at the centre, and put out there or at the tip.
-    let to_tip = tip::Shift::new(&span, profile);
-    out.position = to_tip.centre(span.plane, out.position, to_tip.first);
-    let mut writer = Writer {
-        span: &span,
-        corners,
-        profile,
-        out,
-        diagnostics,
-        item: 0,
-        exit_source: exit_lead.map(|l| l.source),
-    };
-    let first_element = writer.out.path.elements.len();
-    let lead_start = in_plane(span.plane, writer.out.position);
-    writer.lead_on(&links, &placed);
-    if is_identity {
-        writer.as_programmed();
-    } else {
-        writer.links(&runs, &links, &placed, exit_lead.as_ref());
-    }
-    writer.items_before(span.legs.len(), false);
-    to_tip.apply(&span, &mut out.path.elements[first_element..]);
-    out.position = to_tip.tip(span.plane, out.position, to_tip.last);
-    let mut check = lead::Check { profile, plane: span.plane, walls: &walls, diagnostics };
-    if span.entry.from.is_none()
-        && let Some(way) = lead::Way::on(&joined, lead_start)
-    {
-        check.lead_on(&span, &runs, &way, behind);
-    }
-    let way_of = |run: usize| {
-        let place = placed.iter().find(|place| links[place.link].role == LinkRole::Run(run))?;
-        interference::element(&links[place.link], place)
-    };
-    if let (Some(behind), Some(_)) = (behind, span.entry.from) {
-        check.change_of_side(&span, way_of(0), behind);
-    }
-    if let Exit::LeadOff(lead) = exit {
-        let label = Label {
-            role: Role::LeadOff,
-            source: lead.source,
-            feed_mm_per_min: feed(&lead.motion),
-            axes: lead.motion.axes.union(plane_axes(span.plane)),
+    let layout = walls.into_layout();
+    Solution { runs, links, placed, layout, is_identity, verdict }
+}
+
+impl Solution {
+    /// Puts the span out. `behind` is the wall that a link at its start leaves; the
+    /// wall that a link at its end leaves is given back.
+    pub(crate) fn put_out(
+        self,
+        span: &Span,
+        exit: &Exit,
+        behind: Option<WallBehind>,
+        profile: &Profile,
+        out: &mut Emitter,
+        verdict: &mut Verdict,
+    ) -> Option<WallBehind> {
+        let Self { runs, links, placed, layout, is_identity, verdict: own } = self;
+        verdict.extend(own);
+        let diagnostics = &mut verdict.diagnostics;
+        let corners = Corners { span, short_mm: profile.corner.short_block_mm };
+        let joined = Joined { links: &links, placed: &placed, corners };
+        out.side = side_of(span.d_mm);
+        // What is compensated is computed at the centre, and put out there or at the tip.
+        let to_tip = tip::Shift::new(span, profile);
+        out.position = to_tip.centre(span.plane, out.position, to_tip.first);
+        let mut writer = Writer {
+            span,
+            corners,
+            profile,
+            out,
+            diagnostics,
+            item: 0,
+            exit_source: exit.lead().map(|lead| lead.source),
         };
-        let end = in_plane(span.plane, lead.motion.end);
-        out.line_to(span.plane, end, height(span.plane, lead.motion.end), label);
-        let centre = to_tip.centre(span.plane, lead.motion.end, to_tip.last);
-        if let Some(way) = lead::Way::off(&joined, in_plane(span.plane, centre)) {
-            check.lead_off(&span, &runs, &way, lead);
+        let first_element = writer.out.path.elements.len();
+        let lead_start = in_plane(span.plane, writer.out.position);
+        writer.lead_on(&links, &placed);
+        if is_identity {
+            writer.as_programmed();
+        } else {
+            writer.links(&runs, &links, &placed, exit.lead());
         }
+        writer.items_before(span.legs.len(), false);
+        to_tip.apply(span, &mut out.path.elements[first_element..]);
+        out.position = to_tip.tip(span.plane, out.position, to_tip.last);
+        let walls = Walls::of_layout(&runs, layout);
+        let mut check = lead::Check { profile, plane: span.plane, walls: &walls, diagnostics };
+        if span.entry.from.is_none()
+            && let Some(way) = lead::Way::on(&joined, lead_start)
+        {
+            check.lead_on(span, &runs, &way, behind);
+        }
+        let way_of = |run: usize| {
+            let place = placed.iter().find(|place| links[place.link].role == LinkRole::Run(run))?;
+            interference::element(&links[place.link], place)
+        };
+        if let (Some(behind), Some(_)) = (behind, span.entry.from) {
+            check.change_of_side(span, way_of(0), behind);
+        }
+        if let Exit::LeadOff(lead) = exit {
+            let label = Label {
+                role: Role::LeadOff,
+                source: lead.source,
+                feed_mm_per_min: feed(&lead.motion),
+                axes: lead.motion.axes.union(plane_axes(span.plane)),
+            };
+            let end = in_plane(span.plane, lead.motion.end);
+            out.line_to(span.plane, end, height(span.plane, lead.motion.end), label);
+            let centre = to_tip.centre(span.plane, lead.motion.end, to_tip.last);
+            if let Some(way) = lead::Way::off(&joined, in_plane(span.plane, centre)) {
+                check.lead_off(span, &runs, &way, lead);
+            }
+        }
+        out.side = None;
+        check.wall_behind(span, &runs, runs.len().checked_sub(1).and_then(way_of))
     }
-    out.side = None;
-    check.wall_behind(&span, &runs, runs.len().checked_sub(1).and_then(way_of))
 }
 
 /// Tells what the tool does not reach.

@@ -107,21 +107,54 @@ impl Plan {
 /// Never panics; a contour that cannot be compensated gives findings and no path.
 /// The time is linear in the number of events but for the sorting of boxes.
 pub fn plan(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Plan {
-    walked(contour, profile, tools, false)
+    plan_with(contour, profile, tools, Planning::default())
 }
 
 /// [`plan`], and the radii that each span is good for: some ten times the work.
 pub fn plan_certified(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Plan {
-    walked(contour, profile, tools, true)
+    plan_with(contour, profile, tools, Planning { certifies: true, ..Planning::default() })
 }
 
-fn walked(
+/// How a contour is planned.
+#[derive(Debug, Clone, Copy)]
+pub struct Planning<'a> {
+    /// Whether the radii that each span is good for are found too.
+    pub certifies: bool,
+    /// Who finds the ways along spans that do not depend on each other.
+    pub workers: &'a dyn Workers,
+}
+
+impl Default for Planning<'_> {
+    fn default() -> Self {
+        Self { certifies: false, workers: &Alone }
+    }
+}
+
+/// Whoever can do several pieces of work at the same time: a core has no threads.
+pub trait Workers: std::fmt::Debug {
+    /// Does each piece of work from 0 to `count` once, in any order.
+    fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync));
+}
+
+/// Does one piece of work after another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Alone;
+
+impl Workers for Alone {
+    fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
+        (0..count).for_each(work);
+    }
+}
+
+/// [`plan`], with a choice of what is wanted and who works. The result does not depend on
+/// the workers.
+pub fn plan_with(
     contour: &ProgrammedContour,
     profile: &Profile,
     tools: &ToolTable,
-    certifies: bool,
+    planning: Planning<'_>,
 ) -> Plan {
-    let mut walk = walk::Walk::new(contour, profile, tools, certifies);
+    let mut walk = walk::Walk::new(contour, profile, tools, planning);
     for event in &contour.events {
         walk.event(&event.kind, event.source);
     }

@@ -6,11 +6,12 @@
 mod block;
 mod live;
 mod report;
+pub mod threads;
 mod tool_file;
 
 use crate::audit::veto;
 use crate::set_tool::{self, LoadedProgram, Refusal};
-use crate::{plan, plan_certified, preview};
+use crate::{Planning, plan_with, preview};
 use cnc_msgs::chunk::{Collector, PathChunks};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::interface::Service;
@@ -33,6 +34,7 @@ use runtime::{Client, Declared, Handle, NodeResult, Publisher, Qos, RosTime};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+use threads::Threads;
 use tokio::sync::watch;
 use tool_file::ToolFile;
 
@@ -307,7 +309,9 @@ impl Planner {
             state.revision += 1;
             (input, state.tools.clone(), state.tools_revision, state.revision)
         };
-        let mut planned = plan(&input.contour, &input.profile, &tools);
+        let threads = Threads::all();
+        let mut planning = Planning { certifies: false, workers: &threads };
+        let mut planned = plan_with(&input.contour, &input.profile, &tools, planning);
         veto(&mut planned, &input.contour, &input.profile, &tools);
         let stamp = self.node.now();
         let accepted = planned.accepted();
@@ -343,7 +347,8 @@ impl Planner {
             self.state().current = Some(current);
         }
         // Nobody waits for certificates; they take longer than the path.
-        let certified = plan_certified(&input.contour, &input.profile, &tools).certificates;
+        planning.certifies = true;
+        let certified = plan_with(&input.contour, &input.profile, &tools, planning).certificates;
         report.certificate_count = certified.len() as u32;
         report.certificates =
             certified.iter().take(FINDINGS_IN_REPORT).map(certificate_to_wire).collect();

@@ -6,16 +6,16 @@
 //! where compensation may begin and end are in `rules`.
 
 mod joints;
+mod output;
 mod spans;
 
 use crate::compensate::{Exit, Verdict, WallBehind};
-use crate::emit::Emitter;
 use crate::frame::{element, height};
 use crate::radius;
 use crate::rules::{self, Rules};
 use crate::span::{Item, ItemKind, Span};
 use crate::tolerance::LENGTH_MM;
-use crate::{Plan, SpanSummary};
+use crate::{Plan, Planning};
 use cnc_msgs::contour::{
     Action, Approach, ContourEventKind, CutterSide, Motion, OutsideCorner, ProgrammedContour,
     RadiusSource, Source,
@@ -25,6 +25,7 @@ use cnc_msgs::geometry::{Direction, Plane, Position, Shape};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{OffPlaneAfterCancel, Profile, SideChange};
 use cnc_msgs::tool_table::ToolTable;
+use output::Output;
 
 /// A selection that waits for its first move in the plane.
 #[derive(Debug, Clone, Copy)]
@@ -67,9 +68,8 @@ enum State {
 pub(crate) struct Walk<'a> {
     profile: &'a Profile,
     tools: &'a ToolTable,
-    out: Emitter,
+    out: Output<'a>,
     verdict: Verdict,
-    spans: Vec<SpanSummary>,
     plane: Plane,
     corner: OutsideCorner,
     radius: Option<RadiusSource>,
@@ -88,16 +88,14 @@ impl<'a> Walk<'a> {
         contour: &ProgrammedContour,
         profile: &'a Profile,
         tools: &'a ToolTable,
-        certifies: bool,
+        planning: Planning<'a>,
     ) -> Self {
-        let mut out = Emitter::new(contour.start, contour.assumed_axes);
-        out.path.elements.reserve(contour.events.len() + contour.events.len() / 2);
+        let certificates = planning.certifies.then(Vec::new);
         Self {
             profile,
             tools,
-            out,
-            verdict: Verdict { certificates: certifies.then(Vec::new), ..Verdict::default() },
-            spans: Vec::new(),
+            out: Output::new(contour, profile, planning),
+            verdict: Verdict { certificates, ..Verdict::default() },
             plane: Plane::default(),
             corner: profile.corner.default,
             radius: None,
@@ -110,6 +108,7 @@ impl<'a> Walk<'a> {
     }
 
     pub(crate) fn event(&mut self, kind: &ContourEventKind, source: Source) {
+        self.out.put_out_much(&mut self.verdict);
         match *kind {
             ContourEventKind::Motion(motion) => self.motion(motion, source),
             ContourEventKind::Plane(plane) => self.select_plane(plane, source),
@@ -161,19 +160,20 @@ impl<'a> Walk<'a> {
                 self.close(*active, Exit::None);
             }
         }
+        let (path, spans) = self.out.finish(&mut self.verdict);
         self.verdict.diagnostics.sort_by_key(|diagnostic| diagnostic.source.line);
         let is_refused = self.verdict.diagnostics.iter().any(Diagnostic::is_error);
         let mut plan = Plan {
             diagnostics: self.verdict.diagnostics,
-            spans: self.spans,
+            spans,
             certificates: self.verdict.certificates.unwrap_or_default(),
             uncut: self.verdict.uncut,
             ..Plan::default()
         };
         if is_refused {
-            plan.refused = self.out.path.elements;
+            plan.refused = path.elements;
         } else {
-            plan.path = self.out.path;
+            plan.path = path;
         }
         plan
     }
@@ -361,11 +361,11 @@ impl<'a> Walk<'a> {
                 active.span.exit_corner = self.corner;
                 self.rules().lead_off(&lead, plane, active.span.d_out_mm.abs());
                 self.led_off_in = Some(source);
-                self.close(*active, Exit::LeadOff(&lead));
+                self.close(*active, Exit::LeadOff(lead));
             } else if let Some((selection, exit)) = active.relink {
                 let lead = self.lead(start, motion, source, exit);
                 active.span.exit_corner = self.corner;
-                let behind = self.close(*active, Exit::Link(&lead));
+                let behind = self.close(*active, Exit::Link(lead));
                 self.open(selection, start, motion, source, Some(behind), false);
             }
             return;

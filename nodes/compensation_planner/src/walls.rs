@@ -33,6 +33,12 @@ pub(crate) const fn budget(count: usize) -> usize {
 #[derive(Debug)]
 pub(crate) struct Walls<'a> {
     runs: &'a [Run],
+    layout: Layout,
+}
+
+/// What bounds the tool, by number of run.
+#[derive(Debug)]
+pub(crate) struct Layout {
     passes: Vec<Pass>,
     /// Over all runs; those that the tool does not touch are in it too.
     tree: Tree,
@@ -106,7 +112,17 @@ impl<'a> Walls<'a> {
         let tree = Tree::new(boxes);
         let meetings = meetings(runs, &tree);
         let passes = passes(runs, &meetings);
-        Self { runs, passes, tree, chains, is_judged }
+        Self { runs, layout: Layout { passes, tree, chains, is_judged } }
+    }
+
+    /// The same again, of the same runs.
+    pub(crate) fn of_layout(runs: &'a [Run], layout: Layout) -> Self {
+        Self { runs, layout }
+    }
+
+    /// What is left to keep when the runs are not borrowed any more.
+    pub(crate) fn into_layout(self) -> Layout {
+        self.layout
     }
 
     /// Number of runs.
@@ -116,12 +132,12 @@ impl<'a> Walls<'a> {
 
     /// Boxes over all runs.
     pub(crate) fn tree(&self) -> &Tree {
-        &self.tree
+        &self.layout.tree
     }
 
     /// Whether a run is one that must not be cut into.
     pub(crate) fn is_judged(&self, run: usize) -> bool {
-        self.is_judged[run]
+        self.layout.is_judged[run]
     }
 
     /// All of the element of a run, tails too.
@@ -131,17 +147,17 @@ impl<'a> Walls<'a> {
 
     /// The chain of a run.
     pub(crate) fn chain(&self, run: usize) -> u32 {
-        self.chains[run]
+        self.layout.chains[run]
     }
 
     /// Number of the pass that a run belongs to.
     pub(crate) fn pass(&self, run: usize) -> usize {
-        self.passes.partition_point(|pass| pass.runs.end <= run)
+        self.layout.passes.partition_point(|pass| pass.runs.end <= run)
     }
 
     /// Whether the walls of a pass begin on one of two runs and end on the other.
     pub(crate) fn are_ends(&self, one: usize, other: usize) -> bool {
-        let Some(pass) = self.passes.get(self.pass(one)) else { return false };
+        let Some(pass) = self.layout.passes.get(self.pass(one)) else { return false };
         let first = pass.begin.map_or(pass.runs.start, |begin| begin.run);
         let last = pass.end.map_or(pass.runs.end.saturating_sub(1), |end| end.run);
         first != last && (one.min(other), one.max(other)) == (first, last)
@@ -149,7 +165,7 @@ impl<'a> Walls<'a> {
 
     /// The wall in the element of a run; `None` when all of it is a tail.
     pub(crate) fn of(&self, run: usize) -> Option<Element> {
-        let pass = self.passes.get(self.pass(run))?;
+        let pass = self.layout.passes.get(self.pass(run))?;
         let mut element = self.runs.get(run)?.element;
         if let Some(end) = pass.end {
             if run > end.run {

@@ -11,7 +11,8 @@ use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::profile::{Profile, Reaction};
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::audit::{Audit, veto};
-use compensation_planner::{Certificate, Plan, UncutRegion, plan_certified};
+use compensation_planner::node::threads::Threads;
+use compensation_planner::{Certificate, Plan, Planning, UncutRegion, plan_with};
 use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::{LoadOptions, Loaded};
 use std::io::IsTerminal;
@@ -59,8 +60,10 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
 
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
     // Nobody reads certificates of a quiet plan, and they cost more than the plan.
-    let plan = if args.quiet { compensation_planner::plan } else { plan_certified };
-    let mut planned = Planned::new(&text, &profile, &tools, &options, plan);
+    let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
+    let mut planned = Planned::new(&text, &profile, &tools, &options, |contour, profile, tools| {
+        plan_with(contour, profile, tools, planning)
+    });
     if args.audit {
         planned.audit(&profile, &tools);
     }
@@ -77,9 +80,11 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
             .filter(|finding| finding.is_error() || !args.quiet)
             .cloned()
             .collect();
-        let text = String::from_utf8_lossy(&text);
-        let color = std::io::stderr().is_terminal();
-        eprint!("{}", program_loader::render::render(&name, &text, &shown, color));
+        if !shown.is_empty() {
+            let text = String::from_utf8_lossy(&text);
+            let color = std::io::stderr().is_terminal();
+            eprint!("{}", program_loader::render::render(&name, &text, &shown, color));
+        }
         if !args.quiet {
             println!("{}", planned.summary(&name, &profile.name));
         }

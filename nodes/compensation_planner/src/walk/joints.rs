@@ -122,7 +122,7 @@ impl Walk<'_> {
             source: active.span.entry.lead.source,
         };
         let lead = Lead { motion: here, source, start, approach: Approach::Normal, along: None };
-        let behind = self.close(*active, Exit::Link(&lead));
+        let behind = self.close(*active, Exit::Link(lead));
         self.open(selection, start, &here, source, Some(behind), false);
         self.opened()
     }
@@ -142,7 +142,7 @@ impl Walk<'_> {
             source: active.radius_changes.unwrap_or(source),
         };
         let lead = Lead { motion: *motion, source, start, approach: Approach::Normal, along: None };
-        let behind = self.close(*active, Exit::Link(&lead));
+        let behind = self.close(*active, Exit::Link(lead));
         self.open(selection, start, motion, source, Some(behind), true);
     }
 
@@ -156,7 +156,7 @@ impl Walk<'_> {
         };
         let approach = self.profile.cancel.default;
         let lead = Lead { motion: *motion, source, start, approach, along: None };
-        self.close(active, Exit::LeadOff(&lead));
+        self.close(active, Exit::LeadOff(lead));
         self.state = State::Selected(selection);
     }
 }

@@ -4,8 +4,7 @@
 //! span is made by `compensate`.
 
 use super::{Active, Selection, State, Walk};
-use crate::SpanSummary;
-use crate::compensate::{Exit, WallBehind, compensate, empty_span};
+use crate::compensate::{Exit, WallBehind};
 use crate::element::Element;
 use crate::emit::feed;
 use crate::frame::{height, in_plane};
@@ -16,7 +15,6 @@ use crate::tolerance::RADIUS_MM;
 use cnc_msgs::contour::{Approach, CutterSide, Motion, OutsideCorner, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::Position;
-use cnc_msgs::path::Role;
 
 impl Walk<'_> {
     pub(super) fn leg(
@@ -142,53 +140,10 @@ impl Walk<'_> {
         }));
     }
 
-    /// Puts a gathered span out; gives the wall that a link leaves.
-    pub(super) fn close(&mut self, active: Active, exit: Exit<'_>) -> Option<WallBehind> {
+    /// Has a gathered span put out; gives the wall that a link leaves.
+    pub(super) fn close(&mut self, active: Active, exit: Exit) -> Option<WallBehind> {
         let Active { span, behind, .. } = active;
-        let (Some(first), Some(last)) = (span.legs.first(), span.legs.last()) else {
-            self.close_empty(&span, exit);
-            return None;
-        };
-        let mut summary = SpanSummary {
-            first_line: first.source.line,
-            last_line: last.source.line,
-            side: if span.d_mm < 0.0 { CutterSide::Right } else { CutterSide::Left },
-            radius_mm: span.d_mm.abs(),
-            first_element: 0,
-            last_element: 0,
-        };
-        let before = self.out.path.elements.len();
-        let rest = compensate(span, exit, behind, self.profile, &mut self.out, &mut self.verdict);
-        let is_contour = |index: &usize| {
-            matches!(
-                self.out.path.elements[*index].role,
-                Role::Contour | Role::Corner | Role::OffPlane
-            )
-        };
-        let mut inside = (before..self.out.path.elements.len()).filter(is_contour);
-        if let Some(first) = inside.next() {
-            summary.first_element = first;
-            summary.last_element = inside.next_back().unwrap_or(first);
-            self.spans.push(summary);
-        }
-        rest
-    }
-
-    /// A span without a contour: its moves as programmed, and the finding.
-    pub(super) fn close_empty(&mut self, span: &Span, exit: Exit<'_>) {
-        self.verdict.diagnostics.push(empty_span(span));
-        self.out.programmed(&span.entry.lead.motion, span.entry.lead.source, Role::LeadOn);
-        for item in &span.items {
-            match item.what {
-                ItemKind::Action(action) => self.out.action(action, item.source),
-                ItemKind::OffPlane(motion) => {
-                    self.out.off_plane(span.plane, &motion, item.source);
-                }
-            }
-        }
-        if let Exit::LeadOff(lead) = exit {
-            self.out.programmed(&lead.motion, lead.source, Role::LeadOff);
-        }
+        self.out.span(span, exit, behind, &mut self.verdict)
     }
 
     /// The radius in force with the sign of the side, mm; 0 when it is not known.

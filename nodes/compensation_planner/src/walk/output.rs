@@ -1,0 +1,211 @@
+//! What goes out, in the order of the program.
+//!
+//! The way along a span that is led off depends on nothing else: such spans wait, with
+//! all that comes after them, until there are enough to be solved together. How many
+//! that is depends on the program alone, and so does the result.
+
+use crate::compensate::{Exit, Solution, Verdict, WallBehind, empty_span, solve};
+use crate::emit::Emitter;
+use crate::span::{ItemKind, Span};
+use crate::{Planning, SpanSummary};
+use cnc_msgs::contour::{Action, CutterSide, Motion, ProgrammedContour, Source};
+use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::path::{CompensatedPath, Role};
+use cnc_msgs::profile::Profile;
+use std::sync::{Mutex, PoisonError};
+
+/// Blocks of spans, and orders behind them, that wait at most.
+const WAITING_MAX: usize = 65_536;
+
+pub(super) struct Output<'a> {
+    profile: &'a Profile,
+    planning: Planning<'a>,
+    emitter: Emitter,
+    spans: Vec<SpanSummary>,
+    /// The first is a span, if there is any.
+    waiting: Vec<Order>,
+    /// Orders and the blocks of spans among them.
+    weight: usize,
+}
+
+/// Something to put out.
+enum Order {
+    Programmed(Motion, Source, Role),
+    Action(Action, Source),
+    StopExactlyIn(Source),
+    Span(Box<Job>),
+}
+
+/// A span that is complete.
+struct Job {
+    span: Span,
+    exit: Exit,
+    behind: Option<WallBehind>,
+    /// What was said before it was complete.
+    said: Vec<Diagnostic>,
+}
+
+impl<'a> Output<'a> {
+    pub(super) fn new(
+        contour: &ProgrammedContour,
+        profile: &'a Profile,
+        planning: Planning<'a>,
+    ) -> Self {
+        let mut emitter = Emitter::new(contour.start, contour.assumed_axes);
+        emitter.path.elements.reserve(contour.events.len() + contour.events.len() / 2);
+        Self { profile, planning, emitter, spans: Vec::new(), waiting: Vec::new(), weight: 0 }
+    }
+
+    /// A motion as it is programmed.
+    pub(super) fn programmed(&mut self, motion: &Motion, source: Source, role: Role) {
+        self.order(Order::Programmed(*motion, source, role));
+    }
+
+    pub(super) fn action(&mut self, action: Action, source: Source) {
+        self.order(Order::Action(action, source));
+    }
+
+    /// Every element of this block will end in an exact stop.
+    pub(super) fn stop_exactly_in(&mut self, source: Source) {
+        self.order(Order::StopExactlyIn(source));
+    }
+
+    /// A span; gives the wall that it leaves behind, unless it is led off.
+    pub(super) fn span(
+        &mut self,
+        span: Span,
+        exit: Exit,
+        behind: Option<WallBehind>,
+        verdict: &mut Verdict,
+    ) -> Option<WallBehind> {
+        let said = std::mem::take(&mut verdict.diagnostics);
+        let waits = matches!(exit, Exit::LeadOff(_));
+        self.weight += span.legs.len();
+        self.waiting.push(Order::Span(Box::new(Job { span, exit, behind, said })));
+        if waits && self.weight < WAITING_MAX {
+            return None;
+        }
+        self.put_out_waiting(verdict)
+    }
+
+    /// The whole path.
+    pub(super) fn finish(mut self, verdict: &mut Verdict) -> (CompensatedPath, Vec<SpanSummary>) {
+        self.put_out_waiting(verdict);
+        (self.emitter.path, self.spans)
+    }
+
+    /// Puts out what waits, if that is much.
+    pub(super) fn put_out_much(&mut self, verdict: &mut Verdict) {
+        if self.weight >= WAITING_MAX {
+            self.put_out_waiting(verdict);
+        }
+    }
+
+    fn order(&mut self, order: Order) {
+        if self.waiting.is_empty() {
+            put_out(&mut self.emitter, order);
+            return;
+        }
+        self.weight += 1;
+        self.waiting.push(order);
+    }
+
+    /// Puts out all that waits; gives the wall that the last span leaves behind.
+    fn put_out_waiting(&mut self, verdict: &mut Verdict) -> Option<WallBehind> {
+        self.weight = 0;
+        let mut orders = std::mem::take(&mut self.waiting);
+        let mut solutions = self.solutions(&mut orders).into_iter();
+        // What was said since the last span was complete comes after what is said of it.
+        let said = std::mem::take(&mut verdict.diagnostics);
+        let mut behind = None;
+        for order in orders {
+            match order {
+                Order::Span(job) => {
+                    let solution = solutions.next().flatten();
+                    behind = self.put_out_span(*job, solution, verdict);
+                }
+                order => put_out(&mut self.emitter, order),
+            }
+        }
+        verdict.diagnostics.extend(said);
+        behind
+    }
+
+    /// The ways along all spans among these orders; none along one without a contour.
+    fn solutions(&self, orders: &mut [Order]) -> Vec<Option<Solution>> {
+        type Place<'a> = Mutex<(&'a mut Job, Option<Solution>)>;
+        let jobs = orders.iter_mut().filter_map(|order| match order {
+            Order::Span(job) => Some(job.as_mut()),
+            _ => None,
+        });
+        let places: Vec<Place<'_>> = jobs.map(|job| Mutex::new((job, None))).collect();
+        let (profile, certifies) = (self.profile, self.planning.certifies);
+        self.planning.workers.run(places.len(), &|index| {
+            let mut place = places[index].lock().unwrap_or_else(PoisonError::into_inner);
+            let (job, solution) = &mut *place;
+            if !job.span.legs.is_empty() {
+                *solution = Some(solve(&mut job.span, &job.exit, profile, certifies));
+            }
+        });
+        let solution =
+            |place: Place<'_>| place.into_inner().unwrap_or_else(PoisonError::into_inner).1;
+        places.into_iter().map(solution).collect()
+    }
+
+    fn put_out_span(
+        &mut self,
+        job: Job,
+        solution: Option<Solution>,
+        verdict: &mut Verdict,
+    ) -> Option<WallBehind> {
+        let Job { span, exit, behind, said } = job;
+        verdict.diagnostics.extend(said);
+        let before = self.emitter.path.elements.len();
+        let (Some(solution), [first, ..], [.., last]) = (solution, &span.legs[..], &span.legs[..])
+        else {
+            self.without_contour(&span, &exit, verdict);
+            return None;
+        };
+        let rest = solution.put_out(&span, &exit, behind, self.profile, &mut self.emitter, verdict);
+        let elements = &self.emitter.path.elements[before..];
+        let is_contour = |role| matches!(role, Role::Contour | Role::Corner | Role::OffPlane);
+        let inside = |element: &cnc_msgs::path::PathElement| is_contour(element.role);
+        if let Some(first_element) = elements.iter().position(inside) {
+            let last_element = elements.iter().rposition(inside).unwrap_or(first_element);
+            self.spans.push(SpanSummary {
+                first_line: first.source.line,
+                last_line: last.source.line,
+                side: if span.d_mm < 0.0 { CutterSide::Right } else { CutterSide::Left },
+                radius_mm: span.d_mm.abs(),
+                first_element: before + first_element,
+                last_element: before + last_element,
+            });
+        }
+        rest
+    }
+
+    /// A span without a contour: its moves as programmed, and the finding.
+    fn without_contour(&mut self, span: &Span, exit: &Exit, verdict: &mut Verdict) {
+        verdict.diagnostics.push(empty_span(span));
+        let out = &mut self.emitter;
+        out.programmed(&span.entry.lead.motion, span.entry.lead.source, Role::LeadOn);
+        for item in &span.items {
+            match item.what {
+                ItemKind::Action(action) => out.action(action, item.source),
+                ItemKind::OffPlane(motion) => out.off_plane(span.plane, &motion, item.source),
+            }
+        }
+        if let Exit::LeadOff(lead) = exit {
+            out.programmed(&lead.motion, lead.source, Role::LeadOff);
+        }
+    }
+}
+
+fn put_out(emitter: &mut Emitter, order: Order) {
+    match order {
+        Order::Programmed(motion, source, role) => emitter.programmed(&motion, source, role),
+        Order::Action(action, source) => emitter.action(action, source),
+        Order::StopExactlyIn(source) => emitter.stop_exactly_in(source),
+        Order::Span(_) => {}
+    }
+}
