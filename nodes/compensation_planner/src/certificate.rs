@@ -67,7 +67,7 @@ pub struct CertificateLimit {
 
 /// A span whose radius is tried.
 pub(crate) struct Subject<'a> {
-    pub span: &'a Span,
+    pub span: &'a Span<'a>,
     pub runs: &'a [Run],
     pub lead_off: Option<&'a Lead>,
     pub profile: &'a Profile,
@@ -229,7 +229,7 @@ impl Subject<'_> {
     fn limits(&self, failure: &Failure) -> Vec<CertificateLimit> {
         let limit = |run: usize, at: crate::element::Vec2| {
             let leg = &self.span.legs[self.runs[run].legs.start];
-            let position = in_work(self.span.plane, at, height(self.span.plane, leg.end));
+            let position = in_work(self.span.plane, at, height(self.span.plane, leg.motion.end));
             CertificateLimit { source: leg.source, position }
         };
         match failure {

@@ -92,7 +92,12 @@ pub(crate) struct Solution {
 }
 
 /// Finds the way of the tool along a span.
-pub(crate) fn solve(span: &mut Span, exit: &Exit, profile: &Profile, certifies: bool) -> Solution {
+pub(crate) fn solve(
+    span: &mut Span<'_>,
+    exit: &Exit,
+    profile: &Profile,
+    certifies: bool,
+) -> Solution {
     let mut verdict = Verdict { certificates: certifies.then(Vec::new), ..Verdict::default() };
     let Verdict { diagnostics, certificates, uncut } = &mut verdict;
     let is_identity = is_zero(span.d_mm) && span.legs.iter().all(|leg| is_zero(leg.d_out_mm));
@@ -151,7 +156,7 @@ impl Solution {
     /// wall that a link at its end leaves is given back.
     pub(crate) fn put_out(
         self,
-        span: &Span,
+        span: &Span<'_>,
         exit: &Exit,
         behind: Option<WallBehind>,
         profile: &Profile,
@@ -222,7 +227,7 @@ impl Solution {
 
 /// Tells what the tool does not reach.
 fn unreachable_places(
-    span: &Span,
+    span: &Span<'_>,
     Chain { runs, links, placed }: &Chain,
     profile: &Profile,
     diagnostics: &mut Vec<Diagnostic>,
@@ -246,7 +251,7 @@ struct Chain {
 impl Chain {
     /// Points within `straight_mm` of a line are on it; `is_identity` joins nothing.
     fn new(
-        span: &mut Span,
+        span: &mut Span<'_>,
         straight_mm: f64,
         exit: Option<&Lead>,
         is_identity: bool,
@@ -275,7 +280,7 @@ fn is_zero(d_mm: f64) -> bool {
 /// The chain of a span: the leads where they take part in a corner, runs and corners;
 /// with all radii scaled.
 pub(crate) fn links(
-    span: &Span,
+    span: &Span<'_>,
     runs: &[Run],
     exit: Option<&Lead>,
     profile: &Profile,
@@ -331,7 +336,7 @@ fn is_outside_corner(lead: &Element, first: Option<Element>, d_mm: f64, of: &Lea
         && first.is_some_and(|first| turn(lead, &first, d_mm) == Turn::Outside)
 }
 
-fn line_of(lead: &Lead, span: &Span) -> Option<Element> {
+fn line_of(lead: &Lead, span: &Span<'_>) -> Option<Element> {
     let end = in_plane(span.plane, lead.motion.end);
     match lead.along {
         // However far it comes from.
@@ -345,7 +350,7 @@ fn link(role: LinkRole, element: Element, d_in_mm: f64, d_out_mm: f64) -> Link {
 }
 
 /// Reports a span that has no contour between its leads.
-pub(crate) fn empty_span(span: &Span) -> Diagnostic {
+pub(crate) fn empty_span(span: &Span<'_>) -> Diagnostic {
     Diagnostic::error(
         Code::NeverActive,
         span.entry.lead.source,

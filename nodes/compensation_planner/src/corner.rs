@@ -59,7 +59,7 @@ impl Lines {
 /// Knows how each corner of a span is gone around.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Corners<'a> {
-    pub span: &'a Span,
+    pub span: &'a Span<'a>,
     /// Corners between two arcs whose ends are nearer than twice this get an arc, mm (S69).
     pub short_mm: f64,
 }

@@ -42,7 +42,7 @@ fn rounded_down(radius_mm: f64) -> f64 {
 
 /// Elements that the tool is too large for.
 pub(crate) fn unreachable(
-    span: &Span,
+    span: &Span<'_>,
     runs: &[Run],
     place_of: &Unreachable,
     profile: &Profile,
@@ -51,7 +51,7 @@ pub(crate) fn unreachable(
     let leg = &span.legs[blamed.legs.start];
     let radius_mm = blamed.d_in_mm.abs();
     let limit_mm = place_of.radius_mm_max;
-    let position = in_work(span.plane, blamed.element.start(), height(span.plane, leg.end));
+    let position = in_work(span.plane, blamed.element.start(), height(span.plane, leg.motion.end));
     let first = span.legs[runs[place_of.first].legs.start].source;
     let last = span.legs[runs[place_of.last].legs.end - 1].source;
     let blocks = if first.line == last.line {
@@ -109,7 +109,7 @@ fn soften(finding: &mut Diagnostic, apart: usize, profile: &Profile) {
 
 /// There are more places that the tool does not reach than are listed.
 pub(crate) fn more_unreachable(
-    span: &Span,
+    span: &Span<'_>,
     runs: &[Run],
     next: &Unreachable,
     listed: usize,
@@ -128,7 +128,7 @@ pub(crate) fn more_unreachable(
 }
 
 /// An element on which the tool cuts into another one.
-pub(crate) fn cut(span: &Span, runs: &[Run], cut: &Cut, profile: &Profile) -> Diagnostic {
+pub(crate) fn cut(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -> Diagnostic {
     let into = &span.legs[runs[cut.into].legs.start];
     let (on, later) = (
         span.legs[runs[cut.on].legs.start].source,
@@ -136,7 +136,7 @@ pub(crate) fn cut(span: &Span, runs: &[Run], cut: &Cut, profile: &Profile) -> Di
     );
     let depth_mm = cut.radius_mm - cut.distance_mm;
     let position =
-        in_work(span.plane, (cut.foot + cut.on_wall) / 2.0, height(span.plane, into.end));
+        in_work(span.plane, (cut.foot + cut.on_wall) / 2.0, height(span.plane, into.motion.end));
     let code = if cut.is_other_pass { Code::CutsOtherPass } else { Code::Gouge };
     let mut finding = Diagnostic::error(
         code,
@@ -166,7 +166,7 @@ pub(crate) fn cut(span: &Span, runs: &[Run], cut: &Cut, profile: &Profile) -> Di
 
 /// A cut that is still there after everything that does not fit was left out.
 pub(crate) fn not_trimmed(
-    span: &Span,
+    span: &Span<'_>,
     runs: &[Run],
     cut: &Cut,
     profile: &Profile,
@@ -183,7 +183,7 @@ pub(crate) fn not_trimmed(
 }
 
 /// A contour that the tool fits nowhere.
-pub(crate) fn nothing_left(span: &Span) -> Diagnostic {
+pub(crate) fn nothing_left(span: &Span<'_>) -> Diagnostic {
     let at = span.legs.first().map_or(span.entry.lead.source, |leg| leg.source);
     let mut finding = Diagnostic::error(
         Code::Unreachable,
@@ -196,7 +196,7 @@ pub(crate) fn nothing_left(span: &Span) -> Diagnostic {
 }
 
 /// A contour that meets itself so often that not all of it could be checked.
-pub(crate) fn too_entangled(span: &Span) -> Diagnostic {
+pub(crate) fn too_entangled(span: &Span<'_>) -> Diagnostic {
     Diagnostic::error(
         Code::Limit,
         span.entry.lead.source,

@@ -38,7 +38,12 @@ pub(crate) fn plane_axes(plane: Plane) -> AxisSet {
 ///
 /// An arc of another plane is not seen in this one: check before.
 pub(crate) fn element(plane: Plane, start: Position, motion: &Motion) -> Option<Element> {
-    let (from, to) = (in_plane(plane, start), in_plane(plane, motion.end));
+    element_from(plane, in_plane(plane, start), motion)
+}
+
+/// [`element`], from a point in the plane.
+pub(crate) fn element_from(plane: Plane, from: Vec2, motion: &Motion) -> Option<Element> {
+    let to = in_plane(plane, motion.end);
     match motion.shape {
         Shape::Line => Element::line(from, to),
         Shape::Arc(arc) => {

@@ -136,7 +136,7 @@ impl Check<'_> {
     /// The lead-on or link, from where the tool was to where compensation begins.
     pub(crate) fn lead_on(
         &mut self,
-        span: &Span,
+        span: &Span<'_>,
         runs: &[Run],
         way: &Way,
         behind: Option<WallBehind>,
@@ -154,13 +154,18 @@ impl Check<'_> {
     }
 
     /// The lead-off, from the end of the contour.
-    pub(crate) fn lead_off(&mut self, span: &Span, runs: &[Run], way: &Way, lead: &Lead) {
+    pub(crate) fn lead_off(&mut self, span: &Span<'_>, runs: &[Run], way: &Way, lead: &Lead) {
         self.span(Code::LeadGouge, span, runs, way, span.d_out_mm, lead);
     }
 
     /// The ways along the last block on one side and the first on the other (O02):
     /// each may cut into what the other follows.
-    pub(crate) fn change_of_side(&mut self, span: &Span, way: Option<Element>, from: WallBehind) {
+    pub(crate) fn change_of_side(
+        &mut self,
+        span: &Span<'_>,
+        way: Option<Element>,
+        from: WallBehind,
+    ) {
         let to = &span.legs[0];
         let pairs = [
             (from.way, self.walls.of(0), from.d_mm, from.source, to.source),
@@ -171,7 +176,7 @@ impl Check<'_> {
                 continue;
             };
             if near.distance < d_mm.abs() - GOUGE_MM {
-                let at = in_work(self.plane, near.on_wall, height(self.plane, to.end));
+                let at = in_work(self.plane, near.on_wall, height(self.plane, to.motion.end));
                 let what = "change of side";
                 let code = Code::LinkGouge;
                 let (distance_mm, is_negative) = (near.distance, span.is_negative);
@@ -184,7 +189,7 @@ impl Check<'_> {
     /// What a link at the end of the span will be checked against.
     pub(crate) fn wall_behind(
         &self,
-        span: &Span,
+        span: &Span<'_>,
         runs: &[Run],
         way: Option<Element>,
     ) -> Option<WallBehind> {
@@ -193,7 +198,15 @@ impl Check<'_> {
         Some(WallBehind { wall: last.element, way, source, d_mm: span.d_out_mm })
     }
 
-    fn span(&mut self, code: Code, span: &Span, runs: &[Run], way: &Way, d_mm: f64, lead: &Lead) {
+    fn span(
+        &mut self,
+        code: Code,
+        span: &Span<'_>,
+        runs: &[Run],
+        way: &Way,
+        d_mm: f64,
+        lead: &Lead,
+    ) {
         let limit = d_mm.abs() - GOUGE_MM;
         if let Some((run, near)) = way.deepest_cut(self.walls, limit) {
             let other = span.legs[runs[run].legs.start].source;

@@ -7,23 +7,25 @@
 
 use crate::element::{Element, Vec2, cross, left};
 use crate::frame::in_plane;
-use crate::span::{Leg, Run, Span};
+use crate::span::{Run, Span};
 use crate::tolerance::MERGE_MM;
+use cnc_msgs::geometry::Shape;
 
 /// The runs of a span, and each leg's place in its run.
 ///
 /// Points within `straight_mm` of a line, at least [`MERGE_MM`], are on it.
-pub(crate) fn runs(span: &mut Span, straight_mm: f64) -> Vec<Run> {
+pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::with_capacity(span.legs.len());
     let mut d_mm = span.d_mm;
     let mut cone = Cone::at(Vec2::zeros(), straight_mm);
     for index in 0..span.legs.len() {
         let leg = span.legs[index];
-        let end = in_plane(span.plane, leg.end);
+        let Some(element) = leg.element(span.plane) else { continue };
+        let end = in_plane(span.plane, leg.motion.end);
         let changes = leg.d_out_mm != d_mm;
         let open = runs.last_mut().filter(|run| !changes && run.d_in_mm == run.d_out_mm);
         let reach = open.and_then(|run| {
-            let reach = extend(run, &leg, end, &mut cone)?;
+            let reach = extend(run, &element, end, &mut cone)?;
             run.legs.end = index + 1;
             Some(reach)
         });
@@ -33,14 +35,14 @@ pub(crate) fn runs(span: &mut Span, straight_mm: f64) -> Vec<Run> {
                 if let Some(run) = runs.last() {
                     settle(run, span);
                 }
-                cone = Cone::new(&leg.element, end, straight_mm);
+                cone = Cone::new(&element, end, straight_mm);
                 runs.push(Run {
-                    element: leg.element,
+                    element,
                     legs: index..index + 1,
                     d_in_mm: d_mm,
                     d_out_mm: leg.d_out_mm,
                 });
-                full_reach(&leg.element)
+                full_reach(&element)
             }
         };
         d_mm = leg.d_out_mm;
@@ -59,9 +61,9 @@ fn full_reach(element: &Element) -> f64 {
 }
 
 /// Lengthens a run by a leg, if both are one line or arc; gives the leg's reach.
-fn extend(run: &mut Run, leg: &Leg, end: Vec2, cone: &mut Cone) -> Option<f64> {
-    let is_short = leg.element.length() <= MERGE_MM;
-    match (&mut run.element, &leg.element) {
+fn extend(run: &mut Run, leg: &Element, end: Vec2, cone: &mut Cone) -> Option<f64> {
+    let is_short = leg.length() <= MERGE_MM;
+    match (&mut run.element, leg) {
         (Element::Arc(arc), Element::Arc(next)) => {
             let off = (arc.center - next.center).norm() + (arc.radius - next.radius).abs();
             if arc.turn == next.turn && off <= MERGE_MM && arc.to.dot(&next.from) > 0.5 {
@@ -71,10 +73,10 @@ fn extend(run: &mut Run, leg: &Leg, end: Vec2, cone: &mut Cone) -> Option<f64> {
             }
         }
         (Element::Line(_), Element::Arc(_)) if cone.far <= MERGE_MM && !is_short => {
-            run.element = leg.element;
-            return Some(full_reach(&leg.element));
+            run.element = *leg;
+            return Some(full_reach(leg));
         }
-        (Element::Line(_), _) if is_short || leg.element.is_line() => {
+        (Element::Line(_), _) if is_short || leg.is_line() => {
             let line = cone.extend(end)?;
             run.element = line.unwrap_or(run.element);
             return Some(0.0);
@@ -86,14 +88,14 @@ fn extend(run: &mut Run, leg: &Leg, end: Vec2, cone: &mut Cone) -> Option<f64> {
 }
 
 /// Gives the legs of a finished run of lines their places on the final line.
-fn settle(run: &Run, span: &mut Span) {
+fn settle(run: &Run, span: &mut Span<'_>) {
     let legs = run.legs.clone();
     match run.element {
         _ if legs.len() == 1 => {}
         Element::Line(line) => {
             let mut reach = 0.0_f64;
             for leg in &mut span.legs[legs.clone()] {
-                let along = (in_plane(span.plane, leg.end) - line.start).dot(&line.tangent);
+                let along = (in_plane(span.plane, leg.motion.end) - line.start).dot(&line.tangent);
                 reach = reach.max(along.min(line.length));
                 leg.reach = reach;
             }
@@ -102,7 +104,7 @@ fn settle(run: &Run, span: &mut Span) {
         Element::Arc(_) => {
             // Short lines before an arc have no part of it.
             for leg in &mut span.legs[legs] {
-                if !leg.element.is_line() {
+                if leg.motion.shape != Shape::Line {
                     break;
                 }
                 leg.reach = 0.0;

@@ -3,21 +3,19 @@
 //! Only data: `walk` fills it, `compensate` reads it.
 
 use crate::element::{Element, Vec2};
+use crate::emit::feed;
+use crate::frame::element_from;
 use cnc_msgs::contour::{Action, Approach, Motion, OutsideCorner, Source};
-use cnc_msgs::geometry::{AxisSet, Plane, Position, Shape};
+use cnc_msgs::geometry::{Plane, Position};
 
 /// One block with motion in the plane.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Leg {
-    /// What the block does in the plane.
-    pub element: Element,
-    /// The programmed shape and end.
-    pub shape: Shape,
-    pub end: Position,
+pub(crate) struct Leg<'a> {
+    /// What the block programs.
+    pub motion: &'a Motion,
     pub source: Source,
-    /// `None` for a rapid.
-    pub feed_mm_per_min: Option<f64>,
-    pub axes: AxisSet,
+    /// Where it starts in the plane, mm.
+    pub start: Vec2,
     /// How an outside corner at its start is rounded: it belongs to this block (S07, S09).
     pub corner: OutsideCorner,
     /// The signed offset at its end; it differs from that at its start in a
@@ -27,6 +25,18 @@ pub(crate) struct Leg {
     pub tip: u8,
     /// Where it ends along its run: mm on a line, rad on an arc.
     pub reach: f64,
+}
+
+impl Leg<'_> {
+    /// What the block does in the plane; `None` when it stays where it is there.
+    pub(crate) fn element(&self, plane: Plane) -> Option<Element> {
+        element_from(plane, self.start, self.motion)
+    }
+
+    /// Its feed, mm/min; `None` for a rapid.
+    pub(crate) fn feed_mm_per_min(&self) -> Option<f64> {
+        feed(self.motion)
+    }
 }
 
 /// A straight motion that leads to or from the contour.
@@ -77,7 +87,7 @@ pub(crate) struct OtherSide {
 
 /// A compensated piece of the program.
 #[derive(Debug, Clone)]
-pub(crate) struct Span {
+pub(crate) struct Span<'a> {
     pub plane: Plane,
     /// The signed offset at the lead-on, positive to the left.
     pub d_mm: f64,
@@ -89,7 +99,7 @@ pub(crate) struct Span {
     /// Tip direction of the edge at the lead-on, 0 to 9.
     pub tip: u8,
     pub entry: Entry,
-    pub legs: Vec<Leg>,
+    pub legs: Vec<Leg<'a>>,
     pub items: Vec<Item>,
     /// What the tool goes on to, where the side changes at its end (O02).
     pub next: Option<OtherSide>,

@@ -49,7 +49,7 @@ pub(crate) struct Shift {
 }
 
 impl Shift {
-    pub(crate) fn new(span: &Span, profile: &Profile) -> Self {
+    pub(crate) fn new(span: &Span<'_>, profile: &Profile) -> Self {
         if profile.output == OutputPoint::Center {
             return Self { first: Vec2::zeros(), last: Vec2::zeros(), is_at_tip: false };
         }
@@ -77,7 +77,7 @@ impl Shift {
 
     /// Moves what was compensated from the centre to the tip. A block that changes
     /// the edge begins with the old one, and so does the corner before it (S45).
-    pub(crate) fn apply(&self, span: &Span, elements: &mut [PathElement]) {
+    pub(crate) fn apply(&self, span: &Span<'_>, elements: &mut [PathElement]) {
         if !self.is_at_tip {
             return;
         }

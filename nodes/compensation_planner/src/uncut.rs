@@ -83,7 +83,7 @@ pub(crate) fn regions(
 
 /// The region beside the joint behind `placed[index]`; before the first when `None`.
 fn region(
-    span: &Span,
+    span: &Span<'_>,
     runs: &[Run],
     (links, placed): (&[Link], &[Placed]),
     index: Option<usize>,
@@ -122,7 +122,7 @@ fn region(
     let blamed = if left_out.is_empty() { touched } else { left_out };
     let (first_run, last_run) = (*blamed.iter().min()?, *blamed.iter().max()?);
     let last_leg = &span.legs[runs[last_run].legs.end - 1];
-    let at = height(span.plane, last_leg.end);
+    let at = height(span.plane, last_leg.motion.end);
     let area_mm2 = area(&outline, joint).abs();
     Some(UncutRegion {
         first: span.legs[runs[first_run].legs.start].source,

@@ -38,8 +38,8 @@ struct Selection {
 
 /// A span that is being gathered.
 #[derive(Debug)]
-struct Active {
-    span: Span,
+struct Active<'a> {
+    span: Span<'a>,
     side: CutterSide,
     /// A side change or reselection that waits for its move, with how the
     /// contour before it ends.
@@ -59,10 +59,10 @@ struct Active {
 }
 
 #[derive(Debug)]
-enum State {
+enum State<'a> {
     Off,
     Selected(Selection),
-    Active(Box<Active>),
+    Active(Box<Active<'a>>),
 }
 
 pub(crate) struct Walk<'a> {
@@ -80,12 +80,12 @@ pub(crate) struct Walk<'a> {
     led_off_in: Option<Source>,
     /// Where the program is; the tool may be elsewhere.
     programmed: Position,
-    state: State,
+    state: State<'a>,
 }
 
 impl<'a> Walk<'a> {
     pub(crate) fn new(
-        contour: &ProgrammedContour,
+        contour: &'a ProgrammedContour,
         profile: &'a Profile,
         tools: &'a ToolTable,
         planning: Planning<'a>,
@@ -107,10 +107,10 @@ impl<'a> Walk<'a> {
         }
     }
 
-    pub(crate) fn event(&mut self, kind: &ContourEventKind, source: Source) {
+    pub(crate) fn event(&mut self, kind: &'a ContourEventKind, source: Source) {
         self.out.put_out_much(&mut self.verdict);
         match *kind {
-            ContourEventKind::Motion(motion) => self.motion(motion, source),
+            ContourEventKind::Motion(ref motion) => self.motion(motion, source),
             ContourEventKind::Plane(plane) => self.select_plane(plane, source),
             ContourEventKind::Radius(word) => {
                 self.radius = Some(word);
@@ -321,33 +321,33 @@ impl<'a> Walk<'a> {
         Action::ToolLength { offset: Some(number), length_mm }
     }
 
-    fn motion(&mut self, motion: Motion, source: Source) {
-        if !rules::is_sane(&motion) {
-            self.verdict.diagnostics.push(rules::not_sane(source, &motion));
+    fn motion(&mut self, motion: &'a Motion, source: Source) {
+        if !rules::is_sane(motion) {
+            self.verdict.diagnostics.push(rules::not_sane(source, motion));
             return;
         }
         let start = self.programmed;
         self.programmed = motion.end;
         match std::mem::replace(&mut self.state, State::Off) {
-            State::Off => self.out.programmed(&motion, source, Role::None),
+            State::Off => self.out.programmed(motion, source, Role::None),
             State::Selected(selection) => {
-                if self.moves_in_plane(start, &motion) {
-                    self.open(selection, start, &motion, source, None, false);
+                if self.moves_in_plane(start, motion) {
+                    self.open(selection, start, motion, source, None, false);
                 } else {
-                    self.rules().off_plane_move(source, start, &motion);
-                    self.out.programmed(&motion, source, Role::None);
+                    self.rules().off_plane_move(source, start, motion);
+                    self.out.programmed(motion, source, Role::None);
                     self.state = State::Selected(selection);
                 }
             }
-            State::Active(active) => self.active_motion(active, start, &motion, source),
+            State::Active(active) => self.active_motion(active, start, motion, source),
         }
     }
 
     fn active_motion(
         &mut self,
-        mut active: Box<Active>,
+        mut active: Box<Active<'a>>,
         start: Position,
-        motion: &Motion,
+        motion: &'a Motion,
         source: Source,
     ) {
         let plane = active.span.plane;
@@ -382,7 +382,7 @@ impl<'a> Walk<'a> {
                     Some(active) => active,
                     None => return,
                 };
-                self.leg(&mut active, element, motion, source);
+                self.leg(&mut active, start, &element, motion, source);
             }
             None => {
                 active.between.block(source);
@@ -421,7 +421,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-impl Active {
+impl Active<'_> {
     fn push_item(&mut self, source: Source, what: ItemKind) {
         self.span.items.push(Item { before: self.span.legs.len(), source, what });
     }

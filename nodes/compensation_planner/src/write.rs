@@ -14,7 +14,7 @@ use crate::finding;
 use crate::frame::{height, in_plane, in_work, plane_axes};
 use crate::span::{ItemKind, Lead, Leg, Run, Span};
 use crate::tolerance::{FAR_CORNER_RADII, LENGTH_MM};
-use cnc_msgs::contour::{Motion, MotionClass, OutsideCorner, Source};
+use cnc_msgs::contour::{Motion, OutsideCorner, Source};
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::path::Role;
@@ -23,7 +23,7 @@ use std::f64::consts::TAU;
 
 /// Puts out what was decided, block by block.
 pub(crate) struct Writer<'a> {
-    pub span: &'a Span,
+    pub span: &'a Span<'a>,
     pub corners: Corners<'a>,
     pub profile: &'a Profile,
     pub out: &'a mut Emitter,
@@ -64,17 +64,8 @@ impl Writer<'_> {
     pub(crate) fn as_programmed(&mut self) {
         for (index, leg) in self.span.legs.iter().enumerate() {
             self.items_before(index, false);
-            let motion = Motion {
-                shape: leg.shape,
-                end: leg.end,
-                class: if leg.feed_mm_per_min.is_some() {
-                    MotionClass::Feed
-                } else {
-                    MotionClass::Rapid
-                },
-                feed_mm_per_min: leg.feed_mm_per_min.unwrap_or(0.0),
-                axes: leg.axes.union(plane_axes(self.span.plane)),
-            };
+            let axes = axes_of(leg, self.span);
+            let motion = Motion { axes, ..*leg.motion };
             self.out.programmed(&motion, leg.source, Role::Contour);
         }
     }
@@ -120,7 +111,7 @@ impl Writer<'_> {
     ) -> f64 {
         let plane = self.span.plane;
         let (source, own_feed) = match (self.span.legs.get(next_leg), exit) {
-            (Some(leg), _) => (leg.source, leg.feed_mm_per_min),
+            (Some(leg), _) => (leg.source, leg.feed_mm_per_min()),
             (None, Some(exit)) => (exit.source, feed(&exit.motion)),
             (None, None) => return 0.0,
         };
@@ -195,7 +186,7 @@ impl Writer<'_> {
         let mut found = found;
         let end = self.span.legs.get(next_leg.wrapping_sub(1));
         found.other = end.map(|leg| leg.source).filter(|other| other.line != source.line);
-        let at = end.map_or(0.0, |leg| height(self.span.plane, leg.end));
+        let at = end.map_or(0.0, |leg| height(self.span.plane, leg.motion.end));
         found.position = Some(in_work(self.span.plane, corner.center, at));
         self.diagnostics.push(found);
     }
@@ -240,7 +231,7 @@ impl Writer<'_> {
                 }
             };
             let label = self.label(&leg);
-            let end_height = height(self.span.plane, leg.end);
+            let end_height = height(self.span.plane, leg.motion.end);
             follow(self.out, self.span.plane, &element, along, point, end_height, label);
         }
     }
@@ -254,11 +245,11 @@ impl Writer<'_> {
         if rule == Strictness::Emulate { TAU } else { 0.0 }
     }
 
-    fn label(&self, leg: &Leg) -> Label {
+    fn label(&self, leg: &Leg<'_>) -> Label {
         Label {
             role: Role::Contour,
             source: leg.source,
-            feed_mm_per_min: leg.feed_mm_per_min,
+            feed_mm_per_min: leg.feed_mm_per_min(),
             axes: axes_of(leg, self.span),
         }
     }
@@ -308,6 +299,6 @@ impl Writer<'_> {
     }
 }
 
-fn axes_of(leg: &Leg, span: &Span) -> AxisSet {
-    leg.axes.union(plane_axes(span.plane))
+fn axes_of(leg: &Leg<'_>, span: &Span<'_>) -> AxisSet {
+    leg.motion.axes.union(plane_axes(span.plane))
 }

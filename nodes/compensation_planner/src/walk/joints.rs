@@ -16,18 +16,18 @@ use cnc_msgs::contour::{Approach, Motion, MotionClass, Source};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::profile::{ChangeAt, RapidMode, Strictness};
 
-impl Walk<'_> {
+impl<'a> Walk<'a> {
     /// What the joint before a leg may be other than a corner; `None` when the
     /// motion was no leg after all.
     pub(super) fn before_leg(
         &mut self,
-        mut active: Box<Active>,
+        mut active: Box<Active<'a>>,
         is_excess: bool,
         start: Position,
         motion: &Motion,
         source: Source,
         element: &Element,
-    ) -> Option<Box<Active>> {
+    ) -> Option<Box<Active<'a>>> {
         if motion.class != MotionClass::Feed {
             self.verdict.diagnostics.extend(rules::rapid(source, self.profile));
             if self.profile.rapid.rule == RapidMode::Raw {
@@ -61,19 +61,19 @@ impl Walk<'_> {
     /// broken rule.
     fn change_side(
         &mut self,
-        mut active: Box<Active>,
+        mut active: Box<Active<'a>>,
         selection: Selection,
         start: Position,
         motion: &Motion,
         source: Source,
         element: &Element,
-    ) -> Box<Active> {
+    ) -> Box<Active<'a>> {
         let d_mm = match active.radius_changes {
             Some(_) => self.signed_offset(selection.side, selection.source),
             None => -active.span.d_out_mm,
         };
         let next = OtherSide { element: *element, d_mm };
-        let last = active.span.legs.last().map(|leg| leg.element);
+        let last = active.span.legs.last().and_then(|leg| leg.element(active.span.plane));
         let before = last.map(|element| OtherSide { element, d_mm: active.span.d_out_mm });
         let met = before.and_then(|before| Some((before, meeting(&before, &next)?)));
         if let Some((before, meeting)) = met {
@@ -99,7 +99,7 @@ impl Walk<'_> {
     }
 
     /// The span that has just been opened.
-    fn opened(&mut self) -> Box<Active> {
+    fn opened(&mut self) -> Box<Active<'a>> {
         match std::mem::replace(&mut self.state, State::Off) {
             State::Active(active) => active,
             _ => unreachable!("open makes the state active"),
@@ -109,11 +109,11 @@ impl Walk<'_> {
     /// The span ends perpendicular where the program is, and another begins there.
     fn stand_perpendicular(
         &mut self,
-        active: Box<Active>,
+        active: Box<Active<'a>>,
         start: Position,
         motion: &Motion,
         source: Source,
-    ) -> Box<Active> {
+    ) -> Box<Active<'a>> {
         let here = Motion { shape: Shape::Line, end: start, ..*motion };
         let selection = Selection {
             side: active.side,
@@ -130,7 +130,7 @@ impl Walk<'_> {
     /// A block with a new radius begins perpendicular to the block before (SINUMERIK 880).
     fn change_perpendicular(
         &mut self,
-        active: Box<Active>,
+        active: Box<Active<'a>>,
         start: Position,
         motion: &Motion,
         source: Source,
@@ -147,7 +147,7 @@ impl Walk<'_> {
     }
 
     /// A rapid that goes where it is programmed to: the offset is left and entered again.
-    fn leave_raw(&mut self, active: Active, start: Position, motion: &Motion, source: Source) {
+    fn leave_raw(&mut self, active: Active<'a>, start: Position, motion: &Motion, source: Source) {
         let selection = Selection {
             side: active.side,
             approach: None,

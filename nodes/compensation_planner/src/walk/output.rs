@@ -23,22 +23,22 @@ pub(super) struct Output<'a> {
     emitter: Emitter,
     spans: Vec<SpanSummary>,
     /// The first is a span, if there is any.
-    waiting: Vec<Order>,
+    waiting: Vec<Order<'a>>,
     /// Orders and the blocks of spans among them.
     weight: usize,
 }
 
 /// Something to put out.
-enum Order {
+enum Order<'a> {
     Programmed(Motion, Source, Role),
     Action(Action, Source),
     StopExactlyIn(Source),
-    Span(Box<Job>),
+    Span(Box<Job<'a>>),
 }
 
 /// A span that is complete.
-struct Job {
-    span: Span,
+struct Job<'a> {
+    span: Span<'a>,
     exit: Exit,
     behind: Option<WallBehind>,
     /// What was said before it was complete.
@@ -73,7 +73,7 @@ impl<'a> Output<'a> {
     /// A span; gives the wall that it leaves behind, unless it is led off.
     pub(super) fn span(
         &mut self,
-        span: Span,
+        span: Span<'a>,
         exit: Exit,
         behind: Option<WallBehind>,
         verdict: &mut Verdict,
@@ -101,7 +101,7 @@ impl<'a> Output<'a> {
         }
     }
 
-    fn order(&mut self, order: Order) {
+    fn order(&mut self, order: Order<'a>) {
         if self.waiting.is_empty() {
             put_out(&mut self.emitter, order);
             return;
@@ -132,13 +132,13 @@ impl<'a> Output<'a> {
     }
 
     /// The ways along all spans among these orders; none along one without a contour.
-    fn solutions(&self, orders: &mut [Order]) -> Vec<Option<Solution>> {
-        type Place<'a> = Mutex<(&'a mut Job, Option<Solution>)>;
+    fn solutions(&self, orders: &mut [Order<'_>]) -> Vec<Option<Solution>> {
+        type Place<'a, 'b> = Mutex<(&'a mut Job<'b>, Option<Solution>)>;
         let jobs = orders.iter_mut().filter_map(|order| match order {
             Order::Span(job) => Some(job.as_mut()),
             _ => None,
         });
-        let places: Vec<Place<'_>> = jobs.map(|job| Mutex::new((job, None))).collect();
+        let places: Vec<Place<'_, '_>> = jobs.map(|job| Mutex::new((job, None))).collect();
         let (profile, certifies) = (self.profile, self.planning.certifies);
         self.planning.workers.run(places.len(), &|index| {
             let mut place = places[index].lock().unwrap_or_else(PoisonError::into_inner);
@@ -148,13 +148,13 @@ impl<'a> Output<'a> {
             }
         });
         let solution =
-            |place: Place<'_>| place.into_inner().unwrap_or_else(PoisonError::into_inner).1;
+            |place: Place<'_, '_>| place.into_inner().unwrap_or_else(PoisonError::into_inner).1;
         places.into_iter().map(solution).collect()
     }
 
     fn put_out_span(
         &mut self,
-        job: Job,
+        job: Job<'_>,
         solution: Option<Solution>,
         verdict: &mut Verdict,
     ) -> Option<WallBehind> {
@@ -185,7 +185,7 @@ impl<'a> Output<'a> {
     }
 
     /// A span without a contour: its moves as programmed, and the finding.
-    fn without_contour(&mut self, span: &Span, exit: &Exit, verdict: &mut Verdict) {
+    fn without_contour(&mut self, span: &Span<'_>, exit: &Exit, verdict: &mut Verdict) {
         verdict.diagnostics.push(empty_span(span));
         let out = &mut self.emitter;
         out.programmed(&span.entry.lead.motion, span.entry.lead.source, Role::LeadOn);
@@ -201,7 +201,7 @@ impl<'a> Output<'a> {
     }
 }
 
-fn put_out(emitter: &mut Emitter, order: Order) {
+fn put_out(emitter: &mut Emitter, order: Order<'_>) {
     match order {
         Order::Programmed(motion, source, role) => emitter.programmed(&motion, source, role),
         Order::Action(action, source) => emitter.action(action, source),

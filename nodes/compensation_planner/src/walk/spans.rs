@@ -16,12 +16,13 @@ use cnc_msgs::contour::{Approach, CutterSide, Motion, OutsideCorner, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::Position;
 
-impl Walk<'_> {
+impl<'a> Walk<'a> {
     pub(super) fn leg(
         &mut self,
-        active: &mut Active,
-        element: Element,
-        motion: &Motion,
+        active: &mut Active<'a>,
+        start: Position,
+        element: &Element,
+        motion: &'a Motion,
         source: Source,
     ) {
         let mut d_out_mm = active.span.d_out_mm;
@@ -35,7 +36,7 @@ impl Walk<'_> {
         let corner = match active.corner_arc.take() {
             Some((along, at)) => {
                 let plane = active.span.plane;
-                self.verdict.diagnostics.extend(rules::corner_arc(at, along, plane, &element));
+                self.verdict.diagnostics.extend(rules::corner_arc(at, along, plane, element));
                 OutsideCorner::Arc
             }
             // The intersection with the imaginary line, whatever the corner.
@@ -48,7 +49,7 @@ impl Walk<'_> {
             let resolved = self.signed_offset(active.side, at);
             if (resolved - d_out_mm).abs() >= RADIUS_MM {
                 let radii = (d_out_mm, resolved);
-                let finding = rules::radius_change(source, &element, radii, self.profile);
+                let finding = rules::radius_change(source, element, radii, self.profile);
                 let is_refused = finding.as_ref().is_some_and(Diagnostic::is_error);
                 self.verdict.diagnostics.extend(finding);
                 if element.is_line() && !is_refused {
@@ -61,19 +62,11 @@ impl Walk<'_> {
         }
         self.verdict.diagnostics.extend(slow_corner(active, motion, source));
         active.span.d_out_mm = d_out_mm;
-        self.verdict.diagnostics.extend(rules::inside_arc(
-            source,
-            &element,
-            d_out_mm,
-            self.profile,
-        ));
+        self.verdict.diagnostics.extend(rules::inside_arc(source, element, d_out_mm, self.profile));
         active.span.legs.push(Leg {
-            element,
-            shape: motion.shape,
-            end: motion.end,
+            motion,
             source,
-            feed_mm_per_min: feed(motion),
-            axes: motion.axes,
+            start: in_plane(active.span.plane, start),
             corner,
             d_out_mm,
             tip: radius::tip(self.radius, self.spindle_tool, self.tools),
@@ -82,7 +75,7 @@ impl Walk<'_> {
     }
 
     /// Looks at what came between two blocks in the plane; whether it was too much.
-    pub(super) fn off_plane_blocks(&mut self, active: &mut Active, source: Source) -> bool {
+    pub(super) fn off_plane_blocks(&mut self, active: &mut Active<'_>, source: Source) -> bool {
         let between = std::mem::take(&mut active.between);
         let excess = between.excess(source, self.profile);
         let is_too_much = excess.is_some();
@@ -141,7 +134,7 @@ impl Walk<'_> {
     }
 
     /// Has a gathered span put out; gives the wall that a link leaves.
-    pub(super) fn close(&mut self, active: Active, exit: Exit) -> Option<WallBehind> {
+    pub(super) fn close(&mut self, active: Active<'a>, exit: Exit) -> Option<WallBehind> {
         let Active { span, behind, .. } = active;
         self.out.span(span, exit, behind, &mut self.verdict)
     }
@@ -171,10 +164,10 @@ impl Walk<'_> {
 
 /// A feed that came with a move out of the plane and now holds for the corner and
 /// the contour behind it (S54).
-fn slow_corner(active: &Active, motion: &Motion, source: Source) -> Option<Diagnostic> {
+fn slow_corner(active: &Active<'_>, motion: &Motion, source: Source) -> Option<Diagnostic> {
     let own = feed(motion)?;
     let before = match active.span.legs.last() {
-        Some(leg) => leg.feed_mm_per_min?,
+        Some(leg) => leg.feed_mm_per_min()?,
         None => feed(&active.span.entry.lead.motion)?,
     };
     let count = active.span.legs.len();
