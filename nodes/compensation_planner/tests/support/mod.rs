@@ -5,6 +5,9 @@
 //! functions, selection, motion, stop.
 #![allow(dead_code, unreachable_pub)]
 
+pub mod opened;
+pub mod outline;
+pub mod random;
 pub mod shapes;
 
 use cnc_msgs::contour::{

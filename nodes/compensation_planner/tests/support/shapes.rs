@@ -35,7 +35,7 @@ pub fn closed(corners: &[(f64, f64)], bends: &[f64], side: &str) -> String {
 }
 
 /// A line, or an arc through a point beside the middle of the chord.
-fn edge(from: [f64; 2], to: [f64; 2], bend: f64) -> String {
+pub fn edge(from: [f64; 2], to: [f64; 2], bend: f64) -> String {
     let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
     if bend == 0.0 {
         return format!("G1 X{} Y{}\n", to[0], to[1]);
