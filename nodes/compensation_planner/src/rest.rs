@@ -8,10 +8,11 @@
 use crate::frame::in_plane;
 use crate::radius::resolve;
 use crate::set_tool::{LoadedProgram, told};
+use crate::tolerance::MERGE_MM;
 use crate::{Plan, plan};
 use cnc_msgs::contour::{ContourEvent, ContourEventKind, ProgrammedContour, RadiusSource};
-use cnc_msgs::geometry::{Plane, Shape};
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::geometry::{Arc, Plane, Position, Shape};
+use cnc_msgs::path::{CompensatedPath, PathElement};
 use cnc_msgs::profile::{LiveValue, Profile, RadiusValue};
 use cnc_msgs::tool_table::ToolTable;
 
@@ -59,17 +60,39 @@ pub fn plan_rest(
     let kind = ContourEventKind::Radius(in_force);
     changed.events.insert(at, ContourEvent { source, kind });
     let tools = with_lengths_of(before, after);
-    let plan = plan(&changed, profile, &tools);
+    let mut plan = plan(&changed, profile, &tools);
     if let Some(finding) = plan.diagnostics.iter().find(|finding| finding.is_error()) {
         return Err(told(finding));
     }
     if plan.path == *running {
         return Err("the change does not touch what is left of the program".into());
     }
-    if plan.path.elements.get(..settled) != running.elements.get(..settled) {
+    let sent = running.elements.get(..settled).filter(|sent| begins_as(&plan.path, sent));
+    let Some(sent) = sent else {
         return Err("what has been sent would be cut otherwise".into());
-    }
+    };
+    plan.path.elements[..settled].copy_from_slice(sent);
     Ok(Rest { contour: changed, tools, plan, from_line })
+}
+
+/// Whether a path begins as what has been sent.
+///
+/// A block that was one line with the next and now ends it differs by what merging allows.
+fn begins_as(path: &CompensatedPath, sent: &[PathElement]) -> bool {
+    let is_near =
+        |a: Position, b: Position| (0..3).all(|axis| (a[axis] - b[axis]).abs() <= MERGE_MM);
+    let is_same = |now: &PathElement, sent: &PathElement| {
+        let is_alike = match (now.shape, sent.shape) {
+            (Shape::Arc(now), Shape::Arc(sent)) => {
+                is_near(now.center, sent.center) && Arc { center: sent.center, ..now } == sent
+            }
+            (now, sent) => now == sent,
+        };
+        let PathElement { shape, end, .. } = *sent;
+        is_alike && is_near(now.end, end) && PathElement { shape, end, ..*now } == *sent
+    };
+    let begins = path.elements.get(..sent.len());
+    begins.is_some_and(|begins| begins.iter().zip(sent).all(|(now, sent)| is_same(now, sent)))
 }
 
 /// The first straight move in the plane behind the last block that anything was sent

@@ -42,6 +42,24 @@ fn s48_a_value_entered_in_a_stop_is_in_force_from_the_next_corner_on() {
 }
 
 #[test]
+fn a_value_may_change_within_a_line_that_is_written_in_pieces() {
+    let (profile, before, after) = (sinumerik(), tool(5.0), tool(4.0));
+    // The first two blocks are one line, which N30 ends with the new radius.
+    let text = "N10 G41 D1 G456 G1 X0 Y0 F500
+        N20 X30.3 Y10.1
+        N30 X90.9 Y30.3
+        N40 X60.6 Y121.2
+        N50 G40 X-20 Y60";
+    let line = contour(text, &profile);
+    let program = LoadedProgram { name: "line", contour: &line, profile: &profile };
+    let running = plan(text, &profile, &before).path;
+    let rest = plan_rest(program, &before, &after, &running, 2).expect("it can change");
+    assert_eq!((rest.from_line, &rest.plan.path.elements[..2]), (3, &running.elements[..2]));
+    let whole = plan(text, &profile, &after).path;
+    assert_eq!(rest.plan.path.elements[3..], whole.elements[3..]);
+}
+
+#[test]
 fn a_rest_that_cannot_change_leaves_the_program_as_it_is() {
     let (profile, before) = (sinumerik(), tool(-5.0));
     let square = contour(SQUARE, &profile);
