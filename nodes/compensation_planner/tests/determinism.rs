@@ -25,7 +25,7 @@ fn nudge(value: &mut f64, ulps: i64) {
 }
 
 proptest! {
-    #![proptest_config(config(100))]
+    #![proptest_config(config(60))]
 
     #[test]
     fn p16_a_plan_is_the_same_bit_for_bit_again_and_in_another_thread(

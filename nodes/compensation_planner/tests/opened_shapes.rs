@@ -35,7 +35,7 @@ fn is_free(plan: &Plan) -> bool {
 }
 
 proptest! {
-    #![proptest_config(config(200))]
+    #![proptest_config(config(120))]
 
     #[test]
     fn p2_a_tool_that_fits_passes_and_cuts_nothing(shape in shapes(), part in 0.01..0.9999_f64) {
@@ -81,7 +81,7 @@ fn from_carrier(point: Position, (from, to, bulge): (Position, Position, f64)) -
 }
 
 proptest! {
-    #![proptest_config(config(200))]
+    #![proptest_config(config(120))]
 
     #[test]
     fn p1_a_path_is_the_radius_away_from_its_own_block_and_corner(shape in shapes(), part in 0.01..0.9999_f64) {
