@@ -9,11 +9,14 @@
 //! Blocks may be left out within the tolerance that the profile accepts.
 
 mod align;
+mod apart;
 mod beside;
 mod bounds;
 mod clearance;
 mod events;
+mod fans;
 mod follow;
+mod pieces;
 mod planar;
 mod program;
 mod report;

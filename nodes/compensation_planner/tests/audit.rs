@@ -209,6 +209,14 @@ fn the_path_of_another_program_is_found() {
 }
 
 #[test]
+fn an_element_of_no_block_is_found_wherever_it_is() {
+    let planned = a6();
+    for index in 0..planned.path.elements.len() {
+        planned.check(Code::PathMismatch, |path| path.elements[index].source.line = 1000);
+    }
+}
+
+#[test]
 fn the_audit_shares_no_geometry_with_the_planner() {
     let folder = format!("{}/src/audit", env!("CARGO_MANIFEST_DIR"));
     let mut files: Vec<_> =

@@ -22,6 +22,10 @@ pub(super) fn check(way: &mut Way<'_>, span: &Span, legs: &[u32], report: &mut R
         if report.is_full() {
             return;
         }
+        if way.of[element] == NONE {
+            // It has been reported as a stray.
+            continue;
+        }
         match way.path.elements[element].role {
             Role::Corner => check.corner(way, element, report),
             Role::Contour => check.contour(way, element, report),

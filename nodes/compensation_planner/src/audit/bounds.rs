@@ -3,8 +3,10 @@
 //! A pass ends where the contour returns to a point that it has already passed. A tail is the
 //! piece from a free end of a pass to the first place where the pass meets itself.
 
-use super::planar::{Piece, Point, chords_apart_squared, cross, crossings, unit};
-use super::strip::{self, Chain, StripTree};
+use super::apart;
+use super::pieces::Pieces;
+use super::planar::{Piece, Point, cross, crossings, unit};
+use super::strip::{self, StripTree};
 use std::ops::Range;
 
 /// Places so near each other are one, mm.
@@ -42,8 +44,9 @@ pub(super) struct Bounds {
 
 impl Bounds {
     /// Of the legs of a span; `None` when they meet too often to look at.
-    pub(super) fn of(legs: &impl Chain, tree: &StripTree) -> Option<Self> {
-        let mut meetings = meetings(legs, tree)?;
+    pub(super) fn of(tree: &StripTree<'_>) -> Option<Self> {
+        let legs = tree.pieces;
+        let mut meetings = meetings(tree)?;
         meetings.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
         let mut passes: Vec<Pass> = Vec::new();
         let mut start = 0;
@@ -125,7 +128,8 @@ impl Bounds {
     }
 }
 
-fn meetings(legs: &impl Chain, tree: &StripTree) -> Option<Vec<Meeting>> {
+fn meetings(tree: &StripTree<'_>) -> Option<Vec<Meeting>> {
+    let legs = tree.pieces;
     let mut found: Vec<Meeting> = Vec::new();
     for leg in 0..legs.count() {
         if (legs.end(leg) - legs.begin(leg)).norm_squared() > MEET_MM * MEET_MM {
@@ -138,10 +142,9 @@ fn meetings(legs: &impl Chain, tree: &StripTree) -> Option<Vec<Meeting>> {
         }
     }
     let most = MEETINGS_MAX.0 * legs.count() + MEETINGS_MAX.1;
-    let is_complete = strip::near((legs, tree), (legs, tree), MEET_MM, |early, late| {
-        if early.start > late.start {
-            return true;
-        }
+    // Along a fan of legs two places are as far apart as half the way between them: those that
+    // meet are on one place of the contour, which is no meeting.
+    let is_complete = strip::near_itself(tree, MEET_MM, |early, late| {
         for late in late {
             for early in early.start..early.end.min(late) {
                 meet(legs, early, late, &mut found);
@@ -153,7 +156,7 @@ fn meetings(legs: &impl Chain, tree: &StripTree) -> Option<Vec<Meeting>> {
 }
 
 /// Whether one line runs on in the next, so that its end is no end of a wall.
-fn runs_on(legs: &impl Chain, leg: usize) -> bool {
+fn runs_on(legs: &Pieces, leg: usize) -> bool {
     if leg + 1 >= legs.count() {
         return false;
     }
@@ -167,12 +170,11 @@ fn runs_on(legs: &impl Chain, leg: usize) -> bool {
         || longer <= MERGE_MM
 }
 
-fn meet(legs: &impl Chain, early: usize, late: usize, found: &mut Vec<Meeting>) {
-    let chord = |leg: usize| (legs.begin(leg), legs.end(leg));
-    let ((a0, a1), (b0, b1)) = (chord(early), chord(late));
+fn meet(legs: &Pieces, early: usize, late: usize, found: &mut Vec<Meeting>) {
+    let ((a0, a1), (b0, b1)) = (legs.chord(early), legs.chord(late));
     let is_joined = early + 1 == late;
-    let (a, b) = (legs.piece(early), legs.piece(late));
-    if a.is_line() && b.is_line() {
+    let (of_a, of_b) = (legs.bow(early), legs.bow(late));
+    if of_a.is_none() && of_b.is_none() {
         // Boxes first; neighbours meet elsewhere only if one comes back on the other.
         let apart = |a0: f64, a1: f64, b0: f64, b1: f64| {
             a0.max(a1) + MEET_MM < b0.min(b1) || b0.max(b1) + MEET_MM < a0.min(a1)
@@ -188,10 +190,11 @@ fn meet(legs: &impl Chain, early: usize, late: usize, found: &mut Vec<Meeting>) 
             }
         }
     }
-    let reach = MEET_MM + a.bulge() + b.bulge();
-    if chords_apart_squared((a0, a1), (b0, b1)) > reach * reach {
+    // A little more, for what is just as far apart.
+    if apart::pieces((a0, a1), of_a, (b0, b1), of_b, 1.01 * MEET_MM) {
         return;
     }
+    let (a, b) = (legs.piece(early), legs.piece(late));
     let mut add = |point: Point, is_end_of_late: bool| {
         let near = |piece: &Piece| (piece.nearest(point) - point).norm() <= MEET_MM;
         if (is_joined && (point - a1).norm() <= 2.0 * MEET_MM) || !near(&a) || !near(&b) {

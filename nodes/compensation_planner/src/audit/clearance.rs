@@ -1,15 +1,18 @@
 //! How near the path comes to the walls of its pass: the exact distance, everywhere.
 
+use super::apart;
 use super::bounds::Bounds;
-use super::planar::{Near, Piece, Point, nearest};
-use super::program::Kind;
+use super::pieces::Pieces;
+use super::planar::{Near, Piece, nearest};
+use super::program::{Kind, NONE};
 use super::report::{self, Cut, Report};
 use super::spans::Span;
-use super::strip::{self, Chain, StripTree};
+use super::strip::{self, StripTree};
 use super::way::Way;
 use cnc_msgs::diagnostic::Code;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
+use std::ops::Range;
 
 /// How much nearer than its radius the tool may be, mm.
 pub(super) const GOUGE_MM: f64 = 1e-4;
@@ -17,47 +20,6 @@ pub(super) const GOUGE_MM: f64 = 1e-4;
 const CUTS_MAX: usize = 20_000;
 /// Places of a span that are told.
 const PLACES_MAX: usize = 100;
-
-struct Legs<'a> {
-    way: &'a Way<'a>,
-    legs: &'a [u32],
-}
-
-impl Chain for Legs<'_> {
-    fn count(&self) -> usize {
-        self.legs.len()
-    }
-    fn piece(&self, index: usize) -> Piece {
-        self.way.leg(self.legs[index])
-    }
-    fn begin(&self, index: usize) -> Point {
-        self.way.program.ends(self.legs[index]).0
-    }
-    fn end(&self, index: usize) -> Point {
-        self.way.program.ends(self.legs[index]).1
-    }
-}
-
-struct Elements<'a> {
-    way: &'a Way<'a>,
-    first: usize,
-    count: usize,
-}
-
-impl Chain for Elements<'_> {
-    fn count(&self) -> usize {
-        self.count
-    }
-    fn piece(&self, index: usize) -> Piece {
-        self.way.piece(self.first + index)
-    }
-    fn begin(&self, index: usize) -> Point {
-        self.way.start(self.first + index)
-    }
-    fn end(&self, index: usize) -> Point {
-        self.way.end(self.first + index)
-    }
-}
 
 /// The tool on an element comes too near to a leg.
 #[derive(Debug, Clone, Copy)]
@@ -80,43 +42,46 @@ pub(super) fn check(
     nearest_mm: &mut Option<f64>,
     report: &mut Report<'_>,
 ) {
-    let legs = Legs { way, legs: &all_legs[span.legs.clone()] };
+    let legs = &all_legs[span.legs.clone()];
     let offset = |leg: u32| way.program.offset(leg);
-    let reach = legs.legs.iter().fold(0.0_f64, |reach, &leg| {
+    let reach = legs.iter().fold(0.0_f64, |reach, &leg| {
         reach.max(offset(leg).d_in.abs()).max(offset(leg).d_out.abs())
     });
     if reach <= GOUGE_MM {
         return;
     }
-    let first = way.program.source(legs.legs[0]);
-    let leg_tree = StripTree::new(&legs);
-    let Some(bounds) = Bounds::of(&legs, &leg_tree) else {
+    let first = way.program.source(legs[0]);
+    let walls = Pieces::of_legs(way, legs);
+    let wall_tree = StripTree::new(&walls).with_fans();
+    let Some(bounds) = Bounds::of(&wall_tree) else {
         report.push(report::too_entangled(first));
         return;
     };
-    let mut search =
-        Search { way, span, all_legs, legs: &legs, bounds: &bounds, found: Vec::new() };
-    let elements = Elements {
-        way,
-        first: span.elements.start,
-        count: span.elements.end - span.elements.start,
+    let slack = |&leg: &u32| {
+        let block = &way.program.blocks[leg as usize];
+        // Nothing comes too near to what is lost.
+        if block.is_lost { f32::INFINITY } else { block.slack_mm }
     };
+    let slacks = legs.iter().map(slack).collect();
+    let mut search = Search { way, span, legs, walls: &walls, slacks, bounds, found: Vec::new() };
+    let tools = search.tools(all_legs);
+    let elements = Pieces::of_elements(way, span.elements.clone());
     let tree = StripTree::new(&elements);
-    let on_way =
-        strip::near((&elements, &tree), (&legs, &leg_tree), reach - GOUGE_MM, |on, into| {
-            for element in on {
-                search.element(span.elements.start + element, into.clone());
-            }
-            search.found.len() < CUTS_MAX
-        });
+    let on_way = strip::near(&tree, &wall_tree, reach - GOUGE_MM, |on, into| {
+        for element in on {
+            search.tool(&elements, element, &tools[element], into.clone());
+        }
+        search.found.len() < CUTS_MAX
+    });
     if !on_way {
         report.push(report::too_entangled(first));
     }
     for lead in [span.lead_on, span.lead_off].into_iter().flatten() {
-        let way_of_it = Elements { way, first: lead, count: 1 };
-        let tree = StripTree::new(&way_of_it);
-        strip::near((&way_of_it, &tree), (&legs, &leg_tree), reach - GOUGE_MM, |_, into| {
-            search.lead(lead, into);
+        let elements = Pieces::of_elements(way, lead..lead + 1);
+        let tool = search.lead(lead);
+        let tree = StripTree::new(&elements);
+        strip::near(&tree, &wall_tree, reach - GOUGE_MM, |_, into| {
+            search.tool(&elements, 0, &tool, into);
             true
         });
     }
@@ -129,93 +94,116 @@ pub(super) fn check(
     }
 }
 
+/// How near the tool may come to walls while it is on an element.
+#[derive(Debug, Clone, Copy)]
+struct Tool {
+    element: u32,
+    /// The leg it follows or leads to, in the span; [`NONE`]: it need not keep away.
+    on: u32,
+    /// Its own leg.
+    own: u32,
+    radius_mm: f64,
+    /// What merging and acceptance took beside it, mm.
+    slack_mm: f32,
+}
+
 struct Search<'a> {
     way: &'a Way<'a>,
     span: &'a Span,
-    all_legs: &'a [u32],
-    legs: &'a Legs<'a>,
-    bounds: &'a Bounds,
+    legs: &'a [u32],
+    walls: &'a Pieces,
+    /// How far the path may be off beside each leg.
+    slacks: Vec<f32>,
+    bounds: Bounds,
     found: Vec<Found>,
 }
 
 impl Search<'_> {
-    /// The leg, in the span, that an element follows or leads to.
-    fn leg_of(&self, element: usize) -> usize {
-        let block = self.way.of[element];
-        let index = self.legs.legs.partition_point(|&leg| leg < block);
-        index.min(self.legs.legs.len() - 1)
-    }
-
-    fn element(&mut self, element: usize, into: std::ops::Range<usize>) {
-        let role = self.way.path.elements[element].role;
-        if !matches!(role, Role::Contour | Role::Corner) {
-            return;
-        }
-        let block = self.way.of[element];
-        let offset = self.span.offset(self.way, self.all_legs, block);
-        // A corner runs at the radius before it; a leg that changes it has both.
-        let radius_mm = match role {
-            Role::Corner => offset.d_in.abs(),
-            _ => offset.d_in.abs().min(offset.d_out.abs()),
-        };
-        let slack = f64::from(self.way.program.blocks[block as usize].slack_mm);
-        let on = self.leg_of(element);
-        self.piece(element, on, radius_mm, slack, into);
-    }
-
-    fn lead(&mut self, element: usize, into: std::ops::Range<usize>) {
-        let leads_on = self.span.lead_on == Some(element);
-        let leg = if leads_on { 0 } else { self.legs.legs.len() - 1 };
-        let offset = self.way.program.offset(self.legs.legs[leg]);
-        let radius_mm = if leads_on { offset.d_in } else { offset.d_out }.abs();
-        self.piece(element, leg, radius_mm, 0.0, into);
-    }
-
-    fn piece(
-        &mut self,
-        element: usize,
-        on: usize,
-        radius_mm: f64,
-        slack: f64,
-        into: std::ops::Range<usize>,
-    ) {
-        let piece = self.way.piece(element);
-        let own = self.way.of[element];
-        for leg in into {
-            let number = self.legs.legs[leg];
-            let block = &self.way.program.blocks[number as usize];
-            let limit = radius_mm - GOUGE_MM - slack - f64::from(block.slack_mm);
-            if limit <= 0.0 || block.is_lost {
-                continue;
-            }
-            let whole = self.legs.piece(leg);
-            if number == own && whole.is_line() {
-                continue;
-            }
-            let mut near = nearest(&piece, &whole);
-            if near.distance >= limit {
-                continue;
-            }
-            if !self.bounds.is_whole(leg) {
-                let Some(wall) = self.bounds.wall(leg, &whole) else { continue };
-                near = nearest(&piece, &wall);
-                if near.distance >= limit {
-                    continue;
+    /// Of all elements of the span.
+    fn tools(&self, all_legs: &[u32]) -> Vec<Tool> {
+        let mut on = 0;
+        let tool = |element: usize| {
+            let role = self.way.path.elements[element].role;
+            let block = self.way.of[element];
+            let is_judged = matches!(role, Role::Contour | Role::Corner) && block != NONE;
+            let (mut radius_mm, mut slack_mm, mut own) = (0.0, 0.0, NONE);
+            if is_judged {
+                let offset = self.span.offset(self.way, all_legs, block);
+                // A corner runs at the radius before it; a leg that changes it has both.
+                radius_mm = match role {
+                    Role::Corner => offset.d_in.abs(),
+                    _ => offset.d_in.abs().min(offset.d_out.abs()),
+                };
+                slack_mm = self.way.program.blocks[block as usize].slack_mm;
+                // Elements come in the order of their blocks.
+                while self.legs.get(on).is_some_and(|&leg| leg < block) {
+                    on += 1;
+                }
+                if self.legs.get(on) == Some(&block) {
+                    own = on as u32;
                 }
             }
-            let is_other_pass = self.bounds.pass(on) != self.bounds.pass(leg);
-            let role = self.way.path.elements[element].role;
-            let is_lead = !matches!(role, Role::Contour | Role::Corner);
-            self.found.push(Found {
-                element,
-                on,
-                into: leg,
-                near,
-                radius_mm,
-                is_other_pass,
-                is_lead,
-            });
+            let on = if is_judged { on.min(self.legs.len() - 1) as u32 } else { NONE };
+            Tool { element: element as u32, on, own, radius_mm, slack_mm }
+        };
+        self.span.elements.clone().map(tool).collect()
+    }
+
+    fn lead(&self, element: usize) -> Tool {
+        let leads_on = self.span.lead_on == Some(element);
+        let leg = if leads_on { 0 } else { self.legs.len() - 1 };
+        let offset = self.way.program.offset(self.legs[leg]);
+        let radius_mm = if leads_on { offset.d_in } else { offset.d_out }.abs();
+        let own = if self.way.of[element] == self.legs[leg] { leg as u32 } else { NONE };
+        Tool { element: element as u32, on: leg as u32, own, radius_mm, slack_mm: 0.0 }
+    }
+
+    /// The tool on one of some elements, beside some walls.
+    fn tool(&mut self, elements: &Pieces, index: usize, tool: &Tool, into: Range<usize>) {
+        if tool.on == NONE {
+            return;
         }
+        let (chord, bow) = (elements.chord(index), elements.bow(index));
+        let most = tool.radius_mm - GOUGE_MM - f64::from(tool.slack_mm);
+        for leg in into {
+            let limit = most - f64::from(self.slacks[leg]);
+            let bow_of_leg = self.walls.bow(leg);
+            let is_own_line = leg == tool.own as usize && bow_of_leg.is_none();
+            if !is_own_line && !apart::pieces(chord, bow, self.walls.chord(leg), bow_of_leg, limit)
+            {
+                self.measure(&elements.piece(index), tool, leg, limit);
+            }
+        }
+    }
+
+    /// The exact distance.
+    #[cold]
+    fn measure(&mut self, piece: &Piece, tool: &Tool, leg: usize, limit: f64) {
+        let whole = self.walls.piece(leg);
+        let mut near = nearest(piece, &whole);
+        if near.distance >= limit {
+            return;
+        }
+        if !self.bounds.is_whole(leg) {
+            let Some(wall) = self.bounds.wall(leg, &whole) else { return };
+            near = nearest(piece, &wall);
+            if near.distance >= limit {
+                return;
+            }
+        }
+        let (element, on) = (tool.element as usize, tool.on as usize);
+        let is_other_pass = self.bounds.pass(on) != self.bounds.pass(leg);
+        let role = self.way.path.elements[element].role;
+        let is_lead = !matches!(role, Role::Contour | Role::Corner);
+        self.found.push(Found {
+            element,
+            on,
+            into: leg,
+            near,
+            radius_mm: tool.radius_mm,
+            is_other_pass,
+            is_lead,
+        });
     }
 
     fn cut(&self, found: &Found) -> Cut {
@@ -223,7 +211,7 @@ impl Search<'_> {
         let element = &way.path.elements[found.element];
         let block = way.of[found.element];
         let kind = way.program.blocks[block as usize].kind;
-        let first = self.legs.legs[0];
+        let first = self.legs[0];
         // Corners of the leads are judged with them.
         let is_before = self.span.elements.start <= found.element
             && element.role == Role::Corner
@@ -236,8 +224,8 @@ impl Search<'_> {
             _ if found.is_other_pass => Code::CutsOtherPass,
             _ => Code::Gouge,
         };
-        let into = self.legs.legs[found.into];
-        let offset = way.program.offset(self.legs.legs[found.on]);
+        let into = self.legs[found.into];
+        let offset = way.program.offset(self.legs[found.on]);
         let is_lead = matches!(code, Code::LeadGouge | Code::LinkGouge);
         Cut {
             code,
@@ -267,7 +255,7 @@ impl Search<'_> {
         let (low, high) = (found.on.min(found.into), found.on.max(found.into));
         let is_straight = |from: usize, to: usize| {
             (from..to).all(|leg| {
-                let (a, b) = (self.legs.piece(leg), self.legs.piece(leg + 1));
+                let (a, b) = (self.walls.piece(leg), self.walls.piece(leg + 1));
                 (a.tangent(a.to) - b.tangent(b.from)).norm() <= 1e-2
             })
         };
@@ -282,7 +270,9 @@ impl Search<'_> {
 /// Cuts that hang together are one place, and so is a pair of walls that is cut from both.
 fn deepest_places(mut found: Vec<Found>) -> Vec<Found> {
     let depth = |found: &Found| found.radius_mm - found.near.distance;
-    found.sort_by(|a, b| depth(b).total_cmp(&depth(a)).then(a.element.cmp(&b.element)));
+    // Of what is as deep the first, in whatever order it was found.
+    let place = |found: &Found| (found.element, found.into);
+    found.sort_by(|a, b| depth(b).total_cmp(&depth(a)).then(place(a).cmp(&place(b))));
     let mut places: Vec<(Found, [usize; 4])> = Vec::new();
     for cut in found {
         let within = |low: usize, high: usize, leg: usize| leg + 2 >= low && leg <= high + 2;

@@ -220,27 +220,13 @@ pub(super) fn unit(a: Point) -> Point {
 }
 
 /// The place of a segment that is nearest to a point.
-fn on_segment(from: Point, to: Point, point: Point) -> Point {
+pub(super) fn on_segment(from: Point, to: Point, point: Point) -> Point {
     let span = to - from;
     let squared = span.norm_squared();
     if squared <= 0.0 {
         return from;
     }
     from + span * ((point - from).dot(&span) / squared).clamp(0.0, 1.0)
-}
-
-/// How far two segments are apart, squared, mm².
-pub(super) fn chords_apart_squared(a: (Point, Point), b: (Point, Point)) -> f64 {
-    let (da, db) = (a.1 - a.0, b.1 - b.0);
-    let (b0, b1) = (cross(da, b.0 - a.0), cross(da, b.1 - a.0));
-    let (a0, a1) = (cross(db, a.0 - b.0), cross(db, a.1 - b.0));
-    if b0 * b1 < 0.0 && a0 * a1 < 0.0 {
-        return 0.0;
-    }
-    let to = |(from, to): (Point, Point), point: Point| {
-        (on_segment(from, to, point) - point).norm_squared()
-    };
-    to(a, b.0).min(to(a, b.1)).min(to(b, a.0)).min(to(b, a.1))
 }
 
 /// The nearest places of two pieces, exactly.

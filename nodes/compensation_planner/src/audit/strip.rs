@@ -3,7 +3,10 @@
 //! A node stands for consecutive pieces by the chord between their ends and how far they are
 //! at most from it. The nodes of a level lie in a row, so that a tree is one vector of widths.
 
-use super::planar::{Piece, Point, chords_apart_squared};
+use super::apart;
+use super::fans::Fan;
+use super::pieces::Pieces;
+use super::planar::{Point, on_segment};
 use std::ops::Range;
 
 /// Pieces of a node of the lowest level.
@@ -12,39 +15,36 @@ const LEAF: usize = 4;
 /// Nodes that may be looked at for each piece, and for any chain.
 const VISITS: (usize, usize) = (96, 100_000);
 
-/// A tree over so many pieces of a chain.
+/// A tree over the pieces of a chain.
 #[derive(Debug)]
-pub(super) struct StripTree {
-    count: usize,
+pub(super) struct StripTree<'a> {
+    pub pieces: &'a Pieces,
     /// How far the pieces of each node are from its chord, mm: level by level, lowest first.
     widths: Vec<f64>,
     /// Where each level begins in `widths`.
     levels: Vec<usize>,
+    /// The directions of each node, if they are asked for.
+    fans: Vec<Fan>,
 }
 
-/// A chain: what its pieces are and where they begin and end.
-pub(super) trait Chain {
-    fn count(&self) -> usize;
-    fn piece(&self, index: usize) -> Piece;
-    fn begin(&self, index: usize) -> Point;
-    fn end(&self, index: usize) -> Point;
-}
-
-impl StripTree {
-    pub(super) fn new(chain: &impl Chain) -> Self {
-        let count = chain.count();
-        let leaves = count.div_ceil(LEAF);
-        let mut tree = Self { count, widths: Vec::with_capacity(2 * leaves + 8), levels: vec![0] };
-        if count == 0 {
+impl<'a> StripTree<'a> {
+    pub(super) fn new(pieces: &'a Pieces) -> Self {
+        let leaves = pieces.count().div_ceil(LEAF);
+        let widths = Vec::with_capacity(2 * leaves + 8);
+        let mut tree = Self { pieces, widths, levels: vec![0], fans: Vec::new() };
+        if leaves == 0 {
             return tree;
         }
         for leaf in 0..leaves {
-            let range = leaf * LEAF..((leaf + 1) * LEAF).min(count);
-            let chord = (chain.begin(range.start), chain.end(range.end - 1));
-            let width = range.fold(0.0_f64, |width, index| {
-                let piece = chain.piece(index);
-                width.max(off(chord, piece.from).max(off(chord, piece.to)) + piece.bulge())
-            });
+            let range = tree.range(0, leaf);
+            let chord = tree.chord(&range);
+            let mut width = range.clone().fold(0.0_f64, |w, index| w.max(pieces.bulge(index)));
+            if range.len() > 1 {
+                width = range.fold(0.0_f64, |width, index| {
+                    let (from, to) = pieces.chord(index);
+                    width.max(off(chord, from).max(off(chord, to)) + pieces.bulge(index))
+                });
+            }
             tree.widths.push(width);
         }
         let (mut below, mut level) = (leaves, 0);
@@ -53,12 +53,10 @@ impl StripTree {
             tree.levels.push(tree.widths.len());
             level += 1;
             for node in 0..below.div_ceil(2) {
-                let range = tree.range(level, node);
-                let chord = (chain.begin(range.start), chain.end(range.end - 1));
+                let chord = tree.chord(&tree.range(level, node));
                 let children = 2 * node..(2 * node + 2).min(below);
                 let width = children.fold(0.0_f64, |width, child| {
-                    let range = tree.range(level - 1, child);
-                    let ends = (chain.begin(range.start), chain.end(range.end - 1));
+                    let ends = tree.chord(&tree.range(level - 1, child));
                     let apart = off(chord, ends.0).max(off(chord, ends.1));
                     width.max(apart + tree.widths[from + child])
                 });
@@ -69,69 +67,160 @@ impl StripTree {
         tree
     }
 
-    fn range(&self, level: usize, node: usize) -> Range<usize> {
-        let size = LEAF << level;
-        node * size..((node + 1) * size).min(self.count)
+    /// With what [`near_itself`] needs besides.
+    #[must_use]
+    pub(super) fn with_fans(mut self) -> Self {
+        let mut fans = Vec::with_capacity(self.widths.len());
+        for level in 0..self.levels.len() {
+            for node in 0..self.nodes(level) {
+                let fan = match level.checked_sub(1) {
+                    None => Fan::of_all(self.pieces, self.range(0, node)),
+                    Some(below) => {
+                        let from = self.levels[below];
+                        let first: Fan = fans[from + 2 * node];
+                        match 2 * node + 1 < self.nodes(below) {
+                            true => first.and(fans[from + 2 * node + 1]),
+                            false => first,
+                        }
+                    }
+                };
+                fans.push(fan);
+            }
+        }
+        self.fans = fans;
+        self
     }
 
-    fn width(&self, level: usize, node: usize) -> f64 {
+    fn range(&self, level: usize, node: usize) -> Range<usize> {
+        let size = LEAF << level;
+        node * size..((node + 1) * size).min(self.pieces.count())
+    }
+
+    fn chord(&self, range: &Range<usize>) -> (Point, Point) {
+        (self.pieces.begin(range.start), self.pieces.end(range.end - 1))
+    }
+
+    fn width(&self, (level, node): Node) -> f64 {
         self.widths[self.levels[level] + node]
     }
 
+    fn fan(&self, (level, node): Node) -> Fan {
+        self.fans[self.levels[level] + node]
+    }
+
     fn nodes(&self, level: usize) -> usize {
-        self.count.div_ceil(LEAF << level)
+        self.pieces.count().div_ceil(LEAF << level)
+    }
+
+    fn children(&self, (level, node): Node) -> impl DoubleEndedIterator<Item = Node> {
+        let last = self.nodes(level - 1);
+        (2 * node..(2 * node + 2).min(last)).map(move |child| (level - 1, child))
+    }
+
+    fn root(&self) -> Node {
+        (self.levels.len() - 1, 0)
     }
 }
 
+/// Level and number.
+type Node = (usize, usize);
+
 /// Calls `each` for all leaves of two chains whose pieces may be nearer than `limit` mm, until
 /// it says no. False when there were too many to look at.
-pub(super) fn near<A: Chain, B: Chain>(
-    (a, tree_a): (&A, &StripTree),
-    (b, tree_b): (&B, &StripTree),
+pub(super) fn near(
+    a: &StripTree<'_>,
+    b: &StripTree<'_>,
     limit: f64,
     mut each: impl FnMut(Range<usize>, Range<usize>) -> bool,
 ) -> bool {
-    if tree_a.count == 0 || tree_b.count == 0 || limit <= 0.0 {
+    if a.pieces.count() == 0 || b.pieces.count() == 0 || limit <= 0.0 {
         return true;
     }
-    let mut visits = VISITS.0 * (tree_a.count + tree_b.count) + VISITS.1;
-    let mut open = vec![((tree_a.levels.len() - 1, 0), (tree_b.levels.len() - 1, 0))];
-    while let Some(((level_a, node_a), (level_b, node_b))) = open.pop() {
+    let mut visits = VISITS.0 * (a.pieces.count() + b.pieces.count()) + VISITS.1;
+    let mut open = vec![(a.root(), b.root())];
+    while let Some((node_a, node_b)) = open.pop() {
         if visits == 0 {
             return false;
         }
         visits -= 1;
-        let (range_a, range_b) = (tree_a.range(level_a, node_a), tree_b.range(level_b, node_b));
-        let chord_a = (a.begin(range_a.start), a.end(range_a.end - 1));
-        let chord_b = (b.begin(range_b.start), b.end(range_b.end - 1));
-        let (width_a, width_b) = (tree_a.width(level_a, node_a), tree_b.width(level_b, node_b));
+        let (range_a, range_b) = (a.range(node_a.0, node_a.1), b.range(node_b.0, node_b.1));
+        let (width_a, width_b) = (a.width(node_a), b.width(node_b));
         let reach = limit + width_a + width_b;
-        if chords_apart_squared(chord_a, chord_b) >= reach * reach {
+        if apart::chords(a.chord(&range_a), b.chord(&range_b), reach) {
             continue;
         }
-        match (level_a, level_b) {
+        match (node_a.0, node_b.0) {
             (0, 0) => {
                 if !each(range_a, range_b) {
                     return false;
                 }
             }
-            _ if level_a > level_b || (level_a == level_b && width_a >= width_b) => {
-                let last = tree_a.nodes(level_a - 1);
-                for child in (2 * node_a..(2 * node_a + 2).min(last)).rev() {
-                    open.push(((level_a - 1, child), (level_b, node_b)));
-                }
+            (of_a, of_b) if of_a > of_b || (of_a == of_b && width_a >= width_b) => {
+                open.extend(a.children(node_a).rev().map(|child| (child, node_b)));
             }
-            _ => {
-                let last = tree_b.nodes(level_b - 1);
-                for child in (2 * node_b..(2 * node_b + 2).min(last)).rev() {
-                    open.push(((level_a, node_a), (level_b - 1, child)));
-                }
-            }
+            _ => open.extend(b.children(node_b).rev().map(|child| (node_a, child))),
         }
     }
     true
 }
 
-fn off(chord: (Point, Point), point: Point) -> f64 {
-    chords_apart_squared(chord, (point, point)).sqrt()
+/// The same for the leaves of one chain, each pair once and the earlier first, without those
+/// that go about one way and follow each other.
+pub(super) fn near_itself(
+    tree: &StripTree<'_>,
+    limit: f64,
+    mut each: impl FnMut(Range<usize>, Range<usize>) -> bool,
+) -> bool {
+    if tree.pieces.count() == 0 {
+        return true;
+    }
+    let mut visits = VISITS.0 * tree.pieces.count() + VISITS.1;
+    let mut open = vec![(tree.root(), tree.root())];
+    while let Some((early, late)) = open.pop() {
+        if visits == 0 {
+            return false;
+        }
+        visits -= 1;
+        let (of_early, of_late) = (tree.range(early.0, early.1), tree.range(late.0, late.1));
+        if early == late {
+            if tree.fan(early).is_any() {
+                continue;
+            }
+            if early.0 == 0 {
+                if !each(of_early.clone(), of_late) {
+                    return false;
+                }
+                continue;
+            }
+            let mut children = tree.children(early);
+            let Some(first) = children.next() else { continue };
+            if let Some(second) = children.next() {
+                open.extend([(second, second), (first, second)]);
+            }
+            open.push((first, first));
+            continue;
+        }
+        let follows = of_early.end == of_late.start;
+        if follows && tree.fan(early).is_any() && tree.fan(early).and(tree.fan(late)).is_any() {
+            continue;
+        }
+        let reach = limit + tree.width(early) + tree.width(late);
+        if !follows && apart::chords(tree.chord(&of_early), tree.chord(&of_late), reach) {
+            continue;
+        }
+        if early.0 == 0 && late.0 == 0 {
+            if !each(of_early, of_late) {
+                return false;
+            }
+        } else if early.0 >= late.0 {
+            open.extend(tree.children(early).rev().map(|child| (child, late)));
+        } else {
+            open.extend(tree.children(late).rev().map(|child| (early, child)));
+        }
+    }
+    true
+}
+
+fn off((from, to): (Point, Point), point: Point) -> f64 {
+    (on_segment(from, to, point) - point).norm()
 }

@@ -1,0 +1,168 @@
+//! Cheap proofs that two pieces are no nearer to each other than a limit.
+//!
+//! Each is a lower bound of the exact distance, so that it may miss that pieces are apart,
+//! but never says so of pieces that are not. What is left is for `planar::nearest`.
+
+use super::pieces::Bow;
+#[cfg(test)]
+use super::planar::{Piece, Round, nearest};
+use super::planar::{Point, cross, on_segment};
+
+type Chord = (Point, Point);
+
+/// Whether two segments are as far apart as the limit, mm: exactly.
+#[inline]
+pub(super) fn chords(a: Chord, b: Chord, limit: f64) -> bool {
+    let squared = limit * limit;
+    if (a.0 - b.0).norm_squared() < squared || (a.1 - b.1).norm_squared() < squared {
+        return false;
+    }
+    let (da, db) = (a.1 - a.0, b.1 - b.0);
+    let (b0, b1) = (cross(da, b.0 - a.0), cross(da, b.1 - a.0));
+    let (a0, a1) = (cross(db, a.0 - b.0), cross(db, a.1 - b.0));
+    let (is_beside_a, is_beside_b) = (b0 * b1 > 0.0, a0 * a1 > 0.0);
+    // All of one on one side of the other's line, and far from that line.
+    let off = |c: f64, d: f64| (c * c).min(d * d);
+    if is_beside_b && off(a0, a1) >= squared * db.norm_squared()
+        || is_beside_a && off(b0, b1) >= squared * da.norm_squared()
+    {
+        return true;
+    }
+    if b0 * b1 < 0.0 && a0 * a1 < 0.0 {
+        return false;
+    }
+    let is_near = |(from, to): Chord, point: Point| {
+        (on_segment(from, to, point) - point).norm_squared() < squared
+    };
+    !(is_near(a, b.0) || is_near(a, b.1) || is_near(b, a.0) || is_near(b, a.1))
+}
+
+/// Whether two pieces with these chords are as far apart as the limit, mm.
+pub(super) fn pieces(
+    a: Chord,
+    of_a: Option<&Bow>,
+    b: Chord,
+    of_b: Option<&Bow>,
+    limit: f64,
+) -> bool {
+    if limit <= 0.0 {
+        return true;
+    }
+    if of_a.is_none() && of_b.is_none() {
+        return chords(a, b, limit);
+    }
+    let bulge = |bow: Option<&Bow>| bow.map_or(0.0, |bow| bow.bulge);
+    let (mut off_a, mut off_b) = (bulge(of_a), bulge(of_b));
+    if of_b.is_some_and(|bow| is_behind(b, bow, a, off_a)) {
+        off_b = of_b.map_or(0.0, |bow| bow.uneven);
+    }
+    if of_a.is_some_and(|bow| is_behind(a, bow, b, bulge(of_b))) {
+        off_a = of_a.map_or(0.0, |bow| bow.uneven);
+    }
+    if chords(a, b, limit + off_a + off_b) {
+        return true;
+    }
+    match (of_a, of_b) {
+        (Some(one), Some(other)) => {
+            let (r, s) = (one.round.radius, other.round.radius);
+            let between = (one.round.center - other.round.center).norm();
+            let limit = limit + one.uneven + other.uneven;
+            (r - s).abs() - between >= limit || between - r - s >= limit
+        }
+        (Some(bow), None) => is_off_circle(b, bow, limit),
+        (None, Some(bow)) => is_off_circle(a, bow, limit),
+        (None, None) => false,
+    }
+}
+
+/// Whether all that is no farther than `bulge` from a chord lies on the side of an arc's own
+/// chord that the arc does not bend to: its chord is the nearest of it from there.
+fn is_behind(chord: Chord, bow: &Bow, other: Chord, bulge: f64) -> bool {
+    if bow.round.sweep.abs() > std::f64::consts::PI {
+        return false;
+    }
+    let along = chord.1 - chord.0;
+    // Counter-clockwise arcs lie to the right of their chord.
+    let side = |point: Point| cross(along, point - chord.0) * bow.round.sweep.signum();
+    let least = side(other.0).min(side(other.1));
+    least >= bulge * along.norm()
+}
+
+/// Whether a segment is inside or outside the whole circle of an arc, so far from it.
+fn is_off_circle(chord: Chord, bow: &Bow, limit: f64) -> bool {
+    let (center, radius) = (bow.round.center, bow.round.radius);
+    let limit = limit + bow.uneven;
+    let inner = radius - limit;
+    let is_in = |point: Point| (point - center).norm_squared() <= inner * inner;
+    let outer = radius + limit;
+    inner > 0.0 && is_in(chord.0) && is_in(chord.1)
+        || (on_segment(chord.0, chord.1, center) - center).norm_squared() >= outer * outer
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    /// Numbers from 0 to 1 that look random.
+    struct Numbers(u64);
+
+    impl Numbers {
+        fn next(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+        }
+
+        fn between(&mut self, low: f64, high: f64) -> f64 {
+            low + (high - low) * self.next()
+        }
+
+        fn point(&mut self) -> Point {
+            Point::new(self.between(-5.0, 5.0), self.between(-5.0, 5.0))
+        }
+
+        fn piece(&mut self) -> Piece {
+            let from = self.point();
+            if self.next() < 0.4 {
+                return Piece::line(from, self.point());
+            }
+            let center = self.point();
+            let out = from - center;
+            let most = if self.next() < 0.5 { 1.0 } else { TAU };
+            let sweep = self.between(-most, most);
+            let (sin, cos) = sweep.sin_cos();
+            let to = center + Point::new(out.x * cos - out.y * sin, out.x * sin + out.y * cos);
+            // Some end beside their circles.
+            let off = if self.next() < 0.2 { self.point() * 1e-3 } else { Point::zeros() };
+            Piece { from, to: to + off, round: Some(Round { center, radius: out.norm(), sweep }) }
+        }
+    }
+
+    #[test]
+    fn pieces_are_never_said_to_be_apart_that_are_not() {
+        let mut numbers = Numbers(1);
+        let (mut apart, mut rejected) = (0, 0);
+        for case in 0..200_000 {
+            let a = numbers.piece();
+            // As a tool runs beside its walls.
+            let beside = a.beside(numbers.between(-2.0, 2.0)).filter(|_| case % 2 == 0);
+            let b = beside.unwrap_or_else(|| numbers.piece());
+            let exact = nearest(&a, &b).distance;
+            let limit = match case % 3 {
+                0 => exact + numbers.between(-1e-3, 1e-3),
+                _ => numbers.between(0.0, 3.0),
+            };
+            let chord = |piece: &Piece| (piece.from, piece.to);
+            let (of_a, of_b) = (Bow::of(&a), Bow::of(&b));
+            let is_apart = pieces(chord(&a), of_a.as_ref(), chord(&b), of_b.as_ref(), limit);
+            assert!(!is_apart || exact >= limit - 1e-12, "{exact} {limit} {a:?} {b:?}");
+            apart += u32::from(exact >= limit);
+            rejected += u32::from(is_apart);
+            if a.is_line() && b.is_line() {
+                let is_on_edge = (exact - limit).abs() < 1e-12;
+                assert!(is_on_edge || is_apart == (exact >= limit), "{exact} {limit} {a:?} {b:?}");
+            }
+        }
+        assert!(rejected * 10 > apart * 8, "{rejected} of {apart} are seen");
+    }
+}

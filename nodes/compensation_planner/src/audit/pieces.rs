@@ -1,0 +1,102 @@
+//! The pieces of a chain side by side in memory, each worked out once.
+//!
+//! A chain hangs together: each piece begins where the one before it ends, so that a line is
+//! one point. Only arcs keep more.
+
+use super::planar::{Piece, Point, Round};
+use super::program::NONE;
+use super::way::Way;
+
+/// What an arc has besides its ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bow {
+    pub round: Round,
+    /// How far it is at most from its chord, mm.
+    pub bulge: f64,
+    /// How far its end is from its circle, mm: paths are as they are.
+    pub uneven: f64,
+}
+
+impl Bow {
+    /// `None`: it is a line.
+    pub(super) fn of(piece: &Piece) -> Option<Self> {
+        let round = piece.round?;
+        let uneven = ((piece.to - round.center).norm() - round.radius).abs();
+        Some(Self { round, bulge: piece.bulge() + uneven, uneven })
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct Pieces {
+    /// One more than there are pieces.
+    points: Vec<Point>,
+    bows: Vec<Bow>,
+    /// The bow of each piece; nothing as long as there are only lines.
+    bow_of: Vec<u32>,
+}
+
+impl Pieces {
+    pub(super) fn new(pieces: impl ExactSizeIterator<Item = Piece>) -> Self {
+        let count = pieces.len();
+        let mut all =
+            Self { points: Vec::with_capacity(count + 1), bows: Vec::new(), bow_of: Vec::new() };
+        let mut end = Point::zeros();
+        for (index, piece) in pieces.enumerate() {
+            all.points.push(piece.from);
+            end = piece.to;
+            if let Some(bow) = Bow::of(&piece) {
+                if all.bows.is_empty() {
+                    all.bow_of.reserve_exact(count);
+                }
+                all.bow_of.resize(index, NONE);
+                all.bow_of.push(all.bows.len() as u32);
+                all.bows.push(bow);
+            }
+        }
+        if !all.bows.is_empty() {
+            all.bow_of.resize(count, NONE);
+        }
+        all.points.push(end);
+        all
+    }
+
+    /// The legs of a span, as they are programmed.
+    pub(super) fn of_legs(way: &Way<'_>, legs: &[u32]) -> Self {
+        Self::new(legs.iter().map(|&leg| way.leg(leg)))
+    }
+
+    /// Elements in a row.
+    pub(super) fn of_elements(way: &Way<'_>, elements: std::ops::Range<usize>) -> Self {
+        Self::new(elements.map(|element| way.piece(element)))
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.points.len() - 1
+    }
+
+    pub(super) fn begin(&self, index: usize) -> Point {
+        self.points[index]
+    }
+
+    pub(super) fn end(&self, index: usize) -> Point {
+        self.points[index + 1]
+    }
+
+    pub(super) fn chord(&self, index: usize) -> (Point, Point) {
+        (self.points[index], self.points[index + 1])
+    }
+
+    /// What makes an arc of a piece; `None`: it is a line.
+    pub(super) fn bow(&self, index: usize) -> Option<&Bow> {
+        self.bows.get(*self.bow_of.get(index)? as usize)
+    }
+
+    pub(super) fn bulge(&self, index: usize) -> f64 {
+        self.bow(index).map_or(0.0, |bow| bow.bulge)
+    }
+
+    pub(super) fn piece(&self, index: usize) -> Piece {
+        let (from, to) = self.chord(index);
+        Piece { from, to, round: self.bow(index).map(|bow| bow.round) }
+    }
+}
