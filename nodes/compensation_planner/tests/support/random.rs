@@ -12,13 +12,16 @@ use compensation_planner::Plan;
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+/// So many cases, and more by hand: `PROPTEST_CASES` is 256 when it is not set.
+///
 /// Failing cases become tests of their own instead of files of seeds.
 pub fn config(cases: u32) -> ProptestConfig {
+    let usual = ProptestConfig::default();
     ProptestConfig {
-        cases,
+        cases: cases.saturating_mul(usual.cases).div_ceil(256),
         failure_persistence: None,
         max_global_rejects: 1_000_000,
-        ..ProptestConfig::default()
+        ..usual
     }
 }
 
