@@ -48,7 +48,8 @@ proptest! {
         prop_assert!(plan.diagnostics.iter().any(|found| found.severity == Severity::Warning));
         let out = farthest(&samples(&plan.path), &peer);
         let back = farthest(&samples_of(&peer), &outline(&plan.path));
-        prop_assert!(out.max(back) < 1e-6, "R {radius}: {out} {back}");
+        // The peer takes points that are 1e-5 mm apart for one.
+        prop_assert!(out.max(back) < 1e-5, "R {radius}: {out} {back}");
         let swept = offsets(&outline(&plan.path), -shape.signed(radius));
         prop_assert_eq!(swept.len(), 1);
         let missing = (shape.polyline().area() - swept[0].area()).abs();
