@@ -209,7 +209,42 @@ pub(crate) fn join(links: &[Link], slack: f64) -> Vec<Placed> {
             last.trim_out = 0.0;
         }
     }
+    lengthen_ends(links, &mut placed, slack);
     placed
+}
+
+/// Chords at the free ends of a contour that are noise beside a line: the tool goes along
+/// the line as far as they do.
+fn lengthen_ends(links: &[Link], placed: &mut [Placed], slack: f64) {
+    let (Some(very_first), Some(very_last)) = (links.first(), links.last()) else { return };
+    let is_run = |link: &Link| matches!(link.role, Role::Run(_));
+    if let Some(last) = placed.last_mut().filter(|last| last.link + 1 < links.len())
+        && is_run(very_last)
+        && let Some(along) = along_line(&links[last.link], very_last.element.end(), slack)
+        && let Some(Element::Line(line)) =
+            links[last.link].element.offset(links[last.link].d_out_mm)
+        && along > line.length
+    {
+        last.end = line.start + line.tangent * along;
+        last.trim_out = line.length - along;
+    }
+    if let Some(first) = placed.first_mut().filter(|first| first.link > 0)
+        && is_run(very_first)
+        && let Some(along) = along_line(&links[first.link], very_first.element.start(), slack)
+        && let Some(Element::Line(line)) =
+            links[first.link].element.offset(links[first.link].d_in_mm)
+        && along < 0.0
+    {
+        first.start = line.start + line.tangent * along;
+        first.trim_in = along;
+    }
+}
+
+/// How far along the line of a link a point lies that is within `slack` of it, mm.
+fn along_line(link: &Link, point: Vec2, slack: f64) -> Option<f64> {
+    let Element::Line(line) = &link.element else { return None };
+    let out = point - line.start;
+    (cross(line.tangent, out).abs() <= slack).then(|| out.dot(&line.tangent))
 }
 
 fn end_of(link: &Link, ahead: &Element) -> Vec2 {

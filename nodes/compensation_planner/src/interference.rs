@@ -185,7 +185,7 @@ fn cut(
     {
         return None;
     }
-    let wall = walls.of(into)?;
+    let wall = walls.seen_from(Some(on.run), into)?;
     let near = nearest_on_way(way, &wall);
     if near.distance >= limit {
         return None;

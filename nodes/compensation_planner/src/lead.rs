@@ -69,7 +69,7 @@ impl Way {
     pub(crate) fn deepest_cut(&self, walls: &Walls<'_>, limit: f64) -> Option<(usize, Nearest)> {
         let straight = Element::line(self.straight.0, self.straight.1);
         let ways = straight.into_iter().chain(self.corner.into_iter().flatten());
-        let cuts = ways.filter_map(|way| deepest_cut(walls, &way, limit, |_| true));
+        let cuts = ways.filter_map(|way| deepest_cut(walls, &way, None, limit, |_| true));
         cuts.min_by(|a, b| a.1.distance.total_cmp(&b.1.distance))
     }
 }
@@ -90,10 +90,12 @@ fn corner(joined: &Joined<'_>, index: usize) -> [Option<Element>; PIECES] {
     pieces
 }
 
-/// The wall that a way comes nearest to, if nearer than `limit` mm, of runs that count.
+/// The wall that a way comes nearest to, if nearer than `limit` mm, of runs that count; `on`
+/// is the run that it is along.
 pub(crate) fn deepest_cut(
     walls: &Walls<'_>,
     way: &Element,
+    on: Option<usize>,
     limit: f64,
     counts: impl Fn(usize) -> bool,
 ) -> Option<(usize, Nearest)> {
@@ -112,7 +114,7 @@ pub(crate) fn deepest_cut(
             {
                 continue;
             }
-            let Some(wall) = walls.of(run) else { continue };
+            let Some(wall) = walls.seen_from(on, run) else { continue };
             let near = nearest_on_way(way, &wall);
             let is_deepest = deepest.is_none_or(|(_, other)| near.distance < other.distance);
             if near.distance < limit && is_deepest {

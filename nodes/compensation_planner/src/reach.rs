@@ -165,7 +165,8 @@ fn are_chords(a: &Link, b: &Link) -> bool {
 fn deviation(links: &[Link], gap: &Gap, tolerance: f64) -> f64 {
     let before = gap.before.map(|index| links[index].element);
     let after = gap.after.map(|index| links[index].element);
-    let Some(corner) = programmed_corner(before, after, tolerance) else {
+    let ends = [links[gap.from].element.start(), links[gap.to - 1].element.end()];
+    let Some(corner) = programmed_corner(before, after, ends, tolerance) else {
         return f64::INFINITY;
     };
     let longer = [
@@ -194,15 +195,23 @@ fn piece(element: &Element, from: Vec2, to: Vec2) -> Option<Element> {
     Element::arc(from, to, arc.center, ccw, 0).or(straight)
 }
 
+/// Where the neighbours of what lies between two ends meet; at a free end of the contour
+/// as far as a line can be lengthened beside it.
 fn programmed_corner(
     before: Option<Element>,
     after: Option<Element>,
+    [from, to]: [Vec2; 2],
     tolerance: f64,
 ) -> Option<Vec2> {
+    let beside = |line: &Element, end: Vec2, point: Vec2| {
+        let foot = line.project(point);
+        let is_beyond = !(0.0..=line.length()).contains(&line.along_from_start(point, 0.0));
+        if line.is_line() && is_beyond && (foot - point).norm() <= tolerance { foot } else { end }
+    };
     let (a, b) = match (before, after) {
         (Some(a), Some(b)) => (a, b),
-        (Some(a), None) => return Some(a.end()),
-        (None, Some(b)) => return Some(b.start()),
+        (Some(a), None) => return Some(beside(&a, a.end(), to)),
+        (None, Some(b)) => return Some(beside(&b, b.start(), from)),
         (None, None) => return None,
     };
     let near = (a.end() + b.start()) / 2.0;

@@ -217,7 +217,8 @@ impl Trimmer<'_> {
         let link = &links[placed[index].link];
         let limit = link.d_in_mm.abs().min(link.d_out_mm.abs()) - GOUGE_MM;
         let pass = self.walls.pass(run);
-        deepest_cut(self.walls, &piece, limit, |into| self.walls.pass(into) == pass).is_none()
+        let counts = |into| self.walls.pass(into) == pass;
+        deepest_cut(self.walls, &piece, Some(run), limit, counts).is_none()
     }
 
     fn length(&self, index: usize) -> f64 {

@@ -165,9 +165,17 @@ impl<'a> Walls<'a> {
 
     /// The wall in the element of a run; `None` when all of it is a tail.
     pub(crate) fn of(&self, run: usize) -> Option<Element> {
-        let pass = self.layout.passes.get(self.pass(run))?;
+        self.seen_from(None, run)
+    }
+
+    /// The wall in the element of a run for a tool that follows another run: a tail bounds
+    /// what runs along it, and nothing else.
+    pub(crate) fn seen_from(&self, on: Option<usize>, run: usize) -> Option<Element> {
+        let number = self.pass(run);
+        let on = on.filter(|&on| self.pass(on) == number);
+        let pass = self.layout.passes.get(number)?;
         let mut element = self.runs.get(run)?.element;
-        if let Some(end) = pass.end {
+        if let Some(end) = pass.end.filter(|end| on.is_none_or(|on| on < end.run)) {
             if run > end.run {
                 return None;
             }
@@ -175,7 +183,7 @@ impl<'a> Walls<'a> {
                 element = element.before(end.along)?;
             }
         }
-        if let Some(begin) = pass.begin {
+        if let Some(begin) = pass.begin.filter(|begin| on.is_none_or(|on| on > begin.run)) {
             if run < begin.run {
                 return None;
             }

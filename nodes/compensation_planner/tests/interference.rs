@@ -3,6 +3,7 @@
 mod support;
 
 use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::profile::Reaction;
 use compensation_planner::plan_certified;
 use proptest::prelude::*;
 use support::shapes::{clearance, closed, crosses_itself};
@@ -292,4 +293,40 @@ fn the_corner_between_a_lead_and_the_contour_is_part_of_the_lead() {
     let swung = finding(&near, Code::LeadGouge);
     assert_eq!(swung.other.unwrap().block, Some(7));
     assert!((swung.depth_mm.unwrap() - 1.0).abs() < 1e-9, "{swung:?}");
+}
+
+/// A wall with a slot 8 mm wide, from X-30 to X60, and how it ends.
+fn slot_and(end: &str) -> String {
+    format!(
+        "G0 X-30 Y20\nG41 D1 G1 X-30 Y0 F500\nX0\nY-10\nX-20\nY-40\nX40\nY-10\nX8\nY0\nX60\n{end}"
+    )
+}
+
+#[test]
+fn a_loop_at_the_end_of_a_contour_hides_no_gouge_before_it() {
+    // By itself, with a loop, and with a bit of it run twice.
+    for end in ["G40 X60 Y30", "Y-5\nX50\nY5\nG40 X50 Y60", "X50\nG40 X50 Y-40"] {
+        let plan = plan(&slot_and(end), &rs274(), &tool(5.0));
+        let gouge = plan.diagnostics.iter().find(|finding| finding.code == Code::Gouge);
+        let gouge = gouge.unwrap_or_else(|| panic!("{end}: {}", findings(&plan)));
+        assert!((gouge.available_mm.unwrap() - 4.0).abs() < 1e-6, "{gouge:?}");
+        let mut ignoring = rs274();
+        ignoring.interference.react = Reaction::Ignore;
+        let programmed = contour(&slot_and(end), &rs274());
+        let cuts = compensation_planner::plan(&programmed, &ignoring, &tool(5.0));
+        let audit =
+            compensation_planner::audit::audit(&programmed, &cuts.path, &rs274(), &tool(5.0));
+        assert!(audit.findings.iter().any(|finding| finding.code == Code::Gouge), "{end}");
+        let fits = plan_certified(&contour(&slot_and(end), &rs274()), &rs274(), &tool(3.5));
+        assert!(fits.accepted(), "{end}: {}", findings(&fits));
+        assert!((fits.certificates[0].valid_to_mm - 4.0).abs() < 1e-6, "{end}");
+    }
+}
+
+#[test]
+fn a_loop_at_the_start_of_a_contour_hides_no_gouge_behind_it() {
+    let slot = "X0\nY-10\nX-20\nY-40\nX40\nY-10\nX8\nY0\nX60\nG40 X60 Y30";
+    let start = "G0 X-30 Y-20\nG41 D1 G1 X-30 Y0 F500\nX-30.001";
+    let plan = plan(&format!("{start}\n{slot}"), &rs274(), &tool(5.0));
+    assert!(codes(&plan).contains(&Code::Gouge), "{}", findings(&plan));
 }

@@ -270,6 +270,52 @@ fn curve(angle: f64, curvature: f64, length: f64, step: f64) -> Vec<(f64, f64)> 
     (1..=count).map(at).collect()
 }
 
+/// Two curves of 30 mm, written in chords, that meet at the origin with the tool on their left.
+fn curves_in_chords(
+    angle: f64,
+    corner: f64,
+    curvatures: (f64, f64),
+    steps: (f64, f64),
+    decimals: usize,
+) -> String {
+    // From the corner outwards.
+    let first = curve(angle + std::f64::consts::PI, -curvatures.0, 30.0, steps.0);
+    let second = curve(angle + corner, curvatures.1, 30.0, steps.1);
+    let start = first[first.len() - 1];
+    let mut points: Vec<(f64, f64)> = first.into_iter().rev().skip(1).collect();
+    points.push((0.0, 0.0));
+    points.extend(second);
+    let leads = |along: f64| {
+        let (sin, cos) = (along + std::f64::consts::FRAC_PI_2).sin_cos();
+        (40.0 * cos, 40.0 * sin)
+    };
+    let on = leads(angle - curvatures.0 * 30.0);
+    let off = leads(angle + corner + curvatures.1 * 30.0);
+    let end = points[points.len() - 1];
+    let write = |(x, y): (f64, f64)| format!("X{x:.decimals$} Y{y:.decimals$}");
+    let mut text =
+        format!("G0 {}\nG41 D1 G456 G1 {}", write((start.0 + on.0, start.1 + on.1)), write(start));
+    for point in points {
+        text += &format!("\n{}", write(point));
+    }
+    text += &format!("\nG40 G456 {}", write((end.0 + off.0, end.1 + off.1)));
+    text
+}
+
+#[test]
+fn a_last_chord_beside_the_line_before_it_is_no_feature() {
+    // Each ends in a chord that is shorter than what the noise of its direction takes.
+    for (angle, corner, curvatures, steps) in [
+        (-2.553549811592904, 1.814895, (0.0092835719, -0.0010861), (0.0462090768, 0.73803032)),
+        (-2.553765999592904, 1.7556985, (0.0092359958, -0.0468584), (0.0461041308, 0.44121576)),
+        (2.0962248574070963, 1.809025, (0.0092183896, 0.0497131), (0.0463529064, 0.03934716)),
+    ] {
+        let text = curves_in_chords(angle, corner, curvatures, steps, 3);
+        let plan = plan(&text, &sinumerik(), &tool(5.0));
+        assert!(plan.accepted(), "{}", findings(&plan));
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, max_global_rejects: 1_000_000, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -285,30 +331,7 @@ proptest! {
         // They do not bend towards each other until the tool does not fit between them.
         let bend = |curvature: f64| 30.0 * curvature.max(0.0);
         prop_assume!(corner + bend(curvatures.0) + bend(curvatures.1) < 2.6);
-        // From the corner outwards, with the tool on the left of both.
-        let first = curve(angle + std::f64::consts::PI, -curvatures.0, 30.0, steps.0);
-        let second = curve(angle + corner, curvatures.1, 30.0, steps.1);
-        let start = first[first.len() - 1];
-        let mut points: Vec<(f64, f64)> = first.into_iter().rev().skip(1).collect();
-        points.push((0.0, 0.0));
-        points.extend(second);
-        let leads = |along: f64| {
-            let (sin, cos) = (along + std::f64::consts::FRAC_PI_2).sin_cos();
-            (40.0 * cos, 40.0 * sin)
-        };
-        let on = leads(angle - curvatures.0 * 30.0);
-        let off = leads(angle + corner + curvatures.1 * 30.0);
-        let end = points[points.len() - 1];
-        let write = |(x, y): (f64, f64)| format!("X{x:.decimals$} Y{y:.decimals$}");
-        let mut text = format!(
-            "G0 {}\nG41 D1 G456 G1 {}",
-            write((start.0 + on.0, start.1 + on.1)),
-            write(start)
-        );
-        for point in points {
-            text += &format!("\n{}", write(point));
-        }
-        text += &format!("\nG40 G456 {}", write((end.0 + off.0, end.1 + off.1)));
+        let text = curves_in_chords(angle, corner, curvatures, steps, decimals);
         let refused = unreachable(&text, 5.0);
         prop_assert!(refused.is_none(), "{refused:?}\n{text}");
     }

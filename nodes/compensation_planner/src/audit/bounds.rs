@@ -85,7 +85,8 @@ impl Bounds {
         self.passes.partition_point(|pass| pass.legs.end <= leg)
     }
 
-    /// Whether all of a leg is a wall, so that nothing has to be cut off.
+    /// Whether all of a leg is a wall for what runs beside any other, so that nothing has to
+    /// be cut off.
     pub(super) fn is_whole(&self, leg: usize) -> bool {
         self.passes.get(self.pass(leg)).is_some_and(|pass| {
             pass.begin.is_none_or(|begin| leg > begin.leg)
@@ -93,11 +94,16 @@ impl Bounds {
         })
     }
 
-    /// What of a leg is a wall; `None` when all of it is a tail.
-    pub(super) fn wall(&self, leg: usize, piece: &Piece) -> Option<Piece> {
-        let pass = self.passes.get(self.pass(leg))?;
+    /// What of a leg is a wall for the tool beside another leg, if it is beside any; `None`
+    /// when all of it is a tail. A tail bounds what runs along it.
+    pub(super) fn wall(&self, on: Option<usize>, leg: usize, piece: &Piece) -> Option<Piece> {
+        let number = self.pass(leg);
+        let pass = self.passes.get(number)?;
+        let on = on.filter(|&on| self.pass(on) == number);
         let (mut from, mut to) = (0.0, piece.length());
-        if let Some(end) = pass.end {
+        if let Some(end) = pass.end
+            && on.is_none_or(|on| on < end.leg)
+        {
             if leg > end.leg {
                 return None;
             }
@@ -105,7 +111,9 @@ impl Bounds {
                 to = end.along;
             }
         }
-        if let Some(begin) = pass.begin {
+        if let Some(begin) = pass.begin
+            && on.is_none_or(|on| on > begin.leg)
+        {
             if leg < begin.leg {
                 return None;
             }

@@ -184,17 +184,18 @@ impl Search<'_> {
         if near.distance >= limit {
             return;
         }
+        let (element, on) = (tool.element as usize, tool.on as usize);
+        let role = self.way.path.elements[element].role;
+        let is_lead = !matches!(role, Role::Contour | Role::Corner);
         if !self.bounds.is_whole(leg) {
-            let Some(wall) = self.bounds.wall(leg, &whole) else { return };
+            let beside = (!is_lead).then_some(on);
+            let Some(wall) = self.bounds.wall(beside, leg, &whole) else { return };
             near = nearest(piece, &wall);
             if near.distance >= limit {
                 return;
             }
         }
-        let (element, on) = (tool.element as usize, tool.on as usize);
         let is_other_pass = self.bounds.pass(on) != self.bounds.pass(leg);
-        let role = self.way.path.elements[element].role;
-        let is_lead = !matches!(role, Role::Contour | Role::Corner);
         self.found.push(Found {
             element,
             on,
