@@ -36,8 +36,9 @@ impl Opened {
         let length = |index: usize| (at(index + 1).pos() - at(index).pos()).length();
         let lines = (0..count).filter(|&index| at(index).bulge == 0.0);
         let longest = lines.max_by(|&a, &b| length(a).total_cmp(&length(b)))?;
-        // A line that is long enough to be entered in its middle.
-        if length(longest) < 1.0 {
+        // A line that is long enough to be entered in its middle; and no noise that is
+        // merged, differently from either end: it has its own tests.
+        if length(longest) < 1.0 || (0..count).any(|index| length(index) < 0.02) {
             return None;
         }
         let middle = (at(longest).pos() + at(longest + 1).pos()).scale(0.5);
