@@ -177,7 +177,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 64, max_global_rejects: 1_000_000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn what_is_accepted_keeps_its_distance_and_what_is_cut_is_cut_so_deep(
+    fn p2_what_is_accepted_keeps_its_distance_and_what_is_cut_is_cut_so_deep(
         corners in prop::collection::vec((5.0..60.0_f64, -1.0..1.0_f64), 3..24),
         bends in prop::collection::vec(prop_oneof![2 => Just(0.0), 1 => -0.9..0.9_f64], 1..6),
         is_left in any::<bool>(),
@@ -211,7 +211,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 48, max_global_rejects: 1_000_000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_certificate_is_good_up_to_its_end_and_no_farther(
+    fn p11_a_certificate_is_good_up_to_its_end_and_no_farther(
         corners in prop::collection::vec((5.0..60.0_f64, -1.0..1.0_f64), 3..16),
         bends in prop::collection::vec(prop_oneof![2 => Just(0.0), 1 => -0.9..0.9_f64], 1..6),
         is_left in any::<bool>(),
