@@ -33,6 +33,8 @@ pub(crate) struct Link {
     pub d_out_mm: f64,
     /// The tool goes from the link before to this one without cutting either short.
     pub is_smooth: bool,
+    /// The longest straight in it, mm; where chords are taken as one line, the longest of them.
+    pub straight_mm: f32,
     /// It and the link before are lengthened until they meet: a corner too short for
     /// a block of its own (S68).
     pub is_lengthened: bool,
@@ -114,6 +116,7 @@ pub(crate) fn push(links: &mut Vec<Link>, mut link: Link, next_leg: usize, short
                     d_in_mm,
                     d_out_mm,
                     is_smooth: true,
+                    straight_mm: 0.0,
                     is_lengthened,
                 });
                 link.is_smooth = true;

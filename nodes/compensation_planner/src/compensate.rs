@@ -112,7 +112,9 @@ pub(crate) fn solve(
         // Rounded coordinates bend short chords so much that the tool loses them,
         // and break straight walls. Taken as straight as is accepted, the contour
         // shows what is really too narrow.
+        let exact = chain.runs;
         chain = Chain::new(span, tolerance, exit.lead(), is_identity, profile);
+        chain.measure_straights(&exact);
         unreachable_places(span, &chain, profile, diagnostics);
         if profile.interference.react == Reaction::Trim
             && is_any_unreachable(&chain.links, &chain.placed, tolerance)
@@ -262,6 +264,22 @@ impl Chain {
         let placed = join(&links, profile.accept_tolerance_mm);
         Self { runs, links, placed }
     }
+
+    /// Takes the straights of runs from what runs they are made of.
+    fn measure_straights(&mut self, exact: &[Run]) {
+        let mut next = 0;
+        for link in &mut self.links {
+            let LinkRole::Run(run) = link.role else { continue };
+            let end = self.runs[run].legs.end;
+            link.straight_mm = 0.0;
+            while let Some(part) = exact.get(next).filter(|part| part.legs.end <= end) {
+                if part.element.is_line() {
+                    link.straight_mm = link.straight_mm.max(part.element.length() as f32);
+                }
+                next += 1;
+            }
+        }
+    }
 }
 
 /// The side that the tool runs on; none without an offset.
@@ -346,7 +364,8 @@ fn line_of(lead: &Lead, span: &Span<'_>) -> Option<Element> {
 }
 
 fn link(role: LinkRole, element: Element, d_in_mm: f64, d_out_mm: f64) -> Link {
-    Link { role, element, d_in_mm, d_out_mm, is_smooth: false, is_lengthened: false }
+    let straight_mm = if element.is_line() { element.length() as f32 } else { 0.0 };
+    Link { role, element, d_in_mm, d_out_mm, is_smooth: false, straight_mm, is_lengthened: false }
 }
 
 /// Reports a span that has no contour between its leads.

@@ -10,7 +10,7 @@ use crate::chain::{Link, Placed, Role, Turn, join, turn};
 use crate::distance::distance_to;
 use crate::element::{Element, Vec2, cross};
 use crate::intersect::crossings;
-use crate::tolerance::{CHORD_MM, CHORD_TURN_RAD};
+use crate::tolerance::{CHORD_MM, CHORD_RADII, CHORD_TURN_RAD};
 
 /// Elements in a row that the tool cannot reach.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +26,7 @@ pub(crate) struct Unreachable {
 
 /// Whether there is any place that the tool cannot reach.
 pub(crate) fn is_any_unreachable(links: &[Link], placed: &[Placed], tolerance: f64) -> bool {
-    gaps(links, placed).any(|gap| is_deep(links, &gap, tolerance))
+    gaps(links, placed).any(|gap| is_deep(links, placed, &gap, tolerance))
 }
 
 /// All places that the tool cannot reach, each with its own search for the radius.
@@ -35,9 +35,13 @@ pub(crate) fn unreachable<'a>(
     placed: &'a [Placed],
     tolerance: f64,
 ) -> impl Iterator<Item = Unreachable> + 'a {
-    gaps(links, placed).filter(move |gap| is_deep(links, gap, tolerance)).filter_map(move |gap| {
-        place(links, &gap, tolerance, |links, placed| !is_any_unreachable(links, placed, tolerance))
-    })
+    gaps(links, placed).filter(move |gap| is_deep(links, placed, gap, tolerance)).filter_map(
+        move |gap| {
+            place(links, &gap, tolerance, |links, placed| {
+                !is_any_unreachable(links, placed, tolerance)
+            })
+        },
+    )
 }
 
 fn place(
@@ -119,8 +123,52 @@ fn gaps<'a>(links: &'a [Link], placed: &'a [Placed]) -> impl Iterator<Item = Gap
 }
 
 /// Whether what is consumed is more than noise, and not what a sharp corner takes.
-fn is_deep(links: &[Link], gap: &Gap, tolerance: f64) -> bool {
-    deviation(links, gap, tolerance) > tolerance && !is_corner_of_curves(links, gap, tolerance)
+fn is_deep(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+    deviation(links, gap, tolerance) > tolerance
+        && !is_curve_that_is_touched(links, placed, gap, tolerance)
+        && !is_corner_of_curves(links, gap, tolerance)
+}
+
+/// What stays on both sides of a gap, and all between, without the arcs around outside
+/// corners: they are no part of the contour.
+fn along(links: &[Link], gap: &Gap) -> Option<Vec<usize>> {
+    let is_corner = |link: &usize| matches!(links[*link].role, Role::Corner { .. });
+    let (before, after) = (gap.before?, gap.after?);
+    let before = if is_corner(&before) { before.checked_sub(1)? } else { before };
+    let after = if is_corner(&after) { after + 1 } else { after };
+    (after < links.len()).then(|| (before..=after).filter(|link| !is_corner(link)).collect())
+}
+
+/// Whether all of it is one curve in chords, which the tool touches where it stands still.
+///
+/// The noise of posted coordinates turns short chords so much that whole groups of them are
+/// consumed inside a curve that the tool fits into; what it leaves there is still noise.
+fn is_curve_that_is_touched(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+    let Some(stand) = placed.get(gap.index).map(|place| place.start) else { return false };
+    let Some(along) = along(links, gap) else { return false };
+    let consumed = &along[1..along.len() - 1];
+    let off = |link: &Link, point: Vec2| ((point - stand).norm() - link.d_in_mm.abs()).abs();
+    along.windows(2).all(|pair| are_chords(&links[pair[0]], &links[pair[1]]))
+        && consumed.iter().map(|&link| &links[link]).all(|link| {
+            let length = link.element.length();
+            is_chord(link)
+                && [0.0, 0.25, 0.5, 0.75, 1.0]
+                    .into_iter()
+                    .all(|part| off(link, link.element.point_at(length * part)) <= tolerance)
+        })
+}
+
+/// Whether a link may be a chord of a curve: no arc or straight that is a feature of its own.
+fn is_chord(link: &Link) -> bool {
+    match link.element {
+        Element::Line(_) => f64::from(link.straight_mm) <= CHORD_RADII * link.d_in_mm.abs(),
+        Element::Arc(_) => !is_round(link),
+    }
+}
+
+/// Whether an arc is more than a chord.
+fn is_round(link: &Link) -> bool {
+    matches!(link.element, Element::Arc(arc) if arc.radius * arc.sweep * arc.sweep / 8.0 > CHORD_MM)
 }
 
 /// Whether two curves, written in chords, meet in a sharp inside corner and the tool
@@ -128,25 +176,23 @@ fn is_deep(links: &[Link], gap: &Gap, tolerance: f64) -> bool {
 ///
 /// It takes chords from their ends as it takes a piece of an arc.
 fn is_corner_of_curves(links: &[Link], gap: &Gap, tolerance: f64) -> bool {
-    let is_corner = |link: &usize| matches!(links[*link].role, Role::Corner { .. });
-    let (Some(before), Some(after)) = (gap.before, gap.after) else { return false };
-    // Arcs around outside corners are no part of the contour.
-    let before = if is_corner(&before) { before.checked_sub(1) } else { Some(before) };
-    let after = if is_corner(&after) { after + 1 } else { after };
-    let Some(before) = before.filter(|_| after < links.len()) else { return false };
-    let along: Vec<usize> = (before..=after).filter(|link| !is_corner(link)).collect();
-    // An arc that is more than a chord is a feature.
-    let is_chord = |link: &usize| match links[*link].element {
-        Element::Line(_) => true,
-        Element::Arc(arc) => arc.radius * arc.sweep * arc.sweep / 8.0 <= CHORD_MM,
-    };
-    let consumed = along.get(1..along.len().saturating_sub(1)).unwrap_or_default();
-    if !consumed.iter().all(is_chord) {
+    const CHORDS_MIN: usize = 3;
+    let Some(along) = along(links, gap) else { return false };
+    let (before, after) = (along[0], along[along.len() - 1]);
+    if !along[1..along.len() - 1].iter().all(|&link| is_chord(&links[link])) {
         return false;
     }
-    let mut sharp = along.windows(2).filter(|pair| !are_chords(&links[pair[0]], &links[pair[1]]));
-    let (Some(&[last, first]), None) = (sharp.next(), sharp.next()) else { return false };
-    turn(&links[last].element, &links[first].element, links[first].d_in_mm) == Turn::Inside
+    let is_sharp = |pair: &[usize]| !are_chords(&links[pair[0]], &links[pair[1]]);
+    let mut sharp = (1..along.len()).filter(|&index| is_sharp(&along[index - 1..=index]));
+    let (Some(corner), None) = (sharp.next(), sharp.next()) else { return false };
+    // Beside an arc a few straights are no curve.
+    let consumed = [corner - 1, along.len() - 1 - corner];
+    let is_curve = |(end, consumed): (usize, usize)| {
+        consumed == 0 || consumed >= CHORDS_MIN || !is_round(&links[end])
+    };
+    let (last, first) = (along[corner - 1], along[corner]);
+    [before, after].into_iter().zip(consumed).all(is_curve)
+        && turn(&links[last].element, &links[first].element, links[first].d_in_mm) == Turn::Inside
         && [&links[before..=last], &links[first..=after]]
             .into_iter()
             .all(|side| !is_any_unreachable(side, &join(side, tolerance), tolerance))

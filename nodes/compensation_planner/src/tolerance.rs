@@ -45,6 +45,10 @@ pub(crate) const CHORD_TURN_RAD: f64 = 0.1;
 /// See [`CHORD_TURN_RAD`], mm.
 pub(crate) const CHORD_MM: f64 = 0.05;
 
+/// A straight that is longer than this part of the radius is no chord of a curve but a
+/// feature of its own.
+pub(crate) const CHORD_RADII: f64 = 0.5;
+
 /// Difference of the radii at both ends of an arc that is rounding only, relative.
 pub(crate) const ARC_RADIUS_REL: f64 = 1e-12;
 
