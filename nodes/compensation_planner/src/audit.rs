@@ -32,6 +32,7 @@ use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{CompensatedPath, Role};
 use cnc_msgs::profile::{OutputPoint, Profile};
 use cnc_msgs::tool_table::ToolTable;
+use pieces::Chains;
 use report::Report;
 use spans::Spans;
 use way::Way;
@@ -112,11 +113,13 @@ pub fn audit(
         events::check(&way, tools, &mut report);
         let Spans { spans, legs } = Spans::of(&way);
         result.spans = spans.len();
-        for span in &spans {
-            beside::check(&mut way, span, &legs, &mut report);
+        let chains: Vec<Chains<'_>> =
+            spans.iter().map(|span| Chains::of(&way, span, &legs)).collect();
+        for chains in &chains {
+            beside::check(&mut way, chains, &mut report);
         }
-        for span in &spans {
-            clearance::check(&way, span, &legs, &mut result.nearest_mm, &mut report);
+        for chains in &chains {
+            clearance::check(&way, chains, &mut result.nearest_mm, &mut report);
         }
     }
     result.findings = report.findings;

@@ -10,31 +10,62 @@ use super::planar::{Point, cross, on_segment};
 
 type Chord = (Point, Point);
 
-/// Whether two segments are as far apart as the limit, mm: exactly.
+/// Where a point is beside a segment, in units of its length: how far along, and to its left.
+#[derive(Clone, Copy)]
+struct Beside {
+    along: f64,
+    left: f64,
+}
+
+impl Beside {
+    #[inline]
+    fn new(segment: Point, point: Point) -> Self {
+        Self { along: segment.dot(&point), left: cross(segment, point) }
+    }
+
+    /// Whether it is nearer to the segment, exactly.
+    #[inline]
+    fn is_near(self, length_squared: f64, to_ends: (f64, f64), squared: f64) -> bool {
+        if self.along <= 0.0 {
+            to_ends.0 < squared
+        } else if self.along >= length_squared {
+            to_ends.1 < squared
+        } else {
+            self.left * self.left < squared * length_squared
+        }
+    }
+}
+
+/// Whether two segments are as far apart as the limit, mm: exactly, without a division.
 #[inline]
 pub(super) fn chords(a: Chord, b: Chord, limit: f64) -> bool {
     let squared = limit * limit;
-    if (a.0 - b.0).norm_squared() < squared || (a.1 - b.1).norm_squared() < squared {
-        return false;
-    }
     let (da, db) = (a.1 - a.0, b.1 - b.0);
-    let (b0, b1) = (cross(da, b.0 - a.0), cross(da, b.1 - a.0));
-    let (a0, a1) = (cross(db, a.0 - b.0), cross(db, a.1 - b.0));
-    let (is_beside_a, is_beside_b) = (b0 * b1 > 0.0, a0 * a1 > 0.0);
-    // All of one on one side of the other's line, and far from that line.
-    let off = |c: f64, d: f64| (c * c).min(d * d);
-    if is_beside_b && off(a0, a1) >= squared * db.norm_squared()
-        || is_beside_a && off(b0, b1) >= squared * da.norm_squared()
+    let (to_b0, to_b1) = (b.0 - a.0, b.1 - a.0);
+    let (b0, b1) = (Beside::new(da, to_b0), Beside::new(da, to_b1));
+    let long_a = da.norm_squared();
+    // All of one on one side of the other's line, before it or behind it, and far from it.
+    let least = squared * long_a;
+    let is_far = |of: f64| of > 0.0 && of * of >= least;
+    if is_far(b0.left.min(b1.left))
+        || is_far((-b0.left).min(-b1.left))
+        || is_far(b0.along.min(b1.along) - long_a)
+        || is_far((-b0.along).min(-b1.along))
     {
         return true;
     }
-    if b0 * b1 < 0.0 && a0 * a1 < 0.0 {
+    let ends = [to_b0, to_b1, b.0 - a.1, b.1 - a.1].map(|apart| apart.norm_squared());
+    if b0.is_near(long_a, (ends[0], ends[2]), squared)
+        || b1.is_near(long_a, (ends[1], ends[3]), squared)
+    {
         return false;
     }
-    let is_near = |(from, to): Chord, point: Point| {
-        (on_segment(from, to, point) - point).norm_squared() < squared
-    };
-    !(is_near(a, b.0) || is_near(a, b.1) || is_near(b, a.0) || is_near(b, a.1))
+    let (a0, a1) = (Beside::new(db, -to_b0), Beside::new(db, a.1 - b.0));
+    let is_crossed = b0.left * b1.left < 0.0 && a0.left * a1.left < 0.0;
+    let long_b = db.norm_squared();
+    !(is_crossed
+        || a0.is_near(long_b, (ends[0], ends[1]), squared)
+        || a1.is_near(long_b, (ends[2], ends[3]), squared))
 }
 
 /// Whether two pieces with these chords are as far apart as the limit, mm.
@@ -51,6 +82,14 @@ pub(super) fn pieces(
     if of_a.is_none() && of_b.is_none() {
         return chords(a, b, limit);
     }
+    if let (Some(one), Some(other)) = (of_a, of_b) {
+        let (r, s) = (one.round.radius, other.round.radius);
+        let between = (one.round.center - other.round.center).norm();
+        let limit = limit + one.uneven + other.uneven;
+        if (r - s).abs() - between >= limit || between - r - s >= limit {
+            return true;
+        }
+    }
     let bulge = |bow: Option<&Bow>| bow.map_or(0.0, |bow| bow.bulge);
     let (mut off_a, mut off_b) = (bulge(of_a), bulge(of_b));
     if of_b.is_some_and(|bow| is_behind(b, bow, a, off_a)) {
@@ -59,20 +98,12 @@ pub(super) fn pieces(
     if of_a.is_some_and(|bow| is_behind(a, bow, b, bulge(of_b))) {
         off_a = of_a.map_or(0.0, |bow| bow.uneven);
     }
-    if chords(a, b, limit + off_a + off_b) {
-        return true;
-    }
-    match (of_a, of_b) {
-        (Some(one), Some(other)) => {
-            let (r, s) = (one.round.radius, other.round.radius);
-            let between = (one.round.center - other.round.center).norm();
-            let limit = limit + one.uneven + other.uneven;
-            (r - s).abs() - between >= limit || between - r - s >= limit
+    chords(a, b, limit + off_a + off_b)
+        || match (of_a, of_b) {
+            (Some(bow), None) => is_off_circle(b, bow, limit),
+            (None, Some(bow)) => is_off_circle(a, bow, limit),
+            _ => false,
         }
-        (Some(bow), None) => is_off_circle(b, bow, limit),
-        (None, Some(bow)) => is_off_circle(a, bow, limit),
-        (None, None) => false,
-    }
 }
 
 /// Whether all that is no farther than `bulge` from a chord lies on the side of an arc's own

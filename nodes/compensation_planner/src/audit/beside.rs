@@ -7,6 +7,7 @@
 use super::follow::{
     Follow, MERGE_MM, PLACE_MM, is_beside_short, joint, off_circle, one, reaches, runs_on,
 };
+use super::pieces::Chains;
 use super::planar::{Piece, Point, cross};
 use super::program::{Kind, NONE};
 use super::report::{self, Report};
@@ -16,8 +17,17 @@ use super::way::Way;
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::Reaction;
 
-pub(super) fn check(way: &mut Way<'_>, span: &Span, legs: &[u32], report: &mut Report<'_>) {
-    let mut check = Check { span, legs, before: None, has_corner: false, stands: Vec::new() };
+pub(super) fn check(way: &mut Way<'_>, chains: &Chains<'_>, report: &mut Report<'_>) {
+    let span = chains.span;
+    let mut check = Check {
+        chains,
+        span,
+        legs: chains.all_legs,
+        next: span.legs.start,
+        before: None,
+        has_corner: false,
+        stands: Vec::new(),
+    };
     for element in span.elements.clone() {
         if report.is_full() {
             return;
@@ -26,6 +36,7 @@ pub(super) fn check(way: &mut Way<'_>, span: &Span, legs: &[u32], report: &mut R
             // It has been reported as a stray.
             continue;
         }
+        check.goes_to(way.of[element]);
         match way.path.elements[element].role {
             Role::Corner => check.corner(way, element, report),
             Role::Contour => check.contour(way, element, report),
@@ -36,8 +47,11 @@ pub(super) fn check(way: &mut Way<'_>, span: &Span, legs: &[u32], report: &mut R
 }
 
 struct Check<'a> {
+    chains: &'a Chains<'a>,
     span: &'a Span,
     legs: &'a [u32],
+    /// The first leg, among all, that is not before the block of the element.
+    next: usize,
     before: Option<Follow>,
     /// A corner lies between it and what comes next; where the pieces of it end.
     has_corner: bool,
@@ -45,17 +59,30 @@ struct Check<'a> {
 }
 
 impl Check<'_> {
+    /// Elements come in the order of their blocks.
+    fn goes_to(&mut self, block: u32) {
+        while self.next < self.span.legs.end && self.legs[self.next] < block {
+            self.next += 1;
+        }
+    }
+
+    /// The leg of a span among all, if there is one.
+    fn leg_at(&self, index: usize) -> Option<u32> {
+        self.span.legs.contains(&index).then(|| self.legs[index])
+    }
+
     fn contour(&mut self, way: &mut Way<'_>, element: usize, report: &mut Report<'_>) {
         let block = way.of[element];
-        let legs = &self.legs[self.span.legs.clone()];
-        let Ok(index) = legs.binary_search(&block) else { return };
+        if self.leg_at(self.next) != Some(block) {
+            return;
+        }
         let offset = way.program.offset(block);
         let mut now = Follow {
             element,
             block,
-            leg_index: self.span.legs.start + index,
-            way: way.piece(element),
-            leg: way.leg(block),
+            leg_index: self.next,
+            way: self.chains.element(element),
+            leg: self.chains.leg(way, self.next),
             d_in: offset.d_in,
             d_out: offset.d_out,
             is_open: self.has_corner,
@@ -75,7 +102,7 @@ impl Check<'_> {
                     opens = joint(way, &before, &now, report);
                 }
                 now.is_open = opens;
-                one(way, &before, self.legs, opens, report);
+                one(way, &before, self.chains, opens, report);
             }
             None => {
                 let left_out = self.span.legs.start..now.leg_index;
@@ -109,7 +136,7 @@ impl Check<'_> {
             last.is_loose = true;
             self.left_out(way, left_out, (Some(&last), None), report);
         }
-        one(way, &last, self.legs, true, report);
+        one(way, &last, self.chains, true, report);
     }
 
     /// The block of the lead-on or the lead-off.
@@ -118,19 +145,11 @@ impl Check<'_> {
         lead.map(|element| way.of[element])
     }
 
-    /// The index of a block among all legs; of a lead-off that behind the last.
-    fn leg_index(&self, block: u32) -> usize {
-        let legs = &self.legs[self.span.legs.clone()];
-        self.span.legs.start + legs.partition_point(|&leg| leg < block)
-    }
-
     /// Whether nothing is left in the path of the leg before a block, or of its own.
-    fn is_between_lost(&self, way: &Way<'_>, block: u32) -> bool {
-        let legs = &self.legs[self.span.legs.clone()];
-        let index = legs.partition_point(|&leg| leg < block);
-        let is_lost = |leg: &u32| way.program.blocks[*leg as usize].element == NONE;
-        index.checked_sub(1).is_some_and(|before| is_lost(&legs[before]))
-            || legs.get(index).is_some_and(is_lost)
+    fn is_between_lost(&self, way: &Way<'_>) -> bool {
+        let is_lost = |leg: u32| way.program.blocks[leg as usize].element == NONE;
+        let before = self.next.checked_sub(1).and_then(|before| self.leg_at(before));
+        before.is_some_and(is_lost) || self.leg_at(self.next).is_some_and(is_lost)
     }
 
     /// A corner runs around the start of its block.
@@ -142,17 +161,16 @@ impl Check<'_> {
         let d_mm = if kind == Kind::Leg { offset.d_in } else { offset.d_out };
         let radius_mm = d_mm.abs();
         let vertex = way.program.ends(block).0;
-        let leg = way.leg(block);
-        let place_mm = if self.is_between_lost(way, block) {
+        let place_mm = if self.is_between_lost(way) {
             report.profile.accept_tolerance_mm + 2.0 * MERGE_MM
         } else if self.before.is_some_and(|before| before.is_loose)
-            || is_beside_short(way, self.leg_index(block), self.legs)
+            || is_beside_short(way, self.next, self.chains)
         {
             1.01 * MERGE_MM
         } else {
             PLACE_MM
         };
-        let piece = way.piece(element);
+        let piece = self.chains.element(element);
         self.stands.push(piece.to);
         let path_element = &way.path.elements[element];
         let nearest_mm = (piece.nearest(vertex) - vertex).norm();
@@ -173,7 +191,7 @@ impl Check<'_> {
                 return;
             }
             // A piece of the next arc, lengthened to where its own functions run.
-            let beside = off_circle(&piece, &leg, d_mm);
+            let beside = off_circle(&piece, &way.leg(block), d_mm);
             if kind != Kind::Leg || beside > place_mm {
                 let found = if off <= radius_mm { radius_mm - off.min(beside) } else { off };
                 report.push(report::beside(path_element, radius_mm, found));
@@ -196,8 +214,8 @@ impl Check<'_> {
         if left_out.is_empty() {
             return;
         }
-        let run_before = before.map(|follow| run(way, follow, self.span, true));
-        let run_after = after.map(|follow| run(way, follow, self.span, false));
+        let run_before = before.map(|follow| run(way, follow, self.chains, true));
+        let run_after = after.map(|follow| run(way, follow, self.chains, false));
         let d_mm = after.map(|follow| follow.d_in).or(before.map(|follow| follow.d_out));
         let d_mm = d_mm.unwrap_or(f64::INFINITY);
         let off = |point: Point| {
@@ -217,7 +235,7 @@ impl Check<'_> {
         };
         let mut worst = (0.0_f64, left_out.start, Point::zeros());
         for index in left_out.clone() {
-            let leg = way.leg(self.legs[index]);
+            let leg = self.chains.leg(way, index);
             let length = leg.length();
             let stands = self.stands.iter().copied();
             let mut stands = stands
@@ -247,7 +265,7 @@ impl Check<'_> {
         let stand = before.map(|follow| follow.way.to).or(after.map(|follow| follow.way.from));
         let at_corner = end(before, true).zip(end(after, false)).zip(stand);
         let at_corner = at_corner.is_some_and(|((first, last), stand)| {
-            let left_out = left_out.clone().map(|index| way.leg(self.legs[index]));
+            let left_out = left_out.clone().map(|index| self.chains.leg(way, index));
             let legs = std::iter::once(first).chain(left_out).chain([last]);
             is_corner_of_curves(legs, stand, d_mm)
         });
@@ -291,7 +309,7 @@ fn is_touched(leg: &Piece, at: Point, d_mm: f64, along: std::ops::RangeInclusive
 }
 
 /// The line or circle that an element is part of, long enough to be lengthened, and its offset.
-fn run(way: &Way<'_>, follow: &Follow, span: &Span, backwards: bool) -> (Piece, f64) {
+fn run(way: &Way<'_>, follow: &Follow, chains: &Chains<'_>, backwards: bool) -> (Piece, f64) {
     const LONG_MM: f64 = 1.0;
     const STEPS_MAX: usize = 64;
     if follow.leg.round.is_some() {
@@ -305,13 +323,13 @@ fn run(way: &Way<'_>, follow: &Follow, span: &Span, backwards: bool) -> (Piece, 
     let mut element = follow.element;
     for _ in 0..STEPS_MAX {
         let next = if backwards { element.wrapping_sub(1) } else { element + 1 };
-        if run.length() >= LONG_MM || !span.elements.contains(&next) {
+        if run.length() >= LONG_MM || !chains.span.elements.contains(&next) {
             break;
         }
         if way.path.elements[next].role != Role::Contour || way.of[next] == NONE {
             break;
         }
-        let piece = way.piece(next);
+        let piece = chains.element(next);
         let goes_on = if backwards { runs_on(&piece, &run) } else { runs_on(&run, &piece) };
         if !goes_on || !piece.is_line() {
             break;

@@ -2,7 +2,7 @@
 
 use super::apart;
 use super::bounds::Bounds;
-use super::pieces::Pieces;
+use super::pieces::{Chains, Pieces};
 use super::planar::{Near, Piece, nearest};
 use super::program::{Kind, NONE};
 use super::report::{self, Cut, Report};
@@ -37,12 +37,12 @@ struct Found {
 
 pub(super) fn check(
     way: &Way<'_>,
-    span: &Span,
-    all_legs: &[u32],
+    chains: &Chains<'_>,
     nearest_mm: &mut Option<f64>,
     report: &mut Report<'_>,
 ) {
-    let legs = &all_legs[span.legs.clone()];
+    let Chains { span, legs: walls, elements, .. } = chains;
+    let legs = chains.blocks();
     let offset = |leg: u32| way.program.offset(leg);
     let reach = legs.iter().fold(0.0_f64, |reach, &leg| {
         reach.max(offset(leg).d_in.abs()).max(offset(leg).d_out.abs())
@@ -51,8 +51,7 @@ pub(super) fn check(
         return;
     }
     let first = way.program.source(legs[0]);
-    let walls = Pieces::of_legs(way, legs);
-    let wall_tree = StripTree::new(&walls).with_fans();
+    let wall_tree = StripTree::new(walls).with_fans();
     let Some(bounds) = Bounds::of(&wall_tree) else {
         report.push(report::too_entangled(first));
         return;
@@ -63,13 +62,12 @@ pub(super) fn check(
         if block.is_lost { f32::INFINITY } else { block.slack_mm }
     };
     let slacks = legs.iter().map(slack).collect();
-    let mut search = Search { way, span, legs, walls: &walls, slacks, bounds, found: Vec::new() };
-    let tools = search.tools(all_legs);
-    let elements = Pieces::of_elements(way, span.elements.clone());
-    let tree = StripTree::new(&elements);
+    let mut search = Search { way, span, legs, walls, slacks, bounds, found: Vec::new() };
+    let tools = search.tools(chains.all_legs);
+    let tree = StripTree::new(elements);
     let on_way = strip::near(&tree, &wall_tree, reach - GOUGE_MM, |on, into| {
         for element in on {
-            search.tool(&elements, element, &tools[element], into.clone());
+            search.tool(elements, element, &tools[element], into.clone());
         }
         search.found.len() < CUTS_MAX
     });
@@ -77,7 +75,7 @@ pub(super) fn check(
         report.push(report::too_entangled(first));
     }
     for lead in [span.lead_on, span.lead_off].into_iter().flatten() {
-        let elements = Pieces::of_elements(way, lead..lead + 1);
+        let elements = Pieces::new(std::iter::once(way.piece(lead)));
         let tool = search.lead(lead);
         let tree = StripTree::new(&elements);
         strip::near(&tree, &wall_tree, reach - GOUGE_MM, |_, into| {

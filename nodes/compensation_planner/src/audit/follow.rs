@@ -1,6 +1,7 @@
 //! One element beside its own leg: its distance, its direction, where it begins and ends, and
 //! the joint with the one before it.
 
+use super::pieces::Chains;
 use super::planar::{Piece, Point, carriers_cross, cross};
 use super::report::{self, Report};
 use super::way::Way;
@@ -63,7 +64,7 @@ pub(super) fn off_circle(way: &Piece, leg: &Piece, d_mm: f64) -> f64 {
 pub(super) fn one(
     way: &mut Way<'_>,
     follow: &Follow,
-    legs: &[u32],
+    chains: &Chains<'_>,
     opens: bool,
     report: &mut Report<'_>,
 ) {
@@ -74,7 +75,7 @@ pub(super) fn one(
     let mut place_mm = if follow.is_loose || is_short { coarse } else { PLACE_MM };
     if let Some(round) = &piece.round {
         let radii = (round.radius, (piece.to - round.center).norm());
-        let is_merged = follow.is_loose || is_beside_short(way, follow.leg_index, legs);
+        let is_merged = follow.is_loose || is_beside_short(way, follow.leg_index, chains);
         let even_mm = if is_merged { coarse } else { 2.0 * PLACE_MM };
         if (radii.0 - radii.1).abs() > even_mm.max(1e-6 * radii.0) {
             report.push(report::uneven(element, radii));
@@ -114,7 +115,7 @@ pub(super) fn one(
         report.push(report::astray(element, "is a line beside an arc, or turns the other way"));
         return;
     }
-    if off > place_mm && is_beside_short(way, follow.leg_index, legs) {
+    if off > place_mm && is_beside_short(way, follow.leg_index, chains) {
         // What is so short is merged with it.
         place_mm = place_mm.max(1.01 * MERGE_MM);
     }
@@ -135,9 +136,10 @@ pub(super) fn one(
 }
 
 /// Whether a leg or one beside it is so short that it is merged.
-pub(super) fn is_beside_short(way: &Way<'_>, index: usize, legs: &[u32]) -> bool {
-    let beside = legs.iter().skip(index.saturating_sub(1)).take(3);
-    beside.into_iter().any(|&leg| way.leg(leg).length() <= 1.01 * MERGE_MM)
+pub(super) fn is_beside_short(way: &Way<'_>, index: usize, chains: &Chains<'_>) -> bool {
+    let first = index.saturating_sub(1);
+    (first..chains.all_legs.len().min(first + 3))
+        .any(|leg| chains.leg(way, leg).length() <= 1.01 * MERGE_MM)
 }
 
 /// How far a line is off, and how far from its leg it runs.
@@ -310,15 +312,22 @@ fn nearer_joint(a: &Follow, b: &Follow, short_mm: f64) -> Option<f64> {
     if a.leg_index + 1 != b.leg_index || a.is_loose || b.is_loose {
         return None;
     }
+    let turn = cross(a.leg.tangent(a.leg.to), b.leg.tangent(b.leg.from)) * b.d_in.signum();
+    if turn.abs() <= STRAIGHT_RAD {
+        return None;
+    }
     let (behind, ahead) = (a.leg.beside(a.d_out)?, b.leg.beside(b.d_in)?);
     let at = b.way.from;
-    let turn = cross(a.leg.tangent(a.leg.to), b.leg.tangent(b.leg.from)) * b.d_in.signum();
     let sine = |root: Point| cross(behind.tangent(root), ahead.tangent(root)).abs();
     // What both lose at a joint. The least wins: inside, where both get shorter; outside,
     // where they get longer by no more than a short block.
     let lost = |root: Point| (behind.length() - behind.along(root), ahead.along(root));
     let (of_a, of_b) = lost(at);
     let (here, far) = (of_a + of_b, of_a.abs() + of_b.abs());
+    if far <= SHORT_MM {
+        // Nothing is better by so much.
+        return None;
+    }
     let is_better = |root: &Point| {
         let (of_a, of_b) = lost(*root);
         let both = |is: &dyn Fn(f64) -> bool| is(of_a) && is(of_b);

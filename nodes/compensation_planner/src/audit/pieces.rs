@@ -1,10 +1,12 @@
-//! The pieces of a chain side by side in memory, each worked out once.
+//! The legs of a span and the elements beside them, side by side in memory, each worked out
+//! once.
 //!
-//! A chain hangs together: each piece begins where the one before it ends, so that a line is
-//! one point. Only arcs keep more.
+//! Such a chain hangs together: each piece begins where the one before it ends, so that a line
+//! is one point. Only arcs keep more.
 
 use super::planar::{Piece, Point, Round};
 use super::program::NONE;
+use super::spans::Span;
 use super::way::Way;
 
 /// What an arc has besides its ends.
@@ -60,16 +62,6 @@ impl Pieces {
         all
     }
 
-    /// The legs of a span, as they are programmed.
-    pub(super) fn of_legs(way: &Way<'_>, legs: &[u32]) -> Self {
-        Self::new(legs.iter().map(|&leg| way.leg(leg)))
-    }
-
-    /// Elements in a row.
-    pub(super) fn of_elements(way: &Way<'_>, elements: std::ops::Range<usize>) -> Self {
-        Self::new(elements.map(|element| way.piece(element)))
-    }
-
     pub(super) fn count(&self) -> usize {
         self.points.len() - 1
     }
@@ -98,5 +90,49 @@ impl Pieces {
     pub(super) fn piece(&self, index: usize) -> Piece {
         let (from, to) = self.chord(index);
         Piece { from, to, round: self.bow(index).map(|bow| bow.round) }
+    }
+}
+
+/// The legs and the elements of a span.
+#[derive(Debug)]
+pub(super) struct Chains<'a> {
+    pub span: &'a Span,
+    /// Of all spans.
+    pub all_legs: &'a [u32],
+    pub legs: Pieces,
+    pub elements: Pieces,
+}
+
+impl<'a> Chains<'a> {
+    pub(super) fn of(way: &Way<'_>, span: &'a Span, all_legs: &'a [u32]) -> Self {
+        let legs = all_legs[span.legs.clone()].iter().map(|&leg| way.leg(leg));
+        let mut end = Point::zeros();
+        let elements = span.elements.clone().map(|element| {
+            // One of no block is nothing, where the one before it ends.
+            let is_stray = way.of[element] == NONE;
+            let piece = if is_stray { Piece::line(end, end) } else { way.piece(element) };
+            end = piece.to;
+            piece
+        });
+        Self { span, all_legs, legs: Pieces::new(legs), elements: Pieces::new(elements) }
+    }
+
+    /// The blocks of its legs.
+    pub(super) fn blocks(&self) -> &'a [u32] {
+        &self.all_legs[self.span.legs.clone()]
+    }
+
+    /// A leg by its index among all.
+    pub(super) fn leg(&self, way: &Way<'_>, index: usize) -> Piece {
+        if self.span.legs.contains(&index) {
+            self.legs.piece(index - self.span.legs.start)
+        } else {
+            way.leg(self.all_legs[index])
+        }
+    }
+
+    /// One of its elements by its index in the path.
+    pub(super) fn element(&self, element: usize) -> Piece {
+        self.elements.piece(element - self.span.elements.start)
     }
 }
