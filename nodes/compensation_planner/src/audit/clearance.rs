@@ -62,12 +62,21 @@ pub(super) fn check(
         if block.is_lost { f32::INFINITY } else { block.slack_mm }
     };
     let slacks = legs.iter().map(slack).collect();
-    let mut search = Search { way, span, legs, walls, slacks, bounds, found: Vec::new() };
-    let tools = search.tools(chains.all_legs);
+    let mut search = Search {
+        way,
+        span,
+        all_legs: chains.all_legs,
+        legs,
+        walls,
+        slacks,
+        bounds,
+        found: Vec::new(),
+    };
+    let tools = search.tools();
     let tree = StripTree::new(elements);
     let on_way = strip::near(&tree, &wall_tree, reach - GOUGE_MM, |on, into| {
         for element in on {
-            search.tool(elements, element, &tools[element], into.clone());
+            search.tool((elements, span.elements.start), element, &tools[element], into.clone());
         }
         search.found.len() < CUTS_MAX
     });
@@ -79,7 +88,7 @@ pub(super) fn check(
         let tool = search.lead(lead);
         let tree = StripTree::new(&elements);
         strip::near(&tree, &wall_tree, reach - GOUGE_MM, |_, into| {
-            search.tool(&elements, 0, &tool, into);
+            search.tool((&elements, lead), 0, &tool, into);
             true
         });
     }
@@ -95,19 +104,18 @@ pub(super) fn check(
 /// How near the tool may come to walls while it is on an element.
 #[derive(Debug, Clone, Copy)]
 struct Tool {
-    element: u32,
     /// The leg it follows or leads to, in the span; [`NONE`]: it need not keep away.
     on: u32,
     /// Its own leg.
     own: u32,
-    radius_mm: f64,
-    /// What merging and acceptance took beside it, mm.
-    slack_mm: f32,
+    /// Without what merging and acceptance took beside it.
+    limit_mm: f64,
 }
 
 struct Search<'a> {
     way: &'a Way<'a>,
     span: &'a Span,
+    all_legs: &'a [u32],
     legs: &'a [u32],
     walls: &'a Pieces,
     /// How far the path may be off beside each leg.
@@ -118,21 +126,16 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// Of all elements of the span.
-    fn tools(&self, all_legs: &[u32]) -> Vec<Tool> {
+    fn tools(&self) -> Vec<Tool> {
         let mut on = 0;
         let tool = |element: usize| {
             let role = self.way.path.elements[element].role;
             let block = self.way.of[element];
             let is_judged = matches!(role, Role::Contour | Role::Corner) && block != NONE;
-            let (mut radius_mm, mut slack_mm, mut own) = (0.0, 0.0, NONE);
+            let (mut limit_mm, mut own) = (0.0, NONE);
             if is_judged {
-                let offset = self.span.offset(self.way, all_legs, block);
-                // A corner runs at the radius before it; a leg that changes it has both.
-                radius_mm = match role {
-                    Role::Corner => offset.d_in.abs(),
-                    _ => offset.d_in.abs().min(offset.d_out.abs()),
-                };
-                slack_mm = self.way.program.blocks[block as usize].slack_mm;
+                let slack = self.way.program.blocks[block as usize].slack_mm;
+                limit_mm = self.radius_mm(element) - GOUGE_MM - f64::from(slack);
                 // Elements come in the order of their blocks.
                 while self.legs.get(on).is_some_and(|&leg| leg < block) {
                     on += 1;
@@ -142,47 +145,67 @@ impl Search<'_> {
                 }
             }
             let on = if is_judged { on.min(self.legs.len() - 1) as u32 } else { NONE };
-            Tool { element: element as u32, on, own, radius_mm, slack_mm }
+            Tool { on, own, limit_mm }
         };
         self.span.elements.clone().map(tool).collect()
+    }
+
+    /// Of the tool on an element.
+    fn radius_mm(&self, element: usize) -> f64 {
+        let block = self.way.of[element];
+        match self.way.path.elements[element].role {
+            // A corner runs at the radius before it; a leg that changes it has both.
+            Role::Corner => self.span.offset(self.way, self.all_legs, block).d_in.abs(),
+            Role::Contour => {
+                let offset = self.span.offset(self.way, self.all_legs, block);
+                offset.d_in.abs().min(offset.d_out.abs())
+            }
+            _ if self.span.lead_on == Some(element) => {
+                self.way.program.offset(self.legs[0]).d_in.abs()
+            }
+            _ => self.way.program.offset(self.legs[self.legs.len() - 1]).d_out.abs(),
+        }
     }
 
     fn lead(&self, element: usize) -> Tool {
         let leads_on = self.span.lead_on == Some(element);
         let leg = if leads_on { 0 } else { self.legs.len() - 1 };
-        let offset = self.way.program.offset(self.legs[leg]);
-        let radius_mm = if leads_on { offset.d_in } else { offset.d_out }.abs();
         let own = if self.way.of[element] == self.legs[leg] { leg as u32 } else { NONE };
-        Tool { element: element as u32, on: leg as u32, own, radius_mm, slack_mm: 0.0 }
+        Tool { on: leg as u32, own, limit_mm: self.radius_mm(element) - GOUGE_MM }
     }
 
     /// The tool on one of some elements, beside some walls.
-    fn tool(&mut self, elements: &Pieces, index: usize, tool: &Tool, into: Range<usize>) {
+    fn tool(
+        &mut self,
+        (elements, first): (&Pieces, usize),
+        index: usize,
+        tool: &Tool,
+        into: Range<usize>,
+    ) {
         if tool.on == NONE {
             return;
         }
         let (chord, bow) = (elements.chord(index), elements.bow(index));
-        let most = tool.radius_mm - GOUGE_MM - f64::from(tool.slack_mm);
         for leg in into {
-            let limit = most - f64::from(self.slacks[leg]);
+            let limit = tool.limit_mm - f64::from(self.slacks[leg]);
             let bow_of_leg = self.walls.bow(leg);
             let is_own_line = leg == tool.own as usize && bow_of_leg.is_none();
             if !is_own_line && !apart::pieces(chord, bow, self.walls.chord(leg), bow_of_leg, limit)
             {
-                self.measure(&elements.piece(index), tool, leg, limit);
+                self.measure(&elements.piece(index), (first + index, tool), leg, limit);
             }
         }
     }
 
     /// The exact distance.
     #[cold]
-    fn measure(&mut self, piece: &Piece, tool: &Tool, leg: usize, limit: f64) {
+    fn measure(&mut self, piece: &Piece, (element, tool): (usize, &Tool), leg: usize, limit: f64) {
         let whole = self.walls.piece(leg);
         let mut near = nearest(piece, &whole);
         if near.distance >= limit {
             return;
         }
-        let (element, on) = (tool.element as usize, tool.on as usize);
+        let on = tool.on as usize;
         let role = self.way.path.elements[element].role;
         let is_lead = !matches!(role, Role::Contour | Role::Corner);
         if !self.bounds.is_whole(leg) {
@@ -199,7 +222,7 @@ impl Search<'_> {
             on,
             into: leg,
             near,
-            radius_mm: tool.radius_mm,
+            radius_mm: self.radius_mm(element),
             is_other_pass,
             is_lead,
         });

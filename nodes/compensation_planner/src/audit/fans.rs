@@ -73,7 +73,10 @@ impl Fan {
     /// Of several legs.
     pub(super) fn of_all(legs: &Pieces, mut range: std::ops::Range<usize>) -> Self {
         let Some(first) = range.next() else { return Self::NONE };
-        range.fold(Self::of(legs, first), |fan, index| fan.and(Self::of(legs, index)))
+        range.fold(Self::of(legs, first), |fan, index| match legs.bow(index) {
+            None => fan.with(legs.end(index) - legs.begin(index)),
+            Some(_) => fan.and(Self::of(legs, index)),
+        })
     }
 }
 

@@ -144,10 +144,11 @@ pub(super) fn is_beside_short(way: &Way<'_>, index: usize, chains: &Chains<'_>) 
 
 /// How far a line is off, and how far from its leg it runs.
 fn off_line(piece: &Piece, leg: &Piece, d_mm: f64) -> (f64, f64) {
-    let signed =
-        |carrier: &Piece, point: Point| cross(carrier.tangent(carrier.from), point - carrier.from);
-    let (a, b) = (signed(leg, piece.from) - d_mm, signed(leg, piece.to) - d_mm);
-    let (c, d) = (signed(piece, leg.from) + d_mm, signed(piece, leg.to) + d_mm);
+    let (along_leg, along) = (leg.tangent(leg.from), piece.tangent(piece.from));
+    let beside_leg = |point: Point| cross(along_leg, point - leg.from) - d_mm;
+    let beside = |point: Point| cross(along, point - piece.from) + d_mm;
+    let (a, b) = (beside_leg(piece.from), beside_leg(piece.to));
+    let (c, d) = (beside(leg.from), beside(leg.to));
     let worst = if a.abs() > b.abs() { a } else { b };
     let off = worst.abs().min(c.abs().max(d.abs()));
     (off, d_mm.abs() + worst * d_mm.signum())
@@ -322,12 +323,14 @@ fn nearer_joint(a: &Follow, b: &Follow, short_mm: f64) -> Option<f64> {
     // What both lose at a joint. The least wins: inside, where both get shorter; outside,
     // where they get longer by no more than a short block.
     let lost = |root: Point| (behind.length() - behind.along(root), ahead.along(root));
+    let mut roots = carriers_cross(&behind, &ahead)
+        .into_iter()
+        .flatten()
+        .filter(|&root| (at - root).norm() > SHORT_MM && sine(root) > STRAIGHT_RAD)
+        .peekable();
+    roots.peek()?;
     let (of_a, of_b) = lost(at);
     let (here, far) = (of_a + of_b, of_a.abs() + of_b.abs());
-    if far <= SHORT_MM {
-        // Nothing is better by so much.
-        return None;
-    }
     let is_better = |root: &Point| {
         let (of_a, of_b) = lost(*root);
         let both = |is: &dyn Fn(f64) -> bool| is(of_a) && is(of_b);
@@ -339,10 +342,5 @@ fn nearer_joint(a: &Follow, b: &Follow, short_mm: f64) -> Option<f64> {
                 && of_a.abs() + of_b.abs() + SHORT_MM < far
         }
     };
-    let roots = carriers_cross(&behind, &ahead).into_iter().flatten();
-    roots
-        .filter(|&root| sine(root) > STRAIGHT_RAD)
-        .filter(is_better)
-        .map(|root| (at - root).norm())
-        .find(|off| *off > SHORT_MM)
+    roots.find(is_better).map(|root| (at - root).norm())
 }

@@ -36,6 +36,7 @@ const CENTER_MOVES_MAX: f64 = 0.05;
 /// A full circle may end so much before its start, mm.
 const CLOSES_MM: f64 = 1e-6;
 
+#[inline]
 pub(super) fn cross(a: Point, b: Point) -> f64 {
     a.x * b.y - a.y * b.x
 }
@@ -98,6 +99,7 @@ impl Piece {
         self.round.is_none()
     }
 
+    #[inline]
     pub(super) fn length(&self) -> f64 {
         match &self.round {
             None => (self.to - self.from).norm(),
@@ -106,6 +108,7 @@ impl Piece {
     }
 
     /// Unit direction at a point of it; that of a line everywhere.
+    #[inline]
     pub(super) fn tangent(&self, at: Point) -> Point {
         match &self.round {
             None => unit(self.to - self.from),
@@ -214,6 +217,7 @@ impl Piece {
     }
 }
 
+#[inline]
 pub(super) fn unit(a: Point) -> Point {
     let length = a.norm();
     if length > 0.0 { a / length } else { Point::zeros() }

@@ -38,12 +38,13 @@ impl<'a> StripTree<'a> {
         for leaf in 0..leaves {
             let range = tree.range(0, leaf);
             let chord = tree.chord(&range);
-            let mut width = range.clone().fold(0.0_f64, |w, index| w.max(pieces.bulge(index)));
-            if range.len() > 1 {
-                width = range.fold(0.0_f64, |width, index| {
-                    let (from, to) = pieces.chord(index);
-                    width.max(off(chord, from).max(off(chord, to)) + pieces.bulge(index))
-                });
+            // The chord begins and ends with them.
+            let (mut before, mut width) = (0.0, 0.0_f64);
+            for index in range.clone() {
+                let is_last = index + 1 == range.end;
+                let after = if is_last { 0.0 } else { off(chord, pieces.end(index)) };
+                width = width.max(f64::max(before, after) + pieces.bulge(index));
+                before = after;
             }
             tree.widths.push(width);
         }
@@ -54,12 +55,14 @@ impl<'a> StripTree<'a> {
             level += 1;
             for node in 0..below.div_ceil(2) {
                 let chord = tree.chord(&tree.range(level, node));
-                let children = 2 * node..(2 * node + 2).min(below);
-                let width = children.fold(0.0_f64, |width, child| {
-                    let ends = tree.chord(&tree.range(level - 1, child));
-                    let apart = off(chord, ends.0).max(off(chord, ends.1));
-                    width.max(apart + tree.widths[from + child])
-                });
+                let first = tree.widths[from + 2 * node];
+                let width = match tree.widths[from..from + below].get(2 * node + 1) {
+                    Some(second) => {
+                        let middle = tree.range(level - 1, 2 * node).end - 1;
+                        off(chord, pieces.end(middle)) + first.max(*second)
+                    }
+                    None => first,
+                };
                 tree.widths.push(width);
             }
             below = below.div_ceil(2);
