@@ -100,8 +100,8 @@ pub(super) fn pieces(
     }
     chords(a, b, limit + off_a + off_b)
         || match (of_a, of_b) {
-            (Some(bow), None) => is_off_circle(b, bow, limit),
-            (None, Some(bow)) => is_off_circle(a, bow, limit),
+            (Some(bow), None) => is_off_circle(b, bow, limit) || is_around(a, bow, b, limit),
+            (None, Some(bow)) => is_off_circle(a, bow, limit) || is_around(b, bow, a, limit),
             _ => false,
         }
 }
@@ -128,6 +128,28 @@ fn is_off_circle(chord: Chord, bow: &Bow, limit: f64) -> bool {
     let outer = radius + limit;
     inner > 0.0 && is_in(chord.0) && is_in(chord.1)
         || (on_segment(chord.0, chord.1, center) - center).norm_squared() >= outer * outer
+}
+
+/// Whether a segment lies behind the centre of an arc, as a wall does whose end the tool goes
+/// around.
+///
+/// A point `p` and one of the arc, both from the centre, are as far apart as
+/// `√(p² + r² - 2 p·q)`, where `p·q` is greatest for an end of the segment, and for an end of
+/// the arc if that does not face it.
+fn is_around(chord: Chord, bow: &Bow, other: Chord, limit: f64) -> bool {
+    let (center, radius, sweep) = (bow.round.center, bow.round.radius, bow.round.sweep);
+    if sweep.abs() > std::f64::consts::PI {
+        return false;
+    }
+    let (from, to) = (chord.0 - center, chord.1 - center);
+    let most = |point: Point| {
+        let out = point - center;
+        let is_faced = cross(from, out) * sweep >= 0.0 && cross(out, to) * sweep >= 0.0;
+        if is_faced { out.norm() * radius } else { out.dot(&from).max(out.dot(&to)) }
+    };
+    // From the end that is beside the circle it may be so much nearer.
+    let needed = limit + bow.uneven;
+    radius * radius - 2.0 * most(other.0).max(most(other.1)) >= needed * needed
 }
 
 #[cfg(test)]
@@ -177,7 +199,10 @@ mod tests {
             let a = numbers.piece();
             // As a tool runs beside its walls.
             let beside = a.beside(numbers.between(-2.0, 2.0)).filter(|_| case % 2 == 0);
-            let b = beside.unwrap_or_else(|| numbers.piece());
+            // Or around their ends.
+            let around = a.round.filter(|_| case % 5 == 0);
+            let around = around.map(|round| Piece::line(round.center, numbers.point()));
+            let b = beside.or(around).unwrap_or_else(|| numbers.piece());
             let exact = nearest(&a, &b).distance;
             let limit = match case % 3 {
                 0 => exact + numbers.between(-1e-3, 1e-3),

@@ -158,7 +158,12 @@ pub(super) fn near(
                     return false;
                 }
             }
-            (of_a, of_b) if of_a > of_b || (of_a == of_b && width_a >= width_b) => {
+            (of_a, of_b) if of_a == of_b => {
+                for child in a.children(node_a).rev() {
+                    open.extend(b.children(node_b).rev().map(|other| (child, other)));
+                }
+            }
+            (of_a, of_b) if of_a > of_b => {
                 open.extend(a.children(node_a).rev().map(|child| (child, node_b)));
             }
             _ => open.extend(b.children(node_b).rev().map(|child| (node_a, child))),
