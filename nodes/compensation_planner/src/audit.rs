@@ -107,6 +107,7 @@ pub fn audit(
         path,
         program: program::read(contour, profile, tools),
         of: vec![program::NONE; path.elements.len()],
+        roles: Vec::with_capacity(path.elements.len()),
         is_of_tip: profile.output == OutputPoint::Tip,
     };
     if is_sane && align::align(&mut way, &mut report) {

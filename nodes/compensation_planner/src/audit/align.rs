@@ -24,6 +24,7 @@ pub(super) fn align(way: &mut Way<'_>, report: &mut Report<'_>) -> bool {
     let mut strays = 0;
     for index in 0..way.path.elements.len() {
         let element = &way.path.elements[index];
+        way.roles.push(element.role);
         let Some(found) = find(way, index, element, next) else {
             strays += 1;
             report.push(report::stray(element, index));

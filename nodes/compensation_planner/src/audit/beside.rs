@@ -37,7 +37,7 @@ pub(super) fn check(way: &mut Way<'_>, chains: &Chains<'_>, report: &mut Report<
             continue;
         }
         check.goes_to(way.of[element]);
-        match way.path.elements[element].role {
+        match way.roles[element] {
             Role::Corner => check.corner(way, element, report),
             Role::Contour => check.contour(way, element, report),
             _ => {}
@@ -326,7 +326,7 @@ fn run(way: &Way<'_>, follow: &Follow, chains: &Chains<'_>, backwards: bool) -> 
         if run.length() >= LONG_MM || !chains.span.elements.contains(&next) {
             break;
         }
-        if way.path.elements[next].role != Role::Contour || way.of[next] == NONE {
+        if way.roles[next] != Role::Contour || way.of[next] == NONE {
             break;
         }
         let piece = chains.element(next);

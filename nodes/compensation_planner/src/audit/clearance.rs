@@ -129,7 +129,7 @@ impl Search<'_> {
     fn tools(&self) -> Vec<Tool> {
         let mut on = 0;
         let tool = |element: usize| {
-            let role = self.way.path.elements[element].role;
+            let role = self.way.roles[element];
             let block = self.way.of[element];
             let is_judged = matches!(role, Role::Contour | Role::Corner) && block != NONE;
             let (mut limit_mm, mut own) = (0.0, NONE);
@@ -153,7 +153,7 @@ impl Search<'_> {
     /// Of the tool on an element.
     fn radius_mm(&self, element: usize) -> f64 {
         let block = self.way.of[element];
-        match self.way.path.elements[element].role {
+        match self.way.roles[element] {
             // A corner runs at the radius before it; a leg that changes it has both.
             Role::Corner => self.span.offset(self.way, self.all_legs, block).d_in.abs(),
             Role::Contour => {
@@ -206,7 +206,7 @@ impl Search<'_> {
             return;
         }
         let on = tool.on as usize;
-        let role = self.way.path.elements[element].role;
+        let role = self.way.roles[element];
         let is_lead = !matches!(role, Role::Contour | Role::Corner);
         if !self.bounds.is_whole(leg) {
             let beside = (!is_lead).then_some(on);

@@ -8,12 +8,14 @@ use cnc_msgs::path::{PathEvent, Role};
 use cnc_msgs::tool_table::ToolTable;
 
 pub(super) fn check(way: &Way<'_>, tools: &ToolTable, report: &mut Report<'_>) {
-    let stops = exact_stops(way.program.contour.events.iter());
+    let actions = way.program.actions.iter().map(|&index| index as usize);
+    let actions = actions.map(|index| (index, &way.program.contour.events[index]));
+    let stops = exact_stops(actions.clone().map(|(_, event)| event));
     let mut happened = way.path.events.iter().filter(|event| event.action != Action::ExactStop);
     let mut last = 0;
     // The first block behind the action, and the first element that is not before it.
     let (mut block, mut element) = (0, 0);
-    for (index, event) in way.program.contour.events.iter().enumerate() {
+    for (index, event) in actions {
         let ContourEventKind::Action(action) = event.kind else { continue };
         if action == Action::ExactStop {
             continue;

@@ -4,10 +4,11 @@
 //! Such a chain hangs together: each piece begins where the one before it ends, so that a line
 //! is one point. Only arcs keep more.
 
-use super::planar::{Piece, Point, Round};
+use super::planar::{Piece, Point, Round, unit};
 use super::program::NONE;
 use super::spans::Span;
 use super::way::Way;
+use std::f64::consts::PI;
 
 /// What an arc has besides its ends.
 #[derive(Debug, Clone, Copy)]
@@ -23,8 +24,12 @@ impl Bow {
     /// `None`: it is a line.
     pub(super) fn of(piece: &Piece) -> Option<Self> {
         let round = piece.round?;
-        let uneven = ((piece.to - round.center).norm() - round.radius).abs();
-        Some(Self { round, bulge: piece.bulge() + uneven, uneven })
+        let out = piece.to - round.center;
+        let uneven = (out.norm() - round.radius).abs();
+        // Near half a circle a little of the chord is much of the bulge.
+        let on_circle = Piece { to: round.center + unit(out) * round.radius, ..*piece };
+        let by_angle = round.radius * (1.0 - (round.sweep.abs() / 2.0).min(PI).cos());
+        Some(Self { round, bulge: on_circle.bulge().max(by_angle) + uneven, uneven })
     }
 }
 
@@ -106,12 +111,16 @@ pub(super) struct Chains<'a> {
 impl<'a> Chains<'a> {
     pub(super) fn of(way: &Way<'_>, span: &'a Span, all_legs: &'a [u32]) -> Self {
         let legs = all_legs[span.legs.clone()].iter().map(|&leg| way.leg(leg));
-        let mut end = Point::zeros();
+        // Where the element before ends, if that is known to be where this one begins.
+        let mut before = None;
         let elements = span.elements.clone().map(|element| {
-            // One of no block is nothing, where the one before it ends.
-            let is_stray = way.of[element] == NONE;
-            let piece = if is_stray { Piece::line(end, end) } else { way.piece(element) };
-            end = piece.to;
+            if way.of[element] == NONE {
+                // One of no block is nothing, where the one before it ends.
+                let at = before.take().unwrap_or_else(Point::zeros);
+                return Piece::line(at, at);
+            }
+            let piece = way.piece_from(before, element);
+            before = Some(piece.to);
             piece
         });
         Self { span, all_legs, legs: Pieces::new(legs), elements: Pieces::new(elements) }

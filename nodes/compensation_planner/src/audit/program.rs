@@ -74,6 +74,8 @@ pub(super) struct Offset {
 pub(super) struct Program<'a> {
     pub contour: &'a ProgrammedContour,
     pub blocks: Vec<Block>,
+    /// The events that are actions.
+    pub actions: Vec<u32>,
     pub offsets: Vec<Offset>,
 }
 
@@ -168,13 +170,16 @@ pub(super) fn read<'a>(
         offset: none,
         legs: 0,
     };
-    let mut program =
-        Program { contour, blocks: Vec::with_capacity(contour.events.len()), offsets: vec![none] };
+    let blocks = Vec::with_capacity(contour.events.len());
+    let mut program = Program { contour, blocks, actions: Vec::new(), offsets: vec![none] };
     let mut before = NONE;
     let mut at = contour.start;
     for (index, event) in contour.events.iter().enumerate() {
         let ContourEventKind::Motion(motion) = &event.kind else {
             reader.word(&event.kind);
+            if matches!(event.kind, ContourEventKind::Action(_)) {
+                program.actions.push(index as u32);
+            }
             continue;
         };
         let (kind, begins) = reader.motion(at, motion, event.source);

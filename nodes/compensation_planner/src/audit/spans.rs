@@ -88,16 +88,15 @@ impl Spans {
 
     fn add_elements(&mut self, way: &Way<'_>) {
         let mut current = 0;
-        for (index, element) in way.path.elements.iter().enumerate() {
-            let block = way.of[index];
-            if block == NONE || element.role == Role::None {
+        for (index, (&role, &block)) in way.roles.iter().zip(&way.of).enumerate() {
+            if block == NONE || role == Role::None {
                 continue;
             }
             while self.spans.get(current).is_some_and(|span| span.blocks.end <= block) {
                 current += 1;
             }
             let Some(span) = self.spans.get_mut(current) else { return };
-            match element.role {
+            match role {
                 Role::LeadOn => span.lead_on = Some(index),
                 Role::LeadOff => span.lead_off = Some(index),
                 // A link block is the last of one span and the first of the next.

@@ -149,7 +149,10 @@ pub(super) fn near(
         let (range_a, range_b) = (a.range(node_a.0, node_a.1), b.range(node_b.0, node_b.1));
         let (width_a, width_b) = (a.width(node_a), b.width(node_b));
         let reach = limit + width_a + width_b;
-        if apart::chords(a.chord(&range_a), b.chord(&range_b), reach) {
+        let (chord_a, chord_b) = (a.chord(&range_a), b.chord(&range_b));
+        // Mostly the tool runs beside a wall from the start of both.
+        let is_near = (chord_a.0 - chord_b.0).norm_squared() < reach * reach;
+        if !is_near && apart::chords(chord_a, chord_b, reach) {
             continue;
         }
         match (node_a.0, node_b.0) {

@@ -28,6 +28,8 @@ pub(super) struct Way<'a> {
     pub program: Program<'a>,
     /// The block of each element; [`NONE`] where it is not known.
     pub of: Vec<u32>,
+    /// The role of each element, side by side.
+    pub roles: Vec<Role>,
     pub is_of_tip: bool,
 }
 
@@ -80,7 +82,12 @@ impl Way<'_> {
     }
 
     pub(super) fn piece(&self, element: usize) -> Piece {
-        let (from, to) = (self.start(element), self.end(element));
+        self.piece_from(None, element)
+    }
+
+    /// The same where it may be known where it starts.
+    pub(super) fn piece_from(&self, start: Option<Point>, element: usize) -> Piece {
+        let (from, to) = (start.unwrap_or_else(|| self.start(element)), self.end(element));
         let shape = &self.path.elements[element].shape;
         Piece::new(self.plane(element), from, to, shape, -self.to_tip(element))
     }
