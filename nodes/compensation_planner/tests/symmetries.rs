@@ -336,7 +336,8 @@ proptest! {
     fn p14_a_shape_in_pieces_has_the_same_path(
         shape in shapes(),
         part in 0.01..0.99_f64,
-        cuts in prop::collection::vec(0.0..1.0_f64, 40),
+        // A piece shorter than what is merged is one with the block before it.
+        cuts in prop::collection::vec(0.05..0.95_f64, 40),
     ) {
         // A lead-off in pieces would end at the first of them.
         let text = shape.program().replace("G40 G456 G1", "G40 G456 G0");

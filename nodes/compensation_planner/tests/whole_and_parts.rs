@@ -72,7 +72,8 @@ proptest! {
         as_posted(&mut contour);
         let (arrived, count) = sent(&contour);
         prop_assume!(count == 2);
-        let (whole, parts) = (run(&contour, &free(), 0.0), run(&arrived, &free(), 0.0));
+        let planned = |contour| compensation_planner::plan(contour, &free(), &tool(0.0));
+        let (whole, parts) = (planned(&contour), planned(&arrived));
         prop_assert_eq!(whole, parts);
     }
 }
