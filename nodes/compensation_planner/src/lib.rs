@@ -7,10 +7,10 @@
 //! The way of an event: `walk` gathers what lies between a lead-on and a
 //! lead-off into a [`span`](crate::span) and applies the `rules`; `normalise`
 //! makes runs of its legs, `chain` joins their offsets, `reach` says what the
-//! tool does not fit into, `walls` what bounds it, `interference` where it cuts into
-//! that (`tree` finds who is near), `trim` cuts off what does not fit and `uncut` tells
-//! what that leaves, `corner` shapes outside corners, `lead` checks the leads, `write` and `emit`
-//! put it all out.
+//! tool does not fit into, `walls` what bounds it (`meeting`: where the contour meets
+//! itself), `interference` where it cuts into that (`tree`: who is near), `trim` cuts off
+//! what does not fit and `uncut` tells what that leaves, `corner` shapes outside corners,
+//! `lead` checks the leads, `write` and `emit` put it all out.
 //!
 //! Beside it: `mdi` plans a single block, `set_tool` decides on a change of the tool
 //! table and `tool_file` writes it into the file of its owner.
@@ -29,6 +29,7 @@ mod interference;
 mod intersect;
 mod lead;
 pub mod mdi;
+mod meeting;
 #[cfg(feature = "node")]
 pub mod node;
 mod normalise;

@@ -49,6 +49,9 @@ pub(crate) const CHORD_MM: f64 = 0.05;
 /// feature of its own.
 pub(crate) const CHORD_RADII: f64 = 0.5;
 
+/// A loop of a contour that is narrower is none, mm: it went back over itself.
+pub(crate) const LOOP_MM: f64 = 2e-3;
+
 /// Difference of the radii at both ends of an arc that is rounding only, relative.
 pub(crate) const ARC_RADIUS_REL: f64 = 1e-12;
 

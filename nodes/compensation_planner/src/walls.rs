@@ -7,22 +7,17 @@
 //! (M12).
 
 use crate::chain::{Link, Placed, Role};
-use crate::distance::is_near;
-use crate::element::{Element, Vec2};
-use crate::intersect::crossings;
+use crate::element::Element;
+use crate::meeting::{Meeting, Place, meetings};
 use crate::span::Run;
-use crate::tolerance::LENGTH_MM;
 use crate::tree::{Bounds, Chains, NO_CHAIN, Tree};
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 
 /// Boxes that may be looked at for one run, and for any contour.
 ///
 /// Boxes along the axes are poor at turns that lie within each other: a spiral of a
 /// thousand turns needs more than 64 for each of its lines.
 const BUDGET: (usize, usize) = (256, 2_000_000);
-
-/// Meetings that are kept for one run, and for any contour.
-const MEETINGS_MAX: (usize, usize) = (4, 10_000);
 
 /// How many boxes may be looked at for a contour of so many elements.
 pub(crate) const fn budget(count: usize) -> usize {
@@ -55,22 +50,6 @@ struct Pass {
     /// Walls begin and end here; `None`: there is no tail.
     begin: Option<Place>,
     end: Option<Place>,
-}
-
-/// A place on a run, mm from its start.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
-struct Place {
-    run: usize,
-    along: f64,
-}
-
-/// The contour is where it has been before.
-#[derive(Debug, Clone, Copy)]
-struct Meeting {
-    early: Place,
-    late: Place,
-    /// The later run ends there.
-    is_return: bool,
 }
 
 impl<'a> Walls<'a> {
@@ -230,69 +209,10 @@ fn passes(runs: &[Run], meetings: &[Meeting]) -> Vec<Pass> {
     passes.into_iter().map(with_tails).collect()
 }
 
-/// All places where the contour meets itself, in the order of the later place.
-fn meetings(runs: &[Run], tree: &Tree) -> Vec<Meeting> {
-    let mut found: Vec<Meeting> = Vec::new();
-    for (index, run) in runs.iter().enumerate() {
-        if run.element.is_closed() {
-            let late = Place { run: index, along: run.element.length() };
-            let early = Place { run: index, along: 0.0 };
-            found.push(Meeting { early, late, is_return: true });
-        }
-    }
-    let most = MEETINGS_MAX.0 * runs.len() + MEETINGS_MAX.1;
-    tree.near_pairs(tree, LENGTH_MM, budget(runs.len()), |early, late| {
-        if early.start > late.start {
-            return ControlFlow::Continue(());
-        }
-        for late in late {
-            let late_box = Bounds::of(&runs[late].element);
-            for early in early.start..early.end.min(late) {
-                let early_box = Bounds::of(&runs[early].element);
-                if early_box.gap_squared(&late_box) <= LENGTH_MM * LENGTH_MM {
-                    meet(runs, early, late, &mut found);
-                }
-            }
-        }
-        if found.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-    });
-    found.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
-    found
-}
-
-fn meet(runs: &[Run], early: usize, late: usize, found: &mut Vec<Meeting>) {
-    let (a, b) = (&runs[early].element, &runs[late].element);
-    let joint = (early + 1 == late).then(|| a.end());
-    let mut add = |point: Vec2, is_end_of_late: bool| {
-        if joint.is_some_and(|joint| (joint - point).norm() <= LENGTH_MM)
-            || !is_near(a, point)
-            || !is_near(b, point)
-        {
-            return;
-        }
-        let length = b.length();
-        let along = if is_end_of_late { length } else { b.along_from_start(point, LENGTH_MM) };
-        found.push(Meeting {
-            early: Place {
-                run: early,
-                along: a.along_from_start(point, LENGTH_MM).clamp(0.0, a.length()),
-            },
-            late: Place { run: late, along: along.clamp(0.0, length) },
-            is_return: is_end_of_late,
-        });
-    };
-    add(b.end(), true);
-    add(b.start(), false);
-    add(a.start(), false);
-    add(a.end(), false);
-    for &point in crossings(a, b, 0.0).points() {
-        add(point, false);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::element::Vec2;
 
     fn runs(points: &[[f64; 2]]) -> Vec<Run> {
         let element = |ends: &[[f64; 2]]| {

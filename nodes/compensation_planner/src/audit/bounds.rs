@@ -13,6 +13,8 @@ use std::ops::Range;
 const MEET_MM: f64 = 1.5e-6;
 /// Legs that stay so close to one line are one, mm; a contour does not meet itself within.
 const MERGE_MM: f64 = 1e-4;
+/// A loop that is narrower in the mean has no inside, mm.
+const LOOP_MM: f64 = 2e-3;
 /// Meetings kept for each leg, and for any span.
 const MEETINGS_MAX: (usize, usize) = (4, 10_000);
 
@@ -160,7 +162,62 @@ fn meetings(tree: &StripTree<'_>) -> Option<Vec<Meeting>> {
         }
         found.len() < most
     });
+    if !found.is_empty() {
+        let sums = Sums::of(legs);
+        found.retain(|meeting| sums.is_wide(legs, meeting));
+    }
     is_complete.then_some(found)
+}
+
+/// Twice the area that the way from the first leg sweeps about its start, mm², and its length.
+struct Sums(Vec<[f64; 2]>);
+
+impl Sums {
+    fn of(legs: &Pieces) -> Self {
+        let start = legs.begin(0);
+        let mut sum = [0.0; 2];
+        let mut before = vec![sum];
+        for leg in 0..legs.count() {
+            let [area, length] = swept(&legs.piece(leg), start);
+            sum = [sum[0] + area, sum[1] + length];
+            before.push(sum);
+        }
+        Self(before)
+    }
+
+    /// Whether the legs between two passings of a place enclose more than noise: a contour
+    /// that goes back over itself has not returned.
+    fn is_wide(&self, legs: &Pieces, meeting: &Meeting) -> bool {
+        /// The rounding of long sums hides short loops.
+        const SHORT: usize = 50;
+        let (Place { leg: early, along: begin }, Place { leg: late, along: end }) =
+            (meeting.early, meeting.late);
+        if early == late {
+            return true;
+        }
+        let (first, last) = (legs.piece(early), legs.piece(late));
+        let parts = [first.part(begin, first.length()), last.part(0.0, end)];
+        let is_short = late - early <= SHORT;
+        let from = if is_short { parts[0].from } else { legs.begin(0) };
+        let mut sum = [0.0; 2];
+        let mut add = |[area, length]: [f64; 2]| sum = [sum[0] + area, sum[1] + length];
+        if is_short {
+            (early + 1..late).for_each(|leg| add(swept(&legs.piece(leg), from)));
+        } else {
+            let (begin, end) = (self.0[early + 1], self.0[late]);
+            add([end[0] - begin[0], end[1] - begin[1]]);
+        }
+        parts.iter().for_each(|part| add(swept(part, from)));
+        sum[0].abs() > LOOP_MM * sum[1]
+    }
+}
+
+/// Twice the area between a piece and a point, mm², and the length of the piece.
+fn swept(piece: &Piece, from: Point) -> [f64; 2] {
+    let bend = piece
+        .round
+        .map_or(0.0, |round| round.radius * round.radius * (round.sweep - round.sweep.sin()));
+    [cross(piece.from - from, piece.to - from) + bend, piece.length()]
 }
 
 /// Whether one line runs on in the next, so that its end is no end of a wall.
@@ -215,12 +272,6 @@ fn meet(legs: &Pieces, early: usize, late: usize, found: &mut Vec<Meeting>) {
         let (from, mut to) = (place(early, &a), place(late, &b));
         if is_end_of_late {
             to.along = b.length();
-        }
-        if late - early <= 64 {
-            let between: f64 = (early + 1..late).map(|leg| legs.piece(leg).length()).sum();
-            if a.length() - from.along + between + to.along <= 2.0 * MERGE_MM {
-                return;
-            }
         }
         let is_return = is_end_of_late && !runs_on(legs, late);
         found.push(Meeting { early: from, late: to, is_return });

@@ -1,0 +1,153 @@
+//! Where a contour meets itself.
+//!
+//! The contour between two passings of one place is a loop. A loop without width is none:
+//! the contour went back over itself, or posted coordinates jumped to and fro.
+
+use crate::distance::is_near;
+use crate::element::{Element, Vec2, cross};
+use crate::intersect::crossings;
+use crate::span::Run;
+use crate::tolerance::{LENGTH_MM, LOOP_MM};
+use crate::tree::{Bounds, Tree};
+use crate::walls::budget;
+use std::ops::ControlFlow;
+
+/// Meetings that are kept for one run, and for any contour.
+const MEETINGS_MAX: (usize, usize) = (4, 10_000);
+
+/// A place on a run, mm from its start.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+pub(crate) struct Place {
+    pub run: usize,
+    pub along: f64,
+}
+
+/// The contour is where it has been before.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Meeting {
+    pub early: Place,
+    pub late: Place,
+    /// The later run ends there.
+    pub is_return: bool,
+}
+
+/// All places where the contour meets itself, in the order of the later place.
+pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Vec<Meeting> {
+    let mut found: Vec<Meeting> = Vec::new();
+    for (index, run) in runs.iter().enumerate() {
+        if run.element.is_closed() {
+            let late = Place { run: index, along: run.element.length() };
+            let early = Place { run: index, along: 0.0 };
+            found.push(Meeting { early, late, is_return: true });
+        }
+    }
+    let most = MEETINGS_MAX.0 * runs.len() + MEETINGS_MAX.1;
+    tree.near_pairs(tree, LENGTH_MM, budget(runs.len()), |early, late| {
+        if early.start > late.start {
+            return ControlFlow::Continue(());
+        }
+        for late in late {
+            let late_box = Bounds::of(&runs[late].element);
+            for early in early.start..early.end.min(late) {
+                let early_box = Bounds::of(&runs[early].element);
+                if early_box.gap_squared(&late_box) <= LENGTH_MM * LENGTH_MM {
+                    meet(runs, early, late, &mut found);
+                }
+            }
+        }
+        if found.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    let areas = Areas::of(runs);
+    found.retain(|meeting| areas.width(meeting) > LOOP_MM);
+    found.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
+    found
+}
+
+fn meet(runs: &[Run], early: usize, late: usize, found: &mut Vec<Meeting>) {
+    let (a, b) = (&runs[early].element, &runs[late].element);
+    let joint = (early + 1 == late).then(|| a.end());
+    let mut add = |point: Vec2, is_end_of_late: bool| {
+        if joint.is_some_and(|joint| (joint - point).norm() <= LENGTH_MM)
+            || !is_near(a, point)
+            || !is_near(b, point)
+        {
+            return;
+        }
+        let length = b.length();
+        let along = if is_end_of_late { length } else { b.along_from_start(point, LENGTH_MM) };
+        found.push(Meeting {
+            early: Place {
+                run: early,
+                along: a.along_from_start(point, LENGTH_MM).clamp(0.0, a.length()),
+            },
+            late: Place { run: late, along: along.clamp(0.0, length) },
+            is_return: is_end_of_late,
+        });
+    };
+    add(b.end(), true);
+    add(b.start(), false);
+    add(a.start(), false);
+    add(a.end(), false);
+    for &point in crossings(a, b, 0.0).points() {
+        add(point, false);
+    }
+}
+
+/// Areas and lengths along a contour, for those of its loops.
+struct Areas<'a> {
+    runs: &'a [Run],
+    /// Of the runs before each: twice the area swept from the origin, mm², and the length, mm.
+    before: Vec<(f64, f64)>,
+    origin: Vec2,
+}
+
+impl<'a> Areas<'a> {
+    fn of(runs: &'a [Run]) -> Self {
+        let origin = runs.first().map_or(Vec2::zeros(), |run| run.element.start());
+        let mut sum = (0.0, 0.0);
+        let before = runs.iter().map(|run| {
+            let before = sum;
+            sum.0 += swept_area(&run.element, origin);
+            sum.1 += run.element.length();
+            before
+        });
+        Self { runs, before: before.collect(), origin }
+    }
+
+    /// How wide the loop between two passings of one place is in the mean, mm.
+    fn width(&self, &Meeting { early, late, .. }: &Meeting) -> f64 {
+        if early.run == late.run {
+            return f64::INFINITY;
+        }
+        let begin = self.runs[early.run].element.after(early.along);
+        let end = self.runs[late.run].element.before(late.along);
+        let between = early.run + 1..late.run;
+        // Of a short loop the sums from the start of the contour know too few digits.
+        const FEW: usize = 64;
+        let (origin, mut area, mut length) = if between.len() <= FEW {
+            let origin = self.runs[early.run].element.end();
+            let runs = self.runs[between].iter().map(|run| &run.element);
+            let area = runs.clone().map(|element| swept_area(element, origin)).sum();
+            (origin, area, runs.map(Element::length).sum())
+        } else {
+            let (from, to) = (self.before[between.start], self.before[between.end]);
+            (self.origin, to.0 - from.0, to.1 - from.1)
+        };
+        for element in [begin, end].iter().flatten() {
+            area += swept_area(element, origin);
+            length += element.length();
+        }
+        area.abs() / length
+    }
+}
+
+/// Twice the area that the line from a point to a place on an element sweeps along it, mm².
+fn swept_area(element: &Element, from: Vec2) -> f64 {
+    let chord = cross(element.start() - from, element.end() - from);
+    match element {
+        Element::Line(_) => chord,
+        Element::Arc(arc) => {
+            chord + arc.turn * arc.radius * arc.radius * (arc.sweep - arc.sweep.sin())
+        }
+    }
+}
