@@ -6,9 +6,9 @@
 //! more coarsely, where the rounding of posted coordinates hides them.
 
 use crate::element::{Element, Vec2, cross, left};
-use crate::frame::in_plane;
+use crate::frame::{element_from, in_plane};
 use crate::span::{Run, Span};
-use crate::tolerance::MERGE_MM;
+use crate::tolerance::{LENGTH_MM, MERGE_MM};
 use cnc_msgs::geometry::Shape;
 
 /// The runs of a span, and each leg's place in its run.
@@ -20,7 +20,13 @@ pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
     let mut cone = Cone::at(Vec2::zeros(), straight_mm);
     for index in 0..span.legs.len() {
         let leg = span.legs[index];
-        let Some(element) = leg.element(span.plane) else { continue };
+        // Behind an arc that has taken a short piece a line starts where the arc ends.
+        let arc = runs.last().map(|run| &run.element).filter(|element| !element.is_line());
+        let start = arc
+            .map(Element::end)
+            .filter(|&end| leg.motion.shape == Shape::Line && is_off(end, leg.start));
+        let start = start.unwrap_or(leg.start);
+        let Some(element) = element_from(span.plane, start, leg.motion) else { continue };
         let end = in_plane(span.plane, leg.motion.end);
         let changes = leg.d_out_mm != d_mm;
         let open = runs.last_mut().filter(|run| !changes && run.d_in_mm == run.d_out_mm);
@@ -51,6 +57,11 @@ pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
         settle(run, span);
     }
     runs
+}
+
+/// Whether a point is beside another by more than rounding and less than what is merged.
+fn is_off(a: Vec2, b: Vec2) -> bool {
+    (LENGTH_MM..=MERGE_MM).contains(&(a - b).norm())
 }
 
 fn full_reach(element: &Element) -> f64 {

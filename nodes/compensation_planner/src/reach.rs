@@ -10,7 +10,7 @@ use crate::chain::{Link, Placed, Role, Turn, join, turn};
 use crate::distance::distance_to;
 use crate::element::{Element, Vec2, cross};
 use crate::intersect::crossings;
-use crate::tolerance::{CHORD_MM, CHORD_RADII, CHORD_TURN_RAD};
+use crate::tolerance::{CHORD_MM, CHORD_RADII, CHORD_TURN_RAD, LENGTH_MM};
 
 /// Elements in a row that the tool cannot reach.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,10 +74,10 @@ pub(crate) fn consumed<'a>(
     placed: &'a [Placed],
 ) -> impl Iterator<Item = Unreachable> + 'a {
     let is_any = |links: &[Link], placed: &[Placed]| {
-        gaps(links, placed).any(|gap| !is_corner_of_curves(links, &gap, 0.0))
+        gaps(links, placed).any(|gap| !is_corner_of_curves(links, placed, &gap, 0.0))
     };
     gaps(links, placed)
-        .filter(move |gap| !is_corner_of_curves(links, gap, 0.0))
+        .filter(move |gap| !is_corner_of_curves(links, placed, gap, 0.0))
         .filter_map(move |gap| place(links, &gap, 0.0, |links, placed| !is_any(links, placed)))
 }
 
@@ -126,7 +126,7 @@ fn gaps<'a>(links: &'a [Link], placed: &'a [Placed]) -> impl Iterator<Item = Gap
 fn is_deep(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     deviation(links, gap, tolerance) > tolerance
         && !is_curve_that_is_touched(links, placed, gap, tolerance)
-        && !is_corner_of_curves(links, gap, tolerance)
+        && !is_corner_of_curves(links, placed, gap, tolerance)
 }
 
 /// What stays on both sides of a gap, and all between, without the arcs around outside
@@ -162,22 +162,20 @@ fn is_curve_that_is_touched(links: &[Link], placed: &[Placed], gap: &Gap, tolera
 fn is_chord(link: &Link) -> bool {
     match link.element {
         Element::Line(_) => f64::from(link.straight_mm) <= CHORD_RADII * link.d_in_mm.abs(),
-        Element::Arc(_) => !is_round(link),
+        Element::Arc(arc) => arc.radius * arc.sweep * arc.sweep / 8.0 <= CHORD_MM,
     }
-}
-
-/// Whether an arc is more than a chord.
-fn is_round(link: &Link) -> bool {
-    matches!(link.element, Element::Arc(arc) if arc.radius * arc.sweep * arc.sweep / 8.0 > CHORD_MM)
 }
 
 /// Whether two curves, written in chords, meet in a sharp inside corner and the tool
 /// fits into each of them alone.
 ///
 /// It takes chords from their ends as it takes a piece of an arc.
-fn is_corner_of_curves(links: &[Link], gap: &Gap, tolerance: f64) -> bool {
+fn is_corner_of_curves(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     const CHORDS_MIN: usize = 3;
     let Some(along) = along(links, gap) else { return false };
+    if !is_passed_by(links, placed, gap, tolerance) {
+        return false;
+    }
     let (before, after) = (along[0], along[along.len() - 1]);
     if !along[1..along.len() - 1].iter().all(|&link| is_chord(&links[link])) {
         return false;
@@ -185,10 +183,10 @@ fn is_corner_of_curves(links: &[Link], gap: &Gap, tolerance: f64) -> bool {
     let is_sharp = |pair: &[usize]| !are_chords(&links[pair[0]], &links[pair[1]]);
     let mut sharp = (1..along.len()).filter(|&index| is_sharp(&along[index - 1..=index]));
     let (Some(corner), None) = (sharp.next(), sharp.next()) else { return false };
-    // Beside an arc a few straights are no curve.
+    // Beside a feature a few straights are no curve.
     let consumed = [corner - 1, along.len() - 1 - corner];
     let is_curve = |(end, consumed): (usize, usize)| {
-        consumed == 0 || consumed >= CHORDS_MIN || !is_round(&links[end])
+        consumed == 0 || consumed >= CHORDS_MIN || is_chord(&links[end])
     };
     let (last, first) = (along[corner - 1], along[corner]);
     [before, after].into_iter().zip(consumed).all(is_curve)
@@ -196,6 +194,37 @@ fn is_corner_of_curves(links: &[Link], gap: &Gap, tolerance: f64) -> bool {
         && [&links[before..=last], &links[first..=after]]
             .into_iter()
             .all(|side| !is_any_unreachable(side, &join(side, tolerance), tolerance))
+}
+
+/// Whether the tool, at the joint across a gap and where it runs on lengthened neighbours,
+/// keeps off all that is consumed, and leaves nothing beside the lengthened ones.
+fn is_passed_by(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+    let (Some(before), Some(after)) =
+        (gap.index.checked_sub(1).and_then(|index| placed.get(index)), placed.get(gap.index))
+    else {
+        return false;
+    };
+    let stand = after.start;
+    let end = |place: &Placed| links[place.link].element.offset(links[place.link].d_out_mm);
+    let start = |place: &Placed| links[place.link].element.offset(links[place.link].d_in_mm);
+    let lengthened = [
+        end(before).filter(|_| before.trim_out < 0.0).map(|element| element.end()),
+        start(after).filter(|_| after.trim_in < 0.0).map(|element| element.start()),
+    ];
+    let lengthened = lengthened.map(|end| end.and_then(|end| Element::line(stand, end)));
+    links[gap.from..gap.to].iter().filter(|link| matches!(link.role, Role::Run(_))).all(|link| {
+        let radius = link.d_in_mm.abs();
+        [link.element.start(), link.element.end()].into_iter().all(|point| {
+            let beside = |way: &Element| {
+                let along = way.along_from_start(point, 0.0);
+                let off = (way.project(point) - point).norm();
+                !(0.0..=way.length()).contains(&along)
+                    || (off - radius).abs() <= tolerance.max(LENGTH_MM)
+            };
+            (point - stand).norm() >= radius - tolerance.max(LENGTH_MM)
+                && lengthened.iter().flatten().all(beside)
+        })
+    })
 }
 
 /// Whether two links go on in each other as chords of one curve.

@@ -111,14 +111,17 @@ fn with_consumed(joined: &Joined<'_>, tolerance: f64) -> (Vec<Placed>, Vec<Cross
             push(place, !is_gap, &mut all);
         }
     }
+    let length = |index: usize| {
+        let place: &Placed = &all[index];
+        element(&links[place.link], place).map_or(0.0, |way| way.length())
+    };
     for joint in &mut joints {
         // From what is cut off to where that is along the way.
-        let place = &all[joint.early.0];
-        let way = element(&links[place.link], place);
-        joint.early.1 = way.map_or(0.0, |way| way.length()) - joint.early.1;
+        joint.early.1 = length(joint.early.0) - joint.early.1;
     }
-    let is_within = |joint: &Crossing| joint.early.1 >= 0.0 && joint.late.1 >= 0.0;
-    joints.retain(is_within);
+    joints.retain(|joint| {
+        joint.early.1 >= 0.0 && (0.0..=length(joint.late.0)).contains(&joint.late.1)
+    });
     (all, joints)
 }
 

@@ -53,9 +53,26 @@ struct Check<'a> {
     /// The first leg, among all, that is not before the block of the element.
     next: usize,
     before: Option<Follow>,
-    /// A corner lies between it and what comes next; where the pieces of it end.
+    /// A corner lies between it and what comes next; what the tool does there.
     has_corner: bool,
-    stands: Vec<Point>,
+    stands: Vec<Stand>,
+}
+
+/// The tool goes around the start of a leg.
+#[derive(Debug, Clone, Copy)]
+struct Stand {
+    /// The leg, among all.
+    leg: usize,
+    from: Point,
+    to: Point,
+}
+
+/// What comes before or after legs that are left out: an element, or where the tool is on a
+/// corner, or nothing.
+#[derive(Clone, Copy)]
+struct Neighbour<'a> {
+    follow: Option<&'a Follow>,
+    at: Option<Point>,
 }
 
 impl Check<'_> {
@@ -171,7 +188,7 @@ impl Check<'_> {
             PLACE_MM
         };
         let piece = self.chains.element(element);
-        self.stands.push(piece.to);
+        self.stands.push(Stand { leg: self.next, from: piece.from, to: piece.to });
         let path_element = &way.path.elements[element];
         let nearest_mm = (piece.nearest(vertex) - vertex).norm();
         if let Some(round) = &piece.round {
@@ -203,7 +220,7 @@ impl Check<'_> {
         }
     }
 
-    /// Legs that the path leaves out lie beside their neighbours, lengthened.
+    /// Legs that the path leaves out, from corner to corner.
     fn left_out(
         &self,
         way: &mut Way<'_>,
@@ -211,9 +228,30 @@ impl Check<'_> {
         (before, after): (Option<&Follow>, Option<&Follow>),
         report: &mut Report<'_>,
     ) {
+        let mut begin = left_out.start;
+        let mut from = Neighbour { follow: before, at: before.map(|follow| follow.way.to) };
+        for stand in &self.stands {
+            let end = stand.leg.clamp(begin, left_out.end);
+            let to = Neighbour { follow: after, at: Some(stand.from) };
+            self.between(way, begin..end, [from, to], report);
+            (begin, from.at) = (end, Some(stand.to));
+        }
+        let to = Neighbour { follow: after, at: after.map(|follow| follow.way.from) };
+        self.between(way, begin..left_out.end, [from, to], report);
+    }
+
+    /// Legs that the path leaves out lie beside their neighbours, lengthened.
+    fn between(
+        &self,
+        way: &mut Way<'_>,
+        left_out: std::ops::Range<usize>,
+        [from, to]: [Neighbour<'_>; 2],
+        report: &mut Report<'_>,
+    ) {
         if left_out.is_empty() {
             return;
         }
+        let (before, after) = (from.follow, to.follow);
         let run_before = before.map(|follow| run(way, follow, self.chains, true));
         let run_after = after.map(|follow| run(way, follow, self.chains, false));
         let d_mm = after.map(|follow| follow.d_in).or(before.map(|follow| follow.d_out));
@@ -223,28 +261,22 @@ impl Check<'_> {
                 run.as_ref().map_or(f64::INFINITY, |(run, d_mm)| off_run(run, point, *d_mm))
             };
             // Where the tool stands still on it, it touches all of it.
-            let touched = |at: Option<(Point, f64)>| {
-                let off = at.map(|(at, d_mm)| ((point - at).norm() - d_mm.abs()).abs());
-                off.unwrap_or(f64::INFINITY)
-            };
-            let touched = touched(before.map(|follow| (follow.way.to, follow.d_out)))
-                .min(touched(after.map(|follow| (follow.way.from, follow.d_in))));
-            let stands = self.stands.iter().map(|&at| ((point - at).norm() - d_mm.abs()).abs());
-            let touched = stands.fold(touched, f64::min);
-            of(&run_before).min(of(&run_after)).min(touched)
+            let stands = [from.at, to.at].into_iter().flatten();
+            let touched = stands.map(|at| ((point - at).norm() - d_mm.abs()).abs());
+            touched.fold(of(&run_before).min(of(&run_after)), f64::min)
         };
         let mut worst = (0.0_f64, left_out.start, Point::zeros());
         for index in left_out.clone() {
             let leg = self.chains.leg(way, index);
             let length = leg.length();
-            let stands = self.stands.iter().copied();
-            let mut stands = stands
-                .chain(before.map(|follow| follow.way.to))
-                .chain(after.map(|follow| follow.way.from));
             // Without a neighbour there the tool has to come to the very end.
-            let least = if after.is_none() { length - PLACE_MM } else { -PLACE_MM };
-            let most = if before.is_none() { PLACE_MM } else { length + PLACE_MM };
-            if stands.any(|at| is_touched(&leg, at, d_mm, least..=most)) {
+            let least = if to.at.is_none() { length - PLACE_MM } else { -PLACE_MM };
+            let most = if from.at.is_none() { PLACE_MM } else { length + PLACE_MM };
+            if [from.at, to.at]
+                .into_iter()
+                .flatten()
+                .any(|at| is_touched(&leg, at, d_mm, least..=most))
+            {
                 // Its joints leave one point of it, and the tool is there.
                 continue;
             }
@@ -258,12 +290,13 @@ impl Check<'_> {
         }
         let accepted = report.profile.accept_tolerance_mm + MERGE_MM + PLACE_MM;
         // A lead meets the contour in a corner as an element does.
-        let end = |follow: Option<&Follow>, is_first: bool| match follow {
-            Some(follow) => Some(follow.leg),
+        let end = |index: Option<usize>, is_first: bool| match index.and_then(|i| self.leg_at(i)) {
+            Some(leg) => Some(way.leg(leg)),
             None => self.lead(way, is_first).map(|block| way.leg(block)),
         };
-        let stand = before.map(|follow| follow.way.to).or(after.map(|follow| follow.way.from));
-        let at_corner = end(before, true).zip(end(after, false)).zip(stand);
+        let (first, last) =
+            (end(left_out.start.checked_sub(1), true), end(Some(left_out.end), false));
+        let at_corner = first.zip(last).zip(from.at.or(to.at));
         let at_corner = at_corner.is_some_and(|((first, last), stand)| {
             let left_out = left_out.clone().map(|index| self.chains.leg(way, index));
             let legs = std::iter::once(first).chain(left_out).chain([last]);
