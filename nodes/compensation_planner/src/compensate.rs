@@ -10,7 +10,7 @@ use crate::element::Element;
 use crate::emit::{Emitter, Label, feed};
 use crate::finding;
 use crate::frame::{height, in_plane, plane_axes};
-use crate::interference::{self, Joined};
+use crate::interference::{self, Cut, Cuts, Joined};
 use crate::lead;
 use crate::normalise::runs;
 use crate::reach::{self, is_any_unreachable, unreachable};
@@ -123,11 +123,23 @@ pub(crate) fn solve(
             chain = Chain::new(span, MERGE_MM, exit.lead(), is_identity, profile);
         }
     }
+    let (mut layout, mut cuts) = chain.cuts(span, profile);
+    if chain.is_cut_by_noise(&cuts, tolerance) {
+        let mut straight = Chain::new(span, tolerance, exit.lead(), is_identity, profile);
+        straight.measure_straights(&chain.runs);
+        let (other_layout, other_cuts) = straight.cuts(span, profile);
+        if other_cuts.cuts.len() < cuts.cuts.len()
+            && !is_any_unreachable(&straight.links, &straight.placed, tolerance)
+        {
+            (chain, layout, cuts) = (straight, other_layout, other_cuts);
+        } else {
+            chain = Chain::new(span, MERGE_MM, exit.lead(), is_identity, profile);
+        }
+    }
     let Chain { runs, links, mut placed } = chain;
     let corners = Corners { span, short_mm: profile.corner.short_block_mm };
     let joined = Joined { links: &links, placed: &placed, corners };
-    let mut walls = Walls::new(&runs, &links, &placed);
-    let cuts = interference::cuts(&walls, &joined, tolerance, GOUGE_MM);
+    let mut walls = Walls::of_layout(&runs, layout);
     for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
         diagnostics.push(finding::cut(span, &runs, cut, profile));
     }
@@ -263,6 +275,23 @@ impl Chain {
         let links = if is_identity { Vec::new() } else { links(span, &runs, exit, profile, 1.0) };
         let placed = join(&links, profile.accept_tolerance_mm);
         Self { runs, links, placed }
+    }
+
+    /// Where the tool cuts into walls, and what bounds it.
+    fn cuts(&self, span: &Span<'_>, profile: &Profile) -> (Layout, Cuts) {
+        let Self { runs, links, placed } = self;
+        let corners = Corners { span, short_mm: profile.corner.short_block_mm };
+        let joined = Joined { links, placed, corners };
+        let walls = Walls::new(runs, links, placed);
+        let cuts = interference::cuts(&walls, &joined, profile.accept_tolerance_mm, GOUGE_MM);
+        (walls.into_layout(), cuts)
+    }
+
+    /// Whether a cut is made from a run that is as short as posted coordinates jump to and
+    /// fro: around such a one the tool turns anywhere.
+    fn is_cut_by_noise(&self, cuts: &Cuts, tolerance: f64) -> bool {
+        let is_short = |cut: &Cut| self.runs[cut.on].element.length() <= 2.0 * tolerance;
+        cuts.cuts.iter().any(is_short)
     }
 
     /// Takes the straights of runs from what runs they are made of.

@@ -330,3 +330,18 @@ fn a_loop_at_the_start_of_a_contour_hides_no_gouge_behind_it() {
     let plan = plan(&format!("{start}\n{slot}"), &rs274(), &tool(5.0));
     assert!(codes(&plan).contains(&Code::Gouge), "{}", findings(&plan));
 }
+
+#[test]
+fn coordinates_that_jump_back_by_a_thousandth_cut_nothing() {
+    let bottom = |back: &str| {
+        slot_and("G40 X60 Y30").replace("X40\nY-10", &format!("X10\n{back}\nX40\nY-10"))
+    };
+    for back in ["", "X9.999", "X9.999 Y-40.0005\nX10.001 Y-39.9995", "X9.9995\nX10"] {
+        let fits = plan(&bottom(back), &rs274(), &tool(3.5));
+        assert!(fits.accepted(), "{back}: {}", findings(&fits));
+        let gouges = plan(&bottom(back), &rs274(), &tool(5.0));
+        let found: Vec<_> = gouges.diagnostics.iter().filter(|d| d.code == Code::Gouge).collect();
+        let [gouge] = found[..] else { panic!("{back}: {}", findings(&gouges)) };
+        assert!((gouge.available_mm.unwrap() - 4.0).abs() < 1e-6, "{gouge:?}");
+    }
+}
