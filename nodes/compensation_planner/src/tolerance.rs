@@ -47,7 +47,7 @@ pub(crate) const CHORD_MM: f64 = 0.05;
 
 /// A straight that is longer than this part of the radius is no chord of a curve but a
 /// feature of its own.
-pub(crate) const CHORD_RADII: f64 = 0.5;
+pub(crate) const CHORD_RADII: f64 = 1.0;
 
 /// A loop of a contour that is narrower is none, mm: it went back over itself.
 pub(crate) const LOOP_MM: f64 = 2e-3;
