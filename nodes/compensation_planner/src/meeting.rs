@@ -57,8 +57,10 @@ pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Vec<Meeting> {
         }
         if found.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
-    let areas = Areas::of(runs);
-    found.retain(|meeting| areas.width(meeting) > LOOP_MM);
+    if !found.is_empty() {
+        let areas = Areas::of(runs);
+        found.retain(|meeting| areas.width(meeting) > LOOP_MM);
+    }
     found.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
     found
 }
