@@ -2,13 +2,13 @@
 //! the contour it was made of.
 //!
 //! It shares no geometry with the planner, only the vocabulary of contours and paths and the
-//! resolving of radii. `program` reads what each motion is to compensation, `align` gives every
-//! element its block, `events` counts what is not motion, `beside` and `follow` prove that elements run
-//! at their radius beside their own blocks (`sharp` knows what a sharp corner takes), `bounds` finds what bounds the tool, and `clearance`
-//! measures the exact distance of the path from it. Millions of pieces lie side by side in
-//! memory (`pieces`); strip trees find those that are near (`strip`), directions those that
-//! cannot meet (`fans`), and lower bounds settle most of the rest (`apart`) before anything is
-//! measured (`planar`).
+//! resolving of radii. `program` reads what each motion is to compensation, `align` gives
+//! every element its block, `events` counts what is not motion, `beside` and `follow` prove
+//! that elements run at their radius beside their own blocks (`sharp`: what a sharp corner
+//! takes), `bounds` finds what bounds the tool, and `clearance` measures the exact distance of
+//! the path from it. Millions of pieces lie side by side in memory (`pieces`); strip trees
+//! find those that are near (`strip`), directions those that cannot meet (`fans`), and lower
+//! bounds settle most of the rest (`apart`) before anything is measured (`planar`).
 //! Blocks may be left out within the tolerance that the profile accepts.
 
 mod align;
