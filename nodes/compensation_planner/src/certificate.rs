@@ -6,11 +6,11 @@
 //! what fails tells where to try next, so that few trials are needed.
 
 use crate::chain::{Link, Placed, join};
-use crate::compensate::{links, push_runs};
 use crate::corner::Corners;
 use crate::frame::{height, in_plane, in_work};
 use crate::interference::{self, Cut, Joined};
 use crate::lead;
+use crate::links::{links, push_runs};
 use crate::reach::{Unreachable, consumed, left_of};
 use crate::span::{Lead, Run, Span};
 use crate::tolerance::LENGTH_MM;

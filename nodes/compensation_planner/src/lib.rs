@@ -6,9 +6,9 @@
 //!
 //! The way of an event: `walk` gathers what lies between a lead-on and a
 //! lead-off into a [`span`](crate::span) and applies the `rules`; `normalise`
-//! makes runs of its legs, `chain` joins their offsets, `reach` says what the
-//! tool does not fit into, `walls` what bounds it (`meeting`: where the contour meets
-//! itself), `interference` where it cuts into that (`tree`: who is near), `trim` cuts off
+//! makes runs of its legs, `links` a chain of them, `chain` joins their offsets; `reach`
+//! says what the tool does not fit into, `walls` what bounds it (`meeting`: where the
+//! contour meets itself), `interference` where it cuts into that (`tree`: who is near), `trim` cuts off
 //! what does not fit and `uncut` tells what that leaves, `corner` shapes outside corners,
 //! `lead` checks the leads, `write` and `emit` put it all out.
 //!
@@ -28,6 +28,7 @@ mod frame;
 mod interference;
 mod intersect;
 mod lead;
+mod links;
 pub mod mdi;
 mod meeting;
 #[cfg(feature = "node")]
