@@ -7,13 +7,14 @@
 
 use crate::chain::{Link, Placed, join};
 use crate::corner::Corners;
+use crate::element::{Element, Vec2, cross, left};
 use crate::frame::{height, in_plane, in_work};
 use crate::interference::{self, Cut, Joined};
 use crate::lead;
 use crate::links::{links, push_runs};
 use crate::reach::{Unreachable, consumed, left_of};
 use crate::span::{Lead, Run, Span};
-use crate::tolerance::LENGTH_MM;
+use crate::tolerance::{GOUGE_MM, LENGTH_MM};
 use crate::walls::Walls;
 use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::geometry::Position;
@@ -27,6 +28,9 @@ const EXACT_MM: f64 = 1e-7;
 
 /// How much nearer than the radius a wall may be in a trial, mm: rounding.
 const TOUCH_MM: f64 = 1e-8;
+
+/// Walls that go on in each other bend less by noise, rad.
+const BEND_RAD: f64 = 1e-2;
 
 /// Runs at an end that a lead may depend on.
 const END_RUNS: usize = 64;
@@ -132,9 +136,22 @@ impl Subject<'_> {
             let joined = Joined { links: &links, placed: &placed, corners };
             let cuts = interference::cuts(&walls, &joined, 0.0, TOUCH_MM);
             let within = cuts.cuts.into_iter().filter(|cut| !cut.is_other_pass);
+            let within = within.filter(|cut| !self.is_bend(cut));
             failures.extend(within.take(FAILURES_MAX).map(Failure::Cut));
         }
         failures
+    }
+
+    /// Whether one wall goes on in the other, with a bend that is noise: the tool would have to
+    /// be huge to cut into it.
+    fn is_bend(&self, cut: &Cut) -> bool {
+        let tangent = |run: usize, at: Vec2| match &self.runs[run].element {
+            Element::Line(line) => line.tangent,
+            Element::Arc(arc) => left(at - arc.center).normalize() * arc.turn,
+        };
+        let turn = cross(tangent(cut.on, cut.foot), tangent(cut.into, cut.on_wall)).abs();
+        let cosine = tangent(cut.on, cut.foot).dot(&tangent(cut.into, cut.on_wall));
+        cosine > 0.0 && turn < BEND_RAD && cut.radius_mm - cut.distance_mm < GOUGE_MM
     }
 
     fn first_failing_above(&self, valid: f64) -> Option<f64> {
@@ -227,7 +244,7 @@ impl Subject<'_> {
     }
 
     fn limits(&self, failure: &Failure) -> Vec<CertificateLimit> {
-        let limit = |run: usize, at: crate::element::Vec2| {
+        let limit = |run: usize, at: Vec2| {
             let leg = &self.span.legs[self.runs[run].legs.start];
             let position = in_work(self.span.plane, at, height(self.span.plane, leg.motion.end));
             CertificateLimit { source: leg.source, position }
@@ -241,16 +258,26 @@ impl Subject<'_> {
     }
 
     fn leads_valid_to(&self, limit_mm: f64) -> f64 {
-        let (links, placed) = self.joined(self.span.d_mm.abs());
+        let planned = self.span.d_mm.abs();
+        let (links, placed) = self.joined(planned);
         let walls = Walls::new(self.runs, &links, &placed);
+        let exact = self.leads_free_to(&walls, limit_mm, LEAD_TOUCH_MM);
+        // Where a contour closes with the noise of its coordinates, leads cut a little into it.
+        if exact < planned && self.leads_are_free(&walls, planned.min(limit_mm), GOUGE_MM) {
+            return self.leads_free_to(&walls, limit_mm, GOUGE_MM);
+        }
+        exact
+    }
+
+    fn leads_free_to(&self, walls: &Walls<'_>, limit_mm: f64, touch_mm: f64) -> f64 {
         let mut high = limit_mm.min(RADIUS_MM_MAX);
-        if self.leads_are_free(&walls, high) {
+        if self.leads_are_free(walls, high, touch_mm) {
             return limit_mm;
         }
         let mut low = 0.0;
         while high - low > EXACT_MM {
             let middle = f64::midpoint(low, high);
-            if self.leads_are_free(&walls, middle) {
+            if self.leads_are_free(walls, middle, touch_mm) {
                 low = middle;
             } else {
                 high = middle;
@@ -260,14 +287,14 @@ impl Subject<'_> {
     }
 
     /// Whether the straight moves to and from the contour keep off its walls.
-    fn leads_are_free(&self, walls: &Walls<'_>, radius_mm: f64) -> bool {
+    fn leads_are_free(&self, walls: &Walls<'_>, radius_mm: f64, touch_mm: f64) -> bool {
         let scale = radius_mm / self.span.d_mm.abs();
         let plane = self.span.plane;
         let (head, tail) = (&self.runs[..self.runs.len().min(END_RUNS)], {
             &self.runs[self.runs.len().saturating_sub(END_RUNS)..]
         });
         let is_free = |way: &lead::Way, radius_mm: f64| {
-            way.deepest_cut(walls, radius_mm - LEAD_TOUCH_MM).is_none()
+            way.deepest_cut(walls, radius_mm - touch_mm).is_none()
         };
         let way = |(links, placed): (&[Link], &[Placed]), is_on, outside| {
             let joined = Joined { links, placed, corners: self.corners() };

@@ -185,10 +185,18 @@ fn cut(
     {
         return None;
     }
-    let wall = walls.seen_from(Some(on.run), into)?;
-    let near = nearest_on_way(way, &wall);
+    let mut near = nearest_on_way(way, &walls.seen_from(Some(on.run), into)?);
     if near.distance >= limit {
         return None;
+    }
+    let foot = walls.element(on.run).project(near.on_way);
+    let followed = walls.element(on.run);
+    let along = followed.along_from_start(foot, LENGTH_MM).clamp(0.0, followed.length());
+    if !walls.is_along_tail((on.run, along), into) {
+        near = nearest_on_way(way, &walls.of(into)?);
+        if near.distance >= limit {
+            return None;
+        }
     }
 
     Some(Cut {

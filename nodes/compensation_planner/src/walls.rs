@@ -147,6 +147,18 @@ impl<'a> Walls<'a> {
         self.seen_from(None, run)
     }
 
+    /// Whether the tool beside a place of a run, mm from its start, is beside what is a tail in
+    /// another run, and along the same tail.
+    pub(crate) fn is_along_tail(&self, (on, along): (usize, f64), run: usize) -> bool {
+        let number = self.pass(run);
+        let Some(pass) = self.layout.passes.get(number).filter(|_| self.pass(on) == number) else {
+            return false;
+        };
+        let on = Place { run: on, along };
+        pass.begin.is_some_and(|begin| run <= begin.run && on < begin)
+            || pass.end.is_some_and(|end| run >= end.run && on > end)
+    }
+
     /// The wall in the element of a run for a tool that follows another run: a tail bounds
     /// what runs along it, and nothing else.
     pub(crate) fn seen_from(&self, on: Option<usize>, run: usize) -> Option<Element> {

@@ -89,3 +89,15 @@ fn an_inside_arc_is_good_until_its_radius() {
     let certificate = certificate(text, &sinumerik(), 5.0);
     assert!((certificate.valid_to_mm - 20.0).abs() < 1e-6, "{certificate:?}");
 }
+
+#[test]
+fn the_noise_of_the_point_where_a_contour_closes_limits_nothing() {
+    let text = "G0 X-22.126 Y44.838\nG42 D1 G456 G1 X-8.85 Y17.935 F500\nX-30.373 Y7.315
+        G3 X-33.098 Y-0.721 I2.656 J-5.381\nG1 X-20.707 Y-25.83
+        G3 X-12.672 Y-28.556 I5.38 J2.655\nG1 X30.373 Y-7.315
+        G3 X33.098 Y0.721 I-2.656 J5.381\nG1 X20.707 Y25.83
+        G3 X12.672 Y28.556 I-5.38 J-2.655\nG1 X-8.85 Y17.935\nG40 G456 X-22.126 Y44.838";
+    let certificate = certificate(text, &sinumerik(), 5.0);
+    assert!(certificate.valid_to_mm > 1000.0, "{certificate:?}");
+    assert!(certificate.leads_valid_to_mm > 20.0, "{certificate:?}");
+}

@@ -345,3 +345,24 @@ fn coordinates_that_jump_back_by_a_thousandth_cut_nothing() {
         assert!((gouge.available_mm.unwrap() - 4.0).abs() < 1e-6, "{gouge:?}");
     }
 }
+
+#[test]
+fn a_circle_that_is_entered_and_left_on_arcs_is_cut() {
+    for (text, radius) in [
+        // A pocket and a boss.
+        (
+            "G0 X0 Y0\nG41 D1 G1 X10 Y-10 F500\nG3 X20 Y0 I0 J10\nG3 X20 Y0 I-20 J0
+            G3 X10 Y10 I-10 J0\nG40 G1 X0 Y0",
+            5.0,
+        ),
+        (
+            "G0 X40 Y20\nG41 D1 G1 X30 Y10 F500\nG3 X20 Y0 I0 J-10\nG2 X20 Y0 I-20 J0
+            G3 X30 Y-10 I10 J0\nG40 G1 X40 Y-20",
+            5.0,
+        ),
+    ] {
+        let plan = plan(text, &sinumerik(), &tool(radius));
+        assert!(plan.accepted(), "{text}: {}", findings(&plan));
+        assert!(!codes(&plan).contains(&Code::Gouge), "{}", findings(&plan));
+    }
+}
