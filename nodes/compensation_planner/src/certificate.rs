@@ -21,7 +21,7 @@ use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 
 /// No tool is larger, mm; an interval that reaches it has no upper end.
-const RADIUS_MM_MAX: f64 = 1e6;
+const RADIUS_MM_MAX: f64 = 1e4;
 
 /// How exact an end is, mm.
 const EXACT_MM: f64 = 1e-7;
