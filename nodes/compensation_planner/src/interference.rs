@@ -199,6 +199,10 @@ fn cut(
         }
     }
 
+    let is_other_pass = walls.pass(on.run) != walls.pass(into);
+    if is_other_pass && walls.leads_away(into) {
+        return None;
+    }
     Some(Cut {
         on: on.run,
         into,
@@ -206,7 +210,7 @@ fn cut(
         on_wall: near.on_wall,
         radius_mm,
         distance_mm: near.distance,
-        is_other_pass: walls.pass(on.run) != walls.pass(into),
+        is_other_pass,
         is_at_ends: walls.are_ends(on.run, into),
     })
 }

@@ -7,7 +7,7 @@
 //! (M12).
 
 use crate::chain::{Link, Placed, Role};
-use crate::element::Element;
+use crate::element::{Element, cross};
 use crate::meeting::{Meeting, Place, meetings};
 use crate::span::Run;
 use crate::tree::{Bounds, Chains, NO_CHAIN, Tree};
@@ -132,6 +132,20 @@ impl<'a> Walls<'a> {
     /// Number of the pass that a run belongs to.
     pub(crate) fn pass(&self, run: usize) -> usize {
         self.layout.passes.partition_point(|pass| pass.runs.end <= run)
+    }
+
+    /// Whether a run is of what leads at a tangent away from the loop that it begins on, as an
+    /// arc behind a full circle does: it bounds nothing of the loop.
+    pub(crate) fn leads_away(&self, run: usize) -> bool {
+        const RUNS_MAX: usize = 2;
+        const TURN_RAD: f64 = 1e-2;
+        let [.., _, last] = &self.layout.passes[..] else { return false };
+        let is_few = last.runs.contains(&run) && last.runs.len() <= RUNS_MAX;
+        is_few && last.begin.is_none() && last.end.is_none() && {
+            let behind = self.runs[last.runs.start - 1].element.end_tangent();
+            let ahead = self.runs[last.runs.start].element.start_tangent();
+            behind.dot(&ahead) > 0.0 && cross(behind, ahead).abs() <= TURN_RAD
+        }
     }
 
     /// Whether the walls of a pass begin on one of two runs and end on the other.

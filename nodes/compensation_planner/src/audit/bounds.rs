@@ -87,6 +87,19 @@ impl Bounds {
         self.passes.partition_point(|pass| pass.legs.end <= leg)
     }
 
+    /// Whether a leg is one of the few that run out of the last loop at a tangent: they lead
+    /// away from it.
+    pub(super) fn leads_away(&self, legs: &Pieces, leg: usize) -> bool {
+        const LEGS_MAX: usize = 2;
+        const TURN: f64 = 1e-2;
+        let Some(last) = self.passes.last().filter(|_| self.passes.len() > 1) else { return false };
+        if !last.legs.contains(&leg) || last.legs.len() > LEGS_MAX || last.begin.is_some() {
+            return false;
+        }
+        let (loops, leaves) = (legs.piece(last.legs.start - 1), legs.piece(last.legs.start));
+        (loops.tangent(loops.to) - leaves.tangent(leaves.from)).norm() <= TURN
+    }
+
     /// Whether all of a leg is a wall for what runs beside any other, so that nothing has to
     /// be cut off.
     pub(super) fn is_whole(&self, leg: usize) -> bool {

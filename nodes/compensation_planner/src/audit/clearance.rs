@@ -223,6 +223,9 @@ impl Search<'_> {
             }
         }
         let is_other_pass = self.bounds.pass(on) != self.bounds.pass(leg);
+        if is_other_pass && !is_lead && self.bounds.leads_away(self.walls, leg) {
+            return;
+        }
         self.found.push(Found {
             element,
             on,
