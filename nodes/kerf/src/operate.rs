@@ -14,7 +14,8 @@ use cnc_msgs::wire::cnc_msgs::action::{
 };
 use cnc_msgs::wire::cnc_msgs::msg::{Command, CompensationReport};
 use cnc_msgs::wire::cnc_msgs::srv::{
-    LoadProgram, LoadProgramRequest, LoadProgramResponse, PutProgramChunk, PutProgramChunkRequest,
+    GetTools, GetToolsRequest, LoadProgram, LoadProgramRequest, LoadProgramResponse,
+    PutProgramChunk, PutProgramChunkRequest,
 };
 use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -212,6 +213,7 @@ pub(crate) async fn load_file(
     let name = files::file_name(path);
     let mut reports: Subscription<CompensationReport> =
         node.subscription("compensation_report", Qos::LATCHED)?;
+    let known = newest_revision(node, &mut reports).await?;
     let response = send_program(node, (&name, &text), controller, interference).await?;
     show(&name, &text, &response.diagnostics);
     if !response.success {
@@ -220,7 +222,7 @@ pub(crate) async fn load_file(
     let report = timeout(PLAN_WITHIN, async {
         loop {
             let (report, _) = reports.next().await;
-            if report.program_id == response.program_id {
+            if report.program_id == response.program_id && Some(report.revision) > known {
                 break report;
             }
         }
@@ -240,6 +242,24 @@ pub(crate) async fn load_file(
     }
     println!("{}, and planned", response.message);
     Ok(response.program_id)
+}
+
+/// The newest plan that there was before: the same program may have been planned already, with
+/// other tools, and late joiners are told.
+async fn newest_revision(
+    node: &Handle,
+    reports: &mut Subscription<CompensationReport>,
+) -> Result<Option<u64>, Failure> {
+    const PLANNER_WITHIN: Duration = Duration::from_secs(2);
+    const QUIET: Duration = Duration::from_millis(200);
+    // Whoever answers has been discovered. Without a planner the wait for its plan will say so.
+    let planner = node.client::<GetTools>("get_tools")?;
+    let _ = planner.call_within(GetToolsRequest::default(), PLANNER_WITHIN).await;
+    let mut newest = None;
+    while let Ok((report, _)) = timeout(QUIET, reports.next()).await {
+        newest = newest.max(Some(report.revision));
+    }
+    Ok(newest)
 }
 
 async fn send_program(

@@ -323,3 +323,22 @@ impl Drop for Garbage {
         self.stop.store(true, std::sync::atomic::Ordering::Relaxed);
     }
 }
+
+#[test]
+fn a_program_that_was_planned_with_another_tool_is_judged_anew() {
+    let folder = Folder::new();
+    let tools = folder.file("tools.yaml", "tools:\n  1: {diameter_mm: 7.0}\n");
+    let table = format!("compensation_planner:tool_table:={}", tools.display());
+    let machine = Machine::virtual_with(10, &["-p", &table]);
+    // A slot 8 mm wide.
+    let program = "G21 G90 G17\nT1 M6\nG0 X-30 Y20\nG41 D1 G1 X-30 Y0 F500\nX0\nY-10\nX-20\nY-40\n\
+                   X40\nY-10\nX8\nY0\nX60\nG40 X60 Y30\nM2\n";
+    machine.folder.file("slot.ngc", program);
+    machine.kerf(&["load", "slot.ngc"]).expect(0);
+    // What would cut into the program that is loaded is refused.
+    machine.kerf(&["tool", "T1", "--diameter", "10"]).expect(4).says(&["cuts 2.0000 mm"]);
+    machine.kerf(&["load", "slot.ngc", "--interference", "ignore"]).expect(0);
+    machine.kerf(&["tool", "T1", "--diameter", "10"]).expect(0);
+    machine.kerf(&["load", "slot.ngc"]).expect(4).says(&["cuts 2.0000 mm"]);
+    machine.kerf(&["load", "slot.ngc", "--interference", "trim"]).expect(0);
+}

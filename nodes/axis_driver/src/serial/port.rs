@@ -68,7 +68,9 @@ impl Port {
             Some(Err(TrySendError::Full(_))) => {
                 Err("the port takes no more bytes: the controller does not read".into())
             }
-            Some(Err(TrySendError::Disconnected(_))) | None => Err("the port is gone".into()),
+            Some(Err(TrySendError::Disconnected(_))) | None => {
+                Err("unplugged: the port is gone".into())
+            }
         }
     }
 }
