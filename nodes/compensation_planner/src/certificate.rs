@@ -14,7 +14,7 @@ use crate::lead;
 use crate::links::{links, push_runs};
 use crate::reach::{Unreachable, consumed, left_of};
 use crate::span::{Lead, Run, Span};
-use crate::tolerance::{GOUGE_MM, LENGTH_MM};
+use crate::tolerance::{BEND_RAD, GOUGE_MM, LENGTH_MM};
 use crate::walls::Walls;
 use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::geometry::Position;
@@ -28,9 +28,6 @@ const EXACT_MM: f64 = 1e-7;
 
 /// How much nearer than the radius a wall may be in a trial, mm: rounding.
 const TOUCH_MM: f64 = 1e-8;
-
-/// Walls that go on in each other bend less by noise, rad.
-const BEND_RAD: f64 = 1e-2;
 
 /// Runs at an end that a lead may depend on.
 const END_RUNS: usize = 64;

@@ -10,8 +10,8 @@ use crate::corner::{Corners, PIECES};
 use crate::distance::nearest_on_way;
 use crate::element::{Element, Vec2};
 use crate::tolerance::LENGTH_MM;
-use crate::tree::{Bounds, LEAF, NO_CHAIN, Tree};
-use crate::walls::{Walls, budget};
+use crate::tree::{Bounds, LEAF, NO_CHAIN, Tree, budget};
+use crate::walls::Walls;
 use std::ops::ControlFlow;
 
 /// The tool on one run comes too near to another.
@@ -179,26 +179,17 @@ fn cut(
     let limit = radius_mm - on.slack;
     let whole = walls.element(into);
     // The quick looks first.
-    if gap_squared >= limit * limit
-        || (into == on.run && whole.is_line())
-        || nearest_on_way(way, whole).distance >= limit
-    {
+    if gap_squared >= limit * limit || (into == on.run && whole.is_line()) {
         return None;
     }
-    let mut near = nearest_on_way(way, &walls.seen_from(Some(on.run), into)?);
+    let mut near = nearest_on_way(way, whole);
     if near.distance >= limit {
         return None;
     }
-    let foot = walls.element(on.run).project(near.on_way);
-    let followed = walls.element(on.run);
-    let along = followed.along_from_start(foot, LENGTH_MM).clamp(0.0, followed.length());
-    if !walls.is_along_tail((on.run, along), into) {
-        near = nearest_on_way(way, &walls.of(into)?);
-        if near.distance >= limit {
-            return None;
-        }
+    near = nearest_on_way(way, &walls.seen_from(Some(walls.place(on.run, near.on_way)), into)?);
+    if near.distance >= limit {
+        return None;
     }
-
     let is_other_pass = walls.pass(on.run) != walls.pass(into);
     if is_other_pass && walls.leads_away(into) {
         return None;

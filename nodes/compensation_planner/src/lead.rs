@@ -12,8 +12,8 @@ use crate::frame::{height, in_work};
 use crate::interference::{self, Joined};
 use crate::span::{Lead, Run, Span};
 use crate::tolerance::GOUGE_MM;
-use crate::tree::{Bounds, NO_CHAIN, Tree};
-use crate::walls::{Walls, budget};
+use crate::tree::{Bounds, NO_CHAIN, Tree, budget};
+use crate::walls::Walls;
 use cnc_msgs::contour::Source;
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::Plane;
@@ -91,11 +91,11 @@ fn corner(joined: &Joined<'_>, index: usize) -> [Option<Element>; PIECES] {
 }
 
 /// The wall that a way comes nearest to, if nearer than `limit` mm, of runs that count; `on`
-/// is the run that it is along.
+/// is the place of the run that it is along.
 pub(crate) fn deepest_cut(
     walls: &Walls<'_>,
     way: &Element,
-    on: Option<usize>,
+    on: Option<(usize, f64)>,
     limit: f64,
     counts: impl Fn(usize) -> bool,
 ) -> Option<(usize, Nearest)> {

@@ -8,8 +8,7 @@ use crate::element::{Element, Vec2, cross};
 use crate::intersect::crossings;
 use crate::span::Run;
 use crate::tolerance::{LENGTH_MM, LOOP_MM};
-use crate::tree::{Bounds, Tree};
-use crate::walls::budget;
+use crate::tree::{Bounds, Tree, budget};
 use std::ops::ControlFlow;
 
 /// Meetings that are kept for one run, and for any contour.

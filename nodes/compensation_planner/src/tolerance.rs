@@ -49,6 +49,9 @@ pub(crate) const CHORD_MM: f64 = 0.05;
 /// feature of its own.
 pub(crate) const CHORD_RADII: f64 = 1.0;
 
+/// Walls that go on in each other bend less by the noise of coordinates, rad.
+pub(crate) const BEND_RAD: f64 = 1e-2;
+
 /// A loop of a contour that is narrower is none, mm: it went back over itself.
 pub(crate) const LOOP_MM: f64 = 2e-3;
 

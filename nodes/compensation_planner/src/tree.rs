@@ -9,6 +9,17 @@
 use crate::element::{Element, Vec2, cross};
 use std::ops::{ControlFlow, Range};
 
+/// Boxes that may be looked at for one element, and for any contour.
+///
+/// Boxes along the axes are poor at turns that lie within each other: a spiral of a
+/// thousand turns needs more than 64 for each of its lines.
+const BUDGET: (usize, usize) = (256, 2_000_000);
+
+/// How many boxes may be looked at for a contour of so many elements.
+pub(crate) const fn budget(count: usize) -> usize {
+    BUDGET.0 * count + BUDGET.1
+}
+
 /// Elements in a lowest box.
 pub(crate) const LEAF: usize = 8;
 

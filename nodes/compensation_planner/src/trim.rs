@@ -13,8 +13,8 @@ use crate::intersect::crossings;
 use crate::lead::deepest_cut;
 use crate::reach::left_out;
 use crate::tolerance::{GOUGE_MM, LENGTH_MM};
-use crate::tree::{Bounds, NO_CHAIN, Tree};
-use crate::walls::{Walls, budget};
+use crate::tree::{Bounds, NO_CHAIN, Tree, budget};
+use crate::walls::Walls;
 use std::ops::ControlFlow;
 
 /// Crossings that are kept for one element, and for any contour.
@@ -221,7 +221,8 @@ impl Trimmer<'_> {
         let limit = link.d_in_mm.abs().min(link.d_out_mm.abs()) - GOUGE_MM;
         let pass = self.walls.pass(run);
         let counts = |into| self.walls.pass(into) == pass;
-        deepest_cut(self.walls, &piece, Some(run), limit, counts).is_none()
+        let on = self.walls.place(run, piece.point_at(piece.length() / 2.0));
+        deepest_cut(self.walls, &piece, Some(on), limit, counts).is_none()
     }
 
     fn length(&self, index: usize) -> f64 {

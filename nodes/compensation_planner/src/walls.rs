@@ -4,25 +4,15 @@
 //! roughing and finishing loops, one after another. A tail is the piece from a
 //! free end of a pass to the first place where the pass meets itself: a contour
 //! that is entered and left by legs that cross has no wall beyond the crossing
-//! (M12).
+//! (M12), but for a tool that runs along the same tail.
 
 use crate::chain::{Link, Placed, Role};
-use crate::element::{Element, cross};
+use crate::element::{Element, Vec2, cross};
 use crate::meeting::{Meeting, Place, meetings};
 use crate::span::Run;
+use crate::tolerance::{BEND_RAD, LENGTH_MM};
 use crate::tree::{Bounds, Chains, NO_CHAIN, Tree};
 use std::ops::Range;
-
-/// Boxes that may be looked at for one run, and for any contour.
-///
-/// Boxes along the axes are poor at turns that lie within each other: a spiral of a
-/// thousand turns needs more than 64 for each of its lines.
-const BUDGET: (usize, usize) = (256, 2_000_000);
-
-/// How many boxes may be looked at for a contour of so many elements.
-pub(crate) const fn budget(count: usize) -> usize {
-    BUDGET.0 * count + BUDGET.1
-}
 
 /// The walls of a span.
 #[derive(Debug)]
@@ -138,13 +128,12 @@ impl<'a> Walls<'a> {
     /// arc behind a full circle does: it bounds nothing of the loop.
     pub(crate) fn leads_away(&self, run: usize) -> bool {
         const RUNS_MAX: usize = 2;
-        const TURN_RAD: f64 = 1e-2;
         let [.., _, last] = &self.layout.passes[..] else { return false };
         let is_few = last.runs.contains(&run) && last.runs.len() <= RUNS_MAX;
         is_few && last.begin.is_none() && last.end.is_none() && {
             let behind = self.runs[last.runs.start - 1].element.end_tangent();
             let ahead = self.runs[last.runs.start].element.start_tangent();
-            behind.dot(&ahead) > 0.0 && cross(behind, ahead).abs() <= TURN_RAD
+            behind.dot(&ahead) > 0.0 && cross(behind, ahead).abs() <= BEND_RAD
         }
     }
 
@@ -161,26 +150,15 @@ impl<'a> Walls<'a> {
         self.seen_from(None, run)
     }
 
-    /// Whether the tool beside a place of a run, mm from its start, is beside what is a tail in
-    /// another run, and along the same tail.
-    pub(crate) fn is_along_tail(&self, (on, along): (usize, f64), run: usize) -> bool {
+    /// The wall in the element of a run for a tool that follows a place of a run, mm from its
+    /// start: a tail bounds what runs along it, and nothing else.
+    pub(crate) fn seen_from(&self, on: Option<(usize, f64)>, run: usize) -> Option<Element> {
         let number = self.pass(run);
-        let Some(pass) = self.layout.passes.get(number).filter(|_| self.pass(on) == number) else {
-            return false;
-        };
-        let on = Place { run: on, along };
-        pass.begin.is_some_and(|begin| run <= begin.run && on < begin)
-            || pass.end.is_some_and(|end| run >= end.run && on > end)
-    }
-
-    /// The wall in the element of a run for a tool that follows another run: a tail bounds
-    /// what runs along it, and nothing else.
-    pub(crate) fn seen_from(&self, on: Option<usize>, run: usize) -> Option<Element> {
-        let number = self.pass(run);
-        let on = on.filter(|&on| self.pass(on) == number);
+        let on = on.map(|(run, along)| Place { run, along });
+        let on = on.filter(|on| self.pass(on.run) == number);
         let pass = self.layout.passes.get(number)?;
         let mut element = self.runs.get(run)?.element;
-        if let Some(end) = pass.end.filter(|end| on.is_none_or(|on| on < end.run)) {
+        if let Some(end) = pass.end.filter(|end| on.is_none_or(|on| on <= *end)) {
             if run > end.run {
                 return None;
             }
@@ -188,7 +166,7 @@ impl<'a> Walls<'a> {
                 element = element.before(end.along)?;
             }
         }
-        if let Some(begin) = pass.begin.filter(|begin| on.is_none_or(|on| on > begin.run)) {
+        if let Some(begin) = pass.begin.filter(|begin| on.is_none_or(|on| on >= *begin)) {
             if run < begin.run {
                 return None;
             }
@@ -197,6 +175,13 @@ impl<'a> Walls<'a> {
             }
         }
         Some(element)
+    }
+
+    /// Where the tool is along a run that it follows, mm from its start.
+    pub(crate) fn place(&self, run: usize, at: Vec2) -> (usize, f64) {
+        let followed = self.element(run);
+        let along = followed.along_from_start(followed.project(at), LENGTH_MM);
+        (run, along.clamp(0.0, followed.length()))
     }
 }
 
@@ -238,7 +223,6 @@ fn passes(runs: &[Run], meetings: &[Meeting]) -> Vec<Pass> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::element::Vec2;
 
     fn runs(points: &[[f64; 2]]) -> Vec<Run> {
         let element = |ends: &[[f64; 2]]| {

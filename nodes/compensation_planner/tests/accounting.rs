@@ -5,7 +5,7 @@ mod support;
 use cnc_msgs::contour::{Action, ContourEventKind, ProgrammedContour, Source};
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
-use compensation_planner::tessellate;
+use compensation_planner::{Plan, tessellate};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -90,6 +90,14 @@ fn generated(path: &CompensatedPath, index: usize) -> Option<Source> {
     (element.role == Role::Corner).then_some(element.source)
 }
 
+/// A shape with these words, with a tool of a part of its clearance.
+fn planned(shape: &Opened, is_arc: bool, words: &[Words], part: f64) -> (ProgrammedContour, Plan) {
+    let mode = if is_arc { "G450" } else { "G451" };
+    let contour = contour(&program(shape, mode, words), &sinumerik());
+    let plan = run(&contour, &sinumerik(), part * shape.clearance_mm);
+    (contour, plan)
+}
+
 proptest! {
     #![proptest_config(config(80))]
 
@@ -100,9 +108,7 @@ proptest! {
         is_arc in any::<bool>(),
         words in prop::collection::vec(words(), 30),
     ) {
-        let mode = if is_arc { "G450" } else { "G451" };
-        let contour = contour(&program(&shape, mode, &words), &sinumerik());
-        let plan = run(&contour, &sinumerik(), part * shape.clearance_mm);
+        let (contour, plan) = planned(&shape, is_arc, &words, part);
         // A corner that is not an arc may cut where the arc does not.
         prop_assume!(plan.accepted() || is_arc);
         let actions = |event: &cnc_msgs::contour::ContourEvent| match event.kind {
@@ -138,9 +144,7 @@ proptest! {
         is_arc in any::<bool>(),
         words in prop::collection::vec(words(), 30),
     ) {
-        let mode = if is_arc { "G450" } else { "G451" };
-        let contour = contour(&program(&shape, mode, &words), &sinumerik());
-        let plan = run(&contour, &sinumerik(), part * shape.clearance_mm);
+        let (contour, plan) = planned(&shape, is_arc, &words, part);
         prop_assume!(plan.accepted() || is_arc);
         let (path, feeds, starts) = (&plan.path, feeds(&contour), starts(&contour));
         for (index, element) in path.elements.iter().enumerate() {

@@ -10,7 +10,6 @@ use cnc_msgs::profile::{OutputPoint, Profile};
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::audit::{Audit, audit};
 use proptest::prelude::*;
-use std::f64::consts::TAU;
 use support::*;
 
 /// A program with its path.
@@ -282,11 +281,7 @@ proptest! {
         radius in 0.2..4.0_f64,
         is_left in any::<bool>(),
     ) {
-        let count = radii.len();
-        let points: Vec<[f64; 3]> = radii.iter().enumerate().map(|(index, radius)| {
-            let (sin, cos) = (index as f64 / count as f64 * TAU).sin_cos();
-            [radius * cos, radius * sin, 0.0]
-        }).collect();
+        let (count, points) = (radii.len(), ring(&radii));
         let mut bulges = bends[..count].to_vec();
         bulges[0] = 0.0;
         let side = if is_left { CutterSide::Left } else { CutterSide::Right };

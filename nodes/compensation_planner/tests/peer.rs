@@ -55,11 +55,7 @@ proptest! {
         offset in 0.2..3.0_f64,
         is_left in any::<bool>(),
     ) {
-        let count = radii.len();
-        let points: Vec<Position> = radii.iter().enumerate().map(|(index, radius)| {
-            let (sin, cos) = (index as f64 / count as f64 * TAU).sin_cos();
-            [radius * cos, radius * sin, 0.0]
-        }).collect();
+        let (count, points) = (radii.len(), ring(&radii));
         let mut bulges = bends[..count].to_vec();
         bulges[0] = 0.0;
         let side = if is_left { CutterSide::Left } else { CutterSide::Right };

@@ -35,10 +35,12 @@ pub(crate) fn draw(picture: &Picture<'_>) -> String {
     let view = View::of(picture.contour, picture.profile);
     let programmed = programmed_strokes(picture.contour, view);
     let compensated = compensated_strokes(picture.start, picture.elements, view);
-    let frame = Frame::around(programmed.iter().chain(&compensated), picture.diagnostics, view);
+    let legend = legend(picture);
+    let mut frame = Frame::around(programmed.iter().chain(&compensated), picture.diagnostics, view);
+    frame.make_room(&legend);
 
     let mut svg = String::new();
-    frame.open(&mut svg, picture, view);
+    frame.open(&mut svg, picture, view, &legend);
     frame.grid(&mut svg, view);
     for stroke in uncut_strokes(picture.uncut, view) {
         stroke.write(&mut svg);
@@ -227,7 +229,13 @@ impl Frame {
         Self { min, size, text }
     }
 
-    fn open(&self, svg: &mut String, picture: &Picture<'_>, view: View) {
+    /// Widens the picture until its legend fits below it.
+    fn make_room(&mut self, legend: &[Look]) {
+        let width: f64 = legend.iter().map(Look::width).sum();
+        self.size[0] = self.size[0].max((width + 1.0) * self.text);
+    }
+
+    fn open(&self, svg: &mut String, picture: &Picture<'_>, view: View, legend: &[Look]) {
         let (text, line) = (self.text, self.text * 0.12);
         let pixels = 1200.0 / self.size[0].max(self.size[1]);
         let _ = writeln!(
@@ -281,23 +289,14 @@ impl Frame {
             AXIS_LETTERS[second],
             if view.is_mirrored { "down" } else { "up" },
         );
-        self.legend(svg, picture);
+        self.legend(svg, legend);
     }
 
-    fn legend(&self, svg: &mut String, picture: &Picture<'_>) {
-        let path = path_label(picture);
+    fn legend(&self, svg: &mut String, legend: &[Look]) {
         let y = self.min[1] + self.size[1] - self.text;
         let mut x = self.min[0] + self.text;
-        let looks = [
-            ("programmed", "programmed"),
-            ("path", &path),
-            ("path corner", "corner"),
-            ("path lead", "lead"),
-            ("path rapid", "rapid"),
-            ("uncut", "uncut"),
-        ];
-        let shown = looks.len() - usize::from(picture.uncut.is_empty());
-        for (class, label) in &looks[..shown] {
+        for look in legend {
+            let Look { class, label } = look;
             let _ = writeln!(
                 svg,
                 "<path class=\"{class}\" d=\"M{x:.6} {:.6}h{:.6}\"/>\
@@ -306,7 +305,7 @@ impl Frame {
                 2.5 * self.text,
                 x + 3.0 * self.text,
             );
-            x += (4.5 + 0.55 * label.len() as f64) * self.text;
+            x += look.width() * self.text;
         }
     }
 
@@ -365,6 +364,34 @@ impl Frame {
 }
 
 /// What the path is of, and on which side of the contour it runs (O04).
+/// An entry of the legend.
+struct Look {
+    class: &'static str,
+    label: String,
+}
+
+impl Look {
+    /// Its width, and the gap to the next, in lines of text.
+    fn width(&self) -> f64 {
+        4.5 + 0.55 * self.label.len() as f64
+    }
+}
+
+fn legend(picture: &Picture<'_>) -> Vec<Look> {
+    let look = |class, label: &str| Look { class, label: label.into() };
+    let mut looks = vec![
+        look("programmed", "programmed"),
+        look("path", &path_label(picture)),
+        look("path corner", "corner"),
+        look("path lead", "lead"),
+        look("path rapid", "rapid"),
+    ];
+    if !picture.uncut.is_empty() {
+        looks.push(look("uncut", "uncut"));
+    }
+    looks
+}
+
 fn path_label(picture: &Picture<'_>) -> String {
     let point = match picture.profile.output {
         OutputPoint::Center => "tool centre",

@@ -109,27 +109,21 @@ impl Bounds {
         })
     }
 
-    /// Whether the tool beside a place of a leg, mm along it, is along a tail that another leg
-    /// is part of.
-    pub(super) fn is_along_tail(&self, (on, along): (usize, f64), leg: usize) -> bool {
-        let number = self.pass(leg);
-        let Some(pass) = self.passes.get(number).filter(|_| self.pass(on) == number) else {
-            return false;
-        };
-        let on = Place { leg: on, along };
-        pass.begin.is_some_and(|begin| leg <= begin.leg && on < begin)
-            || pass.end.is_some_and(|end| leg >= end.leg && on > end)
-    }
-
-    /// What of a leg is a wall for the tool beside another leg, if it is beside any; `None`
-    /// when all of it is a tail. A tail bounds what runs along it.
-    pub(super) fn wall(&self, on: Option<usize>, leg: usize, piece: &Piece) -> Option<Piece> {
+    /// What of a leg is a wall for the tool beside a place of a leg, mm along it, if it is beside
+    /// any; `None` when all of it is a tail. A tail bounds what runs along it.
+    pub(super) fn wall(
+        &self,
+        on: Option<(usize, f64)>,
+        leg: usize,
+        piece: &Piece,
+    ) -> Option<Piece> {
         let number = self.pass(leg);
         let pass = self.passes.get(number)?;
-        let on = on.filter(|&on| self.pass(on) == number);
+        let on = on.map(|(leg, along)| Place { leg, along });
+        let on = on.filter(|on| self.pass(on.leg) == number);
         let (mut from, mut to) = (0.0, piece.length());
         if let Some(end) = pass.end
-            && on.is_none_or(|on| on < end.leg)
+            && on.is_none_or(|on| on <= end)
         {
             if leg > end.leg {
                 return None;
@@ -139,7 +133,7 @@ impl Bounds {
             }
         }
         if let Some(begin) = pass.begin
-            && on.is_none_or(|on| on > begin.leg)
+            && on.is_none_or(|on| on >= begin)
         {
             if leg < begin.leg {
                 return None;

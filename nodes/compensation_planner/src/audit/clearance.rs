@@ -209,15 +209,10 @@ impl Search<'_> {
         let role = self.way.roles[element];
         let is_lead = !matches!(role, Role::Contour | Role::Corner);
         if !self.bounds.is_whole(leg) {
-            let beside = (!is_lead).then_some(on);
+            let foot = self.walls.piece(on).along(piece.nearest(near.on_b));
+            let beside = (!is_lead).then_some((on, foot));
             let Some(wall) = self.bounds.wall(beside, leg, &whole) else { return };
             near = nearest(piece, &wall);
-            let follows = self.walls.piece(on);
-            let foot = follows.along(piece.nearest(near.on_b));
-            if near.distance < limit && !is_lead && !self.bounds.is_along_tail((on, foot), leg) {
-                let Some(wall) = self.bounds.wall(None, leg, &whole) else { return };
-                near = nearest(piece, &wall);
-            }
             if near.distance >= limit {
                 return;
             }

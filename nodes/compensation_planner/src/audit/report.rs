@@ -242,11 +242,18 @@ pub(super) fn left_out(
     at: Position,
     profile: &Profile,
 ) -> Diagnostic {
-    let message = format!(
-        "the path leaves out {} and goes straight on, {off_mm:.4} mm off; at most {} mm are accepted",
-        block_name(source),
-        profile.accept_tolerance_mm
-    );
+    let blocks = match legs {
+        1 => block_name(source),
+        _ => format!("{legs} blocks about {}", block_name(source)),
+    };
+    let message = match profile.interference.react {
+        Reaction::Trim => format!("the path leaves out {blocks}, {off_mm:.4} mm beside it"),
+        Reaction::Alarm | Reaction::Ignore => format!(
+            "the path leaves out {blocks} and goes straight on, {off_mm:.4} mm off; at most {} mm \
+             are accepted",
+            profile.accept_tolerance_mm
+        ),
+    };
     let mut finding = Diagnostic::error(Code::Unreachable, source, message)
         .help("use a smaller tool, or take the blocks out of the program");
     finding.severity = match profile.interference.react {

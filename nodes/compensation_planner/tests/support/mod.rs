@@ -374,6 +374,28 @@ pub const BOTTLENECK: &str = "
     N41 G1 X80
     N120 G40 G456 X80 Y45";
 
+/// A motion at 500 mm/min that names all axes.
+pub fn feed_to(shape: Shape, end: Position) -> ContourEventKind {
+    let class = MotionClass::Feed;
+    ContourEventKind::Motion(Motion {
+        shape,
+        end,
+        class,
+        feed_mm_per_min: 500.0,
+        axes: AxisSet::ALL,
+    })
+}
+
+/// Points about the origin, evenly spread, at these distances.
+pub fn ring(radii: &[f64]) -> Vec<Position> {
+    let step = std::f64::consts::TAU / radii.len() as f64;
+    let point = |(index, radius): (usize, &f64)| {
+        let (sin, cos) = (index as f64 * step).sin_cos();
+        [radius * cos, radius * sin, 0.0]
+    };
+    radii.iter().enumerate().map(point).collect()
+}
+
 /// A closed contour of lines and arcs of these bulges, entered in the middle of its first line.
 pub fn closed_contour(points: &[Position], bulges: &[f64], side: CutterSide) -> ProgrammedContour {
     let mut contour = ProgrammedContour::default();
@@ -381,20 +403,10 @@ pub fn closed_contour(points: &[Position], bulges: &[f64], side: CutterSide) -> 
         let source = Source { line, block: None, column: 1, length: 1 };
         contour.events.push(ContourEvent { source, kind });
     };
-    let feed = |shape, end| {
-        let class = MotionClass::Feed;
-        ContourEventKind::Motion(Motion {
-            shape,
-            end,
-            class,
-            feed_mm_per_min: 500.0,
-            axes: AxisSet::ALL,
-        })
-    };
     let middle: Position = std::array::from_fn(|axis| (points[0][axis] + points[1][axis]) / 2.0);
     push(1, ContourEventKind::Radius(RadiusSource::Radius(0.0)));
     push(1, ContourEventKind::Select { side, approach: Some(Approach::Normal), along: None });
-    push(1, feed(Shape::Line, middle));
+    push(1, feed_to(Shape::Line, middle));
     for index in 1..=points.len() {
         let (a, b) = (points[index - 1], points[index % points.len()]);
         let bulge = bulges[index - 1];
@@ -410,11 +422,11 @@ pub fn closed_contour(points: &[Position], bulges: &[f64], side: CutterSide) -> 
             ];
             Shape::Arc(Arc { center, plane: Plane::Xy, clockwise: bulge < 0.0, turns: 0 })
         };
-        push(index as u32 + 1, feed(shape, b));
+        push(index as u32 + 1, feed_to(shape, b));
     }
-    push(90, feed(Shape::Line, middle));
+    push(90, feed_to(Shape::Line, middle));
     push(91, ContourEventKind::Cancel { exit: Some(Approach::Normal) });
-    push(91, feed(Shape::Line, [middle[0] - 500.0, middle[1] - 500.0, 0.0]));
+    push(91, feed_to(Shape::Line, [middle[0] - 500.0, middle[1] - 500.0, 0.0]));
     contour
 }
 

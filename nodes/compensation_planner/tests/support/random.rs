@@ -1,11 +1,11 @@
 //! Random contours without any sense: what a program can hold at all.
 
-use super::{plan_of, sinumerik, tool};
+use super::{feed_to, plan_of, sinumerik, tool};
 use cnc_msgs::contour::{
-    Action, ContourEvent, ContourEventKind, CutterSide, Motion, MotionClass, OutsideCorner,
-    ProgrammedContour, RadiusSource, Source,
+    Action, ContourEvent, ContourEventKind, CutterSide, OutsideCorner, ProgrammedContour,
+    RadiusSource, Source,
 };
-use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
+use cnc_msgs::geometry::{Arc, Plane, Position, Shape};
 use cnc_msgs::path::PathElement;
 use cnc_msgs::profile::{Profile, Reaction, Strictness};
 use compensation_planner::Plan;
@@ -79,20 +79,10 @@ pub fn random_contour(
         let source = Source { line, block: Some(line), column: 1, length: 1 };
         contour.events.push(ContourEvent { source, kind });
     };
-    let motion = |shape, end| {
-        let class = MotionClass::Feed;
-        ContourEventKind::Motion(Motion {
-            shape,
-            end,
-            class,
-            feed_mm_per_min: 500.0,
-            axes: AxisSet::ALL,
-        })
-    };
     push(&mut contour, ContourEventKind::Radius(RadiusSource::Radius(0.0)), true);
     push(&mut contour, ContourEventKind::Corner(corner), false);
     push(&mut contour, ContourEventKind::Select { side, approach: None, along: None }, false);
-    push(&mut contour, motion(Shape::Line, [0.0, 0.0, 0.0]), false);
+    push(&mut contour, feed_to(Shape::Line, [0.0, 0.0, 0.0]), false);
     contour.start = [-30.0, if side == CutterSide::Left { 50.0 } else { -50.0 }, 0.0];
     let (mut at, mut heading) = ([0.0_f64; 3], 0.0_f64);
     for (index, step) in steps.iter().enumerate() {
@@ -124,7 +114,7 @@ pub fn random_contour(
                 turns: u16::from(is_full),
             });
         }
-        push(&mut contour, motion(shape, end), true);
+        push(&mut contour, feed_to(shape, end), true);
         at = end;
         for number in 0..u32::from(step.aux.saturating_sub(3)) {
             let number = f64::from(number + 10 * index as u32);
@@ -133,7 +123,7 @@ pub fn random_contour(
         }
     }
     push(&mut contour, ContourEventKind::Cancel { exit: None }, true);
-    push(&mut contour, motion(Shape::Line, [at[0] + 40.0, at[1] + 70.0, at[2]]), false);
+    push(&mut contour, feed_to(Shape::Line, [at[0] + 40.0, at[1] + 70.0, at[2]]), false);
     contour
 }
 
