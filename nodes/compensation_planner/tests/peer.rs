@@ -8,7 +8,6 @@ use cnc_msgs::diagnostic::Code;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
 use proptest::prelude::*;
-use std::f64::consts::TAU;
 use support::random::{config, run};
 use support::shapes::area_of;
 use support::*;
