@@ -22,6 +22,21 @@ pub mod realtime {
     pub const STATUS: u8 = b'?';
     pub const FEED_HOLD: u8 = b'!';
     pub const RESUME: u8 = b'~';
+    pub const SAFETY_DOOR: u8 = 0x84;
+    pub const JOG_CANCEL: u8 = 0x85;
+    pub const FEED_100: u8 = 0x90;
+    pub const FEED_PLUS_10: u8 = 0x91;
+    pub const FEED_MINUS_10: u8 = 0x92;
+    pub const FEED_PLUS_1: u8 = 0x93;
+    pub const FEED_MINUS_1: u8 = 0x94;
+    pub const RAPID_100: u8 = 0x95;
+    pub const RAPID_50: u8 = 0x96;
+    pub const RAPID_25: u8 = 0x97;
+    pub const SPINDLE_100: u8 = 0x99;
+    pub const SPINDLE_PLUS_10: u8 = 0x9a;
+    pub const SPINDLE_MINUS_10: u8 = 0x9b;
+    pub const SPINDLE_PLUS_1: u8 = 0x9c;
+    pub const SPINDLE_MINUS_1: u8 = 0x9d;
 }
 
 /// The receive buffer of grbl 1.1 on an ATmega328, bytes; what is not told is this.
