@@ -2,7 +2,7 @@
 //!
 //! In millimetres and revolutions per minute; [`Mode::Unknown`] is an answer.
 
-use crate::contour::CutterSide;
+use crate::contour::{CutterSide, SpindleMode};
 use crate::geometry::Position;
 
 /// What the machine does.
@@ -51,12 +51,21 @@ pub struct MachineState {
     pub mode: Mode,
     /// Why it is in this mode, where that is not obvious: `LINK_LOST`, `FEED_HOLD`, an alarm's text.
     pub reason: String,
+    /// Whether it may be moving without being heard: what is buffered is cut to its end.
+    pub motion_possible: bool,
     /// In the machine frame, mm; `None` when nothing reliable was heard.
     pub machine_position: Option<Position>,
     /// In the work frame, mm; `None` until the offset is known too.
     pub work_position: Option<Position>,
     pub feed_mm_per_min: f64,
     pub spindle_rpm: f64,
+    /// Which way the spindle turns, where the controller tells.
+    pub spindle: Option<SpindleMode>,
+    /// Coolant, where the controller tells.
+    pub flood: bool,
+    pub mist: bool,
+    /// The work system in force: 1 to 6 are G54 to G59; 0 when it is not known.
+    pub work_system: u8,
     /// The program that runs or ran last; empty when none.
     pub program_id: String,
     /// The revision of the path that is being run; 0 when none is.
@@ -66,6 +75,8 @@ pub struct MachineState {
     pub settled_elements: u64,
     /// The source line that is being cut; 0 when none.
     pub line: u32,
+    /// The tool that is wanted in [`Mode::ToolChange`], else 0.
+    pub tool_wanted: u32,
     /// The firmware's alarm, 0 when none.
     pub alarm_code: u16,
     /// Whether the position can be trusted since the last homing.

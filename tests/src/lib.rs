@@ -1,5 +1,7 @@
-//! What the workspace tests share: where things are, and the rows of the manuals.
+//! What the workspace tests share: where things are, the rows of the manuals,
+//! and a driver on a line with a controller.
 
+pub mod line;
 pub mod rows;
 
 use std::path::{Path, PathBuf};

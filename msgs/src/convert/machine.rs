@@ -1,6 +1,6 @@
 //! The state of the machine.
 
-use crate::contour::CutterSide;
+use crate::contour::{CutterSide, SpindleMode};
 use crate::machine::{MachineState, Mode};
 use crate::units::{m_per_s_from_mm_per_min, point_from_position, rad_per_s_from_rpm};
 use crate::wire::cnc_msgs::msg as wire;
@@ -51,15 +51,26 @@ pub fn machine_state_to_wire(header: Header, state: &MachineState) -> wire::Mach
         header,
         state: mode_to_wire(state.mode),
         reason: state.reason.clone(),
+        motion_possible: state.motion_possible,
         position_known: state.machine_position.is_some() && state.work_position.is_some(),
         machine_position: point_from_position(state.machine_position.unwrap_or_default()),
         work_position: point_from_position(state.work_position.unwrap_or_default()),
         feed_rate: m_per_s_from_mm_per_min(state.feed_mm_per_min),
         spindle_speed: rad_per_s_from_rpm(state.spindle_rpm),
+        spindle: match state.spindle {
+            None => wire::MachineState::SPINDLE_UNKNOWN,
+            Some(SpindleMode::Off) => wire::MachineState::SPINDLE_OFF,
+            Some(SpindleMode::Clockwise) => wire::MachineState::SPINDLE_CLOCKWISE,
+            Some(SpindleMode::CounterClockwise) => wire::MachineState::SPINDLE_COUNTER_CLOCKWISE,
+        },
+        flood: state.flood,
+        mist: state.mist,
+        work_system: state.work_system,
         program_id: state.program_id.clone(),
         path_revision: state.path_revision,
         settled_elements: state.settled_elements,
         line: state.line,
+        tool_wanted: state.tool_wanted,
         alarm_code: state.alarm_code,
         is_homed: state.is_homed,
         cutter_radius_active_left: state.compensation == Some(CutterSide::Left),

@@ -154,8 +154,18 @@ pub mod error_code {
     pub const NO_HOMING: u16 = 317;
     /// No answer in time.
     pub const NO_ANSWER: u16 = 318;
+    /// The probe touched, or let go, nowhere on its way.
+    pub const PROBE_FAILED: u16 = 319;
+    /// The tool is not in the table, or the path was made with another.
+    pub const TOOL: u16 = 321;
     /// The loader or the planner refused a single block.
     pub const BLOCK_REFUSED: u16 = 322;
+    /// A number or a name in the request is out of range.
+    pub const INVALID_REQUEST: u16 = 323;
+    /// Nothing records, and the parameters ask for it.
+    pub const NOT_RECORDING: u16 = 324;
+    /// The commander's sign of life stayed away.
+    pub const COMMANDER_LOST: u16 = 325;
 }
 
 #[cfg(test)]

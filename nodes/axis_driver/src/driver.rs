@@ -9,27 +9,36 @@
 //! None of this is a safety function.
 
 mod block;
+mod by_hand;
 mod checkpoint;
 mod command;
+mod commander;
 mod config;
 mod connect;
 mod course;
+mod errand;
 mod events;
 mod machine;
+mod overrides;
 mod proof;
 mod rest;
 mod run;
 mod stop;
 mod stream;
 
+pub use by_hand::{JogFrame, JogRequest, OffsetRequest, ProbeRequest};
 pub use command::{Command, MDI, Refusal, RunRequest};
+pub use commander::OnCommanderLoss;
 pub use config::DriverConfig;
+pub use errand::MoveResult;
+pub use machine::{ControllerSettings, Offset};
+pub use overrides::Overrides;
 pub use rest::RestRequest;
 
-use crate::codes::error_code;
 use crate::link::Link;
 use cnc_msgs::machine::MachineState;
 use connect::Connecting;
+use errand::Errand;
 use machine::Machine;
 use proof::Check;
 use run::Run;
@@ -64,6 +73,10 @@ pub enum Output {
     Progress { line: u32, fraction: f64, time_left_s: f64 },
     /// The accepted run is over.
     RunFinished(RunResult),
+    /// The accepted jog or probe is over.
+    MoveFinished(MoveResult),
+    /// What the controller said of itself, when it was connected and after a change.
+    Settings(ControllerSettings),
     /// After [`Command::Shutdown`]: the port may be closed.
     ReadyToClose,
     /// Something for the log.
@@ -101,8 +114,10 @@ pub enum LogLevel {
 #[derive(Debug, Clone, PartialEq)]
 enum Origin {
     Query(usize),
+    /// Of what is done by hand.
+    Errand,
+    /// Of a program that homes.
     Home,
-    Unlock,
     Preamble,
     /// Of the program, with its text for messages.
     Program {
@@ -127,14 +142,8 @@ enum Phase {
         reason: String,
     },
     Ready,
-    Homing {
-        id: u64,
-        until: Duration,
-    },
-    Unlocking {
-        id: u64,
-        until: Duration,
-    },
+    /// Something by hand.
+    Errand(Box<Errand>),
     Running(Box<Run>),
 }
 
@@ -148,6 +157,9 @@ pub struct Driver {
     machine: Machine,
     check: Option<Check>,
     hold: Option<stop::HoldWatch>,
+    overrides: Option<overrides::OverrideWatch>,
+    /// When a commander gave its last sign of life.
+    commander_heard: Option<Duration>,
     /// The machine stops behind every block and waits for a resume.
     is_single_block: bool,
     shutdown: Option<stop::Shutdown>,
@@ -167,6 +179,8 @@ impl Driver {
             machine: Machine::default(),
             check: None,
             hold: None,
+            overrides: None,
+            commander_heard: None,
             is_single_block: false,
             shutdown: None,
             outputs: VecDeque::new(),
@@ -209,12 +223,13 @@ impl Driver {
         let link = self.is_open().then(|| self.link.next_deadline());
         let phase = match &self.phase {
             Phase::Connecting(connecting) => Some(connecting.until()),
-            Phase::Homing { until, .. } | Phase::Unlocking { until, .. } => Some(*until),
+            Phase::Errand(errand) => errand.until(),
             Phase::Running(run) => run.deadline(),
             _ => None,
         };
         let shutdown = self.shutdown.as_ref().map(|shutdown| shutdown.until);
-        [proving, link, phase, shutdown].into_iter().flatten().min()
+        let commander = self.commander_deadline();
+        [proving, link, phase, shutdown, commander].into_iter().flatten().min()
     }
 
     /// What is known of the machine now.
@@ -251,14 +266,13 @@ impl Driver {
             Phase::Connecting(connecting) if self.now >= connecting.until() => {
                 self.on_connect_timeout();
             }
-            Phase::Homing { id, until } | Phase::Unlocking { id, until } if self.now >= *until => {
-                let (id, text) = (*id, "no answer in time; soft_reset to go on");
-                self.phase = Phase::Adrift { reason: text.into() };
-                self.reply(id, Err(Refusal::new(error_code::NO_ANSWER, text)));
+            Phase::Errand(errand) if errand.until().is_some_and(|until| self.now >= until) => {
+                self.on_errand_timeout();
             }
             Phase::Running(_) => self.on_run_time(),
             _ => {}
         }
+        self.watch_commander();
         self.step_check();
         self.step_rest();
         self.step_shutdown();

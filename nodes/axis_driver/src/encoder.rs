@@ -11,7 +11,7 @@ mod arc;
 mod config;
 mod problem;
 mod restart;
-mod words;
+pub(crate) mod words;
 
 use crate::link::LineKind;
 use cnc_msgs::contour::{Source, SpindleMode};

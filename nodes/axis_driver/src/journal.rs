@@ -7,7 +7,10 @@
 
 mod mdi;
 
-use crate::driver::{Command, Driver, DriverConfig, Input, Output, RestRequest, RunRequest};
+use crate::driver::{
+    Command, Driver, DriverConfig, Input, JogRequest, OffsetRequest, Output, Overrides,
+    ProbeRequest, RestRequest, RunRequest,
+};
 use cnc_msgs::path::CompensatedPath;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -108,7 +111,21 @@ enum CommandForm {
     SoftReset,
     Unlock,
     Home,
-    ConfirmToolChange,
+    Jog(JogRequest),
+    Probe(ProbeRequest),
+    SetWorkOffset(OffsetRequest),
+    SetOverrides(Overrides),
+    DoorHold,
+    Sleep,
+    Heartbeat,
+    Recorder {
+        is_whole: bool,
+        reason: String,
+    },
+    ConfirmToolChange {
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        objection: Option<String>,
+    },
     TakeRest {
         program_id: String,
         of: u64,
@@ -137,7 +154,19 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
         Command::SoftReset => CommandForm::SoftReset,
         Command::Unlock => CommandForm::Unlock,
         Command::Home => CommandForm::Home,
-        Command::ConfirmToolChange => CommandForm::ConfirmToolChange,
+        Command::Jog(request) => CommandForm::Jog(*request),
+        Command::Probe(request) => CommandForm::Probe(*request),
+        Command::SetWorkOffset(request) => CommandForm::SetWorkOffset(*request),
+        Command::SetOverrides(wanted) => CommandForm::SetOverrides(*wanted),
+        Command::DoorHold => CommandForm::DoorHold,
+        Command::Sleep => CommandForm::Sleep,
+        Command::Heartbeat => CommandForm::Heartbeat,
+        Command::Recorder { is_whole, reason } => {
+            CommandForm::Recorder { is_whole: *is_whole, reason: reason.clone() }
+        }
+        Command::ConfirmToolChange { objection } => {
+            CommandForm::ConfirmToolChange { objection: objection.clone() }
+        }
         Command::TakeRest(request) => CommandForm::TakeRest {
             program_id: request.program_id.clone(),
             of: request.of,
@@ -170,7 +199,15 @@ pub fn command_from_json(
         CommandForm::SoftReset => Command::SoftReset,
         CommandForm::Unlock => Command::Unlock,
         CommandForm::Home => Command::Home,
-        CommandForm::ConfirmToolChange => Command::ConfirmToolChange,
+        CommandForm::Jog(request) => Command::Jog(request),
+        CommandForm::Probe(request) => Command::Probe(request),
+        CommandForm::SetWorkOffset(request) => Command::SetWorkOffset(request),
+        CommandForm::SetOverrides(wanted) => Command::SetOverrides(wanted),
+        CommandForm::DoorHold => Command::DoorHold,
+        CommandForm::Sleep => Command::Sleep,
+        CommandForm::Heartbeat => Command::Heartbeat,
+        CommandForm::Recorder { is_whole, reason } => Command::Recorder { is_whole, reason },
+        CommandForm::ConfirmToolChange { objection } => Command::ConfirmToolChange { objection },
         CommandForm::TakeRest { program_id, of, revision } => {
             let Some(path) = lookup(&program_id, revision) else {
                 return Err(CommandError::UnknownPath { program_id, revision });
@@ -306,6 +343,7 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cnc_msgs::geometry::AxisSet;
 
     #[test]
     fn every_command_reads_back_as_it_was_written() {
@@ -326,7 +364,16 @@ mod tests {
             Command::SoftReset,
             Command::Unlock,
             Command::Home,
-            Command::ConfirmToolChange,
+            Command::ConfirmToolChange { objection: None },
+            Command::ConfirmToolChange { objection: Some("T2 is not in the tool table".into()) },
+            Command::Jog(JogRequest {
+                frame: crate::driver::JogFrame::Work,
+                axes: AxisSet::NONE.with(1),
+                target: [0.0, -0.1, 0.0],
+                feed_mm_per_min: 1.0 / 3.0,
+            }),
+            Command::SetOverrides(Overrides { rapid: Some(25), ..Overrides::default() }),
+            Command::Heartbeat,
             Command::TakeRest(RestRequest {
                 program_id: "part".into(),
                 of: 3,

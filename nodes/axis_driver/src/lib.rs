@@ -21,4 +21,5 @@ pub mod node;
 pub mod report;
 #[cfg(feature = "node")]
 pub mod serial;
+pub mod tool_check;
 pub mod tracker;

@@ -227,6 +227,11 @@ impl<T> Link<T> {
         self.in_flight.is_empty() || self.in_flight_bytes + text_bytes < self.window()
     }
 
+    /// The size of the receive buffer, as told or believed, bytes.
+    pub fn receive_bytes(&self) -> u16 {
+        self.receive_bytes
+    }
+
     /// Lines that were sent and not answered.
     pub fn unanswered(&self) -> usize {
         self.in_flight.len()

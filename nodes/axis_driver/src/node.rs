@@ -5,7 +5,9 @@
 //! says to the world; if all of it stood still, the machine would not notice.
 
 mod actions;
+mod by_hand;
 mod edges;
+mod follow;
 mod mdi;
 mod parameters;
 mod path;
@@ -15,7 +17,7 @@ mod viewers;
 pub use parameters::driver_config;
 pub use traffic::kind_from_wire;
 
-use crate::driver::{Command, LogLevel, Output, Refusal, RestRequest, RunResult};
+use crate::driver::{Command, LogLevel, MoveResult, Output, Refusal, RestRequest, RunResult};
 use crate::journal::Entry;
 use crate::serial::{Event, Serial};
 use cnc_msgs::interface::Service;
@@ -45,8 +47,9 @@ const BATCH: Duration = Duration::from_millis(20);
 const STATE_PERIOD: Duration = Duration::from_millis(200);
 /// How long a hold, a resume or an unlock may take to be answered.
 const REPLY_WITHIN: Duration = Duration::from_secs(10);
-/// How long bringing the machine to a stop may take when the node leaves.
-const STOP_WITHIN: Duration = Duration::from_secs(15);
+/// How long bringing the machine to a stop may take when the node leaves; the core
+/// gives up before.
+const STOP_WITHIN: Duration = Duration::from_secs(25);
 
 /// Runs the node until it is told to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
@@ -74,6 +77,7 @@ async fn start(node: Handle) -> NodeResult {
         progress: watch::Sender::new(Progress::default()),
         waiting: Mutex::default(),
         commands: CommandLog::new(&node)?,
+        recorder: follow::Recorder::default(),
     });
 
     let shared = traffic.clone();
@@ -95,7 +99,7 @@ async fn start(node: Handle) -> NodeResult {
         loop {
             tokio::select! {
                 event = relayed.recv() => match event {
-                    Some(event) => shared.take(event, |state| viewers.publish(handle.now(), state)),
+                    Some(event) => shared.take(event, handle.now(), &viewers),
                     None => break,
                 },
                 _ = ticks.tick() => viewers.publish(handle.now(), &shared.state_now()),
@@ -104,16 +108,19 @@ async fn start(node: Handle) -> NodeResult {
     });
 
     offer_services(&node, &driver)?;
+    by_hand::offer(&node, &driver)?;
     mdi::offer(&node, &driver)?;
     let shared = traffic.clone();
     node.service::<GetTraffic, _, _>("get_traffic", move |request, _| {
         std::future::ready(shared.answer(&request))
     })?;
     let (handle, shared) = (node.clone(), Arc::clone(&driver));
-    let paths = Paths::follow(&node, move |of, planned| {
-        let driver = Arc::clone(&shared);
-        handle.spawn("rest of a run", async move { driver.take_rest(of, planned).await });
+    let paths = Paths::follow(&node, move |paths, of, planned| {
+        let (driver, paths) = (Arc::clone(&shared), paths.clone());
+        handle.spawn("rest of a run", async move { driver.take_rest(&paths, of, planned).await });
     })?;
+    offer_tool_change(&node, &driver, &paths)?;
+    follow::follow(&node, &driver)?;
     actions::offer(&node, &driver, paths)?;
     let shared = Arc::clone(&driver);
     node.diagnostics(move || vec![shared.health()])?;
@@ -176,6 +183,7 @@ type Reply = Result<String, Refusal>;
 struct Waiting {
     replies: BTreeMap<u64, oneshot::Sender<Reply>>,
     runs: BTreeMap<u64, oneshot::Sender<RunResult>>,
+    moves: BTreeMap<u64, oneshot::Sender<MoveResult>>,
     leave: Option<oneshot::Sender<()>>,
 }
 
@@ -188,6 +196,7 @@ struct Driver {
     progress: watch::Sender<Progress>,
     waiting: Mutex<Waiting>,
     commands: CommandLog,
+    recorder: follow::Recorder,
 }
 
 impl Driver {
@@ -201,10 +210,10 @@ impl Driver {
         MachineState { link_age_s: self.serial.link_age_s(), ..state }
     }
 
-    fn take(&self, event: Event, publish: impl Fn(&MachineState)) {
+    fn take(&self, event: Event, now: RosTime, viewers: &Viewers) {
         match event.output {
             Output::State(state) => {
-                publish(&state);
+                viewers.publish(now, &state);
                 self.state.send_replace(state);
             }
             Output::Progress { line, fraction, time_left_s } => {
@@ -221,6 +230,12 @@ impl Driver {
                     let _ = waiting.send(result);
                 }
             }
+            Output::MoveFinished(result) => {
+                if let Some(waiting) = self.waiting().moves.remove(&result.id) {
+                    let _ = waiting.send(result);
+                }
+            }
+            Output::Settings(settings) => viewers.publish_settings(now, &settings),
             Output::ReadyToClose => {
                 if let Some(waiting) = self.waiting().leave.take() {
                     let _ = waiting.send(());
@@ -261,11 +276,14 @@ impl Driver {
     }
 
     /// Offers the core another path for what is left of its run.
-    async fn take_rest(&self, of: u64, planned: Planned) {
-        let Planned { program_id, revision, path, .. } = planned;
+    async fn take_rest(&self, paths: &Paths, of: u64, planned: Planned) {
+        let Planned { program_id, revision, path, .. } = planned.clone();
         let request = RestRequest { program_id, of, revision, path };
         match self.ask(Command::TakeRest(request), REPLY_WITHIN).await {
-            Ok(message) => tracing::info!("{message}"),
+            Ok(message) => {
+                paths.begin(&planned);
+                tracing::info!("{message}");
+            }
             Err(refusal) => tracing::warn!("revision {revision} is not taken: {}", refusal.message),
         }
     }
@@ -318,13 +336,32 @@ fn told(reply: Reply) -> (bool, u16, String) {
     }
 }
 
+/// The tool that was asked for is in the spindle: is it the one that was planned with?
+fn offer_tool_change(node: &Handle, driver: &Arc<Driver>, paths: &Paths) -> NodeResult {
+    const NAME: &str = "confirm_tool_change";
+    let (driver, paths) = (Arc::clone(driver), paths.clone());
+    node.concurrent_service::<Trigger, _, _>(NAME, move |request, info: RequestInfo| {
+        let (driver, paths) = (Arc::clone(&driver), paths.clone());
+        async move {
+            let wanted = driver.state.borrow().tool_wanted;
+            let command = Command::ConfirmToolChange { objection: paths.objection(wanted) };
+            let (success, error_code, message) = told(driver.ask(command, REPLY_WITHIN).await);
+            let answer = Answer { success, error_code, message: &message };
+            driver.commands.record(NAME, Trigger::TYPE_NAME, &info, &request, answer);
+            TriggerResponse { success, message }
+        }
+    })?;
+    Ok(())
+}
+
 fn offer_services(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
     for (name, command) in [
         ("feed_hold", Command::FeedHold),
         ("resume", Command::Resume),
         ("soft_reset", Command::SoftReset),
         ("unlock", Command::Unlock),
-        ("confirm_tool_change", Command::ConfirmToolChange),
+        ("door_hold", Command::DoorHold),
+        ("sleep", Command::Sleep),
     ] {
         let driver = Arc::clone(driver);
         node.concurrent_service::<Trigger, _, _>(name, move |request, info: RequestInfo| {

@@ -171,7 +171,11 @@ impl Shell {
                     Output::Reply { id, result } => self.replies.push((id, result)),
                     Output::RunFinished(result) => self.finished = Some(result),
                     Output::ReadyToClose => self.is_ready_to_close = true,
-                    Output::Progress { .. } | Output::Log { .. } | Output::Transmit(_) => {}
+                    Output::Progress { .. }
+                    | Output::MoveFinished(_)
+                    | Output::Settings(_)
+                    | Output::Log { .. }
+                    | Output::Transmit(_) => {}
                 }
             }
             self.entries.extend(self.journal.try_iter());

@@ -5,6 +5,7 @@
 //! what it knows of the controller is all there is.
 
 use super::machine::Machine;
+use super::overrides::OverrideWatch;
 use super::stop::HoldWatch;
 use super::{Driver, DriverConfig, Phase};
 use crate::link::{Link, LinkAtRest};
@@ -20,6 +21,10 @@ struct Checkpoint {
     machine: Machine,
     hold: Option<HoldWatch>,
     #[serde(default)]
+    overrides: Option<OverrideWatch>,
+    #[serde(default)]
+    commander_heard: Option<Duration>,
+    #[serde(default)]
     is_single_block: bool,
 }
 
@@ -31,6 +36,8 @@ struct CheckpointRef<'a> {
     link: LinkAtRest,
     machine: &'a Machine,
     hold: Option<&'a HoldWatch>,
+    overrides: Option<&'a OverrideWatch>,
+    commander_heard: Option<Duration>,
     is_single_block: bool,
 }
 
@@ -49,6 +56,8 @@ impl Driver {
             link: self.link.at_rest().filter(|_| is_at_rest)?,
             machine: &self.machine,
             hold: self.hold.as_ref(),
+            overrides: self.overrides.as_ref(),
+            commander_heard: self.commander_heard,
             is_single_block: self.is_single_block,
         };
         let text = serde_json::to_string(&checkpoint);
@@ -57,8 +66,16 @@ impl Driver {
 
     /// A driver that goes on from a checkpoint.
     pub fn from_checkpoint(json: &[u8]) -> Result<Self, serde_json::Error> {
-        let Checkpoint { config, now, link, machine, hold, is_single_block } =
-            serde_json::from_slice(json)?;
+        let Checkpoint {
+            config,
+            now,
+            link,
+            machine,
+            hold,
+            overrides,
+            commander_heard,
+            is_single_block,
+        } = serde_json::from_slice(json)?;
         let mut driver = Self {
             link: Link::from_rest(config.link(), link),
             config,
@@ -67,6 +84,8 @@ impl Driver {
             machine,
             check: None,
             hold,
+            overrides,
+            commander_heard,
             is_single_block,
             shutdown: None,
             outputs: VecDeque::new(),

@@ -1,20 +1,21 @@
 //! What can be asked of the driver, and what it says to it at once.
 
+use super::by_hand::{JogRequest, OffsetRequest, ProbeRequest};
 use super::config::{STANDSTILL, START_TOLERANCE_MM};
+use super::overrides::Overrides;
 use super::proof::{Check, Proof};
 use super::rest::RestRequest;
 use super::run::Run;
 use super::stop::{HoldWatch, Shutdown};
-use super::{Driver, Origin, Phase, RunOutcome};
+use super::{Driver, Phase, RunOutcome};
 use crate::codes::error_code;
 use crate::encoder::{EncoderConfig, StartProblem, start_at};
-use crate::link::{LineKind, realtime};
+use crate::link::realtime;
 use crate::report::ControllerState;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::CompensatedPath;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// A request.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,8 +36,26 @@ pub enum Command {
     Unlock,
     /// Homes all axes.
     Home,
-    /// The tool that was asked for is in the spindle.
-    ConfirmToolChange,
+    /// Moves axes by hand; [`super::Output::MoveFinished`] follows when it was accepted.
+    Jog(JogRequest),
+    /// Looks for the workpiece; [`super::Output::MoveFinished`] follows when it was accepted.
+    Probe(ProbeRequest),
+    /// Says what a place is called.
+    SetWorkOffset(OffsetRequest),
+    /// Faster or slower than programmed.
+    SetOverrides(Overrides),
+    /// Holds as an opened door does: spindle and coolant are switched off, and on again
+    /// by a resume.
+    DoorHold,
+    /// Puts the controller to sleep; a soft reset wakes it.
+    Sleep,
+    /// A commander's sign of life.
+    Heartbeat,
+    /// What the recorder says of this run: whether all of it is in the bag so far.
+    Recorder { is_whole: bool, reason: String },
+    /// The tool that was asked for is in the spindle; `objection` says why the path
+    /// must not be cut with it.
+    ConfirmToolChange { objection: Option<String> },
     /// Goes on with another path for what is left, while the machine stands in a hold.
     TakeRest(RestRequest),
     /// Runs the path of a single block, from idle; answered as a run is.
@@ -104,7 +123,14 @@ impl Driver {
     pub(super) fn on_command(&mut self, id: u64, command: Command) {
         let is_start = matches!(
             command,
-            Command::RunProgram(_) | Command::ExecuteMdi { .. } | Command::Home | Command::Unlock
+            Command::RunProgram(_)
+                | Command::ExecuteMdi { .. }
+                | Command::Home
+                | Command::Unlock
+                | Command::Jog(_)
+                | Command::Probe(_)
+                | Command::SetWorkOffset(_)
+                | Command::Sleep
         );
         let answer = if is_start && self.shutdown.is_some() {
             refused(error_code::SHUTDOWN, "the driver is shutting down")
@@ -117,7 +143,15 @@ impl Driver {
                 Command::SoftReset => self.soft_reset(id),
                 Command::Unlock => self.unlock(id),
                 Command::Home => self.home(id),
-                Command::ConfirmToolChange => self.confirm_tool_change(),
+                Command::Jog(request) => self.jog(id, request),
+                Command::Probe(request) => self.probe(id, request),
+                Command::SetWorkOffset(request) => self.set_work_offset(id, request),
+                Command::SetOverrides(wanted) => self.set_overrides(wanted),
+                Command::DoorHold => self.door_hold(),
+                Command::Sleep => self.sleep(id),
+                Command::Heartbeat => self.hear_commander(),
+                Command::Recorder { is_whole, reason } => self.hear_recorder(is_whole, &reason),
+                Command::ConfirmToolChange { objection } => self.confirm_tool_change(objection),
                 Command::TakeRest(request) => self.take_rest(id, request),
                 Command::ExecuteMdi { path } => self.run_program(id, RunRequest::mdi(path)),
                 Command::SetSingleBlock(is_on) => self.set_single_block(is_on),
@@ -180,6 +214,10 @@ impl Driver {
         }
         match (&self.phase, check) {
             (Phase::Running(run), _) if is_meant(run.id()) => {}
+            (Phase::Errand(errand), None) if is_meant(errand.id) && errand.task.moves() => {
+                self.stop_move(Refusal::new(error_code::CANCELED, "canceled"));
+                return done("the move is being stopped");
+            }
             (_, Some(_)) => return done("the check was canceled"),
             (_, None) => return refused(error_code::NOTHING_TO_DO, "no such program is running"),
         }
@@ -198,12 +236,24 @@ impl Driver {
         }
         let is_homing = match &self.phase {
             Phase::Running(run) => run.is_homing(),
-            phase => matches!(phase, Phase::Homing { .. }),
+            Phase::Errand(errand) => errand.is_homing(),
+            _ => false,
         };
         if is_homing {
             return done("feed hold was sent, but homing does not listen to it: use soft_reset");
         }
         done("feed hold was sent")
+    }
+
+    fn door_hold(&mut self) -> Answer {
+        if let Phase::Closed { reason } = &self.phase {
+            return refused(error_code::NOT_CONNECTED, reason.clone());
+        }
+        self.link.send_realtime(realtime::SAFETY_DOOR);
+        if let Phase::Running(run) = &mut self.phase {
+            run.set_held(true);
+        }
+        done("what an opened door does was sent: machine_state shows DOOR; resume goes on")
     }
 
     fn resume(&mut self) -> Answer {
@@ -213,7 +263,7 @@ impl Driver {
             return refused(error_code::BUSY, "the machine is still coming to a stop: try again");
         }
         match &mut self.phase {
-            Phase::Ready if is_held => {}
+            Phase::Ready | Phase::Errand(_) if is_held => {}
             Phase::Running(run) if run.is_stopping() => {
                 return refused(error_code::BUSY, "the run is being stopped");
             }
@@ -221,7 +271,10 @@ impl Driver {
                 let text = "the rest of the program is being checked: try again";
                 return refused(error_code::BUSY, text);
             }
-            Phase::Running(run) if is_held || run.is_held() => run.set_held(false),
+            Phase::Running(run) if is_held || run.is_held() => {
+                run.set_held(false);
+                run.hold_reason = None;
+            }
             Phase::Running(run) if run.is_at_block_end() => {
                 run.go_on();
                 return done("the run goes on with the next block");
@@ -255,10 +308,7 @@ impl Driver {
                 self.reset_run(id);
                 return None;
             }
-            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
-                let id = *id;
-                self.reply(id, Err(interrupted));
-            }
+            Phase::Errand(_) => self.end_errand(Err(interrupted), Phase::Ready),
             Phase::Connecting(connecting) => {
                 if let Some(id) = connecting.reply_to() {
                     self.reply(id, Err(interrupted));
@@ -273,45 +323,16 @@ impl Driver {
         None
     }
 
-    fn unlock(&mut self, id: u64) -> Answer {
-        match (&self.phase, self.machine.mode()) {
-            (Phase::Ready, Mode::Alarm) => {
-                self.link.send_line("$X", LineKind::Slow, Origin::Unlock);
-                let until = self.now + super::config::ANSWER;
-                self.phase = Phase::Unlocking { id, until };
-                None
-            }
-            (Phase::Ready, mode) => {
-                let text = format!("the machine is not in alarm but in {}", mode.name());
-                refused(error_code::NOTHING_TO_DO, text)
-            }
-            _ => self.obstacle().map(Err),
-        }
-    }
-
-    fn home(&mut self, id: u64) -> Answer {
-        match (&self.phase, self.machine.mode()) {
-            (Phase::Ready, Mode::Idle | Mode::Alarm) => {}
-            _ => return self.obstacle().map(Err),
-        }
-        if !self.machine.has_homing() {
-            let text = "homing is switched off in the controller ($22=0)";
-            return refused(error_code::NO_HOMING, text);
-        }
-        self.link.send_line("$H", LineKind::Silent, Origin::Home);
-        self.machine.is_homed = false;
-        let until = self.now + Duration::from_secs(u64::from(self.config.homing_s_max));
-        self.phase = Phase::Homing { id, until };
-        None
-    }
-
-    fn confirm_tool_change(&mut self) -> Answer {
+    fn confirm_tool_change(&mut self, objection: Option<String>) -> Answer {
         let mode = self.machine.mode();
         match &mut self.phase {
             Phase::Running(run) if run.is_changing_tool() => {
                 if mode != Mode::Idle || run.is_held() {
                     let text = format!("the machine is in {}: resume first", mode.name());
                     return refused(error_code::BUSY, text);
+                }
+                if let Some(objection) = objection {
+                    return refused(error_code::TOOL, objection);
                 }
                 run.go_on();
                 done("the run goes on")
@@ -344,12 +365,19 @@ impl Driver {
                 let text = "stopped because the driver shuts down".to_owned();
                 self.stop_run(RunOutcome::Aborted, error_code::SHUTDOWN, text);
             }
-            // Homing does not listen to a hold.
-            Phase::Homing { id, .. } => {
-                let id = *id;
-                let text = "homing was interrupted because the driver shuts down";
-                self.reply(id, Err(Refusal::new(error_code::SHUTDOWN, text)));
-                self.begin_reset(None);
+            Phase::Errand(errand) => {
+                let (is_homing, moves) = (errand.is_homing(), errand.task.moves());
+                let text = "interrupted because the driver shuts down";
+                let refusal = Refusal::new(error_code::SHUTDOWN, text);
+                match (is_homing, moves) {
+                    // Homing does not listen to a hold.
+                    (true, _) => {
+                        self.end_errand(Err(refusal), Phase::Ready);
+                        self.begin_reset(None);
+                    }
+                    (_, true) => self.stop_move(refusal),
+                    _ => self.end_errand(Err(refusal), Phase::Ready),
+                }
             }
             Phase::Closed { .. } => {}
             _ if self.machine.is_moving() => {

@@ -1,5 +1,6 @@
 //! What the driver can be told, and how long it waits.
 
+use super::commander::OnCommanderLoss;
 use crate::encoder::EncoderConfig;
 use crate::link::LinkConfig;
 use serde::{Deserialize, Serialize};
@@ -22,6 +23,19 @@ pub struct DriverConfig {
     pub encoder: EncoderConfig,
     /// The longest that homing may take, s.
     pub homing_s_max: u32,
+    /// Whether a run begins only when a recorder has opened its bag.
+    #[serde(default)]
+    pub require_recording: bool,
+    /// What is done when a commander's signs of life stay away during a run.
+    #[serde(default)]
+    pub on_commander_loss: OnCommanderLoss,
+    /// After this long a commander that gave signs of life counts as lost, ms.
+    #[serde(default = "commander_timeout_ms")]
+    pub commander_timeout_ms: u32,
+}
+
+const fn commander_timeout_ms() -> u32 {
+    1_000
 }
 
 impl Default for DriverConfig {
@@ -34,6 +48,9 @@ impl Default for DriverConfig {
             reset_on_connect: true,
             encoder: EncoderConfig::default(),
             homing_s_max: 180,
+            require_recording: false,
+            on_commander_loss: OnCommanderLoss::default(),
+            commander_timeout_ms: commander_timeout_ms(),
         }
     }
 }
@@ -55,6 +72,8 @@ pub(super) const START_TOLERANCE_MM: f64 = 0.01;
 pub(super) const LISTEN: Duration = Duration::from_millis(2500);
 /// From a reset to the banner, and from a short question to its answer.
 pub(super) const ANSWER: Duration = Duration::from_millis(2000);
+/// From the acceptance of a run to the recorder's word that it records.
+pub(super) const RECORDER: Duration = Duration::from_secs(5);
 /// From a feed hold to standstill.
 pub(super) const STANDSTILL: Duration = Duration::from_secs(10);
 /// From the first words of a run to a work position.

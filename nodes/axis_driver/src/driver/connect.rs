@@ -91,7 +91,7 @@ impl Driver {
     }
 
     pub(super) fn on_port_closed(&mut self, reason: &str) {
-        let was_active = matches!(self.phase, Phase::Running(_) | Phase::Homing { .. })
+        let was_active = matches!(self.phase, Phase::Running(_) | Phase::Errand(_))
             || self.machine.is_moving()
             || self.machine.is_silent;
         if self.is_open() && was_active {
@@ -111,8 +111,10 @@ impl Driver {
                 let next = Phase::Closed { reason: reason.clone() };
                 self.end_run(super::RunOutcome::Aborted, code, reason, next);
             }
-            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
-                self.reply(id, Err(Refusal::new(code, reason)));
+            errand @ Phase::Errand(_) => {
+                self.phase = errand;
+                let next = Phase::Closed { reason: reason.clone() };
+                self.end_errand(Err(Refusal::new(code, reason)), next);
             }
             Phase::Connecting(Connecting { reply: Some(id), .. }) => {
                 self.reply(id, Err(Refusal::new(code, reason)));
@@ -186,7 +188,16 @@ impl Driver {
         let Phase::Connecting(connecting) = &mut self.phase else { return };
         let reply = connecting.reply;
         match connecting.step {
-            Step::Listening => self.settle(),
+            Step::Listening => {
+                // The machine may have been moving when its controller fell over.
+                self.machine.is_homed = false;
+                let text = format!(
+                    "the controller restarted when its port was opened ({text}): the axes are not \
+                     homed; see the parameters dtr and rts if it should not"
+                );
+                self.log(LogLevel::Warn, text);
+                self.settle();
+            }
             Step::AwaitingBanner => self.begin_queries(reply),
             Step::Asking(_) if connecting.restarts < RESTARTS_MAX => {
                 connecting.restarts += 1;
@@ -229,6 +240,7 @@ impl Driver {
             self.link.window()
         );
         self.log(LogLevel::Info, message);
+        self.publish_settings();
         if let Some(id) = connecting.reply {
             self.reply(id, Ok("the controller was reset".into()));
         }
@@ -297,8 +309,7 @@ impl Driver {
                 refuse(error_code::CONNECTING, format!("still {}", connecting.describe()))
             }
             Phase::Adrift { reason } => refuse(error_code::NEEDS_RESET, reason.clone()),
-            Phase::Homing { .. } => refuse(error_code::BUSY, "the machine is homing".into()),
-            Phase::Unlocking { .. } => refuse(error_code::BUSY, "an unlock is under way".into()),
+            Phase::Errand(errand) => refuse(error_code::BUSY, errand.describe()),
             Phase::Running(_) => refuse(error_code::BUSY, "a program is running".into()),
             Phase::Ready => match self.machine.mode() {
                 Mode::Idle => None,

@@ -1,7 +1,7 @@
 //! How a run goes on: with time, with answers, with reports, to its end.
 
-use super::command::check_start;
-use super::config::{ANSWER, WORK_POSITION};
+use super::command::{Answer, check_start};
+use super::config::{ANSWER, RECORDER, WORK_POSITION};
 use super::proof::Proven;
 use super::run::{Stage, Then};
 use super::stop::{Stopping, Verdict};
@@ -33,6 +33,10 @@ impl Driver {
                 }
                 Proven::Whole { lines, seconds } => self.begin_run(lines, seconds),
             },
+            Stage::AwaitingRecorder { until } if self.now >= *until => {
+                let text = format!("no recorder opened a bag within {} s", RECORDER.as_secs());
+                self.refuse_unrecorded(&text);
+            }
             Stage::Preparing { until } if self.now >= *until => {
                 let text = "the controller did not answer the first line".to_owned();
                 self.stop_run(RunOutcome::Aborted, error_code::NO_ANSWER, text);
@@ -58,16 +62,50 @@ impl Driver {
             return self.end_run(RunOutcome::Aborted, error_code::BUSY, text, Phase::Ready);
         }
         run.total_s = seconds;
-        run.stage = Stage::Preparing { until: self.now + ANSWER };
         self.machine.program_id.clone_from(&run.request.program_id);
         self.machine.line = 0;
-        self.machine.work_system = None;
-        self.machine.has_tool_length = None;
         let id = run.id;
-        self.link.send_line(PREAMBLE, LineKind::Slow, Origin::Preamble);
+        if self.config.require_recording {
+            run.stage = Stage::AwaitingRecorder { until: self.now + RECORDER };
+        } else {
+            self.send_preamble();
+        }
         self.reply(id, Ok(format!("{lines} lines, about {seconds:.0} s")));
         let time_left_s = seconds / self.machine.feed_override();
         self.outputs.push_back(Output::Progress { line: 0, fraction: 0.0, time_left_s });
+    }
+
+    /// Sends the first words of a run.
+    fn send_preamble(&mut self) {
+        let Phase::Running(run) = &mut self.phase else { return };
+        run.stage = Stage::Preparing { until: self.now + ANSWER };
+        self.machine.work_system = None;
+        self.machine.has_tool_length = None;
+        self.link.send_line(PREAMBLE, LineKind::Slow, Origin::Preamble);
+    }
+
+    /// What the recorder says of the run that is waiting for it, or under way.
+    pub(super) fn hear_recorder(&mut self, is_whole: bool, reason: &str) -> Answer {
+        match &self.phase {
+            Phase::Running(run) if matches!(run.stage, Stage::AwaitingRecorder { .. }) => {
+                match is_whole {
+                    true => self.send_preamble(),
+                    false => self.refuse_unrecorded(reason),
+                }
+            }
+            Phase::Running(_) if !is_whole => {
+                // The part is worth more than its record.
+                let text = format!("the record of this run is not whole: {reason}");
+                self.log(LogLevel::Warn, text);
+            }
+            _ => {}
+        }
+        Some(Ok("heard".into()))
+    }
+
+    fn refuse_unrecorded(&mut self, reason: &str) {
+        let text = format!("this run is not recorded, and require_recording is set: {reason}");
+        self.end_run(RunOutcome::Aborted, error_code::NOT_RECORDING, text, Phase::Ready);
     }
 
     pub(super) fn on_run_answer(&mut self, origin: Origin, error: Option<u16>) {

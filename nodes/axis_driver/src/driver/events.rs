@@ -1,5 +1,6 @@
 //! What the link reports, dealt out by what the driver is about.
 
+use super::errand::Task;
 use super::stop::HoldWatch;
 use super::{Driver, LogLevel, Origin, Phase, Refusal, RunOutcome};
 use crate::codes::{self, error_code};
@@ -16,7 +17,9 @@ impl Driver {
                 self.on_banner(&text);
             }
             LinkEvent::Status(report) => {
+                let overrides = report.overrides_percent;
                 self.machine.on_status(report);
+                self.watch_overrides(overrides);
                 self.watch_hold();
                 self.on_status();
             }
@@ -24,8 +27,12 @@ impl Driver {
                 if let Some(bytes) = self.machine.on_message(&message) {
                     self.link.set_receive_bytes(bytes);
                 }
-                if let Message::Text(text) = message {
-                    self.log(LogLevel::Info, format!("controller: {text}"));
+                match message {
+                    Message::Text(text) => self.log(LogLevel::Info, format!("controller: {text}")),
+                    Message::Probe { position, has_touched } => {
+                        self.hear_probe(position, has_touched);
+                    }
+                    _ => {}
                 }
             }
             LinkEvent::Setting { number, value } => self.machine.on_setting(number, &value),
@@ -36,24 +43,9 @@ impl Driver {
     }
 
     fn on_answer(&mut self, origin: Origin, error: Option<u16>) {
-        let refusal = error.map(|code| {
-            let text = codes::describe_error(self.machine.firmware, code);
-            Refusal::new(error_code::CONTROLLER_ERROR, format!("the controller refused: {text}"))
-        });
         match (&mut self.phase, origin) {
             (Phase::Connecting(_), Origin::Query(index)) => self.on_query_answer(index, error),
-            (Phase::Homing { id, .. }, Origin::Home) => {
-                let id = *id;
-                self.phase = Phase::Ready;
-                self.machine.is_homed = refusal.is_none();
-                self.reply(id, refusal.map_or(Ok("homed".into()), Err));
-            }
-            (Phase::Unlocking { id, .. }, Origin::Unlock) => {
-                let id = *id;
-                self.phase = Phase::Ready;
-                let done = "unlocked; the position may be wrong until the machine is homed";
-                self.reply(id, refusal.map_or(Ok(done.into()), Err));
-            }
+            (Phase::Errand(_), Origin::Errand) => self.on_errand_answer(error),
             (Phase::Running(_), origin) => self.on_run_answer(origin, error),
             _ => {}
         }
@@ -72,10 +64,11 @@ impl Driver {
             Phase::Running(_) => {
                 self.end_run(RunOutcome::Aborted, error_code::ALARM, text, Phase::Adrift { reason })
             }
-            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
-                let id = *id;
-                self.phase = Phase::Adrift { reason };
-                self.reply(id, Err(Refusal::new(error_code::ALARM, text)));
+            Phase::Errand(errand) => {
+                let is_probe = matches!(errand.task, Task::Probe { .. }) && matches!(code, 4 | 5);
+                let error_code =
+                    if is_probe { error_code::PROBE_FAILED } else { error_code::ALARM };
+                self.end_errand(Err(Refusal::new(error_code, text)), Phase::Adrift { reason });
             }
             Phase::Ready => self.phase = Phase::Adrift { reason },
             Phase::Closed { .. } | Phase::Connecting(_) | Phase::Adrift { .. } => {}
@@ -95,11 +88,11 @@ impl Driver {
                 self.end_run(RunOutcome::Aborted, error_code::RESTARTED, message, Phase::Ready);
                 self.begin_queries(None);
             }
-            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
-                let id = *id;
+            Phase::Errand(_) => {
                 self.machine.is_homed = false;
                 let message = format!("the controller restarted ({text})");
-                self.reply(id, Err(Refusal::new(error_code::RESTARTED, message)));
+                let refusal = Refusal::new(error_code::RESTARTED, message);
+                self.end_errand(Err(refusal), Phase::Ready);
                 self.begin_queries(None);
             }
             Phase::Adrift { .. } | Phase::Ready => {
@@ -114,6 +107,7 @@ impl Driver {
         match &mut self.phase {
             Phase::Connecting(_) => self.on_connect_status(),
             Phase::Running(_) => self.on_run_status(),
+            Phase::Errand(_) => self.on_errand_status(),
             _ => {}
         }
     }
@@ -136,10 +130,14 @@ impl Driver {
                 self.log(LogLevel::Error, text.clone());
                 self.stop_run(RunOutcome::Aborted, error_code::PROTOCOL, text);
             }
-            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
-                let id = *id;
-                self.phase = Phase::Adrift { reason: format!("{text}; soft_reset to go on") };
-                self.reply(id, Err(Refusal::new(error_code::PROTOCOL, text)));
+            Phase::Errand(errand) => {
+                // What moves is brought to a stop; the count is settled by the reset.
+                if errand.task.moves() {
+                    self.link.send_realtime(realtime::FEED_HOLD);
+                    self.hold = Some(HoldWatch::default());
+                }
+                let next = Phase::Adrift { reason: format!("{text}; soft_reset to go on") };
+                self.end_errand(Err(Refusal::new(error_code::PROTOCOL, text)), next);
             }
             Phase::Ready => self.log(LogLevel::Warn, text),
         }
@@ -161,10 +159,11 @@ impl Driver {
                 self.end_run(RunOutcome::Aborted, code, text, next());
                 self.hold = Some(HoldWatch::default());
             }
-            Phase::Homing { id, .. } | Phase::Unlocking { id, .. } => {
-                let id = *id;
-                self.phase = next();
-                self.reply(id, Err(Refusal::new(error_code::LINK_LOST, TEXT)));
+            Phase::Errand(errand) => {
+                if errand.task.moves() {
+                    self.link.send_realtime(realtime::FEED_HOLD);
+                }
+                self.end_errand(Err(Refusal::new(error_code::LINK_LOST, TEXT)), next());
             }
             _ => self.phase = next(),
         }

@@ -1,7 +1,7 @@
 //! What is known of the machine: the last report, and what lasts between reports.
 
 use super::connect::QUERIES_DONE;
-use super::{Driver, Origin, Phase};
+use super::{Driver, Origin, Output, Phase};
 use crate::codes;
 use crate::encoder::Homing;
 use crate::estimate::Rates;
@@ -14,9 +14,41 @@ use std::collections::BTreeMap;
 /// Planner blocks of grbl 1.1 where `[OPT:]` does not say.
 const PLANNER_BLOCKS_DEFAULT: u16 = 15;
 
+/// What a controller says of itself.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ControllerSettings {
+    pub firmware: Firmware,
+    /// As it words them.
+    pub version: String,
+    pub options: String,
+    pub planner_blocks: u16,
+    pub receive_bytes: u16,
+    /// The most that is sent before an answer, bytes.
+    pub window: usize,
+    /// `$number` and what it is set to.
+    pub settings: Vec<(u16, String)>,
+    pub offsets: Vec<Offset>,
+}
+
+/// A stored place: G54 to G59, G28, G30, G92, TLO; machine frame, mm.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Offset {
+    pub name: String,
+    pub position: Position,
+}
+
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Machine {
     pub(super) firmware: Firmware,
+    #[serde(default)]
+    version: String,
+    #[serde(default)]
+    options: String,
+    /// The settings as they were told.
+    #[serde(default)]
+    told: BTreeMap<u16, String>,
+    #[serde(default)]
+    pub(super) offsets: Vec<Offset>,
     pub(super) settings: BTreeMap<u16, f64>,
     /// Whether `$13` was read, so that lengths can be believed.
     pub(super) has_units: bool,
@@ -26,7 +58,7 @@ pub(super) struct Machine {
     planner_blocks: Option<u16>,
     pub(super) status: Option<StatusReport>,
     work_offset: Option<Position>,
-    overrides_percent: [u8; 3],
+    pub(super) overrides_percent: [u8; 3],
     pub(super) alarm_code: u16,
     pub(super) is_homed: bool,
     /// 1 to 6; `None` when a program may have left any.
@@ -94,14 +126,21 @@ impl Machine {
     pub(super) fn on_message(&mut self, message: &Message) -> Option<Option<u16>> {
         match message {
             Message::Options { letters, planner_blocks, receive_bytes } => {
+                self.options.clone_from(letters);
                 self.has_mist = letters.contains('M');
                 self.homes_one_by_one = letters.contains('H');
                 self.planner_blocks = *planner_blocks;
                 return Some(*receive_bytes);
             }
+            Message::Offset { name, position } => {
+                self.remember(name, *position);
+            }
             Message::Firmware(name) if name == "grblHAL" => self.firmware = Firmware::GrblHal,
-            Message::Version(text) if text.contains("FluidNC") => {
-                self.firmware = Firmware::FluidNc;
+            Message::Version(text) => {
+                self.version.clone_from(text);
+                if text.contains("FluidNC") {
+                    self.firmware = Firmware::FluidNc;
+                }
             }
             Message::ParserState(words) => {
                 let system = words.split(' ').find_map(|word| match word {
@@ -115,13 +154,22 @@ impl Machine {
                 });
                 self.work_system = system;
             }
-            Message::ToolLength(length) => self.has_tool_length = Some(length.abs() > 1e-9),
+            Message::ToolLength(length) => {
+                self.has_tool_length = Some(length.abs() > 1e-9);
+                self.remember("TLO", [0.0, 0.0, *length]);
+            }
             _ => {}
         }
         None
     }
 
+    fn remember(&mut self, name: &str, position: Position) {
+        self.offsets.retain(|offset| offset.name != name);
+        self.offsets.push(Offset { name: name.to_owned(), position });
+    }
+
     pub(super) fn on_setting(&mut self, number: u16, value: &str) {
+        self.told.insert(number, value.to_owned());
         if let Some(value) = value.parse::<f64>().ok().filter(|value| value.is_finite()) {
             self.settings.insert(number, value);
         }
@@ -173,6 +221,16 @@ impl Machine {
         self.status.as_ref().filter(|_| self.has_units)?.work_position
     }
 
+    pub(super) fn machine_position(&self) -> Option<Position> {
+        self.status.as_ref().filter(|_| self.has_units)?.machine_position
+    }
+
+    /// A place of the machine frame in the work frame.
+    pub(super) fn in_work_frame(&self, place: Position) -> Option<Position> {
+        let (machine, work) = self.machine_position().zip(self.work_position())?;
+        Some([0, 1, 2].map(|axis| place[axis] - (machine[axis] - work[axis])))
+    }
+
     pub(super) fn feed_override(&self) -> f64 {
         f64::from(self.overrides_percent[0].max(1)) / 100.0
     }
@@ -219,6 +277,7 @@ impl Machine {
             line: self.line,
             alarm_code: self.alarm_code,
             is_homed: self.is_homed,
+            work_system: self.work_system.unwrap_or(0),
             overrides_percent: self.overrides_percent,
             pins: status.and_then(|status| status.pins.clone()).unwrap_or_default(),
             ..MachineState::default()
@@ -227,11 +286,28 @@ impl Machine {
 }
 
 impl Driver {
+    /// Tells what the controller said of itself.
+    pub(super) fn publish_settings(&mut self) {
+        let machine = &self.machine;
+        let settings = ControllerSettings {
+            firmware: machine.firmware,
+            version: machine.version.clone(),
+            options: machine.options.clone(),
+            planner_blocks: machine.planner_blocks(),
+            receive_bytes: self.link.receive_bytes(),
+            window: self.link.window(),
+            settings: machine.told.iter().map(|(n, value)| (*n, value.clone())).collect(),
+            offsets: machine.offsets.clone(),
+        };
+        self.outputs.push_back(Output::Settings(settings));
+    }
+
     /// Judges mode and reason from what the driver is about and what was heard.
     pub(super) fn compose_mode(&self, state: &mut MachineState) {
         if self.machine.is_silent {
             state.mode = Mode::Unknown;
         }
+        state.motion_possible = self.machine.is_silent || self.machine.is_lost;
         match &self.phase {
             Phase::Closed { reason } => {
                 state.mode = if self.machine.is_lost { Mode::Unknown } else { Mode::Disconnected };
@@ -244,9 +320,9 @@ impl Driver {
                 debug_assert!(connecting.query() < QUERIES_DONE);
             }
             Phase::Adrift { reason } => state.reason.clone_from(reason),
-            Phase::Homing { .. } => state.mode = Mode::Home,
+            Phase::Errand(errand) => state.mode = errand.mode(state.mode),
             Phase::Running(run) => run.compose_mode(state, self.machine.is_held()),
-            Phase::Ready | Phase::Unlocking { .. } => {}
+            Phase::Ready => {}
         }
         if !state.reason.is_empty() {
             return;

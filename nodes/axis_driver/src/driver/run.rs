@@ -30,6 +30,8 @@ pub(super) struct Run {
     pub(super) stage: Stage,
     /// The operator has asked for a hold; nothing is sent until a resume.
     pub(super) is_held: bool,
+    /// Why it holds, where nobody asked for it.
+    pub(super) hold_reason: Option<String>,
     pub(super) has_sent: bool,
     /// The line that was sent last, where single blocks are told apart.
     pub(super) block: Option<BlockOfLine>,
@@ -55,6 +57,10 @@ pub(super) enum Next {
 pub(super) enum Stage {
     /// Encoded to the end for its errors; nothing is sent.
     Proving(Proof),
+    /// Nothing is sent before the recorder has opened its bag.
+    AwaitingRecorder {
+        until: Duration,
+    },
     /// The preamble is under way.
     Preparing {
         until: Duration,
@@ -124,6 +130,7 @@ impl Run {
             is_alone: false,
             stage: Stage::Proving(proof),
             is_held: false,
+            hold_reason: None,
             has_sent: false,
             block: None,
             next_block: None,
@@ -184,7 +191,8 @@ impl Run {
 
     pub(super) fn deadline(&self) -> Option<Duration> {
         match &self.stage {
-            Stage::Preparing { until }
+            Stage::AwaitingRecorder { until }
+            | Stage::Preparing { until }
             | Stage::Positioning { until }
             | Stage::Homing { until, .. } => Some(*until),
             Stage::Stopping(stopping) => Some(stopping.until()),
@@ -215,6 +223,7 @@ impl Run {
         match &self.stage {
             Stage::ToolChange { tool, source_line } if state.mode == Mode::Idle => {
                 state.mode = Mode::ToolChange;
+                state.tool_wanted = *tool;
                 state.reason = format!("TOOL_CHANGE: put in T{tool} (line {source_line})");
             }
             Stage::BlockEnd(block) if state.mode == Mode::Idle => {
@@ -231,8 +240,16 @@ impl Run {
             {
                 state.mode = Mode::Run;
             }
+            Stage::AwaitingRecorder { .. } => {
+                state.reason = "WAITING_FOR_RECORDER: the run begins when it is recorded".into();
+            }
             Stage::Stopping(stopping) => state.reason = stopping.describe(),
             _ => {}
+        }
+        if let (Mode::Hold, true, Some(reason)) =
+            (state.mode, state.reason.is_empty(), &self.hold_reason)
+        {
+            state.reason.clone_from(reason);
         }
     }
 }

@@ -90,7 +90,7 @@ impl Driver {
             // What stops it first is the reason.
             Stage::Stopping(_) => return,
             // Nothing is under way.
-            Stage::Proving(_) => {
+            Stage::Proving(_) | Stage::AwaitingRecorder { .. } => {
                 return self.end_run(outcome, error_code, verdict.message, Phase::Ready);
             }
             // Homing does not listen to a hold.

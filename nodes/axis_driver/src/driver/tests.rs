@@ -9,6 +9,7 @@ mod truth;
 mod wire;
 
 use super::*;
+use crate::codes::error_code;
 use bench::{Bench, straight, with_event};
 use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::AxisSet;
@@ -168,10 +169,13 @@ fn a_tool_change_waits_for_standstill_and_for_the_operator() {
     bench.wait(5000);
     assert_eq!(bench.mode(), Mode::ToolChange);
     assert_eq!(refusal(bench.ask(Command::Resume)).0, error_code::NOTHING_TO_DO);
-    bench.ask(Command::ConfirmToolChange).unwrap();
+    bench.ask(Command::ConfirmToolChange { objection: None }).unwrap();
     assert_ended(&bench.result(), RunOutcome::Succeeded, 0);
     assert_eq!(bench.firmware.executed.len(), 1 + 40 + 3);
-    assert_eq!(refusal(bench.ask(Command::ConfirmToolChange)).0, error_code::NOTHING_TO_DO);
+    assert_eq!(
+        refusal(bench.ask(Command::ConfirmToolChange { objection: None })).0,
+        error_code::NOTHING_TO_DO
+    );
 }
 
 #[test]

@@ -8,7 +8,7 @@
 pub(super) const GRID_PER_MM: f64 = 10_000.0;
 
 /// The nearest step of the grid. The value has been checked to be within range.
-pub(super) fn to_grid(value: f64) -> i64 {
+pub(crate) fn to_grid(value: f64) -> i64 {
     // A cast saturates; range checks come before it.
     (value * GRID_PER_MM).round() as i64
 }
@@ -19,7 +19,7 @@ pub(super) fn from_grid(steps: i64) -> f64 {
 }
 
 /// Writes a word in the fewest characters: `X10`, `Y-.5`, `Z0`.
-pub(super) fn write_word(text: &mut String, letter: char, steps: i64) {
+pub(crate) fn write_word(text: &mut String, letter: char, steps: i64) {
     const DECIMALS: u64 = GRID_PER_MM as u64;
     text.push(letter);
     if steps < 0 {

@@ -1,4 +1,4 @@
-//! The actions: one goal at a time, always with a result.
+//! The action `run_program`: one goal at a time, always with a result.
 
 use super::path::{Paths, Planned};
 use super::{Driver, Reply};
@@ -8,8 +8,7 @@ use cnc_msgs::convert::mode_to_wire;
 use cnc_msgs::interface::Action;
 use cnc_msgs::wire::builtin_interfaces::msg::Duration as WireDuration;
 use cnc_msgs::wire::cnc_msgs::action::{
-    Home, HomeFeedback, HomeResult, RunProgram, RunProgramFeedback, RunProgramGoal,
-    RunProgramResult,
+    RunProgram, RunProgramFeedback, RunProgramGoal, RunProgramResult,
 };
 use runtime::action::{Goal, GoalOffer, Outcome};
 use runtime::commands::Answer;
@@ -26,11 +25,9 @@ pub(super) const PROVE_WITHIN: Duration = Duration::from_millis(2_000);
 /// How long a cancel may take to be answered; the run ends when the machine stands.
 pub(super) const CANCEL_WITHIN: Duration = Duration::from_secs(10);
 /// How often feedback goes out.
-const FEEDBACK_PERIOD: Duration = Duration::from_millis(100);
-/// Longer than the driver's own limit.
-const HOME_WITHIN: Duration = Duration::from_secs(2 * 3_600);
+pub(super) const FEEDBACK_PERIOD: Duration = Duration::from_millis(100);
 
-/// Offers `run_program` and `home`.
+/// Offers `run_program`.
 pub(super) fn offer(node: &Handle, driver: &Arc<Driver>, paths: Paths) -> Result<(), NodeError> {
     let mut runs = node.action_server::<RunProgram>("run_program")?;
     let (handle, shared) = (node.clone(), Arc::clone(driver));
@@ -41,18 +38,10 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>, paths: Paths) -> Result
             handle.spawn("run of a program", run);
         }
     });
-    let mut homes = node.action_server::<Home>("home")?;
-    let (handle, shared) = (node.clone(), Arc::clone(driver));
-    node.spawn("home", async move {
-        while let Some(offer) = homes.next_goal().await {
-            let driver = Arc::clone(&shared);
-            handle.spawn("homing", async move { home(&driver, offer).await });
-        }
-    });
     Ok(())
 }
 
-fn answer(reply: &Reply) -> Answer<'_> {
+pub(super) fn answer(reply: &Reply) -> Answer<'_> {
     match reply {
         Ok(message) => Answer { success: true, error_code: 0, message },
         Err(Refusal { error_code, message }) => {
@@ -66,6 +55,7 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
     let (sender, finished) = oneshot::channel();
     driver.waiting().runs.insert(id, sender);
+    driver.recorder.expect(&offer.id());
     let reply = begin(driver, paths, id, offer.goal()).await;
     driver.commands.record(
         "run_program",
@@ -95,8 +85,9 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
 
 async fn begin(driver: &Driver, paths: &Paths, id: u64, goal: &RunProgramGoal) -> Reply {
     let planned = paths.get(&goal.program_id, PATH_WITHIN).await;
-    let Planned { program_id, revision, path, .. } = planned
+    let planned = planned
         .map_err(|message| Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message })?;
+    let Planned { program_id, revision, path, .. } = planned.clone();
     let request = RunRequest {
         program_id,
         revision,
@@ -104,7 +95,11 @@ async fn begin(driver: &Driver, paths: &Paths, id: u64, goal: &RunProgramGoal) -
         start_line: goal.start_line,
         check_only: goal.check_only,
     };
-    driver.ask_as(id, Command::RunProgram(request), PROVE_WITHIN).await
+    let reply = driver.ask_as(id, Command::RunProgram(request), PROVE_WITHIN).await;
+    if reply.is_ok() && !goal.check_only {
+        paths.begin(&planned);
+    }
+    reply
 }
 
 async fn follow(
@@ -171,35 +166,4 @@ fn feedback(driver: &Driver) -> RunProgramFeedback {
         },
         state: mode_to_wire(driver.state.borrow().mode),
     }
-}
-
-/// Homes; the driver's answer comes when the machine is home or cannot be.
-async fn home(driver: &Arc<Driver>, offer: GoalOffer<Home>) {
-    let (info, asked) = (offer.info(), offer.goal().clone());
-    let Some(goal) = offer.accept() else { return };
-    let mut homed = std::pin::pin!(driver.ask(Command::Home, HOME_WITHIN));
-    let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
-    let mut is_canceling = false;
-    let reply = loop {
-        tokio::select! {
-            reply = &mut homed => break reply,
-            () = goal.cancel_requested(), if !is_canceling => {
-                // grbl hears nothing but a reset while it homes.
-                is_canceling = true;
-                let _ = driver.ask(Command::SoftReset, CANCEL_WITHIN).await;
-            }
-            _ = ticks.tick() => {
-                goal.feedback(HomeFeedback { state: mode_to_wire(driver.state.borrow().mode) });
-            }
-        }
-    };
-    driver.commands.record("home", Home::TYPE_NAME, &info, &asked, answer(&reply));
-    let (outcome, result) = match reply {
-        Ok(message) => (Outcome::Succeeded, HomeResult { success: true, error_code: 0, message }),
-        Err(Refusal { error_code, message }) => (
-            if is_canceling { Outcome::Canceled } else { Outcome::Aborted },
-            HomeResult { success: false, error_code, message },
-        ),
-    };
-    goal.end(outcome, result);
 }

@@ -1,6 +1,6 @@
 //! The driver's parameters and what they make of the driver.
 
-use crate::driver::DriverConfig;
+use crate::driver::{DriverConfig, OnCommanderLoss};
 use crate::encoder::EncoderConfig;
 use crate::serial::{Reopen, SerialConfig};
 use runtime::Handle;
@@ -65,6 +65,23 @@ pub(super) fn declared() -> Vec<Declared> {
             "the largest feed rate that is sent, mm/min",
         )
         .within(1.0, 1_000_000.0),
+        Declared::new(
+            "require_recording",
+            config.require_recording,
+            "whether a run begins only when the recorder has opened its bag",
+        ),
+        Declared::new(
+            "on_commander_loss",
+            "hold",
+            "what is done when commander_heartbeat stays away in a run: continue, hold or hold_then_abort",
+        )
+        .one_of(&OnCommanderLoss::WORDS.map(|(word, _)| word)),
+        Declared::new(
+            "commander_timeout_ms",
+            integer(config.commander_timeout_ms),
+            "after this long a commander that gave signs of life counts as lost, ms",
+        )
+        .integer_within(100, 60_000),
         Declared::new("optional_stop", encoder.optional_stop, "whether M1 stops as M0 does"),
         Declared::new("frame_prefix", "", "goes before machine, work and tool0 in frame names"),
     ]
@@ -120,6 +137,15 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
         poll_interval_ms: integer("poll_interval_ms", default.poll_interval_ms),
         reset_on_connect: bool("reset_on_connect", default.reset_on_connect),
         homing_s_max: integer("homing_s_max", default.homing_s_max),
+        require_recording: bool("require_recording", default.require_recording),
+        on_commander_loss: match get("on_commander_loss") {
+            ParameterValue::String(word) => {
+                let found = OnCommanderLoss::WORDS.iter().find(|(name, _)| *name == word);
+                found.map_or(default.on_commander_loss, |(_, policy)| *policy)
+            }
+            _ => default.on_commander_loss,
+        },
+        commander_timeout_ms: integer("commander_timeout_ms", default.commander_timeout_ms),
         encoder: EncoderConfig {
             position_mm_max: double("position_mm_max", default.encoder.position_mm_max),
             feed_mm_per_min_max: double("feed_mm_per_min_max", default.encoder.feed_mm_per_min_max),

@@ -1,11 +1,14 @@
 //! The path that a run would take: the newest that the planner accepted.
 
+use crate::tool_check::objection;
 use cnc_msgs::chunk::Collector;
 use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{GetPathChunks, GetPathChunksRequest};
 use runtime::chunks::pull;
 use runtime::{Client, Handle, NodeError, Qos};
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::Notify;
@@ -28,8 +31,30 @@ struct Newest {
     verdict: Option<(String, u64, bool)>,
     /// The program that was loaded last, planned or not.
     program_id: Option<String>,
-    /// The revision of the newest tool table.
-    tool_table_revision: Option<u64>,
+    /// The newest tool tables, by revision.
+    tool_tables: BTreeMap<u64, ToolTable>,
+    /// The revision of the table that the path was made with that is run.
+    running_table: Option<u64>,
+}
+
+/// Tool tables that are remembered: a run may have begun some changes ago.
+const TABLES_MAX: usize = 256;
+
+impl Newest {
+    fn hear_table(&mut self, revision: u64, table: ToolTable) {
+        // A planner that was started anew counts from the beginning.
+        if self.table_now().is_some_and(|(newest, _)| *newest > revision) {
+            self.tool_tables.clear();
+        }
+        self.tool_tables.insert(revision, table);
+        while self.tool_tables.len() > TABLES_MAX {
+            self.tool_tables.pop_first();
+        }
+    }
+
+    fn table_now(&self) -> Option<(&u64, &ToolTable)> {
+        self.tool_tables.last_key_value()
+    }
 }
 
 /// Follows the planner; clones see the same.
@@ -44,7 +69,7 @@ impl Paths {
     /// What is meant for the rest of a run goes to `on_rest`, with the revision that runs.
     pub(super) fn follow(
         node: &Handle,
-        on_rest: impl Fn(u64, Planned) + Send + 'static,
+        on_rest: impl Fn(&Self, u64, Planned) + Send + 'static,
     ) -> Result<Self, NodeError> {
         let paths = Self::default();
         let mut manifests =
@@ -59,7 +84,7 @@ impl Paths {
                 let of = manifest.continues_revision;
                 match fetch(&client, &manifest).await {
                     // It is for a run that stands in a hold; no run can begin with it.
-                    Ok(planned) if of > 0 => on_rest(of, planned),
+                    Ok(planned) if of > 0 => on_rest(&shared, of, planned),
                     Ok(planned) => shared.take(planned),
                     Err(error) => tracing::error!(
                         "revision {} of the compensated path cannot be had: {error}",
@@ -92,7 +117,10 @@ impl Paths {
         node.spawn("tool table", async move {
             loop {
                 let (table, _) = tables.next().await;
-                shared.newest().tool_table_revision = Some(table.revision);
+                match ToolTable::try_from(&table) {
+                    Ok(tools) => shared.newest().hear_table(table.revision, tools),
+                    Err(error) => tracing::error!("the tool table cannot be read: {error}"),
+                }
             }
         });
         Ok(paths)
@@ -100,6 +128,18 @@ impl Paths {
 
     fn newest(&self) -> MutexGuard<'_, Newest> {
         self.newest.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// This is the path that is run from here on.
+    pub(super) fn begin(&self, planned: &Planned) {
+        self.newest().running_table = Some(planned.tool_table_revision);
+    }
+
+    /// Why the path that is run must not go on with this tool.
+    pub(super) fn objection(&self, tool: u32) -> Option<String> {
+        let newest = self.newest();
+        let planned = newest.running_table.and_then(|of| newest.tool_tables.get(&of));
+        objection(tool, planned, newest.table_now().map(|(_, table)| table))
     }
 
     fn take(&self, planned: Planned) {
@@ -153,7 +193,9 @@ impl Paths {
             if let Some(planned) = &newest.planned {
                 let is_newest = planned.revision == *revision
                     && planned.program_id == *id
-                    && newest.tool_table_revision.is_none_or(|r| r == planned.tool_table_revision);
+                    && newest
+                        .table_now()
+                        .is_none_or(|(revision, _)| *revision == planned.tool_table_revision);
                 if is_meant && is_newest {
                     return Ok(Some(planned.clone()));
                 }

@@ -1,9 +1,14 @@
 //! The machine for viewers: state, joints, frames, the tool's pose.
 
+use crate::driver::ControllerSettings;
+use crate::report::Firmware;
 use cnc_msgs::convert::machine_state_to_wire;
 use cnc_msgs::machine::MachineState;
 use cnc_msgs::units::{m_from_mm, point_from_position};
-use cnc_msgs::wire::cnc_msgs::msg::MachineState as MachineStateMessage;
+use cnc_msgs::wire::cnc_msgs::msg::{
+    ControllerSetting, ControllerSettings as ControllerSettingsMessage,
+    MachineState as MachineStateMessage, WorkOffset,
+};
 use cnc_msgs::wire::geometry_msgs::msg::{
     Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3,
 };
@@ -15,25 +20,65 @@ use runtime::{Handle, NodeError, Publisher, Qos, RosTime};
 /// The topics on which the state goes out.
 pub(super) struct Viewers {
     prefix: String,
+    baud: u32,
     state: Publisher<MachineStateMessage>,
     joints: Publisher<JointState>,
     frames: Publisher<TFMessage>,
     pose: Publisher<PoseStamped>,
+    settings: Publisher<ControllerSettingsMessage>,
 }
 
 impl Viewers {
     pub(super) fn new(node: &Handle) -> Result<Self, NodeError> {
         Ok(Self {
             prefix: node.parameter("frame_prefix"),
+            baud: u32::try_from(node.parameter::<i64>("baud")).unwrap_or(115_200),
             state: node.publisher("machine_state", Qos::LATCHED)?,
             joints: node.publisher("joint_states", Qos::DEFAULT)?,
             frames: node.publisher("/tf", Qos::DEFAULT.with_depth(100))?,
             pose: node.publisher("tool_pose", Qos::DEFAULT)?,
+            settings: node.publisher("controller_settings", Qos::LATCHED)?,
         })
     }
 
     fn header(&self, stamp: RosTime, frame: &str) -> Header {
         Header { stamp: stamp.into(), frame_id: format!("{}{frame}", self.prefix) }
+    }
+
+    /// Publishes what the controller said of itself.
+    pub(super) fn publish_settings(&self, stamp: RosTime, told: &ControllerSettings) {
+        let seconds = |bytes: usize| bytes as f64 * 10.0 / f64::from(self.baud.max(1));
+        self.settings.publish(ControllerSettingsMessage {
+            stamp: stamp.into(),
+            firmware: firmware_name(told.firmware).into(),
+            version: told.version.clone(),
+            options: told.options.clone(),
+            planner_blocks: told.planner_blocks.into(),
+            receive_buffer_size: told.receive_bytes.into(),
+            window: u32::try_from(told.window).unwrap_or(u32::MAX),
+            hold_latency: seconds(told.window),
+            settings: told
+                .settings
+                .iter()
+                .map(|(number, value)| {
+                    let (name, unit) = ("", "");
+                    ControllerSetting {
+                        number: (*number).into(),
+                        value: value.clone(),
+                        name: name.into(),
+                        unit: unit.into(),
+                    }
+                })
+                .collect(),
+            offsets: told
+                .offsets
+                .iter()
+                .map(|offset| WorkOffset {
+                    name: offset.name.clone(),
+                    position: point_from_position(offset.position),
+                })
+                .collect(),
+        });
     }
 
     /// Publishes the state; positions only when they are known.
@@ -74,6 +119,14 @@ impl Viewers {
             child_frame_id: format!("{}{child}", self.prefix),
             transform: Transform { translation: Vector3 { x, y, z }, rotation: upright() },
         }
+    }
+}
+
+const fn firmware_name(firmware: Firmware) -> &'static str {
+    match firmware {
+        Firmware::Grbl => "grbl",
+        Firmware::GrblHal => "grblHAL",
+        Firmware::FluidNc => "FluidNC",
     }
 }
 

@@ -47,7 +47,7 @@ fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         8 => (0..LINES.len()).prop_map(Step::Line),
         1 => prop::collection::vec(any::<u8>(), 0..40).prop_map(Step::Fragment),
-        4 => (0usize..13).prop_map(Step::Command),
+        4 => (0usize..22).prop_map(Step::Command),
         4 => (0u64..3000).prop_map(Step::Wait),
         1 => Just(Step::Open),
         1 => Just(Step::Close),
@@ -70,9 +70,34 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
         5 => Command::SoftReset,
         6 => Command::Unlock,
         7 => Command::Home,
-        8 => Command::ConfirmToolChange,
+        8 => Command::ConfirmToolChange { objection: None },
         9 => Command::ExecuteMdi { path: Arc::new(straight(1)) },
         10 | 11 => Command::SetSingleBlock(index == 10),
+        12 => Command::Jog(JogRequest {
+            frame: JogFrame::Relative,
+            axes: AxisSet::NONE.with(0),
+            target: [5.0, 0.0, 0.0],
+            feed_mm_per_min: 100.0,
+        }),
+        13 => Command::Probe(ProbeRequest {
+            axes: AxisSet::NONE.with(2),
+            distance: [0.0, 0.0, -5.0],
+            feed_mm_per_min: 100.0,
+            away: false,
+            may_miss: false,
+        }),
+        14 => Command::SetWorkOffset(OffsetRequest {
+            system: 1,
+            axes: AxisSet::ALL,
+            position: [0.0; 3],
+            is_origin: false,
+        }),
+        15 => Command::SetOverrides(Overrides { feed: Some(83), ..Overrides::default() }),
+        16 => Command::DoorHold,
+        17 => Command::Sleep,
+        18 => Command::Heartbeat,
+        19 => Command::CancelRun { run: Some(12) },
+        20 => Command::ConfirmToolChange { objection: Some("another tool".into()) },
         _ => Command::Shutdown,
     }
 }
@@ -127,7 +152,8 @@ proptest! {
                 match output {
                     Output::Transmit(bytes) => {
                         let is_motion = bytes.contains(&b'X') && !bytes.windows(2).any(|b| b == b"$X");
-                        prop_assert!(!is_motion || was_running || is_running);
+                        let by_hand = matches!(driver.phase, Phase::Errand(_));
+                        prop_assert!(!is_motion || was_running || is_running || by_hand);
                         prop_assert!(driver.is_open());
                         entries.push(journal.transmitted(now, &bytes));
                     }

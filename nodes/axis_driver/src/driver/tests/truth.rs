@@ -137,7 +137,7 @@ fn a_hold_that_is_still_looked_for_is_part_of_a_checkpoint() {
     bench.firmware.holds_ignored = 99;
     bench.ask(Command::FeedHold).unwrap();
     // Refused, but a place where a record can begin.
-    bench.ask(Command::ConfirmToolChange).unwrap_err();
+    bench.ask(Command::ConfirmToolChange { objection: None }).unwrap_err();
     bench.wait(2_000);
     assert!(bench.sent_count(b'!') > 2);
 }

@@ -1,0 +1,325 @@
+//! What is done by hand: the actions `home`, `jog` and `probe`, offsets and overrides.
+//!
+//! Requests are range-checked here as far as their types go; what a number means to
+//! the machine the core judges.
+
+use super::actions::{CANCEL_WITHIN, FEEDBACK_PERIOD, answer};
+use super::{Driver, REPLY_WITHIN, told};
+use crate::codes::error_code;
+use crate::driver::{
+    Command, JogFrame, JogRequest, MoveResult, OffsetRequest, Overrides, ProbeRequest, Refusal,
+    RunOutcome,
+};
+use cnc_msgs::convert::mode_to_wire;
+use cnc_msgs::geometry::{AxisSet, Position};
+use cnc_msgs::interface::{Action, Service};
+use cnc_msgs::units::{mm_per_min_from_m_per_s, point_from_position, position_from_point};
+use cnc_msgs::wire::cnc_msgs::action::{
+    Home, HomeFeedback, HomeResult, Jog, JogFeedback, JogGoal, JogResult, Probe, ProbeFeedback,
+    ProbeGoal, ProbeResult,
+};
+use cnc_msgs::wire::cnc_msgs::srv::{
+    SetOverrides, SetOverridesRequest, SetOverridesResponse, SetWorkOffset, SetWorkOffsetRequest,
+    SetWorkOffsetResponse,
+};
+use cnc_msgs::wire::geometry_msgs::msg::Point;
+use runtime::action::{Goal, GoalOffer, Outcome};
+use runtime::commands::Answer;
+use runtime::{Handle, NodeResult, RequestInfo};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+use tokio::sync::oneshot;
+
+/// Longer than the driver's own limit.
+const HOME_WITHIN: Duration = Duration::from_secs(2 * 3_600);
+
+/// Offers all of it.
+pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
+    let mut homes = node.action_server::<Home>("home")?;
+    let (handle, shared) = (node.clone(), Arc::clone(driver));
+    node.spawn("home", async move {
+        while let Some(offer) = homes.next_goal().await {
+            let driver = Arc::clone(&shared);
+            handle.spawn("homing", async move { home(&driver, offer).await });
+        }
+    });
+    offer_move::<Jog>(node, driver, "jog")?;
+    offer_move::<Probe>(node, driver, "probe")?;
+    offer_services(node, driver)
+}
+
+/// Homes; the driver's answer comes when the machine is home or cannot be.
+async fn home(driver: &Arc<Driver>, offer: GoalOffer<Home>) {
+    let (info, asked) = (offer.info(), offer.goal().clone());
+    let Some(goal) = offer.accept() else { return };
+    let mut homed = std::pin::pin!(driver.ask(Command::Home, HOME_WITHIN));
+    let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
+    let mut is_canceling = false;
+    let reply = loop {
+        tokio::select! {
+            reply = &mut homed => break reply,
+            () = goal.cancel_requested(), if !is_canceling => {
+                // grbl hears nothing but a reset while it homes.
+                is_canceling = true;
+                let _ = driver.ask(Command::SoftReset, CANCEL_WITHIN).await;
+            }
+            _ = ticks.tick() => {
+                goal.feedback(HomeFeedback { state: mode_to_wire(driver.state.borrow().mode) });
+            }
+        }
+    };
+    driver.commands.record("home", Home::TYPE_NAME, &info, &asked, answer(&reply));
+    let (outcome, result) = match reply {
+        Ok(message) => (Outcome::Succeeded, HomeResult { success: true, error_code: 0, message }),
+        Err(Refusal { error_code, message }) => (
+            if is_canceling { Outcome::Canceled } else { Outcome::Aborted },
+            HomeResult { success: false, error_code, message },
+        ),
+    };
+    goal.end(outcome, result);
+}
+
+/// An action that moves axes by hand.
+trait Move: Action<Result: Default> {
+    fn command(goal: &Self::Goal) -> Result<Command, Refusal>;
+    fn feedback(state: u8, machine_position: Point) -> Self::Feedback;
+    fn result(result: MoveResult) -> Self::Result;
+}
+
+impl Move for Jog {
+    fn command(goal: &JogGoal) -> Result<Command, Refusal> {
+        let frame = match goal.frame {
+            JogGoal::FRAME_RELATIVE => JogFrame::Relative,
+            JogGoal::FRAME_WORK => JogFrame::Work,
+            JogGoal::FRAME_MACHINE => JogFrame::Machine,
+            frame => return invalid(format!("frame {frame} is not 1, 2 or 3")),
+        };
+        let (axes, target) = axes_and_place(goal.axes, &goal.target)?;
+        let feed_mm_per_min = finite("feed_rate", mm_per_min_from_m_per_s(goal.feed_rate))?;
+        Ok(Command::Jog(JogRequest { frame, axes, target, feed_mm_per_min }))
+    }
+
+    fn feedback(state: u8, machine_position: Point) -> JogFeedback {
+        JogFeedback { state, machine_position }
+    }
+
+    fn result(result: MoveResult) -> JogResult {
+        JogResult {
+            success: result.outcome == RunOutcome::Succeeded,
+            error_code: result.error_code,
+            message: result.message,
+            machine_position: point(result.machine_position),
+        }
+    }
+}
+
+impl Move for Probe {
+    fn command(goal: &ProbeGoal) -> Result<Command, Refusal> {
+        let (axes, distance) = axes_and_place(goal.axes, &goal.distance)?;
+        let feed_mm_per_min = finite("feed_rate", mm_per_min_from_m_per_s(goal.feed_rate))?;
+        let (away, may_miss) = (goal.away, goal.may_miss);
+        Ok(Command::Probe(ProbeRequest { axes, distance, feed_mm_per_min, away, may_miss }))
+    }
+
+    fn feedback(state: u8, machine_position: Point) -> ProbeFeedback {
+        ProbeFeedback { state, machine_position }
+    }
+
+    fn result(result: MoveResult) -> ProbeResult {
+        ProbeResult {
+            success: result.outcome == RunOutcome::Succeeded,
+            error_code: result.error_code,
+            message: result.message,
+            found: result.found,
+            machine_position: point(result.machine_position),
+            work_position: point(result.work_position),
+        }
+    }
+}
+
+fn offer_move<M: Move + 'static>(
+    node: &Handle,
+    driver: &Arc<Driver>,
+    name: &'static str,
+) -> NodeResult {
+    let mut goals = node.action_server::<M>(name)?;
+    let (handle, shared) = (node.clone(), Arc::clone(driver));
+    node.spawn(name, async move {
+        while let Some(offer) = goals.next_goal().await {
+            let driver = Arc::clone(&shared);
+            handle.spawn(name, async move { decide(&driver, name, offer).await });
+        }
+    });
+    Ok(())
+}
+
+/// Accepts a goal when the driver does, and follows it to its end.
+async fn decide<M: Move>(driver: &Arc<Driver>, name: &str, offer: GoalOffer<M>) {
+    let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
+    let (sender, finished) = oneshot::channel();
+    driver.waiting().moves.insert(id, sender);
+    let reply = match M::command(offer.goal()) {
+        Ok(command) => driver.ask_as(id, command, REPLY_WITHIN).await,
+        Err(refusal) => Err(refusal),
+    };
+    driver.commands.record(name, M::TYPE_NAME, &offer.info(), offer.goal(), answer(&reply));
+    let cancel = || driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN);
+    match reply {
+        Err(refusal) => {
+            if refusal.error_code == error_code::NO_ANSWER {
+                // It may be taken up yet, and nobody would know of it.
+                let _ = cancel().await;
+            }
+            driver.waiting().moves.remove(&id);
+            offer.reject(&refusal.message);
+        }
+        Ok(_) => match offer.accept() {
+            Some(goal) => follow(driver, id, goal, finished).await,
+            None => {
+                tracing::error!("the {name} was accepted too late and is canceled");
+                let _ = cancel().await;
+            }
+        },
+    }
+}
+
+async fn follow<M: Move>(
+    driver: &Driver,
+    id: u64,
+    goal: Goal<M>,
+    finished: oneshot::Receiver<MoveResult>,
+) {
+    let mut finished = std::pin::pin!(finished);
+    let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
+    let mut is_canceling = false;
+    let result = loop {
+        tokio::select! {
+            result = &mut finished => break result,
+            () = goal.cancel_requested(), if !is_canceling => {
+                is_canceling = true;
+                let cancel = Command::CancelRun { run: Some(id) };
+                if let Err(refusal) = driver.ask(cancel, CANCEL_WITHIN).await {
+                    tracing::error!("the move cannot be canceled: {}", refusal.message);
+                }
+            }
+            _ = ticks.tick() => {
+                let state = driver.state.borrow().clone();
+                goal.feedback(M::feedback(mode_to_wire(state.mode), point(state.machine_position)));
+            }
+        }
+    };
+    let result = result.unwrap_or_else(|_| MoveResult {
+        id,
+        outcome: RunOutcome::Aborted,
+        error_code: error_code::LINK_LOST,
+        message: "the driver stopped; motion may continue".into(),
+        machine_position: None,
+        work_position: None,
+        found: false,
+    });
+    let outcome = match result.outcome {
+        RunOutcome::Succeeded => Outcome::Succeeded,
+        // Only what somebody canceled can end so.
+        RunOutcome::Canceled if is_canceling => Outcome::Canceled,
+        RunOutcome::Canceled | RunOutcome::Aborted => Outcome::Aborted,
+    };
+    goal.end(outcome, M::result(result));
+}
+
+fn offer_services(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
+    let shared = Arc::clone(driver);
+    node.concurrent_service::<SetOverrides, _, _>(
+        "set_overrides",
+        move |request, info: RequestInfo| {
+            let driver = Arc::clone(&shared);
+            async move {
+                let (success, error_code, message) = told(match overrides(&request) {
+                    Ok(wanted) => driver.ask(Command::SetOverrides(wanted), REPLY_WITHIN).await,
+                    Err(refusal) => Err(refusal),
+                });
+                let answer = Answer { success, error_code, message: &message };
+                let of = SetOverrides::TYPE_NAME;
+                driver.commands.record("set_overrides", of, &info, &request, answer);
+                SetOverridesResponse { success, error_code, message }
+            }
+        },
+    )?;
+    let shared = Arc::clone(driver);
+    node.concurrent_service::<SetWorkOffset, _, _>(
+        "set_work_offset",
+        move |request, info: RequestInfo| {
+            let driver = Arc::clone(&shared);
+            async move {
+                let (success, error_code, message) = told(match offset(&request) {
+                    Ok(request) => driver.ask(Command::SetWorkOffset(request), REPLY_WITHIN).await,
+                    Err(refusal) => Err(refusal),
+                });
+                let answer = Answer { success, error_code, message: &message };
+                let of = SetWorkOffset::TYPE_NAME;
+                driver.commands.record("set_work_offset", of, &info, &request, answer);
+                SetWorkOffsetResponse { success, error_code, message }
+            }
+        },
+    )?;
+    Ok(())
+}
+
+fn overrides(request: &SetOverridesRequest) -> Result<Overrides, Refusal> {
+    let of = |bit: u8, name: &str, ratio: f64| {
+        if request.which & bit == 0 {
+            return Ok(None);
+        }
+        let percent = (finite(name, ratio)? * 100.0).round();
+        match percent {
+            // The range makes it fit.
+            0.0..=255.0 => Ok(Some(percent as u8)),
+            _ => invalid(format!("the {name} override {ratio} is not within 0.1 and 2")),
+        }
+    };
+    if request.which > 0b111 {
+        return invalid(format!("which is {}; only bits 0 to 2 have a meaning", request.which));
+    }
+    Ok(Overrides {
+        feed: of(0b001, "feed", request.feed)?,
+        rapid: of(0b010, "rapid", request.rapid)?,
+        spindle: of(0b100, "spindle", request.spindle)?,
+    })
+}
+
+fn offset(request: &SetWorkOffsetRequest) -> Result<OffsetRequest, Refusal> {
+    let (axes, position) = axes_and_place(request.axes, &request.position)?;
+    let (system, is_origin) = (request.system, request.is_origin);
+    Ok(OffsetRequest { system, axes, position, is_origin })
+}
+
+/// The axes that a request names, and its numbers for them; others are 0.
+fn axes_and_place(bits: u8, point: &Point) -> Result<(AxisSet, Position), Refusal> {
+    if bits == 0 || bits > 0b111 {
+        return invalid(format!("axes is {bits}; bit 0 is X, bit 1 is Y, bit 2 is Z"));
+    }
+    let axes = AxisSet::from_bits(bits);
+    let mut position = position_from_point(point);
+    for axis in 0..3 {
+        position[axis] = match axes.contains(axis) {
+            true => finite(["x", "y", "z"][axis], position[axis])?,
+            false => 0.0,
+        };
+    }
+    Ok((axes, position))
+}
+
+fn finite(name: &str, value: f64) -> Result<f64, Refusal> {
+    match value.is_finite() {
+        true => Ok(value),
+        false => invalid(format!("{name} is {value}, which is no number")),
+    }
+}
+
+fn invalid<T>(message: String) -> Result<T, Refusal> {
+    Err(Refusal { error_code: error_code::INVALID_REQUEST, message })
+}
+
+fn point(position: Option<Position>) -> Point {
+    point_from_position(position.unwrap_or([f64::NAN; 3]))
+}

@@ -1,0 +1,212 @@
+//! A driver and a virtual controller on one serial line, in time that only the test moves.
+//!
+//! Both cores, the bytes between them at their baud rate, and nothing else: no port, no
+//! thread, no clock. An hour of machine time takes as long as its events do.
+
+use axis_driver::driver::{
+    Command, Driver, DriverConfig, Input, MoveResult, Output, Refusal, RunRequest, RunResult,
+};
+use cnc_msgs::contour::Source;
+use cnc_msgs::geometry::{AxisSet, Shape};
+use cnc_msgs::machine::{MachineState, Mode};
+use cnc_msgs::path::{CompensatedPath, PathElement, Role};
+use std::sync::Arc;
+use std::time::Duration;
+use virtual_controller::{Build, Controller, Fault, FaultInjector, Pace, PacedLine};
+
+/// The longest that a test waits for anything, machine time.
+const PATIENCE: Duration = Duration::from_secs(6 * 3_600);
+
+/// Both ends of a line.
+#[derive(Debug)]
+pub struct Line {
+    pub driver: Driver,
+    pub controller: PacedLine<FaultInjector>,
+    pub now: Duration,
+    /// Every answer to a command.
+    pub replies: Vec<(u64, Result<String, Refusal>)>,
+    pub finished: Option<RunResult>,
+    pub moved: Option<MoveResult>,
+    pub settings: Option<axis_driver::driver::ControllerSettings>,
+    /// What the driver wrote, with the time it wrote it.
+    pub written: Vec<(Duration, Vec<u8>)>,
+    pub log: Vec<String>,
+    keeps_written: bool,
+    next_id: u64,
+}
+
+impl Line {
+    /// A driver that opens the port of this controller now.
+    pub fn new(config: DriverConfig, build: Build, faults: &[&str]) -> Self {
+        let faults = faults.iter().map(|text| text.parse::<Fault>().expect("a fault")).collect();
+        let pace = Pace { baud: Some(config.baud), ..Pace::default() };
+        let device = FaultInjector::new(Controller::with_build(build), faults, 1);
+        let mut line = Self {
+            driver: Driver::new(config),
+            controller: PacedLine::new(device, pace),
+            now: Duration::ZERO,
+            replies: Vec::new(),
+            finished: None,
+            moved: None,
+            settings: None,
+            written: Vec::new(),
+            log: Vec::new(),
+            keeps_written: true,
+            next_id: 1,
+        };
+        line.handle(Input::PortOpened);
+        line
+    }
+
+    /// The same, connected and idle.
+    pub fn connected(build: Build) -> Self {
+        let mut line = Self::new(DriverConfig::default(), build, &[]);
+        line.until("idle", |line| line.mode() == Mode::Idle);
+        line
+    }
+
+    /// For long runs: what was written is not kept.
+    pub fn forget_written(&mut self) {
+        self.keeps_written = false;
+        self.written = Vec::new();
+    }
+
+    pub fn handle(&mut self, input: Input) {
+        self.driver.handle(self.now, input);
+        while let Some(output) = self.driver.poll_output() {
+            match output {
+                Output::Transmit(bytes) => {
+                    self.controller.receive(self.now, &bytes);
+                    if self.keeps_written {
+                        self.written.push((self.now, bytes));
+                    }
+                }
+                Output::Reply { id, result } => self.replies.push((id, result)),
+                Output::RunFinished(result) => self.finished = Some(result),
+                Output::MoveFinished(result) => self.moved = Some(result),
+                Output::Settings(settings) => self.settings = Some(settings),
+                Output::Log { message, .. } => self.log.push(message),
+                Output::State(_) | Output::Progress { .. } | Output::ReadyToClose => {}
+            }
+        }
+    }
+
+    /// Goes to the next event of either end.
+    pub fn step(&mut self) {
+        let timer = self.driver.next_deadline();
+        let event = self.controller.next_event();
+        let next = timer.into_iter().chain(event).min().unwrap_or(self.now);
+        self.now = self.now.max(next) + Duration::from_nanos(1);
+        self.controller.advance(self.now);
+        let mut bytes = Vec::new();
+        self.controller.transmit(self.now, &mut bytes);
+        if !bytes.is_empty() {
+            self.handle(Input::Received(bytes));
+        }
+        if self.driver.next_deadline().is_some_and(|deadline| deadline <= self.now) {
+            self.handle(Input::Timer);
+        }
+    }
+
+    /// Lets time pass until a condition holds.
+    ///
+    /// # Panics
+    /// It never does.
+    #[track_caller]
+    pub fn until(&mut self, what: &str, condition: impl Fn(&Self) -> bool) {
+        let end = self.now + PATIENCE;
+        while !condition(self) {
+            assert!(self.now < end, "never: {what}; {:?}\n{}", self.state(), self.log.join("\n"));
+            self.step();
+        }
+    }
+
+    /// Lets some time pass.
+    pub fn wait(&mut self, seconds: f64) {
+        let end = self.now + Duration::from_secs_f64(seconds);
+        while self.now < end {
+            self.step();
+        }
+    }
+
+    /// Gives a command and its answer.
+    #[track_caller]
+    pub fn ask(&mut self, command: Command) -> Result<String, Refusal> {
+        let id = self.begin(command);
+        self.until("an answer", |line| line.replies.iter().any(|(of, _)| *of == id));
+        let index = self.replies.iter().position(|(of, _)| *of == id).unwrap_or_default();
+        self.replies.remove(index).1
+    }
+
+    /// Gives a command; its number.
+    pub fn begin(&mut self, command: Command) -> u64 {
+        let id = self.next_id;
+        self.next_id += 1;
+        self.handle(Input::Command { id, command });
+        id
+    }
+
+    /// Runs a path to its end.
+    #[track_caller]
+    pub fn run(&mut self, path: CompensatedPath) -> RunResult {
+        self.start(path, 0);
+        self.result()
+    }
+
+    /// Begins a run from a source line.
+    #[track_caller]
+    pub fn start(&mut self, path: CompensatedPath, start_line: u32) {
+        let request = RunRequest {
+            program_id: "part".into(),
+            revision: 1,
+            path: Arc::new(path),
+            start_line,
+            check_only: false,
+        };
+        self.finished = None;
+        self.ask(Command::RunProgram(request)).expect("the run is accepted");
+    }
+
+    /// How the run ended.
+    #[track_caller]
+    pub fn result(&mut self) -> RunResult {
+        self.until("the run ends", |line| line.finished.is_some());
+        self.finished.take().expect("it has ended")
+    }
+
+    /// How the jog or probe ended.
+    #[track_caller]
+    pub fn move_result(&mut self) -> MoveResult {
+        self.until("the move ends", |line| line.moved.is_some());
+        self.moved.take().expect("it has ended")
+    }
+
+    pub fn state(&self) -> MachineState {
+        self.driver.state(self.now)
+    }
+
+    pub fn mode(&self) -> Mode {
+        self.state().mode
+    }
+
+    /// What was written since then, without status requests.
+    pub fn said_since(&self, then: Duration) -> String {
+        let bytes = self.written.iter().filter(|(at, _)| *at >= then);
+        let bytes = bytes.flat_map(|(_, bytes)| bytes).filter(|byte| **byte != b'?');
+        bytes.map(|byte| char::from(*byte)).collect()
+    }
+}
+
+/// Lines of so many millimetres along X from where the tool is, source lines 1, 2, 3...
+pub fn straight(count: u32, length_mm: f64) -> CompensatedPath {
+    let element = |line: u32| PathElement {
+        side: None,
+        shape: Shape::Line,
+        end: [length_mm * f64::from(line), 0.0, 0.0],
+        feed_mm_per_min: Some(1_200.0),
+        role: Role::None,
+        axes: AxisSet::NONE.with(0),
+        source: Source { line, ..Source::default() },
+    };
+    CompensatedPath { elements: (1..=count).map(element).collect(), ..Default::default() }
+}

@@ -1,0 +1,261 @@
+//! Jogs, probes, offsets, overrides: the driver against the virtual controller.
+
+use axis_driver::codes::error_code;
+use axis_driver::driver::{
+    Command, DriverConfig, JogFrame, JogRequest, OffsetRequest, Overrides, ProbeRequest, RunOutcome,
+};
+use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::machine::Mode;
+use kerf_tests::line::Line;
+use virtual_controller::{Build, Settings};
+
+const X: AxisSet = AxisSet::from_bits(0b001);
+const Z: AxisSet = AxisSet::from_bits(0b100);
+
+fn build() -> Build {
+    let start_in_machine = Some([-300.0, -200.0, -50.0]);
+    Build { start_in_machine, ..Build::new(Settings::small_router()) }
+}
+
+fn jog(target: f64) -> Command {
+    let target = [target, 0.0, 0.0];
+    Command::Jog(JogRequest {
+        frame: JogFrame::Relative,
+        axes: X,
+        target,
+        feed_mm_per_min: 1_000.0,
+    })
+}
+
+fn probe(distance: f64, may_miss: bool) -> Command {
+    let distance = [0.0, 0.0, distance];
+    let (axes, feed_mm_per_min, away) = (Z, 100.0, false);
+    Command::Probe(ProbeRequest { axes, distance, feed_mm_per_min, away, may_miss })
+}
+
+fn near(a: [f64; 3], b: [f64; 3]) -> bool {
+    (0..3).all(|axis| (a[axis] - b[axis]).abs() < 0.02)
+}
+
+#[test]
+fn a_jog_goes_where_it_is_told_in_every_frame() {
+    let mut line = Line::connected(build());
+    let offset = OffsetRequest { system: 1, axes: X, position: [7.0, 0.0, 0.0], is_origin: false };
+    line.ask(Command::SetWorkOffset(offset)).unwrap();
+    for (frame, to, wanted) in [
+        (JogFrame::Relative, 12.5, -287.5),
+        // Its place was called 7.
+        (JogFrame::Work, 7.0, -300.0),
+        (JogFrame::Machine, -310.0, -310.0),
+    ] {
+        let target = [to, 0.0, 0.0];
+        let request = JogRequest { frame, axes: X, target, feed_mm_per_min: 2_000.0 };
+        line.ask(Command::Jog(request)).unwrap();
+        assert_eq!(line.mode(), Mode::Jog);
+        let result = line.move_result();
+        assert_eq!((result.outcome, result.error_code), (RunOutcome::Succeeded, 0), "{result:?}");
+        let at = result.machine_position.unwrap();
+        assert!(near(at, [wanted, -200.0, -50.0]), "{frame:?}: {at:?}");
+        assert_eq!(line.mode(), Mode::Idle);
+    }
+}
+
+#[test]
+fn a_jog_that_is_canceled_stops_and_keeps_the_position() {
+    let mut line = Line::connected(build());
+    let id = line.begin(jog(200.0));
+    line.wait(1.0);
+    line.ask(Command::CancelRun { run: Some(id) }).unwrap();
+    let result = line.move_result();
+    assert_eq!((result.outcome, result.error_code), (RunOutcome::Canceled, error_code::CANCELED));
+    let at = result.machine_position.unwrap();
+    assert!(at[0] > -299.0 && at[0] < -250.0, "{at:?}");
+    // It is over, and so is the cancel: the next jog is a whole one.
+    line.ask(jog(5.0)).unwrap();
+    let after = line.move_result().machine_position.unwrap();
+    assert!(near(after, [at[0] + 5.0, -200.0, -50.0]), "{after:?}");
+}
+
+#[test]
+fn a_cancel_before_the_answer_leaves_no_jog_behind() {
+    let mut line = Line::connected(build());
+    let id = line.begin(jog(200.0));
+    line.begin(Command::CancelRun { run: Some(id) });
+    assert!(!line.said_since(line.now).contains('\u{85}'), "the line is not answered yet");
+    let result = line.move_result();
+    assert_eq!(result.outcome, RunOutcome::Canceled);
+    let at = line.state().machine_position.unwrap();
+    line.wait(2.0);
+    assert_eq!(line.state().machine_position.unwrap(), at);
+}
+
+#[test]
+fn a_jog_that_is_held_is_not_called_done() {
+    let mut line = Line::connected(build());
+    line.ask(jog(200.0)).unwrap();
+    line.wait(1.0);
+    line.ask(Command::FeedHold).unwrap();
+    let result = line.move_result();
+    assert_eq!(result.outcome, RunOutcome::Canceled);
+    assert!(result.message.contains("and not at X-100.000"), "{}", result.message);
+}
+
+#[test]
+fn a_jog_out_of_the_travel_is_refused_with_the_reason() {
+    let mut settings = Settings::small_router();
+    for setting in ["$22=1", "$20=1"] {
+        settings.set_line(setting).unwrap();
+    }
+    let start_in_machine = Some([-300.0, -200.0, -50.0]);
+    let mut line =
+        Line::new(DriverConfig::default(), Build { start_in_machine, ..Build::new(settings) }, &[]);
+    line.until("alarm", |line| line.mode() == Mode::Alarm);
+    assert_eq!(line.ask(jog(1.0)).unwrap_err().error_code, error_code::ALARM);
+    line.ask(Command::Home).unwrap();
+    line.ask(jog(900.0)).unwrap();
+    let result = line.move_result();
+    assert_eq!(result.error_code, error_code::CONTROLLER_ERROR);
+    assert!(result.message.contains("travel"), "{}", result.message);
+    assert_eq!(line.mode(), Mode::Idle);
+}
+
+#[test]
+fn numbers_out_of_range_move_nothing() {
+    let mut line = Line::connected(build());
+    let then = line.now;
+    let feed = |feed_mm_per_min| {
+        let target = [1.0, 0.0, 0.0];
+        Command::Jog(JogRequest { frame: JogFrame::Relative, axes: X, target, feed_mm_per_min })
+    };
+    let axes = |axes| {
+        let (target, feed_mm_per_min) = ([1.0, 0.0, 0.0], 100.0);
+        Command::Jog(JogRequest { frame: JogFrame::Relative, axes, target, feed_mm_per_min })
+    };
+    let offset = |system, is_origin| {
+        let position = [0.0; 3];
+        Command::SetWorkOffset(OffsetRequest { system, axes: X, position, is_origin })
+    };
+    for command in [
+        feed(0.0),
+        feed(-5.0),
+        feed(f64::NAN),
+        feed(1e9),
+        jog(f64::NAN),
+        jog(1e7),
+        jog(f64::INFINITY),
+        axes(AxisSet::NONE),
+        probe(f64::NAN, false),
+        offset(0, false),
+        offset(7, false),
+        offset(92, true),
+        Command::SetOverrides(Overrides::default()),
+        Command::SetOverrides(Overrides { feed: Some(9), ..Overrides::default() }),
+        Command::SetOverrides(Overrides { spindle: Some(201), ..Overrides::default() }),
+        Command::SetOverrides(Overrides { rapid: Some(75), ..Overrides::default() }),
+    ] {
+        let refusal = line.ask(command.clone()).expect_err("a refusal");
+        assert_eq!(refusal.error_code, error_code::INVALID_REQUEST, "{command:?}: {refusal}");
+    }
+    assert_eq!(line.said_since(then), "");
+}
+
+#[test]
+fn a_probe_tells_where_it_touched_in_both_frames() {
+    let mut line = Line::connected(Build { probe_surface_z_mm: Some(-62.0), ..build() });
+    let offset = OffsetRequest { system: 1, axes: Z, position: [0.0, 0.0, 10.0], is_origin: false };
+    line.ask(Command::SetWorkOffset(offset)).unwrap();
+    line.ask(probe(-20.0, false)).unwrap();
+    let result = line.move_result();
+    assert_eq!((result.outcome, result.found), (RunOutcome::Succeeded, true), "{result:?}");
+    assert!(near(result.machine_position.unwrap(), [-300.0, -200.0, -62.0]), "{result:?}");
+    assert!((result.work_position.unwrap()[2] - -2.0).abs() < 0.02, "{result:?}");
+}
+
+#[test]
+fn a_probe_that_finds_nothing_is_an_alarm_or_a_result() {
+    let mut line = Line::connected(Build { probe_surface_z_mm: Some(-90.0), ..build() });
+    line.ask(probe(-5.0, true)).unwrap();
+    let result = line.move_result();
+    assert_eq!((result.outcome, result.found), (RunOutcome::Succeeded, false), "{result:?}");
+    assert_eq!(result.machine_position, None);
+    line.ask(probe(-5.0, false)).unwrap();
+    let result = line.move_result();
+    assert_eq!(
+        (result.outcome, result.error_code),
+        (RunOutcome::Aborted, error_code::PROBE_FAILED)
+    );
+    assert!(result.message.contains("touched nothing"), "{}", result.message);
+    line.until("alarm", |line| line.mode() == Mode::Alarm);
+    // Nothing unlocks by itself.
+    line.wait(5.0);
+    assert_eq!(line.mode(), Mode::Alarm);
+    assert_eq!(line.ask(jog(1.0)).unwrap_err().error_code, error_code::NEEDS_RESET);
+}
+
+#[test]
+fn a_probe_that_is_canceled_stands_and_is_reset() {
+    let mut line = Line::connected(Build { probe_surface_z_mm: Some(-90.0), ..build() });
+    let id = line.begin(probe(-30.0, false));
+    line.wait(3.0);
+    line.ask(Command::CancelRun { run: Some(id) }).unwrap();
+    let result = line.move_result();
+    assert_eq!(result.outcome, RunOutcome::Canceled, "{result:?}");
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    let at = line.state().machine_position.unwrap();
+    assert!(at[2] < -51.0 && at[2] > -60.0, "{at:?}");
+}
+
+#[test]
+fn offsets_are_kept_by_the_controller_and_told_with_its_settings() {
+    let mut line = Line::connected(build());
+    let position = [-100.0, -50.0, -20.0];
+    let offset = OffsetRequest { system: 3, axes: AxisSet::ALL, position, is_origin: true };
+    line.ask(Command::SetWorkOffset(offset)).unwrap();
+    let told = line.settings.clone().unwrap();
+    let g56 = told.offsets.iter().find(|offset| offset.name == "G56").unwrap();
+    assert_eq!(g56.position, position);
+    assert!(told.settings.contains(&(13, "0".into())), "{:?}", told.settings);
+    assert_eq!((told.planner_blocks, told.receive_bytes, told.window), (15, 128, 127));
+    let shift = OffsetRequest { system: 92, axes: X, position: [3.0, 0.0, 0.0], is_origin: false };
+    line.ask(Command::SetWorkOffset(shift)).unwrap();
+    line.wait(1.0);
+    assert!((line.state().work_position.unwrap()[0] - 3.0).abs() < 0.02);
+}
+
+#[test]
+fn overrides_show_in_the_state_and_are_asked_for_again_when_a_byte_is_lost() {
+    for faults in [&[][..], &["rx-drop@byte=40", "rx-drop@byte=41", "rx-drop@byte=42"]] {
+        let mut line = Line::new(DriverConfig::default(), build(), faults);
+        line.until("idle", |line| line.mode() == Mode::Idle);
+        let wanted = Overrides { feed: Some(83), rapid: Some(25), spindle: Some(121) };
+        line.ask(Command::SetOverrides(wanted)).unwrap();
+        line.until("the overrides", |line| line.state().overrides_percent == [83, 25, 121]);
+        line.ask(Command::SetOverrides(Overrides { feed: Some(100), ..wanted })).unwrap();
+        line.until("the overrides", |line| line.state().overrides_percent == [100, 25, 121]);
+    }
+}
+
+#[test]
+fn a_door_hold_stops_and_goes_on_with_a_resume() {
+    let mut line = Line::connected(build());
+    let path = kerf_tests::line::straight(40, 5.0);
+    line.start(path, 0);
+    line.until("it cuts", |line| line.state().line >= 5);
+    line.ask(Command::DoorHold).unwrap();
+    line.until("door", |line| line.mode() == Mode::Door);
+    line.wait(10.0);
+    assert_eq!(line.mode(), Mode::Door);
+    assert!(line.finished.is_none());
+    line.ask(Command::Resume).unwrap();
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+}
+
+#[test]
+fn a_controller_sleeps_and_wakes_with_a_reset() {
+    let mut line = Line::connected(build());
+    line.ask(Command::Sleep).unwrap();
+    line.until("sleep", |line| line.mode() == Mode::Sleep);
+    assert_eq!(line.ask(jog(1.0)).unwrap_err().error_code, error_code::BUSY);
+    line.ask(Command::SoftReset).unwrap();
+    line.until("awake", |line| line.mode() == Mode::Alarm);
+}
