@@ -94,6 +94,9 @@ pub struct RunResult {
     pub message: String,
     /// The source line that was being cut last, 0 when none was.
     pub last_line: u32,
+    /// The source line of the block that the controller refused or stopped at, 0 when no
+    /// block is to blame.
+    pub blamed_line: u32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

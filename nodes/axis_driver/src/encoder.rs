@@ -212,7 +212,7 @@ impl Encoder {
         start: Position,
         end: Position,
     ) -> Result<(), EncodeProblem> {
-        let mut text = String::with_capacity(40);
+        let mut text = self.line_number(index);
         let is_rapid = element.feed_mm_per_min.is_none();
         let (axes, words) = axis_words(element.axes, start, end);
         if axes.is_empty() {
@@ -233,7 +233,7 @@ impl Encoder {
         end: Position,
         arc: &Arc,
     ) -> Result<(), EncodeProblem> {
-        let mut text = String::with_capacity(60);
+        let mut text = self.line_number(index);
         if self.modal.plane != arc.plane {
             self.modal.plane = arc.plane;
             text += match arc.plane {
@@ -260,6 +260,15 @@ impl Encoder {
         }
         self.write_feed(&mut text, element.feed_mm_per_min)?;
         self.push_motion(text, index, element)
+    }
+
+    /// The beginning of a line that cuts this element.
+    fn line_number(&self, index: usize) -> String {
+        let mut text = String::with_capacity(60);
+        if self.config.line_numbers {
+            text = format!("N{}", line_number(index));
+        }
+        text
     }
 
     fn write_motion(&mut self, text: &mut String, motion: u8) {
@@ -329,6 +338,14 @@ impl Encoder {
         Ok(())
     }
 }
+
+/// The N word of an element's lines; numbers come again after ten million elements.
+pub fn line_number(element: usize) -> usize {
+    element % LINE_NUMBERS + 1
+}
+
+/// The firmware takes no more.
+const LINE_NUMBERS: usize = 9_999_999;
 
 /// The words of the axes that are named or change, in the order X Y Z.
 fn axis_words(named: AxisSet, start: Position, end: Position) -> (AxisSet, String) {

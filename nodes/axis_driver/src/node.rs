@@ -11,6 +11,7 @@ mod follow;
 mod mdi;
 mod parameters;
 mod path;
+mod source;
 mod traffic;
 mod viewers;
 
@@ -22,13 +23,13 @@ use crate::journal::Entry;
 use crate::serial::{Event, Serial};
 use cnc_msgs::interface::Service;
 use cnc_msgs::machine::MachineState;
-use cnc_msgs::wire::cnc_msgs::srv::GetTraffic;
+use cnc_msgs::wire::cnc_msgs::srv::{GetProgramChunks, GetTraffic};
 use cnc_msgs::wire::std_msgs::msg::Bool;
 use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
 use edges::Edges;
 use path::{Paths, Planned};
 use runtime::commands::{Answer, CommandLog};
-use runtime::{Handle, Health, HealthLevel, NodeResult, Qos, RequestInfo, RosTime};
+use runtime::{Client, Handle, Health, HealthLevel, NodeResult, Qos, RequestInfo, RosTime};
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -78,6 +79,7 @@ async fn start(node: Handle) -> NodeResult {
         waiting: Mutex::default(),
         commands: CommandLog::new(&node)?,
         recorder: follow::Recorder::default(),
+        programs: node.client("program/get_chunks")?,
     });
 
     let shared = traffic.clone();
@@ -197,6 +199,8 @@ struct Driver {
     waiting: Mutex<Waiting>,
     commands: CommandLog,
     recorder: follow::Recorder,
+    /// Texts of programs.
+    programs: Client<GetProgramChunks>,
 }
 
 impl Driver {

@@ -3,8 +3,10 @@
 //! What was sent is ahead of what is cut by the receive buffer and the planner. The
 //! answers give bounds, the reported position decides between them, and progress
 //! never goes back: on a path that returns on itself the place along the element
-//! counts as well. A controller that reports line numbers is not needed.
+//! counts as well. A controller that reports line numbers decides by itself, where the
+//! lines carry them; it is not needed.
 
+use crate::encoder::line_number;
 use crate::estimate::{dot, minus, norm, sweep};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::CompensatedPath;
@@ -13,6 +15,9 @@ use std::f64::consts::TAU;
 
 /// A position counts as on an element within this, mm: steps, and three decimals.
 const ON_ELEMENT_MM: f64 = 0.02;
+/// A position farther from all that was sent says nothing: the axes are on a way of
+/// their own, to a reference point or a place of the machine frame, mm.
+const OFF_PATH_MM: f64 = 0.5;
 /// Positions may fall back by this along an element, mm.
 const JITTER_MM: f64 = 0.02;
 
@@ -25,6 +30,8 @@ pub struct Tracker {
     element: usize,
     /// Part of the element that is done, 0 to 1.
     part: f64,
+    /// What the controller said last, until the position is looked at.
+    told: Option<usize>,
 }
 
 impl Tracker {
@@ -32,7 +39,7 @@ impl Tracker {
     pub fn new(first_element: usize, planner_blocks: u16) -> Self {
         let planner_blocks = usize::from(planner_blocks);
         let answered = VecDeque::with_capacity(planner_blocks + 2);
-        Self { planner_blocks, answered, element: first_element, part: 0.0 }
+        Self { planner_blocks, answered, element: first_element, part: 0.0, told: None }
     }
 
     /// The element that is being cut.
@@ -52,6 +59,23 @@ impl Tracker {
             self.answered.pop_front();
         }
         self.answered.push_back(element);
+    }
+
+    /// Whether a line that cuts anything was answered.
+    pub fn has_begun(&self) -> bool {
+        !self.answered.is_empty()
+    }
+
+    /// The controller says itself which line it cuts; `next` is the element of the
+    /// oldest unanswered line.
+    pub fn on_line_number(&mut self, number: u32, next: Option<usize>) {
+        let highest = next.or(self.answered.back().copied()).unwrap_or(self.element);
+        let is_it = |element: &usize| line_number(*element) == number as usize;
+        if let Some(element) = (self.element..=highest).find(is_it) {
+            self.go_to(element, 0.0);
+            // No other can be meant by the position.
+            self.told = Some(element);
+        }
     }
 
     /// All that was answered has been cut.
@@ -77,6 +101,7 @@ impl Tracker {
             self.go_to(lowest, 0.0);
         }
         let highest = next.or(self.answered.back().copied()).unwrap_or(self.element);
+        let highest = self.told.take().map_or(highest, |told| told.max(self.element));
         let Some(position) = position else { return };
         let mut best: Option<(f64, usize, f64)> = None;
         for index in self.element..=highest.min(path.elements.len().saturating_sub(1)) {
@@ -92,7 +117,7 @@ impl Tracker {
                 break;
             }
         }
-        if let Some((_, index, part)) = best {
+        if let Some((_, index, part)) = best.filter(|(least, ..)| *least <= OFF_PATH_MM) {
             self.go_to(index, part);
         }
     }

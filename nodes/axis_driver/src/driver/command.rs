@@ -175,6 +175,8 @@ impl Driver {
         let config = EncoderConfig {
             has_mist: self.config.encoder.has_mist || self.machine.has_mist,
             homing: self.machine.homing(),
+            // A height means nothing before the axes are home.
+            approach_z_mm: self.config.encoder.approach_z_mm.filter(|_| self.machine.is_homed),
             ..self.config.encoder
         };
         let started = start_at(request.path.clone(), config, request.start_line);

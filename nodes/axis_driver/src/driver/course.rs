@@ -121,8 +121,10 @@ impl Driver {
         if let Some(code) = error {
             let text = codes::describe_error(firmware, code);
             let message = match &origin {
-                Origin::Program { text: line, source_line, .. } => {
-                    format!("line {source_line}: the controller refused {line:?}: {text}")
+                Origin::Program { text: line, source_line, element } => {
+                    run.blamed_line = *source_line;
+                    let place = run.place_of_line(*source_line, *element);
+                    format!("{place}: the controller refused {line:?}: {text}")
                 }
                 _ => format!("the controller refused {}: {text}", own_line(&origin)),
             };
@@ -231,8 +233,14 @@ impl Driver {
             Some(Origin::Program { element, .. }) => *element,
             _ => None,
         };
+        let told = self.machine.status.as_ref().and_then(|status| status.line);
         let Phase::Running(run) = &mut self.phase else { return };
-        if run.has_sent {
+        // The way to the first element is none of its own.
+        if run.has_sent && (oldest.is_some() || run.tracker.has_begun()) {
+            let told = told.filter(|_| self.config.encoder.line_numbers);
+            if let Some(number) = told {
+                run.tracker.on_line_number(number, oldest);
+            }
             run.tracker.on_position(&run.request.path, position, blocks, oldest);
             self.machine.line = run.line();
         }
@@ -268,7 +276,7 @@ impl Driver {
         if run.is_proving() {
             return self.reply(run.id, Err(Refusal { error_code, message }));
         }
-        let (id, last_line) = (run.id, run.line());
+        let (id, last_line, blamed_line) = (run.id, run.line(), run.blamed_line);
         if let Some(rest) = &run.rest {
             self.reply(rest.id, Err(Refusal::new(error_code, message.clone())));
         }
@@ -277,7 +285,7 @@ impl Driver {
             self.reply(reply, Err(Refusal::new(error_code, message.clone())));
         }
         self.hold = None;
-        let result = RunResult { id, outcome, error_code, message, last_line };
+        let result = RunResult { id, outcome, error_code, message, last_line, blamed_line };
         self.outputs.push_back(Output::RunFinished(result));
     }
 

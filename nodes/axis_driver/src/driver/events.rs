@@ -7,6 +7,9 @@ use crate::codes::{self, error_code};
 use crate::link::{LinkEvent, LinkFault, realtime};
 use crate::report::Message;
 
+/// The alarm of a target outside of the travel.
+const SOFT_LIMIT: u16 = 2;
+
 impl Driver {
     pub(super) fn on_event(&mut self, event: LinkEvent<Origin>) {
         match event {
@@ -59,9 +62,23 @@ impl Driver {
             self.link.expect_deafness();
         }
         let reason = format!("{text}; soft_reset to go on");
+        // A target that cannot be reached is seen when its line is read, all else happens
+        // where the tool is.
+        let read = match self.link.oldest() {
+            Some(Origin::Program { source_line, element, .. }) if code == SOFT_LIMIT => {
+                Some((*source_line, *element))
+            }
+            _ => None,
+        };
         match &mut self.phase {
             Phase::Running(run) if run.is_resetting() => run.add_to_verdict(&text),
-            Phase::Running(_) => {
+            Phase::Running(run) => {
+                run.blamed_line = read.map_or_else(|| run.line(), |(line, _)| line);
+                let place = read.map_or_else(
+                    || run.place(),
+                    |(line, element)| run.place_of_line(line, element),
+                );
+                let text = format!("{text}, at {place}");
                 self.end_run(RunOutcome::Aborted, error_code::ALARM, text, Phase::Adrift { reason })
             }
             Phase::Errand(errand) => {

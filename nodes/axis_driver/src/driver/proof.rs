@@ -78,7 +78,8 @@ impl Driver {
                 let message = format!("{lines} lines, about {seconds:.0} s; nothing was sent");
                 self.reply(id, Ok(message.clone()));
                 let outcome = RunOutcome::Succeeded;
-                let result = RunResult { id, outcome, error_code: 0, message, last_line: 0 };
+                let result =
+                    RunResult { id, outcome, error_code: 0, message, last_line: 0, blamed_line: 0 };
                 self.outputs.push_back(Output::RunFinished(result));
             }
         }

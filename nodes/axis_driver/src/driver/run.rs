@@ -32,6 +32,8 @@ pub(super) struct Run {
     pub(super) is_held: bool,
     /// Why it holds, where nobody asked for it.
     pub(super) hold_reason: Option<String>,
+    /// The line of the block that the controller refused or stopped at.
+    pub(super) blamed_line: u32,
     pub(super) has_sent: bool,
     /// The line that was sent last, where single blocks are told apart.
     pub(super) block: Option<BlockOfLine>,
@@ -131,6 +133,7 @@ impl Run {
             stage: Stage::Proving(proof),
             is_held: false,
             hold_reason: None,
+            blamed_line: 0,
             has_sent: false,
             block: None,
             next_block: None,
@@ -154,7 +157,27 @@ impl Run {
 
     /// The axes that must be there: those the path relies on, or all in the middle.
     pub(super) fn assumed_axes(&self) -> AxisSet {
-        if self.first_element > 0 { AxisSet::ALL } else { self.request.path.assumed_axes }
+        match self.first_element {
+            0 => self.request.path.assumed_axes,
+            _ => AxisSet::ALL,
+        }
+    }
+
+    /// `line 12 (N70)`
+    pub(super) fn place_of_line(&self, source_line: u32, element: Option<usize>) -> String {
+        let element = element.and_then(|index| self.request.path.elements.get(index));
+        match element.and_then(|element| element.source.block) {
+            Some(block) => format!("line {source_line} (N{block})"),
+            None => format!("line {source_line}"),
+        }
+    }
+
+    /// The block that is being cut.
+    pub(super) fn place(&self) -> String {
+        match self.line() {
+            0 => "before the first line".into(),
+            line => self.place_of_line(line, Some(self.tracker.element())),
+        }
     }
 
     pub(super) fn is_proving(&self) -> bool {

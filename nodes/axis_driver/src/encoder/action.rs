@@ -170,6 +170,41 @@ impl Encoder {
         self.push_action(text, LineKind::Motion, false, source)
     }
 
+    /// Lifts the tool to a height of the machine frame, says what is in force, and
+    /// brings the tool to the start of an element.
+    pub(super) fn push_approach(
+        &mut self,
+        height: f64,
+        actions: &[PathEvent],
+        index: usize,
+    ) -> Result<(), EncodeProblem> {
+        let (path, z_alone) = (self.path.clone(), AxisSet::NONE.with(2));
+        let element = &path.elements[index];
+        let (source, start) = (element.source, path.start_of(index));
+        self.encode_machine_move([0.0, 0.0, height], z_alone, None, source)?;
+        for event in actions {
+            self.encode_action(event)?;
+        }
+        let mut over = String::from("G0");
+        let mut down = String::new();
+        for axis in 0..3 {
+            let steps = self.checked_position(AXIS_LETTERS[axis], start[axis])?;
+            let text = if axis == 2 { &mut down } else { &mut over };
+            write_word(text, AXIS_LETTERS[axis], steps);
+        }
+        self.push_action(over, LineKind::Motion, false, source)?;
+        // A path of rapids alone has none.
+        let feed = path.elements[index..].iter().find_map(|element| element.feed_mm_per_min);
+        let mut text = String::from(if feed.is_some() { "G1" } else { "" }) + &down;
+        self.write_feed(&mut text, feed)?;
+        self.modal.motion = Some(u8::from(feed.is_some()));
+        self.modal.unknown = AxisSet::NONE;
+        self.push_action(text, LineKind::Motion, false, source)?;
+        // Whether it got there is looked at before anything is cut.
+        self.pending.push_back(Step::CheckStart);
+        Ok(())
+    }
+
     fn push_action(
         &mut self,
         text: String,

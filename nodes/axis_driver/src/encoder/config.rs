@@ -16,6 +16,14 @@ pub struct EncoderConfig {
     pub has_mist: bool,
     /// Whether `M1` stops; grbl ignores the word, so it is sent as `M0` or not at all.
     pub optional_stop: bool,
+    /// Whether every line of the path carries an N word, so that a controller that
+    /// reports `Ln` says itself which one it cuts.
+    #[serde(default)]
+    pub line_numbers: bool,
+    /// The height in the machine frame at which the tool is clear of everything, mm:
+    /// a start in the middle goes there by itself. `None`: the tool has to be there.
+    #[serde(default)]
+    pub approach_z_mm: Option<f64>,
     /// What the controller can home; it tells.
     #[serde(default)]
     pub homing: Homing,
@@ -43,6 +51,8 @@ impl Default for EncoderConfig {
             spindle_rpm_max: 200_000.0,
             has_mist: false,
             optional_stop: false,
+            line_numbers: false,
+            approach_z_mm: None,
             homing: Homing::default(),
         }
     }

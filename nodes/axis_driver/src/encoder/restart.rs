@@ -1,16 +1,17 @@
 //! Beginning in the middle of a program.
 //!
 //! A run may begin at the first element of a source line that is not under cutter
-//! compensation. The tool must stand where that element starts, in all axes, and
-//! what the words before it have set is sent first: tool (to be confirmed), work
-//! system, tool length, spindle, coolant. Dwells, stops and moves are not repeated.
-//! Where work system or tool length move the frame, the place of the tool is looked
-//! at behind them.
+//! compensation. What the words before it have set is sent first: tool (to be
+//! confirmed), work system, tool length, spindle, coolant. Dwells, stops and moves are
+//! not repeated. The tool must stand where that element starts, in all axes, which is
+//! looked at behind the words that move the frame; or, where a height is given at which
+//! it is clear of everything, it is lifted there before anything else, goes over the
+//! place, and down to it at feed rate.
 
 use super::action::turns;
 use super::{EncodeError, Encoder, EncoderConfig};
 use cnc_msgs::contour::{Action, CoolantMode};
-use cnc_msgs::path::{CompensatedPath, PathEvent, Role};
+use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
 use std::sync::Arc;
 
 /// Why a run cannot begin at a line.
@@ -19,9 +20,15 @@ pub enum StartProblem {
     #[error("the program has no motion from line {line} on; its last is in line {last}")]
     PastEnd { line: u32, last: u32 },
     #[error(
-        "line {line} is under cutter compensation: begin at line {before}, where that begins, or after it"
+        "line {line} is under cutter compensation: the nearest lines to begin at are {}",
+        nearest(*.before, *.after)
     )]
-    UnderCompensation { line: u32, before: u32 },
+    UnderCompensation {
+        line: u32,
+        /// Where that begins, and the first behind its end.
+        before: u32,
+        after: Option<u32>,
+    },
     #[error(transparent)]
     Encode(#[from] EncodeError),
 }
@@ -44,7 +51,11 @@ pub fn start_at(
     if !matches!(path.elements[index].role, Role::None | Role::LeadOn) {
         let before = path.elements[..index].iter().rfind(|element| element.role == Role::LeadOn);
         let before = before.map_or(1, |element| element.source.line);
-        return Err(StartProblem::UnderCompensation { line, before });
+        let is_free = |element: &&PathElement| {
+            matches!(element.role, Role::None | Role::LeadOn) && element.source.line > line
+        };
+        let after = path.elements[index..].iter().find(is_free).map(|element| element.source.line);
+        return Err(StartProblem::UnderCompensation { line, before, after });
     }
     encoder.next_element = index;
     encoder.next_event = path
@@ -54,10 +65,19 @@ pub fn start_at(
         .unwrap_or(path.events.len());
     let restored = in_force(&path.events[..encoder.next_event]);
     let source_place = path.elements[index].source;
-    encoder
-        .push_restored(&restored)
-        .map_err(|problem| StartProblem::Encode(EncodeError { source_place, problem }))?;
+    let pushed = match config.approach_z_mm {
+        Some(height) => encoder.push_approach(height, &restored, index),
+        None => encoder.push_restored(&restored),
+    };
+    pushed.map_err(|problem| StartProblem::Encode(EncodeError { source_place, problem }))?;
     Ok((encoder, index))
+}
+
+fn nearest(before: u32, after: Option<u32>) -> String {
+    match after {
+        Some(after) => format!("{before}, where it begins, and {after}, where it has ended"),
+        None => format!("{before}, where it begins; it does not end before the program does"),
+    }
 }
 
 /// The words that are still in force after these events, in the order to send them.

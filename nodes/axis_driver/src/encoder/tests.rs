@@ -358,7 +358,7 @@ fn a_run_does_not_begin_under_compensation() {
     let at = |line| start_at(path.clone(), EncoderConfig::default(), line).map(|(_, index)| index);
     assert_eq!(at(2), Ok(1));
     assert_eq!(at(5), Ok(4));
-    assert_eq!(at(3), Err(StartProblem::UnderCompensation { line: 3, before: 2 }));
+    assert_eq!(at(3), Err(StartProblem::UnderCompensation { line: 3, before: 2, after: Some(5) }));
     assert_eq!(at(6), Err(StartProblem::PastEnd { line: 6, last: 5 }));
 }
 

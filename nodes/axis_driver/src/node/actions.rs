@@ -1,6 +1,7 @@
 //! The action `run_program`: one goal at a time, always with a result.
 
 use super::path::{Paths, Planned};
+use super::source::text_of;
 use super::{Driver, Reply};
 use crate::codes::error_code;
 use crate::driver::{Command, Refusal, RunOutcome, RunRequest, RunResult};
@@ -143,12 +144,21 @@ async fn follow(
         RunOutcome::Aborted => (Outcome::Aborted, RunProgramResult::OUTCOME_ABORTED),
     };
     goal.feedback(feedback(driver));
+    let program_id = driver.state.borrow().program_id.clone();
+    let text = match result.blamed_line {
+        0 => None,
+        line => text_of(&driver.programs, &program_id, line).await,
+    };
+    let message = match text {
+        Some(text) => format!("{}; the block is {text:?}", result.message),
+        None => result.message,
+    };
     goal.end(
         outcome,
         RunProgramResult {
             outcome: code,
             error_code: result.error_code,
-            message: result.message,
+            message,
             last_line: result.last_line,
         },
     );

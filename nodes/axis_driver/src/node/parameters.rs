@@ -82,6 +82,23 @@ pub(super) fn declared() -> Vec<Declared> {
             "after this long a commander that gave signs of life counts as lost, ms",
         )
         .integer_within(100, 60_000),
+        Declared::new(
+            "line_numbers",
+            encoder.line_numbers,
+            "whether lines carry N words, for controllers that report Ln; costs some 6 bytes a line",
+        ),
+        Declared::new(
+            "approach",
+            "none",
+            "how a run that begins in the middle gets there: none, the tool has to be there; lift, by way of approach_z_mm",
+        )
+        .one_of(&["none", "lift"]),
+        Declared::new(
+            "approach_z_mm",
+            0.0,
+            "height in the machine frame at which the tool is clear of everything, mm",
+        )
+        .within(-100_000.0, 100_000.0),
         Declared::new("optional_stop", encoder.optional_stop, "whether M1 stops as M0 does"),
         Declared::new("frame_prefix", "", "goes before machine, work and tool0 in frame names"),
     ]
@@ -150,6 +167,13 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
             position_mm_max: double("position_mm_max", default.encoder.position_mm_max),
             feed_mm_per_min_max: double("feed_mm_per_min_max", default.encoder.feed_mm_per_min_max),
             optional_stop: bool("optional_stop", default.encoder.optional_stop),
+            line_numbers: bool("line_numbers", default.encoder.line_numbers),
+            approach_z_mm: match get("approach") {
+                ParameterValue::String(word) if word == "lift" => {
+                    Some(double("approach_z_mm", 0.0))
+                }
+                _ => None,
+            },
             ..default.encoder
         },
     }

@@ -1,0 +1,259 @@
+//! Runs from the middle, alarms with their block, line numbers, signs of life: the driver
+//! against the virtual controller.
+
+use axis_driver::codes::error_code;
+use axis_driver::driver::{Command, DriverConfig, OnCommanderLoss, RunOutcome, RunRequest};
+use axis_driver::encoder::EncoderConfig;
+use cnc_msgs::contour::{Action, Source, SpindleMode};
+use cnc_msgs::geometry::{AxisSet, Shape};
+use cnc_msgs::machine::Mode;
+use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
+use kerf_tests::line::{Line, straight};
+use std::sync::Arc;
+use virtual_controller::{Build, Settings};
+
+fn element(line: u32, end: [f64; 3], role: Role) -> PathElement {
+    PathElement {
+        side: None,
+        shape: Shape::Line,
+        end,
+        feed_mm_per_min: Some(600.0),
+        role,
+        axes: AxisSet::NONE,
+        source: Source { line, block: Some(line * 10), ..Source::default() },
+    }
+}
+
+/// A contour that is entered in line 3 and left in line 6, with a spindle and a tool.
+fn contour() -> CompensatedPath {
+    let event = |at_element, action| PathEvent { at_element, action, source: Source::default() };
+    CompensatedPath {
+        elements: vec![
+            element(1, [10.0, 0.0, -2.0], Role::None),
+            element(2, [20.0, 0.0, -2.0], Role::None),
+            element(3, [25.0, 5.0, -2.0], Role::LeadOn),
+            element(4, [35.0, 5.0, -2.0], Role::Contour),
+            element(5, [35.0, 15.0, -2.0], Role::Contour),
+            element(6, [30.0, 20.0, -2.0], Role::LeadOff),
+            element(7, [0.0, 20.0, -2.0], Role::None),
+        ],
+        events: vec![
+            event(0, Action::SpindleSpeed { rpm: 8_000.0 }),
+            event(0, Action::Spindle(SpindleMode::Clockwise)),
+        ],
+        ..CompensatedPath::default()
+    }
+}
+
+/// A router that is homed, with its work zero at a place within its travel.
+fn homed(config: DriverConfig) -> Line {
+    let mut settings = Settings::small_router();
+    settings.set_line("$22=1").unwrap();
+    let mut line = Line::new(config, Build::new(settings), &[]);
+    line.until("locked", |line| line.mode() == Mode::Alarm);
+    line.ask(Command::Home).unwrap();
+    line.ask(Command::SetWorkOffset(axis_driver::driver::OffsetRequest {
+        system: 1,
+        axes: AxisSet::ALL,
+        position: [-500.0, -300.0, -40.0],
+        is_origin: true,
+    }))
+    .unwrap();
+    line
+}
+
+fn lifting() -> DriverConfig {
+    let encoder = EncoderConfig { approach_z_mm: Some(-5.0), ..EncoderConfig::default() };
+    DriverConfig { encoder, ..DriverConfig::default() }
+}
+
+fn request(path: &CompensatedPath, start_line: u32) -> Command {
+    Command::RunProgram(RunRequest {
+        program_id: "part".into(),
+        revision: 1,
+        path: Arc::new(path.clone()),
+        start_line,
+        check_only: false,
+    })
+}
+
+#[test]
+fn m28_a_start_in_the_middle_lifts_goes_over_and_comes_down_at_feed_rate() {
+    let mut line = homed(lifting());
+    let then = line.now;
+    line.start(contour(), 3);
+    line.until("the contour", |line| line.state().line == 4);
+    let said = line.said_since(then);
+    let order = ["G53G0Z-5\n", "S8000\n", "M3\n", "G0X20Y0\n", "G1Z-2F600\n", "X25Y5\n"];
+    let places: Vec<_> = order.iter().map(|text| said.find(text)).collect();
+    assert!(places.iter().all(Option::is_some), "{places:?} in {said:?}");
+    assert!(places.is_sorted(), "{places:?} in {said:?}");
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+    let at = line.state().work_position.unwrap();
+    assert!((at[0] - 0.0).abs() < 0.01 && (at[1] - 20.0).abs() < 0.01, "{at:?}");
+}
+
+#[test]
+fn m28_a_start_under_compensation_is_refused_with_the_nearest_lines() {
+    let mut line = homed(lifting());
+    let refusal = line.ask(request(&contour(), 5)).unwrap_err();
+    assert_eq!(refusal.error_code, error_code::START_LINE);
+    assert_eq!(
+        refusal.message,
+        "line 5 is under cutter compensation: the nearest lines to begin at are 3, where it \
+         begins, and 7, where it has ended"
+    );
+}
+
+#[test]
+fn without_a_home_nothing_is_approached() {
+    let mut line = Line::new(lifting(), Build::new(Settings::small_router()), &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    let then = line.now;
+    let refusal = line.ask(request(&contour(), 3)).unwrap_err();
+    assert_eq!(refusal.error_code, error_code::START_POSITION, "{refusal}");
+    assert_eq!(line.said_since(then), "");
+}
+
+#[test]
+fn a_soft_limit_names_the_block_that_was_read_and_a_switch_the_one_that_was_cut() {
+    for (setting, fault, wanted) in
+        [("$20=1", None, "ALARM:2"), ("$21=1", Some("limit:X@time=14"), "ALARM:1")]
+    {
+        let mut settings = Settings::small_router();
+        for line in ["$22=1", setting] {
+            settings.set_line(line).unwrap();
+        }
+        let faults: Vec<&str> = fault.into_iter().collect();
+        let build =
+            Build { start_in_machine: Some([-590.0, -200.0, -50.0]), ..Build::new(settings) };
+        let mut line = Line::new(DriverConfig::default(), build, &faults);
+        line.until("locked", |line| line.mode() == Mode::Alarm);
+        line.ask(Command::Unlock).unwrap();
+        let mut path = straight(30, 10.0);
+        path.assumed_axes = AxisSet::NONE;
+        for element in &mut path.elements {
+            element.end[0] -= 590.0;
+            element.source.block = Some(element.source.line * 10);
+        }
+        if fault.is_none() {
+            path.elements[20].end[0] = 50.0;
+        }
+        line.start(path, 0);
+        let result = line.result();
+        assert_eq!(result.error_code, error_code::ALARM);
+        assert!(result.message.starts_with(wanted), "{}", result.message);
+        let place = format!("at line {} (N{})", result.blamed_line, result.blamed_line * 10);
+        assert!(result.message.ends_with(&place), "{}", result.message);
+        if fault.is_none() {
+            assert_eq!(result.blamed_line, 21);
+        } else {
+            assert_eq!(result.blamed_line, result.last_line);
+            assert!(result.last_line > 3, "{result:?}");
+        }
+        assert!(!line.state().is_homed);
+        line.wait(5.0);
+        assert_eq!(line.mode(), Mode::Alarm, "nothing unlocks by itself");
+    }
+}
+
+#[test]
+fn a_controller_that_says_its_line_is_believed() {
+    let encoder = EncoderConfig { line_numbers: true, ..EncoderConfig::default() };
+    let config = DriverConfig { encoder, ..DriverConfig::default() };
+    let build = Build { has_line_numbers: true, ..Build::new(Settings::small_router()) };
+    let mut line = Line::new(config, build, &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    // Forth and back over the same place: the position alone does not tell.
+    let mut path = straight(40, 10.0);
+    for (index, element) in path.elements.iter_mut().enumerate() {
+        element.end[0] = if index % 2 == 0 { 10.0 } else { 0.0 };
+    }
+    let then = line.now;
+    line.start(path, 0);
+    let mut seen = Vec::new();
+    while line.finished.is_none() {
+        line.step();
+        let now = line.state().line;
+        if seen.last() != Some(&now) {
+            seen.push(now);
+        }
+    }
+    assert!(line.said_since(then).contains("N17X10\n"), "{}", line.said_since(then));
+    assert!(seen.is_sorted() && seen.len() > 30, "{seen:?}");
+    assert_eq!(line.result().last_line, 40);
+}
+
+#[test]
+fn a_commander_that_stays_away_is_missed_once_and_only_when_it_was_there() {
+    for (policy, mode) in [
+        (OnCommanderLoss::Continue, Mode::Run),
+        (OnCommanderLoss::Hold, Mode::Hold),
+        (OnCommanderLoss::HoldThenAbort, Mode::Idle),
+    ] {
+        let config = DriverConfig { on_commander_loss: policy, ..DriverConfig::default() };
+        let mut line = Line::new(config, Build::new(Settings::small_router()), &[]);
+        line.until("idle", |line| line.mode() == Mode::Idle);
+        line.start(straight(200, 5.0), 0);
+        line.wait(3.0);
+        assert_eq!(line.mode(), Mode::Run, "nobody gave signs of life");
+        for _ in 0..10 {
+            line.ask(Command::Heartbeat).unwrap();
+            line.wait(0.5);
+        }
+        assert_eq!(line.mode(), Mode::Run);
+        line.wait(3.0);
+        assert_eq!(line.mode(), mode, "{policy:?}: {}", line.state().reason);
+        match policy {
+            OnCommanderLoss::Continue => {}
+            OnCommanderLoss::Hold => {
+                assert!(line.state().reason.starts_with("COMMANDER_LOST"), "{:?}", line.state());
+                // A sign of life resumes nothing.
+                line.ask(Command::Heartbeat).unwrap();
+                line.wait(0.5);
+                assert_eq!(line.mode(), Mode::Hold);
+                line.ask(Command::Resume).unwrap();
+                line.ask(Command::Heartbeat).unwrap();
+            }
+            OnCommanderLoss::HoldThenAbort => {
+                assert_eq!(line.result().error_code, error_code::COMMANDER_LOST);
+                continue;
+            }
+        }
+        while line.finished.is_none() {
+            line.wait(0.5);
+            line.ask(Command::Heartbeat).unwrap();
+        }
+        assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+    }
+}
+
+#[test]
+fn with_require_recording_nothing_is_sent_before_the_bag_is_open() {
+    let config = DriverConfig { require_recording: true, ..DriverConfig::default() };
+    let mut line = Line::new(config, Build::new(Settings::small_router()), &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    let word = |is_whole, reason: &str| Command::Recorder { is_whole, reason: reason.into() };
+
+    let then = line.now;
+    line.start(straight(5, 5.0), 0);
+    line.wait(2.0);
+    assert_eq!(line.said_since(then), "");
+    assert!(line.state().reason.starts_with("WAITING_FOR_RECORDER"), "{:?}", line.state());
+    let result = line.result();
+    assert_eq!(result.error_code, error_code::NOT_RECORDING, "{result:?}");
+    assert_eq!(line.said_since(then), "");
+
+    line.start(straight(5, 5.0), 0);
+    line.ask(word(false, "No space left on device")).unwrap();
+    let result = line.result();
+    assert!(result.message.contains("No space left"), "{result:?}");
+
+    line.start(straight(5, 5.0), 0);
+    line.ask(word(true, "")).unwrap();
+    line.until("it cuts", |line| line.state().line >= 2);
+    // The part is worth more than its record.
+    line.ask(word(false, "No space left on device")).unwrap();
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+    assert!(line.log.iter().any(|text| text.contains("not whole: No space left")));
+}
