@@ -58,7 +58,7 @@ impl Driver {
         self.machine.on_alarm(code);
         let text = codes::describe_alarm(self.machine.firmware, code);
         self.log(LogLevel::Error, text.clone());
-        if codes::is_deaf(code) {
+        if codes::is_deaf(self.machine.firmware, code) {
             self.link.expect_deafness();
         }
         let reason = format!("{text}; soft_reset to go on");

@@ -93,7 +93,7 @@ impl Machine {
 
     pub(super) fn on_alarm(&mut self, code: u16) {
         self.alarm_code = code;
-        if codes::is_position_lost(code) {
+        if codes::is_position_lost(self.firmware, code) {
             self.is_homed = false;
         }
         if let Some(status) = &mut self.status {
