@@ -93,6 +93,10 @@ pub enum LinkEvent<T> {
         number: u16,
         value: String,
     },
+    NamedSetting {
+        name: String,
+        value: String,
+    },
     /// Text without meaning here.
     Text(String),
     /// The count of answers can no longer be trusted.
@@ -358,6 +362,9 @@ impl<T> Link<T> {
             Report::Message(message) => self.events.push_back(LinkEvent::Message(message)),
             Report::Setting { number, value } => {
                 self.events.push_back(LinkEvent::Setting { number, value });
+            }
+            Report::NamedSetting { name, value } => {
+                self.events.push_back(LinkEvent::NamedSetting { name, value });
             }
             Report::StartupLine(text) | Report::Unknown(text) => {
                 self.events.push_back(LinkEvent::Text(text));

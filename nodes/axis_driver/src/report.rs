@@ -1,15 +1,22 @@
 //! What the firmware says, line by line.
 //!
-//! Knows the texts of grbl 1.1 and what its relatives add; compares whole lines
-//! and never guesses: a fragment of an answer is damage, any other text is kept.
-//! Knows nothing of order or time; that is [`crate::link`]. Source: the protocol
-//! of grbl 1.1, as its interface documentation and its builds have it.
+//! Knows the texts of grbl 1.1, grblHAL and FluidNC; compares whole lines and never
+//! guesses: a fragment of an answer is damage, any other text is kept. `status` reads
+//! what stands in angle brackets, `message` what stands in square ones. Knows nothing of
+//! order or time; that is [`crate::link`]. Source: the protocol of grbl 1.1, as its
+//! interface documentation, its builds and its relatives have it.
 
+mod damage;
+mod message;
+mod modal;
+mod number;
 mod status;
 
-pub use status::{ControllerState, StatusReport};
+pub use message::{Message, Severity};
+pub use modal::ModalWords;
+pub use status::{Accessories, ControllerState, StatusReport};
 
-use cnc_msgs::geometry::Position;
+use number::{parse_code, parse_count};
 use serde::{Deserialize, Serialize};
 
 /// The unit of lengths in reports, setting `$13`.
@@ -56,6 +63,8 @@ pub enum Report {
     Message(Message),
     /// `$110=500.000`
     Setting { number: u16, value: String },
+    /// A setting with a name, as FluidNC has them: `$/axes/x/max_rate_mm_per_min=5000.000`.
+    NamedSetting { name: String, value: String },
     /// A stored start-up line or what it did: `$N0=G54`, `>G54:ok`.
     StartupLine(String),
     /// Nothing between two line ends.
@@ -66,43 +75,21 @@ pub enum Report {
     Unknown(String),
 }
 
-/// A line in brackets.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Message {
-    /// `[VER:1.1h.20190830:]`
-    Version(String),
-    /// `[OPT:V,15,128]`: build letters, planner blocks, receive buffer in bytes.
-    Options { letters: String, planner_blocks: Option<u16>, receive_bytes: Option<u16> },
-    /// `[GC:G0 G54 G17 G21 G90 G94 M5 M9 T0 F0 S0]`: the words in force.
-    ParserState(String),
-    /// `[PRB:5.000,0.000,-3.988:1]`, machine frame, mm.
-    Probe { position: Position, has_touched: bool },
-    /// `[G54:0.000,0.000,0.000]`, also G28, G30 and G92; mm.
-    Offset { name: String, position: Position },
-    /// `[TLO:0.000]`, mm.
-    ToolLength(f64),
-    /// `[FIRMWARE:grblHAL]`
-    Firmware(String),
-    /// `[MSG:Reset to continue]`
-    Text(String),
-    /// Any other bracket, as it stands.
-    Other(String),
-}
-
 /// Reads one line, without its line end.
 pub fn parse(line: &[u8], units: ReportUnits) -> Report {
     let line = line.trim_ascii();
     let text = String::from_utf8_lossy(line).into_owned();
-    let printable = line.iter().all(|byte| (0x20..0x7f).contains(byte));
     match line {
         [] => Report::Empty,
         b"ok" => Report::Ok,
-        // Messages may hold any text; everything else is plain ASCII.
-        [b'[', .., b']'] => Report::Message(parse_message(&text[1..text.len() - 1], units)),
-        _ if !printable => Report::Damaged(text),
-        [b'<', .., b'>'] => status::parse(&text[1..text.len() - 1], units)
+        // Messages may hold any text, but no answer beside it.
+        [b'[', inside @ .., b']'] if !damage::holds_a_line_border(inside) => {
+            Report::Message(Message::read(&text[1..text.len() - 1], units))
+        }
+        [b'<', .., b'>'] => StatusReport::read(&text[1..text.len() - 1], units)
             .map_or(Report::Damaged(text), Report::Status),
-        [b'>', ..] => Report::StartupLine(text),
+        // Everything else is plain ASCII.
+        _ if !line.iter().all(|byte| (0x20..0x7f).contains(byte)) => Report::Damaged(text),
         _ => parse_text(text),
     }
 }
@@ -114,114 +101,71 @@ fn parse_text(text: String) -> Report {
     if let Some(code) = text.strip_prefix("ALARM:").and_then(parse_code) {
         return Report::Alarm(code);
     }
-    if let Some(firmware) = banner_firmware(&text) {
-        return Report::Banner { firmware, text };
+    if is_startup_line(&text) {
+        return Report::StartupLine(text);
     }
-    if let Some((number, value)) = text.strip_prefix('$').and_then(|rest| rest.split_once('=')) {
-        if let Some(number) = parse_code(number) {
-            return Report::Setting { number, value: value.to_owned() };
-        }
-        if number.strip_prefix('N').and_then(parse_code).is_some() {
-            return Report::StartupLine(text);
-        }
+    if let Some((name, value)) = text.strip_prefix('$').and_then(|rest| rest.split_once('='))
+        && !damage::ends_in_an_answer(value)
+        && let Some(setting) = setting(name, value)
+    {
+        return setting;
     }
-    if is_fragment(&text) { Report::Damaged(text) } else { Report::Unknown(text) }
+    if damage::is_fragment(&text) {
+        return Report::Damaged(text);
+    }
+    match banner_firmware(&text) {
+        Some(firmware) => Report::Banner { firmware, text },
+        // The end of one, or of a message.
+        None if text.ends_with(']') => Report::Damaged(text),
+        None => Report::Unknown(text),
+    }
+}
+
+/// `>G54:ok`, `>G54:error:20`, `$N0=G54`.
+fn is_startup_line(text: &str) -> bool {
+    let is_answered = |rest: &str| {
+        let head = rest.strip_suffix(":ok").or_else(|| {
+            let (head, code) = rest.rsplit_once(":error:")?;
+            parse_code(code).map(|_| head)
+        });
+        head.is_some_and(|head| !head.is_empty() && !damage::ends_in_an_answer(head))
+    };
+    let is_stored = |rest: &str| {
+        let Some((number, line)) = rest.split_once('=') else { return false };
+        parse_count(number).is_some() && !line.ends_with("ok") && !damage::ends_in_an_answer(line)
+    };
+    text.strip_prefix('>').is_some_and(is_answered)
+        || text.strip_prefix("$N").is_some_and(is_stored)
+}
+
+fn setting(name: &str, value: &str) -> Option<Report> {
+    let (name, value) = (name.to_owned(), value.to_owned());
+    if name.bytes().all(|byte| byte.is_ascii_digit()) {
+        let number = parse_count(&name)?;
+        return Some(Report::Setting { number, value });
+    }
+    let is_name = name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"/_-.".contains(&byte));
+    let is_stored_line = name.strip_prefix('N').and_then(parse_count).is_some();
+    (is_name && !is_stored_line).then_some(Report::NamedSetting { name, value })
 }
 
 /// `Grbl 1.1h ['$' for help]`, `GrblHAL 1.1f ['$' or '$HELP' for help]`,
-/// `Grbl 3.9 [FluidNC v3.9.5 (wifi) '$' for help]`.
+/// `Grbl 3.9 [FluidNC v3.9.5 (wifi) '$' for help]`. FluidNC lets its owner word the
+/// line, so the name alone counts; one that broke off has a bracket that is not closed.
 fn banner_firmware(text: &str) -> Option<Firmware> {
-    let (rest, is_hal) = match text.get(..7) {
-        Some(name) if name.eq_ignore_ascii_case("grblHAL") => (&text[7..], true),
-        _ => (text.strip_prefix("Grbl")?, false),
-    };
-    let version = rest.strip_prefix(' ')?;
-    if !version.starts_with(|c: char| c.is_ascii_digit()) || !version.ends_with("for help]") {
+    let is_whole = text.matches('[').count() == text.matches(']').count();
+    if !is_whole || text.contains('|') {
         return None;
     }
-    Some(match is_hal {
-        true => Firmware::GrblHal,
-        false if version.contains("FluidNC") => Firmware::FluidNc,
-        false => Firmware::Grbl,
+    if text.contains("FluidNC") {
+        return Some(Firmware::FluidNc);
+    }
+    let mut words = text.split(' ');
+    words.find_map(|word| match word.to_ascii_lowercase().as_str() {
+        "grbl" => Some(Firmware::Grbl),
+        "grblhal" => Some(Firmware::GrblHal),
+        _ => None,
     })
-}
-
-/// Whether the text is what remains of an answer, or several lines run together.
-fn is_fragment(text: &str) -> bool {
-    let is_short_remainder = text.len() <= 3 && text.contains(['o', 'k']);
-    let ends_like_an_error = text
-        .rsplit_once(':')
-        .is_some_and(|(head, code)| parse_code(code).is_some() && "error ALARM".contains(head));
-    is_short_remainder
-        || text.starts_with("ok")
-        || text.ends_with("ok")
-        || text.starts_with("err")
-        || text.starts_with("ALA")
-        || text.contains("error:")
-        || text.contains("ALARM:")
-        || ends_like_an_error
-        || text.starts_with(['<', '['])
-        || text.ends_with(['>', ']'])
-        || text.to_ascii_lowercase().starts_with("grbl")
-}
-
-fn parse_message(text: &str, units: ReportUnits) -> Message {
-    let other = || Message::Other(text.to_owned());
-    let Some((key, value)) = text.split_once(':') else { return other() };
-    match key {
-        "VER" => Message::Version(value.to_owned()),
-        "OPT" => {
-            let mut fields = value.split(',');
-            Message::Options {
-                letters: fields.next().unwrap_or_default().to_owned(),
-                planner_blocks: fields.next().and_then(parse_code),
-                receive_bytes: fields.next().and_then(parse_code),
-            }
-        }
-        "GC" => Message::ParserState(value.to_owned()),
-        "MSG" => Message::Text(value.to_owned()),
-        "FIRMWARE" => Message::Firmware(value.to_owned()),
-        "TLO" => parse_number(value)
-            .map_or_else(other, |length| Message::ToolLength(length * units.millimetres())),
-        "PRB" => match value.split_once(':') {
-            Some((place, hit @ ("0" | "1"))) => {
-                parse_position(place, units).map_or_else(other, |position| Message::Probe {
-                    position,
-                    has_touched: hit == "1",
-                })
-            }
-            _ => other(),
-        },
-        _ if key.starts_with('G') => parse_position(value, units)
-            .map_or_else(other, |position| Message::Offset { name: key.to_owned(), position }),
-        _ => other(),
-    }
-}
-
-/// A number of digits alone that fits.
-fn parse_code(text: &str) -> Option<u16> {
-    (text.bytes().all(|byte| byte.is_ascii_digit())).then(|| text.parse().ok())?
-}
-
-/// A decimal number as the firmware prints it: no exponent, no plus sign.
-fn parse_number(text: &str) -> Option<f64> {
-    let digits = text.strip_prefix('-').unwrap_or(text);
-    let is_plain = digits.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
-    (is_plain && (1..=20).contains(&digits.len())).then(|| text.parse().ok())?
-}
-
-/// The first three of three to eight axes, in millimetres.
-fn parse_position(text: &str, units: ReportUnits) -> Option<Position> {
-    let mut position = [0.0; 3];
-    let mut count = 0;
-    for field in text.split(',') {
-        let value = parse_number(field)?;
-        if let Some(slot) = position.get_mut(count) {
-            *slot = value * units.millimetres();
-        }
-        count += 1;
-    }
-    (3..=8).contains(&count).then_some(position)
 }
 
 #[cfg(test)]

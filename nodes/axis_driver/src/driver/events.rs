@@ -39,6 +39,7 @@ impl Driver {
                 }
             }
             LinkEvent::Setting { number, value } => self.machine.on_setting(number, &value),
+            LinkEvent::NamedSetting { .. } => {}
             LinkEvent::Text(text) => self.on_text(&text),
             LinkEvent::Fault(fault) => self.on_fault(&fault),
             LinkEvent::Silent => self.on_silence(),

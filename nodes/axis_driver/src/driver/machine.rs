@@ -125,7 +125,7 @@ impl Machine {
     /// Takes a message; gives the receive buffer when it tells of it.
     pub(super) fn on_message(&mut self, message: &Message) -> Option<Option<u16>> {
         match message {
-            Message::Options { letters, planner_blocks, receive_bytes } => {
+            Message::Options { letters, planner_blocks, receive_bytes, .. } => {
                 self.options.clone_from(letters);
                 self.has_mist = letters.contains('M');
                 self.homes_one_by_one = letters.contains('H');

@@ -2,6 +2,10 @@
 
 /// No firmware says more than this in a line; what is longer is garbage.
 const LINE_BYTES_MAX: usize = 1024;
+/// Software flow control, which another program may have switched on. The window
+/// leaves nothing to throttle, so it is passed over.
+const XON: u8 = 0x11;
+const XOFF: u8 = 0x13;
 
 /// Collects bytes up to a line end. Never holds more than [`LINE_BYTES_MAX`].
 #[derive(Debug, Default)]
@@ -20,12 +24,13 @@ impl Framer {
         &self.line
     }
 
-    /// Gives the line that this byte ends. A carriage return is dropped; a line
-    /// that grows too long is given as it is, to be seen as the damage it is.
+    /// Gives the line that this byte ends, with the carriage return before it; one in
+    /// the middle of a line stays there, to be seen as the damage it is. So does a line
+    /// that grows too long.
     pub(super) fn push(&mut self, byte: u8) -> Option<Vec<u8>> {
         match byte {
             b'\n' => Some(std::mem::take(&mut self.line)),
-            b'\r' => None,
+            XON | XOFF => None,
             _ => {
                 self.line.push(byte);
                 (self.line.len() >= LINE_BYTES_MAX).then(|| std::mem::take(&mut self.line))

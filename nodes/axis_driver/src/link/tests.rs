@@ -133,6 +133,16 @@ fn damage_is_a_fault_and_other_text_is_not() {
 }
 
 #[test]
+fn a_line_end_in_the_middle_of_an_answer_is_damage_and_flow_control_is_none() {
+    let mut link = started();
+    link.send_line("G1X1", LineKind::Motion, 1);
+    link.receive(ms(1), b"o\rk\r\n");
+    assert!(matches!(faults(&mut link)[..], [LinkFault::Damaged { .. }]));
+    link.receive(ms(2), b"\x13\x11ok\r\n\x11");
+    assert_eq!(events(&mut link), [LinkEvent::Answer { tag: 1, error: None }]);
+}
+
+#[test]
 fn garbage_without_a_line_end_is_seen_and_not_hoarded() {
     let mut link = started();
     link.receive(ms(1), &[b'U'; 5000]);

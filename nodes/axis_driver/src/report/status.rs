@@ -1,9 +1,11 @@
 //! The status report `<State:sub|field:values|...>`.
 //!
-//! Only the state is always there; fields come in any order, and those that
-//! nobody here knows are kept as they stand.
+//! Only the state and a position are always there; fields come in any order, and those
+//! that nobody here knows are kept as they stand.
 
-use super::{ReportUnits, parse_code, parse_number, parse_position};
+use super::number::{parse_count, parse_number, parse_position, parse_work_system};
+use super::{Firmware, ReportUnits};
+use cnc_msgs::contour::SpindleMode;
 use cnc_msgs::geometry::Position;
 use serde::{Deserialize, Serialize};
 
@@ -20,10 +22,10 @@ pub enum ControllerState {
     Home,
     Sleep,
     Tool,
-    /// A word that is not known here; empty on some builds.
+    /// No word at all, as some builds have it.
     #[default]
     Unnamed,
-    /// A word that is not known here.
+    /// A word that is not known here, or that says nothing yet: `Starting`.
     Other(String),
 }
 
@@ -46,17 +48,39 @@ impl ControllerState {
     }
 }
 
+/// Which spindle and coolant outputs are on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Accessories {
+    pub spindle: SpindleMode,
+    pub flood: bool,
+    pub mist: bool,
+}
+
+impl Accessories {
+    /// Reads `SFM`; letters that are not known here are passed over.
+    fn from_letters(letters: &str) -> Self {
+        let spindle = match (letters.contains('S'), letters.contains('C')) {
+            (_, true) => SpindleMode::CounterClockwise,
+            (true, false) => SpindleMode::Clockwise,
+            (false, false) => SpindleMode::Off,
+        };
+        Self { spindle, flood: letters.contains('F'), mist: letters.contains('M') }
+    }
+}
+
 /// One status report; lengths in mm, feed in mm/min, machine or work frame as named.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct StatusReport {
     pub state: ControllerState,
-    /// `Hold:0` has stopped, `Hold:1` decelerates; `Door` likewise.
+    /// `Hold:0` has stopped, `Hold:1` decelerates; `Door` likewise; `Alarm:11`.
     pub substate: Option<u8>,
     pub machine_position: Option<Position>,
     pub work_position: Option<Position>,
     /// Work position = machine position - this.
     pub work_offset: Option<Position>,
     pub feed_mm_per_min: Option<f64>,
+    /// As programmed, with its override.
     pub spindle_rpm: Option<f64>,
     /// Free planner blocks and free bytes of the receive buffer.
     pub free: Option<(u16, u16)>,
@@ -66,9 +90,16 @@ pub struct StatusReport {
     pub pins: Option<String>,
     /// Feed, rapid and spindle override, percent.
     pub overrides_percent: Option<[u8; 3]>,
-    /// Spindle and coolant that are on: S C F M. Absent beside overrides: all off.
+    /// Letters of what is on; see [`Self::accessories_on`].
     pub accessories: Option<String>,
-    /// Fields that are not known here: name and values.
+    /// `WCS:G54`: 1 to 6 for G54 to G59, 7 to 9 for G59.1 to G59.3. grblHAL, on change.
+    pub work_system: Option<u8>,
+    /// `H:1`: all axes that have to be are homed. grblHAL, on change.
+    pub is_homed: Option<bool>,
+    /// `T:2`: the tool in the spindle, as the controller counts. grblHAL, on change.
+    pub tool: Option<u32>,
+    /// Fields that are not known here: name and values. Among them `TLR`, which says that
+    /// a reference for tool lengths was taken, not that a tool length is in force.
     pub others: Vec<(String, String)>,
 }
 
@@ -77,7 +108,7 @@ impl StatusReport {
     pub fn is_moving(&self) -> bool {
         match self.state {
             ControllerState::Run | ControllerState::Jog | ControllerState::Home => true,
-            ControllerState::Hold => self.substate == Some(1),
+            ControllerState::Hold => !matches!(self.substate, None | Some(0)),
             ControllerState::Door => !matches!(self.substate, None | Some(0 | 1)),
             _ => false,
         }
@@ -87,52 +118,101 @@ impl StatusReport {
     pub fn is_held(&self) -> bool {
         matches!(self.state, ControllerState::Hold | ControllerState::Door) && !self.is_moving()
     }
-}
 
-/// Reads what stands between the angle brackets; `None` for a damaged report.
-pub(super) fn parse(text: &str, units: ReportUnits) -> Option<StatusReport> {
-    if text.contains(['<', '>']) {
-        return None;
+    /// What is on, where this report tells; `None` leaves it as it was.
+    ///
+    /// grbl and FluidNC print it beside the overrides and leave it out when all is off;
+    /// with grblHAL only what is printed counts.
+    pub fn accessories_on(&self, firmware: Firmware) -> Option<Accessories> {
+        let is_left_out = firmware != Firmware::GrblHal && self.overrides_percent.is_some();
+        let letters = self.accessories.as_deref().or(is_left_out.then_some(""));
+        letters.map(Accessories::from_letters)
     }
-    let mut fields = text.split('|');
-    let (word, substate) = match fields.next()?.split_once(':') {
-        Some((word, substate)) => (word, Some(u8::try_from(parse_code(substate)?).ok()?)),
-        None => (text.split('|').next()?, None),
-    };
-    if !word.bytes().all(|byte| byte.is_ascii_alphabetic()) {
-        return None;
-    }
-    let state = ControllerState::from_word(word);
-    let mut report = StatusReport { state, substate, ..StatusReport::default() };
-    for field in fields {
-        let (key, value) = field.split_once(':').unwrap_or(("", field));
-        match key {
-            "MPos" => report.machine_position = Some(parse_position(value, units)?),
-            "WPos" => report.work_position = Some(parse_position(value, units)?),
-            "WCO" => report.work_offset = Some(parse_position(value, units)?),
-            "FS" => {
-                let mut numbers = value.split(',').map(parse_number);
-                report.feed_mm_per_min = Some(numbers.next()?? * units.millimetres());
-                report.spindle_rpm = Some(numbers.next()??);
+
+    /// Reads what stands between the angle brackets; `None` for a damaged report.
+    pub(super) fn read(text: &str, units: ReportUnits) -> Option<Self> {
+        let mut fields = text.split('|');
+        let (state, substate) = read_state(fields.next()?)?;
+        let mut report = Self { state, substate, ..Self::default() };
+        let mut keys: Vec<&str> = Vec::new();
+        for field in fields {
+            let (key, value) = field.split_once(':').unwrap_or(("", field));
+            // A field that comes twice is two reports in one.
+            if !key.is_empty() && keys.contains(&key) {
+                return None;
             }
-            "F" => report.feed_mm_per_min = Some(parse_number(value)? * units.millimetres()),
+            keys.push(key);
+            report.read_field(key, value, field, units)?;
+        }
+        (report.machine_position.is_some() || report.work_position.is_some()).then_some(report)
+    }
+
+    fn read_field(
+        &mut self,
+        key: &str,
+        value: &str,
+        field: &str,
+        units: ReportUnits,
+    ) -> Option<()> {
+        // The name of a file may hold letters of any language.
+        let is_plain = field.bytes().all(|byte| (0x20..0x7f).contains(&byte));
+        let is_name = key == "SD" && !field.contains(char::REPLACEMENT_CHARACTER);
+        if field.contains(['<', '>']) || !(is_plain || is_name) {
+            return None;
+        }
+        match key {
+            "MPos" => self.machine_position = Some(parse_position(value, units)?),
+            "WPos" => self.work_position = Some(parse_position(value, units)?),
+            "WCO" => self.work_offset = Some(parse_position(value, units)?),
+            "FS" => {
+                // A third number is the speed that was measured.
+                let mut numbers = value.split(',').map(parse_number);
+                self.feed_mm_per_min = Some(numbers.next()?? * units.millimetres());
+                self.spindle_rpm = Some(numbers.next()??);
+            }
+            "F" => self.feed_mm_per_min = Some(parse_number(value)? * units.millimetres()),
             "Bf" => {
                 let (blocks, bytes) = value.split_once(',')?;
-                report.free = Some((parse_code(blocks)?, parse_code(bytes)?));
+                self.free = Some((parse_count(blocks)?, parse_count(bytes)?));
             }
-            "Ln" => report.line = Some(value.parse().ok()?),
-            "Pn" => report.pins = Some(value.to_owned()),
+            "Ln" => self.line = Some(value.parse().ok()?),
+            "Pn" => self.pins = Some(value.to_owned()),
             "Ov" => {
                 let mut percents = [0; 3];
                 let mut numbers = value.split(',');
                 for percent in &mut percents {
                     *percent = numbers.next()?.parse().ok()?;
                 }
-                report.overrides_percent = Some(percents);
+                self.overrides_percent = Some(percents);
             }
-            "A" => report.accessories = Some(value.to_owned()),
-            _ => report.others.push((key.to_owned(), value.to_owned())),
+            "A" => self.accessories = Some(value.to_owned()),
+            "WCS" if parse_work_system(value).is_some() => {
+                self.work_system = parse_work_system(value);
+            }
+            // The axes that are homed may follow.
+            "H" if matches!(value.split(',').next(), Some("0" | "1")) => {
+                self.is_homed = Some(value.starts_with('1'));
+            }
+            "T" if value.parse::<u32>().is_ok() => self.tool = value.parse().ok(),
+            _ if key.is_empty() => self.others.push((String::new(), field.to_owned())),
+            _ => self.others.push((key.to_owned(), value.to_owned())),
         }
+        Some(())
     }
-    Some(report)
+}
+
+/// `Idle`, `Hold:0`, `Alarm:11`, or nothing at all.
+fn read_state(text: &str) -> Option<(ControllerState, Option<u8>)> {
+    let (word, substate) = match text.split_once(':') {
+        Some((word, digits)) => {
+            // Some builds print a substate below zero as a huge one.
+            let is_number =
+                (1..=10).contains(&digits.len()) && digits.bytes().all(|b| b.is_ascii_digit());
+            let number: u64 = is_number.then(|| digits.parse().ok())??;
+            (word, Some(u8::try_from(number).unwrap_or(u8::MAX)))
+        }
+        None => (text, None),
+    };
+    let is_word = word.bytes().all(|byte| byte.is_ascii_alphabetic());
+    is_word.then(|| (ControllerState::from_word(word), substate))
 }
