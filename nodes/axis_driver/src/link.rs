@@ -6,38 +6,21 @@
 //! and lines no longer match. Decides nothing about programs; that is
 //! [`crate::driver`]. `T` is whatever the caller wants back with a line's answer.
 
+mod buffer;
+mod event;
 mod framing;
 mod health;
+pub mod realtime;
 
-use crate::report::{self, Firmware, Message, Report, ReportUnits, StatusReport};
+pub use event::{LinkEvent, LinkFault};
+
+use crate::report::{self, Report, ReportUnits, StatusReport};
+use buffer::{Buffer, Counted};
 use framing::Framer;
-use health::{Health, Unanswered};
+use health::Health;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::Duration;
-
-/// Bytes that act at once, wherever they stand.
-pub mod realtime {
-    pub const SOFT_RESET: u8 = 0x18;
-    pub const STATUS: u8 = b'?';
-    pub const FEED_HOLD: u8 = b'!';
-    pub const RESUME: u8 = b'~';
-    pub const SAFETY_DOOR: u8 = 0x84;
-    pub const JOG_CANCEL: u8 = 0x85;
-    pub const FEED_100: u8 = 0x90;
-    pub const FEED_PLUS_10: u8 = 0x91;
-    pub const FEED_MINUS_10: u8 = 0x92;
-    pub const FEED_PLUS_1: u8 = 0x93;
-    pub const FEED_MINUS_1: u8 = 0x94;
-    pub const RAPID_100: u8 = 0x95;
-    pub const RAPID_50: u8 = 0x96;
-    pub const RAPID_25: u8 = 0x97;
-    pub const SPINDLE_100: u8 = 0x99;
-    pub const SPINDLE_PLUS_10: u8 = 0x9a;
-    pub const SPINDLE_MINUS_10: u8 = 0x9b;
-    pub const SPINDLE_PLUS_1: u8 = 0x9c;
-    pub const SPINDLE_MINUS_1: u8 = 0x9d;
-}
 
 /// The receive buffer of grbl 1.1 on an ATmega328, bytes; what is not told is this.
 const RECEIVE_BYTES_DEFAULT: u16 = 128;
@@ -53,7 +36,8 @@ pub struct LinkConfig {
     pub baud: u32,
     /// What is queued before a real-time byte takes at most this long on the wire, ms.
     pub hold_latency_ms_max: u32,
-    /// Believed instead of what the controller tells of its receive buffer, bytes.
+    /// The size of the receive buffer where the controller does not tell it, bytes; where
+    /// it does, the smaller of the two holds.
     pub receive_buffer_bytes: Option<u16>,
     /// Time between two status requests, ms.
     pub poll_interval_ms: u32,
@@ -72,52 +56,6 @@ pub enum LineKind {
     Silent,
 }
 
-/// What happened.
-#[derive(Debug, Clone, PartialEq)]
-pub enum LinkEvent<T> {
-    /// The oldest line was answered; `error` is the code when it was refused.
-    Answer {
-        tag: T,
-        error: Option<u16>,
-    },
-    /// Motion is locked. Lines that were not answered may never be.
-    Alarm(u16),
-    /// The controller (re)started; all lines that were not answered are gone.
-    Banner {
-        firmware: Firmware,
-        text: String,
-    },
-    Status(StatusReport),
-    Message(Message),
-    Setting {
-        number: u16,
-        value: String,
-    },
-    NamedSetting {
-        name: String,
-        value: String,
-    },
-    /// Text without meaning here.
-    Text(String),
-    /// The count of answers can no longer be trusted.
-    Fault(LinkFault),
-    /// Three status requests in a row were not answered.
-    Silent,
-}
-
-/// Why the count of answers can no longer be trusted.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum LinkFault {
-    #[error("the controller answered a line that was never sent")]
-    UnexpectedAnswer,
-    #[error("the controller is idle but {lines} lines have no answer: an answer was lost")]
-    LostAnswer { lines: usize },
-    #[error("a damaged line was received: {text:?}")]
-    Damaged { text: String },
-    #[error("the controller holds {held} bytes, {sent} were counted: an answer came twice")]
-    Overfilled { held: usize, sent: usize },
-}
-
 #[derive(Debug)]
 struct Sent<T> {
     /// What was written for it, with its line end.
@@ -133,6 +71,8 @@ pub struct LinkAtRest {
     receive_bytes: u16,
     is_forgiving: bool,
     health: Health,
+    #[serde(default)]
+    buffer: Buffer,
     /// The beginning of a line whose end has not come yet.
     unfinished: Vec<u8>,
 }
@@ -149,6 +89,7 @@ pub struct Link<T> {
     /// An alarm or a reset came: answers mean nothing until the next banner.
     is_forgiving: bool,
     health: Health,
+    buffer: Buffer,
     urgent: Vec<u8>,
     lines: Vec<u8>,
     events: VecDeque<LinkEvent<T>>,
@@ -166,13 +107,14 @@ impl<T> Link<T> {
             receive_bytes: self.receive_bytes,
             is_forgiving: self.is_forgiving,
             health: self.health.clone(),
+            buffer: self.buffer.clone(),
             unfinished: self.framer.unfinished().to_vec(),
         })
     }
 
     /// A link that goes on from there.
     pub fn from_rest(config: LinkConfig, rest: LinkAtRest) -> Self {
-        let LinkAtRest { units, receive_bytes, is_forgiving, health, unfinished } = rest;
+        let LinkAtRest { units, receive_bytes, is_forgiving, health, buffer, unfinished } = rest;
         Self {
             config,
             framer: Framer::with(unfinished),
@@ -182,6 +124,7 @@ impl<T> Link<T> {
             in_flight_bytes: 0,
             is_forgiving,
             health,
+            buffer,
             urgent: Vec::new(),
             lines: Vec::new(),
             events: VecDeque::new(),
@@ -199,6 +142,7 @@ impl<T> Link<T> {
             in_flight_bytes: 0,
             is_forgiving: true,
             health: Health::new(config.poll_interval_ms, now),
+            buffer: Buffer::default(),
             urgent: Vec::new(),
             lines: Vec::new(),
             events: VecDeque::new(),
@@ -210,17 +154,20 @@ impl<T> Link<T> {
         self.units = units;
     }
 
-    /// Takes the size of the receive buffer that `[OPT:]` told, bytes.
+    /// Takes the size of the receive buffer that `[OPT:]` told, bytes; FluidNC tells none.
     pub fn set_receive_bytes(&mut self, bytes: Option<u16>) {
         let told = bytes.filter(|bytes| *bytes > RECEIVE_BYTES_SPARE);
-        self.receive_bytes =
-            self.config.receive_buffer_bytes.or(told).unwrap_or(RECEIVE_BYTES_DEFAULT);
+        let sizes = [self.config.receive_buffer_bytes, told];
+        self.receive_bytes = sizes.into_iter().flatten().min().unwrap_or(RECEIVE_BYTES_DEFAULT);
+        self.buffer.set_told(told);
     }
 
-    /// The most bytes that may be unanswered: the receive buffer less one, or what
-    /// the wire carries within the hold latency, whichever is less.
+    /// The most bytes that may be unanswered: the receive buffer less one, what it had
+    /// free when nothing was under way, or what the wire carries within the hold latency,
+    /// whichever is least.
     pub fn window(&self) -> usize {
-        let buffer = u64::from(self.receive_bytes.saturating_sub(RECEIVE_BYTES_SPARE));
+        let told = self.receive_bytes.saturating_sub(RECEIVE_BYTES_SPARE);
+        let buffer = u64::from(self.buffer.free_at_rest().unwrap_or(told).min(told));
         let bits = u64::from(self.config.hold_latency_ms_max) * u64::from(self.config.baud) / 1000;
         usize::try_from(buffer.min(bits / BITS_PER_BYTE)).unwrap_or(usize::MAX)
     }
@@ -264,11 +211,16 @@ impl<T> Link<T> {
         let bytes = text.len() + 1;
         self.in_flight_bytes += bytes;
         self.in_flight.push_back(Sent { bytes, kind, tag });
-        self.health.on_line_sent(self.in_flight_bytes);
+        self.health.on_line_sent();
+        self.buffer.on_line_sent();
     }
 
     /// Sends a byte that acts at once, before all lines that wait for the port.
+    ///
+    /// # Panics
+    /// When it is none of [`realtime`]: others mean what nobody here has thought of.
     pub fn send_realtime(&mut self, byte: u8) {
+        assert!(realtime::is_named(byte), "not a real-time byte: {byte:#04x}");
         self.urgent.push(byte);
     }
 
@@ -278,7 +230,7 @@ impl<T> Link<T> {
         self.urgent.push(realtime::SOFT_RESET);
         self.forget();
         self.is_forgiving = true;
-        self.health.restart(now);
+        self.restart(now);
     }
 
     /// Asks for status at the next opportunity: something has changed.
@@ -305,8 +257,13 @@ impl<T> Link<T> {
     pub fn handle_time(&mut self, now: Duration) {
         let is_silence_expected =
             self.in_flight.front().is_some_and(|sent| sent.kind == LineKind::Silent);
+        let is_repeated = self.health.is_asked();
         if self.health.poll_is_due(now, is_silence_expected) {
             self.urgent.push(realtime::STATUS);
+            // The lines that wait for the port go behind it.
+            let waiting = self.lines.len();
+            let sent = self.in_flight_bytes.saturating_sub(waiting);
+            self.buffer.on_request(sent, waiting, is_repeated);
             if self.health.is_silent_now() {
                 self.events.push_back(LinkEvent::Silent);
             }
@@ -345,20 +302,10 @@ impl<T> Link<T> {
             Report::Banner { firmware, text } => {
                 self.forget();
                 self.is_forgiving = false;
-                self.health.restart(now);
+                self.restart(now);
                 self.events.push_back(LinkEvent::Banner { firmware, text });
             }
-            Report::Status(status) => {
-                let oldest = self.in_flight.front().map(|sent| sent.kind);
-                let unanswered =
-                    Unanswered { lines: self.in_flight.len(), bytes: self.in_flight_bytes };
-                let fault =
-                    self.health.on_status(now, &status, oldest, unanswered, self.receive_bytes);
-                self.events.push_back(LinkEvent::Status(status));
-                if let Some(fault) = fault.filter(|_| !self.is_forgiving) {
-                    self.events.push_back(LinkEvent::Fault(fault));
-                }
-            }
+            Report::Status(status) => self.on_status(now, status),
             Report::Message(message) => self.events.push_back(LinkEvent::Message(message)),
             Report::Setting { number, value } => {
                 self.events.push_back(LinkEvent::Setting { number, value });
@@ -376,17 +323,39 @@ impl<T> Link<T> {
         }
     }
 
+    fn on_status(&mut self, now: Duration, status: StatusReport) {
+        let oldest = self.in_flight.front();
+        let counted = Counted {
+            bytes: self.in_flight_bytes,
+            oldest_bytes: oldest.map_or(0, |sent| sent.bytes),
+        };
+        let is_asked = self.health.is_asked();
+        let disagreement = self.buffer.on_status(&status, counted, is_asked, self.receive_bytes);
+        let kind = oldest.map(|sent| sent.kind);
+        let fault = self.health.on_status(now, &status, kind, self.in_flight.len());
+        self.events.push_back(LinkEvent::Status(status));
+        if let Some(fault) = fault.or(disagreement).filter(|_| !self.is_forgiving) {
+            self.events.push_back(LinkEvent::Fault(fault));
+        }
+    }
+
     fn on_answer(&mut self, error: Option<u16>) {
         self.health.on_answer();
         match self.in_flight.pop_front() {
             Some(Sent { bytes, tag, .. }) => {
                 self.in_flight_bytes -= bytes;
+                self.buffer.on_answer(bytes);
                 self.events.push_back(LinkEvent::Answer { tag, error });
             }
             // A line that was under way may still be answered before the banner.
             None if self.is_forgiving => {}
             None => self.events.push_back(LinkEvent::Fault(LinkFault::UnexpectedAnswer)),
         }
+    }
+
+    fn restart(&mut self, now: Duration) {
+        self.health.restart(now);
+        self.buffer.restart();
     }
 
     fn forget(&mut self) {

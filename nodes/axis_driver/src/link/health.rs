@@ -1,7 +1,7 @@
-//! Whether the other end is there and both ends count the same.
+//! Whether the other end is there and answers.
 //!
-//! Asks for status at a fixed rate with one request outstanding, and compares what
-//! reports say of the controller's buffers with what was sent.
+//! Asks for status at a fixed rate with one request outstanding, and notices an answer
+//! that does not come while the controller has nothing else to do.
 
 use super::{LineKind, LinkFault};
 use crate::report::{ControllerState, StatusReport};
@@ -15,15 +15,6 @@ const MISSED_POLLS_MAX: u32 = 3;
 const IDLE_WITHOUT_ANSWER: Duration = Duration::from_millis(600);
 /// The same for a line that takes its time, a spindle that gets up to speed.
 const SLOW_WITHOUT_ANSWER: Duration = Duration::from_secs(60);
-/// Reports in a row that must show more bytes held than were sent.
-const OVERFILLED_REPORTS: u32 = 2;
-
-/// What was sent and not answered.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Unanswered {
-    pub(super) lines: usize,
-    pub(super) bytes: usize,
-}
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Health {
@@ -34,9 +25,6 @@ pub(super) struct Health {
     missed: u32,
     last_status_at: Option<Duration>,
     idle_since: Option<Duration>,
-    /// The most bytes that were unanswered since the last report.
-    peak_bytes: usize,
-    overfilled: u32,
 }
 
 impl Health {
@@ -49,8 +37,6 @@ impl Health {
             missed: 0,
             last_status_at: None,
             idle_since: None,
-            peak_bytes: 0,
-            overfilled: 0,
         }
     }
 
@@ -60,8 +46,6 @@ impl Health {
         self.is_deaf = false;
         self.missed = 0;
         self.idle_since = None;
-        self.peak_bytes = 0;
-        self.overfilled = 0;
         self.next_poll_at = now + self.interval;
     }
 
@@ -84,9 +68,13 @@ impl Health {
         self.last_status_at
     }
 
-    pub(super) fn on_line_sent(&mut self, in_flight_bytes: usize) {
+    /// Whether a request is under way.
+    pub(super) fn is_asked(&self) -> bool {
+        self.is_asked
+    }
+
+    pub(super) fn on_line_sent(&mut self) {
         self.idle_since = None;
-        self.peak_bytes = self.peak_bytes.max(in_flight_bytes);
     }
 
     pub(super) fn on_answer(&mut self) {
@@ -112,30 +100,19 @@ impl Health {
         self.missed == MISSED_POLLS_MAX
     }
 
-    /// Takes a report; `oldest` is the kind of the oldest line without an answer.
+    /// Takes a report; `oldest` is the kind of the oldest of so many lines without an
+    /// answer.
     pub(super) fn on_status(
-        &mut self,
-        now: Duration,
-        status: &StatusReport,
-        oldest: Option<LineKind>,
-        unanswered: Unanswered,
-        receive_bytes: u16,
-    ) -> Option<LinkFault> {
-        self.is_asked = false;
-        self.is_deaf = false;
-        self.missed = 0;
-        self.last_status_at = Some(now);
-        self.lost_answer(now, status, oldest, unanswered.lines)
-            .or_else(|| self.overfilled(status, unanswered.bytes, receive_bytes))
-    }
-
-    fn lost_answer(
         &mut self,
         now: Duration,
         status: &StatusReport,
         oldest: Option<LineKind>,
         lines: usize,
     ) -> Option<LinkFault> {
+        self.is_asked = false;
+        self.is_deaf = false;
+        self.missed = 0;
+        self.last_status_at = Some(now);
         let patience = match oldest {
             Some(LineKind::Motion) => IDLE_WITHOUT_ANSWER,
             Some(LineKind::Slow) => SLOW_WITHOUT_ANSWER,
@@ -150,18 +127,5 @@ impl Health {
         }
         let since = *self.idle_since.get_or_insert(now);
         (now >= since + patience).then_some(LinkFault::LostAnswer { lines })
-    }
-
-    fn overfilled(
-        &mut self,
-        status: &StatusReport,
-        unanswered_bytes: usize,
-        receive_bytes: u16,
-    ) -> Option<LinkFault> {
-        let sent = std::mem::replace(&mut self.peak_bytes, unanswered_bytes);
-        let held = usize::from(receive_bytes.saturating_sub(status.free?.1));
-        // Some builds never report the last byte of the ring as free.
-        self.overfilled = if held > sent + 1 { self.overfilled + 1 } else { 0 };
-        (self.overfilled >= OVERFILLED_REPORTS).then_some(LinkFault::Overfilled { held, sent })
     }
 }

@@ -1,5 +1,7 @@
 //! The link against scripted bytes and a clock in the test's hand.
 
+mod buffers;
+
 use super::*;
 use crate::report::ControllerState;
 use proptest::prelude::*;
@@ -61,10 +63,27 @@ fn the_window_is_the_receive_buffer_less_one_or_the_latency() {
     assert_eq!(link.window(), 230);
     let slow: Link<u32> = Link::new(LinkConfig { baud: 9600, ..CONFIG }, ms(0));
     assert_eq!(slow.window(), 19);
-    let told = LinkConfig { receive_buffer_bytes: Some(64), ..CONFIG };
-    let mut told: Link<u32> = Link::new(told, ms(0));
-    told.set_receive_bytes(Some(1024));
-    assert_eq!(told.window(), 63);
+}
+
+#[test]
+fn a_configured_buffer_is_never_more_than_the_controller_tells() {
+    let latency = LinkConfig { hold_latency_ms_max: 1000, ..CONFIG };
+    for (configured, told, window) in [
+        (None, None, 127),
+        // FluidNC, as its owner knows it.
+        (Some(256), None, 255),
+        (Some(64), Some(1024), 63),
+        (Some(1024), Some(254), 253),
+        (None, Some(254), 253),
+        // No buffer is so small.
+        (None, Some(0), 127),
+        (None, Some(1), 127),
+    ] {
+        let config = LinkConfig { receive_buffer_bytes: configured, ..latency };
+        let mut link: Link<u32> = Link::new(config, ms(0));
+        link.set_receive_bytes(told);
+        assert_eq!(link.window(), window, "{configured:?} {told:?}");
+    }
 }
 
 #[test]
@@ -213,20 +232,6 @@ fn a_dwell_is_idle_without_an_answer_and_no_fault() {
 }
 
 #[test]
-fn an_answer_that_came_twice_shows_as_more_bytes_held_than_sent() {
-    let mut link = started();
-    let report = b"<Run|MPos:0.000,0.000,0.000|Bf:0,28|FS:0,0>\r\n";
-    link.send_line(&"X".repeat(99), LineKind::Motion, 1);
-    link.receive(ms(1), report);
-    link.receive(ms(2), b"ok\r\n");
-    link.receive(ms(200), report);
-    assert_eq!(faults(&mut link), []);
-    link.receive(ms(400), report);
-    link.receive(ms(600), report);
-    assert!(matches!(faults(&mut link)[..], [LinkFault::Overfilled { held: 100, .. }, ..]));
-}
-
-#[test]
 fn reports_reach_the_caller_in_millimetres() {
     let mut link = started();
     link.set_units(ReportUnits::Inches);
@@ -240,6 +245,29 @@ fn reports_reach_the_caller_in_millimetres() {
 #[should_panic(expected = "not a line")]
 fn a_line_can_never_carry_a_realtime_byte() {
     started().send_line("G1X1!", LineKind::Motion, 1);
+}
+
+#[test]
+fn bytes_that_act_at_once_are_named() {
+    let mut link = started();
+    let named: Vec<u8> = (0..=u8::MAX).filter(|byte| realtime::is_named(*byte)).collect();
+    for &byte in &named {
+        link.send_realtime(byte);
+    }
+    assert_eq!(link.poll_transmit(), Some(named.clone()));
+    assert!(named.iter().all(|byte| *byte < 0xc0 && !byte.is_ascii_alphanumeric()));
+}
+
+#[test]
+#[should_panic(expected = "not a real-time byte: 0x11")]
+fn flow_control_is_never_switched_on() {
+    started().send_realtime(0x11);
+}
+
+#[test]
+#[should_panic(expected = "not a real-time byte: 0xc3")]
+fn a_pin_event_is_never_sent() {
+    started().send_realtime(0xc3);
 }
 
 /// A wire of 115 200 Bd with a millisecond of latency each way, a controller that

@@ -1,0 +1,51 @@
+//! What a link tells its owner.
+
+use crate::report::{Firmware, Message, StatusReport};
+
+/// What happened.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LinkEvent<T> {
+    /// The oldest line was answered; `error` is the code when it was refused.
+    Answer {
+        tag: T,
+        error: Option<u16>,
+    },
+    /// Motion is locked. Lines that were not answered may never be.
+    Alarm(u16),
+    /// The controller (re)started; all lines that were not answered are gone.
+    Banner {
+        firmware: Firmware,
+        text: String,
+    },
+    Status(StatusReport),
+    Message(Message),
+    Setting {
+        number: u16,
+        value: String,
+    },
+    NamedSetting {
+        name: String,
+        value: String,
+    },
+    /// Text without meaning here.
+    Text(String),
+    /// The count of answers can no longer be trusted.
+    Fault(LinkFault),
+    /// Three status requests in a row were not answered.
+    Silent,
+}
+
+/// Why the count of answers can no longer be trusted.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LinkFault {
+    #[error("the controller answered a line that was never sent")]
+    UnexpectedAnswer,
+    #[error("the controller is idle but {lines} lines have no answer: an answer was lost")]
+    LostAnswer { lines: usize },
+    #[error("a damaged line was received: {text:?}")]
+    Damaged { text: String },
+    #[error("the controller holds {held} bytes, {sent} were counted: an answer came twice")]
+    Overfilled { held: usize, sent: usize },
+    #[error("the controller holds {held} bytes, at least {sent} were counted: an answer was lost")]
+    Underfilled { held: usize, sent: usize },
+}
