@@ -165,8 +165,16 @@ impl Driver {
                 self.link.send_realtime(realtime::FEED_HOLD);
                 self.hold = Some(super::stop::HoldWatch::default());
             }
-            let reason = "DRIVER_RESTARTED: the machine was not idle when the port was opened; \
-                          it was held and keeps what it has; soft_reset to take it over";
+            let reason = match self.machine.needs_acknowledgement {
+                true => {
+                    "LINK_LOST: the line is back and the machine was still moving: it was held \
+                     and keeps what it has; look where the tool is, then soft_reset"
+                }
+                false => {
+                    "DRIVER_RESTARTED: the machine was not idle when the port was opened; it was \
+                     held and keeps what it has; soft_reset to take it over"
+                }
+            };
             self.phase = Phase::Adrift { reason: reason.into() };
             self.log(LogLevel::Warn, reason.into());
             return;

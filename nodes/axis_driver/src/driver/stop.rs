@@ -1,6 +1,7 @@
 //! Bringing the machine to a stop, and watching that it does.
 //!
-//! Hold, wait for standstill, reset: nothing is lost and nothing more is run. A byte
+//! Hold, wait for standstill, reset: nothing is lost and nothing more is run. After a
+//! refused line or a lost count the reset is left to the operator. A byte
 //! can be lost on the wire, so a hold that does not show in the reports is sent again.
 
 use super::config::{ANSWER, HOLDS_MAX, REPORTS_PER_HOLD, STANDSTILL};
@@ -21,6 +22,14 @@ pub(super) struct Verdict {
     pub(super) outcome: RunOutcome,
     pub(super) error_code: u16,
     pub(super) message: String,
+}
+
+impl Verdict {
+    /// What the controller has still to answer, and what it made of the lines behind a
+    /// refused one, is not known: it is held, and a reset is the operator's.
+    fn needs_operator(&self) -> bool {
+        matches!(self.error_code, error_code::CONTROLLER_ERROR | error_code::PROTOCOL)
+    }
 }
 
 /// A run that is being stopped.
@@ -159,6 +168,10 @@ impl Driver {
             }
             _ => is_held,
         };
+        if stands && stopping.verdict.needs_operator() {
+            let reason = format!("{}; soft_reset to go on", stopping.verdict.message);
+            return self.end_with_verdict(Phase::Adrift { reason });
+        }
         if stands {
             stopping.step = Step::Resetting { until: self.now + ANSWER };
             return self.link.send_reset(self.now);

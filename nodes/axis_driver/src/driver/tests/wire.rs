@@ -24,20 +24,29 @@ fn without_reset_on_connect_nothing_is_reset() {
 
 #[test]
 fn a_machine_that_moves_when_the_port_opens_is_held_and_left_to_the_operator() {
-    let mut bench = Bench::running(straight(40));
-    bench.handle(Input::PortClosed { reason: "the driver was killed".into() });
-    let resets = bench.sent_count(0x18);
-    bench.handle(Input::PortOpened);
-    bench.until("a hold", |bench| bench.mode() == Mode::Hold);
-    bench.wait(2000);
-    assert_eq!((bench.mode(), bench.sent_count(0x18)), (Mode::Hold, resets));
-    assert!(bench.state().reason.starts_with("DRIVER_RESTARTED"), "{}", bench.state().reason);
-    for command in [Command::Resume, Command::Home, Command::Unlock] {
-        assert_eq!(refusal(bench.ask(command)).0, error_code::NEEDS_RESET);
+    for (is_new_life, wanted) in [(false, "LINK_LOST"), (true, "DRIVER_RESTARTED")] {
+        let mut bench = Bench::running(straight(40));
+        if is_new_life {
+            let mut second = Bench::new(DriverConfig::default());
+            second.firmware = std::mem::take(&mut bench.firmware);
+            second.now = bench.now;
+            bench = second;
+        } else {
+            bench.handle(Input::PortClosed { reason: "somebody stumbled".into() });
+        }
+        let resets = bench.sent_count(0x18);
+        bench.handle(Input::PortOpened);
+        bench.until("a hold", |bench| bench.mode() == Mode::Hold);
+        bench.wait(2000);
+        assert_eq!((bench.mode(), bench.sent_count(0x18)), (Mode::Hold, resets));
+        assert!(bench.state().reason.starts_with(wanted), "{}", bench.state().reason);
+        for command in [Command::Resume, Command::Home, Command::Unlock] {
+            assert_eq!(refusal(bench.ask(command)).0, error_code::NEEDS_RESET);
+        }
+        bench.command(7, Command::SoftReset);
+        bench.until("idle", |bench| bench.mode() == Mode::Idle);
+        assert!(matches!(bench.replies.last(), Some((7, Ok(_)))));
     }
-    bench.command(7, Command::SoftReset);
-    bench.until("idle", |bench| bench.mode() == Mode::Idle);
-    assert!(matches!(bench.replies.last(), Some((7, Ok(_)))));
 }
 
 #[test]
@@ -107,6 +116,14 @@ fn damage_on_the_wire_stops_the_run() {
         bench.firmware.answer_with = Some(answer);
         let result = bench.result();
         assert_ended(&result, RunOutcome::Aborted, error_code::PROTOCOL);
+        // The count is the operator's to settle.
+        bench.until("a hold", |bench| bench.mode() == Mode::Hold);
+        let resets = bench.sent_count(0x18);
+        bench.wait(3000);
+        assert_eq!((bench.mode(), bench.sent_count(0x18)), (Mode::Hold, resets));
+        assert!(bench.state().reason.ends_with("soft_reset to go on"), "{}", bench.state().reason);
+        assert_eq!(refusal(bench.ask(Command::Resume)).0, error_code::NEEDS_RESET);
+        bench.command(7, Command::SoftReset);
         bench.until("idle", |bench| bench.mode() == Mode::Idle);
     }
 }
