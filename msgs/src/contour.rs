@@ -179,7 +179,8 @@ pub enum Action {
     ProgramEnd { rewind: bool },
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum SpindleMode {
     Clockwise,
     CounterClockwise,

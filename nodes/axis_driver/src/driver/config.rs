@@ -13,7 +13,8 @@ pub struct DriverConfig {
     pub baud: u32,
     /// The longest that a feed hold may wait behind what is already under way, ms.
     pub hold_latency_ms_max: u32,
-    /// Believed instead of what the controller tells of its receive buffer, bytes.
+    /// The size of the controller's receive buffer, bytes; what it tells counts if that
+    /// is less.
     pub receive_buffer_bytes: Option<u16>,
     /// Time between two status requests, ms.
     pub poll_interval_ms: u32,

@@ -9,13 +9,14 @@ use super::config::{ANSWER, LISTEN};
 use super::{Driver, LogLevel, Origin, Phase, Refusal};
 use crate::codes::{self, error_code};
 use crate::link::{LineKind, Link, LinkFault, realtime};
-use crate::report::{ControllerState, ReportUnits};
+use crate::report::{ControllerState, Firmware, ReportUnits};
 use cnc_msgs::machine::Mode;
 use std::time::Duration;
 
 /// Build, settings, words in force, offsets.
 const QUERIES: [&str; 4] = ["$I", "$$", "$G", "$#"];
 pub(super) const QUERIES_DONE: usize = QUERIES.len();
+const BUILD_QUERY: usize = 0;
 const SETTINGS_QUERY: usize = 1;
 /// Restarts while connecting that are put up with.
 const RESTARTS_MAX: u32 = 3;
@@ -231,6 +232,10 @@ impl Driver {
             let is_inch = self.machine.reports_in_inches();
             let units = if is_inch { ReportUnits::Inches } else { ReportUnits::Millimetres };
             self.link.set_units(units);
+        }
+        if query == BUILD_QUERY && self.machine.firmware == Firmware::FluidNc {
+            // A control character of whoever was here before has switched its echo on.
+            self.link.send_realtime(realtime::ECHO_OFF);
         }
         if query + 1 < QUERIES.len() {
             return self.ask(query + 1);

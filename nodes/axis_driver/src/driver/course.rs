@@ -131,6 +131,12 @@ impl Driver {
             self.log(LogLevel::Error, message.clone());
             return self.stop_run(RunOutcome::Aborted, error_code::CONTROLLER_ERROR, message);
         }
+        let said = match &origin {
+            Origin::Preamble => Some(PREAMBLE),
+            Origin::Program { text, .. } => Some(text.as_str()),
+            _ => None,
+        };
+        self.machine.work_system = said.and_then(selected_system).or(self.machine.work_system);
         match (origin, &run.stage) {
             (Origin::Preamble, Stage::Preparing { .. }) => {
                 let is_checked_later = run.encoder.checks_start();
@@ -295,6 +301,13 @@ impl Driver {
         let Verdict { outcome, error_code, message } = stopping.verdict.clone();
         self.end_run(outcome, error_code, message, next);
     }
+}
+
+/// The work system that a line of ours selects.
+fn selected_system(line: &str) -> Option<u8> {
+    const WORDS: [&str; 6] = ["G54", "G55", "G56", "G57", "G58", "G59"];
+    let word = line.rfind("G5").and_then(|at| line.get(at..))?;
+    WORDS.iter().zip(1..).find(|(known, _)| word == **known).map(|(_, system)| system)
 }
 
 fn own_line(origin: &Origin) -> &'static str {

@@ -5,7 +5,7 @@ use super::{Driver, Origin, Output, Phase};
 use crate::codes;
 use crate::encoder::Homing;
 use crate::estimate::Rates;
-use crate::report::{ControllerState, Firmware, Message, StatusReport};
+use crate::report::{Accessories, ControllerState, Firmware, Message, ModalWords, StatusReport};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::{MachineState, Mode};
 use serde::{Deserialize, Serialize};
@@ -58,6 +58,8 @@ pub(super) struct Machine {
     planner_blocks: Option<u16>,
     pub(super) status: Option<StatusReport>,
     work_offset: Option<Position>,
+    #[serde(default)]
+    accessories: Option<Accessories>,
     pub(super) overrides_percent: [u8; 3],
     pub(super) alarm_code: u16,
     pub(super) is_homed: bool,
@@ -88,6 +90,7 @@ impl Machine {
         self.work_system = Some(1);
         self.has_tool_length = Some(false);
         self.overrides_percent = [100; 3];
+        self.accessories = None;
         self.is_silent = false;
     }
 
@@ -107,7 +110,12 @@ impl Machine {
         self.is_lost = false;
         if report.state != ControllerState::Alarm {
             self.alarm_code = 0;
+        } else if self.alarm_code == 0 {
+            self.alarm_code = report.substate.unwrap_or(0).into();
         }
+        self.accessories = report.accessories_on(self.firmware).or(self.accessories);
+        self.work_system = report.work_system.or(self.work_system);
+        self.is_homed = report.is_homed.unwrap_or(self.is_homed);
         self.work_offset = report.work_offset.or(self.work_offset);
         self.overrides_percent = report.overrides_percent.unwrap_or(self.overrides_percent);
         if let Some(offset) = self.work_offset {
@@ -143,16 +151,12 @@ impl Machine {
                 }
             }
             Message::ParserState(words) => {
-                let system = words.split(' ').find_map(|word| match word {
-                    "G54" => Some(1),
-                    "G55" => Some(2),
-                    "G56" => Some(3),
-                    "G57" => Some(4),
-                    "G58" => Some(5),
-                    "G59" => Some(6),
-                    _ => None,
-                });
-                self.work_system = system;
+                let words = ModalWords::read(words);
+                if let Some(spindle) = words.spindle {
+                    let ModalWords { flood, mist, .. } = words;
+                    self.accessories = Some(Accessories { spindle, flood, mist });
+                }
+                self.work_system = words.work_system;
             }
             Message::ToolLength(length) => {
                 self.has_tool_length = Some(length.abs() > 1e-9);
@@ -277,6 +281,9 @@ impl Machine {
             line: self.line,
             alarm_code: self.alarm_code,
             is_homed: self.is_homed,
+            spindle: self.accessories.map(|on| on.spindle),
+            flood: self.accessories.is_some_and(|on| on.flood),
+            mist: self.accessories.is_some_and(|on| on.mist),
             work_system: self.work_system.unwrap_or(0),
             overrides_percent: self.overrides_percent,
             pins: status.and_then(|status| status.pins.clone()).unwrap_or_default(),

@@ -38,7 +38,7 @@ pub(super) fn declared() -> Vec<Declared> {
         Declared::new(
             "receive_buffer_bytes",
             0_i64,
-            "size of the controller's receive buffer; 0: what it tells, else 128",
+            "size of the controller's receive buffer, where it tells none or too much; 0: what it tells, else 128",
         )
         .integer_within(0, 65_535),
         Declared::new(

@@ -1,5 +1,6 @@
 //! The machine for viewers: state, joints, frames, the tool's pose.
 
+use crate::codes::setting_name;
 use crate::driver::ControllerSettings;
 use crate::report::Firmware;
 use cnc_msgs::convert::machine_state_to_wire;
@@ -61,7 +62,8 @@ impl Viewers {
                 .settings
                 .iter()
                 .map(|(number, value)| {
-                    let (name, unit) = ("", "");
+                    let known = setting_name(told.firmware, *number);
+                    let (name, unit) = known.unwrap_or_default();
                     ControllerSetting {
                         number: (*number).into(),
                         value: value.clone(),

@@ -49,7 +49,7 @@ impl ControllerState {
 }
 
 /// Which spindle and coolant outputs are on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Accessories {
     pub spindle: SpindleMode,
     pub flood: bool,

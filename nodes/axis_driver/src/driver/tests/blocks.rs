@@ -152,8 +152,7 @@ fn n09_a_block_by_hand_runs_from_idle_only_and_is_in_the_record_with_its_path() 
     // It relies on where the tool is: not from elsewhere.
     path.assumed_axes = AxisSet::NONE.with(0);
     bench.finished = None;
-    bench.command(6, mdi(&path));
-    assert_ended(&bench.result(), RunOutcome::Aborted, error_code::START_POSITION);
+    assert_eq!(refusal(bench.ask(mdi(&path))).0, error_code::START_POSITION);
     // Nor in the middle of a program.
     bench.finished = None;
     bench.start(straight(20));
