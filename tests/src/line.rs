@@ -210,3 +210,20 @@ pub fn straight(count: u32, length_mm: f64) -> CompensatedPath {
     };
     CompensatedPath { elements: (1..=count).map(element).collect(), ..Default::default() }
 }
+
+/// A spiral of short lines, as a free-form surface is posted; source lines 1, 2, 3...
+pub fn short_segments(count: u32, length_mm: f64) -> CompensatedPath {
+    let element = |line: u32| {
+        let (radius, angle) = (40.0, f64::from(line) * length_mm / 40.0);
+        PathElement {
+            side: None,
+            shape: Shape::Line,
+            end: [radius * angle.cos() - radius, radius * angle.sin(), 0.0],
+            feed_mm_per_min: Some(24_000.0),
+            role: Role::None,
+            axes: AxisSet::NONE,
+            source: Source { line, ..Source::default() },
+        }
+    };
+    CompensatedPath { elements: (1..=count).map(element).collect(), ..Default::default() }
+}

@@ -1,0 +1,54 @@
+//! The machine is kept fed: how much of the line's byte rate short segments get.
+//!
+//! In time that only the test moves, so that the figures are exact and the same on every
+//! machine. `cargo bench -p kerf --bench streaming` shows the same on a pseudo-terminal.
+
+use axis_driver::driver::{Command, DriverConfig, RunOutcome, RunRequest};
+use cnc_msgs::path::CompensatedPath;
+use kerf_tests::line::{Line, short_segments};
+use std::sync::Arc;
+use std::time::Duration;
+use virtual_controller::{Build, Settings};
+
+/// A machine that is fast enough to leave the line as the bottleneck.
+fn fast() -> Build {
+    let mut settings = Settings::small_router();
+    for axis in 0..3 {
+        settings.set_line(&format!("$11{axis}=30000")).unwrap();
+        settings.set_line(&format!("$12{axis}=20000")).unwrap();
+    }
+    Build::new(settings)
+}
+
+/// Bytes a second on the line, and what of them lines were.
+fn rate(path: CompensatedPath) -> (f64, f64) {
+    let mut line = Line::new(DriverConfig::default(), fast(), &[]);
+    line.until("idle", |line| line.mode() == cnc_msgs::machine::Mode::Idle);
+    let request = RunRequest {
+        program_id: "part".into(),
+        revision: 1,
+        path: Arc::new(path),
+        start_line: 0,
+        check_only: false,
+    };
+    line.ask(Command::RunProgram(request)).unwrap();
+    // From the first line of the path to the last, with the machine at speed.
+    let then = line.now;
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+    let sent: Vec<(Duration, usize)> = line
+        .written
+        .iter()
+        .filter(|(at, bytes)| *at >= then && bytes.contains(&b'X'))
+        .map(|(at, bytes)| (*at, bytes.iter().filter(|byte| **byte != b'?').count()))
+        .collect();
+    let (first, last) = (sent.len() / 10, sent.len() * 9 / 10);
+    let bytes: usize = sent[first..last].iter().map(|(_, count)| count).sum();
+    let seconds = (sent[last].0 - sent[first].0).as_secs_f64();
+    (bytes as f64 / seconds, 11_520.0)
+}
+
+#[test]
+fn short_segments_get_99_percent_of_the_line() {
+    let (rate, line) = rate(short_segments(6_000, 0.4));
+    assert!(rate >= 0.99 * line, "{rate:.0} of {line} bytes a second");
+}
