@@ -1,0 +1,12 @@
+//! Conversations with the controller, as a terminal would show them.
+//!
+//! One module for each firmware and topic. Comments name the row of the
+//! transcripts of real firmware that a conversation repeats.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod grbl_reports;
+mod grbl_resets;
+mod grbl_stops;
+mod grbl_switches;
+mod script;
