@@ -1,4 +1,4 @@
-//! The numbers a grbl 1.1 answers with.
+//! The numbers the firmware answers with.
 //!
 //! Knows codes only; when they are due is the parser's and the controller's business.
 
@@ -74,6 +74,12 @@ pub enum ErrorCode {
     DynamicOffsetAxis = 37,
     /// T beyond 255.
     ValueTooLarge = 38,
+    /// grblHAL: nothing but homing unlocks.
+    HomingRequired = 46,
+    /// grblHAL: a setting beyond what it may be.
+    SettingOutOfRange = 52,
+    /// grblHAL: not before the reset that a critical alarm asks for.
+    CriticalEvent = 79,
 }
 
 impl fmt::Display for ErrorCode {
@@ -83,25 +89,34 @@ impl fmt::Display for ErrorCode {
 }
 
 /// Why the controller locked itself: the N of `ALARM:N`.
+///
+/// 1 to 9 mean the same everywhere; what lies beyond is the firmware's own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub(crate) enum Alarm {
+pub(crate) struct Alarm(pub(crate) u8);
+
+impl Alarm {
     /// A limit switch was hit while moving; the position is lost.
-    HardLimit = 1,
+    pub(crate) const HARD_LIMIT: Self = Self(1);
     /// A target outside of the travel; the position is kept.
-    SoftLimit = 2,
+    pub(crate) const SOFT_LIMIT: Self = Self(2);
     /// Reset while moving; the position is doubtful.
-    AbortedInMotion = 3,
+    pub(crate) const ABORTED_IN_MOTION: Self = Self(3);
     /// The probe was not in its expected state before the move.
-    ProbeInitial = 4,
+    pub(crate) const PROBE_INITIAL: Self = Self(4);
     /// The probe found nothing.
-    ProbeContact = 5,
+    pub(crate) const PROBE_CONTACT: Self = Self(5);
     /// Homing was reset.
-    HomingReset = 6,
+    pub(crate) const HOMING_RESET: Self = Self(6);
     /// The door opened while homing.
-    HomingDoor = 7,
+    pub(crate) const HOMING_DOOR: Self = Self(7);
     /// The pull-off did not free the switch.
-    HomingPullOff = 8,
+    pub(crate) const HOMING_PULL_OFF: Self = Self(8);
     /// The switch was not found.
-    HomingApproach = 9,
+    pub(crate) const HOMING_APPROACH: Self = Self(9);
+    /// grblHAL: the emergency stop is pressed.
+    pub(crate) const EMERGENCY_STOP: Self = Self(10);
+    /// grblHAL: nothing but homing unlocks.
+    pub(crate) const HOMING_REQUIRED: Self = Self(11);
+    /// grblHAL: a limit switch is closed at a reset.
+    pub(crate) const LIMITS_ENGAGED: Self = Self(12);
 }

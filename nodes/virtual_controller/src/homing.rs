@@ -154,7 +154,7 @@ impl Homing {
         self.speed = ramp.end_speed_mm_per_s;
         if ramp.finishes {
             if pass.is_approach {
-                return (ramp.duration_s, HomingStep::Failed(Alarm::HomingApproach));
+                return (ramp.duration_s, HomingStep::Failed(Alarm::HOMING_APPROACH));
             }
             self.pause_left_s = Some(settings.homing_debounce_s());
         }
@@ -168,7 +168,7 @@ impl Homing {
         self.speed = 0.0;
         let pressed = plant.pressed(self.from, settings);
         if !pass.is_approach && (0..AXES).any(|i| pass.axes[i] && pressed[i]) {
-            return HomingStep::Failed(Alarm::HomingPullOff);
+            return HomingStep::Failed(Alarm::HOMING_PULL_OFF);
         }
         if self.passes.is_empty() { HomingStep::Finished } else { HomingStep::Going }
     }

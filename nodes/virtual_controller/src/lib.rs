@@ -1,4 +1,4 @@
-//! A grbl 1.1 controller with axes that move in time, on a pseudo-terminal.
+//! A grbl 1.1, grblHAL or FluidNC controller with axes that move in time, on a pseudo-terminal.
 //!
 //! For commissioning a stack without hardware, and for provoking faults in tests.
 //!
@@ -16,8 +16,10 @@ mod axes;
 mod codes;
 mod controller;
 mod fault;
+mod firmware;
 mod gcode;
 mod homing;
+mod line;
 mod motion;
 #[cfg(feature = "node")]
 mod node;
@@ -31,8 +33,9 @@ pub use axes::{AXES, AXIS_LETTERS, Vector};
 pub use codes::ErrorCode;
 pub use controller::{Build, Controller};
 pub use fault::{Direction, Fault, FaultAction, FaultError, FaultInjector, Spoil, Trigger};
+pub use firmware::{Firmware, UnknownFirmware};
 #[cfg(feature = "node")]
 pub use node::{ServeError, ServeOptions, Stop, StopHandle, cli, serve, stop_pair};
 pub use paced::{Device, Pace, PacedLine};
-pub use receive::{LINE_CHARACTERS_MAX, RECEIVE_BUFFER_BYTES, TRANSMIT_BUFFER_BYTES};
+pub use receive::TRANSMIT_BUFFER_BYTES;
 pub use settings::Settings;

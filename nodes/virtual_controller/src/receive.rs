@@ -1,18 +1,12 @@
-//! What the serial interrupt and the line reader do with received bytes.
+//! What the serial interrupt does with received bytes.
 //!
-//! Knows the receive buffer of 128 bytes, the real-time bytes that never enter
-//! it, and the line buffer of 79 characters. Knows nothing of what a line means.
+//! Knows the receive buffer and the real-time bytes that never enter it.
+//! Collecting lines is `line`'s business.
 
 use std::collections::VecDeque;
 
-/// Bytes the receive buffer holds; more are lost without a word.
-pub const RECEIVE_BUFFER_BYTES: usize = 128;
-
 /// Bytes the transmit buffer holds; the firmware waits when it is full.
 pub const TRANSMIT_BUFFER_BYTES: usize = 104;
-
-/// Characters of a line, spaces and comments not counted.
-pub const LINE_CHARACTERS_MAX: usize = 79;
 
 /// A command that is a single byte and acts at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,6 +31,18 @@ pub(crate) enum Realtime {
     FloodToggle,
     /// 0xA1.
     MistToggle,
+    /// grblHAL's 0x19: stop, forget everything, keep the position.
+    Stop,
+    /// grblHAL's 0x83.
+    ParserReport,
+    /// grblHAL's 0x87.
+    FullReport,
+    /// grblHAL's 0x88: M1 stops, or does not.
+    OptionalStopToggle,
+    /// grblHAL's 0x8C.
+    AutoReportToggle,
+    /// FluidNC's 0x87 to 0x8A.
+    Macro(u8),
     /// Any other byte from 0x80 on: taken away, nothing happens.
     Unknown,
 }
@@ -56,7 +62,7 @@ pub(crate) enum OverrideChange {
     SpindleBy(i16),
 }
 
-/// Returns what a byte means out of turn, `None` for a byte that belongs to a line.
+/// Returns what a byte means out of turn to all firmware, `None` for a byte that belongs to a line.
 pub(crate) fn realtime(byte: u8) -> Option<Realtime> {
     use OverrideChange::{FeedBy, FeedReset, Rapid, SpindleBy, SpindleReset};
     Some(match byte {
@@ -88,16 +94,21 @@ pub(crate) fn realtime(byte: u8) -> Option<Realtime> {
 }
 
 /// The receive buffer.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct ReceiveBuffer {
+    capacity: usize,
     bytes: VecDeque<u8>,
     /// Bytes lost to a full buffer since power-up.
     pub(crate) overrun_bytes: u64,
 }
 
 impl ReceiveBuffer {
+    pub(crate) fn new(capacity: usize) -> Self {
+        Self { capacity, bytes: VecDeque::new(), overrun_bytes: 0 }
+    }
+
     pub(crate) fn push(&mut self, byte: u8) {
-        if self.bytes.len() < RECEIVE_BUFFER_BYTES {
+        if self.bytes.len() < self.capacity {
             self.bytes.push_back(byte);
         } else {
             self.overrun_bytes += 1;
@@ -109,7 +120,7 @@ impl ReceiveBuffer {
     }
 
     pub(crate) fn free(&self) -> usize {
-        RECEIVE_BUFFER_BYTES - self.bytes.len()
+        self.capacity - self.bytes.len()
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -121,82 +132,13 @@ impl ReceiveBuffer {
     }
 }
 
-/// A line as the reader hands it on: upper case, without blanks and comments.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Line {
-    Text(String),
-    /// It had more than [`LINE_CHARACTERS_MAX`] characters.
-    TooLong,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Skip {
-    #[default]
-    Nothing,
-    Parentheses,
-    RestOfLine,
-    TooLong,
-}
-
-/// Collects characters until a line end.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct LineReader {
-    text: String,
-    skip: Skip,
-}
-
-impl LineReader {
-    /// Takes one byte; returns the line it ends. Both CR and LF end one.
-    pub(crate) fn take(&mut self, byte: u8) -> Option<Line> {
-        if matches!(byte, b'\n' | b'\r') {
-            let reader = std::mem::take(self);
-            return Some(match reader.skip {
-                Skip::TooLong => Line::TooLong,
-                _ => Line::Text(reader.text),
-            });
-        }
-        match (self.skip, byte) {
-            (Skip::Parentheses, b')') => self.skip = Skip::Nothing,
-            (Skip::Parentheses | Skip::RestOfLine | Skip::TooLong, _) => {}
-            (Skip::Nothing, b'(') => self.skip = Skip::Parentheses,
-            (Skip::Nothing, b';') => self.skip = Skip::RestOfLine,
-            (Skip::Nothing, 0..=b' ' | b'/' | 0x80..) => {}
-            (Skip::Nothing, _) if self.text.len() == LINE_CHARACTERS_MAX => {
-                self.skip = Skip::TooLong;
-            }
-            (Skip::Nothing, _) => self.text.push(char::from(byte.to_ascii_uppercase())),
-        }
-        None
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn read(bytes: &[u8]) -> Vec<Line> {
-        let mut reader = LineReader::default();
-        bytes.iter().filter_map(|&byte| reader.take(byte)).collect()
-    }
-
-    #[test]
-    fn a_line_of_79_characters_passes_and_one_of_80_does_not() {
-        for (characters, fits) in [(79, true), (80, false)] {
-            let line = format!("(a comment) {}\n", "X ".repeat(characters));
-            let expected = if fits { Line::Text("X".repeat(79)) } else { Line::TooLong };
-            assert_eq!(read(line.as_bytes()), [expected], "{characters} characters");
-        }
-    }
-
-    #[test]
-    fn blanks_comments_and_slashes_vanish_and_letters_grow() {
-        let lines = read(b"/g1 x1 (to (x) y2 ;rest\r\n");
-        assert_eq!(lines, [Line::Text("G1X1Y2".into()), Line::Text(String::new())]);
-    }
-
     #[test]
     fn a_full_buffer_drops_bytes_silently() {
-        let mut buffer = ReceiveBuffer::default();
+        let mut buffer = ReceiveBuffer::new(128);
         (0..200).for_each(|byte| buffer.push(byte));
         assert_eq!((buffer.free(), buffer.overrun_bytes), (0, 72));
         assert_eq!(buffer.pop(), Some(0));

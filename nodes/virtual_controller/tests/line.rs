@@ -1,11 +1,11 @@
 //! Bytes take their time on the line, and faults spoil them on schedule.
 
 mod common;
-use common::settings;
+use common::{settings, settings_of};
 use proptest::prelude::*;
 use std::time::Duration;
 use virtual_controller::{
-    Build, Controller, Device, Fault, FaultAction, FaultInjector, Pace, PacedLine,
+    Build, Controller, Device, Fault, FaultAction, FaultInjector, Firmware, Pace, PacedLine,
 };
 
 fn controller(lines: &[&str]) -> Controller {
@@ -216,7 +216,7 @@ fn the_same_seed_gives_the_same_trouble() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(ProptestConfig::with_cases(300))]
 
     /// Whatever arrives, the controller neither panics nor hangs.
     #[test]
@@ -225,13 +225,14 @@ proptest! {
             3 => prop::sample::select(b"GMXYZIJKRFSTNPL$=.-0123456789?!~\n\n ()".to_vec()),
             1 => any::<u8>(),
         ], 0..400),
+        firmware in prop::sample::select(Firmware::ALL.to_vec()),
         settings_lines in prop::sample::subsequence(vec!["$22=1", "$21=1", "$13=1", "$10=2", "$32=1"], 0..=5),
     ) {
         let build = Build {
             probe_surface_z_mm: Some(-5.0),
             has_mist: true,
             has_line_numbers: true,
-            ..Build::new(settings(&settings_lines))
+            ..Build::new(settings_of(firmware, &settings_lines))
         };
         let mut device = FaultInjector::new(Controller::with_build(build), Vec::new(), 1);
         let mut now = T0;
@@ -247,6 +248,8 @@ proptest! {
             now = event;
             device.advance(now);
         }
+        // A board that comes up is not listening yet.
+        now += Duration::from_secs(1);
         // A reset and an unlock bring it back from anywhere.
         device.receive(now, b"\x18");
         device.receive(now, b"$X\n");

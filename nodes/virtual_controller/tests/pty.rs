@@ -227,10 +227,38 @@ fn the_program_ends_with_the_process_it_watches() {
 }
 
 #[test]
+fn the_program_speaks_as_the_firmware_it_is_told() {
+    for (arguments, banner, options) in [
+        (&["--firmware", "grbl"][..], "Grbl 1.1h ['$' for help]", "[OPT:V,15,128]"),
+        (
+            &["--firmware", "grblhal", "--receive-buffer", "254"],
+            "GrblHAL 1.1f ['$' or '$HELP' for help]",
+            "[OPT:VNML+,100,254,3,0]",
+        ),
+        (
+            &["--firmware", "fluidnc"],
+            "Grbl 4.0 [FluidNC v4.0.5-pre2 (noradio) '$' for help]",
+            "[OPT:MPHS]",
+        ),
+    ] {
+        let (child, path) = run(arguments);
+        let mut peer = Peer::open(&path);
+        peer.expect(&format!("{banner}\r\n"));
+        peer.send(b"$I\n");
+        assert!(peer.expect("ok\r\n").contains(&format!("{options}\r\n")), "{arguments:?}");
+        let pid = rustix::process::Pid::from_raw(child.id() as i32).unwrap();
+        rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+        assert_eq!(ends(child), 0);
+    }
+}
+
+#[test]
 fn wrong_arguments_are_told_and_end_with_2() {
     for arguments in [
         &["--fault", "lose-ok"][..],
         &["--fault", "explode@line=1"],
+        &["--firmware", "marlin"],
+        &["--receive-buffer", "5"],
         &["--start", "1,2"],
         &["--time-factor", "0"],
         &["--settings", "/nowhere/at/all"],

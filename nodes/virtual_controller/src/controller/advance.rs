@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::foreground::Action;
+use super::action::Action;
 use super::{Controller, Door, State};
 use crate::homing::{HomingStep, position_after_homing};
 use crate::motion::{Happening, steps_from_mm};
@@ -17,6 +17,15 @@ enum Obstacle {
 impl Controller {
     /// Brings the controller to `now`; a time in the past changes nothing.
     pub fn advance(&mut self, now: Duration) {
+        while let Some(due) = self.report_due.filter(|due| *due <= now) {
+            self.advance_to(due);
+            self.report_due = self.report_interval.map(|interval| due + interval);
+            self.report_status();
+        }
+        self.advance_to(now);
+    }
+
+    fn advance_to(&mut self, now: Duration) {
         self.work();
         let mut left_s = now.saturating_sub(self.now).as_secs_f64();
         self.now = self.now.max(now);
@@ -43,14 +52,20 @@ impl Controller {
             || !self.receive_buffer.is_empty()
             || self.probing.is_some()
             || self.obstacle().is_some()
-            || matches!(self.state, State::Homing(_) | State::SoftLimit);
+            || matches!(
+                self.state,
+                State::Homing(_) | State::SoftLimit | State::Stopping | State::Starting { .. }
+            );
+        let report = self.report_due.map(|due| due.max(now));
         if !is_awaited || !self.is_busy() {
-            return None;
+            return report;
         }
         // Rounded up, so that the event is due when the time has come.
-        let seconds = self.seconds_to_next()?;
-        let event = self.now + Duration::from_secs_f64(seconds.min(1e6)) + Duration::from_nanos(1);
-        Some(event.max(now))
+        let event = self.seconds_to_next().map(|seconds| {
+            let seconds = Duration::from_secs_f64(seconds.min(1e6)) + Duration::from_nanos(1);
+            (self.now + seconds).max(now)
+        });
+        event.into_iter().chain(report).min()
     }
 
     /// Is anything going on that takes time?
@@ -59,7 +74,10 @@ impl Controller {
     }
 
     fn is_waiting_without_motion(&self) -> bool {
-        matches!(self.state, State::Homing(_) | State::Door(Door::Resuming { .. }))
+        matches!(
+            self.state,
+            State::Homing(_) | State::Door(Door::Resuming { .. }) | State::Starting { .. }
+        )
     }
 
     fn is_braking(&self) -> bool {
@@ -67,7 +85,8 @@ impl Controller {
             State::Hold { is_stopped: false }
             | State::Jog { is_cancelled: true }
             | State::Door(Door::Stopping { .. })
-            | State::SoftLimit => true,
+            | State::SoftLimit
+            | State::Stopping => true,
             State::Run => self.probing.as_ref().is_some_and(|p| p.contact_steps.is_some()),
             _ => false,
         }
@@ -117,7 +136,7 @@ impl Controller {
             State::Homing(homing) => {
                 Some(homing.seconds_to_next(&self.plant, &self.memory.settings))
             }
-            State::Door(Door::Resuming { left_s }) => Some(*left_s),
+            State::Door(Door::Resuming { left_s }) | State::Starting { left_s } => Some(*left_s),
             _ if self.is_moving() => {
                 let trip = self.obstacle().map(|(way, _)| way);
                 self.planner.seconds_to_next(self.is_braking(), trip).or(Some(0.0))
@@ -140,6 +159,13 @@ impl Controller {
             *left_s -= used;
             if *left_s <= 0.0 {
                 self.resume();
+            }
+            used
+        } else if let State::Starting { left_s } = &mut self.state {
+            let used = limit.min(*left_s);
+            *left_s -= used;
+            if *left_s <= 0.0 {
+                self.finish_boot();
             }
             used
         } else if self.is_moving() {
@@ -190,7 +216,8 @@ impl Controller {
                 }
                 self.state = State::Door(Door::Stopped);
             }
-            State::SoftLimit => self.critical(crate::codes::Alarm::SoftLimit),
+            State::SoftLimit => self.critical(crate::codes::Alarm::SOFT_LIMIT),
+            State::Stopping => self.finish_stop(),
             _ => {}
         }
     }
@@ -208,6 +235,12 @@ impl Controller {
                 self.planner.set_position_steps(steps_from_mm(machine, settings));
                 self.sync_parser();
                 self.state = State::Idle;
+                self.alarm = None;
+                self.is_homed = true;
+                self.cadence.homed_changed();
+                if let Some(feedback) = self.traits().resume_feedback {
+                    self.feedback(feedback);
+                }
                 self.work();
                 if std::mem::take(&mut self.has_pending_report) {
                     self.report_status();

@@ -1,6 +1,6 @@
 //! From a checked block to the actions it consists of, in the order of the firmware.
 
-use super::foreground::Action;
+use super::action::Action;
 use super::{Controller, State};
 use crate::axes::Vector;
 use crate::codes::ErrorCode;
@@ -10,15 +10,21 @@ use crate::motion::{Move, Pace};
 impl Controller {
     /// Checks a program line and queues what it asks for.
     pub(super) fn block(&mut self, text: &str) -> Result<(), ErrorCode> {
-        let kind = Kind::Program { has_mist: self.build.has_mist };
-        let block = check(text, kind, &self.parser, &self.memory.systems)?;
+        let vocabulary = self.vocabulary();
+        let block = check(text, Kind::Program, &vocabulary, &self.parser, &self.memory.systems)?;
         self.queue_accessories(&block);
         self.queue_offsets(&block);
         self.queue_motion(&block);
         match block.flow {
-            Some(Flow::Pause) => self.script.extend([Action::Synchronize, Action::Pause]),
+            Some(flow @ (Flow::Pause | Flow::OptionalPause)) => {
+                let is_optional = flow == Flow::OptionalPause;
+                self.script.extend([Action::Synchronize, Action::Pause { is_optional }]);
+            }
             Some(Flow::End) => self.script.extend([Action::Synchronize, Action::ProgramEnd]),
             None => {}
+        }
+        if block.changes_tool && !self.memory.settings.ignores_tool_changes() {
+            self.script.extend([Action::Synchronize, Action::ToolChange]);
         }
         // The coordinate system changes when motion has ended, in its own action.
         let system = self.parser.modal.coordinate_system;
@@ -33,11 +39,16 @@ impl Controller {
 
     /// Checks a `$J=` line and queues it.
     pub(super) fn jog(&mut self, text: &str) -> Result<(), ErrorCode> {
-        let block = check(text, Kind::Jog, &self.parser, &self.memory.systems)?;
-        let Effect::Line(target) = block.effect else { return Err(ErrorCode::NoAxisWords) };
+        let vocabulary = self.vocabulary();
+        let block = check(text, Kind::Jog, &vocabulary, &self.parser, &self.memory.systems)?;
+        let Effect::Line(mut target) = block.effect else { return Err(ErrorCode::NoAxisWords) };
         let settings = &self.memory.settings;
         if settings.soft_limits() && !settings.within_travel(target) {
-            return Err(ErrorCode::JogOutOfTravel);
+            if !settings.clips_jogs() {
+                return Err(ErrorCode::JogOutOfTravel);
+            }
+            let travel = settings.max_travel_mm();
+            target = std::array::from_fn(|i| target[i].clamp(-travel[i], 0.0));
         }
         self.parser.position_in_machine = target;
         self.script.push_back(Action::Jog(Move {

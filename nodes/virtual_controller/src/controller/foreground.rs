@@ -1,105 +1,49 @@
-//! The main loop: takes lines from the receive buffer and works them off.
+//! The main loop: takes lines from the receive buffer and has them worked off.
 //!
-//! Every line becomes a script of actions that ends with its answer. An
-//! action that cannot go on yet keeps its place, and everything behind it
-//! waits: that is how `ok` is withheld.
+//! Every line becomes a script of actions that ends with its answer. What an
+//! action does is in `action`.
 
-use super::{Controller, Probing, State};
-use crate::codes::{Alarm, ErrorCode};
-use crate::gcode::arc::Chords;
-use crate::gcode::{Coolant, Distance, FeedMode, Motion, Plane, Spindle};
-use crate::motion::{Move, Overrides, Pace, mm_from_steps};
-use crate::receive::Line;
-
-/// One thing a line asks for.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum Action {
-    /// Until all queued motion is done.
-    Synchronize,
-    Move(Move),
-    Chords {
-        chords: Chords,
-        pace: Pace,
-        line_number: u32,
-    },
-    Jog(Move),
-    Probe {
-        motion: Move,
-        away: bool,
-        miss_is_fine: bool,
-    },
-    FinishProbe,
-    Dwell {
-        left_s: f64,
-    },
-    Spindle(Spindle),
-    Coolant(Coolant),
-    SelectSystem(usize),
-    SetWorkOffset {
-        system: usize,
-        offset: [f64; 3],
-    },
-    StorePosition {
-        g30: bool,
-        at: [f64; 3],
-    },
-    SetG92([f64; 3]),
-    SetToolLength(f64),
-    Pause,
-    ProgramEnd,
-    /// Runs `$N` line 0 or 1.
-    Startup(usize),
-    StoreStartup {
-        index: usize,
-        text: String,
-    },
-    Sleep,
-    /// Ends with a soft reset.
-    Restart,
-    Answer(Result<(), ErrorCode>),
-    /// The same for a startup line, which is echoed.
-    Echo {
-        text: String,
-        answer: Result<(), ErrorCode>,
-    },
-}
-
-impl Action {
-    pub(super) fn is_answer(&self) -> bool {
-        matches!(self, Self::Answer(_))
-    }
-}
+use super::{Controller, State};
+use crate::codes::ErrorCode;
+use crate::firmware::Hearing;
+use crate::line::Line;
 
 impl Controller {
-    /// Is nothing read and nothing worked off?
-    fn is_blocked(&self) -> bool {
-        matches!(
-            self.state,
+    /// What gets through to the controller as it is now.
+    pub(super) fn hearing(&self) -> Hearing {
+        match self.state {
+            State::Alarm { is_critical: true } => self.traits().critical_hearing,
+            State::Sleep => self.traits().sleep_hearing,
             State::Hold { .. }
-                | State::Door(_)
-                | State::Sleep
-                | State::SoftLimit
-                | State::Homing(_)
-                | State::Jog { is_cancelled: true }
-                | State::Alarm { is_deaf: true }
-        )
+            | State::Door(_)
+            | State::Starting { .. }
+            | State::Tool
+            | State::SoftLimit
+            | State::Stopping
+            | State::Homing(_)
+            | State::Jog { is_cancelled: true } => Hearing::Realtime,
+            _ => Hearing::Lines,
+        }
     }
 
     /// Does everything that can be done without time passing.
     pub(super) fn work(&mut self) {
-        while !self.is_blocked() && !self.is_transmit_full() {
+        while self.hearing() == Hearing::Lines && !self.is_transmit_full() {
             if let Some(action) = self.script.pop_front() {
                 if let Some(unfinished) = self.perform(action) {
                     self.script.push_front(unfinished);
                     break;
                 }
             } else if let Some(byte) = self.receive_buffer.pop() {
-                if let Some(line) = self.reader.take(byte) {
+                if let Some(line) = self.reader.take(byte, &mut self.transmit) {
                     self.line(line);
                 }
             } else {
                 break;
             }
+        }
+        if self.hearing() == Hearing::RealtimeAndDiscard {
+            self.receive_buffer.clear();
         }
         if self.state == State::Idle && !self.planner.is_empty() {
             self.state = State::Run;
@@ -110,206 +54,29 @@ impl Controller {
         let result = match line {
             Line::TooLong => Err(ErrorCode::LineTooLong),
             Line::Text(text) if text.is_empty() => Ok(()),
+            Line::Remark => self.sticky_error.map_or(Ok(()), Err),
             Line::Text(text) => match text.strip_prefix('$') {
                 Some(command) => self.system_command(command),
-                None if matches!(self.state, State::Alarm { .. } | State::Jog { .. }) => {
-                    Err(ErrorCode::Locked)
-                }
-                None => self.block(&text),
+                None if self.is_locked() => Err(ErrorCode::Locked),
+                None => match self.sticky_error {
+                    Some(error) => Err(error),
+                    None => self.block(&text),
+                },
             },
         };
-        // A line that asks for a restart or for sleep answers before it.
-        let at = self.script.iter().position(|action| {
-            matches!(action, Action::Restart | Action::Sleep | Action::Startup(_))
-        });
+        if self.traits().errors_stick {
+            self.sticky_error = result.err();
+        }
+        if result.is_err() {
+            self.reader.line_was_wrong();
+        }
+        let at = self.script.iter().position(super::Action::comes_after_answer);
         let at = at.unwrap_or(self.script.len());
-        self.script.insert(at, Action::Answer(result));
+        self.script.insert(at, super::Action::Answer(result));
     }
 
-    /// Does an action, or returns what is left of it.
-    fn perform(&mut self, action: Action) -> Option<Action> {
-        let is_check = self.state == State::Check;
-        match action {
-            Action::Synchronize => {
-                let is_done = self.planner.is_empty() && !matches!(self.state, State::Jog { .. });
-                if !is_done {
-                    return Some(action);
-                }
-            }
-            Action::Move(motion) => {
-                if !self.is_within_limits(&motion) {
-                    return Some(action);
-                }
-                if !is_check {
-                    if self.planner.is_full() {
-                        return Some(action);
-                    }
-                    self.planner.push(&motion, &self.memory.settings);
-                }
-            }
-            Action::Chords { mut chords, pace, line_number } => {
-                if self.planner.is_full() {
-                    return Some(Action::Chords { chords, pace, line_number });
-                }
-                if let Some(target_in_machine) = chords.next() {
-                    let motion =
-                        Move { target_in_machine, pace, line_number, ignores_overrides: false };
-                    self.script.push_front(Action::Chords { chords, pace, line_number });
-                    self.script.push_front(Action::Move(motion));
-                }
-            }
-            Action::Jog(motion) => {
-                if self.planner.is_full() {
-                    return Some(action);
-                }
-                self.planner.push(&motion, &self.memory.settings);
-                if self.state == State::Idle && !self.planner.is_empty() {
-                    self.state = State::Jog { is_cancelled: false };
-                }
-            }
-            Action::Probe { motion, away, miss_is_fine } => {
-                self.start_probe(&motion, away, miss_is_fine);
-            }
-            Action::FinishProbe => {
-                if self.probing.is_some() {
-                    return Some(action);
-                }
-            }
-            Action::Dwell { left_s } => {
-                if left_s > 0.0 && !is_check {
-                    return Some(action);
-                }
-            }
-            Action::Spindle(spindle) if !is_check => {
-                self.spindle = spindle;
-                self.spindle_rpm = self.parser.spindle_rpm;
-                self.cadence.overrides_changed();
-            }
-            Action::Coolant(coolant) if !is_check => {
-                self.coolant = coolant;
-                self.cadence.overrides_changed();
-            }
-            Action::Spindle(_) | Action::Coolant(_) => {}
-            Action::SelectSystem(system) => {
-                self.parser.modal.coordinate_system = system;
-                self.cadence.offsets_changed();
-            }
-            Action::SetWorkOffset { system, offset } => {
-                self.memory.systems.work[system] = offset;
-                self.cadence.offsets_changed();
-            }
-            Action::StorePosition { g30: false, at } => self.memory.systems.g28 = at,
-            Action::StorePosition { g30: true, at } => self.memory.systems.g30 = at,
-            Action::SetG92(offset) => {
-                self.parser.g92 = offset;
-                self.cadence.offsets_changed();
-            }
-            Action::SetToolLength(length) => {
-                self.parser.tool_length = length;
-                self.cadence.offsets_changed();
-            }
-            Action::Pause => {
-                if !is_check {
-                    self.state = State::Hold { is_stopped: true };
-                }
-            }
-            Action::ProgramEnd => self.end_program(),
-            Action::Startup(index) => self.run_startup_line(index),
-            Action::StoreStartup { index, text } => self.memory.startup[index] = text,
-            Action::Sleep => {
-                self.message("Sleeping");
-                self.spindle = Spindle::Off;
-                self.coolant = Coolant::default();
-                self.state = State::Sleep;
-            }
-            Action::Restart => {
-                let is_locked = matches!(self.state, State::Alarm { .. });
-                self.restart(is_locked);
-            }
-            Action::Answer(result) => self.answer(result),
-            Action::Echo { text, answer } => {
-                self.print(&format!(">{text}:"));
-                self.answer(answer);
-            }
-        }
-        None
-    }
-
-    /// Checks the travel of a programmed move; begins to brake when it is outside.
-    fn is_within_limits(&mut self, motion: &Move) -> bool {
-        let settings = &self.memory.settings;
-        if !settings.soft_limits() || settings.within_travel(motion.target_in_machine) {
-            return true;
-        }
-        match self.state {
-            State::Run => self.state = State::SoftLimit,
-            State::Idle if !self.planner.is_empty() => self.state = State::SoftLimit,
-            _ => self.critical(Alarm::SoftLimit),
-        }
-        false
-    }
-
-    fn start_probe(&mut self, motion: &Move, away: bool, miss_is_fine: bool) {
-        if self.state == State::Check || !self.is_within_limits(motion) {
-            return;
-        }
-        if self.plant.touches_probe(self.position()) != away {
-            self.sync_parser();
-            self.state = State::Alarm { is_deaf: false };
-            self.alarm(Alarm::ProbeInitial);
-            return;
-        }
-        self.planner.push(motion, &self.memory.settings);
-        self.probing = Some(Probing { away, miss_is_fine, contact_steps: None });
-        if self.planner.is_empty() {
-            self.finish_probe();
-        }
-    }
-
-    /// The probing move has come to rest.
-    pub(super) fn finish_probe(&mut self) {
-        let Some(probing) = self.probing.take() else { return };
-        self.planner.clear(&self.memory.settings);
-        self.sync_parser();
-        self.state = State::Idle;
-        match probing.contact_steps {
-            Some(steps) => self.probed = (steps, true),
-            None => {
-                self.probed = (self.planner.position_steps(&self.memory.settings), false);
-                if !probing.miss_is_fine {
-                    self.state = State::Alarm { is_deaf: false };
-                    self.alarm(Alarm::ProbeContact);
-                }
-            }
-        }
-        self.report_probe();
-    }
-
-    /// Lets the parser start from where the axes really are.
-    pub(super) fn sync_parser(&mut self) {
-        let settings = &self.memory.settings;
-        let at = mm_from_steps(self.planner.position_steps(settings), settings);
-        self.parser.position_in_machine = at;
-    }
-
-    /// M2 and M30.
-    fn end_program(&mut self) {
-        let modal = &mut self.parser.modal;
-        modal.motion = Motion::Line;
-        modal.plane = Plane::Xy;
-        modal.distance = Distance::Absolute;
-        modal.feed_mode = FeedMode::UnitsPerMinute;
-        modal.coordinate_system = 0;
-        modal.spindle = Spindle::Off;
-        modal.coolant = Coolant::default();
-        if self.state != State::Check {
-            self.planner.set_overrides(Overrides::default());
-            self.spindle_percent = 100;
-            self.spindle = Spindle::Off;
-            self.coolant = Coolant::default();
-            self.cadence.offsets_changed();
-            self.cadence.overrides_changed();
-        }
-        self.message("Pgm End");
+    /// Is G-code locked out?
+    fn is_locked(&self) -> bool {
+        matches!(self.state, State::Alarm { .. } | State::Jog { .. } | State::Sleep)
     }
 }

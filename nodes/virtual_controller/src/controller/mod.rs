@@ -4,39 +4,50 @@
 //! come out. Bytes arrive here as fast as they are handed over; the line's
 //! byte rate is `paced`'s business, trouble on the line `fault`'s.
 //!
-//! - `realtime`: what single bytes do, resets and alarms
-//! - `foreground`: reads lines and works off what they ask for
+//! - `state`: what it may be doing
+//! - `realtime`: what single bytes do
+//! - `reset`: resets, alarms and switching on
+//! - `foreground`: reads lines and decides who answers them
+//! - `action`: works off what lines ask for
 //! - `block`: turns a checked block into actions
 //! - `system`: the `$` commands
 //! - `report`: everything printed
 //! - `advance`: lets time pass
 
+mod action;
 mod advance;
 mod block;
 mod foreground;
 mod realtime;
 mod report;
+mod reset;
+mod state;
 mod system;
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::axes::{AXES, Vector, scale};
+use crate::codes::{Alarm, ErrorCode};
+use crate::firmware::{Firmware, Traits, Vocabulary};
 use crate::gcode::{Coolant, CoordinateSystems, ParserState, Spindle};
-use crate::homing::Homing;
+use crate::line::LineReader;
 use crate::motion::{Planner, mm_from_steps, steps_from_mm};
 use crate::plant::Plant;
-use crate::receive::{LineReader, ReceiveBuffer, TRANSMIT_BUFFER_BYTES, realtime};
+use crate::receive::{ReceiveBuffer, TRANSMIT_BUFFER_BYTES};
 use crate::settings::Settings;
 
-use foreground::Action;
+use action::Action;
 use report::Cadence;
+use state::{Door, Probing, State};
 
 /// What a controller is built and wired like.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Build {
-    /// Settings at first power-up, and those `$RST=$` restores.
+    /// Settings at first power-up, and those `$RST=$` restores. They say which firmware it is.
     pub settings: Settings,
+    /// Bytes of the receive buffer as `$I` tells them; `None`: as usual for the firmware.
+    pub receive_buffer_bytes: Option<usize>,
     /// Where the axes stand and what the controller believes at power-up, mm.
     ///
     /// Given, the two agree, as after homing in an earlier session. `None`:
@@ -45,9 +56,9 @@ pub struct Build {
     pub start_in_machine: Option<Vector>,
     /// Physical height of the surface that a probe finds, mm; `None`: no probe is wired.
     pub probe_surface_z_mm: Option<f64>,
-    /// Compile option: `Ln` in reports.
+    /// Compile option: `Ln` in reports. grblHAL has it anyway, by `$10`.
     pub has_line_numbers: bool,
-    /// Compile option: M7 and 0xA1.
+    /// Compile option: M7 and 0xA1. grblHAL and FluidNC have it anyway.
     pub has_mist: bool,
 }
 
@@ -56,11 +67,26 @@ impl Build {
     pub fn new(settings: Settings) -> Self {
         Self {
             settings,
+            receive_buffer_bytes: None,
             start_in_machine: None,
             probe_surface_z_mm: None,
             has_line_numbers: false,
             has_mist: false,
         }
+    }
+
+    /// What it runs.
+    pub fn firmware(&self) -> Firmware {
+        self.settings.firmware()
+    }
+
+    fn receive_buffer_bytes(&self) -> usize {
+        self.receive_buffer_bytes.unwrap_or(self.firmware().traits().receive_buffer_bytes)
+    }
+
+    /// What of it can be filled.
+    fn receive_capacity(&self) -> usize {
+        self.receive_buffer_bytes().saturating_sub(self.firmware().traits().receive_buffer_spare)
     }
 }
 
@@ -73,63 +99,29 @@ struct Memory {
     build_info: String,
 }
 
-/// What the controller is doing.
-#[derive(Debug, Clone, PartialEq)]
-enum State {
-    Idle,
-    /// Locked until `$X`, `$H` or, after a critical one, a reset first.
-    Alarm {
-        is_deaf: bool,
-    },
-    Check,
-    Homing(Homing),
-    Run,
-    Hold {
-        is_stopped: bool,
-    },
-    Jog {
-        is_cancelled: bool,
-    },
-    Door(Door),
-    Sleep,
-    /// Braking because a target is outside of the travel.
-    SoftLimit,
-}
-
-/// The stages of an open door.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Door {
-    /// A jog is forgotten when it has stopped, a program is not.
-    Stopping {
-        is_jog: bool,
-    },
-    Stopped,
-    Resuming {
-        left_s: f64,
-    },
-}
-
-/// A probing move under way.
-#[derive(Debug, Clone, PartialEq)]
-struct Probing {
-    away: bool,
-    miss_is_fine: bool,
-    contact_steps: Option<[i64; 3]>,
-}
-
-/// A grbl 1.1 controller with three axes.
+/// A controller with three axes.
 #[derive(Debug, Clone)]
 pub struct Controller {
     build: Build,
     memory: Memory,
     plant: Plant,
     state: State,
+    /// The alarm in force, or the last one.
+    alarm: Option<Alarm>,
+    /// Have the axes been homed, and not lost since?
+    is_homed: bool,
     receive_buffer: ReceiveBuffer,
     reader: LineReader,
     transmit: Vec<u8>,
     parser: ParserState,
     planner: Planner,
     script: VecDeque<Action>,
+    /// What every program line is answered with until the error is cleared.
+    sticky_error: Option<ErrorCode>,
+    /// Feed at the beginning of a hold, mm/min.
+    held_feed: f64,
+    /// Does M1 go on?
+    skips_optional_stops: bool,
     probing: Option<Probing>,
     /// Last probe result, steps and success.
     probed: ([i64; 3], bool),
@@ -140,10 +132,15 @@ pub struct Controller {
     spindle_percent: u8,
     coolant: Coolant,
     cadence: Cadence,
+    /// The parser state as it was last told after a report.
+    reported_parser_state: String,
     /// `?` came while homing, or while there was no room for the report.
     has_pending_report: bool,
     /// `!` came while homing.
     has_pending_hold: bool,
+    /// The interval of reports nobody asks for, as it was at power-up, and when the next is due.
+    report_interval: Option<Duration>,
+    report_due: Option<Duration>,
     now: Duration,
 }
 
@@ -155,6 +152,7 @@ impl Controller {
 
     /// Switches on a controller that is built and wired like this.
     pub fn with_build(build: Build) -> Self {
+        let traits = build.firmware().traits();
         let settings = build.settings.clone();
         let (steps, offset) = match build.start_in_machine {
             Some(start) => (steps_from_mm(start, &settings), [0.0; AXES]),
@@ -174,14 +172,19 @@ impl Controller {
                 startup: [String::new(), String::new()],
                 build_info: String::new(),
             },
-            build,
             state: State::Idle,
-            receive_buffer: ReceiveBuffer::default(),
-            reader: LineReader::default(),
+            alarm: None,
+            is_homed: false,
+            receive_buffer: ReceiveBuffer::new(build.receive_capacity()),
+            reader: LineReader::new(traits.line),
+            build,
             transmit: Vec::new(),
             parser: ParserState::default(),
-            planner: Planner::new(steps),
+            planner: Planner::new(steps, traits.blocks_max),
             script: VecDeque::new(),
+            sticky_error: None,
+            held_feed: 0.0,
+            skips_optional_stops: false,
             probing: None,
             probed: ([0; 3], false),
             spindle: Spindle::Off,
@@ -189,26 +192,46 @@ impl Controller {
             is_spindle_stopped: false,
             spindle_percent: 100,
             coolant: Coolant::default(),
-            cadence: Cadence::default(),
+            cadence: Cadence::new(traits),
+            reported_parser_state: String::new(),
             has_pending_report: false,
             has_pending_hold: false,
+            report_interval: None,
+            report_due: None,
             now: Duration::ZERO,
         };
         controller.boot();
         controller
     }
 
+    fn traits(&self) -> &'static Traits {
+        self.build.firmware().traits()
+    }
+
+    /// The G-code it knows as it is built and set.
+    fn vocabulary(&self) -> Vocabulary {
+        let vocabulary = self.traits().vocabulary;
+        Vocabulary { has_mist: vocabulary.has_mist || self.build.has_mist, ..vocabulary }
+    }
+
     /// Takes bytes that arrived at `now`.
     pub fn receive(&mut self, now: Duration, bytes: &[u8]) {
         self.advance(now);
         for &byte in bytes {
-            match realtime(byte) {
-                Some(command) => self.act(command),
-                None => self.receive_buffer.push(byte),
+            match (self.traits().realtime)(byte) {
+                Some(command) if !self.is_literal(byte) => self.act(command),
+                _ => self.receive_buffer.push(byte),
             }
             // The firmware empties its buffer much faster than bytes arrive.
             self.work();
         }
+    }
+
+    /// Is this `!`, `?` or `~` part of a command or comment?
+    fn is_literal(&self, byte: u8) -> bool {
+        matches!(byte, b'!' | b'?' | b'~')
+            && !self.memory.settings.legacy_realtime()
+            && self.reader.is_literal()
     }
 
     /// Appends the bytes to be sent to `to`.
@@ -287,10 +310,14 @@ impl Controller {
     pub fn power_cycle(&mut self) {
         let physical = crate::axes::add(self.position(), self.plant.offset);
         self.plant.offset = physical;
-        self.planner = Planner::new([0; 3]);
+        let blocks_max = self.memory.settings.planner_blocks();
+        self.planner = Planner::new([0; 3], blocks_max.unwrap_or(self.traits().blocks_max));
         self.state = State::Idle;
+        self.alarm = None;
+        self.is_homed = false;
         self.script.clear();
         self.transmit.clear();
+        self.reader = LineReader::new(self.traits().line);
         self.boot();
     }
 }

@@ -1,11 +1,10 @@
-//! Single bytes, switches, resets and alarms: what acts out of turn.
+//! Single bytes and the door: what acts out of turn.
 
-use super::report::Cadence;
 use super::{Controller, Door, State};
 use crate::codes::Alarm;
-use crate::gcode::{Coolant, ParserState, Spindle};
-use crate::motion::{Overrides, mm_from_steps};
-use crate::receive::{LineReader, OverrideChange, Realtime};
+use crate::firmware::{Feedback, Flush, Hearing};
+use crate::gcode::{Coolant, Motion, Spindle};
+use crate::receive::{OverrideChange, Realtime};
 
 /// Until the spindle is up to speed after a door, seconds.
 const DOOR_SPINDLE_S: f64 = 4.0;
@@ -14,33 +13,40 @@ const DOOR_COOLANT_S: f64 = 1.0;
 
 impl Controller {
     pub(super) fn act(&mut self, command: Realtime) {
-        if matches!(self.state, State::Alarm { is_deaf: true }) && command != Realtime::SoftReset {
+        let is_deaf = self.hearing() == Hearing::ResetOnly && command != Realtime::SoftReset;
+        let is_starting = matches!(self.state, State::Starting { .. });
+        if is_deaf || (is_starting && command != Realtime::StatusReport) {
             return;
         }
         match command {
             Realtime::SoftReset => self.soft_reset(),
-            Realtime::StatusReport => match self.state {
-                State::Homing(_) => self.has_pending_report = true,
-                _ if self.is_transmit_full() => self.has_pending_report = true,
-                _ => self.report_status(),
-            },
+            // With reports at an interval, asking is of no use.
+            Realtime::StatusReport if self.report_due.is_some() => {}
+            Realtime::StatusReport => self.report_status(),
+            Realtime::FullReport => self.report_everything(),
+            Realtime::ParserReport => self.report_parser_state(),
+            Realtime::AutoReportToggle => {
+                self.report_due = match self.report_due {
+                    None => self.report_interval.map(|interval| self.now + interval),
+                    Some(_) => None,
+                };
+            }
+            Realtime::OptionalStopToggle => self.skips_optional_stops = !self.skips_optional_stops,
+            Realtime::Macro(number) => self.run_macro(number),
+            Realtime::Stop => self.stop(),
             Realtime::CycleStart => self.cycle_start(),
             Realtime::FeedHold => self.feed_hold(),
             Realtime::SafetyDoor => self.open_door(),
-            Realtime::JogCancel => {
-                if let State::Jog { is_cancelled } = &mut self.state {
-                    *is_cancelled = true;
-                }
-            }
+            Realtime::JogCancel => self.cancel_jog(),
             Realtime::Override(change) => self.change_override(change),
             Realtime::SpindleStop => {
                 if matches!(self.state, State::Hold { is_stopped: true }) {
                     self.is_spindle_stopped = !self.is_spindle_stopped;
-                    self.cadence.overrides_changed();
+                    self.cadence.accessories_changed();
                 }
             }
             Realtime::FloodToggle => self.toggle_coolant(|coolant| &mut coolant.flood),
-            Realtime::MistToggle if self.build.has_mist => {
+            Realtime::MistToggle if self.vocabulary().has_mist => {
                 self.toggle_coolant(|coolant| &mut coolant.mist);
             }
             Realtime::MistToggle | Realtime::Unknown => {}
@@ -52,7 +58,7 @@ impl Controller {
             let flag = which(&mut self.coolant);
             *flag = !*flag;
             self.parser.modal.coolant = self.coolant;
-            self.cadence.overrides_changed();
+            self.cadence.accessories_changed();
         }
     }
 
@@ -76,10 +82,78 @@ impl Controller {
         }
     }
 
+    fn cancel_jog(&mut self) {
+        let is_jog = matches!(self.state, State::Jog { .. });
+        let flushes = match self.traits().jog_cancel_flush {
+            Flush::Never => false,
+            Flush::WhileJogging => is_jog,
+            Flush::Always => true,
+        };
+        if flushes {
+            self.receive_buffer.clear();
+            self.reader.clear();
+            self.sticky_error = None;
+            if is_jog {
+                // Nor is the jog answered that waits for room.
+                self.script.clear();
+            }
+        }
+        if let State::Jog { is_cancelled } = &mut self.state {
+            *is_cancelled = true;
+        }
+    }
+
+    /// grblHAL's 0x19: comes to rest and forgets what was to follow.
+    fn stop(&mut self) {
+        self.forget_input();
+        self.sticky_error = None;
+        match self.state {
+            State::Alarm { .. } | State::Sleep | State::Check | State::SoftLimit => {}
+            State::Homing(_) => self.fail_homing(Alarm::HOMING_RESET),
+            State::Run | State::Jog { .. } | State::Hold { is_stopped: false } => {
+                self.state = State::Stopping;
+            }
+            State::Door(Door::Stopping { .. }) | State::Stopping | State::Starting { .. } => {}
+            _ => self.finish_stop(),
+        }
+    }
+
+    /// At rest after 0x19: the position stays, modes begin anew.
+    pub(super) fn finish_stop(&mut self) {
+        self.planner.clear(&self.memory.settings);
+        self.probing = None;
+        self.sync_parser();
+        self.parser.modal.motion = Motion::Rapid;
+        self.parser.modal.spindle = Spindle::Off;
+        self.parser.modal.coolant = Coolant::default();
+        self.parser.feed = 0.0;
+        self.switch_off();
+        self.cadence.accessories_changed();
+        self.state = match self.plant.is_door_open {
+            true => State::Door(Door::Stopped),
+            false => State::Idle,
+        };
+        self.feedback(Feedback::Stop);
+    }
+
+    /// FluidNC's 0x87 and on; here a macro does nothing but say that it ran.
+    fn run_macro(&mut self, number: u8) {
+        match self.state {
+            State::Idle => self.line_out(&format!("[MSG:INFO: Macro{number}]")),
+            _ => self.line_out("[MSG:ERR: Macro can only be used in idle state]"),
+        }
+    }
+
     pub(super) fn feed_hold(&mut self) {
         match &mut self.state {
-            State::Idle => self.state = State::Hold { is_stopped: true },
-            State::Run => self.state = State::Hold { is_stopped: false },
+            State::Idle => {
+                self.held_feed = 0.0;
+                self.state = State::Hold { is_stopped: true };
+            }
+            State::Run => {
+                self.held_feed = self.planner.speed_mm_per_min();
+                self.state = State::Hold { is_stopped: false };
+            }
             State::Jog { is_cancelled } => *is_cancelled = true,
             State::Homing(_) => self.has_pending_hold = true,
             _ => {}
@@ -89,12 +163,24 @@ impl Controller {
     fn cycle_start(&mut self) {
         match self.state {
             State::Idle | State::Hold { is_stopped: true } => {
+                if let (State::Hold { .. }, Some(feedback)) =
+                    (&self.state, self.traits().resume_feedback)
+                {
+                    self.feedback(feedback);
+                }
                 self.is_spindle_stopped = false;
                 self.resume();
             }
+            State::Tool => {
+                self.state = State::Idle;
+                self.cadence.tool_changed();
+                self.report_status();
+            }
             State::Door(Door::Stopped) if !self.plant.is_door_open => {
-                let spindle = if self.spindle == Spindle::Off { 0.0 } else { DOOR_SPINDLE_S };
-                let coolant = if self.coolant == Coolant::default() { 0.0 } else { DOOR_COOLANT_S };
+                let delays = self.memory.settings.door_delays_s();
+                let (spindle_s, coolant_s) = delays.unwrap_or((DOOR_SPINDLE_S, DOOR_COOLANT_S));
+                let spindle = if self.spindle == Spindle::Off { 0.0 } else { spindle_s };
+                let coolant = if self.coolant == Coolant::default() { 0.0 } else { coolant_s };
                 self.state = State::Door(Door::Resuming { left_s: spindle + coolant });
             }
             _ => {}
@@ -110,113 +196,15 @@ impl Controller {
     pub(super) fn open_door(&mut self) {
         let is_moving = match &self.state {
             State::Alarm { .. } | State::Check | State::Sleep | State::SoftLimit => return,
+            State::Starting { .. } | State::Tool | State::Stopping => return,
             State::Door(Door::Stopping { .. } | Door::Stopped) => return,
-            State::Homing(_) => return self.fail_homing(Alarm::HomingDoor),
+            State::Homing(_) => return self.fail_homing(Alarm::HOMING_DOOR),
             State::Door(Door::Resuming { .. }) | State::Idle => false,
             State::Hold { is_stopped } => !is_stopped,
             State::Run | State::Jog { .. } => true,
         };
-        self.message("Check Door");
+        self.feedback(Feedback::CheckDoor);
         let is_jog = matches!(self.state, State::Jog { .. });
         self.state = State::Door(if is_moving { Door::Stopping { is_jog } } else { Door::Stopped });
-    }
-
-    /// A limit switch closed while hard limits are on.
-    pub(super) fn hit_limit(&mut self) {
-        if !matches!(self.state, State::Alarm { .. }) {
-            self.critical(Alarm::HardLimit);
-        }
-    }
-
-    /// Stops dead and stays deaf until a reset.
-    pub(super) fn critical(&mut self, alarm: Alarm) {
-        self.planner.clear(&self.memory.settings);
-        self.probing = None;
-        self.spindle = Spindle::Off;
-        self.coolant = Coolant::default();
-        self.state = State::Alarm { is_deaf: true };
-        self.alarm(alarm);
-        self.message("Reset to continue");
-    }
-
-    pub(super) fn fail_homing(&mut self, alarm: Alarm) {
-        self.alarm(alarm);
-        self.restart(true);
-    }
-
-    /// 0x18.
-    fn soft_reset(&mut self) {
-        let alarm = match self.state {
-            State::Homing(_) => Some(Alarm::HomingReset),
-            State::Run | State::Jog { .. } | State::SoftLimit => Some(Alarm::AbortedInMotion),
-            State::Hold { is_stopped: false } | State::Door(Door::Stopping { .. }) => {
-                Some(Alarm::AbortedInMotion)
-            }
-            _ => None,
-        };
-        let is_locked = matches!(self.state, State::Alarm { .. } | State::Sleep);
-        if let Some(alarm) = alarm {
-            self.alarm(alarm);
-        }
-        self.restart(is_locked || alarm.is_some());
-    }
-
-    /// Begins again; a line in work is answered `ok` on the way, as the firmware does.
-    pub(super) fn restart(&mut self, is_locked: bool) {
-        if let State::Homing(homing) = &self.state {
-            let at = homing.position(&self.plant, &self.memory.settings);
-            let steps = crate::motion::steps_from_mm(at, &self.memory.settings);
-            self.planner.clear(&self.memory.settings);
-            self.planner.set_position_steps(steps);
-        }
-        if self.script.iter().any(super::Action::is_answer) {
-            self.print("ok\r\n");
-        }
-        self.state = if is_locked { State::Alarm { is_deaf: false } } else { State::Idle };
-        self.initialise();
-    }
-
-    /// Power-up: as a restart, but locked when homing is on.
-    pub(super) fn boot(&mut self) {
-        if self.memory.settings.homing_enabled() {
-            self.state = State::Alarm { is_deaf: false };
-        }
-        self.initialise();
-    }
-
-    fn initialise(&mut self) {
-        let settings = &self.memory.settings;
-        self.planner.clear(settings);
-        let at = mm_from_steps(self.planner.position_steps(settings), settings);
-        self.plant.stop_at_ends(at, settings);
-        self.planner.set_overrides(Overrides::default());
-        self.receive_buffer.clear();
-        self.reader = LineReader::default();
-        self.script.clear();
-        self.probing = None;
-        self.spindle = Spindle::Off;
-        self.spindle_rpm = 0.0;
-        self.spindle_percent = 100;
-        self.is_spindle_stopped = false;
-        self.coolant = Coolant::default();
-        self.cadence = Cadence::default();
-        self.has_pending_report = false;
-        self.has_pending_hold = false;
-        self.parser = ParserState::default();
-        self.parser.position_in_machine = at;
-        self.print("\r\nGrbl 1.1h ['$' for help]\r\n");
-        let is_pressed = self.plant.pressed(self.position(), &self.memory.settings).contains(&true);
-        if self.memory.settings.hard_limits() && is_pressed {
-            self.state = State::Alarm { is_deaf: false };
-            self.message("Check Limits");
-        }
-        if matches!(self.state, State::Alarm { .. }) {
-            self.message("'$H'|'$X' to unlock");
-        } else {
-            if self.plant.is_door_open {
-                self.open_door();
-            }
-            self.queue_startup_lines();
-        }
     }
 }

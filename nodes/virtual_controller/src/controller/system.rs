@@ -1,8 +1,9 @@
 //! The `$` commands.
 
-use super::foreground::Action;
+use super::action::Action;
 use super::{Controller, State};
 use crate::codes::ErrorCode;
+use crate::firmware::Feedback;
 use crate::gcode::{CoordinateSystems, read_number};
 use crate::homing::Homing;
 use crate::settings::Settings;
@@ -13,6 +14,9 @@ const STORED_CHARACTERS_MAX: usize = 79;
 impl Controller {
     /// Does the command behind a `$`; the caller answers.
     pub(super) fn system_command(&mut self, command: &str) -> Result<(), ErrorCode> {
+        if self.state == (State::Alarm { is_critical: true }) && !is_harmless(command) {
+            return Err(ErrorCode::CriticalEvent);
+        }
         match command {
             "" => {
                 self.report_help();
@@ -47,6 +51,9 @@ impl Controller {
         match command {
             "#" => self.report_offsets(),
             "H" => return self.start_homing(),
+            "SLP" if !(self.traits().may_sleep)(&self.memory.settings) => {
+                return Err(ErrorCode::InvalidStatement);
+            }
             "SLP" => self.script.push_back(Action::Sleep),
             "I" => self.report_build(),
             "N" => self.report_startup_lines(),
@@ -63,12 +70,12 @@ impl Controller {
     fn toggle_check(&mut self) -> Result<(), ErrorCode> {
         match self.state {
             State::Check => {
-                self.message("Disabled");
+                self.feedback(Feedback::CheckOff);
                 self.script.push_back(Action::Restart);
             }
             State::Idle => {
                 self.state = State::Check;
-                self.message("Enabled");
+                self.feedback(Feedback::CheckOn);
             }
             _ => return Err(ErrorCode::NotIdle),
         }
@@ -80,7 +87,11 @@ impl Controller {
             if self.plant.is_door_open {
                 return Err(ErrorCode::DoorOpen);
             }
-            self.message("Caution: Unlocked");
+            if self.memory.settings.homing_required() && !self.is_homed {
+                return Err(ErrorCode::HomingRequired);
+            }
+            self.feedback(Feedback::Unlocked);
+            self.alarm = None;
             self.state = State::Idle;
         }
         Ok(())
@@ -94,6 +105,9 @@ impl Controller {
             return Err(ErrorCode::DoorOpen);
         }
         self.state = State::Homing(Homing::new(self.position(), &self.memory.settings));
+        if self.traits().announces_homing {
+            self.report_status_now();
+        }
         self.queue_startup_lines();
         Ok(())
     }
@@ -116,13 +130,16 @@ impl Controller {
             self.memory.startup = Default::default();
             self.memory.build_info.clear();
         }
-        self.message("Restoring defaults");
+        self.feedback(Feedback::RestoringDefaults);
         self.script.push_back(Action::Restart);
         Ok(())
     }
 
     /// `$n=v`.
     fn store_setting(&mut self, command: &str) -> Result<(), ErrorCode> {
+        if !command.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) {
+            return Err(self.traits().unknown_command);
+        }
         let (number, value) = parse_setting(command)?;
         let steps_before = self.memory.settings.steps_per_mm();
         self.memory.settings.set(number, value)?;
@@ -165,6 +182,11 @@ impl Controller {
     }
 }
 
+/// Does a `$` command only tell something?
+fn is_harmless(command: &str) -> bool {
+    matches!(command, "" | "$" | "G" | "#" | "I" | "N")
+}
+
 fn stored(text: &str) -> Result<String, ErrorCode> {
     if text.len() > STORED_CHARACTERS_MAX {
         return Err(ErrorCode::StoredLineTooLong);
@@ -173,14 +195,14 @@ fn stored(text: &str) -> Result<String, ErrorCode> {
 }
 
 /// Reads `n=v`.
-fn parse_setting(text: &str) -> Result<(u8, f64), ErrorCode> {
+fn parse_setting(text: &str) -> Result<(u16, f64), ErrorCode> {
     let (number, rest) = read_number(text).ok_or(ErrorCode::BadNumber)?;
     let value = rest.strip_prefix('=').ok_or(ErrorCode::InvalidStatement)?;
     let (value, rest) = read_number(value).ok_or(ErrorCode::BadNumber)?;
-    if !rest.is_empty() || !(0.0..=255.0).contains(&number) {
+    if !rest.is_empty() || !(0.0..=65535.0).contains(&number) {
         return Err(ErrorCode::InvalidStatement);
     }
-    Ok((number.trunc() as u8, value))
+    Ok((number.trunc() as u16, value))
 }
 
 impl Settings {

@@ -5,6 +5,7 @@
 
 use crate::axes::{AXES, Vector};
 use crate::codes::ErrorCode;
+use crate::firmware::Vocabulary;
 use crate::gcode::arc::Arc;
 use crate::gcode::sort::{AxisCommand, GROUPS_OF_JOGS, ToolLength, Words, ZeroGroup, index, sort};
 use crate::gcode::{CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserState, Units};
@@ -17,7 +18,7 @@ const LINE_NUMBER_MAX: f64 = 10_000_000.0;
 /// Program or jog (`$J=`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    Program { has_mist: bool },
+    Program,
     Jog,
 }
 
@@ -28,13 +29,15 @@ pub(crate) struct Checked {
     pub(crate) modal: Modal,
     pub(crate) feed: f64,
     pub(crate) spindle_rpm: f64,
-    pub(crate) tool: u8,
+    pub(crate) tool: u32,
     pub(crate) line_number: u32,
     pub(crate) dwell_s: Option<f64>,
     pub(crate) tool_length: f64,
     pub(crate) non_modal: Option<NonModal>,
     pub(crate) effect: Effect,
     pub(crate) flow: Option<Flow>,
+    /// M6.
+    pub(crate) changes_tool: bool,
 }
 
 /// Motion of a block.
@@ -67,10 +70,11 @@ pub(crate) enum NonModal {
     SetG92(Vector),
 }
 
-/// M0, M2 and M30.
+/// M0, M1, M2 and M30.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Flow {
     Pause,
+    OptionalPause,
     End,
 }
 
@@ -78,6 +82,7 @@ pub(crate) enum Flow {
 pub(crate) fn check(
     line: &str,
     kind: Kind,
+    vocabulary: &Vocabulary,
     state: &ParserState,
     systems: &CoordinateSystems,
 ) -> Result<Checked, ErrorCode> {
@@ -86,7 +91,7 @@ pub(crate) fn check(
         modal.motion = Motion::Line;
         modal.feed_mode = FeedMode::UnitsPerMinute;
     }
-    let mut w = sort(line, kind, &mut modal)?;
+    let mut w = sort(line, kind, vocabulary, &mut modal)?;
     if w.has_axis() && w.axis_command.is_none() {
         w.axis_command = Some(AxisCommand::Motion);
     }
@@ -125,13 +130,14 @@ pub(crate) fn check(
     let after = ParserState { modal, tool_length, ..state.clone() };
     let non_modal_words = w.zero;
     let target = target(&w, &after, systems, mm);
-    let non_modal = non_modal(&mut w, &after, systems, target, mm)?;
+    let non_modal = non_modal(&mut w, vocabulary, &after, systems, target, mm)?;
     if non_modal_words == Some(ZeroGroup::MachineCoordinates)
         && !matches!(modal.motion, Motion::Rapid | Motion::Line)
     {
         return Err(ErrorCode::G53InvalidMotion);
     }
-    let effect = motion(&mut w, kind, &modal, state, target, feed, mm)?;
+    let ask = Ask { kind, vocabulary, modal: &modal, target, feed, mm };
+    let effect = motion(&mut w, &ask, state)?;
 
     if w.axis_command.is_some() {
         (0..AXES).for_each(|axis| w.values[index('X') + axis] = None);
@@ -146,13 +152,14 @@ pub(crate) fn check(
         modal,
         feed,
         spindle_rpm: spindle_rpm.unwrap_or(state.spindle_rpm),
-        tool: tool.map_or(state.tool, |tool| tool as u8),
+        tool: tool.map_or(state.tool, |tool| tool as u32),
         line_number: line_number as u32,
         dwell_s,
         tool_length,
         non_modal,
         effect,
         flow: w.flow,
+        changes_tool: w.changes_tool,
     })
 }
 
@@ -199,6 +206,7 @@ fn target(w: &Words, after: &ParserState, systems: &CoordinateSystems, mm: f64) 
 
 fn non_modal(
     w: &mut Words,
+    vocabulary: &Vocabulary,
     after: &ParserState,
     systems: &CoordinateSystems,
     target: Vector,
@@ -214,7 +222,7 @@ fn non_modal(
             let (Some(p), Some(l)) = (w.take('P'), w.take('L')) else {
                 return Err(ErrorCode::ValueWordMissing);
             };
-            if p.trunc() > 6.0 {
+            if p.trunc() > vocabulary.systems as f64 {
                 return Err(ErrorCode::UnsupportedCoordinateSystem);
             }
             let from_position = match l.trunc() as i64 {
@@ -256,15 +264,18 @@ fn non_modal(
     })
 }
 
-fn motion(
-    w: &mut Words,
+/// What a block asks of the motion, its words aside.
+struct Ask<'a> {
     kind: Kind,
-    modal: &Modal,
-    state: &ParserState,
+    vocabulary: &'a Vocabulary,
+    modal: &'a Modal,
     target: Vector,
     feed: f64,
     mm: f64,
-) -> Result<Effect, ErrorCode> {
+}
+
+fn motion(w: &mut Words, ask: &Ask<'_>, state: &ParserState) -> Result<Effect, ErrorCode> {
+    let &Ask { kind, vocabulary, modal, target, feed, mm } = ask;
     if modal.motion == Motion::None {
         return if w.has_axis() { Err(ErrorCode::AxisWordsExist) } else { Ok(Effect::None) };
     }
@@ -285,10 +296,13 @@ fn motion(
         Motion::Line => Ok(Effect::None),
         Motion::ArcClockwise | Motion::ArcCounterclockwise => {
             let (a, b, _) = modal.plane.axes();
-            if !w.has_axis() {
+            let letters = ['I', 'J', 'K'];
+            let has_center = w.get(letters[a]).is_some() || w.get(letters[b]).is_some();
+            let is_bare_circle = vocabulary.has_bare_circles && !w.has_axis() && has_center;
+            if !w.has_axis() && !is_bare_circle {
                 return Err(ErrorCode::NoAxisWords);
             }
-            if w.axis(a).is_none() && w.axis(b).is_none() {
+            if w.axis(a).is_none() && w.axis(b).is_none() && !is_bare_circle {
                 return Err(ErrorCode::NoAxisWordsInPlane);
             }
             if let Some(radius) = w.take('R') {
@@ -296,8 +310,7 @@ fn motion(
                 return Arc::from_radius(modal.plane, start, target, radius, clockwise)
                     .map(Effect::Arc);
             }
-            let letters = ['I', 'J', 'K'];
-            if w.get(letters[a]).is_none() && w.get(letters[b]).is_none() {
+            if !has_center {
                 return Err(ErrorCode::NoOffsetsInPlane);
             }
             let offset = letters.map(|letter| w.take(letter).unwrap_or(0.0) * mm);

@@ -1,4 +1,4 @@
-//! The G-code of grbl 1.1: words, modal state, checks, arcs.
+//! The G-code of grbl and its descendants: words, modal state, checks, arcs.
 //!
 //! Knows what a line means and whether it may be said; moves nothing. A line
 //! is checked whole before anything of it takes effect.
@@ -12,6 +12,6 @@ mod words;
 pub(crate) use check::{Checked, Effect, Flow, Kind, NonModal, check};
 pub(crate) use modal::{
     Coolant, CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserState, Plane, Spindle,
-    Units,
+    Units, system_name,
 };
 pub(crate) use words::read_number;

@@ -112,7 +112,7 @@ pub(crate) struct Modal {
     pub(crate) feed_mode: FeedMode,
     /// Group 6.
     pub(crate) units: Units,
-    /// Group 12: 0 for G54 to 5 for G59.
+    /// Group 12: 0 for G54 to 5 for G59, then G59.1 and on.
     pub(crate) coordinate_system: usize,
     /// Group 7 of M.
     pub(crate) spindle: Spindle,
@@ -123,8 +123,8 @@ pub(crate) struct Modal {
 /// Offsets that outlive a reset.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct CoordinateSystems {
-    /// G54 to G59, millimetres in machine coordinates.
-    pub(crate) work: [Vector; 6],
+    /// G54 to G59 and G59.1 to G59.3, millimetres in machine coordinates.
+    pub(crate) work: [Vector; 9],
     /// G28, millimetres in machine coordinates.
     pub(crate) g28: Vector,
     /// G30, millimetres in machine coordinates.
@@ -141,7 +141,7 @@ pub(crate) struct ParserState {
     /// S, rpm.
     pub(crate) spindle_rpm: f64,
     /// T.
-    pub(crate) tool: u8,
+    pub(crate) tool: u32,
     /// N of the last block that had one, else 0.
     pub(crate) line_number: u32,
     /// Where the last queued move ends, millimetres in machine coordinates.
@@ -150,6 +150,14 @@ pub(crate) struct ParserState {
     pub(crate) g92: Vector,
     /// G43.1, millimetres along Z.
     pub(crate) tool_length: f64,
+}
+
+/// Returns the name of a coordinate system.
+pub(crate) fn system_name(system: usize) -> String {
+    match system {
+        0..=5 => format!("G{}", 54 + system),
+        _ => format!("G59.{}", system - 5),
+    }
 }
 
 impl ParserState {

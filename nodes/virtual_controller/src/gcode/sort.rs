@@ -5,11 +5,9 @@
 
 use crate::axes::AXES;
 use crate::codes::ErrorCode;
+use crate::firmware::Vocabulary;
 use crate::gcode::words::words;
 use crate::gcode::{Distance, FeedMode, Flow, Kind, Modal, Motion, Plane, Spindle, Units};
-
-/// T may not be larger.
-const TOOL_MAX: f64 = 255.0;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum ZeroGroup {
@@ -45,6 +43,7 @@ pub(super) struct Words {
     pub(super) axis_command: Option<AxisCommand>,
     pub(super) tool_length: Option<ToolLength>,
     pub(super) flow: Option<Flow>,
+    pub(super) changes_tool: bool,
 }
 
 impl Words {
@@ -86,29 +85,35 @@ pub(super) fn index(letter: char) -> usize {
 
 /// Groups as bits: G groups by their number, M groups from 16 on.
 const GROUP_M_FLOW: u32 = 20;
+const GROUP_M_TOOL: u32 = 22;
 const GROUP_M_SPINDLE: u32 = 23;
 const GROUP_M_COOLANT: u32 = 24;
 /// Group 0, 3 and 6 are all that a jog may carry.
 pub(super) const GROUPS_OF_JOGS: u32 = 1 | 1 << 3 | 1 << 6;
 
 /// Sorts the words into groups and values; the first pass of the firmware.
-pub(super) fn sort(line: &str, kind: Kind, modal: &mut Modal) -> Result<Words, ErrorCode> {
+pub(super) fn sort(
+    line: &str,
+    kind: Kind,
+    vocabulary: &Vocabulary,
+    modal: &mut Modal,
+) -> Result<Words, ErrorCode> {
     let mut w = Words::default();
-    for word in words(line) {
+    for word in words(line, vocabulary.stray_letter) {
         let (letter, value) = word?;
         // Codes are read in hundredths: G38.2 is 3820.
         let hundredths = (value * 100.0).round() as i64;
         match letter {
-            'G' => g_word(&mut w, modal, hundredths)?,
-            'M' => m_word(&mut w, modal, kind, hundredths)?,
-            'F' | 'I'..='L' | 'N' | 'P' | 'R' | 'S' | 'T' | 'X'..='Z' => {
+            'G' => g_word(&mut w, modal, vocabulary, hundredths)?,
+            'M' => m_word(&mut w, modal, kind, vocabulary, hundredths)?,
+            _ if carries_value(letter, vocabulary) => {
                 if w.values[index(letter)].replace(value).is_some() {
                     return Err(ErrorCode::WordRepeated);
                 }
                 if matches!(letter, 'F' | 'N' | 'P' | 'T' | 'S') && value < 0.0 {
                     return Err(ErrorCode::NegativeValue);
                 }
-                if letter == 'T' && value.trunc() > TOOL_MAX {
+                if letter == 'T' && value.trunc() > vocabulary.tool_max {
                     return Err(ErrorCode::ValueTooLarge);
                 }
             }
@@ -118,10 +123,30 @@ pub(super) fn sort(line: &str, kind: Kind, modal: &mut Modal) -> Result<Words, E
     Ok(w)
 }
 
-fn g_word(w: &mut Words, modal: &mut Modal, hundredths: i64) -> Result<(), ErrorCode> {
+fn carries_value(letter: char, vocabulary: &Vocabulary) -> bool {
+    let is_common = matches!(letter, 'F' | 'I'..='L' | 'N' | 'P' | 'R' | 'S' | 'T' | 'X'..='Z');
+    is_common || vocabulary.more_letters.contains(&letter)
+}
+
+fn g_word(
+    w: &mut Words,
+    modal: &mut Modal,
+    vocabulary: &Vocabulary,
+    hundredths: i64,
+) -> Result<(), ErrorCode> {
     use AxisCommand::{Motion as M, NonModal as N, ToolLength as T};
     let whole = hundredths / 100;
     let fraction = hundredths % 100;
+    // G59.1 is the seventh coordinate system.
+    let system = match whole {
+        54..=59 => {
+            Some((whole - 54) as usize + if whole == 59 { fraction as usize / 10 } else { 0 })
+        }
+        _ => None,
+    };
+    let is_beyond_g59 = whole == 59
+        && fraction % 10 == 0
+        && system.is_some_and(|system| system < vocabulary.systems);
     let fraction_ok = match whole {
         28 | 30 | 92 => matches!(fraction, 0 | 10),
         38 => matches!(fraction, 20 | 30 | 40 | 50),
@@ -130,7 +155,7 @@ fn g_word(w: &mut Words, modal: &mut Modal, hundredths: i64) -> Result<(), Error
         90 | 61 => fraction == 0,
         _ => true,
     };
-    let needs_integer = !matches!(whole, 28 | 30 | 92 | 38 | 43 | 91);
+    let needs_integer = !matches!(whole, 28 | 30 | 92 | 38 | 43 | 91) && !is_beyond_g59;
     if !fraction_ok {
         return Err(ErrorCode::Unsupported);
     }
@@ -185,7 +210,7 @@ fn g_word(w: &mut Words, modal: &mut Modal, hundredths: i64) -> Result<(), Error
         21 => modal.units = Units::Millimetres,
         43 => w.tool_length = Some(ToolLength::Dynamic),
         49 => w.tool_length = Some(ToolLength::Cancel),
-        54..=59 => modal.coordinate_system = (whole - 54) as usize,
+        54..=59 => modal.coordinate_system = system.unwrap_or_default(),
         4 => w.zero = Some(ZeroGroup::Dwell),
         10 => w.zero = Some(ZeroGroup::SetOffset),
         53 => w.zero = Some(ZeroGroup::MachineCoordinates),
@@ -198,17 +223,28 @@ fn g_word(w: &mut Words, modal: &mut Modal, hundredths: i64) -> Result<(), Error
     w.claim_group(group)
 }
 
-fn m_word(w: &mut Words, modal: &mut Modal, kind: Kind, hundredths: i64) -> Result<(), ErrorCode> {
+fn m_word(
+    w: &mut Words,
+    modal: &mut Modal,
+    kind: Kind,
+    vocabulary: &Vocabulary,
+    hundredths: i64,
+) -> Result<(), ErrorCode> {
     if hundredths % 100 != 0 {
         return Err(ErrorCode::NotInteger);
     }
-    let has_mist = kind == Kind::Program { has_mist: true };
+    let has_mist = kind == Kind::Program && vocabulary.has_mist;
     let group = match hundredths / 100 {
         0 => {
             w.flow = Some(Flow::Pause);
             GROUP_M_FLOW
         }
-        1 => GROUP_M_FLOW,
+        1 => {
+            if vocabulary.has_optional_stop {
+                w.flow = Some(Flow::OptionalPause);
+            }
+            GROUP_M_FLOW
+        }
         2 | 30 => {
             w.flow = Some(Flow::End);
             GROUP_M_FLOW
@@ -220,6 +256,10 @@ fn m_word(w: &mut Words, modal: &mut Modal, kind: Kind, hundredths: i64) -> Resu
                 _ => Spindle::Off,
             };
             GROUP_M_SPINDLE
+        }
+        6 if vocabulary.has_tool_change => {
+            w.changes_tool = true;
+            GROUP_M_TOOL
         }
         7 if has_mist => {
             modal.coolant.mist = true;

@@ -40,11 +40,14 @@ pub(crate) fn read_number(text: &str) -> Option<(f64, &str)> {
     Some((if text.starts_with('-') { -value } else { value }, &unsigned[used..]))
 }
 
-/// Splits a line without blanks into words.
-pub(super) fn words(mut text: &str) -> impl Iterator<Item = Result<(char, f64), ErrorCode>> + '_ {
+/// Splits a line without blanks into words; `more_letter` may begin one, too.
+pub(super) fn words(
+    mut text: &str,
+    more_letter: Option<char>,
+) -> impl Iterator<Item = Result<(char, f64), ErrorCode>> + '_ {
     std::iter::from_fn(move || {
         let letter = text.chars().next()?;
-        if !letter.is_ascii_uppercase() {
+        if !letter.is_ascii_uppercase() && Some(letter) != more_letter {
             text = "";
             return Some(Err(ErrorCode::ExpectedLetter));
         }

@@ -6,7 +6,5 @@
 mod planner;
 mod ramp;
 
-pub(crate) use planner::{
-    BLOCKS_MAX, Happening, Move, Overrides, Pace, Planner, mm_from_steps, steps_from_mm,
-};
+pub(crate) use planner::{Happening, Move, Overrides, Pace, Planner, mm_from_steps, steps_from_mm};
 pub(crate) use ramp::{Ramp, next_ramp};

@@ -1,4 +1,4 @@
-//! The planner queue: 15 blocks, junction speeds, look-ahead, and execution in time.
+//! The planner queue: junction speeds, look-ahead, and execution in time.
 //!
 //! Invariants: the planned entry speed of a block never exceeds what the
 //! junction, the speeds on both sides and the braking distance to a stop at
@@ -11,8 +11,6 @@ use crate::motion::ramp::{Ramp, braking_ramp, next_ramp};
 use crate::settings::Settings;
 use crate::tolerances::STRAIGHT;
 
-/// Blocks the queue holds.
-pub(crate) const BLOCKS_MAX: usize = 15;
 /// No block is slower than this, mm/min.
 const FEED_MIN_MM_PER_MIN: f64 = 1.0;
 
@@ -96,6 +94,7 @@ pub(crate) enum Happening {
 /// The queue and the block in motion.
 #[derive(Debug, Clone)]
 pub(crate) struct Planner {
+    blocks_max: usize,
     queue: VecDeque<Block>,
     /// Of the block in motion.
     done_mm: f64,
@@ -103,21 +102,26 @@ pub(crate) struct Planner {
     /// Where the axes rest when the queue is empty, else where the last block starts counting.
     rest_steps: [i64; 3],
     overrides: Overrides,
+    /// N of the last block that was in motion and had one, since all was forgotten.
+    last_line_number: u32,
 }
 
 impl Planner {
-    pub(crate) fn new(position_steps: [i64; 3]) -> Self {
+    /// A queue of so many blocks, at rest.
+    pub(crate) fn new(position_steps: [i64; 3], blocks_max: usize) -> Self {
         Self {
+            blocks_max,
             queue: VecDeque::new(),
             done_mm: 0.0,
             speed: 0.0,
             rest_steps: position_steps,
             overrides: Overrides::default(),
+            last_line_number: 0,
         }
     }
 
     pub(crate) fn is_full(&self) -> bool {
-        self.queue.len() >= BLOCKS_MAX
+        self.queue.len() >= self.blocks_max
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -125,7 +129,7 @@ impl Planner {
     }
 
     pub(crate) fn free(&self) -> usize {
-        BLOCKS_MAX.saturating_sub(self.queue.len())
+        self.blocks_max.saturating_sub(self.queue.len())
     }
 
     /// Speed along the path, mm/min.
@@ -136,6 +140,24 @@ impl Planner {
     /// N of the block in motion, 0 when it has none.
     pub(crate) fn line_number(&self) -> u32 {
         self.queue.front().map_or(0, |block| block.line_number)
+    }
+
+    /// N of the block in motion, or else of the one before that had one; 0: none.
+    pub(crate) fn last_line_number(&self) -> u32 {
+        match self.line_number() {
+            0 => self.last_line_number,
+            number => number,
+        }
+    }
+
+    /// The blocks the queue holds.
+    pub(crate) fn blocks_max(&self) -> usize {
+        self.blocks_max
+    }
+
+    /// The way that is left of the block in motion, mm.
+    pub(crate) fn way_to_go(&self) -> Vector {
+        self.heading().map_or([0.0; 3], |(unit, remaining)| axes::scale(unit, remaining))
     }
 
     /// Machine position now, in steps.
@@ -166,7 +188,7 @@ impl Planner {
     /// Forgets everything queued and rests where the axes are.
     pub(crate) fn clear(&mut self, settings: &Settings) {
         let position = self.position_steps(settings);
-        *self = Self { overrides: self.overrides, ..Self::new(position) };
+        *self = Self { overrides: self.overrides, ..Self::new(position, self.blocks_max) };
     }
 
     /// Declares where the axes are; the queue must be empty.
@@ -281,6 +303,9 @@ impl Planner {
             let block = self.queue.pop_front().expect("a ramp belongs to a block");
             self.done_mm = 0.0;
             self.rest_steps = block.end_steps;
+            if block.line_number > 0 {
+                self.last_line_number = block.line_number;
+            }
             if self.queue.is_empty() {
                 self.speed = 0.0;
             }

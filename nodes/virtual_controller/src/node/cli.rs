@@ -11,9 +11,9 @@ use clap::{Parser, ValueEnum};
 use super::serve::{ServeOptions, eprint, serve};
 use super::stop::{StopHandle, stop_pair};
 use crate::paced::Pace;
-use crate::{Build, Fault, Settings, Vector};
+use crate::{Build, Fault, Firmware, Settings, Vector};
 
-/// A grbl 1.1 controller with axes that move in time, on a pseudo-terminal.
+/// A grbl 1.1, grblHAL or FluidNC controller with axes that move in time, on a pseudo-terminal.
 ///
 /// Prints the path of its port as the first line and runs until SIGTERM or
 /// SIGINT. It is no hardware and no part of it is a safety function.
@@ -22,13 +22,19 @@ use crate::{Build, Fault, Settings, Vector};
 #[allow(rustdoc::broken_intra_doc_links)]
 #[command(name = "virtual_controller", version)]
 struct Arguments {
+    /// The firmware it speaks as: grbl (1.1h), grblhal or fluidnc.
+    #[arg(long, value_name = "NAME", default_value_t = Firmware::Grbl)]
+    firmware: Firmware,
+    /// Bytes of the receive buffer as $I tells them; without it those of the firmware.
+    #[arg(long, value_name = "BYTES", value_parser = buffer_bytes)]
+    receive_buffer: Option<usize>,
     /// Settings to start from.
     #[arg(long, value_enum, default_value_t = Machine::Router)]
     machine: Machine,
     /// A file of lines `$n=v`; `#` and `;` begin comments.
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
-    /// Switches homing on ($22=1): locked at power-up until $H or $X.
+    /// Switches homing on ($22=1): locked at power-up until $H or $X, but for grblHAL.
     #[arg(long)]
     homing: bool,
     /// Machine position at power-up in mm; without it the axes stand mid-travel and read 0,0,0.
@@ -78,7 +84,7 @@ struct Arguments {
 enum Machine {
     /// 600 x 400 x 100 mm, 5 m/min, 24 000 rpm.
     Router,
-    /// The defaults of a freshly flashed grbl.
+    /// The defaults of freshly flashed firmware.
     Generic,
 }
 
@@ -125,8 +131,8 @@ fn stop_on_signals(handle: &StopHandle) -> io::Result<()> {
 
 fn options(arguments: Arguments) -> Result<ServeOptions, String> {
     let mut settings = match arguments.machine {
-        Machine::Router => Settings::small_router(),
-        Machine::Generic => Settings::default(),
+        Machine::Router => Settings::small_router_of(arguments.firmware),
+        Machine::Generic => Settings::of(arguments.firmware),
     };
     if let Some(path) = &arguments.settings {
         let text = fs::read_to_string(path)
@@ -137,6 +143,7 @@ fn options(arguments: Arguments) -> Result<ServeOptions, String> {
         settings.set(22, 1.0).expect("homing may always be switched on");
     }
     let mut build = Build::new(settings);
+    build.receive_buffer_bytes = arguments.receive_buffer;
     build.start_in_machine = arguments.start;
     build.probe_surface_z_mm = arguments.probe_z;
     build.has_line_numbers = arguments.line_numbers;
@@ -164,10 +171,18 @@ fn apply(settings: &mut Settings, text: &str) -> Result<(), String> {
             continue;
         }
         settings.set_line(line).map_err(|code| {
-            format!(":{}: `{line}` is no setting a grbl 1.1 takes ({code}); write $n=v", index + 1)
+            let firmware = settings.firmware();
+            format!(":{}: `{line}` is no setting {firmware} takes ({code}); write $n=v", index + 1)
         })?;
     }
     Ok(())
+}
+
+fn buffer_bytes(text: &str) -> Result<usize, String> {
+    let value: Option<usize> = text.parse().ok();
+    value
+        .filter(|bytes| (16..=65_536).contains(bytes))
+        .ok_or_else(|| format!("`{text}` is no number of bytes from 16 to 65536"))
 }
 
 fn number(text: &str) -> Result<f64, String> {

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use virtual_controller::{Build, Controller, Settings};
+use virtual_controller::{Build, Controller, Firmware, Settings};
 
 pub(crate) struct Bench {
     pub(crate) controller: Controller,
@@ -12,7 +12,12 @@ pub(crate) struct Bench {
 
 /// Fast axes, and a finer step than any tolerance of the tests.
 pub(crate) fn settings(lines: &[&str]) -> Settings {
-    let mut settings = Settings::default();
+    settings_of(Firmware::Grbl, lines)
+}
+
+/// The same for other firmware.
+pub(crate) fn settings_of(firmware: Firmware, lines: &[&str]) -> Settings {
+    let mut settings = Settings::of(firmware);
     for axis in 0..3 {
         settings.set(100 + axis, 250.0).unwrap();
         settings.set(110 + axis, 6000.0).unwrap();

@@ -5,8 +5,13 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod fluidnc;
 mod grbl_reports;
 mod grbl_resets;
 mod grbl_stops;
 mod grbl_switches;
+mod grblhal_lines;
+mod grblhal_reports;
+mod grblhal_stops;
+mod grblhal_switches;
 mod script;

@@ -4,11 +4,11 @@
 //! (`?`, `!`, `~` or hexadecimal); `bytes` sends text with `\r`, `\n` and
 //! `\xNN` and no line end of its own; `wait S` lets seconds pass; `settle` goes
 //! on until nothing is awaited. `limit X`, `release X`, `cut X`, `mend X`,
-//! `door`, `shut` and `power` act on the machine.
+//! `door`, `shut` and `power` act on the machine; `alarm N` raises an alarm.
 
-use crate::common::{Bench, settings};
+use crate::common::{Bench, settings, settings_of};
 use expect_test::Expect;
-use virtual_controller::Build;
+use virtual_controller::{Build, Firmware};
 
 fn axis(letter: &str) -> usize {
     ["X", "Y", "Z"].iter().position(|l| *l == letter).unwrap()
@@ -43,6 +43,7 @@ fn step(bench: &mut Bench, step: &str) -> String {
         "cut" => bench.controller.cut_limit(axis(argument), true),
         "door" => bench.controller.set_door(true),
         "shut" => bench.controller.set_door(false),
+        "alarm" => bench.controller.raise_alarm(argument.parse().unwrap()),
         "power" => bench.controller.power_cycle(),
         _ => {
             return match step.strip_prefix('^') {
@@ -68,4 +69,12 @@ pub(crate) fn check(build: Build, script: &str, expected: Expect) {
 
 pub(crate) fn plain(lines: &[&str]) -> Build {
     Build::new(settings(lines))
+}
+
+pub(crate) fn hal(lines: &[&str]) -> Build {
+    Build::new(settings_of(Firmware::GrblHal, lines))
+}
+
+pub(crate) fn fluid(lines: &[&str]) -> Build {
+    Build::new(settings_of(Firmware::FluidNc, lines))
 }

@@ -3,150 +3,130 @@
 //! Knows one value per setting and what it may be; what a value does belongs
 //! to whoever reads it. Units are grbl's: millimetres, mm/min, mm/s², ms.
 
+mod grblhal;
+mod table;
+
 use crate::axes::{AXES, Vector};
 use crate::codes::ErrorCode;
+use crate::firmware::Firmware;
 use crate::tolerances::CHORD_MM_MIN;
+use table::rows;
 
-/// How a setting is stored and printed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    /// 0 to 255, or a mask.
-    Integer,
-    /// 0 or 1.
-    Boolean,
-    /// Three decimals.
-    Float,
-    /// A float printed without decimals.
-    Rpm,
-}
-
-use Kind::{Boolean, Float, Integer, Rpm};
-
-/// Number, kind, default of a bare grbl, default of the small router.
-const TABLE: &[(u8, Kind, f64, f64)] = &[
-    (0, Integer, 10.0, 10.0),
-    (1, Integer, 25.0, 255.0),
-    (2, Integer, 0.0, 0.0),
-    (3, Integer, 0.0, 0.0),
-    (4, Boolean, 0.0, 0.0),
-    (5, Boolean, 0.0, 0.0),
-    (6, Boolean, 0.0, 0.0),
-    (10, Integer, 1.0, 3.0),
-    (11, Float, 0.010, 0.010),
-    (12, Float, 0.002, 0.002),
-    (13, Boolean, 0.0, 0.0),
-    (20, Boolean, 0.0, 0.0),
-    (21, Boolean, 0.0, 0.0),
-    (22, Boolean, 0.0, 0.0),
-    (23, Integer, 0.0, 0.0),
-    (24, Float, 25.0, 100.0),
-    (25, Float, 500.0, 2000.0),
-    (26, Integer, 250.0, 100.0),
-    (27, Float, 1.0, 2.0),
-    (30, Rpm, 1000.0, 24000.0),
-    (31, Rpm, 0.0, 0.0),
-    (32, Boolean, 0.0, 0.0),
-    (100, Float, 250.0, 250.0),
-    (101, Float, 250.0, 250.0),
-    (102, Float, 250.0, 250.0),
-    (110, Float, 500.0, 5000.0),
-    (111, Float, 500.0, 5000.0),
-    (112, Float, 500.0, 2000.0),
-    (120, Float, 10.0, 500.0),
-    (121, Float, 10.0, 500.0),
-    (122, Float, 10.0, 200.0),
-    (130, Float, 200.0, 600.0),
-    (131, Float, 200.0, 400.0),
-    (132, Float, 200.0, 100.0),
-];
-
-/// All settings of a controller. Every value is finite, not negative and storable.
+/// All settings of a controller. Every value is finite and storable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    values: Vec<f64>,
+    firmware: Firmware,
+    /// By number, as the firmware's table has them.
+    values: Vec<(u16, f64)>,
 }
 
 impl Default for Settings {
     /// The generic defaults a freshly flashed grbl 1.1 comes with.
     fn default() -> Self {
-        Self { values: TABLE.iter().map(|row| row.2).collect() }
+        Self::of(Firmware::Grbl)
     }
 }
 
 impl Settings {
+    /// The defaults of freshly flashed firmware.
+    pub fn of(firmware: Firmware) -> Self {
+        Self { firmware, values: rows(firmware).map(|row| (row.number, row.generic)).collect() }
+    }
+
     /// A small router: 600 x 400 x 100 mm, 5 m/min, 0.5 m/s², 24 000 rpm, `Bf` in its reports.
     pub fn small_router() -> Self {
-        Self { values: TABLE.iter().map(|row| row.3).collect() }
+        Self::small_router_of(Firmware::Grbl)
     }
 
-    /// Returns the value of `$number`, `None` when there is no such setting.
-    pub fn get(&self, number: u8) -> Option<f64> {
-        row(number).map(|at| self.values[at])
+    /// The same router with other firmware.
+    pub fn small_router_of(firmware: Firmware) -> Self {
+        let values = rows(firmware).map(|row| (row.number, row.router)).collect();
+        Self { firmware, values }
     }
 
-    /// Stores `$number=value` as `grbl` would, or says why not.
+    /// Whose settings these are.
+    pub fn firmware(&self) -> Firmware {
+        self.firmware
+    }
+
+    fn place(&self, number: u16) -> Option<usize> {
+        self.values.binary_search_by_key(&number, |(number, _)| *number).ok()
+    }
+
+    /// Returns the value of `$number`, `None` when the firmware has no such setting.
+    pub fn get(&self, number: u16) -> Option<f64> {
+        self.place(number).map(|at| self.values[at].1)
+    }
+
+    /// Stores `$number=value` as the firmware would, or says why not.
     ///
     /// `$22=0` also clears `$20`. Rates, accelerations and steps of zero are
     /// refused as [`ErrorCode::NegativeValue`]: grbl stores them and then
     /// divides by them.
-    pub fn set(&mut self, number: u8, value: f64) -> Result<(), ErrorCode> {
+    pub fn set(&mut self, number: u16, value: f64) -> Result<(), ErrorCode> {
         if !value.is_finite() {
             return Err(ErrorCode::BadNumber);
         }
-        if value < 0.0 {
+        if number > 255 && self.place(number).is_none() {
+            return Err(ErrorCode::InvalidStatement);
+        }
+        // A parking target is a machine coordinate.
+        if value < 0.0 && number != 58 {
             return Err(ErrorCode::NegativeValue);
         }
-        let at = row(number).ok_or(ErrorCode::InvalidStatement)?;
-        let value = match TABLE[at].1 {
-            // The debounce delay is the one setting of 16 bits.
-            Integer if number == 26 => value.trunc().min(65535.0),
-            Integer => value.trunc().min(255.0),
-            Boolean => f64::from(u8::from(value.trunc() != 0.0)),
-            Float | Rpm => value,
-        };
+        let at = self.place(number).ok_or(ErrorCode::InvalidStatement)?;
+        let row = rows(self.firmware).nth(at).expect("each value has its row");
+        let value = row.kind.stored(value);
         match number {
             0 if value < 3.0 => return Err(ErrorCode::StepPulseTooShort),
             20 if value != 0.0 && !self.homing_enabled() => {
                 return Err(ErrorCode::SoftLimitNeedsHoming);
             }
-            24 | 25 | 100..=122 if value <= 0.0 => return Err(ErrorCode::NegativeValue),
+            24 | 25 | 57 | 59 | 100..=122 if value <= 0.0 => return Err(ErrorCode::NegativeValue),
+            42 if value >= AXES as f64 => return Err(ErrorCode::SettingOutOfRange),
+            341 if value > 4.0 => return Err(ErrorCode::SettingOutOfRange),
+            398 if !(30.0..=1000.0).contains(&value) => return Err(ErrorCode::SettingOutOfRange),
+            481 if value != 0.0 && !(100.0..=1000.0).contains(&value) => {
+                return Err(ErrorCode::SettingOutOfRange);
+            }
             _ => {}
         }
-        self.values[at] = value;
-        if number == 22 && value == 0.0 {
-            self.values[row(20).expect("$20 is in the table")] = 0.0;
+        self.values[at].1 = value;
+        if number == 22 && !self.homing_enabled() {
+            let soft_limits = self.place(20).expect("all firmware has $20");
+            self.values[soft_limits].1 = 0.0;
         }
         Ok(())
     }
 
     /// Returns the `$$` listing, one `$n=v` a line, without line ends.
     pub fn listing(&self) -> impl Iterator<Item = String> + '_ {
-        TABLE.iter().zip(&self.values).map(|((number, kind, ..), value)| match kind {
-            Float => format!("${number}={value:.3}"),
-            Integer | Boolean | Rpm => format!("${number}={value:.0}"),
+        rows(self.firmware).zip(&self.values).map(|(row, (_, value))| {
+            format!("${}={}", row.number, row.kind.printed(*value, self.firmware))
         })
     }
 
-    fn value(&self, number: u8) -> f64 {
-        self.get(number).expect("only settings of the table are asked for")
+    /// A setting that all firmware has.
+    fn value(&self, number: u16) -> f64 {
+        self.get(number).expect("all firmware has what is asked for like this")
     }
 
-    fn axes(&self, first: u8) -> Vector {
+    /// A setting of grblHAL; zero elsewhere.
+    fn extra(&self, number: u16) -> f64 {
+        self.get(number).unwrap_or(0.0)
+    }
+
+    fn axes(&self, first: u16) -> Vector {
         [self.value(first), self.value(first + 1), self.value(first + 2)]
     }
 
-    fn flag(&self, number: u8) -> bool {
+    fn flag(&self, number: u16) -> bool {
         self.value(number) != 0.0
     }
 
-    /// `$10` bit 0: reports carry `MPos`, else `WPos`.
-    pub fn reports_machine_position(&self) -> bool {
-        self.value(10) as u8 & 1 != 0
-    }
-
-    /// `$10` bit 1: reports carry `Bf`.
-    pub fn reports_buffers(&self) -> bool {
-        self.value(10) as u8 & 2 != 0
+    /// `$10`: what reports carry.
+    pub(crate) fn report_mask(&self) -> u16 {
+        self.value(10) as u16
     }
 
     /// `$11`, millimetres.
@@ -169,19 +149,19 @@ impl Settings {
         self.flag(20)
     }
 
-    /// `$21`.
+    /// `$21` bit 0; all there is of it in grbl.
     pub fn hard_limits(&self) -> bool {
-        self.flag(21)
+        self.value(21) as u16 & 1 != 0
     }
 
-    /// `$22`.
+    /// `$22` bit 0; all there is of it in grbl.
     pub fn homing_enabled(&self) -> bool {
-        self.flag(22)
+        self.value(22) as u16 & 1 != 0
     }
 
     /// `$23`: does this axis home towards negative machine coordinates?
     pub fn homes_negative(&self, axis: usize) -> bool {
-        axis < AXES && self.value(23) as u8 & (1 << axis) != 0
+        axis < AXES && self.value(23) as u16 & (1 << axis) != 0
     }
 
     /// `$24`, mm/min.
@@ -241,10 +221,6 @@ impl Settings {
     }
 }
 
-fn row(number: u8) -> Option<usize> {
-    TABLE.iter().position(|row| row.0 == number)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -273,5 +249,23 @@ mod tests {
         settings.set(20, 1.0).unwrap();
         settings.set(22, 0.0).unwrap();
         assert!(!settings.soft_limits());
+    }
+
+    #[test]
+    fn each_firmware_has_its_own_settings_in_order() {
+        for (firmware, last, report) in [
+            (Firmware::Grbl, "$132=200.000", "$10=1"),
+            (Firmware::FluidNc, "$132=200.000", "$10=1"),
+            (Firmware::GrblHal, "$676=3", "$10=511"),
+        ] {
+            let listing: Vec<String> = Settings::of(firmware).listing().collect();
+            assert_eq!(listing.last().map(String::as_str), Some(last), "{firmware}");
+            assert!(listing.iter().any(|line| line == report), "{firmware}: {listing:?}");
+            let numbers: Vec<u16> = listing
+                .iter()
+                .map(|line| line[1..].split('=').next().unwrap().parse().unwrap())
+                .collect();
+            assert!(numbers.is_sorted_by(|a, b| a < b), "{firmware}: {numbers:?}");
+        }
     }
 }

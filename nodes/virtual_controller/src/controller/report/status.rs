@@ -1,0 +1,197 @@
+//! The status report.
+
+use crate::axes::{AXES, AXIS_LETTERS, Vector, subtract};
+use crate::controller::{Controller, Door, State};
+use crate::firmware::Fields;
+use crate::gcode::{Coolant, Spindle, system_name};
+
+impl Controller {
+    fn state_name(&self, fields: Fields, everything: bool) -> String {
+        let traits = self.traits();
+        match &self.state {
+            State::Starting { .. } => "Starting".into(),
+            State::Idle => "Idle".into(),
+            State::Alarm { .. } => match self.alarm {
+                Some(alarm) if fields.alarm_substate || everything => format!("Alarm:{}", alarm.0),
+                _ => "Alarm".into(),
+            },
+            State::Check => "Check".into(),
+            State::Homing(_) => "Home".into(),
+            State::Run if fields.run_substate && self.probing.is_some() => "Run:2".into(),
+            State::Run | State::Stopping => "Run".into(),
+            State::Hold { is_stopped } => format!("Hold:{}", u8::from(!is_stopped)),
+            State::SoftLimit => "Hold:1".into(),
+            State::Jog { .. } => "Jog".into(),
+            State::Sleep => "Sleep".into(),
+            State::Tool => "Tool".into(),
+            State::Door(Door::Stopping { is_jog: false }) => "Door:2".into(),
+            State::Door(Door::Stopping { is_jog: true }) => format!("Door:{}", traits.door_jog),
+            State::Door(Door::Stopped) => format!("Door:{}", u8::from(self.plant.is_door_open)),
+            State::Door(Door::Resuming { .. }) => format!("Door:{}", traits.door_resuming),
+        }
+    }
+
+    /// `?`: at once, or when there is room and homing has ended.
+    pub(in crate::controller) fn report_status(&mut self) {
+        let is_silent = matches!(self.state, State::Homing(_))
+            && !(self.traits().reports_while_homing)(&self.memory.settings);
+        if is_silent || self.is_transmit_full() {
+            self.has_pending_report = true;
+        } else {
+            self.report_status_now();
+        }
+    }
+
+    /// A status report that nobody has to ask for.
+    pub(in crate::controller) fn report_status_now(&mut self) {
+        self.status(false);
+    }
+
+    /// grblHAL's 0x87: every field.
+    pub(in crate::controller) fn report_everything(&mut self) {
+        if !matches!(self.state, State::Homing(_)) {
+            self.status(true);
+        }
+    }
+
+    fn status(&mut self, everything: bool) {
+        let settings = &self.memory.settings;
+        let fields = (self.traits().fields)(settings, self.build.has_line_numbers);
+        let machine = self.position();
+        let offset = self.parser.work_offset(&self.memory.systems);
+        let mut text = format!("<{}", self.state_name(fields, everything));
+        text += &match fields.machine_position {
+            true => format!("|MPos:{}", self.vector(machine)),
+            false => format!("|WPos:{}", self.vector(subtract(machine, offset))),
+        };
+        if fields.buffers {
+            text += &format!("|Bf:{},{}", self.planner.free(), self.receive_buffer.free());
+        }
+        let line_number = match self.traits().line_number_lingers {
+            true => self.planner.last_line_number(),
+            false => self.planner.line_number(),
+        };
+        if fields.line_number && line_number > 0 {
+            text += &format!("|Ln:{line_number}");
+        }
+        if fields.feed {
+            let rate = self.rate(self.shown_feed());
+            text += &format!("|FS:{rate},{:.0}", self.spindle_output_rpm());
+        }
+        let pins = self.pins(machine);
+        if fields.pins && !pins.is_empty() {
+            text += &format!("|Pn:{pins}");
+        }
+        if fields.distance_to_go {
+            text += &format!("|DTG:{}", self.vector(self.planner.way_to_go()));
+        }
+        text += &self.occasional(fields, everything, offset);
+        self.line_out(&format!("{text}>"));
+        self.report_changed_parser_state(fields);
+    }
+
+    /// The fields that not every report carries.
+    fn occasional(&mut self, fields: Fields, everything: bool, offset: Vector) -> String {
+        let is_busy =
+            !matches!(self.state, State::Idle | State::Alarm { .. } | State::Check | State::Sleep);
+        let due = self.cadence.next(fields, is_busy, everything);
+        let mut text = String::new();
+        if due.offsets {
+            text += &format!("|WCO:{}", self.vector(offset));
+        }
+        if due.system {
+            text += &format!("|WCS:{}", system_name(self.parser.modal.coordinate_system));
+        }
+        if due.overrides {
+            let overrides = self.planner.overrides();
+            text += &format!(
+                "|Ov:{},{},{}",
+                overrides.feed_percent, overrides.rapid_percent, self.spindle_percent
+            );
+        }
+        let accessories = self.accessories();
+        let says_none = self.traits().reports_accessories_alone;
+        if due.accessories && (says_none || !accessories.is_empty()) {
+            text += &format!("|A:{accessories}");
+        }
+        if due.rest {
+            text += "|Sc:|MPG:0";
+        }
+        if due.homed {
+            text += &format!("|H:{}", u8::from(self.is_homed));
+            if self.memory.settings.homes_single_axes() {
+                text += if self.is_homed { ",7" } else { ",0" };
+            }
+        }
+        if due.tool {
+            text += &format!("|T:{}", self.parser.tool);
+        }
+        if due.rest {
+            text += &format!("|P:{}", u8::from(self.plant.touches_probe(self.position())));
+        }
+        if due.tool_reference {
+            text += "|TLR:0";
+        }
+        if due.rest {
+            text += "|FW:grblHAL";
+            if self.state == (State::Alarm { is_critical: true }) {
+                text += "|$C:1";
+            }
+            if let Some(interval) = self.report_interval {
+                text += &match self.report_due {
+                    Some(_) => format!("|AR:{}", interval.as_millis()),
+                    None => "|AR".into(),
+                };
+            }
+        }
+        text
+    }
+
+    /// Speed along the path as it is told, mm/min.
+    fn shown_feed(&self) -> f64 {
+        match self.state {
+            State::Hold { is_stopped: true } if self.traits().hold_shows_feed => self.held_feed,
+            _ => self.planner.speed_mm_per_min(),
+        }
+    }
+
+    fn is_spindle_turning(&self) -> bool {
+        let is_off_for_door = matches!(self.state, State::Door(Door::Stopped));
+        self.spindle != Spindle::Off && !self.is_spindle_stopped && !is_off_for_door
+    }
+
+    /// What the spindle is told to turn, rpm.
+    fn spindle_output_rpm(&self) -> f64 {
+        if !self.is_spindle_turning() || self.spindle_rpm <= 0.0 {
+            return 0.0;
+        }
+        let settings = &self.memory.settings;
+        let wanted = self.spindle_rpm * f64::from(self.spindle_percent) / 100.0;
+        wanted.max(settings.spindle_min_rpm()).min(settings.spindle_max_rpm())
+    }
+
+    fn accessories(&self) -> String {
+        let mut text = String::new();
+        if self.is_spindle_turning() {
+            text.push(if self.spindle == Spindle::Clockwise { 'S' } else { 'C' });
+        }
+        let Coolant { flood, mist } = self.coolant;
+        let is_tool_awaited = self.state == State::Tool;
+        let rest = [(flood, 'F'), (mist, 'M'), (is_tool_awaited, 'T')];
+        text.extend(rest.into_iter().filter(|(is_on, _)| *is_on).map(|(_, letter)| letter));
+        text
+    }
+
+    fn pins(&self, machine: Vector) -> String {
+        let mut text = String::new();
+        if self.plant.touches_probe(machine) {
+            text.push('P');
+        }
+        let pressed = self.plant.pressed(machine, &self.memory.settings);
+        text.extend((0..AXES).filter(|&i| pressed[i]).map(|i| AXIS_LETTERS[i]));
+        if self.plant.is_door_open {
+            text.push('D');
+        }
+        text
+    }
+}

@@ -1,0 +1,201 @@
+//! Beginning again: resets, alarms, switching on.
+
+use super::report::Cadence;
+use super::{Controller, Door, State};
+use crate::codes::Alarm;
+use crate::firmware::{Feedback, Hearing};
+use crate::gcode::{Coolant, ParserState, Spindle};
+use crate::motion::{Overrides, mm_from_steps};
+
+impl Controller {
+    pub(super) fn switch_off(&mut self) {
+        self.spindle = Spindle::Off;
+        self.coolant = Coolant::default();
+    }
+
+    /// A limit switch closed while hard limits are on.
+    pub(super) fn hit_limit(&mut self) {
+        if !matches!(self.state, State::Alarm { .. }) {
+            self.critical(Alarm::HARD_LIMIT);
+        }
+    }
+
+    /// Stops dead and takes a reset before anything else.
+    pub(super) fn critical(&mut self, alarm: Alarm) {
+        self.stop_dead();
+        self.state = State::Alarm { is_critical: true };
+        if self.hearing() != Hearing::ResetOnly {
+            // Whatever was to follow is never answered.
+            self.forget_input();
+        }
+        self.alarm(alarm);
+        self.feedback(match alarm {
+            Alarm::EMERGENCY_STOP => Feedback::EmergencyStop,
+            _ => Feedback::ResetToContinue,
+        });
+    }
+
+    /// Raises `ALARM:N` as the firmware would: some are critical, some begin again, all lock.
+    pub fn raise_alarm(&mut self, number: u8) {
+        let alarm = Alarm(number);
+        if self.state == (State::Alarm { is_critical: true }) {
+            return;
+        }
+        if self.traits().critical_alarms.contains(&number) {
+            return self.critical(alarm);
+        }
+        let begins_again = matches!(
+            alarm,
+            Alarm::ABORTED_IN_MOTION
+                | Alarm::HOMING_RESET
+                | Alarm::HOMING_DOOR
+                | Alarm::HOMING_PULL_OFF
+                | Alarm::HOMING_APPROACH
+        );
+        if begins_again {
+            self.alarm(alarm);
+            return self.restart(true);
+        }
+        self.stop_dead();
+        self.sync_parser();
+        // What is in work ends here, and gets its answer.
+        self.script.retain(super::Action::is_answer);
+        self.state = State::Alarm { is_critical: false };
+        self.alarm(alarm);
+        self.work();
+    }
+
+    /// Steps, spindle and coolant end at once.
+    fn stop_dead(&mut self) {
+        self.planner.clear(&self.memory.settings);
+        self.probing = None;
+        self.switch_off();
+    }
+
+    /// Forgets what has been received and not been answered.
+    pub(super) fn forget_input(&mut self) {
+        self.script.clear();
+        self.receive_buffer.clear();
+        self.reader.clear();
+    }
+
+    pub(super) fn fail_homing(&mut self, alarm: Alarm) {
+        self.alarm(alarm);
+        self.restart(true);
+    }
+
+    /// 0x18.
+    pub(super) fn soft_reset(&mut self) {
+        let alarm = match self.state {
+            State::Homing(_) => Some(Alarm::HOMING_RESET),
+            State::Run | State::Jog { .. } | State::SoftLimit | State::Stopping => {
+                Some(Alarm::ABORTED_IN_MOTION)
+            }
+            State::Hold { is_stopped: false } | State::Door(Door::Stopping { .. }) => {
+                Some(Alarm::ABORTED_IN_MOTION)
+            }
+            _ => None,
+        };
+        let is_locked = matches!(self.state, State::Alarm { .. } | State::Sleep);
+        let is_position_lost = alarm.is_some() || self.alarm == Some(Alarm::HARD_LIMIT);
+        if is_position_lost && self.memory.settings.forgets_homing() {
+            self.is_homed = false;
+        }
+        if let Some(alarm) = alarm {
+            self.alarm(alarm);
+        }
+        self.restart(is_locked || alarm.is_some());
+    }
+
+    /// Begins again; grbl answers a line in work `ok` on the way.
+    pub(super) fn restart(&mut self, is_locked: bool) {
+        if let State::Homing(homing) = &self.state {
+            let at = homing.position(&self.plant, &self.memory.settings);
+            let steps = crate::motion::steps_from_mm(at, &self.memory.settings);
+            self.planner.clear(&self.memory.settings);
+            self.planner.set_position_steps(steps);
+        }
+        if self.traits().reset_answers && self.script.iter().any(super::Action::is_answer) {
+            self.print("ok\r\n");
+        }
+        self.state = if is_locked { State::Alarm { is_critical: false } } else { State::Idle };
+        self.initialise();
+    }
+
+    /// Power-up: the board takes its time, and may be locked.
+    pub(super) fn boot(&mut self) {
+        let interval =
+            self.memory.settings.report_interval_s().map(std::time::Duration::from_secs_f64);
+        self.report_interval = interval;
+        self.report_due = interval.map(|interval| self.now + interval);
+        let boot = &self.traits().boot;
+        for line in boot.chatter {
+            self.line_out(line);
+        }
+        if boot.seconds > 0.0 {
+            self.state = State::Starting { left_s: boot.seconds };
+        } else {
+            self.finish_boot();
+        }
+    }
+
+    pub(super) fn finish_boot(&mut self) {
+        self.state = match (self.traits().locks_at_boot)(&self.memory.settings) {
+            true => State::Alarm { is_critical: false },
+            false => State::Idle,
+        };
+        self.initialise();
+    }
+
+    fn initialise(&mut self) {
+        let settings = &self.memory.settings;
+        self.planner.clear(settings);
+        let at = mm_from_steps(self.planner.position_steps(settings), settings);
+        self.plant.stop_at_ends(at, settings);
+        self.planner.set_overrides(Overrides::default());
+        self.forget_input();
+        self.sticky_error = None;
+        self.probing = None;
+        self.switch_off();
+        self.spindle_rpm = 0.0;
+        self.spindle_percent = 100;
+        self.is_spindle_stopped = false;
+        self.held_feed = 0.0;
+        self.cadence = Cadence::new(self.traits());
+        self.has_pending_report = false;
+        self.has_pending_hold = false;
+        self.parser = ParserState::default();
+        self.parser.position_in_machine = at;
+        self.print("\r\n");
+        self.line_out(self.traits().banner);
+        self.check_machine();
+    }
+
+    /// What a reset says about the machine, and whether startup lines run.
+    fn check_machine(&mut self) {
+        let settings = &self.memory.settings;
+        let is_pressed = self.plant.pressed(self.position(), settings).contains(&true);
+        if settings.homing_required() && !self.is_homed {
+            self.state = State::Alarm { is_critical: false };
+            self.alarm(Alarm::HOMING_REQUIRED);
+            return self.feedback(Feedback::HomingRequired);
+        }
+        if (self.traits().checks_limits)(settings) && is_pressed {
+            self.state = State::Alarm { is_critical: false };
+            if let Some(alarm) = self.traits().limit_alarm {
+                self.alarm(alarm);
+                return self.feedback(Feedback::CheckLimits);
+            }
+            self.feedback(Feedback::CheckLimits);
+        }
+        if matches!(self.state, State::Alarm { .. }) {
+            self.feedback(Feedback::Unlock);
+        } else {
+            self.alarm = None;
+            if self.plant.is_door_open {
+                self.open_door();
+            }
+            self.queue_startup_lines();
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! What the controller is doing, and the stages of it.
+
+use crate::homing::Homing;
+
+/// What the controller is doing.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum State {
+    /// The board comes up; the banner is still to come.
+    Starting {
+        left_s: f64,
+    },
+    Idle,
+    /// Locked until `$X`, `$H` or, after a critical one, a reset first.
+    Alarm {
+        is_critical: bool,
+    },
+    Check,
+    Homing(Homing),
+    Run,
+    Hold {
+        is_stopped: bool,
+    },
+    Jog {
+        is_cancelled: bool,
+    },
+    Door(Door),
+    Sleep,
+    /// M6: until the operator has changed the tool.
+    Tool,
+    /// Braking because a target is outside of the travel.
+    SoftLimit,
+    /// Braking to forget everything that was to follow.
+    Stopping,
+}
+
+/// The stages of an open door.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Door {
+    /// A jog is forgotten when it has stopped, a program is not.
+    Stopping {
+        is_jog: bool,
+    },
+    Stopped,
+    Resuming {
+        left_s: f64,
+    },
+}
+
+/// A probing move under way.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Probing {
+    pub(super) away: bool,
+    pub(super) miss_is_fine: bool,
+    pub(super) contact_steps: Option<[i64; 3]>,
+}

@@ -1,0 +1,74 @@
+//! What the settings of grblHAL mean; on other firmware they are as if zero.
+
+use super::Settings;
+
+impl Settings {
+    fn bit(&self, number: u16, bit: u32) -> bool {
+        self.extra(number) as u16 & (1 << bit) != 0
+    }
+
+    /// `$21` bit 1: a closed limit switch is an alarm at a reset.
+    pub(crate) fn checks_limits_at_reset(&self) -> bool {
+        self.hard_limits() && self.bit(21, 1)
+    }
+
+    /// `$22` bit 1: `$HX` and the like.
+    pub(crate) fn homes_single_axes(&self) -> bool {
+        self.bit(22, 1)
+    }
+
+    /// `$22` bit 2: nothing but homing unlocks after switching on.
+    pub(crate) fn homing_required(&self) -> bool {
+        self.homing_enabled() && self.bit(22, 2)
+    }
+
+    /// `$39`: `!`, `?` and `~` act within comments and `$` lines, too.
+    pub(crate) fn legacy_realtime(&self) -> bool {
+        self.get(39).is_none_or(|value| value != 0.0)
+    }
+
+    /// `$40`: jogs are cut off at the end of the travel instead of refused.
+    pub(crate) fn clips_jogs(&self) -> bool {
+        self.extra(40) != 0.0
+    }
+
+    /// `$41` bit 0.
+    pub(crate) fn parks(&self) -> bool {
+        self.bit(41, 0)
+    }
+
+    /// `$62`.
+    pub(crate) fn sleep_enabled(&self) -> bool {
+        self.extra(62) != 0.0
+    }
+
+    /// `$64`: locked after switching on.
+    pub(crate) fn forces_initial_alarm(&self) -> bool {
+        self.extra(64) != 0.0
+    }
+
+    /// `$341=4`: M6 means nothing.
+    pub(crate) fn ignores_tool_changes(&self) -> bool {
+        (self.extra(341) - 4.0).abs() < 0.5
+    }
+
+    /// `$392` and `$393`, seconds: until spindle and coolant are back after a door.
+    pub(crate) fn door_delays_s(&self) -> Option<(f64, f64)> {
+        Some((self.get(392)?, self.get(393)?))
+    }
+
+    /// `$398`: blocks of the planner from the next power-up on.
+    pub(crate) fn planner_blocks(&self) -> Option<usize> {
+        self.get(398).map(|blocks| blocks as usize)
+    }
+
+    /// `$481`, seconds between reports nobody asked for; `None`: there are none.
+    pub(crate) fn report_interval_s(&self) -> Option<f64> {
+        Some(self.extra(481) / 1000.0).filter(|seconds| *seconds > 0.0)
+    }
+
+    /// `$676` bit 0: a reset that loses the position forgets that the axes were homed.
+    pub(crate) fn forgets_homing(&self) -> bool {
+        self.get(676).is_none_or(|value| value as u16 & 1 != 0)
+    }
+}

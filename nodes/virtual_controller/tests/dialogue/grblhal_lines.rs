@@ -1,0 +1,288 @@
+//! Which lines grblHAL takes, and what sticks after an error.
+
+use crate::script::{check, hal};
+use expect_test::expect;
+
+// Row "error handling".
+#[test]
+fn an_error_sticks_until_an_empty_line() {
+    let script = r"
+        bytes G1X2F600\nG41\nG1X3\nG1X4\n
+        wait 3
+        ^?
+        bytes \n
+        G1X4
+        G41
+        (a comment)
+        G1X5
+        $G
+        G1X5
+        G41
+        G1X6
+        ^18
+        G1X6F600
+    ";
+    check(
+        hal(&[]),
+        script,
+        expect![[r#"
+        bytes G1X2F600\nG41\nG1X3\nG1X4\n ok / error:20 / error:20 / error:20
+        wait 3
+        ^?                       <Idle|MPos:2.000,0.000,0.000|Bf:100,1023|FS:0,0|Ov:100,100,100|A:|TLR:0>
+        bytes \n                 ok
+        G1X4                     ok
+        G41                      error:20
+        (a comment)              error:20
+        G1X5                     error:20
+        $G                       [GC:G1 G54 G17 G21 G90 G94 G49 G98 G50 M5 M9 T0 F600 S0] / ok
+        G1X5                     ok
+        G41                      error:20
+        G1X6                     error:20
+        ^18                      ALARM:3 / GrblHAL 1.1f ['$' or '$HELP' for help] / [MSG:'$H'|'$X' to unlock]
+        G1X6F600                 error:9
+    "#]],
+    );
+}
+
+// Row "error handling": `$H`, `$J=`, `$foo`, `$I` while running.
+#[test]
+fn any_error_sticks() {
+    let script = r"
+        G1X20F600
+        $I
+        G1X6
+        bytes \n
+        wait 3
+        $H
+        G1X6
+        bytes \n
+        $J=X1
+        G1X6
+        bytes \n
+        $foo
+        G1X6
+        ^85
+        G1X6
+    ";
+    check(
+        hal(&[]),
+        script,
+        expect![[r#"
+        G1X20F600                ok
+        $I                       error:8
+        G1X6                     error:8
+        bytes \n                 ok
+        wait 3
+        $H                       error:5
+        G1X6                     error:5
+        bytes \n                 ok
+        $J=X1                    error:22
+        G1X6                     error:22
+        bytes \n                 ok
+        $foo                     error:3
+        G1X6                     error:3
+        ^85
+        G1X6                     ok
+    "#]],
+    );
+}
+
+// Row "line end".
+#[test]
+fn a_pair_of_line_ends_is_one_unless_the_line_was_wrong() {
+    let script = r"
+        bytes G0X1\r\n
+        bytes G0X1\r
+        bytes \nG0X1\n
+        bytes G41\r\n
+        bytes G0X1\r\n
+    ";
+    check(
+        hal(&[]),
+        script,
+        expect![[r#"
+        bytes G0X1\r\n           ok
+        bytes G0X1\r             ok
+        bytes \nG0X1\n           ok
+        bytes G41\r\n            error:20 / ok
+        bytes G0X1\r\n           ok
+    "#]],
+    );
+}
+
+// Row "arc / G-code errors".
+#[test]
+fn codes_that_grbl_refuses_in_another_way() {
+    let script = r"
+        G40
+        G41
+        bytes \n
+        G42
+        bytes \n
+        G64
+        bytes \n
+        G95
+        bytes \n
+        G1X1
+        bytes \n
+        G1X1X2F1
+        bytes \n
+        G92
+        bytes \n
+        G53G2X1I1F1
+        bytes \n
+        G0I1
+        bytes \n
+        *71
+        bytes \n
+        N1G1X1*12
+        bytes \n
+        O100
+        bytes \n
+        G1X1e1F100
+        bytes \n
+        G2I5F600
+        wait 10
+        M7
+        T300
+        G59.1
+        M1
+        ^~
+    ";
+    check(
+        hal(&[]),
+        script,
+        expect![[r#"
+            G40                      ok
+            G41                      error:20
+            bytes \n                 ok
+            G42                      error:20
+            bytes \n                 ok
+            G64                      error:20
+            bytes \n                 ok
+            G95                      error:20
+            bytes \n                 ok
+            G1X1                     error:22
+            bytes \n                 ok
+            G1X1X2F1                 error:25
+            bytes \n                 ok
+            G92                      error:26
+            bytes \n                 ok
+            G53G2X1I1F1              error:30
+            bytes \n                 ok
+            G0I1                     error:36
+            bytes \n                 ok
+            *71                      error:1
+            bytes \n                 ok
+            N1G1X1*12                error:1
+            bytes \n                 ok
+            O100                     error:36
+            bytes \n                 ok
+            G1X1e1F100               error:36
+            bytes \n                 ok
+            G2I5F600
+            wait 10                  ok
+            M7                       ok
+            T300                     ok
+            G59.1                    ok
+            M1
+            ^~                       [MSG:] / ok
+        "#]],
+    );
+}
+
+// Row "arc tolerance".
+#[test]
+fn arcs_have_grbl_s_tolerance() {
+    let script = r"
+        G2X10.004I5F6000
+        wait 10
+        G0X0
+        wait 3
+        G2X10I5.006F6000
+        bytes \n
+        G2X10R4.9
+        bytes \n
+        G2X1
+        bytes \n
+        G2I5F6000
+    ";
+    check(
+        hal(&["$12=1"]),
+        script,
+        expect![[r#"
+        G2X10.004I5F6000         ok
+        wait 10
+        G0X0                     ok
+        wait 3
+        G2X10I5.006F6000         error:33
+        bytes \n                 ok
+        G2X10R4.9                error:34
+        bytes \n                 ok
+        G2X1                     error:35
+        bytes \n                 ok
+        G2I5F6000                ok
+    "#]],
+    );
+}
+
+// Row "`!?~` inside comments".
+#[test]
+fn bytes_of_real_time_act_within_comments_only_as_legacy() {
+    let script = "
+        (what?)
+        $39=0
+        (what?)
+        ; what?
+    ";
+    check(
+        hal(&[]),
+        script,
+        expect![[r#"
+        (what?)                  <Idle|MPos:0.000,0.000,0.000|Bf:100,1023|FS:0,0|Ov:100,100,100|A:|TLR:0> / ok
+        $39=0                    ok
+        (what?)                  ok
+        ; what?                  <Idle|MPos:0.000,0.000,0.000|Bf:100,1023|FS:0,0|WCO:0.000,0.000,0.000> / ok
+    "#]],
+    );
+}
+
+// Row "half line left by a previous session".
+#[test]
+fn half_a_line_spoils_the_next_one_and_sticks() {
+    let script = "
+        bytes G1X5
+        $I
+        $I
+        G1X6
+    ";
+    check(
+        hal(&[]),
+        script,
+        expect![[r#"
+            bytes G1X5
+            $I                       error:2
+            $I                       [VER:1.1f.20260817:] / [OPT:VNML+,100,1024,3,0] / [AXS:3:XYZ] / [NEWOPT:ENUMS,RT+,TC,SED] / [FIRMWARE:grblHAL] / [SIGNALS:D] / [NVS STORAGE:*EEPROM] / [DRIVER:Simulator] / [DRIVER VERSION:260324] / ok
+            G1X6                     error:22
+        "#]],
+    );
+}
+
+// Row "byte >= 0x80".
+#[test]
+fn bytes_from_0x80_on_are_dropped() {
+    let script = r"
+        bytes G0X\xb50.5\n
+        wait 2
+        ^?
+    ";
+    check(
+        hal(&[]),
+        script,
+        expect![[r#"
+        bytes G0X\xb50.5\n       ok
+        wait 2
+        ^?                       <Idle|MPos:0.500,0.000,0.000|Bf:100,1023|FS:0,0|Ov:100,100,100|A:|TLR:0>
+    "#]],
+    );
+}
