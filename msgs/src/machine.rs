@@ -53,6 +53,8 @@ pub struct MachineState {
     pub reason: String,
     /// Whether it may be moving without being heard: what is buffered is cut to its end.
     pub motion_possible: bool,
+    /// Whether nothing can go on before somebody resets it.
+    pub needs_reset: bool,
     /// In the machine frame, mm; `None` when nothing reliable was heard.
     pub machine_position: Option<Position>,
     /// In the work frame, mm; `None` until the offset is known too.

@@ -146,6 +146,14 @@ impl Line {
         id
     }
 
+    /// Resumes; false while the machine still comes to a stop.
+    pub fn ask_resume(&mut self) -> bool {
+        self.ask(Command::Resume).is_ok() || {
+            self.step();
+            false
+        }
+    }
+
     /// Runs a path to its end.
     #[track_caller]
     pub fn run(&mut self, path: CompensatedPath) -> RunResult {

@@ -52,3 +52,30 @@ fn short_segments_get_99_percent_of_the_line() {
     let (rate, line) = rate(short_segments(6_000, 0.4));
     assert!(rate >= 0.99 * line, "{rate:.0} of {line} bytes a second");
 }
+
+#[test]
+fn what_is_queued_before_a_hold_takes_no_longer_than_it_may() {
+    for milliseconds in [5, 20, 100] {
+        let hold_latency_ms_max = milliseconds;
+        let config = DriverConfig { hold_latency_ms_max, ..DriverConfig::default() };
+        // A machine with room for far more than that.
+        let mut line = Line::new(config, fast(), &[]);
+        line.until("idle", |line| line.mode() == cnc_msgs::machine::Mode::Idle);
+        line.start(short_segments(20_000, 0.4), 0);
+        line.wait(1.0);
+        for _ in 0..50 {
+            line.wait(0.037);
+            let queued = line.controller.backlog();
+            let then = line.now;
+            line.ask(Command::FeedHold).unwrap();
+            // It is written in the same turn, before any line that waits for the port.
+            let (at, bytes) =
+                line.written.iter().rfind(|(_, bytes)| bytes.contains(&b'!')).unwrap();
+            assert_eq!((*at, bytes[0]), (then, b'!'));
+            let most = f64::from(milliseconds) / 1e3 * 11_520.0;
+            assert!(queued as f64 <= most + 1.0, "{queued} bytes, {most} may wait");
+            line.until("a hold", |line| line.mode() == cnc_msgs::machine::Mode::Hold);
+            while !line.ask_resume() {}
+        }
+    }
+}

@@ -52,6 +52,7 @@ pub fn machine_state_to_wire(header: Header, state: &MachineState) -> wire::Mach
         state: mode_to_wire(state.mode),
         reason: state.reason.clone(),
         motion_possible: state.motion_possible,
+        needs_reset: state.needs_reset,
         position_known: state.machine_position.is_some() && state.work_position.is_some(),
         machine_position: point_from_position(state.machine_position.unwrap_or_default()),
         work_position: point_from_position(state.work_position.unwrap_or_default()),

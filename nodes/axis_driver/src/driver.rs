@@ -28,7 +28,7 @@ mod stream;
 
 pub use by_hand::{JogFrame, JogRequest, OffsetRequest, ProbeRequest};
 pub use command::{Command, MDI, Refusal, RunRequest};
-pub use commander::OnCommanderLoss;
+pub use commander::{COMMANDER_LOST, OnCommanderLoss};
 pub use config::DriverConfig;
 pub use errand::MoveResult;
 pub use machine::{ControllerSettings, Offset};

@@ -18,7 +18,9 @@ mod viewers;
 pub use parameters::driver_config;
 pub use traffic::kind_from_wire;
 
-use crate::driver::{Command, LogLevel, MoveResult, Output, Refusal, RestRequest, RunResult};
+use crate::driver::{
+    COMMANDER_LOST, Command, LogLevel, MoveResult, Output, Refusal, RestRequest, RunResult,
+};
 use crate::journal::Entry;
 use crate::serial::{Event, Serial};
 use cnc_msgs::interface::Service;
@@ -315,6 +317,9 @@ impl Driver {
             level: match state.mode {
                 Mode::Unknown | Mode::Alarm => HealthLevel::Error,
                 Mode::Disconnected => HealthLevel::Warn,
+                _ if state.needs_reset || state.reason.starts_with(COMMANDER_LOST) => {
+                    HealthLevel::Warn
+                }
                 _ if dropped.entries > 0 => HealthLevel::Warn,
                 _ => HealthLevel::Ok,
             },

@@ -23,6 +23,9 @@ pub enum OnCommanderLoss {
     HoldThenAbort,
 }
 
+/// How the reason of a hold begins that is due to it.
+pub const COMMANDER_LOST: &str = "COMMANDER_LOST";
+
 impl OnCommanderLoss {
     /// The words of the parameter.
     pub const WORDS: [(&'static str, Self); 3] = [
@@ -53,7 +56,7 @@ impl Driver {
         // It has to give another sign before it can be missed again.
         self.commander_heard = None;
         let patience = self.config.commander_timeout_ms;
-        let text = format!("COMMANDER_LOST: no sign of life for {patience} ms");
+        let text = format!("{COMMANDER_LOST}: no sign of life for {patience} ms");
         self.log(LogLevel::Warn, text.clone());
         match (self.config.on_commander_loss, &mut self.phase) {
             (OnCommanderLoss::Continue, _) => {}

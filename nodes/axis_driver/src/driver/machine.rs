@@ -326,7 +326,10 @@ impl Driver {
                 state.reason = format!("CONNECTING: {}", connecting.describe());
                 debug_assert!(connecting.query() < QUERIES_DONE);
             }
-            Phase::Adrift { reason } => state.reason.clone_from(reason),
+            Phase::Adrift { reason } => {
+                state.reason.clone_from(reason);
+                state.needs_reset = true;
+            }
             Phase::Errand(errand) => state.mode = errand.mode(state.mode),
             Phase::Running(run) => run.compose_mode(state, self.machine.is_held()),
             Phase::Ready => {}
