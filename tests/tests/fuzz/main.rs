@@ -1,5 +1,5 @@
 //! Fuzz targets: mutated programs through loader and planner, random contours through
-//! the planner.
+//! the planner; what a controller says, damaged, through the parser.
 //!
 //! A test run tries a fixed number of cases from a fixed seed. For longer:
 //!
@@ -14,6 +14,7 @@
 mod contours;
 mod mutate;
 mod programs;
+mod responses;
 
 use mutate::Random;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -83,4 +84,19 @@ fn what_is_accepted_of_random_contours_is_not_cut() {
 fn events_in_any_order_are_planned_or_refused() {
     let controls = programs::controls();
     fuzz("events", 2000, |random| contours::check_events(&controls, random));
+}
+
+#[test]
+fn what_a_controller_says_is_known() {
+    responses::check_clean();
+}
+
+#[test]
+fn answers_are_read_from_whole_lines_whatever_happens_to_them() {
+    fuzz("responses", 4000, responses::check);
+}
+
+#[test]
+fn one_wrong_byte_takes_no_answer_away_unnoticed() {
+    fuzz("wrong byte", 6000, responses::check_one_byte);
 }

@@ -36,7 +36,21 @@ pub(super) fn is_fragment(text: &str) -> bool {
         || text.contains("error:")
         || text.contains("ALARM:")
         || ends_like_an_error
+        || is_almost_an_answer(text)
         || text.starts_with(['<', '['])
         || text.ends_with('>')
         || text.matches('[').count() != text.matches(']').count()
+}
+
+/// `ALLARM:1`, `erxor:20`: an answer with a number in which a byte is wrong.
+fn is_almost_an_answer(text: &str) -> bool {
+    let head = text.trim_end_matches(|c: char| c.is_ascii_digit());
+    ["error:", "ALARM:"].into_iter().any(|word| {
+        let forwards = head.bytes().zip(word.bytes());
+        let same_at_start = forwards.take_while(|(a, b)| a == b).count();
+        let backwards = head.bytes().rev().zip(word.bytes().rev());
+        let same_at_end = backwards.take_while(|(a, b)| a == b).count();
+        let longest = head.len().max(word.len());
+        head.len().abs_diff(word.len()) <= 1 && same_at_start + same_at_end + 1 >= longest
+    })
 }
