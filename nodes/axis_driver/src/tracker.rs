@@ -15,9 +15,6 @@ use std::f64::consts::TAU;
 
 /// A position counts as on an element within this, mm: steps, and three decimals.
 const ON_ELEMENT_MM: f64 = 0.02;
-/// A position farther from all that was sent says nothing: the axes are on a way of
-/// their own, to a reference point or a place of the machine frame, mm.
-const OFF_PATH_MM: f64 = 0.5;
 /// Positions may fall back by this along an element, mm.
 const JITTER_MM: f64 = 0.02;
 
@@ -117,7 +114,7 @@ impl Tracker {
                 break;
             }
         }
-        if let Some((_, index, part)) = best.filter(|(least, ..)| *least <= OFF_PATH_MM) {
+        if let Some((_, index, part)) = best {
             self.go_to(index, part);
         }
     }
