@@ -36,6 +36,6 @@ pub use fault::{Direction, Fault, FaultAction, FaultError, FaultInjector, Spoil,
 pub use firmware::{Firmware, UnknownFirmware};
 #[cfg(feature = "node")]
 pub use node::{ServeError, ServeOptions, Stop, StopHandle, cli, serve, stop_pair};
-pub use paced::{Device, Pace, PacedLine};
+pub use paced::{Device, LineEvents, Pace, PacedLine};
 pub use receive::TRANSMIT_BUFFER_BYTES;
 pub use settings::Settings;

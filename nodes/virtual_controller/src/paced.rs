@@ -20,6 +20,21 @@ pub trait Device {
     fn transmit(&mut self, to: &mut Vec<u8>);
     /// When to call [`Device::advance`] next, not before `now`; `None`: when bytes arrive.
     fn next_event(&self, now: Duration) -> Option<Duration>;
+    /// Takes what has happened to the line itself, after what was transmitted last.
+    fn take_line_events(&mut self) -> LineEvents {
+        LineEvents::default()
+    }
+}
+
+/// What can happen to a line. Times are the device's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LineEvents {
+    /// Bytes to the device come so much later than they would.
+    pub incoming_stall: Duration,
+    /// Bytes from the device that follow go so much later.
+    pub outgoing_stall: Duration,
+    /// What is on its way in either direction is lost.
+    pub is_cut: bool,
 }
 
 impl Device for crate::Controller {
@@ -147,15 +162,44 @@ impl<D: Device> PacedLine<D> {
 
     fn collect(&mut self, at: Duration, bytes: &mut Vec<u8>) {
         self.now = self.now.max(at);
+        self.apply_line_events(at);
         if self.has_room_at().is_some_and(|room| room > at) {
             return;
         }
-        bytes.clear();
-        self.device.transmit(bytes);
-        for &byte in bytes.iter() {
-            self.outgoing_busy_until = self.outgoing_busy_until.max(at) + self.byte_time;
-            self.outgoing.push_back((self.outgoing_busy_until, byte));
+        loop {
+            bytes.clear();
+            self.device.transmit(bytes);
+            for &byte in bytes.iter() {
+                self.outgoing_busy_until = self.outgoing_busy_until.max(at) + self.byte_time;
+                self.outgoing.push_back((self.outgoing_busy_until, byte));
+            }
+            // What follows a stall is handed over only then.
+            if !self.apply_line_events(at) {
+                break;
+            }
         }
+    }
+
+    /// Returns whether the way out has stalled.
+    fn apply_line_events(&mut self, at: Duration) -> bool {
+        let events = self.device.take_line_events();
+        if events.is_cut {
+            self.incoming.clear();
+            self.outgoing.clear();
+            self.incoming_busy_until = at;
+            self.outgoing_busy_until = at;
+        }
+        let incoming = events.incoming_stall.div_f64(self.time_factor);
+        if !incoming.is_zero() {
+            self.incoming.iter_mut().for_each(|(due, _)| *due = (*due).max(at) + incoming);
+            self.incoming_busy_until = self.incoming_busy_until.max(at) + incoming;
+        }
+        let outgoing = events.outgoing_stall.div_f64(self.time_factor);
+        self.outgoing_busy_until = match outgoing.is_zero() {
+            true => self.outgoing_busy_until,
+            false => self.outgoing_busy_until.max(at) + outgoing,
+        };
+        !outgoing.is_zero()
     }
 
     /// Appends the bytes that have come through from the device by `now`.

@@ -161,10 +161,112 @@ fn each_fault_does_what_its_name_says() {
         (&["door@line=3"], "ok/error:20/ok/[MSG:Check Door]/"),
         (&["door@line=3", "close-door@time=1.2"], "ok/error:20/ok/[MSG:Check Door]/"),
         (&["limit:x@line=1"], "ok/error:20/ok/ok/"),
+        (&["push:[MSG:Spindle hot]@line=2"], "ok/error:20/[MSG:Spindle hot]/ok/ok/"),
+        (&["alarm:1@line=2"], "ok/error:20/ALARM:1/[MSG:Reset to continue]/"),
+        (&["alarm:5@line=2"], "ok/error:20/ALARM:5/error:9/error:9/"),
+        (
+            &["alarm:9@line=3"],
+            "ok/error:20/ok/ALARM:9//Grbl 1.1h ['$' for help]/[MSG:'$H'|'$X' to unlock]/error:9/",
+        ),
+        // The answer is still on its way; back in time for the last line.
+        (&["vanish:0.6@line=2"], "ok/ok/"),
+        (&["unplug:0.6@line=2"], "ok//Grbl 1.1h ['$' for help]/ok/"),
+        (&["close@line=3"], "ok/error:20/"),
     ];
     for (faults, expected) in cases {
         assert_eq!(say(injector(faults, 1), &lines), *expected, "{faults:?}");
     }
+}
+
+/// Seconds at which each line of the answers to 20 empty lines, said at once at t = 0, is through.
+fn answer_times(fault: &str, pace: Pace) -> Vec<f64> {
+    let mut line = PacedLine::new(injector(&[fault], 1), pace);
+    // The banner, 28 bytes.
+    settle(&mut line, T0);
+    let start = Duration::from_secs(1);
+    let mut now = start;
+    line.receive(now, &[b'\n'; 20]);
+    let mut times = Vec::new();
+    let mut bytes = Vec::new();
+    while let Some(event) = line.next_event() {
+        now = now.max(event);
+        line.advance(now);
+        line.transmit(now, &mut bytes);
+        let lines = bytes.iter().filter(|byte| **byte == b'\n').count();
+        times.resize(lines.max(times.len()), (now - start).as_secs_f64());
+    }
+    assert_eq!(bytes, b"ok\r\n".repeat(20));
+    times
+}
+
+#[test]
+fn a_stalled_line_goes_on_in_order_and_at_its_rate() {
+    // 10 ms a byte.
+    let pace = Pace { baud: Some(1000), time_factor: 1.0, scales_bytes: false };
+    let check = |fault: &str, expected: [f64; 3]| {
+        let times = answer_times(fault, pace);
+        for (at, expected) in [(0, expected[0]), (9, expected[1]), (19, expected[2])] {
+            assert!(
+                (times[at] - expected).abs() < 1e-6,
+                "{fault}: {} s, not {expected} s",
+                times[at]
+            );
+        }
+    };
+    // An answer takes 40 ms, a line 10 ms: answers queue up.
+    check("rx-delay:0@byte=1", [0.05, 0.41, 0.81]);
+    // The line stalls behind the 5th byte; the answers that wait fill the gap.
+    check("rx-delay:0.1@byte=5", [0.05, 0.41, 0.81]);
+    check("rx-delay:2@byte=5", [0.05, 2.26, 2.66]);
+    // From the 9th answer on, and in the middle of it.
+    check("tx-delay:3@line=9", [0.05, 3.41, 3.81]);
+    check("tx-delay:3@byte=62", [0.05, 3.41, 3.81]);
+    check("tx-delay:3@line=20", [0.05, 0.41, 0.81]);
+}
+
+#[test]
+fn a_stall_lasts_as_long_as_the_machine_says() {
+    let pace = Pace { baud: None, time_factor: 10.0, scales_bytes: false };
+    let times = answer_times("tx-delay:5@line=1", pace);
+    assert!(times[0] < 1e-6 && (times[1] - 0.5).abs() < 1e-6, "{times:?}");
+}
+
+/// Position and report after a fault in the middle of 100 mm at 10 mm/s.
+fn after(fault: &str) -> (f64, String) {
+    let mut device = injector(&[fault], 1);
+    device.receive(T0, b"G1X100F600\n");
+    hear(&mut device);
+    device.advance(Duration::from_secs(8));
+    let away = (device.is_plugged(), hear(&mut device));
+    assert_eq!(away, (false, Vec::new()), "{fault}");
+    device.receive(Duration::from_secs(8), b"G91\n?\x18");
+    assert!(hear(&mut device).is_empty(), "{fault}: nobody hears");
+    device.advance(Duration::from_secs(20));
+    assert!(device.is_plugged() && device.pulls() == 1, "{fault}");
+    hear(&mut device);
+    device.receive(Duration::from_secs(20), b"?");
+    let report = String::from_utf8(hear(&mut device)).unwrap();
+    (device.controller().position()[0], report)
+}
+
+#[test]
+fn a_cable_that_is_pulled_leaves_the_machine_moving_and_one_with_the_supply_does_not() {
+    let (x, report) = after("vanish:10@time=5");
+    assert!((x - 100.0).abs() < 1e-6 && report.starts_with("<Idle|MPos:100.000"), "{report}");
+    let (x, report) = after("unplug:10@time=5");
+    assert!(x.abs() < 1e-6 && report.starts_with("<Idle|MPos:0.000"), "{report}");
+}
+
+#[test]
+fn startup_lines_run_when_the_supply_is_back_and_not_before() {
+    let mut device = injector(&["unplug:10@time=5"], 1);
+    device.receive(T0, b"$N0=G91G1X10F600\n");
+    device.advance(Duration::from_secs(14));
+    let x = device.controller().position()[0];
+    assert!(x.abs() < 1e-6, "{x}");
+    device.advance(Duration::from_secs(20));
+    let x = device.controller().position()[0];
+    assert!((x - 10.0).abs() < 1e-6, "{x}");
 }
 
 #[test]

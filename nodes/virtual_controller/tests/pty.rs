@@ -30,7 +30,8 @@ impl Served {
         let (sender, receiver) = mpsc::channel();
         let thread = std::thread::spawn(move || {
             serve(options, &stop, |path| {
-                sender.send(path.to_path_buf()).unwrap();
+                // Only the first is waited for.
+                let _ = sender.send(path.to_path_buf());
                 Ok(())
             })
         });
@@ -150,6 +151,50 @@ fn a_pulled_cable_hangs_the_peer_up() {
             Err(_) => break,
         }
     }
+}
+
+#[test]
+fn a_device_that_vanishes_is_back_as_another_and_the_link_follows() {
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("ttyVC");
+    let mut options = options();
+    options.pace.time_factor = 10.0;
+    // A second of ours; 100 mm at 10 mm/s take as long.
+    options.faults = vec!["vanish:10@line=1".parse().unwrap()];
+    options.link = Some(link.clone());
+    let served = Served::start(options);
+    let first = std::fs::read_link(&link).unwrap();
+    assert_eq!(first, served.path);
+    let mut peer = Peer::open(&link);
+    peer.expect("help]\r\n");
+    peer.send(b"G1X100F600\n");
+    let started = Instant::now();
+    while let Ok(count) = peer.file.read(&mut [0; 64]).or_else(|error| {
+        if error.kind() == std::io::ErrorKind::WouldBlock { Ok(1) } else { Err(error) }
+    }) {
+        assert!(started.elapsed() < PATIENCE, "nobody hangs up");
+        if count == 0 {
+            break;
+        }
+    }
+    let second = loop {
+        match std::fs::read_link(&link) {
+            Ok(path) if path != first => break path,
+            _ => std::thread::sleep(Duration::from_millis(2)),
+        }
+        assert!(started.elapsed() < PATIENCE, "it does not come back");
+    };
+    let mut peer = Peer::open(&second);
+    let started = Instant::now();
+    loop {
+        peer.send(b"?");
+        if peer.expect(">\r\n").starts_with("<Idle|MPos:100.000,") {
+            break;
+        }
+        assert!(started.elapsed() < PATIENCE, "the machine has not moved on");
+    }
+    served.stop();
+    assert!(std::fs::symlink_metadata(&link).is_err(), "the link is gone");
 }
 
 /// The binary, and the path it printed.

@@ -14,6 +14,7 @@ impl Controller {
         match self.state {
             State::Alarm { is_critical: true } => self.traits().critical_hearing,
             State::Sleep => self.traits().sleep_hearing,
+            State::Off => Hearing::Nothing,
             State::Hold { .. }
             | State::Door(_)
             | State::Starting { .. }

@@ -218,6 +218,9 @@ impl Controller {
     pub fn receive(&mut self, now: Duration, bytes: &[u8]) {
         self.advance(now);
         for &byte in bytes {
+            if self.state == State::Off {
+                break;
+            }
             match (self.traits().realtime)(byte) {
                 Some(command) if !self.is_literal(byte) => self.act(command),
                 _ => self.receive_buffer.push(byte),
@@ -304,20 +307,29 @@ impl Controller {
         }
     }
 
-    /// Switches the supply off and on: motion, position and unsaved state are gone.
-    ///
-    /// The axes stay where they are; the controller believes in zero.
-    pub fn power_cycle(&mut self) {
+    /// Switches the supply off: the axes stop where they are, nothing is heard or said.
+    pub fn power_off(&mut self) {
         let physical = crate::axes::add(self.position(), self.plant.offset);
         self.plant.offset = physical;
         let blocks_max = self.memory.settings.planner_blocks();
         self.planner = Planner::new([0; 3], blocks_max.unwrap_or(self.traits().blocks_max));
-        self.state = State::Idle;
+        self.forget_input();
+        self.switch_off();
+        self.transmit.clear();
+        self.probing = None;
+        self.report_due = None;
         self.alarm = None;
         self.is_homed = false;
-        self.script.clear();
-        self.transmit.clear();
+        self.state = State::Off;
+    }
+
+    /// Switches the supply off and on: motion, position and unsaved state are gone.
+    ///
+    /// The axes stay where they are; the controller believes in zero.
+    pub fn power_cycle(&mut self) {
+        self.power_off();
         self.reader = LineReader::new(self.traits().line);
+        self.state = State::Idle;
         self.boot();
     }
 }

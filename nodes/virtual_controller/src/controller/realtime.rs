@@ -13,7 +13,11 @@ const DOOR_COOLANT_S: f64 = 1.0;
 
 impl Controller {
     pub(super) fn act(&mut self, command: Realtime) {
-        let is_deaf = self.hearing() == Hearing::ResetOnly && command != Realtime::SoftReset;
+        let is_deaf = match self.hearing() {
+            Hearing::Nothing => true,
+            Hearing::ResetOnly => command != Realtime::SoftReset,
+            _ => false,
+        };
         let is_starting = matches!(self.state, State::Starting { .. });
         if is_deaf || (is_starting && command != Realtime::StatusReport) {
             return;
@@ -196,7 +200,7 @@ impl Controller {
     pub(super) fn open_door(&mut self) {
         let is_moving = match &self.state {
             State::Alarm { .. } | State::Check | State::Sleep | State::SoftLimit => return,
-            State::Starting { .. } | State::Tool | State::Stopping => return,
+            State::Off | State::Starting { .. } | State::Tool | State::Stopping => return,
             State::Door(Door::Stopping { .. } | Door::Stopped) => return,
             State::Homing(_) => return self.fail_homing(Alarm::HOMING_DOOR),
             State::Door(Door::Resuming { .. }) | State::Idle => false,

@@ -15,7 +15,7 @@ impl Controller {
 
     /// A limit switch closed while hard limits are on.
     pub(super) fn hit_limit(&mut self) {
-        if !matches!(self.state, State::Alarm { .. }) {
+        if !matches!(self.state, State::Off | State::Alarm { .. }) {
             self.critical(Alarm::HARD_LIMIT);
         }
     }
@@ -38,7 +38,7 @@ impl Controller {
     /// Raises `ALARM:N` as the firmware would: some are critical, some begin again, all lock.
     pub fn raise_alarm(&mut self, number: u8) {
         let alarm = Alarm(number);
-        if self.state == (State::Alarm { is_critical: true }) {
+        if matches!(self.state, State::Off | State::Alarm { is_critical: true }) {
             return;
         }
         if self.traits().critical_alarms.contains(&number) {

@@ -5,6 +5,8 @@ use crate::homing::Homing;
 /// What the controller is doing.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum State {
+    /// No supply.
+    Off,
     /// The board comes up; the banner is still to come.
     Starting {
         left_s: f64,

@@ -5,11 +5,16 @@
 //! | `rx-drop` `rx-duplicate` `rx-corrupt` | loses, doubles or changes a byte to the controller |
 //! | `tx-drop` `tx-duplicate` `tx-corrupt` | the same for a byte from the controller |
 //! | `lose-ok` `extra-ok` | loses an answer, sends one more |
+//! | `rx-delay:SECONDS` `tx-delay:SECONDS` | the line stalls so long, then all comes, in order |
 //! | `silent` `silent:SECONDS` | sends nothing any more, or for some seconds |
+//! | `push:TEXT` | a line of its own accord, not asked for |
+//! | `alarm:N` | raises `ALARM:N` as the firmware would |
 //! | `reset` | the supply fails for a moment: banner, position lost |
 //! | `limit:AXIS` `release:AXIS` `cut:AXIS` | closes, lets go, or disconnects a limit switch |
 //! | `door` `close-door` | opens and closes the safety door |
-//! | `close` | the cable is pulled |
+//! | `close` | the cable is pulled for good |
+//! | `vanish:SECONDS` | the cable is pulled; after that it is back as another device |
+//! | `unplug:SECONDS` | the same, and the cable was the supply: it boots again, position lost |
 //!
 //! | trigger | when |
 //! |---|---|
@@ -17,6 +22,9 @@
 //! | `byte=N` | the Nth byte passes: of its direction, else to the controller |
 //! | `time=S` | S seconds of the controller's time after power-up |
 //! | `rate=P` | each time with probability P; bytes and answers only |
+//!
+//! With the cable goes what is on its way, the answer that set it off included.
+//! All seconds are the controller's, which a time factor makes shorter.
 
 use std::str::FromStr;
 
@@ -41,10 +49,17 @@ pub enum Spoil {
 }
 
 /// What goes wrong.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum FaultAction {
     /// A byte suffers.
     Byte(Direction, Spoil),
+    /// A direction stalls; what is on its way comes later, in order.
+    Delay {
+        /// Which.
+        direction: Direction,
+        /// How long.
+        seconds: f64,
+    },
     /// An answer is not sent.
     LoseOk,
     /// An `ok` is sent that answers nothing.
@@ -54,6 +69,10 @@ pub enum FaultAction {
         /// `None`: for ever.
         seconds: Option<f64>,
     },
+    /// A line is sent that nobody asked for.
+    Push(String),
+    /// An alarm is raised.
+    Alarm(u8),
     /// The supply fails for a moment.
     Reset,
     /// A limit switch is held closed.
@@ -66,8 +85,15 @@ pub enum FaultAction {
     Door,
     /// It closes.
     CloseDoor,
-    /// The cable is pulled.
+    /// The cable is pulled for good.
     Close,
+    /// The cable is pulled; the device comes back as another one.
+    Vanish {
+        /// How long it is away.
+        seconds: f64,
+        /// Did the cable carry the supply?
+        loses_power: bool,
+    },
 }
 
 /// When it goes wrong.
@@ -84,7 +110,7 @@ pub enum Trigger {
 }
 
 /// One thing that goes wrong once, or by chance.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Fault {
     /// What.
     pub action: FaultAction,
@@ -101,8 +127,9 @@ pub enum FaultError {
     /// Not an action of the table.
     #[error(
         "unknown fault action `{0}`; there are rx-drop, rx-duplicate, rx-corrupt, tx-drop, \
-         tx-duplicate, tx-corrupt, lose-ok, extra-ok, silent[:SECONDS], reset, limit:AXIS, \
-         release:AXIS, cut:AXIS, door, close-door and close"
+         tx-duplicate, tx-corrupt, rx-delay:SECONDS, tx-delay:SECONDS, lose-ok, extra-ok, \
+         silent[:SECONDS], push:TEXT, alarm:N, reset, limit:AXIS, release:AXIS, cut:AXIS, door, \
+         close-door, close, vanish:SECONDS and unplug:SECONDS"
     )]
     Action(String),
     /// A trigger or its value is not of the table.
@@ -135,9 +162,15 @@ impl FromStr for FaultAction {
             Some("z") => Ok(2),
             _ => Err(unknown()),
         };
-        if argument.is_some() && !matches!(name, "silent" | "limit" | "release" | "cut") {
+        let takes_argument = [
+            "rx-delay", "tx-delay", "silent", "push", "alarm", "limit", "release", "cut", "vanish",
+            "unplug",
+        ];
+        if argument.is_some() && !takes_argument.contains(&name) {
             return Err(unknown());
         }
+        let duration = || argument.and_then(seconds).ok_or_else(unknown);
+        let delay = |direction| Ok(Self::Delay { direction, seconds: duration()? });
         match name {
             "rx-drop" => byte(Direction::ToController, Spoil::Drop),
             "rx-duplicate" => byte(Direction::ToController, Spoil::Duplicate),
@@ -145,6 +178,8 @@ impl FromStr for FaultAction {
             "tx-drop" => byte(Direction::FromController, Spoil::Drop),
             "tx-duplicate" => byte(Direction::FromController, Spoil::Duplicate),
             "tx-corrupt" => byte(Direction::FromController, Spoil::Corrupt),
+            "rx-delay" => delay(Direction::ToController),
+            "tx-delay" => delay(Direction::FromController),
             "lose-ok" => Ok(Self::LoseOk),
             "extra-ok" => Ok(Self::ExtraOk),
             "silent" => match argument.map(seconds) {
@@ -152,6 +187,15 @@ impl FromStr for FaultAction {
                 Some(Some(seconds)) => Ok(Self::Silent { seconds: Some(seconds) }),
                 Some(None) => Err(unknown()),
             },
+            "push" => {
+                let is_line = |text: &&str| !text.is_empty() && !text.contains(['\r', '\n']);
+                let text = argument.filter(is_line).ok_or_else(unknown)?;
+                Ok(Self::Push(text.to_string()))
+            }
+            "alarm" => {
+                let number = argument.and_then(|text| text.parse().ok()).filter(|n| *n > 0);
+                number.map(Self::Alarm).ok_or_else(unknown)
+            }
             "reset" => Ok(Self::Reset),
             "limit" => axis().map(Self::Limit),
             "release" => axis().map(Self::Release),
@@ -159,6 +203,8 @@ impl FromStr for FaultAction {
             "door" => Ok(Self::Door),
             "close-door" => Ok(Self::CloseDoor),
             "close" => Ok(Self::Close),
+            "vanish" => Ok(Self::Vanish { seconds: duration()?, loses_power: false }),
+            "unplug" => Ok(Self::Vanish { seconds: duration()?, loses_power: true }),
             _ => Err(unknown()),
         }
     }
@@ -169,8 +215,8 @@ impl FromStr for Fault {
 
     fn from_str(text: &str) -> Result<Self, FaultError> {
         let (action_text, trigger_text) =
-            text.split_once('@').ok_or_else(|| FaultError::NoTrigger(text.to_string()))?;
-        let action = action_text.parse()?;
+            text.rsplit_once('@').ok_or_else(|| FaultError::NoTrigger(text.to_string()))?;
+        let action = action_text.parse::<FaultAction>()?;
         let wrong = || FaultError::Trigger(trigger_text.to_string());
         let (name, value) = trigger_text.split_once('=').ok_or_else(wrong)?;
         let count = || value.parse::<u64>().ok().filter(|n| *n > 0).ok_or_else(wrong);
@@ -184,7 +230,7 @@ impl FromStr for Fault {
             }
             _ => return Err(wrong()),
         };
-        let fits = match (action, trigger) {
+        let fits = match (&action, trigger) {
             (FaultAction::Byte(..), Trigger::Byte(_) | Trigger::Rate(_)) => true,
             (FaultAction::LoseOk | FaultAction::ExtraOk, Trigger::Line(_) | Trigger::Rate(_)) => {
                 true
@@ -230,6 +276,16 @@ mod tests {
             FaultAction::Byte(Direction::ToController, Spoil::Corrupt)
         );
         assert_eq!(read("limit:X@byte=7").action, FaultAction::Limit(0));
+        assert_eq!(
+            read("tx-delay:0.5@line=3").action,
+            FaultAction::Delay { direction: Direction::FromController, seconds: 0.5 }
+        );
+        assert_eq!(read("alarm:3@line=3").action, FaultAction::Alarm(3));
+        assert_eq!(read("push:[MSG:a@b]@time=1").action, FaultAction::Push("[MSG:a@b]".into()));
+        assert_eq!(
+            read("unplug:2@byte=9").action,
+            FaultAction::Vanish { seconds: 2.0, loses_power: true }
+        );
     }
 
     #[test]
@@ -247,6 +303,14 @@ mod tests {
             "limit:a@line=1",
             "silent:x@line=1",
             "reset:1@line=1",
+            "rx-delay@line=1",
+            "rx-delay:1@rate=0.5",
+            "alarm@line=1",
+            "alarm:0@line=1",
+            "alarm:256@line=1",
+            "push:@line=1",
+            "vanish@line=1",
+            "vanish:-1@line=1",
             "reset@rate=0.1",
             "rx-drop@line=2",
             "rx-drop@rate=1.5",

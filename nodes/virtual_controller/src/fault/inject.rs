@@ -1,9 +1,13 @@
 //! A controller whose line, supply and switches suffer from faults.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::fault::{Direction, Fault, FaultAction, Spoil, Trigger};
-use crate::{Controller, paced::Device};
+use crate::{
+    Controller,
+    paced::{Device, LineEvents},
+};
 
 /// A controller in trouble; a [`Device`] like the controller itself.
 #[derive(Debug)]
@@ -16,9 +20,31 @@ pub struct FaultInjector {
     sent: u64,
     answers: u64,
     silent_until: Option<Duration>,
-    is_closed: bool,
-    outgoing: Vec<u8>,
+    cable: Cable,
+    pulls: u64,
+    outgoing: VecDeque<Outgoing>,
+    /// What happens to the line itself, stalls on the way out aside.
+    line_events: LineEvents,
     now: Duration,
+}
+
+/// Something on its way out.
+#[derive(Debug, Clone, PartialEq)]
+enum Outgoing {
+    Bytes(Vec<u8>),
+    Stall(Duration),
+}
+
+/// Where the cable is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Cable {
+    Plugged,
+    Pulled {
+        back_at: Duration,
+        loses_power: bool,
+    },
+    /// For good.
+    Gone,
 }
 
 impl FaultInjector {
@@ -32,8 +58,10 @@ impl FaultInjector {
             sent: 0,
             answers: 0,
             silent_until: None,
-            is_closed: false,
-            outgoing: Vec::new(),
+            cable: Cable::Plugged,
+            pulls: 0,
+            outgoing: VecDeque::new(),
+            line_events: LineEvents::default(),
             now: Duration::ZERO,
         }
     }
@@ -43,9 +71,19 @@ impl FaultInjector {
         &self.controller
     }
 
-    /// Has the cable been pulled?
+    /// Has the cable been pulled for good?
     pub fn is_closed(&self) -> bool {
-        self.is_closed
+        self.cable == Cable::Gone
+    }
+
+    /// Is there a device at the end of the cable?
+    pub fn is_plugged(&self) -> bool {
+        self.cable == Cable::Plugged
+    }
+
+    /// How often the cable has been pulled.
+    pub fn pulls(&self) -> u64 {
+        self.pulls
     }
 
     /// Lets a fault happen at once; of bytes and answers the next one suffers.
@@ -67,15 +105,57 @@ impl FaultInjector {
                 let seconds = seconds.map_or(Duration::MAX, Duration::from_secs_f64);
                 self.silent_until = Some(self.now.saturating_add(seconds));
             }
+            FaultAction::Delay { direction, seconds } => self.stall(direction, seconds),
+            FaultAction::Push(text) => self.send(format!("{text}\r\n").as_bytes()),
+            FaultAction::Alarm(number) => self.controller.raise_alarm(number),
             FaultAction::Reset => self.controller.power_cycle(),
             FaultAction::Limit(axis) => self.controller.hold_limit(axis, true),
             FaultAction::Release(axis) => self.controller.hold_limit(axis, false),
             FaultAction::Cut(axis) => self.controller.cut_limit(axis, true),
             FaultAction::Door => self.controller.set_door(true),
             FaultAction::CloseDoor => self.controller.set_door(false),
-            FaultAction::Close => self.is_closed = true,
+            FaultAction::Close => self.pull(Cable::Gone),
+            FaultAction::Vanish { seconds, loses_power } => {
+                if loses_power {
+                    self.controller.power_off();
+                }
+                let back_at = self.now + Duration::from_secs_f64(seconds);
+                self.pull(Cable::Pulled { back_at, loses_power });
+            }
             // These happen to what passes.
             FaultAction::Byte(..) | FaultAction::LoseOk => {}
+        }
+    }
+
+    fn stall(&mut self, direction: Direction, seconds: f64) {
+        let time = Duration::from_secs_f64(seconds);
+        match direction {
+            Direction::ToController => self.line_events.incoming_stall += time,
+            Direction::FromController => self.outgoing.push_back(Outgoing::Stall(time)),
+        }
+    }
+
+    /// What is on its way is lost.
+    fn pull(&mut self, cable: Cable) {
+        self.cable = cable;
+        self.pulls += 1;
+        self.outgoing.clear();
+        self.line_events = LineEvents { is_cut: true, ..LineEvents::default() };
+    }
+
+    /// The device is back, if it is time.
+    fn come_back(&mut self, now: Duration) {
+        let Cable::Pulled { back_at, loses_power } = self.cable else { return };
+        if back_at > now {
+            return;
+        }
+        self.now = self.now.max(back_at);
+        self.controller.advance(self.now);
+        // Nobody heard what was said while it was away.
+        self.controller.transmit(&mut Vec::new());
+        self.cable = Cable::Plugged;
+        if loses_power {
+            self.controller.power_cycle();
         }
     }
 
@@ -88,7 +168,7 @@ impl FaultInjector {
             .filter_map(|(fault, happened)| {
                 is_due(fault, chance).then(|| {
                     *happened = !matches!(fault.trigger, Trigger::Rate(_));
-                    fault.action
+                    fault.action.clone()
                 })
             })
             .collect()
@@ -97,9 +177,11 @@ impl FaultInjector {
     /// Returns what becomes of a byte.
     fn spoil(&mut self, direction: Direction, byte: u8, number: u64) -> Vec<u8> {
         let mut bytes = vec![byte];
-        let spoils = self.due(|fault, chance| match (fault.action, fault.trigger) {
-            (FaultAction::Byte(of, _), Trigger::Byte(at)) => of == direction && at == number,
-            (FaultAction::Byte(of, _), Trigger::Rate(rate)) => of == direction && chance.hits(rate),
+        let spoils = self.due(|fault, chance| match (&fault.action, fault.trigger) {
+            (FaultAction::Byte(of, _), Trigger::Byte(at)) => *of == direction && at == number,
+            (FaultAction::Byte(of, _), Trigger::Rate(rate)) => {
+                *of == direction && chance.hits(rate)
+            }
             _ => false,
         });
         for spoil in spoils {
@@ -117,13 +199,22 @@ impl FaultInjector {
     }
 
     fn send(&mut self, bytes: &[u8]) {
-        if self.silent_until.is_some_and(|until| self.now < until) {
+        let is_silent = self.silent_until.is_some_and(|until| self.now < until);
+        if is_silent || !self.is_plugged() {
             return;
         }
         for &byte in bytes {
             self.sent += 1;
-            let spoilt = self.spoil(Direction::FromController, byte, self.sent);
-            self.outgoing.extend(spoilt);
+            let number = self.sent;
+            let spoilt = self.spoil(Direction::FromController, byte, number);
+            match self.outgoing.back_mut() {
+                Some(Outgoing::Bytes(part)) => part.extend(spoilt),
+                _ => self.outgoing.push_back(Outgoing::Bytes(spoilt)),
+            }
+            let due = self.due(|fault, _| {
+                is_tx_delay(&fault.action) && fault.trigger == Trigger::Byte(number)
+            });
+            due.into_iter().for_each(|action| self.happen(action));
         }
     }
 
@@ -134,7 +225,7 @@ impl FaultInjector {
         }
         self.answers += 1;
         let number = self.answers;
-        let due = self.due(|fault, chance| match (fault.action, fault.trigger) {
+        let due = self.due(|fault, chance| match (&fault.action, fault.trigger) {
             (_, Trigger::Line(at)) => at == number,
             (FaultAction::LoseOk | FaultAction::ExtraOk, Trigger::Rate(rate)) => chance.hits(rate),
             _ => false,
@@ -161,12 +252,16 @@ impl Device for FaultInjector {
     fn receive(&mut self, now: Duration, bytes: &[u8]) {
         self.advance(now);
         for &byte in bytes {
+            if !self.is_plugged() {
+                return;
+            }
             self.received += 1;
             let number = self.received;
             let spoilt = self.spoil(Direction::ToController, byte, number);
             self.controller.receive(now, &spoilt);
             let due = self.due(|fault, _| {
                 !matches!(fault.action, FaultAction::Byte(..))
+                    && !is_tx_delay(&fault.action)
                     && fault.trigger == Trigger::Byte(number)
             });
             due.into_iter().for_each(|action| self.happen(action));
@@ -175,6 +270,7 @@ impl Device for FaultInjector {
 
     fn advance(&mut self, now: Duration) {
         while let Some(at) = self.next_scheduled().filter(|at| *at <= now) {
+            self.come_back(at);
             self.now = self.now.max(at);
             self.controller.advance(self.now);
             let due = self.due(
@@ -182,6 +278,7 @@ impl Device for FaultInjector {
             );
             due.into_iter().for_each(|action| self.happen(action));
         }
+        self.come_back(now);
         self.now = self.now.max(now);
         self.controller.advance(now);
     }
@@ -192,16 +289,38 @@ impl Device for FaultInjector {
         for line in said.split_inclusive(|byte| *byte == b'\n') {
             self.pass(line);
         }
-        to.append(&mut self.outgoing);
+        // Up to where the line stalls; the rest comes after that.
+        while let Some(Outgoing::Bytes(part)) = self.outgoing.front_mut() {
+            to.append(part);
+            self.outgoing.pop_front();
+        }
+    }
+
+    fn take_line_events(&mut self) -> LineEvents {
+        let mut events = std::mem::take(&mut self.line_events);
+        if let Some(Outgoing::Stall(time)) = self.outgoing.front() {
+            events.outgoing_stall = *time;
+            self.outgoing.pop_front();
+        }
+        events
     }
 
     fn next_event(&self, now: Duration) -> Option<Duration> {
         if !self.outgoing.is_empty() {
             return Some(now);
         }
-        let scheduled = self.next_scheduled().map(|at| at.max(now));
-        scheduled.into_iter().chain(self.controller.next_event(now)).min()
+        let back = match self.cable {
+            Cable::Pulled { back_at, .. } => Some(back_at),
+            Cable::Plugged | Cable::Gone => None,
+        };
+        let planned = self.next_scheduled().into_iter().chain(back).map(|at| at.max(now));
+        planned.chain(self.controller.next_event(now)).min()
     }
+}
+
+/// Does this wait for a byte on its way out?
+fn is_tx_delay(action: &FaultAction) -> bool {
+    matches!(action, FaultAction::Delay { direction: Direction::FromController, .. })
 }
 
 /// A small generator of chance (splitmix64); its seed is a literal of the test.

@@ -215,6 +215,7 @@ pub(crate) struct BuildFacts<'a> {
 /// What gets through in a state that shuts the ears.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Hearing {
+    Nothing,
     /// A reset, and nothing else.
     ResetOnly,
     /// Real-time bytes; lines stay where they are.

@@ -15,8 +15,8 @@ use crate::{Build, Fault, Firmware, Settings, Vector};
 
 /// A grbl 1.1, grblHAL or FluidNC controller with axes that move in time, on a pseudo-terminal.
 ///
-/// Prints the path of its port as the first line and runs until SIGTERM or
-/// SIGINT. It is no hardware and no part of it is a safety function.
+/// Prints the path of its port as the first line, the path of another port when a
+/// fault makes it one, and runs until SIGTERM or SIGINT. It is no hardware and no part of it is a safety function.
 #[derive(Debug, Parser)]
 // The brackets are the grammar of faults, not links.
 #[allow(rustdoc::broken_intra_doc_links)]
@@ -64,8 +64,9 @@ struct Arguments {
     /// Something that goes wrong: ACTION[:ARGUMENT]@TRIGGER=VALUE; may be repeated.
     ///
     /// Actions: rx-drop, rx-duplicate, rx-corrupt (bytes to the controller), tx-drop,
-    /// tx-duplicate, tx-corrupt (bytes from it), lose-ok, extra-ok, silent[:SECONDS], reset,
-    /// limit:AXIS, release:AXIS, cut:AXIS, door, close-door, close. Triggers: line=N (the Nth
+    /// tx-duplicate, tx-corrupt (bytes from it), rx-delay:SECONDS, tx-delay:SECONDS, lose-ok,
+    /// extra-ok, silent[:SECONDS], push:TEXT, alarm:N, reset, limit:AXIS, release:AXIS, cut:AXIS,
+    /// door, close-door, close, vanish:SECONDS, unplug:SECONDS. Triggers: line=N (the Nth
     /// answer), byte=N, time=SECONDS (machine time), rate=P (bytes and answers, by chance).
     #[arg(long = "fault", value_name = "FAULT", verbatim_doc_comment)]
     faults: Vec<Fault>,
@@ -114,10 +115,12 @@ fn run(arguments: Arguments) -> Result<(), String> {
     let failed = |error: io::Error| format!("cannot wait for signals: {error}");
     let (handle, stop) = stop_pair().map_err(failed)?;
     stop_on_signals(&handle).map_err(failed)?;
+    let mut is_first = true;
     let announce = |path: &Path| {
         let mut out = io::stdout().lock();
-        writeln!(out, "{}", path.display())?;
-        out.flush()
+        let told = writeln!(out, "{}", path.display()).and_then(|()| out.flush());
+        // Who has heard the first may have stopped listening.
+        if std::mem::take(&mut is_first) { told } else { Ok(()) }
     };
     serve(options, &stop, announce).map_err(|error| error.to_string())
 }

@@ -4,6 +4,7 @@
 //! nothing about the controller.
 
 mod cli;
+mod port;
 mod pty;
 mod serve;
 mod stop;

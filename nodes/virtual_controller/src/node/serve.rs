@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
-use super::pty::{Link, Pty};
+use super::port::Port;
 use super::stop::Stop;
 use crate::paced::{Pace, PacedLine};
 use crate::{Build, Controller, Fault, FaultAction, FaultInjector};
@@ -81,27 +81,22 @@ pub enum ServeError {
 
 /// Runs a controller until `stop`, its watched process or standard input ends, or a `close` fault.
 ///
-/// `ready` is called once with the path of the slave, when it can be opened.
+/// `ready` is called with the path of the slave when it can be opened: at the start, and each
+/// time the device is back after a `vanish` or `unplug` fault, as another device.
 pub fn serve(
     options: ServeOptions,
     stop: &Stop,
-    ready: impl FnOnce(&Path) -> io::Result<()>,
+    mut ready: impl FnMut(&Path) -> io::Result<()>,
 ) -> Result<(), ServeError> {
-    let pty = Pty::open().map_err(ServeError::Pty)?;
+    let port = Port::open(options.link)?;
     let parent = options.parent_pid.map(watch).transpose()?;
-    let _link = match &options.link {
-        None => None,
-        Some(path) => Some(
-            Link::create(path, pty.path())
-                .map_err(|source| ServeError::Link { path: path.clone(), source })?,
-        ),
-    };
     let controller = Controller::with_build(options.build);
     let injector = FaultInjector::new(controller, options.faults, options.seed);
     let line = PacedLine::new(injector, options.pace);
-    ready(pty.path())?;
+    port.path().map_or(Ok(()), &mut ready)?;
     let server = Server {
-        pty,
+        port,
+        pulls: 0,
         line,
         unread: Vec::new(),
         typed: Vec::new(),
@@ -109,7 +104,7 @@ pub fn serve(
         parent,
         watches_stdin: options.watches_stdin,
     };
-    Ok(server.run(stop)?)
+    server.run(stop, ready)
 }
 
 fn watch(pid: i32) -> Result<OwnedFd, ServeError> {
@@ -121,7 +116,9 @@ fn watch(pid: i32) -> Result<OwnedFd, ServeError> {
 }
 
 struct Server {
-    pty: Pty,
+    port: Port,
+    /// How often the cable has been pulled so far.
+    pulls: u64,
     line: PacedLine<FaultInjector>,
     /// Bytes that did not fit into the pseudo-terminal.
     unread: Vec<u8>,
@@ -133,7 +130,11 @@ struct Server {
 }
 
 impl Server {
-    fn run(mut self, stop: &Stop) -> io::Result<()> {
+    fn run(
+        mut self,
+        stop: &Stop,
+        mut ready: impl FnMut(&Path) -> io::Result<()>,
+    ) -> Result<(), ServeError> {
         let stdin = io::stdin();
         loop {
             let now = self.started.elapsed();
@@ -143,6 +144,7 @@ impl Server {
             if self.line.device().is_closed() {
                 return Ok(());
             }
+            self.follow_cable(&mut ready)?;
 
             let mut pty_events = PollFlags::empty();
             if self.line.backlog() < BACKLOG_BYTES_MAX {
@@ -151,31 +153,35 @@ impl Server {
             if !self.unread.is_empty() {
                 pty_events |= PollFlags::OUT;
             }
-            let mut fds = vec![
-                PollFd::from_borrowed_fd(self.pty.as_fd(), pty_events),
-                PollFd::from_borrowed_fd(stop.as_fd(), PollFlags::IN),
-            ];
+            let mut fds = vec![PollFd::from_borrowed_fd(stop.as_fd(), PollFlags::IN)];
             fds.extend(self.parent.as_ref().map(|fd| PollFd::new(fd, PollFlags::IN)));
             let stdin_at = fds.len();
             if self.watches_stdin {
                 fds.push(PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::IN));
             }
+            let pty_at = fds.len();
+            fds.extend(
+                self.port.pty().map(|pty| PollFd::from_borrowed_fd(pty.as_fd(), pty_events)),
+            );
             let timeout = self.line.next_event().map(|at| timespec(at.saturating_sub(now)));
             match poll(&mut fds, timeout.as_ref()) {
                 Ok(_) | Err(rustix::io::Errno::INTR) => {}
-                Err(error) => return Err(error.into()),
+                Err(error) => return Err(io::Error::from(error).into()),
             }
             let is_ready = |at: usize| fds.get(at).is_some_and(|fd| !fd.revents().is_empty());
-            let is_over = (1..stdin_at).any(is_ready);
-            let has_bytes = is_ready(0);
+            let is_over = (0..stdin_at).any(is_ready);
+            let has_bytes = is_ready(pty_at);
             let has_typed = self.watches_stdin && is_ready(stdin_at);
             drop(fds);
             if is_over {
                 return Ok(());
             }
-            if has_bytes && self.line.backlog() < BACKLOG_BYTES_MAX {
+            if has_bytes
+                && self.line.backlog() < BACKLOG_BYTES_MAX
+                && let Some(pty) = self.port.pty()
+            {
                 let mut buffer = [0; 1024];
-                let count = self.pty.read(&mut buffer)?;
+                let count = pty.read(&mut buffer)?;
                 self.line.receive(self.started.elapsed(), &buffer[..count]);
             }
             if has_typed && !self.take_typed(&stdin)? {
@@ -184,10 +190,28 @@ impl Server {
         }
     }
 
+    /// Hangs up where the cable was pulled, and is another device where it is plugged in again.
+    fn follow_cable(
+        &mut self,
+        ready: &mut impl FnMut(&Path) -> io::Result<()>,
+    ) -> Result<(), ServeError> {
+        let pulls = self.line.device().pulls();
+        if pulls != self.pulls {
+            self.pulls = pulls;
+            self.unread.clear();
+            self.port.pull()?;
+        }
+        if self.line.device().is_plugged() && self.port.plug()? {
+            self.port.path().map_or(Ok(()), ready)?;
+        }
+        Ok(())
+    }
+
     /// Writes what the peer takes; what nobody reads is lost in the end.
     fn flush(&mut self) -> io::Result<()> {
+        let Some(pty) = self.port.pty() else { return Ok(()) };
         while !self.unread.is_empty() {
-            let count = self.pty.write(&self.unread)?;
+            let count = pty.write(&self.unread)?;
             if count == 0 {
                 break;
             }

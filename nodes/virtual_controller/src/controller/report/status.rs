@@ -9,6 +9,7 @@ impl Controller {
     fn state_name(&self, fields: Fields, everything: bool) -> String {
         let traits = self.traits();
         match &self.state {
+            State::Off => String::new(),
             State::Starting { .. } => "Starting".into(),
             State::Idle => "Idle".into(),
             State::Alarm { .. } => match self.alarm {

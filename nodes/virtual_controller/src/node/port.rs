@@ -1,0 +1,64 @@
+//! The port that peers see: a pseudo-terminal and a link to it, while the cable is plugged in.
+
+use std::path::{Path, PathBuf};
+
+use super::pty::{Link, Pty};
+use super::serve::ServeError;
+
+/// A port that may go away and come back as another device.
+#[derive(Debug)]
+pub(super) struct Port {
+    link: Option<PathBuf>,
+    plugged: Option<Plugged>,
+    /// What it comes back as; opened before the old one is closed, so that it is another.
+    next: Option<Pty>,
+}
+
+#[derive(Debug)]
+struct Plugged {
+    pty: Pty,
+    _link: Option<Link>,
+}
+
+impl Port {
+    /// Opens a port, with a link if there is to be one.
+    pub(super) fn open(link: Option<PathBuf>) -> Result<Self, ServeError> {
+        let next = Some(Pty::open().map_err(ServeError::Pty)?);
+        let mut port = Self { link, plugged: None, next };
+        port.plug()?;
+        Ok(port)
+    }
+
+    /// The pseudo-terminal, while there is one.
+    pub(super) fn pty(&self) -> Option<&Pty> {
+        self.plugged.as_ref().map(|plugged| &plugged.pty)
+    }
+
+    /// The path that peers open, while there is one.
+    pub(super) fn path(&self) -> Option<&Path> {
+        self.pty().map(Pty::path)
+    }
+
+    /// Hangs up on the peer; the link goes, too.
+    pub(super) fn pull(&mut self) -> Result<(), ServeError> {
+        if self.next.is_none() {
+            self.next = Some(Pty::open().map_err(ServeError::Pty)?);
+        }
+        self.plugged = None;
+        Ok(())
+    }
+
+    /// Is there again; returns whether it was not before.
+    pub(super) fn plug(&mut self) -> Result<bool, ServeError> {
+        let Some(pty) = self.next.take() else { return Ok(false) };
+        let link = match &self.link {
+            None => None,
+            Some(path) => Some(
+                Link::create(path, pty.path())
+                    .map_err(|source| ServeError::Link { path: path.clone(), source })?,
+            ),
+        };
+        self.plugged = Some(Plugged { pty, _link: link });
+        Ok(true)
+    }
+}
