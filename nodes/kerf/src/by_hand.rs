@@ -1,8 +1,8 @@
 //! What an operator does beside running programs: a tool, a single block, blocks one
 //! at a time. Nothing is decided here; the nodes answer.
 
-use crate::exit::{Failure, Outcome, Status};
-use crate::operate::with_node;
+use crate::exit::Outcome;
+use crate::operate::{said, with_node};
 use clap::{Args, ValueEnum};
 use cnc_msgs::units::m_from_mm;
 use cnc_msgs::wire::cnc_msgs::srv::{ExecuteMdi, ExecuteMdiRequest, SetTool, SetToolRequest};
@@ -118,14 +118,5 @@ fn request(args: &ToolArgs) -> SetToolRequest {
         length: metres(args.length),
         nose_radius: metres(args.nose_radius),
         tip_direction: args.tip_direction.unwrap_or_default(),
-    }
-}
-
-fn said(success: bool, message: String) -> Outcome {
-    if success {
-        println!("{message}");
-        Ok(())
-    } else {
-        Err(Failure::new(Status::NodeRefused, message))
     }
 }

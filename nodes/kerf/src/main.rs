@@ -13,6 +13,7 @@ mod check;
 mod demo;
 mod exit;
 mod files;
+mod move_by_hand;
 mod node;
 mod operate;
 mod picture;
@@ -64,10 +65,22 @@ enum Command {
     Confirm,
     /// Drive the axes to their switches and make the position known
     Home,
+    /// Move axes by hand: kerf jog X10 Y-2.5 --feed 500; Ctrl-C stops them
+    Jog(move_by_hand::JogArgs),
+    /// Move until a probe touches: kerf probe Z-20
+    Probe(move_by_hand::ProbeArgs),
+    /// Say what the place of the tool is called: kerf zero X0 Y0 --system G54
+    Zero(move_by_hand::ZeroArgs),
+    /// Faster or slower than programmed: kerf override --feed 80
+    Override(move_by_hand::OverrideArgs),
     /// End an alarm without homing
     Unlock,
     /// Reset the controller at once; while moving the position is lost
     Reset,
+    /// Hold as an opened door does: spindle and coolant off until `kerf resume`
+    DoorHold,
+    /// Put the controller to sleep; `kerf reset` wakes it
+    Sleep,
     /// Stop behind every block and wait for `kerf resume`, or do not
     SingleBlock(by_hand::SingleBlockArgs),
     /// Run one block, from standstill to standstill
@@ -105,7 +118,13 @@ fn run(command: Command, ros_args: &[String]) -> Outcome {
         Command::Resume => operate::press(Button::Resume, ros_args),
         Command::Abort => operate::abort(ros_args),
         Command::Confirm => operate::press(Button::Confirm, ros_args),
-        Command::Home => operate::home(ros_args),
+        Command::Home => move_by_hand::home(ros_args),
+        Command::Jog(args) => move_by_hand::jog(&args, ros_args),
+        Command::Probe(args) => move_by_hand::probe(&args, ros_args),
+        Command::Zero(args) => move_by_hand::zero(&args, ros_args),
+        Command::Override(args) => move_by_hand::set_overrides(&args, ros_args),
+        Command::DoorHold => operate::press(Button::DoorHold, ros_args),
+        Command::Sleep => operate::press(Button::Sleep, ros_args),
         Command::Unlock => operate::press(Button::Unlock, ros_args),
         Command::Reset => operate::press(Button::Reset, ros_args),
         Command::SingleBlock(args) => by_hand::single_block(&args, ros_args),

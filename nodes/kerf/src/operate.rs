@@ -9,9 +9,8 @@ use crate::files;
 use clap::Args;
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::diagnostic::Diagnostic;
-use cnc_msgs::wire::cnc_msgs::action::{
-    Home, HomeGoal, RunProgram, RunProgramGoal, RunProgramResult,
-};
+use cnc_msgs::interface::Action;
+use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal, RunProgramResult};
 use cnc_msgs::wire::cnc_msgs::msg::{Command, CompensationReport};
 use cnc_msgs::wire::cnc_msgs::srv::{
     GetTools, GetToolsRequest, LoadProgram, LoadProgramRequest, LoadProgramResponse,
@@ -20,7 +19,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest};
 use indicatif::{ProgressBar, ProgressStyle};
 use program_loader::upload::CHUNK_BYTES_MAX;
-use runtime::action::{ActionClient, CancelAnswer, GoalError};
+use runtime::action::{ActionClient, CancelAnswer, GoalError, GoalHandle};
 use runtime::{CallError, Handle, NodeError, Qos, Session, Subscription};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -76,6 +75,8 @@ pub(crate) enum Button {
     Confirm,
     Unlock,
     Reset,
+    DoorHold,
+    Sleep,
 }
 
 impl Button {
@@ -86,6 +87,8 @@ impl Button {
             Self::Confirm => "confirm_tool_change",
             Self::Unlock => "unlock",
             Self::Reset => "soft_reset",
+            Self::DoorHold => "door_hold",
+            Self::Sleep => "sleep",
         }
     }
 }
@@ -148,17 +151,12 @@ pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
     })
 }
 
-/// `kerf hold`, `kerf resume`, `kerf confirm`, `kerf unlock`, `kerf reset`
+/// `kerf hold`, `resume`, `confirm`, `unlock`, `reset`, `door-hold`, `sleep`
 pub(crate) fn press(button: Button, ros_args: &[String]) -> Outcome {
     with_node(ros_args, async |node| {
         let client = node.client::<Trigger>(button.service())?;
         let answer = client.call(TriggerRequest::default()).await?;
-        if answer.success {
-            println!("{}", answer.message);
-            Ok(())
-        } else {
-            Err(Failure::new(Status::NodeRefused, answer.message))
-        }
+        said(answer.success, answer.message)
     })
 }
 
@@ -173,28 +171,6 @@ pub(crate) fn abort(ros_args: &[String]) -> Outcome {
                 Ok(())
             }
             _ => Err(Failure::new(Status::NodeRefused, "nothing runs that could be canceled")),
-        }
-    })
-}
-
-/// `kerf home`
-pub(crate) fn home(ros_args: &[String]) -> Outcome {
-    with_node(ros_args, async |node| {
-        let client: ActionClient<Home> = node.action_client("home")?;
-        let refused = |error: GoalError| match error {
-            GoalError::Call(error) => error.into(),
-            error => Failure::new(Status::NodeRefused, error.to_string()),
-        };
-        let handle = client.send_goal(HomeGoal::default()).await.map_err(refused)?;
-        let (_, result) = handle.result(RUN_WITHIN).await.map_err(refused)?;
-        if result.success {
-            println!("{}", result.message);
-            Ok(())
-        } else {
-            Err(Failure::new(
-                Status::NodeRefused,
-                format!("{} (error {})", result.message, result.error_code),
-            ))
         }
     })
 }
@@ -318,32 +294,52 @@ pub(crate) fn progress_bar() -> ProgressBar {
         .with_style(style.expect("the template is a constant").progress_chars("=> "))
 }
 
+/// Sends a goal; a rejection is told with its reason.
+pub(crate) async fn begin<A: Action + 'static>(
+    node: &Handle,
+    name: &str,
+    goal: A::Goal,
+) -> Result<GoalHandle<A>, Failure> {
+    let client: ActionClient<A> = node.action_client(name)?;
+    // The reason of a rejection is told here; the action has no room for it.
+    let mut commands: Subscription<Command> = node.subscription("commands", Qos::EVENTS)?;
+    match client.send_goal(goal).await {
+        Ok(handle) => Ok(handle),
+        Err(GoalError::Call(error)) => Err(error.into()),
+        Err(error @ GoalError::Rejected { .. }) => {
+            let reason = timeout(Duration::from_secs(1), async {
+                loop {
+                    let (command, _) = commands.next().await;
+                    if command.endpoint.ends_with(name) && !command.success {
+                        break command.message;
+                    }
+                }
+            });
+            let reason = reason.await.unwrap_or_else(|_| error.to_string());
+            Err(Failure::new(Status::NodeRefused, reason))
+        }
+        Err(error) => Err(Failure::new(Status::NodeRefused, error.to_string())),
+    }
+}
+
+/// What a node answered; a refusal is a failure.
+pub(crate) fn said(success: bool, message: String) -> Outcome {
+    match success {
+        true => {
+            println!("{message}");
+            Ok(())
+        }
+        false => Err(Failure::new(Status::NodeRefused, message)),
+    }
+}
+
 /// Sends a goal and follows it to its end; anything but success is a failure.
 pub(crate) async fn run_goal(
     node: &Handle,
     goal: RunProgramGoal,
     bar: &ProgressBar,
 ) -> Result<RunProgramResult, Failure> {
-    let client: ActionClient<RunProgram> = node.action_client("run_program")?;
-    // The reason of a rejection is told here; the action has no room for it.
-    let mut commands: Subscription<Command> = node.subscription("commands", Qos::EVENTS)?;
-    let mut handle = match client.send_goal(goal).await {
-        Ok(handle) => handle,
-        Err(GoalError::Call(error)) => return Err(error.into()),
-        Err(error @ GoalError::Rejected { .. }) => {
-            let reason = timeout(Duration::from_secs(1), async {
-                loop {
-                    let (command, _) = commands.next().await;
-                    if command.endpoint.ends_with("run_program") && !command.success {
-                        break command.message;
-                    }
-                }
-            });
-            let reason = reason.await.unwrap_or_else(|_| error.to_string());
-            return Err(Failure::new(Status::NodeRefused, reason));
-        }
-        Err(error) => return Err(Failure::new(Status::NodeRefused, error.to_string())),
-    };
+    let mut handle = begin::<RunProgram>(node, "run_program", goal).await?;
     let mut end = Box::pin(handle.result(RUN_WITHIN));
     let mut is_silent = false;
     let (_, result) = loop {

@@ -59,6 +59,9 @@ fn describe(state: &MachineState) -> String {
     } else {
         text += "  position not known\n";
     }
+    if state.motion_possible {
+        text += "  the machine may be moving\n";
+    }
     text += &format!(
         "  feed {:.1} mm/min, spindle {:.0} rev/min, overrides {:.0} {:.0} {:.0} %\n",
         mm_per_min_from_m_per_s(state.feed_rate),

@@ -1,0 +1,236 @@
+//! `kerf home`, `jog`, `probe`, `zero`, `override`: axes, offsets and overrides by hand.
+//! Millimetres and percent; nothing is decided here, the driver answers.
+
+use crate::exit::{Failure, Outcome, Status};
+use crate::operate::{begin, said, with_node};
+use clap::{Args, ValueEnum};
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
+use cnc_msgs::interface::Action;
+use cnc_msgs::units::{m_per_s_from_mm_per_min, point_from_position, position_from_point};
+use cnc_msgs::wire::cnc_msgs::action::{Home, HomeGoal, Jog, JogGoal, JogResult, Probe, ProbeGoal};
+use cnc_msgs::wire::cnc_msgs::srv::{
+    SetOverrides, SetOverridesRequest, SetWorkOffset, SetWorkOffsetRequest,
+};
+use cnc_msgs::wire::geometry_msgs::msg::Point;
+use runtime::Handle;
+use std::time::Duration;
+
+/// Nothing that is done by hand takes longer.
+const MOVE_WITHIN: Duration = Duration::from_secs(24 * 3_600);
+
+/// What `kerf jog` takes.
+#[derive(Debug, Args)]
+pub(crate) struct JogArgs {
+    /// Where to, in millimetres: X10 Y-2.5
+    #[arg(required = true, value_parser = word)]
+    axes: Vec<(usize, f64)>,
+    /// Along the way
+    #[arg(long, value_name = "MM/MIN", default_value_t = 1_000.0)]
+    feed: f64,
+    /// What the numbers count from
+    #[arg(long, value_enum, default_value_t = Frame::Relative)]
+    from: Frame,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Frame {
+    /// From where the axes are
+    Relative,
+    Work,
+    Machine,
+}
+
+/// What `kerf probe` takes.
+#[derive(Debug, Args)]
+pub(crate) struct ProbeArgs {
+    /// How far at most, in millimetres from where the tool is: Z-20
+    #[arg(required = true, value_parser = word)]
+    axes: Vec<(usize, f64)>,
+    /// Along the way
+    #[arg(long, value_name = "MM/MIN", default_value_t = 50.0)]
+    feed: f64,
+    /// Until the probe lets go, instead of touching
+    #[arg(long)]
+    away: bool,
+    /// That nothing is found is no alarm
+    #[arg(long)]
+    may_miss: bool,
+}
+
+/// What `kerf zero` takes.
+#[derive(Debug, Args)]
+pub(crate) struct ZeroArgs {
+    /// What the place of the tool shall be called, in millimetres: X0 Y0
+    #[arg(required = true, value_parser = word)]
+    axes: Vec<(usize, f64)>,
+    /// G54 to G59, or G92 for the shift on top of them
+    #[arg(long, value_name = "SYSTEM", default_value = "G54", value_parser = system)]
+    system: u8,
+    /// Say where the origin lies in the machine frame, instead
+    #[arg(long)]
+    origin: bool,
+}
+
+/// What `kerf override` takes; percent.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = true)]
+pub(crate) struct OverrideArgs {
+    /// 10 to 200
+    #[arg(long, value_name = "PERCENT")]
+    feed: Option<u8>,
+    /// 25, 50 or 100
+    #[arg(long, value_name = "PERCENT")]
+    rapid: Option<u8>,
+    /// 10 to 200
+    #[arg(long, value_name = "PERCENT")]
+    spindle: Option<u8>,
+}
+
+fn word(text: &str) -> Result<(usize, f64), String> {
+    let mut letters = text.chars();
+    let letter = letters.next().map(|letter| letter.to_ascii_uppercase());
+    let axis = AXIS_LETTERS.iter().position(|known| Some(*known) == letter);
+    match (axis, letters.as_str().parse::<f64>()) {
+        (Some(axis), Ok(value)) if value.is_finite() => Ok((axis, value)),
+        _ => Err("an axis and a number: X10, Y-2.5".into()),
+    }
+}
+
+fn system(text: &str) -> Result<u8, String> {
+    let number = text.trim_start_matches(['G', 'g']).parse::<u8>().ok();
+    match number {
+        Some(number @ 54..=59) => Ok(number - 53),
+        Some(92) => Ok(92),
+        _ => Err("G54 to G59, or G92".into()),
+    }
+}
+
+/// The axes that are named, as bits, and their numbers.
+fn axes_and_point(words: &[(usize, f64)]) -> Result<(u8, Point), Failure> {
+    let (mut axes, mut position) = (AxisSet::NONE, Position::default());
+    for &(axis, value) in words {
+        if axes.contains(axis) {
+            return Err(Failure::usage(format_args!("{} is given twice", AXIS_LETTERS[axis])));
+        }
+        (axes, position[axis]) = (axes.with(axis), value);
+    }
+    Ok((axes.bits(), point_from_position(position)))
+}
+
+fn show(point: &Point) -> String {
+    let [x, y, z] = position_from_point(point);
+    format!("X{x:.3} Y{y:.3} Z{z:.3}")
+}
+
+/// Sends a goal and waits for its end; Ctrl-C cancels it.
+async fn follow<A: Action + 'static>(
+    node: &Handle,
+    name: &str,
+    goal: A::Goal,
+) -> Result<A::Result, Failure> {
+    let handle = begin::<A>(node, name, goal).await?;
+    let mut end = Box::pin(handle.result(MOVE_WITHIN));
+    let mut interrupts = 0;
+    loop {
+        tokio::select! {
+            ended = &mut end => {
+                let (_, result) =
+                    ended.map_err(|error| Failure::new(Status::NodeRefused, error.to_string()))?;
+                return Ok(result);
+            }
+            _ = tokio::signal::ctrl_c(), if interrupts < 1 => {
+                interrupts += 1;
+                handle.cancel().await?;
+            }
+        }
+    }
+}
+
+fn ended(success: bool, error_code: u16, message: String) -> Outcome {
+    match success {
+        true => said(true, message),
+        false => said(false, format!("{message} (error {error_code})")),
+    }
+}
+
+/// `kerf home`
+pub(crate) fn home(ros_args: &[String]) -> Outcome {
+    with_node(ros_args, async |node| {
+        let result = follow::<Home>(node, "home", HomeGoal::default()).await?;
+        ended(result.success, result.error_code, result.message)
+    })
+}
+
+/// `kerf jog`
+pub(crate) fn jog(args: &JogArgs, ros_args: &[String]) -> Outcome {
+    let (axes, target) = axes_and_point(&args.axes)?;
+    let frame = match args.from {
+        Frame::Relative => JogGoal::FRAME_RELATIVE,
+        Frame::Work => JogGoal::FRAME_WORK,
+        Frame::Machine => JogGoal::FRAME_MACHINE,
+    };
+    let goal = JogGoal { frame, axes, target, feed_rate: m_per_s_from_mm_per_min(args.feed) };
+    with_node(ros_args, async |node| {
+        let result: JogResult = follow::<Jog>(node, "jog", goal).await?;
+        let place = match result.machine_position.x.is_nan() {
+            true => String::new(),
+            false => {
+                format!("; the tool is at {} in the machine frame", show(&result.machine_position))
+            }
+        };
+        ended(result.success, result.error_code, result.message + &place)
+    })
+}
+
+/// `kerf probe`
+pub(crate) fn probe(args: &ProbeArgs, ros_args: &[String]) -> Outcome {
+    let (axes, distance) = axes_and_point(&args.axes)?;
+    let goal = ProbeGoal {
+        axes,
+        distance,
+        feed_rate: m_per_s_from_mm_per_min(args.feed),
+        away: args.away,
+        may_miss: args.may_miss,
+    };
+    with_node(ros_args, async |node| {
+        let result = follow::<Probe>(node, "probe", goal).await?;
+        let message = match result.found {
+            true => format!(
+                "found at {} in the machine frame, {} in the work frame",
+                show(&result.machine_position),
+                show(&result.work_position)
+            ),
+            false => result.message,
+        };
+        ended(result.success, result.error_code, message)
+    })
+}
+
+/// `kerf zero`
+pub(crate) fn zero(args: &ZeroArgs, ros_args: &[String]) -> Outcome {
+    let (axes, position) = axes_and_point(&args.axes)?;
+    let request =
+        SetWorkOffsetRequest { system: args.system, axes, position, is_origin: args.origin };
+    with_node(ros_args, async |node| {
+        let client = node.client::<SetWorkOffset>("set_work_offset")?;
+        let answer = client.call_within(request, Duration::from_secs(15)).await?;
+        said(answer.success, answer.message)
+    })
+}
+
+/// `kerf override`
+pub(crate) fn set_overrides(args: &OverrideArgs, ros_args: &[String]) -> Outcome {
+    let of = |percent: Option<u8>| f64::from(percent.unwrap_or(0)) / 100.0;
+    let which = [args.feed, args.rapid, args.spindle].into_iter().zip([1, 2, 4]);
+    let request = SetOverridesRequest {
+        which: which.filter(|(percent, _)| percent.is_some()).map(|(_, bit)| bit).sum(),
+        feed: of(args.feed),
+        rapid: of(args.rapid),
+        spindle: of(args.spindle),
+    };
+    with_node(ros_args, async |node| {
+        let client = node.client::<SetOverrides>("set_overrides")?;
+        let answer = client.call(request).await?;
+        said(answer.success, answer.message)
+    })
+}
