@@ -243,3 +243,52 @@ fn homing_that_fails_is_told_on_every_family() {
         assert_eq!(line.mode(), Mode::Alarm, "{firmware:?}: {:?}", line.state());
     }
 }
+
+#[test]
+fn check_mode_reads_every_line_moves_nothing_and_ends_in_a_reset() {
+    for firmware in Firmware::ALL {
+        let config = DriverConfig { check_in_controller: true, ..DriverConfig::default() };
+        let check = |path: CompensatedPath| {
+            Command::RunProgram(axis_driver::driver::RunRequest {
+                program_id: "part".into(),
+                revision: 1,
+                path: std::sync::Arc::new(path),
+                start_line: 0,
+                check_only: true,
+            })
+        };
+        let mut line = Line::new(config.clone(), build(firmware), &[]);
+        line.until("a place", |line| line.state().work_position.is_some());
+        line.ask(Command::SetWorkOffset(OffsetRequest {
+            system: 1,
+            axes: AxisSet::ALL,
+            position: [0.0; 3],
+            is_origin: false,
+        }))
+        .unwrap();
+        line.ask(check(everything())).unwrap();
+        line.until("check mode", |line| line.mode() == Mode::Check);
+        let result = line.result();
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware:?}: {result:?}");
+        line.until("a place", |line| line.state().work_position.is_some());
+        assert_eq!(line.mode(), Mode::Idle, "{firmware:?}");
+        assert_eq!(line.state().machine_position, Some(START), "{firmware:?}");
+        assert!(line.controller.device().controller().speed_mm_per_min() == 0.0);
+
+        // What the controller refuses is found, and nothing has moved.
+        let mut refused = 0;
+        for byte in 200..230 {
+            let fault = format!("rx-corrupt@byte={byte}");
+            let mut line = Line::new(config.clone(), build(firmware), &[&fault]);
+            line.until("a place", |line| line.state().work_position.is_some());
+            line.ask(check(straight(40, 5.0))).unwrap();
+            let result = line.result();
+            if result.error_code == error_code::CONTROLLER_ERROR {
+                refused += 1;
+                line.until("a place", |line| line.state().work_position.is_some());
+                assert_eq!((line.mode(), line.state().machine_position), (Mode::Idle, Some(START)));
+            }
+        }
+        assert!(refused > 5, "{firmware:?}: {refused}");
+    }
+}

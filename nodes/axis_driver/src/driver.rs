@@ -121,6 +121,8 @@ enum Origin {
     Errand,
     /// Of a program that homes.
     Home,
+    /// Switches the controller's check mode on.
+    CheckMode,
     Preamble,
     /// Of the program, with its text for messages.
     Program {

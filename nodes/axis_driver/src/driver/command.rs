@@ -80,8 +80,8 @@ pub struct RunRequest {
     pub path: Arc<CompensatedPath>,
     /// The source line to begin at; 0 and 1 are the whole program.
     pub start_line: u32,
-    /// Nothing is sent: the path is encoded from end to end for this controller. (The
-    /// controller's own check mode is not used: it ends in a reset.)
+    /// Nothing moves: the path is encoded from end to end for this controller, and
+    /// read by its own check mode where the configuration says so.
     pub check_only: bool,
 }
 
@@ -167,9 +167,8 @@ impl Driver {
         if self.check.is_some() {
             return refused(error_code::BUSY, "another program is being checked");
         }
-        if !request.check_only
-            && let Some(refusal) = self.obstacle()
-        {
+        let is_only_encoded = request.check_only && !self.config.check_in_controller;
+        if !is_only_encoded && let Some(refusal) = self.obstacle() {
             return Some(Err(refusal));
         }
         let config = EncoderConfig {
@@ -188,7 +187,7 @@ impl Driver {
             Err(problem) => return refused(error_code::START_LINE, problem.to_string()),
         };
         let proof = Proof::new(encoder.clone(), self.machine.rates(), &request.path, first_element);
-        if request.check_only {
+        if is_only_encoded {
             self.check = Some(Check { id, path: request.path, proof });
             return None;
         }

@@ -24,6 +24,10 @@ pub struct DriverConfig {
     pub encoder: EncoderConfig,
     /// The longest that homing may take, s.
     pub homing_s_max: u32,
+    /// Whether a run that is only checked goes through the controller's own check mode,
+    /// which reads every line and ends in a reset, instead of being encoded alone.
+    #[serde(default)]
+    pub check_in_controller: bool,
     /// Whether a run begins only when a recorder has opened its bag.
     #[serde(default)]
     pub require_recording: bool,
@@ -49,6 +53,7 @@ impl Default for DriverConfig {
             reset_on_connect: true,
             encoder: EncoderConfig::default(),
             homing_s_max: 180,
+            check_in_controller: false,
             require_recording: false,
             on_commander_loss: OnCommanderLoss::default(),
             commander_timeout_ms: commander_timeout_ms(),

@@ -64,8 +64,11 @@ impl Driver {
         run.total_s = seconds;
         self.machine.program_id.clone_from(&run.request.program_id);
         self.machine.line = 0;
-        let id = run.id;
-        if self.config.require_recording {
+        let (id, is_check) = (run.id, run.is_check());
+        if is_check {
+            run.stage = Stage::Preparing { until: self.now + ANSWER };
+            self.link.send_line("$C", LineKind::Slow, Origin::CheckMode);
+        } else if self.config.require_recording {
             run.stage = Stage::AwaitingRecorder { until: self.now + RECORDER };
         } else {
             self.send_preamble();
@@ -138,15 +141,22 @@ impl Driver {
         };
         self.machine.work_system = said.and_then(selected_system).or(self.machine.work_system);
         match (origin, &run.stage) {
+            (Origin::CheckMode, Stage::Preparing { .. }) => self.send_preamble(),
             (Origin::Preamble, Stage::Preparing { .. }) => {
-                let is_checked_later = run.encoder.checks_start();
+                let is_checked_later = run.encoder.checks_start() || run.is_check();
                 run.stage = match is_checked_later || run.assumed_axes().is_empty() {
                     true => Stage::Streaming,
                     false => Stage::Positioning { until: self.now + WORK_POSITION },
                 };
                 self.link.ask_status(self.now);
             }
-            (Origin::Program { element: Some(element), .. }, _) => run.tracker.on_answer(element),
+            (Origin::Program { element: Some(element), .. }, _) => {
+                run.tracker.on_answer(element);
+                if run.is_check() {
+                    // Nothing moves: what is read is done.
+                    run.tracker.on_all_done();
+                }
+            }
             (Origin::Sync, Stage::Draining(then)) => {
                 run.stage = Stage::Settling(then.clone());
                 self.link.ask_status(self.now);
@@ -161,7 +171,8 @@ impl Driver {
     }
 
     pub(super) fn on_run_status(&mut self) {
-        let is_idle = self.machine.is_state(&ControllerState::Idle);
+        let is_check = self.machine.is_state(&ControllerState::Check);
+        let is_idle = is_check || self.machine.is_state(&ControllerState::Idle);
         let is_alarm = self.machine.is_state(&ControllerState::Alarm);
         self.track();
         let Phase::Running(run) = &mut self.phase else { return };
@@ -219,6 +230,11 @@ impl Driver {
 
     fn succeed(&mut self) {
         let Phase::Running(run) = &self.phase else { return };
+        if run.is_check() {
+            // The mode is left by a reset.
+            let text = "the controller has read every line; nothing moved".to_owned();
+            return self.stop_run(RunOutcome::Succeeded, 0, text);
+        }
         let events = &run.request.path.events;
         // The end of the program selects the first work system; tool lengths stay.
         if matches!(events.last().map(|event| event.action), Some(Action::ProgramEnd { .. })) {
@@ -241,6 +257,10 @@ impl Driver {
         };
         let told = self.machine.status.as_ref().and_then(|status| status.line);
         let Phase::Running(run) = &mut self.phase else { return };
+        if run.is_check() {
+            self.machine.line = run.line();
+            return;
+        }
         // The way to the first element is none of its own.
         if run.has_sent && (oldest.is_some() || run.tracker.has_begun()) {
             let told = told.filter(|_| self.config.encoder.line_numbers);
@@ -315,6 +335,7 @@ fn own_line(origin: &Origin) -> &'static str {
         Origin::Preamble => PREAMBLE,
         Origin::Sync => SYNC,
         Origin::Home => "to home",
+        Origin::CheckMode => "$C",
         _ => "a line",
     }
 }

@@ -180,6 +180,11 @@ impl Run {
         }
     }
 
+    /// Whether the controller reads the program without moving.
+    pub(super) fn is_check(&self) -> bool {
+        self.request.check_only
+    }
+
     pub(super) fn is_proving(&self) -> bool {
         matches!(self.stage, Stage::Proving(_))
     }

@@ -102,8 +102,8 @@ impl Driver {
             Stage::Proving(_) | Stage::AwaitingRecorder { .. } => {
                 return self.end_run(outcome, error_code, verdict.message, Phase::Ready);
             }
-            // Homing does not listen to a hold.
-            Stage::Homing { .. } => {
+            // Homing does not listen to a hold, and in check mode nothing moves.
+            _ if run.is_check() || run.is_homing() => {
                 let step = Step::Resetting { until: self.now + ANSWER };
                 run.stage = Stage::Stopping(Stopping { verdict, step, reply: None });
                 self.hold = None;

@@ -13,8 +13,8 @@ impl Driver {
     pub(super) fn feed_run(&mut self) {
         let is_machine_held = self.machine.is_state(&ControllerState::Hold)
             || self.machine.is_state(&ControllerState::Door);
-        let is_single_block = self.is_single_block;
         let Phase::Running(run) = &mut self.phase else { return };
+        let is_single_block = self.is_single_block && !run.is_check();
         if run.is_held || is_machine_held || run.is_alone {
             return;
         }
@@ -41,6 +41,12 @@ impl Driver {
                                 continue;
                             }
                         }
+                    }
+                    // Nothing moves in check mode, and nobody changes a tool.
+                    Some(Ok(Step::Home { .. } | Step::ToolChange { .. } | Step::CheckStart))
+                        if run.is_check() =>
+                    {
+                        continue;
                     }
                     Some(Ok(Step::Home { text, axes, source_line })) => {
                         Then::Home { text, axes, source_line }

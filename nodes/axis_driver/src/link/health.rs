@@ -121,7 +121,9 @@ impl Health {
             }
             Some(LineKind::Silent) | None => Duration::MAX,
         };
-        if status.state != ControllerState::Idle || patience == Duration::MAX {
+        // In check mode nothing is waited for.
+        let is_waiting = matches!(status.state, ControllerState::Idle | ControllerState::Check);
+        if !is_waiting || patience == Duration::MAX {
             self.idle_since = None;
             return None;
         }

@@ -66,6 +66,11 @@ pub(super) fn declared() -> Vec<Declared> {
         )
         .within(1.0, 1_000_000.0),
         Declared::new(
+            "check_in_controller",
+            config.check_in_controller,
+            "whether a goal with check_only goes through the controller's check mode, which ends in a reset",
+        ),
+        Declared::new(
             "require_recording",
             config.require_recording,
             "whether a run begins only when the recorder has opened its bag",
@@ -154,6 +159,7 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
         poll_interval_ms: integer("poll_interval_ms", default.poll_interval_ms),
         reset_on_connect: bool("reset_on_connect", default.reset_on_connect),
         homing_s_max: integer("homing_s_max", default.homing_s_max),
+        check_in_controller: bool("check_in_controller", default.check_in_controller),
         require_recording: bool("require_recording", default.require_recording),
         on_commander_loss: match get("on_commander_loss") {
             ParameterValue::String(word) => {
