@@ -9,7 +9,7 @@
 use crate::encoder::line_number;
 use crate::estimate::{dot, minus, norm, sweep};
 use cnc_msgs::geometry::{Position, Shape};
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::path::{CompensatedPath, PathElement};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
@@ -27,6 +27,8 @@ pub struct Tracker {
     element: usize,
     /// Part of the element that is done, 0 to 1.
     part: f64,
+    /// Where the run began, for axes that the path does not give before these elements.
+    began: Option<(Position, [usize; 3])>,
     /// What the controller said last, until the position is looked at.
     told: Option<usize>,
 }
@@ -36,7 +38,14 @@ impl Tracker {
     pub fn new(first_element: usize, planner_blocks: u16) -> Self {
         let planner_blocks = usize::from(planner_blocks);
         let answered = VecDeque::with_capacity(planner_blocks + 2);
-        Self { planner_blocks, answered, element: first_element, part: 0.0, told: None }
+        Self {
+            planner_blocks,
+            answered,
+            element: first_element,
+            part: 0.0,
+            began: None,
+            told: None,
+        }
     }
 
     /// The element that is being cut.
@@ -47,6 +56,39 @@ impl Tracker {
     /// Whether that element has been cut to its end.
     pub fn is_at_end(&self) -> bool {
         self.part >= 1.0
+    }
+
+    /// The tool is here before the first element, in the work frame; a path that does not
+    /// rely on its start may begin anywhere. Only the first call counts.
+    pub fn begin_at(&mut self, path: &CompensatedPath, position: Position) {
+        if self.began.is_some() {
+            return;
+        }
+        let given_from = std::array::from_fn(|axis| {
+            let gives = |element: &PathElement| {
+                element.axes.contains(axis) || element.end[axis] != path.start[axis]
+            };
+            match self.element > 0 || path.assumed_axes.contains(axis) {
+                true => 0,
+                false => path.elements.iter().position(gives).map_or(usize::MAX, |at| at + 1),
+            }
+        });
+        self.began = Some((position, given_from));
+    }
+
+    /// Where an element begins and ends.
+    fn ends(&self, path: &CompensatedPath, index: usize) -> (Position, Position) {
+        let mut ends = [path.start_of(index), path.elements[index].end];
+        if let Some((position, given_from)) = self.began {
+            for (end, number) in ends.iter_mut().zip(index..) {
+                for axis in 0..3 {
+                    if number < given_from[axis] {
+                        end[axis] = position[axis];
+                    }
+                }
+            }
+        }
+        ends.into()
     }
 
     /// A line that cuts this element was answered: it is in the planner.
@@ -102,10 +144,10 @@ impl Tracker {
         let Some(position) = position else { return };
         let mut best: Option<(f64, usize, f64)> = None;
         for index in self.element..=highest.min(path.elements.len().saturating_sub(1)) {
-            let start = path.start_of(index);
             let Some(element) = path.elements.get(index) else { return };
+            let (start, end) = self.ends(path, index);
             let (distance, part, length) =
-                nearest(&element.shape, start, element.end, position, self.part_on(index));
+                nearest(&element.shape, start, end, position, self.part_on(index));
             let fell_back = (self.part_on(index) - part) * length > JITTER_MM;
             if !fell_back && best.is_none_or(|(least, ..)| distance < least) {
                 best = Some((distance, index, part));
@@ -176,13 +218,13 @@ fn nearest(
             }
             best
         }
-    }
+    use cnc_msgs::path::Role;
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cnc_msgs::geometry::{Arc, Plane};
+    use cnc_msgs::geometry::{Arc, AxisSet, Plane};
     use cnc_msgs::path::{PathElement, Role};
 
     fn path(ends: &[Position]) -> CompensatedPath {
@@ -208,6 +250,26 @@ mod tests {
         {
             tracker.on_position(&path, Some(position), None, None);
             assert_eq!(tracker.element(), wanted);
+        }
+    }
+
+    #[test]
+    fn a_first_move_from_anywhere_is_the_first_move() {
+        // On its way there it passes places of later elements.
+        let mut path =
+            path(&[[0.0, 0.0, 0.0], [0.0, 5.0, 0.0], [30.0, 5.0, 0.0], [30.0, 0.0, 0.0]]);
+        path.elements[0].axes = AxisSet::ALL;
+        let mut tracker = Tracker::new(0, 15);
+        tracker.begin_at(&path, [40.0, 5.0, 0.0]);
+        (0..4).for_each(|element| tracker.on_answer(element));
+        for (position, wanted) in [
+            ([30.0, 3.75, 0.0], 0),
+            ([8.0, 1.0, 0.0], 0),
+            ([0.0, 2.0, 0.0], 1),
+            ([9.0, 5.0, 0.0], 2),
+        ] {
+            tracker.on_position(&path, Some(position), None, None);
+            assert_eq!(tracker.element(), wanted, "at {position:?}");
         }
     }
 

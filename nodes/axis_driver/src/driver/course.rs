@@ -264,6 +264,9 @@ impl Driver {
         // The way to the first element is none of its own.
         if run.has_sent && (oldest.is_some() || run.tracker.has_begun()) {
             let told = told.filter(|_| self.config.encoder.line_numbers);
+            if let Some(position) = position {
+                run.tracker.begin_at(&run.request.path, position);
+            }
             if let Some(number) = told {
                 run.tracker.on_line_number(number, oldest);
             }

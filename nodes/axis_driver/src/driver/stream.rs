@@ -15,7 +15,7 @@ impl Driver {
             || self.machine.is_state(&ControllerState::Door);
         let Phase::Running(run) = &mut self.phase else { return };
         let is_single_block = self.is_single_block && !run.is_check();
-        if run.is_held || is_machine_held || run.is_alone {
+        if run.is_held || is_machine_held || run.is_alone || run.is_stopping() {
             return;
         }
         loop {
