@@ -218,14 +218,14 @@ fn nearest(
             }
             best
         }
-    use cnc_msgs::path::Role;
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use cnc_msgs::geometry::{Arc, AxisSet, Plane};
-    use cnc_msgs::path::{PathElement, Role};
+    use cnc_msgs::path::Role;
 
     fn path(ends: &[Position]) -> CompensatedPath {
         let element = |end: &Position| PathElement {
