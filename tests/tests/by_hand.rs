@@ -259,3 +259,21 @@ fn a_controller_sleeps_and_wakes_with_a_reset() {
     line.ask(Command::SoftReset).unwrap();
     line.until("awake", |line| line.mode() == Mode::Alarm);
 }
+
+#[test]
+fn a_shutdown_stops_what_is_done_by_hand_first() {
+    let mut line = Line::connected(Build { probe_surface_z_mm: Some(-90.0), ..build() });
+    for command in [jog(200.0), probe(-30.0, false)] {
+        line.begin(command.clone());
+        line.wait(0.5);
+        let then = line.state().machine_position.unwrap();
+        line.ask(Command::Shutdown).unwrap();
+        assert_ne!(line.move_result().outcome, RunOutcome::Succeeded, "{command:?}");
+        let stopped = line.controller.device().controller().position();
+        assert!((0..3).all(|axis| (stopped[axis] - then[axis]).abs() < 15.0), "{stopped:?}");
+        line.wait(3.0);
+        let at = line.controller.device().controller().position();
+        assert!(near(at, stopped), "{command:?}: it went on to {at:?}");
+        line.until("a place", |line| line.state().work_position.is_some());
+    }
+}

@@ -48,6 +48,8 @@ const WAITING_MAX: usize = 16_384;
 const BATCH: Duration = Duration::from_millis(20);
 /// How often the state goes out when nothing changes.
 const STATE_PERIOD: Duration = Duration::from_millis(200);
+/// Two status requests of the slowest kind without an answer, and a bit, s.
+const STALE_S: f64 = 2.5;
 /// How long a hold, a resume or an unlock may take to be answered.
 const REPLY_WITHIN: Duration = Duration::from_secs(10);
 /// How long bringing the machine to a stop may take when the node leaves; the core
@@ -320,6 +322,8 @@ impl Driver {
                 _ if state.needs_reset || state.reason.starts_with(COMMANDER_LOST) => {
                     HealthLevel::Warn
                 }
+                // While it homes a controller reports nothing.
+                mode if mode != Mode::Home && state.link_age_s > STALE_S => HealthLevel::Warn,
                 _ if dropped.entries > 0 => HealthLevel::Warn,
                 _ => HealthLevel::Ok,
             },

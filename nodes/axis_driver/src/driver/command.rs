@@ -332,6 +332,10 @@ impl Driver {
                     let text = format!("the machine is in {}: resume first", mode.name());
                     return refused(error_code::BUSY, text);
                 }
+                if run.rest.is_some() {
+                    let text = "the rest of the program is being checked: try again";
+                    return refused(error_code::BUSY, text);
+                }
                 if let Some(objection) = objection {
                     return refused(error_code::TOOL, objection);
                 }

@@ -251,7 +251,7 @@ impl Driver {
     pub(super) fn step_shutdown(&mut self) {
         let Some(Shutdown { id, until }) = self.shutdown else { return };
         let is_stopping = match &self.phase {
-            Phase::Running(_) => true,
+            Phase::Running(_) | Phase::Errand(_) => true,
             Phase::Connecting(connecting) => connecting.is_resetting(),
             _ => false,
         };

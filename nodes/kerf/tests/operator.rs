@@ -1,0 +1,96 @@
+//! What an operator or a robot does beside programs, with real nodes and the virtual
+//! controller: a tool change, jogs and zeros, a start in the middle.
+
+#[path = "support/machine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod machine;
+mod support;
+
+use machine::Machine;
+use support::Folder;
+
+/// A machine with a tool table of its own, ten times faster than a real one.
+fn machine(tools: &str, ros_args: &[&str]) -> (Machine, Folder) {
+    let folder = Folder::new();
+    let table =
+        format!("compensation_planner:tool_table:={}", folder.file("tools.yaml", tools).display());
+    let mut args = vec!["-p", table.as_str()];
+    args.extend_from_slice(ros_args);
+    (Machine::virtual_with(10, &args), folder)
+}
+
+#[test]
+fn a_tool_is_confirmed_only_when_the_path_was_made_with_it() {
+    let (machine, _folder) = machine("tools:\n  2: {diameter_mm: 8.0, length_mm: 50.0}\n", &[]);
+    machine.folder.file("two.ngc", "G21 G90 G94\nG1 X5 F2000\nT2 M6\nG1 X10\nT9 M6\nG1 X15\nM30\n");
+    let running = machine.kerf_meanwhile(&["run", "two.ngc"]);
+    let status = machine.until_state("TOOL_CHANGE: put in T2 (line 3)");
+    assert!(status.contains("X5.000"), "it stands at the programmed point: {status}");
+
+    // The robot measures another diameter than was planned with.
+    machine.kerf(&["tool", "T2", "--wear", "-0.1"]).expect(0);
+    machine
+        .kerf(&["confirm"])
+        .expect(4)
+        .says(&["the path was made for another T2", "diameter 8.0000 mm, now 7.9000 mm"]);
+    machine.until_state("TOOL_CHANGE: put in T2");
+    machine.kerf(&["tool", "T2", "--wear", "0"]).expect(0);
+    machine.kerf(&["confirm"]).expect(0).says(&["the run goes on"]);
+
+    machine.until_state("TOOL_CHANGE: put in T9 (line 5)");
+    machine.kerf(&["confirm"]).expect(4).says(&["T9 is not in the tool table"]);
+    machine.kerf(&["tool", "T9", "--diameter", "3"]).expect(0);
+    machine.kerf(&["confirm"]).expect(0);
+    running.join().expect("it only runs a command").expect(0).says(&["done"]);
+}
+
+#[test]
+fn jogs_zeros_overrides_and_probes_are_typed() {
+    let machine = Machine::virtual_one(10);
+    machine.kerf(&["zero", "X0", "Y0"]).expect(0).says(&["X0Y0 in G54"]);
+    machine.kerf(&["jog", "X12.5", "Y-3", "--feed", "3000"]).expect(0).says(&["X12.500 Y-3.000"]);
+    machine.kerf(&["jog", "X1", "--from", "work"]).expect(0).says(&["X1.000 Y-3.000"]);
+    machine.kerf(&["zero", "X10", "--system", "G55"]).expect(0).says(&["X10 in G55"]);
+    machine.kerf(&["jog", "X1e9"]).expect(4).says(&["not within 10000 mm"]);
+    machine.kerf(&["jog", "X1", "X2"]).expect(2).says(&["X is given twice"]);
+    machine.kerf(&["jog", "A1"]).expect(2).says(&["an axis and a number"]);
+    machine.kerf(&["zero", "X0", "--system", "G60"]).expect(2).says(&["G54 to G59, or G92"]);
+    machine.kerf(&["override", "--feed", "80", "--rapid", "25"]).expect(0);
+    machine.kerf(&["override", "--rapid", "70"]).expect(4).says(&["25, 50 or 100 %"]);
+    let status = machine::until("the overrides", || {
+        let status = machine.kerf(&["status"]).expect(0).out;
+        status.contains("overrides 80 25 100 %").then_some(status)
+    });
+    assert!(status.starts_with("IDLE"), "{status}");
+    // No probe is wired: the alarm says so, and nothing unlocks by itself.
+    machine.kerf(&["probe", "Z-2", "--feed", "300"]).expect(4).says(&["ALARM:5", "error 319"]);
+    machine.until_state("ALARM:5");
+    machine.kerf(&["jog", "X1"]).expect(4).says(&["soft_reset to go on"]);
+    machine.kerf(&["reset"]).expect(0);
+    machine.kerf(&["unlock"]).expect(0);
+    machine.kerf(&["jog", "X0", "--from", "work"]).expect(0);
+}
+
+#[test]
+fn m28_a_run_from_the_middle_goes_there_by_itself_or_names_the_nearest_lines() {
+    let (machine, _folder) = machine(
+        "tools:\n  1: {diameter_mm: 4.0}\n",
+        &["-p", "axis_driver:approach:=lift", "-p", "axis_driver:approach_z_mm:=0.0"],
+    );
+    // In from the side, perpendicular: along X, up along Y, out to the side again.
+    let program = "G21 G90 G94 T1\nG0 X0 Y0 Z0\nG1 Z-1 F1000\nG41 D1 G1 X10 Y10\nG1 Y20\n\
+                   G1 Y30\nG40 G1 X0 Y40\nG1 X-20\nG0 Z0\nM30\n";
+    machine.folder.file("part.ngc", program);
+    machine.kerf(&["load", "part.ngc"]).expect(0);
+    machine.kerf(&["run", "--start-line", "6"]).expect(4).says(&[
+        "line 6 is under cutter compensation",
+        "4, where it begins, and 8, where it has ended",
+    ]);
+    // Not homed: heights of the machine frame mean nothing, and the tool is not there.
+    machine.kerf(&["run", "--start-line", "8"]).expect(4).says(&["move it there first"]);
+    machine.kerf(&["run"]).expect(0);
+    machine.kerf(&["jog", "X0", "Y40", "Z-1", "--from", "work"]).expect(0);
+    machine.kerf(&["run", "--start-line", "8"]).expect(0).says(&["done"]);
+    let status = machine.kerf(&["status"]).expect(0).out;
+    assert!(status.contains("X-20.000 Y40.000 Z0.000"), "{status}");
+}
