@@ -39,6 +39,8 @@ enum Step {
     Listening,
     AwaitingBanner,
     Asking(usize),
+    /// All is answered but what the machine does.
+    AwaitingStatus,
 }
 
 impl Connecting {
@@ -69,6 +71,7 @@ impl Connecting {
             Step::Listening => "listening".into(),
             Step::AwaitingBanner => "waiting for the controller to start".into(),
             Step::Asking(query) => format!("asking {}", QUERIES[query]),
+            Step::AwaitingStatus => "waiting for a report".into(),
         }
     }
 
@@ -157,9 +160,13 @@ impl Driver {
     }
 
     pub(super) fn on_connect_status(&mut self) {
-        let Phase::Connecting(Connecting { step: Step::Listening, .. }) = self.phase else {
-            return;
-        };
+        match self.phase {
+            Phase::Connecting(Connecting { step: Step::Listening, .. }) => {}
+            Phase::Connecting(Connecting { step: Step::AwaitingStatus, .. }) => {
+                return self.finish_connecting();
+            }
+            _ => return,
+        }
         let is_waiting = self.machine.is_held() || self.machine.is_state(&ControllerState::Tool);
         if self.machine.is_moving() || is_waiting {
             if self.machine.is_moving() {
@@ -208,12 +215,12 @@ impl Driver {
                 self.settle();
             }
             Step::AwaitingBanner => self.begin_queries(reply),
-            Step::Asking(_) if connecting.restarts < RESTARTS_MAX => {
+            Step::Asking(_) | Step::AwaitingStatus if connecting.restarts < RESTARTS_MAX => {
                 connecting.restarts += 1;
                 self.log(LogLevel::Warn, format!("the controller restarted again: {text}"));
                 self.begin_queries(reply);
             }
-            Step::Asking(_) => {
+            Step::Asking(_) | Step::AwaitingStatus => {
                 let message = "the controller restarts again and again: check its supply";
                 self.fail_to_connect(error_code::RESTARTED, message.into());
             }
@@ -240,12 +247,21 @@ impl Driver {
         if query + 1 < QUERIES.len() {
             return self.ask(query + 1);
         }
-        let Phase::Connecting(connecting) = std::mem::replace(&mut self.phase, Phase::Ready) else {
-            return;
-        };
+        // Whoever waits for this can rely on the state then.
+        if let Phase::Connecting(connecting) = &mut self.phase {
+            connecting.step = Step::AwaitingStatus;
+            connecting.until = self.now + ANSWER;
+        }
         // An alarm that is announced while connecting leaves the answers in order.
         self.link.trust();
         self.link.ask_status(self.now);
+    }
+
+    /// All that is asked is answered, and a report has come.
+    fn finish_connecting(&mut self) {
+        let Phase::Connecting(connecting) = std::mem::replace(&mut self.phase, Phase::Ready) else {
+            return;
+        };
         let message = format!(
             "connected: {:?}, {} planner blocks, at most {} bytes under way",
             self.machine.firmware,
@@ -270,7 +286,7 @@ impl Driver {
             (LinkFault::Damaged { text }, Step::Listening | Step::AwaitingBanner) => {
                 connecting.hear_garbage(&text.clone());
             }
-            (_, Step::Asking(_)) => {
+            (_, Step::Asking(_) | Step::AwaitingStatus) => {
                 self.fail_to_connect(error_code::PROTOCOL, fault.to_string());
             }
             _ => {}
@@ -281,12 +297,15 @@ impl Driver {
         let Phase::Connecting(connecting) = &self.phase else { return };
         let waited = match connecting.step {
             Step::Listening => LISTEN,
-            Step::AwaitingBanner | Step::Asking(_) => ANSWER,
+            Step::AwaitingBanner | Step::Asking(_) | Step::AwaitingStatus => ANSWER,
         };
         let waited = waited.as_secs_f64();
         let message = match (connecting.step, connecting.garbage) {
             (Step::Asking(query), _) => {
                 format!("the controller did not answer {} within {waited} s", QUERIES[query])
+            }
+            (Step::AwaitingStatus, _) => {
+                format!("the controller answers, but did not report what it does within {waited} s")
             }
             (_, 1..) => format!(
                 "what answers is no controller of the grbl family: {} lines such as {:?} in {waited} s; check baud rate and port",
