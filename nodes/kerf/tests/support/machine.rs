@@ -85,7 +85,7 @@ pub(crate) fn processes(marks: &[String]) -> Vec<(Pid, String)> {
 pub(crate) struct Machine {
     up: Child,
     pub(crate) namespace: String,
-    domain: String,
+    pub(crate) domain: String,
     pub(crate) folder: Folder,
     _turn: Option<Turn>,
 }
@@ -114,6 +114,18 @@ impl Machine {
         ros_args: &[&str],
         turn: Option<Turn>,
     ) -> Self {
+        Self::start_as(domain, name, args, ros_args, turn, |command, _| command)
+    }
+
+    /// The same; `surround` changes how it is started, knowing its folder.
+    pub(crate) fn start_as(
+        domain: &str,
+        name: &str,
+        args: &[&str],
+        ros_args: &[&str],
+        turn: Option<Turn>,
+        surround: impl FnOnce(Command, &Path) -> Command,
+    ) -> Self {
         let folder = Folder::new();
         // Words that no other process on this host has in its command line.
         let namespace = format!("/{name}_{}_{domain}", std::process::id());
@@ -127,11 +139,10 @@ impl Machine {
             .args(["--ros-args", "-r", &format!("__ns:={namespace}")])
             .args(["-p", "run_recorder:directory:=bags"])
             .args(["-p", &format!("compensation_planner:tool_table:={}", TOOLS)])
-            .args(ros_args)
-            // As a shell does it: Ctrl-C goes to the group.
-            .process_group(0)
-            .stdout(log.try_clone().expect("a second handle"))
-            .stderr(log);
+            .args(ros_args);
+        let mut command = surround(command, folder.path());
+        // As a shell does it: Ctrl-C goes to the group.
+        command.process_group(0).stdout(log.try_clone().expect("a second handle")).stderr(log);
         let up = command.spawn().expect("kerf up can be started");
         Self { up, namespace, domain: domain.to_owned(), folder, _turn: turn }
     }

@@ -1,0 +1,130 @@
+//! The controller starts anew in a run, is in alarm, or says nothing any more.
+
+use super::cell::{Cell, Plan, never_idle, settings};
+use super::wire::Writer;
+use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
+use cnc_msgs::wire::cnc_msgs::msg::MachineState;
+use cnc_msgs::wire::diagnostic_msgs::msg::DiagnosticStatus;
+
+/// A machine with switches, at home.
+fn homed(settings: &[&str]) -> Cell {
+    let mut controller = vec!["--homing"];
+    controller.extend(settings);
+    let cell = Cell::new(&Plan { controller: &controller, ..Plan::default() });
+    cell.commander.until_mode("ALARM");
+    assert!(cell.commander.home().success);
+    assert!(cell.commander.until_mode("IDLE").is_homed);
+    cell
+}
+
+#[test]
+fn a_controller_that_starts_anew_in_a_run_has_to_be_homed() {
+    let cell = homed(&[]);
+    let run = cell.run_into_the_midst();
+    let moment = cell.moment();
+    cell.controller.inject("reset");
+    let result = cell.result(run);
+    assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
+    assert_eq!(result.error_code, RunProgramResult::RESTARTED, "{result:?}");
+    assert!(result.message.contains("restarted") && result.message.contains("home"), "{result:?}");
+    let locked = cell.commander.until_mode("ALARM");
+    assert!(!locked.is_homed, "{locked:?}");
+    assert_eq!(locked.line, result.last_line, "{locked:?}");
+    never_idle(&cell.commander.states_since(moment.states));
+    assert!(cell.refuses_to_run().contains("ALARM"));
+    cell.commander.press("resume").expect_err("there is nothing to go on with");
+    // Nothing of the program behind the start message, only questions.
+    let passed = cell.wire.passed_since(moment.wire);
+    let is_banner = |said: &[u8]| said.starts_with(b"Grbl ");
+    let banner = passed.iter().position(|it| it.from == Writer::Controller && is_banner(&it.said));
+    let behind = moment.wire + banner.expect("a start message");
+    assert_eq!(cell.wire.told_since(behind), "$I\\n$$\\n$G\\n$#\\n");
+    assert!(cell.commander.home().success);
+    assert!(cell.commander.until_mode("IDLE").is_homed);
+    cell.runs_again();
+}
+
+#[test]
+fn an_alarm_in_a_run_locks_the_machine_until_somebody_unlocks_it() {
+    let settings = settings("$21=1\n");
+    let path = settings.path().to_str().expect("UTF-8");
+    let cell = homed(&["--settings", path]);
+    let run = cell.run_into_the_midst();
+    let moment = cell.moment();
+    cell.controller.inject("limit:X");
+    let result = cell.result(run);
+    assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
+    assert_eq!(result.error_code, RunProgramResult::ALARM, "{result:?}");
+    assert!(result.message.contains("ALARM:1"), "{result:?}");
+    // The block that it happened in.
+    let line = format!("line {}", result.last_line);
+    assert!(result.message.contains(&line), "{line:?} is not in {result:?}");
+    let locked = cell.commander.until_mode("ALARM");
+    assert_eq!((locked.alarm_code, locked.line), (1, result.last_line), "{locked:?}");
+    assert!(!locked.is_homed, "{locked:?}");
+    assert!(cell.refuses_to_run().contains("soft_reset"));
+    cell.commander.until_health(DiagnosticStatus::ERROR, "ALARM:1");
+    let end = cell.moment();
+    cell.controller.inject("release:X");
+    cell.commander.press("unlock").expect_err("it listens to a reset only");
+    // The position is not told any more: the controller is deaf.
+    cell.commander.press("soft_reset").expect("the operator resets");
+    let locked = cell.commander.until("a lock that can be opened", |state| {
+        state.state == MachineState::STATE_ALARM && !state.reason.contains("soft_reset")
+    });
+    assert!(!locked.is_homed, "{locked:?}");
+    assert_eq!(cell.told_since(end), "\\x18$I\\n$$\\n$G\\n$#\\n");
+    cell.commander.press("unlock").expect("the operator unlocks");
+    let idle = cell.commander.until_mode("IDLE");
+    assert!(!idle.is_homed, "{idle:?}");
+    let mut locked = cell.commander.states_since(moment.states);
+    locked.retain(|state| state.state != MachineState::STATE_IDLE || state.is_homed);
+    never_idle(&locked);
+}
+
+#[test]
+fn a_controller_that_goes_silent_is_unknown_and_is_held_when_it_speaks_again() {
+    let cell = Cell::new(&Plan::default());
+    let run = cell.run_into_the_midst();
+    let moment = cell.moment();
+    cell.wire.mute(true);
+    let result = cell.result(run);
+    assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
+    assert_eq!(result.error_code, RunProgramResult::LINK_LOST, "{result:?}");
+    assert!(result.message.contains("motion may continue"), "{result:?}");
+    cell.stands_in(result.last_line);
+    let silent = cell.commander.until_mode("UNKNOWN");
+    assert!(silent.motion_possible && !silent.position_known, "{silent:?}");
+    assert!(silent.reason.contains("LINK_LOST"), "{silent:?}");
+    assert_eq!(silent.line, result.last_line, "{silent:?}");
+    assert!(cell.refuses_to_run().contains("LINK_LOST"));
+    cell.commander.until_health(DiagnosticStatus::ERROR, "LINK_LOST");
+    // It hears all the same: the hold has arrived.
+    cell.until_controller("Hold:0");
+    assert_eq!(cell.told_behind_hold(moment), "", "a hold and nothing else");
+    cell.wire.mute(false);
+    let held = cell.commander.until_mode("HOLD");
+    assert!(held.reason.contains("soft_reset") && held.position_known, "{held:?}");
+    assert!(!held.motion_possible, "{held:?}");
+    cell.commander.press("resume").expect_err("nobody knows what would go on");
+    assert_eq!(cell.told_behind_hold(moment), "", "a hold and nothing else");
+    never_idle(&cell.commander.states_since(moment.states));
+    cell.commander.press("soft_reset").expect("the operator resets");
+    cell.commander.until_mode("IDLE");
+
+    // For ever.
+    let run = cell.run_into_the_midst();
+    let moment = cell.moment();
+    cell.wire.mute(true);
+    assert_eq!(cell.result(run).error_code, RunProgramResult::LINK_LOST);
+    let refused = cell.commander.press("soft_reset").expect_err("nobody answers");
+    assert!(refused.contains("no start message"), "{refused}");
+    let silent = cell.commander.state();
+    assert_eq!(silent.state, MachineState::STATE_UNKNOWN, "{silent:?}");
+    assert!(!silent.position_known, "{silent:?}");
+    never_idle(&cell.commander.states_since(moment.states));
+    cell.wire.mute(false);
+    cell.commander.press("soft_reset").expect("it is back");
+    cell.commander.until_mode("IDLE");
+    cell.runs_again();
+}

@@ -1,0 +1,28 @@
+//! What the driver does when something else fails, each row on a real pseudo-terminal:
+//! what the machine was told, what is reported, and what it takes to go on.
+//!
+//! The nodes are processes, and so is the controller; the line between them is in the
+//! hands of the test, and so is everybody's clock, disk and life.
+
+#[path = "../support/commander.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod commander;
+#[path = "../support/controller.rs"]
+mod controller;
+#[path = "../support/machine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod machine;
+#[path = "../support/port.rs"]
+mod port;
+#[path = "../support/mod.rs"]
+mod support;
+#[path = "../support/wire.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod wire;
+
+mod cell;
+mod commander_lost;
+mod controller_fails;
+mod nodes;
+mod restart;
+mod vanish;

@@ -1,0 +1,234 @@
+//! Somebody who commands a machine over ROS 2, within this process, and hears all it says.
+
+use super::machine::{Machine, until};
+use super::support::PATIENCE;
+use cnc_msgs::convert::mode_from_wire;
+use cnc_msgs::wire::cnc_msgs::action::{
+    Home, HomeGoal, HomeResult, RunProgram, RunProgramGoal, RunProgramResult,
+};
+use cnc_msgs::wire::cnc_msgs::msg::{Command, MachineState, Recording};
+use cnc_msgs::wire::diagnostic_msgs::msg::{DiagnosticArray, DiagnosticStatus};
+use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest};
+use runtime::action::{ActionClient, GoalError};
+use runtime::configuration::Configuration;
+use runtime::{Client, Handle, Qos, Session};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::task::JoinHandle;
+
+/// The services without arguments.
+const BUTTONS: [&str; 5] = ["feed_hold", "resume", "soft_reset", "unlock", "confirm_tool_change"];
+
+/// All that was heard, in order.
+#[derive(Debug, Default)]
+struct Heard {
+    states: Vec<MachineState>,
+    recordings: Vec<Recording>,
+    commands: Vec<Command>,
+    diagnostics: Vec<DiagnosticArray>,
+}
+
+/// A node of this process beside a machine.
+pub(crate) struct Commander {
+    executor: tokio::runtime::Runtime,
+    session: Option<Session>,
+    heard: Arc<Mutex<Heard>>,
+    buttons: BTreeMap<&'static str, Client<Trigger>>,
+    runs: ActionClient<RunProgram>,
+    homes: ActionClient<Home>,
+}
+
+/// A run that was accepted.
+#[derive(Debug)]
+pub(crate) struct Running(JoinHandle<Result<RunProgramResult, String>>);
+
+impl Commander {
+    /// Joins the machine's domain and namespace.
+    pub(crate) fn join(machine: &Machine) -> Self {
+        Self::join_as("commander", &machine.domain, &machine.namespace)
+    }
+
+    /// Joins under this name.
+    pub(crate) fn join_as(name: &str, domain: &str, namespace: &str) -> Self {
+        let executor = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(2)
+            .enable_all()
+            .build()
+            .expect("threads");
+        let inside = executor.enter();
+        let namespace = format!("__ns:={namespace}");
+        let words = ["--ros-args", "-r", &namespace].map(String::from);
+        let domain = ("ROS_DOMAIN_ID".to_owned(), domain.to_owned());
+        let configuration =
+            Configuration::read(name, Vec::new(), &words, &BTreeMap::from([domain]))
+                .expect("a domain and a namespace");
+        let session = Session::start(configuration).expect("a node of our own");
+        let node = session.handle().clone();
+        let heard = Arc::<Mutex<Heard>>::default();
+        listen(&node, &heard);
+        let buttons = BUTTONS.map(|name| (name, node.client::<Trigger>(name).expect("a client")));
+        let runs = node.action_client("run_program").expect("a client");
+        let homes = node.action_client("home").expect("a client");
+        drop(inside);
+        let buttons = BTreeMap::from(buttons);
+        Self { executor, session: Some(session), heard, buttons, runs, homes }
+    }
+
+    pub(crate) fn node(&self) -> &Handle {
+        self.session.as_ref().expect("it is taken at the end only").handle()
+    }
+
+    /// Runs what is written in async.
+    pub(crate) fn wait<T>(&self, work: impl Future<Output = T>) -> T {
+        self.executor.block_on(work)
+    }
+
+    fn heard(&self) -> MutexGuard<'_, Heard> {
+        self.heard.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// States from here on are younger than this.
+    pub(crate) fn mark(&self) -> usize {
+        self.heard().states.len()
+    }
+
+    /// The states since then.
+    pub(crate) fn states_since(&self, mark: usize) -> Vec<MachineState> {
+        self.heard().states[mark..].to_vec()
+    }
+
+    /// What is said of the machine now.
+    pub(crate) fn state(&self) -> MachineState {
+        self.heard().states.last().expect("a state was heard").clone()
+    }
+
+    /// Waits until the newest state is such a one.
+    #[track_caller]
+    pub(crate) fn until(&self, what: &str, is_so: impl Fn(&MachineState) -> bool) -> MachineState {
+        let last = || self.heard().states.last().cloned();
+        let mut told = None;
+        let end = Instant::now() + PATIENCE;
+        while Instant::now() < end {
+            told = last();
+            if let Some(state) = told.as_ref().filter(|state| is_so(state)) {
+                return state.clone();
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let told = told.map(|state| describe(&state));
+        panic!("{what}: not within {} s; the last was {told:?}", PATIENCE.as_secs());
+    }
+
+    /// Waits for this mode.
+    #[track_caller]
+    pub(crate) fn until_mode(&self, mode: &str) -> MachineState {
+        self.until(mode, |state| mode_from_wire(state.state).name() == mode)
+    }
+
+    /// Waits until `/diagnostics` says this of the driver's line, with these words.
+    #[track_caller]
+    pub(crate) fn until_health(&self, level: u8, words: &str) {
+        let newest = || -> Option<DiagnosticStatus> {
+            let heard = self.heard();
+            let mut all = heard.diagnostics.iter().rev().flat_map(|array| &array.status);
+            all.find(|status| status.name.ends_with(": serial link")).cloned()
+        };
+        let is_so = |it: &DiagnosticStatus| it.level == level && it.message.contains(words);
+        let end = Instant::now() + PATIENCE;
+        while !newest().is_some_and(|status| is_so(&status)) {
+            assert!(Instant::now() < end, "not {level} {words:?} but {:?}", newest());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// What the recorder says now.
+    pub(crate) fn recording(&self) -> Option<Recording> {
+        self.heard().recordings.last().cloned()
+    }
+
+    /// Presses a button; the error is why the driver refuses.
+    #[track_caller]
+    pub(crate) fn press(&self, button: &str) -> Result<String, String> {
+        let client = &self.buttons[button];
+        let answer = self.wait(client.call_within(TriggerRequest::default(), PATIENCE));
+        let answer = answer.expect("the driver answers");
+        if answer.success { Ok(answer.message) } else { Err(answer.message) }
+    }
+
+    /// Begins a run of what is loaded; the error is why the driver refuses.
+    pub(crate) fn run(&self) -> Result<Running, String> {
+        let known = self.heard().commands.len();
+        match self.wait(self.runs.send_goal(RunProgramGoal::default())) {
+            Ok(goal) => Ok(Running(self.executor.spawn(async move {
+                let ended = goal.result(3 * PATIENCE).await;
+                ended.map(|(_, result)| result).map_err(|error| error.to_string())
+            }))),
+            Err(GoalError::Rejected { .. }) => Err(until("the reason", || {
+                let heard = self.heard();
+                let mut refused = heard.commands[known..].iter().filter(|command| {
+                    command.endpoint.ends_with("run_program") && !command.success
+                });
+                refused.next_back().map(|command| command.message.clone())
+            })),
+            Err(error) => panic!("no goal could be sent: {error}"),
+        }
+    }
+
+    /// Waits for the end of a run.
+    pub(crate) fn result(&self, run: Running) -> Result<RunProgramResult, String> {
+        self.wait(run.0).expect("the task only waits")
+    }
+
+    /// Cancels whatever runs.
+    pub(crate) fn cancel(&self) {
+        self.wait(self.runs.cancel_all()).expect("the driver answers");
+    }
+
+    /// Homes, and waits for the end of it.
+    pub(crate) fn home(&self) -> HomeResult {
+        self.wait(async {
+            let goal = self.homes.send_goal(HomeGoal::default()).await.expect("homing is taken up");
+            goal.result(PATIENCE).await.expect("homing ends").1
+        })
+    }
+}
+
+impl Drop for Commander {
+    fn drop(&mut self) {
+        self.buttons.clear();
+        if let Some(session) = self.session.take() {
+            self.executor.block_on(session.stop());
+        }
+    }
+}
+
+impl std::fmt::Debug for Commander {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Commander").finish_non_exhaustive()
+    }
+}
+
+fn listen(node: &Handle, heard: &Arc<Mutex<Heard>>) {
+    macro_rules! keep {
+        ($topic:literal, $qos:expr, $list:ident) => {
+            let mut messages = node.subscription($topic, $qos.with_depth(1000)).expect($topic);
+            let heard = Arc::clone(heard);
+            node.spawn($topic, async move {
+                loop {
+                    let (message, _) = messages.next().await;
+                    heard.lock().unwrap_or_else(PoisonError::into_inner).$list.push(message);
+                }
+            });
+        };
+    }
+    keep!("machine_state", Qos::LATCHED, states);
+    keep!("recording", Qos::LATCHED, recordings);
+    keep!("commands", Qos::EVENTS, commands);
+    keep!("/diagnostics", Qos::DEFAULT, diagnostics);
+}
+
+/// A state in short.
+pub(crate) fn describe(state: &MachineState) -> String {
+    format!("{} {:?} line {}", mode_from_wire(state.state).name(), state.reason, state.line)
+}
