@@ -80,6 +80,9 @@ pub(super) const LISTEN: Duration = Duration::from_millis(2500);
 pub(super) const ANSWER: Duration = Duration::from_millis(2000);
 /// From the acceptance of a run to the recorder's word that it records.
 pub(super) const RECORDER: Duration = Duration::from_secs(5);
+/// An answer that came too early, in the place of that of the last dwell, has shown
+/// itself by then: the dwell takes a fifth of it.
+pub(super) const SETTLED: Duration = Duration::from_millis(50);
 /// From a feed hold to standstill.
 pub(super) const STANDSTILL: Duration = Duration::from_secs(10);
 /// From the first words of a run to a work position.

@@ -1,7 +1,7 @@
 //! How a run goes on: with time, with answers, with reports, to its end.
 
 use super::command::{Answer, check_start};
-use super::config::{ANSWER, RECORDER, WORK_POSITION};
+use super::config::{ANSWER, RECORDER, SETTLED, WORK_POSITION};
 use super::proof::Proven;
 use super::run::{Stage, Then};
 use super::stop::{Stopping, Verdict};
@@ -116,6 +116,10 @@ impl Driver {
         let is_all_answered = self.link.unanswered() == 0;
         let Phase::Running(run) = &mut self.phase else { return };
         if run.is_stopping() {
+            // Nothing is judged any more, but what is cut is still followed.
+            if let Origin::Program { element: Some(element), .. } = origin {
+                run.tracker.on_answer(element);
+            }
             return;
         }
         if is_all_answered {
@@ -158,12 +162,13 @@ impl Driver {
                 }
             }
             (Origin::Sync, Stage::Draining(then)) => {
-                run.stage = Stage::Settling(then.clone());
-                self.link.ask_status(self.now);
+                let from = self.now + SETTLED;
+                run.stage = Stage::Settling { then: then.clone(), from };
+                self.link.ask_status(from);
             }
             (Origin::Home, Stage::Homing { is_homed_after, .. }) => {
                 self.machine.is_homed = *is_homed_after;
-                run.stage = Stage::Settling(Then::GoOn);
+                run.stage = Stage::Settling { then: Then::GoOn, from: self.now };
                 self.link.ask_status(self.now);
             }
             _ => {}
@@ -174,6 +179,7 @@ impl Driver {
         let is_check = self.machine.is_state(&ControllerState::Check);
         let is_idle = is_check || self.machine.is_state(&ControllerState::Idle);
         let is_alarm = self.machine.is_state(&ControllerState::Alarm);
+        let is_moving = self.machine.is_state(&ControllerState::Run);
         self.track();
         let Phase::Running(run) = &mut self.phase else { return };
         match &run.stage {
@@ -197,7 +203,14 @@ impl Driver {
                     }
                 }
             }
-            Stage::Settling(then) if is_idle => {
+            Stage::Settling { then: Then::GoOn, .. } if !is_idle => {}
+            Stage::Settling { .. } if is_moving => {
+                let text = "the controller has answered every line and still moves: an answer \
+                            came twice";
+                self.log(LogLevel::Error, text.into());
+                return self.stop_run(RunOutcome::Aborted, error_code::PROTOCOL, text.into());
+            }
+            Stage::Settling { then, from } if is_idle && self.now >= *from => {
                 let then = then.clone();
                 run.tracker.on_all_done();
                 self.machine.line = run.line();

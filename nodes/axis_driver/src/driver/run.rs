@@ -74,8 +74,11 @@ pub(super) enum Stage {
     Streaming,
     /// The last line and a dwell behind it are under way.
     Draining(Then),
-    /// All is answered; waiting for a report that says idle.
-    Settling(Then),
+    /// All is answered; waiting for a report from then on that says idle.
+    Settling {
+        then: Then,
+        from: Duration,
+    },
     ToolChange {
         tool: u32,
         source_line: u32,
@@ -263,7 +266,7 @@ impl Run {
                 state.reason = format!("HOME: asked for in line {source_line}");
             }
             // Between two lines, or in a dwell, the controller calls itself idle.
-            Stage::Streaming | Stage::Draining(_) | Stage::Settling(_)
+            Stage::Streaming | Stage::Draining(_) | Stage::Settling { .. }
                 if state.mode == Mode::Idle =>
             {
                 state.mode = Mode::Run;
