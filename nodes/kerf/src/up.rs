@@ -19,9 +19,15 @@ pub(crate) struct UpArgs {
     /// Start a virtual controller too, and connect the driver to it
     #[arg(long)]
     virtual_controller: bool,
-    /// How many times faster than real time the virtual controller lives
-    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = time_factor, requires = "virtual_controller")]
-    time_factor: f64,
+    /// How many times faster than real time the virtual controller lives [default: 1]
+    #[arg(long, value_name = "N", value_parser = time_factor, requires = "virtual_controller")]
+    time_factor: Option<f64>,
+    /// What the virtual controller speaks as: grbl, grblhal or fluidnc
+    #[arg(long, value_name = "NAME", requires = "virtual_controller")]
+    firmware: Option<String>,
+    /// A scenario of the virtual controller: its build, its settings, its faults
+    #[arg(long, value_name = "FILE", requires = "virtual_controller")]
+    scenario: Option<PathBuf>,
 }
 
 /// What the virtual controller takes.
@@ -64,13 +70,15 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
     let link = std::env::temp_dir().join(format!("kerf-{}-controller", std::process::id()));
     if args.virtual_controller {
         let port = link.display().to_string();
-        controller
-            .start(
-                "virtual_controller",
-                &["--link", &port, "--time-factor", &args.time_factor.to_string()]
-                    .map(String::from),
-            )
-            .map_err(Failure::usage)?;
+        let mut controller_args = vec!["--link".to_owned(), port.clone()];
+        for (flag, value) in [
+            ("--time-factor", args.time_factor.map(|factor| factor.to_string())),
+            ("--firmware", args.firmware.clone()),
+            ("--scenario", args.scenario.as_ref().map(|file| file.display().to_string())),
+        ] {
+            controller_args.extend(value.into_iter().flat_map(|value| [flag.to_owned(), value]));
+        }
+        controller.start("virtual_controller", &controller_args).map_err(Failure::usage)?;
         wait_for_file(&link).await?;
         node_args.extend(
             ["--ros-args", "-p", &format!("axis_driver:port:={port}"), "--"].map(String::from),

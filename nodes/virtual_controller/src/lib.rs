@@ -4,6 +4,7 @@
 //!
 //! - [`Controller`]: the firmware and its machine.
 //! - [`FaultInjector`]: the same with trouble on the line, the supply and the switches.
+//! - [`Scenario`]: both as a text.
 //! - [`PacedLine`]: either of them behind a line of so many baud, and a faster clock.
 //! - `serve` and `cli` (feature `node`): all of it on a pseudo-terminal.
 //!
@@ -26,6 +27,7 @@ mod node;
 mod paced;
 mod plant;
 mod receive;
+mod scenario;
 mod settings;
 mod tolerances;
 
@@ -38,4 +40,5 @@ pub use firmware::{Firmware, UnknownFirmware};
 pub use node::{ServeError, ServeOptions, Stop, StopHandle, cli, serve, stop_pair};
 pub use paced::{Device, LineEvents, Pace, PacedLine};
 pub use receive::TRANSMIT_BUFFER_BYTES;
+pub use scenario::{Machine, Scenario, ScenarioError, UnknownMachine};
 pub use settings::Settings;

@@ -197,8 +197,25 @@ fn a_device_that_vanishes_is_back_as_another_and_the_link_follows() {
     assert!(std::fs::symlink_metadata(&link).is_err(), "the link is gone");
 }
 
+/// The binary while it runs; a test that fails leaves none behind.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Running {
+    fn terminate(&self) {
+        let pid = rustix::process::Pid::from_raw(self.0.id() as i32).unwrap();
+        rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+    }
+}
+
 /// The binary, and the path it printed.
-fn run(arguments: &[&str]) -> (Child, PathBuf) {
+fn run(arguments: &[&str]) -> (Running, PathBuf) {
     let mut child = Command::new(env!("CARGO_BIN_EXE_virtual_controller"))
         .args(arguments)
         .stdin(Stdio::piped())
@@ -207,13 +224,13 @@ fn run(arguments: &[&str]) -> (Child, PathBuf) {
         .unwrap();
     let mut line = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-    (child, PathBuf::from(line.trim()))
+    (Running(child), PathBuf::from(line.trim()))
 }
 
-fn ends(mut child: Child) -> i32 {
+fn ends(mut child: Running) -> i32 {
     let started = Instant::now();
     loop {
-        if let Some(status) = child.try_wait().unwrap() {
+        if let Some(status) = child.0.try_wait().unwrap() {
             return status.code().unwrap_or(-1);
         }
         assert!(started.elapsed() < PATIENCE, "the program does not end");
@@ -235,8 +252,7 @@ fn the_program_prints_its_port_makes_a_link_and_removes_it() {
     peer.expect("help]\r\n");
     peer.send(b"$$\n");
     assert!(peer.expect("ok\r\n").contains("\r\n$110=1234.000\r\n"));
-    let pid = rustix::process::Pid::from_raw(child.id() as i32).unwrap();
-    rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+    child.terminate();
     assert_eq!(ends(child), 0);
     assert!(std::fs::symlink_metadata(&link).is_err(), "the link is gone");
 }
@@ -248,7 +264,7 @@ fn the_program_takes_faults_from_stdin_and_ends_with_it() {
     peer.expect("'$X' to unlock]\r\n");
     peer.send(b"$X\n?");
     assert!(peer.expect(">\r\n").contains("|MPos:-1.000,-2.000,-3.500|"));
-    let mut stdin = child.stdin.take().unwrap();
+    let mut stdin = child.0.stdin.take().unwrap();
     stdin.write_all(b"nonsense\nlimit:x\n").unwrap();
     let started = Instant::now();
     loop {
@@ -291,10 +307,51 @@ fn the_program_speaks_as_the_firmware_it_is_told() {
         peer.expect(&format!("{banner}\r\n"));
         peer.send(b"$I\n");
         assert!(peer.expect("ok\r\n").contains(&format!("{options}\r\n")), "{arguments:?}");
-        let pid = rustix::process::Pid::from_raw(child.id() as i32).unwrap();
-        rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+        child.terminate();
         assert_eq!(ends(child), 0);
     }
+}
+
+#[test]
+fn a_scenario_says_what_arguments_say_and_arguments_count_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scenario.yaml");
+    std::fs::write(
+        &file,
+        "firmware: grblhal\nsettings: {$110: 1234}\nreceive_buffer_bytes: 254\n\
+         start_mm: [-1, -2, -3]\nfaults: [lose-ok@line=1]\n",
+    )
+    .unwrap();
+    let scenario = ["--scenario", file.to_str().unwrap()];
+    let more = ["--receive-buffer", "300", "--fault", "push:[MSG:hello]@line=2"];
+    let (child, path) = run(&[&scenario[..], &more].concat());
+    let mut peer = Peer::open(&path);
+    peer.expect("GrblHAL 1.1f ['$' or '$HELP' for help]\r\n");
+    peer.send(b"\n$foo\n$I\n?");
+    let heard = peer.expect(">\r\n");
+    // The first answer is lost, the second sets off the message.
+    assert!(heard.starts_with("error:3\r\n[MSG:hello]\r\n"), "{heard}");
+    assert!(heard.contains("[OPT:VNML+,100,300,3,0]"), "{heard}");
+    assert!(heard.contains("|MPos:-1.000,-2.000,-3.000|"), "{heard}");
+    peer.send(b"$$\n");
+    assert!(peer.expect("ok\r\n").contains("\r\n$110=1234.000\r\n"));
+    child.terminate();
+    assert_eq!(ends(child), 0);
+}
+
+#[test]
+fn a_wrong_scenario_is_told_with_file_and_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scenario.yaml");
+    std::fs::write(&file, "seed: 7\nfaults:\n  - explode@line=1\n").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_virtual_controller"))
+        .args(["--scenario", file.to_str().unwrap()])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8(output.stderr).unwrap();
+    let place = format!("{}:3:5: ", file.display());
+    assert!(told.contains(&place) && told.contains("there are rx-drop"), "{told}");
 }
 
 #[test]
@@ -307,6 +364,8 @@ fn wrong_arguments_are_told_and_end_with_2() {
         &["--start", "1,2"],
         &["--time-factor", "0"],
         &["--settings", "/nowhere/at/all"],
+        &["--scenario", "/nowhere/at/all"],
+        &["--machine", "lathe"],
         &["--link", "/dev/null"],
         &["--parent-pid", "0"],
     ] {

@@ -6,12 +6,12 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 
 use super::serve::{ServeOptions, eprint, serve};
 use super::stop::{StopHandle, stop_pair};
-use crate::paced::Pace;
-use crate::{Build, Fault, Firmware, Settings, Vector};
+use crate::scenario::{COORDINATE_MM_MAX, RECEIVE_BUFFER_BYTES, TIME_FACTORS};
+use crate::{Fault, Firmware, Machine, Scenario, Settings, Vector};
 
 /// A grbl 1.1, grblHAL or FluidNC controller with axes that move in time, on a pseudo-terminal.
 ///
@@ -22,15 +22,19 @@ use crate::{Build, Fault, Firmware, Settings, Vector};
 #[allow(rustdoc::broken_intra_doc_links)]
 #[command(name = "virtual_controller", version)]
 struct Arguments {
-    /// The firmware it speaks as: grbl (1.1h), grblhal or fluidnc.
-    #[arg(long, value_name = "NAME", default_value_t = Firmware::Grbl)]
-    firmware: Firmware,
+    /// A YAML file that says all this; what is given here as well counts more, faults are added.
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// The firmware it speaks as: grbl (1.1h; the default), grblhal or fluidnc.
+    #[arg(long, value_name = "NAME")]
+    firmware: Option<Firmware>,
     /// Bytes of the receive buffer as $I tells them; without it those of the firmware.
     #[arg(long, value_name = "BYTES", value_parser = buffer_bytes)]
     receive_buffer: Option<usize>,
-    /// Settings to start from.
-    #[arg(long, value_enum, default_value_t = Machine::Router)]
-    machine: Machine,
+    /// Settings to start from: router (600 x 400 x 100 mm, 5 m/min, 24 000 rpm; the default) or
+    /// generic (freshly flashed firmware).
+    #[arg(long, value_name = "NAME")]
+    machine: Option<Machine>,
     /// A file of lines `$n=v`; `#` and `;` begin comments.
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
@@ -49,12 +53,12 @@ struct Arguments {
     /// Builds with mist coolant: M7.
     #[arg(long)]
     mist: bool,
-    /// Bits per second, ten to a byte, in both directions; 0: as fast as can be.
-    #[arg(long, default_value_t = 115_200)]
-    baud: u32,
-    /// How many times faster than real time the machine lives.
-    #[arg(long, value_name = "N", default_value = "1", value_parser = time_factor)]
-    time_factor: f64,
+    /// Bits per second, ten to a byte, in both directions; 0: as fast as can be [default: 115200]
+    #[arg(long)]
+    baud: Option<u32>,
+    /// How many times faster than real time the machine lives [default: 1]
+    #[arg(long, value_name = "N", value_parser = time_factor)]
+    time_factor: Option<f64>,
     /// Lets the bytes go faster by the time factor, too.
     #[arg(long)]
     fast_bytes: bool,
@@ -70,9 +74,9 @@ struct Arguments {
     /// answer), byte=N, time=SECONDS (machine time), rate=P (bytes and answers, by chance).
     #[arg(long = "fault", value_name = "FAULT", verbatim_doc_comment)]
     faults: Vec<Fault>,
-    /// Seed of what happens by chance.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    /// Seed of what happens by chance [default: 1]
+    #[arg(long)]
+    seed: Option<u64>,
     /// Takes fault actions from standard input, one a line, and ends when it is closed.
     #[arg(long)]
     stdin: bool,
@@ -81,18 +85,10 @@ struct Arguments {
     parent_pid: Option<i32>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Machine {
-    /// 600 x 400 x 100 mm, 5 m/min, 24 000 rpm.
-    Router,
-    /// The defaults of freshly flashed firmware.
-    Generic,
-}
-
 /// Runs the virtual controller with these arguments, the program's name first.
 ///
-/// Exit status: 0 stopped as asked; 2 wrong arguments, a settings file that
-/// cannot be read, or no pseudo-terminal.
+/// Exit status: 0 stopped as asked; 2 wrong arguments, a file that cannot be
+/// read, or no pseudo-terminal.
 pub fn cli(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> ExitCode {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
@@ -133,37 +129,51 @@ fn stop_on_signals(handle: &StopHandle) -> io::Result<()> {
 }
 
 fn options(arguments: Arguments) -> Result<ServeOptions, String> {
-    let mut settings = match arguments.machine {
-        Machine::Router => Settings::small_router_of(arguments.firmware),
-        Machine::Generic => Settings::of(arguments.firmware),
+    let mut scenario = match &arguments.scenario {
+        None => Scenario::default(),
+        Some(path) => {
+            let text = read(path)?;
+            Scenario::from_yaml(&text).map_err(|error| format!("{}:{error}", path.display()))?
+        }
     };
+    override_with(&mut scenario, &arguments);
+    let mut settings = scenario.settings().map_err(|error| error.to_string())?;
     if let Some(path) = &arguments.settings {
-        let text = fs::read_to_string(path)
-            .map_err(|error| format!("cannot read settings {}: {error}", path.display()))?;
-        apply(&mut settings, &text).map_err(|error| format!("{}{error}", path.display()))?;
+        apply(&mut settings, &read(path)?).map_err(|error| format!("{}{error}", path.display()))?;
     }
     if arguments.homing {
         settings.set(22, 1.0).expect("homing may always be switched on");
     }
-    let mut build = Build::new(settings);
-    build.receive_buffer_bytes = arguments.receive_buffer;
-    build.start_in_machine = arguments.start;
-    build.probe_surface_z_mm = arguments.probe_z;
-    build.has_line_numbers = arguments.line_numbers;
-    build.has_mist = arguments.mist;
+    let build = scenario.build(settings);
     Ok(ServeOptions {
-        pace: Pace {
-            baud: (arguments.baud > 0).then_some(arguments.baud),
-            time_factor: arguments.time_factor,
-            scales_bytes: arguments.fast_bytes,
-        },
-        faults: arguments.faults,
-        seed: arguments.seed,
+        pace: scenario.pace(),
+        faults: scenario.faults,
+        seed: scenario.seed.unwrap_or(1),
         link: arguments.link,
         watches_stdin: arguments.stdin,
         parent_pid: arguments.parent_pid,
         ..ServeOptions::new(build)
     })
+}
+
+fn read(path: &Path) -> Result<String, String> {
+    fs::read_to_string(path).map_err(|error| format!("cannot read {}: {error}", path.display()))
+}
+
+/// What is given on the command line counts more; faults are added.
+fn override_with(scenario: &mut Scenario, arguments: &Arguments) {
+    scenario.firmware = arguments.firmware.or(scenario.firmware);
+    scenario.machine = arguments.machine.or(scenario.machine);
+    scenario.receive_buffer_bytes = arguments.receive_buffer.or(scenario.receive_buffer_bytes);
+    scenario.start_mm = arguments.start.or(scenario.start_mm);
+    scenario.probe_z_mm = arguments.probe_z.or(scenario.probe_z_mm);
+    scenario.line_numbers |= arguments.line_numbers;
+    scenario.mist |= arguments.mist;
+    scenario.baud = arguments.baud.or(scenario.baud);
+    scenario.time_factor = arguments.time_factor.or(scenario.time_factor);
+    scenario.fast_bytes |= arguments.fast_bytes;
+    scenario.seed = arguments.seed.or(scenario.seed);
+    scenario.faults.extend(arguments.faults.iter().cloned());
 }
 
 /// Applies the lines of a settings file; an error begins with `:LINE: `.
@@ -184,12 +194,12 @@ fn apply(settings: &mut Settings, text: &str) -> Result<(), String> {
 fn buffer_bytes(text: &str) -> Result<usize, String> {
     let value: Option<usize> = text.parse().ok();
     value
-        .filter(|bytes| (16..=65_536).contains(bytes))
+        .filter(|bytes| RECEIVE_BUFFER_BYTES.contains(bytes))
         .ok_or_else(|| format!("`{text}` is no number of bytes from 16 to 65536"))
 }
 
 fn number(text: &str) -> Result<f64, String> {
-    let is_usable = |value: &f64| value.is_finite() && value.abs() <= 1e5;
+    let is_usable = |value: &f64| value.is_finite() && value.abs() <= COORDINATE_MM_MAX;
     text.trim()
         .parse()
         .ok()
@@ -205,6 +215,6 @@ fn point(text: &str) -> Result<Vector, String> {
 fn time_factor(text: &str) -> Result<f64, String> {
     let value: Option<f64> = text.parse().ok();
     value
-        .filter(|factor| (0.001..=10_000.0).contains(factor))
+        .filter(|factor| TIME_FACTORS.contains(factor))
         .ok_or_else(|| format!("`{text}` is no factor from 0.001 to 10000"))
 }
