@@ -16,6 +16,7 @@
 mod axes;
 mod codes;
 mod controller;
+mod counts;
 mod fault;
 mod firmware;
 mod gcode;
@@ -34,6 +35,7 @@ mod tolerances;
 pub use axes::{AXES, AXIS_LETTERS, Vector};
 pub use codes::ErrorCode;
 pub use controller::{Build, Controller};
+pub use counts::Counts;
 pub use fault::{Direction, Fault, FaultAction, FaultError, FaultInjector, Spoil, Trigger};
 pub use firmware::{Firmware, UnknownFirmware};
 #[cfg(feature = "node")]

@@ -100,16 +100,19 @@ pub(crate) struct ReceiveBuffer {
     bytes: VecDeque<u8>,
     /// Bytes lost to a full buffer since power-up.
     pub(crate) overrun_bytes: u64,
+    /// The most it ever held.
+    pub(crate) bytes_max: usize,
 }
 
 impl ReceiveBuffer {
     pub(crate) fn new(capacity: usize) -> Self {
-        Self { capacity, bytes: VecDeque::new(), overrun_bytes: 0 }
+        Self { capacity, bytes: VecDeque::new(), overrun_bytes: 0, bytes_max: 0 }
     }
 
     pub(crate) fn push(&mut self, byte: u8) {
         if self.bytes.len() < self.capacity {
             self.bytes.push_back(byte);
+            self.bytes_max = self.bytes_max.max(self.bytes.len());
         } else {
             self.overrun_bytes += 1;
         }

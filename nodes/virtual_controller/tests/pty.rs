@@ -340,6 +340,38 @@ fn a_scenario_says_what_arguments_say_and_arguments_count_more() {
 }
 
 #[test]
+fn a_report_of_the_run_is_written_when_it_is_told_to_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report.json");
+    let (child, path) = run(&["--report", report.to_str().unwrap(), "--time-factor", "100"]);
+    let mut peer = Peer::open(&path);
+    peer.expect("help]\r\n");
+    peer.send(b"G21\nG41\nG1X10F600\nG4P0\n");
+    peer.expect("ok\r\nerror:20\r\nok\r\nok\r\n");
+    assert!(!report.exists(), "only at the end");
+    child.terminate();
+    assert_eq!(ends(child), 0);
+    let json: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    for (key, expected) in [
+        ("bytes_received", 23),
+        ("bytes_lost", 0),
+        ("lines_read", 4),
+        ("oks", 3),
+        ("errors", 1),
+        ("blocks_planned", 1),
+        ("blocks_executed", 1),
+        ("motions_finished", 1),
+        ("underruns", 0),
+    ] {
+        assert_eq!(json[key], expected, "{key} in {json}");
+    }
+    assert!(json["machine_seconds"].as_f64().unwrap() > 1.0, "{json}");
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
+    assert_eq!(left.len(), 1, "{left:?}");
+}
+
+#[test]
 fn a_wrong_scenario_is_told_with_file_and_place() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scenario.yaml");
@@ -366,6 +398,8 @@ fn wrong_arguments_are_told_and_end_with_2() {
         &["--settings", "/nowhere/at/all"],
         &["--scenario", "/nowhere/at/all"],
         &["--machine", "lathe"],
+        &["--report", "/nowhere/at/all"],
+        &["--report", "/tmp"],
         &["--link", "/dev/null"],
         &["--parent-pid", "0"],
     ] {

@@ -5,10 +5,11 @@
 
 use super::{Controller, Probing, State};
 use crate::codes::{Alarm, ErrorCode};
+use crate::counts::UNDERRUN_S;
 use crate::firmware::Feedback;
 use crate::gcode::arc::Chords;
 use crate::gcode::{Coolant, Distance, FeedMode, Motion, Plane, Spindle};
-use crate::motion::{Move, Overrides, Pace, mm_from_steps};
+use crate::motion::{Move, Overrides, Pace, Pushed, mm_from_steps};
 
 /// One thing a line asks for.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,6 +90,8 @@ impl Controller {
                 if !is_done {
                     return Some(action);
                 }
+                // The stop was asked for.
+                self.ran_empty_at_s = None;
             }
             Action::Move(motion) => {
                 if !self.is_within_limits(&motion) {
@@ -98,7 +101,7 @@ impl Controller {
                     if self.planner.is_full() {
                         return Some(action);
                     }
-                    self.planner.push(&motion, &self.memory.settings);
+                    self.plan(&motion);
                 }
             }
             Action::Chords { mut chords, pace, line_number } => {
@@ -106,8 +109,13 @@ impl Controller {
                     return Some(Action::Chords { chords, pace, line_number });
                 }
                 if let Some(target_in_machine) = chords.next() {
-                    let motion =
-                        Move { target_in_machine, pace, line_number, ignores_overrides: false };
+                    let motion = Move {
+                        target_in_machine,
+                        pace,
+                        line_number,
+                        ignores_overrides: false,
+                        ends_motion: chords.is_done(),
+                    };
                     self.script.push_front(Action::Chords { chords, pace, line_number });
                     self.script.push_front(Action::Move(motion));
                 }
@@ -116,7 +124,7 @@ impl Controller {
                 if self.planner.is_full() {
                     return Some(action);
                 }
-                self.planner.push(&motion, &self.memory.settings);
+                self.plan(&motion);
                 if self.state == State::Idle && !self.planner.is_empty() {
                     self.state = State::Jog { is_cancelled: false };
                 }
@@ -187,13 +195,44 @@ impl Controller {
                 let is_locked = matches!(self.state, State::Alarm { .. });
                 self.restart(is_locked);
             }
-            Action::Answer(result) => self.answer(result),
+            Action::Answer(result) => {
+                match result {
+                    Ok(()) => self.counts.oks += 1,
+                    Err(_) => self.counts.errors += 1,
+                }
+                self.answer(result);
+            }
             Action::Echo { text, answer } => {
                 self.print(&format!(">{text}:"));
                 self.answer(answer);
             }
         }
         None
+    }
+
+    /// Queues a move.
+    fn plan(&mut self, motion: &Move) {
+        let ran_empty_at_s = self.ran_empty_at_s.take();
+        match self.planner.push(motion, &self.memory.settings) {
+            Pushed::LeftOut => {
+                self.counts.motions_finished += u64::from(motion.ends_motion);
+                self.ran_empty_at_s = ran_empty_at_s;
+            }
+            Pushed::Queued { comes_late } => {
+                self.counts.blocks_planned += 1;
+                let waited = ran_empty_at_s.map(|at_s| self.instant_s - at_s);
+                if comes_late && waited.is_some_and(|waited_s| waited_s <= UNDERRUN_S) {
+                    self.counts.underruns += 1;
+                }
+            }
+        }
+    }
+
+    /// Throws away what is planned and rests where the axes are.
+    pub(super) fn forget_motion(&mut self) {
+        self.counts.blocks_discarded += self.planner.len() as u64;
+        self.planner.clear(&self.memory.settings);
+        self.ran_empty_at_s = None;
     }
 
     /// Checks the travel of a programmed move; begins to brake when it is outside.
@@ -220,7 +259,7 @@ impl Controller {
             self.alarm(Alarm::PROBE_INITIAL);
             return;
         }
-        self.planner.push(motion, &self.memory.settings);
+        self.plan(motion);
         self.probing = Some(Probing { away, miss_is_fine, contact_steps: None });
         if self.planner.is_empty() {
             self.finish_probe();
@@ -230,7 +269,11 @@ impl Controller {
     /// The probing move has come to rest.
     pub(super) fn finish_probe(&mut self) {
         let Some(probing) = self.probing.take() else { return };
-        self.planner.clear(&self.memory.settings);
+        if !self.planner.is_empty() {
+            // Contact ends the motion in the middle of its block.
+            self.counts.motions_finished += 1;
+        }
+        self.forget_motion();
         self.sync_parser();
         self.state = State::Idle;
         match probing.contact_steps {

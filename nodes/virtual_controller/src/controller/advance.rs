@@ -33,6 +33,7 @@ impl Controller {
             left_s -= self.step(left_s);
             self.work();
         }
+        self.instant_s = self.now.as_secs_f64();
         // What is due at this very instant, such as the end of a block.
         while self.is_busy() && self.seconds_to_next().is_some_and(|s| s <= 0.0) {
             self.step(0.0);
@@ -148,6 +149,7 @@ impl Controller {
 
     /// Lets at most `seconds` pass, up to the next event; returns the seconds used.
     fn step(&mut self, seconds: f64) -> f64 {
+        let started_s = self.instant_s;
         let dwell = self.dwell_left_s();
         let limit = dwell.map_or(seconds, |left| seconds.min(left));
         let used = if let State::Homing(homing) = &mut self.state {
@@ -172,6 +174,7 @@ impl Controller {
             let obstacle = self.obstacle();
             let trip = obstacle.map(|(way, _)| way);
             let (used, happening) = self.planner.advance(limit, self.is_braking(), trip);
+            self.instant_s += used;
             self.after_motion(happening, obstacle.map(|(_, what)| what));
             used
         } else {
@@ -182,10 +185,15 @@ impl Controller {
         {
             *left_s = (*left_s - used).max(0.0);
         }
+        self.instant_s = started_s + used;
         used
     }
 
     fn after_motion(&mut self, happening: Happening, obstacle: Option<Obstacle>) {
+        if let Happening::BlockDone { ends_motion } = happening {
+            self.counts.blocks_executed += 1;
+            self.counts.motions_finished += u64::from(ends_motion);
+        }
         match (happening, obstacle) {
             (Happening::Tripped, Some(Obstacle::Switch)) => self.hit_limit(),
             (Happening::Tripped, Some(Obstacle::Probe)) => {
@@ -202,16 +210,19 @@ impl Controller {
         }
         match self.state {
             State::Run if self.probing.is_some() => self.finish_probe(),
-            State::Run => self.state = State::Idle,
+            State::Run => {
+                self.ran_empty_at_s = Some(self.instant_s);
+                self.state = State::Idle;
+            }
             State::Jog { .. } => {
-                self.planner.clear(&self.memory.settings);
+                self.forget_motion();
                 self.sync_parser();
                 self.state = State::Idle;
             }
             State::Hold { .. } => self.state = State::Hold { is_stopped: true },
             State::Door(Door::Stopping { is_jog }) => {
                 if is_jog {
-                    self.planner.clear(&self.memory.settings);
+                    self.forget_motion();
                     self.sync_parser();
                 }
                 self.state = State::Door(Door::Stopped);
@@ -227,11 +238,11 @@ impl Controller {
             HomingStep::Going => {}
             HomingStep::Failed(alarm) => self.fail_homing(alarm),
             HomingStep::Finished => {
+                self.forget_motion();
                 let settings = &self.memory.settings;
                 let physical = crate::axes::add(self.position(), self.plant.offset);
                 let machine = position_after_homing(settings);
                 self.plant.offset = crate::axes::subtract(physical, machine);
-                self.planner.clear(settings);
                 self.planner.set_position_steps(steps_from_mm(machine, settings));
                 self.sync_parser();
                 self.state = State::Idle;

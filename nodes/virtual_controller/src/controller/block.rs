@@ -56,6 +56,7 @@ impl Controller {
             pace: Pace::Feed(block.feed),
             line_number: block.line_number,
             ignores_overrides: true,
+            ends_motion: true,
         }));
         Ok(())
     }
@@ -126,8 +127,13 @@ impl Controller {
                 self.script.push_back(Action::Chords { chords, pace, line_number });
             }
             Effect::Probe { target, away, miss_is_fine } => {
-                let motion =
-                    Move { target_in_machine: *target, pace, line_number, ignores_overrides: true };
+                let motion = Move {
+                    target_in_machine: *target,
+                    pace,
+                    line_number,
+                    ignores_overrides: true,
+                    ends_motion: true,
+                };
                 if self.state == State::Check {
                     self.parser.position_in_machine = *target;
                 }
@@ -147,6 +153,7 @@ impl Controller {
             pace,
             line_number,
             ignores_overrides: false,
+            ends_motion: true,
         }));
     }
 }

@@ -52,6 +52,7 @@ impl Controller {
     }
 
     fn line(&mut self, line: Line) {
+        self.counts.lines_read += 1;
         let result = match line {
             Line::TooLong => Err(ErrorCode::LineTooLong),
             Line::Text(text) if text.is_empty() => Ok(()),

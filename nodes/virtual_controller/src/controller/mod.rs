@@ -29,6 +29,7 @@ use std::time::Duration;
 
 use crate::axes::{AXES, Vector, scale};
 use crate::codes::{Alarm, ErrorCode};
+use crate::counts::Counts;
 use crate::firmware::{Firmware, Traits, Vocabulary};
 use crate::gcode::{Coolant, CoordinateSystems, ParserState, Spindle};
 use crate::line::LineReader;
@@ -142,6 +143,11 @@ pub struct Controller {
     report_interval: Option<Duration>,
     report_due: Option<Duration>,
     now: Duration,
+    /// The time of what happens now, s; behind `now` while that is being caught up with.
+    instant_s: f64,
+    /// When the planner ran empty though nothing asked for a stop, s.
+    ran_empty_at_s: Option<f64>,
+    counts: Counts,
 }
 
 impl Controller {
@@ -199,6 +205,9 @@ impl Controller {
             report_interval: None,
             report_due: None,
             now: Duration::ZERO,
+            instant_s: 0.0,
+            ran_empty_at_s: None,
+            counts: Counts::default(),
         };
         controller.boot();
         controller
@@ -217,6 +226,7 @@ impl Controller {
     /// Takes bytes that arrived at `now`.
     pub fn receive(&mut self, now: Duration, bytes: &[u8]) {
         self.advance(now);
+        self.counts.bytes_received += bytes.len() as u64;
         for &byte in bytes {
             if self.state == State::Off {
                 break;
@@ -275,6 +285,16 @@ impl Controller {
         &self.memory.settings
     }
 
+    /// What it has done since it was first switched on.
+    pub fn counts(&self) -> Counts {
+        Counts {
+            bytes_lost: self.receive_buffer.overrun_bytes,
+            receive_buffer_bytes_max: self.receive_buffer.bytes_max,
+            machine_time: self.now,
+            ..self.counts
+        }
+    }
+
     /// Received bytes lost to a full receive buffer since power-up.
     pub fn overrun_bytes(&self) -> u64 {
         self.receive_buffer.overrun_bytes
@@ -311,6 +331,7 @@ impl Controller {
     pub fn power_off(&mut self) {
         let physical = crate::axes::add(self.position(), self.plant.offset);
         self.plant.offset = physical;
+        self.forget_motion();
         let blocks_max = self.memory.settings.planner_blocks();
         self.planner = Planner::new([0; 3], blocks_max.unwrap_or(self.traits().blocks_max));
         self.forget_input();

@@ -124,7 +124,7 @@ impl Controller {
 
     /// At rest after 0x19: the position stays, modes begin anew.
     pub(super) fn finish_stop(&mut self) {
-        self.planner.clear(&self.memory.settings);
+        self.forget_motion();
         self.probing = None;
         self.sync_parser();
         self.parser.modal.motion = Motion::Rapid;
@@ -152,6 +152,7 @@ impl Controller {
         match &mut self.state {
             State::Idle => {
                 self.held_feed = 0.0;
+                self.ran_empty_at_s = None;
                 self.state = State::Hold { is_stopped: true };
             }
             State::Run => {

@@ -67,7 +67,7 @@ impl Controller {
 
     /// Steps, spindle and coolant end at once.
     fn stop_dead(&mut self) {
-        self.planner.clear(&self.memory.settings);
+        self.forget_motion();
         self.probing = None;
         self.switch_off();
     }
@@ -112,10 +112,11 @@ impl Controller {
         if let State::Homing(homing) = &self.state {
             let at = homing.position(&self.plant, &self.memory.settings);
             let steps = crate::motion::steps_from_mm(at, &self.memory.settings);
-            self.planner.clear(&self.memory.settings);
+            self.forget_motion();
             self.planner.set_position_steps(steps);
         }
         if self.traits().reset_answers && self.script.iter().any(super::Action::is_answer) {
+            self.counts.oks += 1;
             self.print("ok\r\n");
         }
         self.state = if is_locked { State::Alarm { is_critical: false } } else { State::Idle };
@@ -148,8 +149,8 @@ impl Controller {
     }
 
     fn initialise(&mut self) {
+        self.forget_motion();
         let settings = &self.memory.settings;
-        self.planner.clear(settings);
         let at = mm_from_steps(self.planner.position_steps(settings), settings);
         self.plant.stop_at_ends(at, settings);
         self.planner.set_overrides(Overrides::default());

@@ -112,6 +112,13 @@ pub(crate) struct Chords {
     next: u32,
 }
 
+impl Chords {
+    /// Have all of them been handed out?
+    pub(crate) fn is_done(&self) -> bool {
+        self.next > self.count
+    }
+}
+
 impl Iterator for Chords {
     type Item = Vector;
 

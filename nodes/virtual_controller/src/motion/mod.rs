@@ -3,8 +3,11 @@
 //! Invariant: everything here is a function of what was queued and of the
 //! seconds that passed; nothing knows lines, answers or states.
 
+mod junction;
 mod planner;
 mod ramp;
 
-pub(crate) use planner::{Happening, Move, Overrides, Pace, Planner, mm_from_steps, steps_from_mm};
+pub(crate) use planner::{
+    Happening, Move, Overrides, Pace, Planner, Pushed, mm_from_steps, steps_from_mm,
+};
 pub(crate) use ramp::{Ramp, next_ramp};

@@ -7,9 +7,9 @@
 use std::collections::VecDeque;
 
 use crate::axes::{self, Vector};
+use crate::motion::junction::junction_speed;
 use crate::motion::ramp::{Ramp, braking_ramp, next_ramp};
 use crate::settings::Settings;
-use crate::tolerances::STRAIGHT;
 
 /// No block is slower than this, mm/min.
 const FEED_MIN_MM_PER_MIN: f64 = 1.0;
@@ -32,6 +32,19 @@ pub(crate) struct Move {
     pub(crate) line_number: u32,
     /// Jogs and probing are not slowed by the feed override of programs.
     pub(crate) ignores_overrides: bool,
+    /// Is this the last of what a line asked for?
+    pub(crate) ends_motion: bool,
+}
+
+/// What has become of a move that was to be queued.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Pushed {
+    /// It was shorter than a step.
+    LeftOut,
+    Queued {
+        /// The block before it had to end at rest, and would not have had to with this one behind it.
+        comes_late: bool,
+    },
 }
 
 /// Feed and rapid override, percent.
@@ -59,6 +72,7 @@ struct Block {
     /// `None`: rapid.
     feed_rate: Option<f64>,
     ignores_overrides: bool,
+    ends_motion: bool,
     junction_speed: f64,
     entry_speed: f64,
     line_number: u32,
@@ -84,7 +98,7 @@ pub(crate) enum Happening {
     /// The time ran out, or a ramp went over into the next.
     Nothing,
     /// A block is done and its place in the queue free.
-    BlockDone,
+    BlockDone { ends_motion: bool },
     /// Braking came to rest.
     Stopped,
     /// The distance asked for was reached.
@@ -104,6 +118,8 @@ pub(crate) struct Planner {
     overrides: Overrides,
     /// N of the last block that was in motion and had one, since all was forgotten.
     last_line_number: u32,
+    /// Direction of the last block that was run to its end, until another is queued.
+    last_unit: Option<Vector>,
 }
 
 impl Planner {
@@ -117,11 +133,16 @@ impl Planner {
             rest_steps: position_steps,
             overrides: Overrides::default(),
             last_line_number: 0,
+            last_unit: None,
         }
     }
 
     pub(crate) fn is_full(&self) -> bool {
         self.queue.len() >= self.blocks_max
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.queue.len()
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -198,18 +219,18 @@ impl Planner {
     }
 
     /// Appends a move; one of less than a step is left out.
-    pub(crate) fn push(&mut self, motion: &Move, settings: &Settings) {
+    pub(crate) fn push(&mut self, motion: &Move, settings: &Settings) -> Pushed {
         let start_steps = self.queue.back().map_or(self.rest_steps, |block| block.end_steps);
         let end_steps = steps_from_mm(motion.target_in_machine, settings);
         if start_steps == end_steps {
-            return;
+            return Pushed::LeftOut;
         }
         let start_mm = mm_from_steps(start_steps, settings);
         let way = axes::subtract(mm_from_steps(end_steps, settings), start_mm);
         let length_mm = axes::length(way);
         if length_mm <= 0.0 {
             // So many steps to the millimetre that a double cannot tell them apart.
-            return;
+            return Pushed::LeftOut;
         }
         let unit = axes::scale(way, 1.0 / length_mm);
         let rates = settings.max_rate_mm_per_min();
@@ -218,8 +239,10 @@ impl Planner {
             Pace::Feed(mm_per_min) => Some(mm_per_min / 60.0),
             Pace::InverseTime(per_min) => Some(per_min * length_mm / 60.0),
         };
-        let junction_speed =
-            self.queue.back().map_or(0.0, |last| junction_speed(last.unit, unit, settings));
+        let speed_after = |last: Vector| junction_speed(last, unit, settings);
+        let junction_speed = self.queue.back().map_or(0.0, |last| speed_after(last.unit));
+        let last_unit = self.last_unit.take().filter(|_| self.queue.is_empty());
+        let comes_late = last_unit.is_some_and(|last| speed_after(last) > 0.0);
         self.queue.push_back(Block {
             start_mm,
             unit,
@@ -229,11 +252,13 @@ impl Planner {
             rapid_rate: axes::limit_along(unit, rates) / 60.0,
             feed_rate,
             ignores_overrides: motion.ignores_overrides,
+            ends_motion: motion.ends_motion,
             junction_speed,
             entry_speed: 0.0,
             line_number: motion.line_number,
         });
         self.replan();
+        Pushed::Queued { comes_late }
     }
 
     /// Finds the entry speeds: backwards what can be braked, forwards what can be reached.
@@ -309,7 +334,8 @@ impl Planner {
             if self.queue.is_empty() {
                 self.speed = 0.0;
             }
-            return (ramp.duration_s, Happening::BlockDone);
+            self.last_unit = Some(block.unit);
+            return (ramp.duration_s, Happening::BlockDone { ends_motion: block.ends_motion });
         }
         let stopped = braking && self.speed <= 0.0;
         if stopped {
@@ -328,25 +354,6 @@ impl Planner {
     }
 }
 
-/// Returns the speed at which the corner between two directions may be taken, mm/s.
-///
-/// A circle that stays within `$11` of the corner and touches both sides is
-/// taken at the acceleration the axes have towards its centre.
-fn junction_speed(before: Vector, after: Vector, settings: &Settings) -> f64 {
-    let cosine = axes::dot(before, after);
-    if cosine > 1.0 - STRAIGHT {
-        return f64::INFINITY;
-    }
-    if cosine < STRAIGHT - 1.0 {
-        return 0.0;
-    }
-    let inward = axes::subtract(after, before);
-    let inward = axes::scale(inward, 1.0 / axes::length(inward));
-    let acceleration = axes::limit_along(inward, settings.acceleration_mm_per_s2());
-    let sine_half = ((1.0 + cosine) / 2.0).sqrt();
-    (acceleration * settings.junction_deviation_mm() * sine_half / (1.0 - sine_half)).sqrt()
-}
-
 pub(crate) fn steps_from_mm(mm: Vector, settings: &Settings) -> [i64; 3] {
     let steps_per_mm = settings.steps_per_mm();
     std::array::from_fn(|i| (mm[i] * steps_per_mm[i]).round() as i64)
@@ -355,20 +362,4 @@ pub(crate) fn steps_from_mm(mm: Vector, settings: &Settings) -> [i64; 3] {
 pub(crate) fn mm_from_steps(steps: [i64; 3], settings: &Settings) -> Vector {
     let steps_per_mm = settings.steps_per_mm();
     std::array::from_fn(|i| steps[i] as f64 / steps_per_mm[i])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_corner_is_taken_as_fast_as_the_circle_within_the_deviation_allows() {
-        let mut settings = Settings::default();
-        (120..123).for_each(|n| settings.set(n, 100.0).unwrap());
-        let speed = |after: Vector| junction_speed([1.0, 0.0, 0.0], after, &settings);
-        // 90 degrees: both axes pull, 141.4 mm/s² inward; r = 0.01 * 0.7071 / 0.2929 mm.
-        assert!((speed([0.0, 1.0, 0.0]) - 1.8478).abs() < 1e-3);
-        assert_eq!(speed([-1.0, 0.0, 0.0]), 0.0);
-        assert_eq!(speed([1.0, 0.0, 0.0]), f64::INFINITY);
-    }
 }

@@ -80,6 +80,9 @@ struct Arguments {
     /// Takes fault actions from standard input, one a line, and ends when it is closed.
     #[arg(long)]
     stdin: bool,
+    /// Writes at the end what was received, answered and moved, as JSON.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Ends when this process does.
     #[arg(long, value_name = "PID")]
     parent_pid: Option<i32>,
@@ -88,7 +91,7 @@ struct Arguments {
 /// Runs the virtual controller with these arguments, the program's name first.
 ///
 /// Exit status: 0 stopped as asked; 2 wrong arguments, a file that cannot be
-/// read, or no pseudo-terminal.
+/// read or written, or no pseudo-terminal.
 pub fn cli(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> ExitCode {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
@@ -152,6 +155,7 @@ fn options(arguments: Arguments) -> Result<ServeOptions, String> {
         link: arguments.link,
         watches_stdin: arguments.stdin,
         parent_pid: arguments.parent_pid,
+        report: arguments.report,
         ..ServeOptions::new(build)
     })
 }

@@ -6,6 +6,7 @@
 mod cli;
 mod port;
 mod pty;
+mod report;
 mod serve;
 mod stop;
 

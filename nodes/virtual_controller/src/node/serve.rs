@@ -9,6 +9,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
 use super::port::Port;
+use super::report;
 use super::stop::Stop;
 use crate::paced::{Pace, PacedLine};
 use crate::{Build, Controller, Fault, FaultAction, FaultInjector};
@@ -35,6 +36,8 @@ pub struct ServeOptions {
     pub watches_stdin: bool,
     /// Stop when this process ends.
     pub parent_pid: Option<i32>,
+    /// Where the counts are written at the end, as JSON.
+    pub report: Option<PathBuf>,
 }
 
 impl ServeOptions {
@@ -48,6 +51,7 @@ impl ServeOptions {
             link: None,
             watches_stdin: false,
             parent_pid: None,
+            report: None,
         }
     }
 }
@@ -74,6 +78,14 @@ pub enum ServeError {
         /// Why not.
         source: io::Error,
     },
+    /// The report cannot be written.
+    #[error("cannot write the report {path}: {source}")]
+    Report {
+        /// Where it should be.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
     /// The pseudo-terminal failed while it was in use.
     #[error("the pseudo-terminal failed: {0}")]
     Io(#[from] io::Error),
@@ -88,13 +100,17 @@ pub fn serve(
     stop: &Stop,
     mut ready: impl FnMut(&Path) -> io::Result<()>,
 ) -> Result<(), ServeError> {
+    if let Some(path) = &options.report {
+        // An hour of run is not to end with a folder that is not there.
+        report::check(path).map_err(|source| ServeError::Report { path: path.clone(), source })?;
+    }
     let port = Port::open(options.link)?;
     let parent = options.parent_pid.map(watch).transpose()?;
     let controller = Controller::with_build(options.build);
     let injector = FaultInjector::new(controller, options.faults, options.seed);
     let line = PacedLine::new(injector, options.pace);
     port.path().map_or(Ok(()), &mut ready)?;
-    let server = Server {
+    let mut server = Server {
         port,
         pulls: 0,
         line,
@@ -104,7 +120,13 @@ pub fn serve(
         parent,
         watches_stdin: options.watches_stdin,
     };
-    server.run(stop, ready)
+    let outcome = server.run(stop, ready);
+    if let Some(path) = options.report {
+        let counts = server.line.device().controller().counts();
+        report::write(&path, &counts)
+            .map_err(|source| ServeError::Report { path: path.clone(), source })?;
+    }
+    outcome
 }
 
 fn watch(pid: i32) -> Result<OwnedFd, ServeError> {
@@ -131,7 +153,7 @@ struct Server {
 
 impl Server {
     fn run(
-        mut self,
+        &mut self,
         stop: &Stop,
         mut ready: impl FnMut(&Path) -> io::Result<()>,
     ) -> Result<(), ServeError> {

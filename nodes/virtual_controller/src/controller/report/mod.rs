@@ -39,6 +39,7 @@ impl Controller {
 
     pub(super) fn alarm(&mut self, alarm: Alarm) {
         self.alarm = Some(alarm);
+        self.counts.alarms += 1;
         self.line_out(&format!("ALARM:{}", alarm.0));
     }
 

@@ -87,6 +87,7 @@ impl Controller {
             text += &format!("|DTG:{}", self.vector(self.planner.way_to_go()));
         }
         text += &self.occasional(fields, everything, offset);
+        self.counts.reports += 1;
         self.line_out(&format!("{text}>"));
         self.report_changed_parser_state(fields);
     }
