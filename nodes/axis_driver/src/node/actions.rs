@@ -109,24 +109,8 @@ async fn follow(
     goal: Goal<RunProgram>,
     finished: oneshot::Receiver<RunResult>,
 ) {
-    let mut finished = std::pin::pin!(finished);
-    let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
-    let mut is_canceling = false;
-    let result = loop {
-        tokio::select! {
-            result = &mut finished => break result,
-            () = goal.cancel_requested(), if !is_canceling => {
-                is_canceling = true;
-                let cancel = Command::CancelRun { run: Some(id) };
-                if let Err(refusal) = driver.ask(cancel, CANCEL_WITHIN).await {
-                    tracing::error!("the run cannot be canceled: {}", refusal.message);
-                }
-            }
-            _ = ticks.tick() => goal.feedback(feedback(driver)),
-        }
-    };
-    let Ok(result) = result else {
-        // The driver's thread is gone, and with it what it knew.
+    let (result, _) = ended(driver, id, &goal, finished, feedback).await;
+    let Some(result) = result else {
         goal.end(
             Outcome::Aborted,
             RunProgramResult {
@@ -162,6 +146,34 @@ async fn follow(
             last_line: result.last_line,
         },
     );
+}
+
+/// Waits for the end of a goal, gives feedback, and hands a cancel on; also says whether
+/// one was asked for. `None` when the driver's thread is gone, and with it what it knew.
+pub(super) async fn ended<A: Action, R>(
+    driver: &Driver,
+    id: u64,
+    goal: &Goal<A>,
+    finished: oneshot::Receiver<R>,
+    feedback: impl Fn(&Driver) -> A::Feedback,
+) -> (Option<R>, bool) {
+    let mut finished = std::pin::pin!(finished);
+    let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
+    let mut is_canceling = false;
+    let result = loop {
+        tokio::select! {
+            result = &mut finished => break result,
+            () = goal.cancel_requested(), if !is_canceling => {
+                is_canceling = true;
+                let cancel = Command::CancelRun { run: Some(id) };
+                if let Err(refusal) = driver.ask(cancel, CANCEL_WITHIN).await {
+                    tracing::error!("the goal cannot be canceled: {}", refusal.message);
+                }
+            }
+            _ = ticks.tick() => goal.feedback(feedback(driver)),
+        }
+    };
+    (result.ok(), is_canceling)
 }
 
 fn feedback(driver: &Driver) -> RunProgramFeedback {

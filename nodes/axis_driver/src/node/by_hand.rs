@@ -3,7 +3,7 @@
 //! Requests are range-checked here as far as their types go; what a number means to
 //! the machine the core judges.
 
-use super::actions::{CANCEL_WITHIN, FEEDBACK_PERIOD, answer};
+use super::actions::{CANCEL_WITHIN, FEEDBACK_PERIOD, answer, ended};
 use super::{Driver, REPLY_WITHIN, told};
 use crate::codes::error_code;
 use crate::driver::{
@@ -190,26 +190,12 @@ async fn follow<M: Move>(
     goal: Goal<M>,
     finished: oneshot::Receiver<MoveResult>,
 ) {
-    let mut finished = std::pin::pin!(finished);
-    let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
-    let mut is_canceling = false;
-    let result = loop {
-        tokio::select! {
-            result = &mut finished => break result,
-            () = goal.cancel_requested(), if !is_canceling => {
-                is_canceling = true;
-                let cancel = Command::CancelRun { run: Some(id) };
-                if let Err(refusal) = driver.ask(cancel, CANCEL_WITHIN).await {
-                    tracing::error!("the move cannot be canceled: {}", refusal.message);
-                }
-            }
-            _ = ticks.tick() => {
-                let state = driver.state.borrow().clone();
-                goal.feedback(M::feedback(mode_to_wire(state.mode), point(state.machine_position)));
-            }
-        }
+    let feedback = |driver: &Driver| {
+        let state = driver.state.borrow();
+        M::feedback(mode_to_wire(state.mode), point(state.machine_position))
     };
-    let result = result.unwrap_or_else(|_| MoveResult {
+    let (result, is_canceling) = ended(driver, id, &goal, finished, feedback).await;
+    let result = result.unwrap_or_else(|| MoveResult {
         id,
         outcome: RunOutcome::Aborted,
         error_code: error_code::LINK_LOST,
