@@ -328,13 +328,20 @@ proptest! {
             1 => any::<u8>(),
         ], 0..400),
         firmware in prop::sample::select(Firmware::ALL.to_vec()),
-        settings_lines in prop::sample::subsequence(vec!["$22=1", "$21=1", "$13=1", "$10=2", "$32=1"], 0..=5),
+        settings_lines in prop::sample::subsequence(vec![
+            "$22=1", "$21=1", "$13=1", "$10=2", "$32=1", "$41=1", "$62=1", "$39=0", "$341=4",
+        ], 0..=9),
     ) {
+        let mut settings = settings_of(firmware, &[]);
+        for line in settings_lines {
+            // Some are grblHAL's alone.
+            let _ = settings.set_line(line);
+        }
         let build = Build {
             probe_surface_z_mm: Some(-5.0),
             has_mist: true,
             has_line_numbers: true,
-            ..Build::new(settings_of(firmware, &settings_lines))
+            ..Build::new(settings)
         };
         let mut device = FaultInjector::new(Controller::with_build(build), Vec::new(), 1);
         let mut now = T0;

@@ -9,7 +9,7 @@ use crate::counts::UNDERRUN_S;
 use crate::firmware::Feedback;
 use crate::gcode::arc::Chords;
 use crate::gcode::{Coolant, Distance, FeedMode, Motion, Plane, Spindle};
-use crate::motion::{Move, Overrides, Pace, Pushed, mm_from_steps};
+use crate::motion::{Move, Overrides, Pace, Pushed, mm_from_steps, steps_from_mm};
 
 /// One thing a line asks for.
 #[derive(Debug, Clone, PartialEq)]
@@ -233,6 +233,10 @@ impl Controller {
         self.counts.blocks_discarded += self.planner.len() as u64;
         self.planner.clear(&self.memory.settings);
         self.ran_empty_at_s = None;
+        if let Some(parking) = self.parking.take() {
+            let steps = steps_from_mm(parking.position(), &self.memory.settings);
+            self.planner.set_position_steps(steps);
+        }
     }
 
     /// Checks the travel of a programmed move; begins to brake when it is outside.

@@ -77,7 +77,9 @@ impl Controller {
     fn is_waiting_without_motion(&self) -> bool {
         matches!(
             self.state,
-            State::Homing(_) | State::Door(Door::Resuming { .. }) | State::Starting { .. }
+            State::Homing(_)
+                | State::Door(Door::Resuming { .. } | Door::Retracting | Door::Returning)
+                | State::Starting { .. }
         )
     }
 
@@ -138,6 +140,9 @@ impl Controller {
                 Some(homing.seconds_to_next(&self.plant, &self.memory.settings))
             }
             State::Door(Door::Resuming { left_s }) | State::Starting { left_s } => Some(*left_s),
+            State::Door(Door::Retracting | Door::Returning) => {
+                self.parking.as_ref().and_then(|parking| parking.seconds_to_next())
+            }
             _ if self.is_moving() => {
                 let trip = self.obstacle().map(|(way, _)| way);
                 self.planner.seconds_to_next(self.is_braking(), trip).or(Some(0.0))
@@ -163,6 +168,8 @@ impl Controller {
                 self.resume();
             }
             used
+        } else if let State::Door(Door::Retracting | Door::Returning) = self.state {
+            self.step_parking(limit)
         } else if let State::Starting { left_s } = &mut self.state {
             let used = limit.min(*left_s);
             *left_s -= used;
@@ -225,7 +232,7 @@ impl Controller {
                     self.forget_motion();
                     self.sync_parser();
                 }
-                self.state = State::Door(Door::Stopped);
+                self.retract();
             }
             State::SoftLimit => self.critical(crate::codes::Alarm::SOFT_LIMIT),
             State::Stopping => self.finish_stop(),

@@ -11,6 +11,7 @@
 //! - `action`: works off what lines ask for
 //! - `block`: turns a checked block into actions
 //! - `system`: the `$` commands
+//! - `parking`: the tool out of the way of the door
 //! - `report`: everything printed
 //! - `advance`: lets time pass
 
@@ -18,6 +19,7 @@ mod action;
 mod advance;
 mod block;
 mod foreground;
+mod parking;
 mod realtime;
 mod report;
 mod reset;
@@ -39,6 +41,7 @@ use crate::receive::{ReceiveBuffer, TRANSMIT_BUFFER_BYTES};
 use crate::settings::Settings;
 
 use action::Action;
+use parking::Parking;
 use report::Cadence;
 use state::{Door, Probing, State};
 
@@ -124,6 +127,8 @@ pub struct Controller {
     /// Does M1 go on?
     skips_optional_stops: bool,
     probing: Option<Probing>,
+    /// The tool is away, or on its way there or back.
+    parking: Option<Parking>,
     /// Last probe result, steps and success.
     probed: ([i64; 3], bool),
     spindle: Spindle,
@@ -192,6 +197,7 @@ impl Controller {
             held_feed: 0.0,
             skips_optional_stops: false,
             probing: None,
+            parking: None,
             probed: ([0; 3], false),
             spindle: Spindle::Off,
             spindle_rpm: 0.0,
@@ -266,8 +272,12 @@ impl Controller {
 
     /// Where the axes are in machine coordinates, mm, as the controller counts.
     pub fn position(&self) -> Vector {
-        match &self.state {
-            State::Homing(homing) => homing.position(&self.plant, &self.memory.settings),
+        match (&self.state, &self.parking) {
+            (State::Homing(homing), _) => homing.position(&self.plant, &self.memory.settings),
+            (_, Some(parking)) => {
+                let settings = &self.memory.settings;
+                mm_from_steps(steps_from_mm(parking.position(), settings), settings)
+            }
             _ => {
                 let steps = self.planner.position_steps(&self.memory.settings);
                 mm_from_steps(steps, &self.memory.settings)
@@ -277,7 +287,10 @@ impl Controller {
 
     /// Speed along the path, mm/min.
     pub fn speed_mm_per_min(&self) -> f64 {
-        self.planner.speed_mm_per_min()
+        match &self.parking {
+            Some(parking) => parking.speed_mm_per_min(),
+            None => self.planner.speed_mm_per_min(),
+        }
     }
 
     /// The settings in force.

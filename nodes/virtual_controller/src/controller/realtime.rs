@@ -181,15 +181,18 @@ impl Controller {
                 self.cadence.tool_changed();
                 self.report_status();
             }
-            State::Door(Door::Stopped) if !self.plant.is_door_open => {
-                let delays = self.memory.settings.door_delays_s();
-                let (spindle_s, coolant_s) = delays.unwrap_or((DOOR_SPINDLE_S, DOOR_COOLANT_S));
-                let spindle = if self.spindle == Spindle::Off { 0.0 } else { spindle_s };
-                let coolant = if self.coolant == Coolant::default() { 0.0 } else { coolant_s };
-                self.state = State::Door(Door::Resuming { left_s: spindle + coolant });
-            }
+            State::Door(Door::Stopped) if !self.plant.is_door_open => self.leave_door(),
             _ => {}
         }
+    }
+
+    /// How long spindle and coolant take to be back, as far as they were on.
+    pub(super) fn power_up_s(&self) -> f64 {
+        let delays = self.memory.settings.door_delays_s();
+        let (spindle_s, coolant_s) = delays.unwrap_or((DOOR_SPINDLE_S, DOOR_COOLANT_S));
+        let spindle = if self.spindle == Spindle::Off { 0.0 } else { spindle_s };
+        let coolant = if self.coolant == Coolant::default() { 0.0 } else { coolant_s };
+        spindle + coolant
     }
 
     /// Goes on with what is queued.
@@ -202,7 +205,11 @@ impl Controller {
         let is_moving = match &self.state {
             State::Alarm { .. } | State::Check | State::Sleep | State::SoftLimit => return,
             State::Off | State::Starting { .. } | State::Tool | State::Stopping => return,
-            State::Door(Door::Stopping { .. } | Door::Stopped) => return,
+            State::Door(Door::Stopping { .. } | Door::Stopped | Door::Retracting) => return,
+            State::Door(Door::Returning) => {
+                self.feedback(Feedback::CheckDoor);
+                return self.retract_again();
+            }
             State::Homing(_) => return self.fail_homing(Alarm::HOMING_DOOR),
             State::Door(Door::Resuming { .. }) | State::Idle => false,
             State::Hold { is_stopped } => !is_stopped,
@@ -210,6 +217,9 @@ impl Controller {
         };
         self.feedback(Feedback::CheckDoor);
         let is_jog = matches!(self.state, State::Jog { .. });
-        self.state = State::Door(if is_moving { Door::Stopping { is_jog } } else { Door::Stopped });
+        match is_moving {
+            true => self.state = State::Door(Door::Stopping { is_jog }),
+            false => self.retract(),
+        }
     }
 }

@@ -94,6 +94,9 @@ impl Controller {
             State::Hold { is_stopped: false } | State::Door(Door::Stopping { .. }) => {
                 Some(Alarm::ABORTED_IN_MOTION)
             }
+            State::Door(Door::Retracting | Door::Returning) if self.speed_mm_per_min() > 0.0 => {
+                Some(Alarm::ABORTED_IN_MOTION)
+            }
             _ => None,
         };
         let is_locked = matches!(self.state, State::Alarm { .. } | State::Sleep);

@@ -42,7 +42,11 @@ pub(super) enum Door {
     Stopping {
         is_jog: bool,
     },
+    /// The tool goes to its parking place.
+    Retracting,
     Stopped,
+    /// The tool comes back from there.
+    Returning,
     Resuming {
         left_s: f64,
     },

@@ -10,4 +10,4 @@ mod ramp;
 pub(crate) use planner::{
     Happening, Move, Overrides, Pace, Planner, Pushed, mm_from_steps, steps_from_mm,
 };
-pub(crate) use ramp::{Ramp, next_ramp};
+pub(crate) use ramp::{Ramp, braking_ramp, next_ramp};

@@ -2,6 +2,17 @@
 
 use super::Settings;
 
+/// `$42` and `$56` to `$59`: where a tool goes while the door is open, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ParkingWay {
+    pub(crate) axis: usize,
+    pub(crate) pull_out_mm: f64,
+    pub(crate) pull_out_mm_per_min: f64,
+    /// Machine coordinate of the axis, mm.
+    pub(crate) target_mm: f64,
+    pub(crate) fast_mm_per_min: f64,
+}
+
 impl Settings {
     fn bit(&self, number: u16, bit: u32) -> bool {
         self.extra(number) as u16 & (1 << bit) != 0
@@ -35,6 +46,17 @@ impl Settings {
     /// `$41` bit 0.
     pub(crate) fn parks(&self) -> bool {
         self.bit(41, 0)
+    }
+
+    /// `$42` and `$56` to `$59`.
+    pub(crate) fn parking(&self) -> ParkingWay {
+        ParkingWay {
+            axis: self.extra(42) as usize,
+            pull_out_mm: self.extra(56),
+            pull_out_mm_per_min: self.extra(57),
+            target_mm: self.extra(58),
+            fast_mm_per_min: self.extra(59),
+        }
     }
 
     /// `$62`.

@@ -11,6 +11,7 @@ mod grbl_resets;
 mod grbl_stops;
 mod grbl_switches;
 mod grblhal_lines;
+mod grblhal_parking;
 mod grblhal_reports;
 mod grblhal_stops;
 mod grblhal_switches;

@@ -25,10 +25,12 @@ impl Controller {
             State::Jog { .. } => "Jog".into(),
             State::Sleep => "Sleep".into(),
             State::Tool => "Tool".into(),
-            State::Door(Door::Stopping { is_jog: false }) => "Door:2".into(),
+            State::Door(Door::Stopping { is_jog: false } | Door::Retracting) => "Door:2".into(),
             State::Door(Door::Stopping { is_jog: true }) => format!("Door:{}", traits.door_jog),
             State::Door(Door::Stopped) => format!("Door:{}", u8::from(self.plant.is_door_open)),
-            State::Door(Door::Resuming { .. }) => format!("Door:{}", traits.door_resuming),
+            State::Door(Door::Resuming { .. } | Door::Returning) => {
+                format!("Door:{}", traits.door_resuming)
+            }
         }
     }
 
@@ -153,12 +155,15 @@ impl Controller {
     fn shown_feed(&self) -> f64 {
         match self.state {
             State::Hold { is_stopped: true } if self.traits().hold_shows_feed => self.held_feed,
-            _ => self.planner.speed_mm_per_min(),
+            _ => self.speed_mm_per_min(),
         }
     }
 
     fn is_spindle_turning(&self) -> bool {
-        let is_off_for_door = matches!(self.state, State::Door(Door::Stopped));
+        let is_off_for_door = match &self.parking {
+            Some(parking) => !parking.is_powered(),
+            None => matches!(self.state, State::Door(Door::Stopped)),
+        };
         self.spindle != Spindle::Off && !self.is_spindle_stopped && !is_off_for_door
     }
 
