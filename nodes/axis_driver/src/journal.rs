@@ -5,14 +5,13 @@
 //! whoever plays the record again looks the path up. Where entries are kept is the
 //! shell's business.
 
+mod command;
 mod mdi;
 
-use crate::driver::{
-    Command, Driver, DriverConfig, Input, JogRequest, OffsetRequest, Output, Overrides,
-    ProbeRequest, RestRequest, RunRequest,
-};
+pub use command::{CommandError, command_from_json, command_to_json};
+
+use crate::driver::{Driver, DriverConfig, Input, Output};
 use cnc_msgs::path::CompensatedPath;
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -83,153 +82,6 @@ impl Journal {
         let monotonic_ns = u64::try_from(now.as_nanos()).unwrap_or(u64::MAX);
         Entry { sequence, monotonic_ns, kind, data }
     }
-}
-
-/// A command as it stands in an entry.
-#[derive(Debug, Serialize, Deserialize)]
-struct CommandRecord {
-    id: u64,
-    #[serde(flatten)]
-    command: CommandForm,
-}
-
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(tag = "command", rename_all = "snake_case")]
-enum CommandForm {
-    RunProgram {
-        program_id: String,
-        revision: u64,
-        start_line: u32,
-        check_only: bool,
-    },
-    CancelRun {
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        run: Option<u64>,
-    },
-    FeedHold,
-    Resume,
-    SoftReset,
-    Unlock,
-    Home,
-    Jog(JogRequest),
-    Probe(ProbeRequest),
-    SetWorkOffset(OffsetRequest),
-    SetOverrides(Overrides),
-    DoorHold,
-    Sleep,
-    Heartbeat,
-    Recorder {
-        is_whole: bool,
-        reason: String,
-    },
-    ConfirmToolChange {
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        objection: Option<String>,
-    },
-    TakeRest {
-        program_id: String,
-        of: u64,
-        revision: u64,
-    },
-    /// The path has no program that it could be found by.
-    ExecuteMdi(mdi::PathRecord),
-    SetSingleBlock {
-        on: bool,
-    },
-    Shutdown,
-}
-
-/// Writes a command: `{"id":7,"command":"feed_hold"}`.
-pub fn command_to_json(id: u64, command: &Command) -> String {
-    let command = match command {
-        Command::RunProgram(request) => CommandForm::RunProgram {
-            program_id: request.program_id.clone(),
-            revision: request.revision,
-            start_line: request.start_line,
-            check_only: request.check_only,
-        },
-        Command::CancelRun { run } => CommandForm::CancelRun { run: *run },
-        Command::FeedHold => CommandForm::FeedHold,
-        Command::Resume => CommandForm::Resume,
-        Command::SoftReset => CommandForm::SoftReset,
-        Command::Unlock => CommandForm::Unlock,
-        Command::Home => CommandForm::Home,
-        Command::Jog(request) => CommandForm::Jog(*request),
-        Command::Probe(request) => CommandForm::Probe(*request),
-        Command::SetWorkOffset(request) => CommandForm::SetWorkOffset(*request),
-        Command::SetOverrides(wanted) => CommandForm::SetOverrides(*wanted),
-        Command::DoorHold => CommandForm::DoorHold,
-        Command::Sleep => CommandForm::Sleep,
-        Command::Heartbeat => CommandForm::Heartbeat,
-        Command::Recorder { is_whole, reason } => {
-            CommandForm::Recorder { is_whole: *is_whole, reason: reason.clone() }
-        }
-        Command::ConfirmToolChange { objection } => {
-            CommandForm::ConfirmToolChange { objection: objection.clone() }
-        }
-        Command::TakeRest(request) => CommandForm::TakeRest {
-            program_id: request.program_id.clone(),
-            of: request.of,
-            revision: request.revision,
-        },
-        Command::ExecuteMdi { path } => CommandForm::ExecuteMdi(mdi::PathRecord::of(path)),
-        Command::SetSingleBlock(on) => CommandForm::SetSingleBlock { on: *on },
-        Command::Shutdown => CommandForm::Shutdown,
-    };
-    serde_json::to_string(&CommandRecord { id, command })
-        .expect("a struct of numbers and texts is always JSON")
-}
-
-/// Reads a command back; paths come from `lookup`, by program and revision.
-pub fn command_from_json(
-    json: &[u8],
-    lookup: &dyn Fn(&str, u64) -> Option<Arc<CompensatedPath>>,
-) -> Result<(u64, Command), CommandError> {
-    let record: CommandRecord = serde_json::from_slice(json)?;
-    let command = match record.command {
-        CommandForm::RunProgram { program_id, revision, start_line, check_only } => {
-            let Some(path) = lookup(&program_id, revision) else {
-                return Err(CommandError::UnknownPath { program_id, revision });
-            };
-            Command::RunProgram(RunRequest { program_id, revision, path, start_line, check_only })
-        }
-        CommandForm::CancelRun { run } => Command::CancelRun { run },
-        CommandForm::FeedHold => Command::FeedHold,
-        CommandForm::Resume => Command::Resume,
-        CommandForm::SoftReset => Command::SoftReset,
-        CommandForm::Unlock => Command::Unlock,
-        CommandForm::Home => Command::Home,
-        CommandForm::Jog(request) => Command::Jog(request),
-        CommandForm::Probe(request) => Command::Probe(request),
-        CommandForm::SetWorkOffset(request) => Command::SetWorkOffset(request),
-        CommandForm::SetOverrides(wanted) => Command::SetOverrides(wanted),
-        CommandForm::DoorHold => Command::DoorHold,
-        CommandForm::Sleep => Command::Sleep,
-        CommandForm::Heartbeat => Command::Heartbeat,
-        CommandForm::Recorder { is_whole, reason } => Command::Recorder { is_whole, reason },
-        CommandForm::ConfirmToolChange { objection } => Command::ConfirmToolChange { objection },
-        CommandForm::TakeRest { program_id, of, revision } => {
-            let Some(path) = lookup(&program_id, revision) else {
-                return Err(CommandError::UnknownPath { program_id, revision });
-            };
-            Command::TakeRest(RestRequest { program_id, of, revision, path })
-        }
-        CommandForm::ExecuteMdi(record) => Command::ExecuteMdi { path: Arc::new(record.path()?) },
-        CommandForm::SetSingleBlock { on } => Command::SetSingleBlock(on),
-        CommandForm::Shutdown => Command::Shutdown,
-    };
-    Ok((record.id, command))
-}
-
-/// Why a command cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum CommandError {
-    #[error("the command is not understood: {0}")]
-    Json(#[from] serde_json::Error),
-    #[error("the path of a single block is not whole: {0}")]
-    Path(String),
-    #[error("the path of program {program_id}, revision {revision}, is not at hand")]
-    UnknownPath { program_id: String, revision: u64 },
 }
 
 /// Why a record cannot be played again.
@@ -343,6 +195,7 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::driver::{Command, JogRequest, Overrides, RestRequest, RunRequest};
     use cnc_msgs::geometry::AxisSet;
 
     #[test]

@@ -11,6 +11,7 @@ mod follow;
 mod mdi;
 mod parameters;
 mod path;
+mod services;
 mod source;
 mod traffic;
 mod viewers;
@@ -23,15 +24,11 @@ use crate::driver::{
 };
 use crate::journal::Entry;
 use crate::serial::{Event, Serial};
-use cnc_msgs::interface::Service;
 use cnc_msgs::machine::MachineState;
 use cnc_msgs::wire::cnc_msgs::srv::{GetProgramChunks, GetTraffic};
-use cnc_msgs::wire::std_msgs::msg::Bool;
-use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
-use edges::Edges;
 use path::{Paths, Planned};
-use runtime::commands::{Answer, CommandLog};
-use runtime::{Client, Handle, Health, HealthLevel, NodeResult, Qos, RequestInfo, RosTime};
+use runtime::commands::CommandLog;
+use runtime::{Client, Handle, Health, HealthLevel, NodeResult, Qos, RosTime};
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -113,7 +110,7 @@ async fn start(node: Handle) -> NodeResult {
         }
     });
 
-    offer_services(&node, &driver)?;
+    services::offer(&node, &driver)?;
     by_hand::offer(&node, &driver)?;
     mdi::offer(&node, &driver)?;
     let shared = traffic.clone();
@@ -125,7 +122,7 @@ async fn start(node: Handle) -> NodeResult {
         let (driver, paths) = (Arc::clone(&shared), paths.clone());
         handle.spawn("rest of a run", async move { driver.take_rest(&paths, of, planned).await });
     })?;
-    offer_tool_change(&node, &driver, &paths)?;
+    services::offer_tool_change(&node, &driver, &paths)?;
     follow::follow(&node, &driver)?;
     actions::offer(&node, &driver, paths)?;
     let shared = Arc::clone(&driver);
@@ -347,74 +344,4 @@ fn told(reply: Reply) -> (bool, u16, String) {
         Ok(message) => (true, 0, message),
         Err(Refusal { error_code, message }) => (false, error_code, message),
     }
-}
-
-/// The tool that was asked for is in the spindle: is it the one that was planned with?
-fn offer_tool_change(node: &Handle, driver: &Arc<Driver>, paths: &Paths) -> NodeResult {
-    const NAME: &str = "confirm_tool_change";
-    let (driver, paths) = (Arc::clone(driver), paths.clone());
-    node.concurrent_service::<Trigger, _, _>(NAME, move |request, info: RequestInfo| {
-        let (driver, paths) = (Arc::clone(&driver), paths.clone());
-        async move {
-            let wanted = driver.state.borrow().tool_wanted;
-            let command = Command::ConfirmToolChange { objection: paths.objection(wanted) };
-            let (success, error_code, message) = told(driver.ask(command, REPLY_WITHIN).await);
-            let answer = Answer { success, error_code, message: &message };
-            driver.commands.record(NAME, Trigger::TYPE_NAME, &info, &request, answer);
-            TriggerResponse { success, message }
-        }
-    })?;
-    Ok(())
-}
-
-fn offer_services(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
-    for (name, command) in [
-        ("feed_hold", Command::FeedHold),
-        ("resume", Command::Resume),
-        ("soft_reset", Command::SoftReset),
-        ("unlock", Command::Unlock),
-        ("door_hold", Command::DoorHold),
-        ("sleep", Command::Sleep),
-    ] {
-        let driver = Arc::clone(driver);
-        node.concurrent_service::<Trigger, _, _>(name, move |request, info: RequestInfo| {
-            let (driver, command) = (Arc::clone(&driver), command.clone());
-            async move {
-                let (success, error_code, message) = told(driver.ask(command, REPLY_WITHIN).await);
-                let answer = Answer { success, error_code, message: &message };
-                driver.commands.record(name, Trigger::TYPE_NAME, &info, &request, answer);
-                TriggerResponse { success, message }
-            }
-        })?;
-    }
-    let shared = Arc::clone(driver);
-    node.service::<SetBool, _, _>("single_block", move |request, info: RequestInfo| {
-        let driver = Arc::clone(&shared);
-        async move {
-            let reply = driver.ask(Command::SetSingleBlock(request.data), REPLY_WITHIN).await;
-            let (success, error_code, message) = told(reply);
-            let answer = Answer { success, error_code, message: &message };
-            driver.commands.record("single_block", SetBool::TYPE_NAME, &info, &request, answer);
-            SetBoolResponse { success, message }
-        }
-    })?;
-    // Topics work across every middleware; a hold must.
-    let mut holds = node.subscription::<Bool>("feed_hold", Qos::DEFAULT)?;
-    let driver = Arc::clone(driver);
-    node.spawn("feed_hold", async move {
-        let mut edges = Edges::default();
-        loop {
-            let (hold, info) = holds.next().await;
-            if !edges.rises(info.publisher, hold.data) {
-                continue;
-            }
-            let reply = driver.ask(Command::FeedHold, REPLY_WITHIN).await;
-            if let Err(refusal) = reply {
-                tracing::error!("feed hold by topic: {}", refusal.message);
-                // It did not hold: the next wish counts.
-                edges.rises(info.publisher, false);
-            }
-        }
-    });
-    Ok(())
 }

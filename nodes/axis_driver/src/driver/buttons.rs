@@ -1,0 +1,108 @@
+//! Hold, door, resume, reset: what acts at once, in any state that listens.
+
+use super::command::{Answer, done, refused};
+use super::stop::HoldWatch;
+use super::{Driver, Phase, Refusal, RunOutcome};
+use crate::codes::error_code;
+use crate::link::realtime;
+use crate::report::ControllerState;
+
+impl Driver {
+    pub(super) fn feed_hold(&mut self) -> Answer {
+        if let Phase::Closed { reason } = &self.phase {
+            return refused(error_code::NOT_CONNECTED, reason.clone());
+        }
+        self.link.send_realtime(realtime::FEED_HOLD);
+        self.hold = Some(HoldWatch::default());
+        if let Phase::Running(run) = &mut self.phase {
+            run.set_held(true);
+        }
+        let is_homing = match &self.phase {
+            Phase::Running(run) => run.is_homing(),
+            Phase::Errand(errand) => errand.is_homing(),
+            _ => false,
+        };
+        if is_homing {
+            return done("feed hold was sent, but homing does not listen to it: use soft_reset");
+        }
+        done("feed hold was sent")
+    }
+
+    pub(super) fn door_hold(&mut self) -> Answer {
+        if let Phase::Closed { reason } = &self.phase {
+            return refused(error_code::NOT_CONNECTED, reason.clone());
+        }
+        self.link.send_realtime(realtime::SAFETY_DOOR);
+        if let Phase::Running(run) = &mut self.phase {
+            run.set_held(true);
+        }
+        done("what an opened door does was sent: machine_state shows DOOR; resume goes on")
+    }
+
+    pub(super) fn resume(&mut self) -> Answer {
+        let is_held = self.machine.is_held();
+        if self.machine.is_state(&ControllerState::Hold) && !is_held {
+            // The controller passes over a resume then.
+            return refused(error_code::BUSY, "the machine is still coming to a stop: try again");
+        }
+        match &mut self.phase {
+            Phase::Ready | Phase::Errand(_) if is_held => {}
+            Phase::Running(run) if run.is_stopping() => {
+                return refused(error_code::BUSY, "the run is being stopped");
+            }
+            Phase::Running(run) if run.rest.is_some() => {
+                let text = "the rest of the program is being checked: try again";
+                return refused(error_code::BUSY, text);
+            }
+            Phase::Running(run) if is_held || run.is_held() => {
+                run.set_held(false);
+                run.hold_reason = None;
+            }
+            Phase::Running(run) if run.is_at_block_end() => {
+                run.go_on();
+                return done("the run goes on with the next block");
+            }
+            Phase::Running(run) if run.is_changing_tool() => {
+                let text = "a tool is being changed: confirm_tool_change goes on";
+                return refused(error_code::NOTHING_TO_DO, text);
+            }
+            Phase::Ready | Phase::Running(_) => {
+                return refused(error_code::NOTHING_TO_DO, "the machine does not hold");
+            }
+            _ => return self.obstacle().map(Err),
+        }
+        self.hold = None;
+        self.link.send_realtime(realtime::RESUME);
+        done("resume was sent")
+    }
+
+    pub(super) fn soft_reset(&mut self, id: u64) -> Answer {
+        if let Phase::Closed { reason } = &self.phase {
+            return refused(error_code::NOT_CONNECTED, reason.clone());
+        }
+        self.machine.needs_acknowledgement = false;
+        let interrupted = Refusal::new(error_code::SOFT_RESET, "interrupted by a soft reset");
+        match &self.phase {
+            Phase::Running(run) if run.is_proving() => {
+                let Refusal { error_code, message } = interrupted;
+                self.end_run(RunOutcome::Aborted, error_code, message, Phase::Ready);
+            }
+            Phase::Running(_) => {
+                self.reset_run(id);
+                return None;
+            }
+            Phase::Errand(_) => self.end_errand(Err(interrupted), Phase::Ready),
+            Phase::Connecting(connecting) => {
+                if let Some(id) = connecting.reply_to() {
+                    self.reply(id, Err(interrupted));
+                }
+            }
+            _ => {}
+        }
+        if self.machine.is_moving() {
+            self.machine.is_homed = false;
+        }
+        self.begin_reset(Some(id));
+        None
+    }
+}

@@ -1,0 +1,83 @@
+//! The buttons of the machine: services without arguments, and the hold by topic.
+
+use super::edges::Edges;
+use super::path::Paths;
+use super::{Driver, REPLY_WITHIN, told};
+use crate::driver::Command;
+use cnc_msgs::interface::Service;
+use cnc_msgs::wire::std_msgs::msg::Bool;
+use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
+use runtime::commands::Answer;
+use runtime::{Handle, NodeResult, Qos, RequestInfo};
+use std::sync::Arc;
+
+/// The tool that was asked for is in the spindle: is it the one that was planned with?
+pub(super) fn offer_tool_change(node: &Handle, driver: &Arc<Driver>, paths: &Paths) -> NodeResult {
+    const NAME: &str = "confirm_tool_change";
+    let (driver, paths) = (Arc::clone(driver), paths.clone());
+    node.concurrent_service::<Trigger, _, _>(NAME, move |request, info: RequestInfo| {
+        let (driver, paths) = (Arc::clone(&driver), paths.clone());
+        async move {
+            let wanted = driver.state.borrow().tool_wanted;
+            let command = Command::ConfirmToolChange { objection: paths.objection(wanted) };
+            let (success, error_code, message) = told(driver.ask(command, REPLY_WITHIN).await);
+            let answer = Answer { success, error_code, message: &message };
+            driver.commands.record(NAME, Trigger::TYPE_NAME, &info, &request, answer);
+            TriggerResponse { success, message }
+        }
+    })?;
+    Ok(())
+}
+
+/// Offers the buttons, single block, and the hold by topic.
+pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
+    for (name, command) in [
+        ("feed_hold", Command::FeedHold),
+        ("resume", Command::Resume),
+        ("soft_reset", Command::SoftReset),
+        ("unlock", Command::Unlock),
+        ("door_hold", Command::DoorHold),
+        ("sleep", Command::Sleep),
+    ] {
+        let driver = Arc::clone(driver);
+        node.concurrent_service::<Trigger, _, _>(name, move |request, info: RequestInfo| {
+            let (driver, command) = (Arc::clone(&driver), command.clone());
+            async move {
+                let (success, error_code, message) = told(driver.ask(command, REPLY_WITHIN).await);
+                let answer = Answer { success, error_code, message: &message };
+                driver.commands.record(name, Trigger::TYPE_NAME, &info, &request, answer);
+                TriggerResponse { success, message }
+            }
+        })?;
+    }
+    let shared = Arc::clone(driver);
+    node.service::<SetBool, _, _>("single_block", move |request, info: RequestInfo| {
+        let driver = Arc::clone(&shared);
+        async move {
+            let reply = driver.ask(Command::SetSingleBlock(request.data), REPLY_WITHIN).await;
+            let (success, error_code, message) = told(reply);
+            let answer = Answer { success, error_code, message: &message };
+            driver.commands.record("single_block", SetBool::TYPE_NAME, &info, &request, answer);
+            SetBoolResponse { success, message }
+        }
+    })?;
+    // Topics work across every middleware; a hold must.
+    let mut holds = node.subscription::<Bool>("feed_hold", Qos::DEFAULT)?;
+    let driver = Arc::clone(driver);
+    node.spawn("feed_hold", async move {
+        let mut edges = Edges::default();
+        loop {
+            let (hold, info) = holds.next().await;
+            if !edges.rises(info.publisher, hold.data) {
+                continue;
+            }
+            let reply = driver.ask(Command::FeedHold, REPLY_WITHIN).await;
+            if let Err(refusal) = reply {
+                tracing::error!("feed hold by topic: {}", refusal.message);
+                // It did not hold: the next wish counts.
+                edges.rises(info.publisher, false);
+            }
+        }
+    });
+    Ok(())
+}
