@@ -270,6 +270,10 @@ impl Driver {
         };
         let told = self.machine.status.as_ref().and_then(|status| status.line);
         let Phase::Running(run) = &mut self.phase else { return };
+        // A reset empties the planner without cutting what it held.
+        if run.is_resetting() {
+            return;
+        }
         if run.is_check() {
             self.machine.line = run.line();
             return;

@@ -97,7 +97,7 @@ impl Driver {
         match &mut self.phase {
             Phase::Closed { .. } => {}
             Phase::Connecting(_) => self.on_connect_banner(text),
-            Phase::Running(run) if run.is_resetting() => self.finish_stop(),
+            Phase::Running(run) if run.is_resetting() => self.on_stop_banner(),
             Phase::Running(_) => {
                 let message = format!(
                     "the controller restarted in the middle of the run ({text}); its position is lost: home"

@@ -43,8 +43,18 @@ pub(super) struct Stopping {
 
 #[derive(Debug)]
 enum Step {
-    Holding { since: Duration, reports: u32, idle_reports: u32 },
-    Resetting { until: Duration },
+    Holding {
+        since: Duration,
+        reports: u32,
+        idle_reports: u32,
+    },
+    Resetting {
+        until: Duration,
+    },
+    /// It has started anew; whoever waits for the end can rely on the state then.
+    Reporting {
+        until: Duration,
+    },
 }
 
 /// A hold outside a stop that has not shown in the reports yet.
@@ -65,21 +75,24 @@ impl Stopping {
     pub(super) fn until(&self) -> Duration {
         match self.step {
             Step::Holding { since, .. } => since + STANDSTILL,
-            Step::Resetting { until } => until,
+            Step::Resetting { until } | Step::Reporting { until } => until,
         }
     }
 
     pub(super) fn describe(&self) -> String {
         match self.step {
             Step::Holding { .. } => format!("STOPPING: {}", self.verdict.message),
-            Step::Resetting { .. } => format!("RESETTING: {}", self.verdict.message),
+            Step::Resetting { .. } | Step::Reporting { .. } => {
+                format!("RESETTING: {}", self.verdict.message)
+            }
         }
     }
 }
 
 impl Run {
     pub(super) fn is_resetting(&self) -> bool {
-        matches!(&self.stage, Stage::Stopping(Stopping { step: Step::Resetting { .. }, .. }))
+        let Stage::Stopping(Stopping { step, .. }) = &self.stage else { return false };
+        matches!(step, Step::Resetting { .. } | Step::Reporting { .. })
     }
 
     pub(super) fn add_to_verdict(&mut self, text: &str) {
@@ -152,7 +165,11 @@ impl Driver {
         let (is_held, is_moving) = (self.machine.is_held(), self.machine.is_moving());
         let Phase::Running(run) = &mut self.phase else { return };
         let Stage::Stopping(stopping) = &mut run.stage else { return };
-        let Step::Holding { since, reports, idle_reports } = &mut stopping.step else { return };
+        let (since, reports, idle_reports) = match &mut stopping.step {
+            Step::Holding { since, reports, idle_reports } => (since, reports, idle_reports),
+            Step::Resetting { .. } => return,
+            Step::Reporting { .. } => return self.finish_stop(),
+        };
         if self.now < *since + OLD_REPORTS {
             return;
         }
@@ -188,8 +205,17 @@ impl Driver {
     }
 
     /// The banner came: the machine stands and has forgotten the program.
-    pub(super) fn finish_stop(&mut self) {
+    pub(super) fn on_stop_banner(&mut self) {
         self.link.ask_status(self.now);
+        if let Phase::Running(run) = &mut self.phase
+            && let Stage::Stopping(stopping) = &mut run.stage
+        {
+            stopping.step = Step::Reporting { until: self.now + ANSWER };
+        }
+    }
+
+    /// And the first report behind it.
+    fn finish_stop(&mut self) {
         let Phase::Running(run) = &mut self.phase else { return };
         if let Stage::Stopping(stopping) = &mut run.stage
             && let Some(id) = stopping.reply.take()
