@@ -339,6 +339,48 @@ fn a_scenario_says_what_arguments_say_and_arguments_count_more() {
     assert_eq!(ends(child), 0);
 }
 
+/// Opens the port, leaves it with HUPCL on or off and the axes moved; returns what was said at first.
+fn visit(path: &Path, hangs_up: bool) -> String {
+    use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
+    let mut peer = Peer::open(path);
+    let started = Instant::now();
+    let mut heard = String::new();
+    // A bootloader does not answer.
+    while !heard.contains(">\r\n") {
+        assert!(started.elapsed() < PATIENCE, "no report in {heard:?}");
+        peer.send(b"?");
+        let mut buffer = [0; 256];
+        std::thread::sleep(Duration::from_millis(20));
+        if let Ok(count) = peer.file.read(&mut buffer) {
+            heard += std::str::from_utf8(&buffer[..count]).unwrap();
+        }
+    }
+    // Only now: what it was at the close before has been seen by then.
+    let mut termios = tcgetattr(&peer.file).unwrap();
+    termios.control_modes.set(ControlModes::HUPCL, hangs_up);
+    tcsetattr(&peer.file, OptionalActions::Now, &termios).unwrap();
+    peer.send(b"G91G0X5\nG4P0\n");
+    peer.expect("ok\r\nok\r\n");
+    heard
+}
+
+#[test]
+fn a_board_of_the_arduino_kind_resets_when_its_port_is_opened_unless_hupcl_is_off() {
+    let mut options = options();
+    options.resets_on_open = true;
+    let served = Served::start(options);
+    let is_reset = |heard: &str| {
+        let has_banner = heard.contains("Grbl 1.1h");
+        assert_eq!(has_banner, heard.contains("MPos:0.000,"), "the position goes with it: {heard}");
+        has_banner
+    };
+    assert!(is_reset(&visit(&served.path, true)), "at first");
+    assert!(is_reset(&visit(&served.path, false)), "DTR dropped at the close before");
+    assert!(!is_reset(&visit(&served.path, true)), "DTR stayed up at the close before");
+    assert!(is_reset(&visit(&served.path, true)), "DTR dropped again");
+    served.stop();
+}
+
 #[test]
 fn a_report_of_the_run_is_written_when_it_is_told_to_end() {
     let folder = tempfile::tempdir().unwrap();

@@ -22,6 +22,8 @@ pub struct FaultInjector {
     silent_until: Option<Duration>,
     cable: Cable,
     pulls: u64,
+    /// The board is held in reset, or its bootloader listens, until then.
+    boots_at: Option<Duration>,
     outgoing: VecDeque<Outgoing>,
     /// What happens to the line itself, stalls on the way out aside.
     line_events: LineEvents,
@@ -60,6 +62,7 @@ impl FaultInjector {
             silent_until: None,
             cable: Cable::Plugged,
             pulls: 0,
+            boots_at: None,
             outgoing: VecDeque::new(),
             line_events: LineEvents::default(),
             now: Duration::ZERO,
@@ -84,6 +87,13 @@ impl FaultInjector {
     /// How often the cable has been pulled.
     pub fn pulls(&self) -> u64 {
         self.pulls
+    }
+
+    /// Presses the reset button of the board: the firmware starts anew when the bootloader is done.
+    pub fn reset_board(&mut self, now: Duration, bootloader: Duration) {
+        self.advance(now);
+        self.controller.power_off();
+        self.boots_at = Some(self.now + bootloader);
     }
 
     /// Lets a fault happen at once; of bytes and answers the next one suffers.
@@ -143,8 +153,13 @@ impl FaultInjector {
         self.line_events = LineEvents { is_cut: true, ..LineEvents::default() };
     }
 
-    /// The device is back, if it is time.
+    /// The firmware starts and the device is back, if it is time.
     fn come_back(&mut self, now: Duration) {
+        if let Some(boots_at) = self.boots_at.take_if(|boots_at| *boots_at <= now) {
+            self.now = self.now.max(boots_at);
+            self.controller.advance(self.now);
+            self.controller.power_cycle();
+        }
         let Cable::Pulled { back_at, loses_power } = self.cable else { return };
         if back_at > now {
             return;
@@ -313,7 +328,8 @@ impl Device for FaultInjector {
             Cable::Pulled { back_at, .. } => Some(back_at),
             Cable::Plugged | Cable::Gone => None,
         };
-        let planned = self.next_scheduled().into_iter().chain(back).map(|at| at.max(now));
+        let planned = self.next_scheduled().into_iter().chain(back).chain(self.boots_at);
+        let planned = planned.map(|at| at.max(now));
         planned.chain(self.controller.next_event(now)).min()
     }
 }

@@ -77,6 +77,10 @@ struct Arguments {
     /// Seed of what happens by chance [default: 1]
     #[arg(long)]
     seed: Option<u64>,
+    /// Resets the board when its port is opened, as those of the Arduino kind do, unless HUPCL is
+    /// off and it was open before.
+    #[arg(long)]
+    resets_on_open: bool,
     /// Takes fault actions from standard input, one a line, and ends when it is closed.
     #[arg(long)]
     stdin: bool,
@@ -156,6 +160,7 @@ fn options(arguments: Arguments) -> Result<ServeOptions, String> {
         watches_stdin: arguments.stdin,
         parent_pid: arguments.parent_pid,
         report: arguments.report,
+        resets_on_open: scenario.resets_on_open,
         ..ServeOptions::new(build)
     })
 }
@@ -176,6 +181,7 @@ fn override_with(scenario: &mut Scenario, arguments: &Arguments) {
     scenario.baud = arguments.baud.or(scenario.baud);
     scenario.time_factor = arguments.time_factor.or(scenario.time_factor);
     scenario.fast_bytes |= arguments.fast_bytes;
+    scenario.resets_on_open |= arguments.resets_on_open;
     scenario.seed = arguments.seed.or(scenario.seed);
     scenario.faults.extend(arguments.faults.iter().cloned());
 }

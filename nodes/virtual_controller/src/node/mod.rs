@@ -4,6 +4,7 @@
 //! nothing about the controller.
 
 mod cli;
+mod opens;
 mod port;
 mod pty;
 mod report;

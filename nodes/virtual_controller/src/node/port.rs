@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::opens::Opens;
 use super::pty::{Link, Pty};
 use super::serve::ServeError;
 
@@ -9,6 +10,7 @@ use super::serve::ServeError;
 #[derive(Debug)]
 pub(super) struct Port {
     link: Option<PathBuf>,
+    watches_opens: bool,
     plugged: Option<Plugged>,
     /// What it comes back as; opened before the old one is closed, so that it is another.
     next: Option<Pty>,
@@ -17,14 +19,15 @@ pub(super) struct Port {
 #[derive(Debug)]
 struct Plugged {
     pty: Pty,
+    opens: Option<Opens>,
     _link: Option<Link>,
 }
 
 impl Port {
     /// Opens a port, with a link if there is to be one.
-    pub(super) fn open(link: Option<PathBuf>) -> Result<Self, ServeError> {
+    pub(super) fn open(link: Option<PathBuf>, watches_opens: bool) -> Result<Self, ServeError> {
         let next = Some(Pty::open().map_err(ServeError::Pty)?);
-        let mut port = Self { link, plugged: None, next };
+        let mut port = Self { link, watches_opens, plugged: None, next };
         port.plug()?;
         Ok(port)
     }
@@ -32,6 +35,19 @@ impl Port {
     /// The pseudo-terminal, while there is one.
     pub(super) fn pty(&self) -> Option<&Pty> {
         self.plugged.as_ref().map(|plugged| &plugged.pty)
+    }
+
+    /// What tells that somebody opens or closes the port, where that matters.
+    pub(super) fn opens(&self) -> Option<&Opens> {
+        self.plugged.as_ref().and_then(|plugged| plugged.opens.as_ref())
+    }
+
+    /// Has DTR risen since the last time?
+    pub(super) fn has_dtr_risen(&mut self) -> std::io::Result<bool> {
+        match &mut self.plugged {
+            Some(Plugged { pty, opens: Some(opens), .. }) => opens.has_dtr_risen(pty.hangs_up()),
+            _ => Ok(false),
+        }
     }
 
     /// The path that peers open, while there is one.
@@ -58,7 +74,11 @@ impl Port {
                     .map_err(|source| ServeError::Link { path: path.clone(), source })?,
             ),
         };
-        self.plugged = Some(Plugged { pty, _link: link });
+        let opens = match self.watches_opens {
+            true => Some(Opens::watch(pty.path()).map_err(ServeError::Pty)?),
+            false => None,
+        };
+        self.plugged = Some(Plugged { pty, opens, _link: link });
         Ok(true)
     }
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{Mode, OFlags, fchmod, fcntl_getfl, fcntl_setfl, open};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 
 /// The controller's end of a pseudo-terminal.
 ///
@@ -16,7 +16,7 @@ use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 #[derive(Debug)]
 pub(super) struct Pty {
     controller: OwnedFd,
-    _slave: OwnedFd,
+    slave: OwnedFd,
     path: PathBuf,
 }
 
@@ -31,15 +31,23 @@ impl Pty {
         let slave = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
         let mut termios = tcgetattr(&slave)?;
         termios.make_raw();
+        // As every serial port begins.
+        termios.control_modes.insert(ControlModes::HUPCL);
         tcsetattr(&slave, OptionalActions::Now, &termios)?;
         fchmod(&slave, Mode::RUSR | Mode::WUSR)?;
         fcntl_setfl(&controller, fcntl_getfl(&controller)? | OFlags::NONBLOCK)?;
-        Ok(Self { controller, _slave: slave, path })
+        Ok(Self { controller, slave, path })
     }
 
     /// The path that peers open.
     pub(super) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Would the last close drop DTR, if there were one?
+    pub(super) fn hangs_up(&self) -> bool {
+        tcgetattr(&self.slave)
+            .is_ok_and(|termios| termios.control_modes.contains(ControlModes::HUPCL))
     }
 
     /// Reads what the peer has written; nothing there is no error.

@@ -19,6 +19,9 @@ const BACKLOG_BYTES_MAX: usize = 4096;
 /// Bytes to a peer that does not read before they are lost, as on a real line.
 const UNREAD_BYTES_MAX: usize = 16 * 1024;
 
+/// How long a bootloader listens before it starts the firmware.
+const BOOTLOADER: Duration = Duration::from_millis(1500);
+
 /// What to run.
 #[derive(Debug, Clone)]
 pub struct ServeOptions {
@@ -36,6 +39,8 @@ pub struct ServeOptions {
     pub watches_stdin: bool,
     /// Stop when this process ends.
     pub parent_pid: Option<i32>,
+    /// Does the board reset when the port is opened, as those of the Arduino kind do?
+    pub resets_on_open: bool,
     /// Where the counts are written at the end, as JSON.
     pub report: Option<PathBuf>,
 }
@@ -51,6 +56,7 @@ impl ServeOptions {
             link: None,
             watches_stdin: false,
             parent_pid: None,
+            resets_on_open: false,
             report: None,
         }
     }
@@ -104,7 +110,7 @@ pub fn serve(
         // An hour of run is not to end with a folder that is not there.
         report::check(path).map_err(|source| ServeError::Report { path: path.clone(), source })?;
     }
-    let port = Port::open(options.link)?;
+    let port = Port::open(options.link, options.resets_on_open)?;
     let parent = options.parent_pid.map(watch).transpose()?;
     let controller = Controller::with_build(options.build);
     let injector = FaultInjector::new(controller, options.faults, options.seed);
@@ -167,6 +173,10 @@ impl Server {
                 return Ok(());
             }
             self.follow_cable(&mut ready)?;
+            if self.port.has_dtr_risen()? {
+                let device_now = self.line.device_time(now);
+                self.line.device_mut().reset_board(device_now, BOOTLOADER);
+            }
 
             let mut pty_events = PollFlags::empty();
             if self.line.backlog() < BACKLOG_BYTES_MAX {
@@ -185,6 +195,8 @@ impl Server {
             fds.extend(
                 self.port.pty().map(|pty| PollFd::from_borrowed_fd(pty.as_fd(), pty_events)),
             );
+            let opens_at = fds.len();
+            fds.extend(self.port.opens().map(|opens| PollFd::new(opens, PollFlags::IN)));
             let timeout = self.line.next_event().map(|at| timespec(at.saturating_sub(now)));
             match poll(&mut fds, timeout.as_ref()) {
                 Ok(_) | Err(rustix::io::Errno::INTR) => {}
@@ -192,7 +204,8 @@ impl Server {
             }
             let is_ready = |at: usize| fds.get(at).is_some_and(|fd| !fd.revents().is_empty());
             let is_over = (0..stdin_at).any(is_ready);
-            let has_bytes = is_ready(pty_at);
+            // Whoever opens the port comes before what is sent through it.
+            let has_bytes = is_ready(pty_at) && !is_ready(opens_at);
             let has_typed = self.watches_stdin && is_ready(stdin_at);
             drop(fds);
             if is_over {

@@ -58,6 +58,8 @@ pub struct Scenario {
     pub time_factor: Option<f64>,
     /// Do bytes go faster by the same factor?
     pub fast_bytes: bool,
+    /// Does the board reset when its port is opened?
+    pub resets_on_open: bool,
     /// Decides what happens by chance.
     pub seed: Option<u64>,
     /// What goes wrong.

@@ -28,6 +28,7 @@ fn the_example_is_one_and_has_all_keys() {
         "baud",
         "time_factor",
         "fast_bytes",
+        "resets_on_open",
         "seed",
         "faults",
     ] {

@@ -1,0 +1,61 @@
+//! Who opens the port: on some boards that resets them.
+//!
+//! The kernel raises DTR when a port is opened and drops it at the last close,
+//! unless HUPCL is off; a board of the Arduino kind resets when it rises. A
+//! pseudo-terminal has no such line: it is made up here from what is opened and
+//! closed. Two openings within a poll may be seen as one.
+
+use std::io;
+use std::mem::MaybeUninit;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::path::Path;
+
+use rustix::fs::inotify::{CreateFlags, ReadFlags, Reader, WatchFlags, add_watch, init};
+use rustix::io::Errno;
+
+/// Openings and closings of a port since it was made.
+#[derive(Debug)]
+pub(super) struct Opens {
+    inotify: OwnedFd,
+    open: u32,
+    is_dtr_up: bool,
+}
+
+impl Opens {
+    pub(super) fn watch(path: &Path) -> io::Result<Self> {
+        let inotify = init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC)?;
+        let events = WatchFlags::OPEN | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE;
+        add_watch(&inotify, path, events)?;
+        Ok(Self { inotify, open: 0, is_dtr_up: false })
+    }
+
+    /// Returns whether DTR has risen since the last time; the flag: does it drop at a last close?
+    pub(super) fn has_dtr_risen(&mut self, drops: bool) -> io::Result<bool> {
+        let mut has_risen = false;
+        let mut buffer = [MaybeUninit::uninit(); 512];
+        let mut events = Reader::new(&self.inotify, &mut buffer);
+        loop {
+            let event = match events.next() {
+                Ok(event) => event.events(),
+                Err(Errno::WOULDBLOCK | Errno::INTR) => return Ok(has_risen),
+                Err(error) => return Err(error.into()),
+            };
+            if event.contains(ReadFlags::OPEN) {
+                self.open += 1;
+                has_risen |= !self.is_dtr_up;
+                self.is_dtr_up = true;
+            } else if event.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
+                self.open = self.open.saturating_sub(1);
+                if self.open == 0 && drops {
+                    self.is_dtr_up = false;
+                }
+            }
+        }
+    }
+}
+
+impl AsFd for Opens {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.inotify.as_fd()
+    }
+}
