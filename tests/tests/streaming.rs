@@ -1,5 +1,7 @@
 //! The machine is kept fed: how much of the line's byte rate short segments get.
 //!
+//! And that nothing is lost, doubled or left standing on the way.
+//!
 //! In time that only the test moves, so that the figures are exact and the same on every
 //! machine. `cargo bench -p kerf --bench streaming` shows the same on a pseudo-terminal.
 
@@ -8,7 +10,7 @@ use cnc_msgs::path::CompensatedPath;
 use kerf_tests::line::{Line, short_segments};
 use std::sync::Arc;
 use std::time::Duration;
-use virtual_controller::{Build, Settings};
+use virtual_controller::{Build, Firmware, Settings};
 
 /// A machine that is fast enough to leave the line as the bottleneck.
 fn fast() -> Build {
@@ -77,5 +79,38 @@ fn what_is_queued_before_a_hold_takes_no_longer_than_it_may() {
             line.until("a hold", |line| line.mode() == cnc_msgs::machine::Mode::Hold);
             while !line.ask_resume() {}
         }
+    }
+}
+
+#[test]
+fn every_line_is_sent_once_answered_and_cut_and_the_machine_never_waits_for_us() {
+    // `KERF_SOAK_LINES=1000000 cargo test --release -p kerf_tests --test streaming` is an
+    // hour and more of machine time.
+    let lines = std::env::var("KERF_SOAK_LINES").ok().and_then(|text| text.parse().ok());
+    let lines: u32 = lines.unwrap_or(6_000);
+    for firmware in Firmware::ALL {
+        let mut line = Line::connected(Build::new(Settings::small_router_of(firmware)));
+        line.forget_written();
+        let before = line.controller.device().controller().counts().clone();
+        let mut path = short_segments(lines, 0.4);
+        // Fast enough to need many lines a second, slow enough for the line to feed it.
+        path.elements.iter_mut().for_each(|element| element.feed_mm_per_min = Some(4_000.0));
+        line.start(path, 0);
+        let result = line.result();
+        assert_eq!((result.outcome, result.last_line), (RunOutcome::Succeeded, lines));
+        let after = line.controller.device().controller().counts().clone();
+        // With the preamble and the dwell at the end.
+        let count = u64::from(lines);
+        assert_eq!(after.lines_read - before.lines_read, count + 2, "{firmware:?}");
+        assert_eq!(after.oks - before.oks, count + 2, "{firmware:?}");
+        assert_eq!(after.motions_finished - before.motions_finished, count, "{firmware:?}");
+        assert_eq!(
+            (after.errors, after.bytes_lost, after.underruns, after.alarms),
+            (0, 0, 0, 0),
+            "{firmware:?}: {}",
+            after.to_json()
+        );
+        let window = line.driver.window();
+        assert!(after.receive_buffer_bytes_max <= window, "{firmware:?}: {}", after.to_json());
     }
 }
