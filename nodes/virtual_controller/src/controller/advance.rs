@@ -261,7 +261,7 @@ impl Controller {
                 }
                 self.work();
                 if std::mem::take(&mut self.has_pending_report) {
-                    self.report_status();
+                    self.report_status_now();
                 }
                 if std::mem::take(&mut self.has_pending_hold) {
                     self.feed_hold();
