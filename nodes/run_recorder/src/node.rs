@@ -32,6 +32,9 @@ const JOURNAL_LAG: Duration = Duration::from_millis(60);
 const MANIFESTS_WITHIN: Duration = Duration::from_secs(3);
 /// How long the inputs of a run that has ended may take to arrive.
 const INPUTS_WITHIN: Duration = Duration::from_secs(30);
+/// How long a disk may take to accept what a bag begins with, and how often that is looked at.
+const BEGUN_WITHIN: Duration = Duration::from_secs(4);
+const BEGUN_PERIOD: Duration = Duration::from_millis(5);
 /// How long closing a bag may take.
 const CLOSE_WITHIN: Duration = Duration::from_secs(20);
 /// Samples of one topic that may wait unread.
@@ -213,23 +216,24 @@ impl Recorder {
         match opened {
             Ok(open) => {
                 tracing::info!("recording to {}", open.bag.path().display());
-                let message = open.message(self.node.now());
                 let wanted = open.wanted_before();
                 state.open = Some(open);
+                let run = state.run;
                 drop(state);
-                self.publish(message);
                 let shared = Arc::clone(self);
-                let run = self.state().run;
                 self.node.spawn("inputs of the run", async move {
+                    shared.tell_of_beginning(run).await;
                     shared.fetch_inputs(run, wanted).await;
                 });
             }
             Err(error) => {
                 drop(state);
                 tracing::error!("the run is not recorded: {error}");
+                let now = self.node.now();
                 self.publish(Recording {
+                    run_id: store::run_id(now, goal),
                     reason: error.to_string(),
-                    stamp: self.node.now().into(),
+                    stamp: now.into(),
                     ..Recording::default()
                 });
             }
@@ -238,6 +242,24 @@ impl Recorder {
             let shared = Arc::clone(self);
             self.node.spawn("bag of the run before", async move { shared.finish(before).await });
         }
+    }
+
+    /// Says that it records, when the disk has taken what a bag begins with, or that it does
+    /// not: others wait for this before they begin.
+    async fn tell_of_beginning(&self, run: u64) {
+        let end = tokio::time::Instant::now() + BEGUN_WITHIN;
+        loop {
+            let is_decided = {
+                let state = self.state();
+                let open = state.open.as_ref().filter(|_| state.run == run);
+                open.is_none_or(OpenRun::is_decided)
+            };
+            if is_decided || tokio::time::Instant::now() >= end {
+                break;
+            }
+            tokio::time::sleep(BEGUN_PERIOD).await;
+        }
+        self.publish_progress();
     }
 
     fn end(self: &Arc<Self>) {
@@ -325,7 +347,10 @@ impl Recorder {
 
     fn publish_progress(&self) {
         let now = self.node.now();
-        let message = self.state().open.as_ref().map(|open| open.message(now));
+        let message = {
+            let state = self.state();
+            state.open.as_ref().filter(|open| open.is_decided()).map(|open| open.message(now))
+        };
         if let Some(message) = message {
             self.publish(message);
         }

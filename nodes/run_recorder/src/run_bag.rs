@@ -85,6 +85,8 @@ pub struct RecordingStatus {
     pub bytes_waiting: usize,
     /// The first error of the disk; nothing is written after it.
     pub error: Option<String>,
+    /// What was there before [`RunBag::begin`] is in the file.
+    pub has_begun: bool,
     /// The file is closed, with index, footer and metadata.yaml.
     pub is_finished: bool,
     /// Nothing is known to be missing.
@@ -210,6 +212,11 @@ impl RunBag {
         values: BTreeMap<String, String>,
     ) -> Result<(), RunBagError> {
         self.put(Command::Metadata(name.to_owned(), values))
+    }
+
+    /// Has all that was handed over written now; the status tells when it is, or why not.
+    pub fn begin(&self) -> Result<(), RunBagError> {
+        self.put(Command::Begun)
     }
 
     /// Notes that something is missing that only the caller knows of, and why.

@@ -44,6 +44,8 @@ pub(crate) enum Command {
     },
     Attachment(BagAttachment),
     Metadata(String, BTreeMap<String, String>),
+    /// All that came before is to be in the file, and to be told of.
+    Begun,
 }
 
 impl Command {
@@ -53,7 +55,7 @@ impl Command {
                 Self::Message { data, .. } => data.len(),
                 Self::Attachment(attachment) => attachment.data.len(),
                 Self::Channel(spec) => spec.schema_text.len(),
-                Self::Metadata(..) => 0,
+                Self::Metadata(..) | Self::Begun => 0,
             }
     }
 }

@@ -35,6 +35,7 @@ pub(crate) struct End {
     pub(crate) topics: Vec<String>,
     pub(crate) noted: Vec<String>,
     pub(crate) error: Option<String>,
+    pub(crate) has_begun: bool,
     pub(crate) is_over: bool,
     pub(crate) is_finished: bool,
 }
@@ -65,6 +66,7 @@ impl Shared {
             bytes_written: self.bytes_written.load(Ordering::Relaxed),
             bytes_waiting: self.queue.waiting_bytes(),
             error: end.error.clone(),
+            has_begun: end.has_begun,
             is_finished: end.is_finished,
             complete: reasons.is_empty(),
             reasons,
@@ -206,6 +208,11 @@ impl<W: Write> Pen<'_, W> {
             }
             Command::Attachment(attachment) => self.writer.attach(attachment),
             Command::Metadata(name, values) => self.writer.write_metadata(name, values),
+            Command::Begun => {
+                self.flush()?;
+                lock(&self.shared.end).has_begun = true;
+                Ok(())
+            }
         }
     }
 

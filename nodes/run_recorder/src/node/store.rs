@@ -199,7 +199,15 @@ impl OpenRun {
         for (index, kept) in kept {
             open.write(index, &store.topics[index].spec.type_name, kept);
         }
+        // A disk that has failed already is told of by the status.
+        let _ = open.bag.begin();
         Ok(open)
+    }
+
+    /// Whether it is known that the disk takes what is written, or that it does not.
+    pub(super) fn is_decided(&self) -> bool {
+        let status = self.bag.status();
+        status.has_begun || status.error.is_some()
     }
 
     /// What has to be fetched; taken once.
@@ -359,7 +367,7 @@ fn nanoseconds(stamp: &Time) -> u64 {
 }
 
 /// `run_20261121_004500_1a2b3c4d`: UTC and the beginning of the goal's id.
-fn run_id(now: RosTime, goal: [u8; 16]) -> String {
+pub(super) fn run_id(now: RosTime, goal: [u8; 16]) -> String {
     let (sec, _) = now.parts();
     let (days, second) = (i64::from(sec).div_euclid(86_400), i64::from(sec).rem_euclid(86_400));
     let (year, month, day) = civil_from_days(days);

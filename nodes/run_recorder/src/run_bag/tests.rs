@@ -50,6 +50,32 @@ fn bag_on(directory: &Path, room: usize, gate: Arc<Mutex<Vec<u8>>>, limits: Queu
 }
 
 #[test]
+fn a_bag_has_begun_when_the_disk_has_taken_what_it_begins_with() {
+    let parent = tempfile::tempdir().unwrap();
+    let begun = |name: &str, room: usize| {
+        let directory = parent.path().join(name);
+        let bag = bag_on(&directory, room, Arc::default(), QueueLimits::default());
+        let channel = bag.add_channel(&spec("/a")).unwrap();
+        assert!(bag.write(channel, 1, 1, vec![0, 1, 0, 0, 7]));
+        assert!(!bag.status().has_begun);
+        // One that has failed already is closed.
+        let _ = bag.begin();
+        let end = Instant::now() + LONG;
+        while !bag.status().has_begun && bag.status().error.is_none() {
+            assert!(Instant::now() < end, "neither begun nor failed");
+            thread::sleep(Duration::from_millis(1));
+        }
+        bag.status()
+    };
+    let good = begun("good", usize::MAX);
+    assert!(good.has_begun && good.complete && good.bytes_written > 0, "{good:?}");
+    for room in [0, 100, 300] {
+        let full = begun(&format!("full_{room}"), room);
+        assert!(!full.has_begun && !full.complete, "{full:?}");
+    }
+}
+
+#[test]
 fn a_run_is_a_directory_with_a_finished_file_and_metadata() {
     let parent = tempfile::tempdir().unwrap();
     let mut options = RunBagOptions::new(parent.path().join("bags"), "run_1");
