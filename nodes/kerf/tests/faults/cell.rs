@@ -176,6 +176,14 @@ impl Cell {
         });
     }
 
+    /// Waits until a run can be taken.
+    #[track_caller]
+    pub(crate) fn until_ready(&self) -> MachineState {
+        self.commander.until("an idle machine", |state| {
+            state.state == MachineState::STATE_IDLE && state.reason.is_empty()
+        })
+    }
+
     /// What the driver has written since then, without its questions for status.
     pub(crate) fn told_since(&self, moment: Moment) -> String {
         self.wire.told_since(moment.wire)
@@ -245,11 +253,12 @@ impl Cell {
     /// Fails unless a run is taken, and ends it.
     #[track_caller]
     pub(crate) fn runs_again(&self) {
+        self.until_ready();
         let run = self.run_into_the_midst();
         self.commander.cancel();
         let result = self.result(run);
         assert_eq!(result.outcome, RunProgramResult::OUTCOME_CANCELED, "{result:?}");
-        self.commander.until_mode("IDLE");
+        self.until_ready();
     }
 }
 

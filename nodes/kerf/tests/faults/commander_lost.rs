@@ -84,7 +84,7 @@ fn goes_on(cell: &Cell, moment: Moment) {
     let told = cell.told_since(moment);
     assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
     cell.commander.cancel();
-    cell.commander.until_mode("IDLE");
+    cell.until_ready();
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn a_run_whose_commander_dies_is_held_until_another_resumes_it() {
 fn a_run_whose_commander_dies_is_ended_where_that_is_wanted() {
     let test = "commander_lost::a_run_whose_commander_dies_is_ended_where_that_is_wanted";
     let (cell, moment) = orphan(test, true, "hold_then_abort");
-    let idle = cell.commander.until_mode("IDLE");
+    let idle = cell.until_ready();
     assert!(cell.modes_since(moment).contains(&"HOLD"), "{:?}", cell.modes_since(moment));
     assert_eq!(cell.told_behind_hold(moment), "\\x18");
     cell.stands_in(idle.line);

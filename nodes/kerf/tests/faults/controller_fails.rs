@@ -13,7 +13,7 @@ fn homed(settings: &[&str]) -> Cell {
     let cell = Cell::new(&Plan { controller: &controller, ..Plan::default() });
     cell.commander.until_mode("ALARM");
     assert!(cell.commander.home().success);
-    assert!(cell.commander.until_mode("IDLE").is_homed);
+    assert!(cell.until_ready().is_homed);
     cell
 }
 
@@ -40,7 +40,7 @@ fn a_controller_that_starts_anew_in_a_run_has_to_be_homed() {
     let behind = moment.wire + banner.expect("a start message");
     assert_eq!(cell.wire.told_since(behind), "$I\\n$$\\n$G\\n$#\\n");
     assert!(cell.commander.home().success);
-    assert!(cell.commander.until_mode("IDLE").is_homed);
+    assert!(cell.until_ready().is_homed);
     cell.runs_again();
 }
 
@@ -75,7 +75,7 @@ fn an_alarm_in_a_run_locks_the_machine_until_somebody_unlocks_it() {
     assert!(!locked.is_homed, "{locked:?}");
     assert_eq!(cell.told_since(end), "\\x18$I\\n$$\\n$G\\n$#\\n");
     cell.commander.press("unlock").expect("the operator unlocks");
-    let idle = cell.commander.until_mode("IDLE");
+    let idle = cell.until_ready();
     assert!(!idle.is_homed, "{idle:?}");
     let mut locked = cell.commander.states_since(moment.states);
     locked.retain(|state| state.state != MachineState::STATE_IDLE || state.is_homed);
@@ -110,7 +110,7 @@ fn a_controller_that_goes_silent_is_unknown_and_is_held_when_it_speaks_again() {
     assert_eq!(cell.told_behind_hold(moment), "", "a hold and nothing else");
     never_idle(&cell.commander.states_since(moment.states));
     cell.commander.press("soft_reset").expect("the operator resets");
-    cell.commander.until_mode("IDLE");
+    cell.until_ready();
 
     // For ever.
     let run = cell.run_into_the_midst();
@@ -125,6 +125,6 @@ fn a_controller_that_goes_silent_is_unknown_and_is_held_when_it_speaks_again() {
     never_idle(&cell.commander.states_since(moment.states));
     cell.wire.mute(false);
     cell.commander.press("soft_reset").expect("it is back");
-    cell.commander.until_mode("IDLE");
+    cell.until_ready();
     cell.runs_again();
 }

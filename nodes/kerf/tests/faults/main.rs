@@ -20,9 +20,12 @@ mod support;
 #[allow(dead_code, reason = "each test program uses its part")]
 mod wire;
 
+mod answers;
 mod cell;
+mod clock;
 mod commander_lost;
 mod controller_fails;
+mod disk;
 mod nodes;
 mod restart;
 mod vanish;

@@ -27,7 +27,7 @@ fn a_driver_that_is_started_again_in_a_run_holds_and_does_nothing_else() {
     assert_eq!(cell.told_behind_hold(moment), "", "a hold and nothing else");
     never_idle(&cell.commander.states_since(moment.states));
     cell.commander.press("soft_reset").expect("the operator takes it over");
-    let idle = cell.commander.until_mode("IDLE");
+    let idle = cell.until_ready();
     assert!(!idle.is_homed, "{idle:?}");
     assert_eq!(cell.told_behind_hold(moment), "\\x18$I\\n$$\\n$G\\n$#\\n");
     cell.runs_again();
@@ -67,7 +67,7 @@ fn a_board_that_is_reset_by_its_port_is_told_to_be_unhomed_and_is_reset_once_onl
     assert_eq!(cell.wire.told_since(0), "\\x18$I\\n$$\\n$G\\n$#\\n");
     assert!(!cell.wire.hangs_up(), "HUPCL is cleared");
     assert!(cell.commander.home().success);
-    assert!(cell.commander.until_mode("IDLE").is_homed);
+    assert!(cell.until_ready().is_homed);
     // The next one who opens the port does not reset it.
     let moment = cell.moment();
     let openings = cell.wire.openings();

@@ -55,7 +55,7 @@ fn a_machine_that_still_moves_when_its_line_is_back_is_held_and_not_reset() {
     never_idle(&cell.commander.states_since(moment.states));
     // The half line that was left in the controller goes with the reset.
     cell.commander.press("soft_reset").expect("the operator has looked");
-    let idle = cell.commander.until_mode("IDLE");
+    let idle = cell.until_ready();
     assert!(!idle.is_homed && !idle.motion_possible, "{idle:?}");
     cell.runs_again();
 }
@@ -81,9 +81,7 @@ fn a_machine_that_stands_when_its_line_is_back_waits_for_the_operator() {
     unknown.retain(|state| !state.position_known);
     never_idle(&unknown);
     cell.commander.press("soft_reset").expect("the operator has looked");
-    cell.commander.until("an end of the matter", |state| {
-        state.state == MachineState::STATE_IDLE && state.reason.is_empty()
-    });
+    cell.until_ready();
     cell.runs_again();
 }
 
@@ -103,8 +101,6 @@ fn another_controller_behind_the_same_name_is_learnt_anew() {
     assert_eq!(cell.told_since(back), "\\x18$I\\n$$\\n$G\\n$#\\n");
     assert!(cell.refuses_to_run().contains("soft_reset"));
     cell.commander.press("soft_reset").expect("the operator has looked");
-    cell.commander.until("an end of the matter", |state| {
-        state.state == MachineState::STATE_IDLE && state.reason.is_empty()
-    });
+    cell.until_ready();
     cell.runs_again();
 }

@@ -43,6 +43,13 @@ pub(crate) struct Commander {
 #[derive(Debug)]
 pub(crate) struct Running(JoinHandle<Result<RunProgramResult, String>>);
 
+impl Running {
+    /// Whether its result is there.
+    pub(crate) fn is_over(&self) -> bool {
+        self.0.is_finished()
+    }
+}
+
 impl Commander {
     /// Joins the machine's domain and namespace.
     pub(crate) fn join(machine: &Machine) -> Self {

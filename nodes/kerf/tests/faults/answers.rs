@@ -1,0 +1,121 @@
+//! A run that is stopped, and answers that do not match: lost, doubled, damaged.
+
+use super::cell::{Cell, Plan, Serpentine, never_idle, settings};
+use super::wire::{Trouble, Writer};
+use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
+
+/// Fails unless the machine is held, stands in the line that was told, is told nothing
+/// more, and runs again when the operator has reset it.
+#[track_caller]
+fn stops_for_good(cell: &Cell, trouble: Trouble, error_code: u16, says: &str) {
+    let run = cell.run_into_the_midst();
+    let moment = cell.moment();
+    cell.wire.trouble(trouble.clone());
+    let result = cell.result(run);
+    assert!(cell.wire.is_done(), "{trouble:?} has not happened");
+    assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{trouble:?}: {result:?}");
+    assert_eq!(result.error_code, error_code, "{trouble:?}: {result:?}");
+    assert!(result.message.contains(says), "{trouble:?}: {result:?}");
+    let held = cell.commander.until_mode("HOLD");
+    assert!(held.reason.contains("soft_reset"), "{trouble:?}: {held:?}");
+    cell.stands_in(result.last_line);
+    assert_eq!(held.line, result.last_line, "{trouble:?}");
+    assert!(cell.refuses_to_run().contains("soft_reset"), "{trouble:?}");
+    assert!(cell.commander.press("resume").is_err(), "{trouble:?}");
+    let told = cell.told_behind_hold(moment);
+    assert_eq!(told, "", "{trouble:?}: nothing but a hold");
+    never_idle(&cell.commander.states_since(moment.states));
+    cell.commander.press("soft_reset").expect("the operator resets");
+    cell.until_ready();
+}
+
+const PROTOCOL: u16 = RunProgramResult::PROTOCOL;
+const REFUSED: u16 = RunProgramResult::CONTROLLER_ERROR;
+
+#[test]
+fn a_cancel_holds_and_resets_when_the_machine_stands() {
+    let cell = Cell::new(&Plan::default());
+    let run = cell.run_into_the_midst();
+    let moment = cell.moment();
+    cell.commander.cancel();
+    let result = cell.result(run);
+    assert_eq!(result.outcome, RunProgramResult::OUTCOME_CANCELED, "{result:?}");
+    assert_eq!(result.error_code, RunProgramResult::CANCELED, "{result:?}");
+    cell.stands_in(result.last_line);
+    cell.until_ready();
+    assert_eq!(cell.told_behind_hold(moment), "\\x18");
+    // No step is lost: it stood when it was reset.
+    let passed = cell.wire.passed_since(moment.wire);
+    let reset = passed.iter().position(|it| it.from == Writer::Driver && it.said.contains(&0x18));
+    let before = passed[..reset.expect("a reset")].iter().rev();
+    let mut reports = before.filter(|it| it.heard.starts_with(b"<"));
+    assert!(reports.next().expect("a report").heard.starts_with(b"<Hold:0"));
+    cell.runs_again();
+}
+
+#[test]
+fn a_hold_that_does_not_arrive_is_sent_again() {
+    let plan = Plan { time_factor: 1, program: Serpentine::LONG_LINES, ..Plan::default() };
+    let cell = Cell::new(&plan);
+    let run = cell.run_into_the_midst();
+    let moment = cell.moment();
+    cell.wire.trouble(Trouble::LoseByte(b'!'));
+    cell.commander.cancel();
+    let result = cell.result(run);
+    assert_eq!(result.outcome, RunProgramResult::OUTCOME_CANCELED, "{result:?}");
+    assert!(cell.told_since(moment).contains("!!"), "{}", cell.told_since(moment));
+    assert_eq!(cell.told_behind_hold(moment), "\\x18");
+    cell.stands_in(result.last_line);
+    cell.runs_again();
+}
+
+#[test]
+fn an_answer_that_is_lost_ends_the_run_in_a_hold() {
+    let cell = Cell::new(&Plan::default());
+    stops_for_good(&cell, Trouble::LoseOk, PROTOCOL, "answer");
+    cell.runs_again();
+}
+
+/// Lines are short, and a line is read before it is answered: nothing shows before the end,
+/// whether or not the controller reports its buffers.
+#[test]
+fn an_answer_too_many_is_never_a_success() {
+    for reports in ["$10=1\n", "$10=3\n"] {
+        let settings = settings(reports);
+        let path = settings.path().to_str().expect("UTF-8");
+        let program = Serpentine { passes: 3, ..Serpentine::SHORT_LINES };
+        let controller = ["--settings", path];
+        let cell = Cell::new(&Plan { program, controller: &controller, ..Plan::default() });
+        let run = cell.run_into_the_midst();
+        let moment = cell.moment();
+        cell.wire.trouble(Trouble::DoubleOk);
+        let result = cell.result(run);
+        assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
+        assert_eq!(result.error_code, PROTOCOL, "{result:?}");
+        cell.stands_in(result.last_line);
+        let waits = cell.commander.until("a machine that waits", |state| state.needs_reset);
+        assert!(waits.reason.contains("soft_reset"), "{waits:?}");
+        assert!(cell.refuses_to_run().contains("soft_reset"));
+        assert_eq!(cell.told_behind_hold(moment), "");
+        cell.commander.press("soft_reset").expect("the operator resets");
+        cell.until_ready();
+        cell.runs_again();
+    }
+}
+
+#[test]
+fn damage_from_the_controller_ends_the_run_in_a_hold() {
+    let cell = Cell::new(&Plan::default());
+    stops_for_good(&cell, Trouble::HalveOk, PROTOCOL, "damaged");
+    let garbage = b"\xf0\x9f\x00o\xffk\xfe~\x18!Grbl$X\r\n".to_vec();
+    stops_for_good(&cell, Trouble::Say(garbage), PROTOCOL, "damaged");
+    cell.runs_again();
+}
+
+#[test]
+fn damage_on_the_way_to_the_controller_ends_the_run_in_a_hold_where_it_is_refused() {
+    let cell = Cell::new(&Plan::default());
+    stops_for_good(&cell, Trouble::LoseLineEnd, REFUSED, "error:");
+    stops_for_good(&cell, Trouble::LoseLetter, REFUSED, "error:");
+    cell.runs_again();
+}
