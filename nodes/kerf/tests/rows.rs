@@ -89,7 +89,8 @@ fn sides(bag: &Path) -> Value {
 
 #[test]
 fn a18_a19_the_side_is_told_from_the_lead_on_to_the_end_of_the_lead_off() {
-    let machine = Machine::virtual_one(4);
+    // Each line is to be seen.
+    let machine = Machine::virtual_with(4, &[]);
     let program = "G21 G17 G90\nG1 X10 Y20 F600\nG41.1 D4 X30 Y0\nX60\nG40 X80 Y20\nY60\n\
                    G42.1 D4 X60 Y40\nX30\nG40 X10 Y60\nX0\nM30\n";
     machine.folder.file("sides.ngc", program);

@@ -2,7 +2,7 @@
 
 use super::commander::{Commander, Running};
 use super::controller::Controller;
-use super::machine::{Machine, Turn, domain, until};
+use super::machine::{Machine, PATIENT, Turn, domain, until};
 use super::wire::{Reset, Wire, Writer};
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
@@ -119,6 +119,7 @@ impl Cell {
         let wire = Wire::new(&link, controller.port(), reset);
         let port = format!("axis_driver:port:={}", link.display());
         let mut ros = vec!["-p", &port];
+        ros.extend(PATIENT);
         ros.extend(plan.ros);
         let machine =
             Machine::start_as(&domain(), "cell", &[], &ros, Some(turn), |command, folder| {

@@ -19,6 +19,10 @@ const MACHINES_MAX: u32 = 2;
 static RUNNING: Mutex<u32> = Mutex::new(0);
 static LEFT: Condvar = Condvar::new();
 
+/// Asks so seldom that a controller on a busy host is not taken for silent: three questions
+/// without an answer are.
+pub(crate) const PATIENT: [&str; 2] = ["-p", "axis_driver:poll_interval_ms:=500"];
+
 /// The right to run a machine.
 #[derive(Debug)]
 pub(crate) struct Turn;
@@ -93,7 +97,7 @@ pub(crate) struct Machine {
 impl Machine {
     /// A machine with the virtual controller, so many times faster than a real one.
     pub(crate) fn virtual_one(time_factor: u32) -> Self {
-        Self::virtual_with(time_factor, &[])
+        Self::virtual_with(time_factor, &PATIENT)
     }
 
     /// The same with arguments for its nodes.
