@@ -3,7 +3,9 @@
 //! The kernel raises DTR when a port is opened and drops it at the last close,
 //! unless HUPCL is off; a board of the Arduino kind resets when it rises. A
 //! pseudo-terminal has no such line: it is made up here from what is opened and
-//! closed. Two openings within a poll may be seen as one.
+//! closed. Two openings within a poll may be seen as one. A device also forgets who had
+//! it for himself when the last one closes it; a pseudo-terminal whose own end stays open
+//! has to be told.
 
 use std::io;
 use std::mem::MaybeUninit;
@@ -12,6 +14,14 @@ use std::path::Path;
 
 use rustix::fs::inotify::{CreateFlags, ReadFlags, Reader, WatchFlags, add_watch, init};
 use rustix::io::Errno;
+
+/// What openings and closings did.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Seen {
+    pub(super) has_dtr_risen: bool,
+    /// The last one has closed it.
+    pub(super) is_left: bool,
+}
 
 /// Openings and closings of a port since it was made.
 #[derive(Debug)]
@@ -29,23 +39,25 @@ impl Opens {
         Ok(Self { inotify, open: 0, is_dtr_up: false })
     }
 
-    /// Returns whether DTR has risen since the last time; the flag: does it drop at a last close?
-    pub(super) fn has_dtr_risen(&mut self, drops: bool) -> io::Result<bool> {
-        let mut has_risen = false;
+    /// What has happened since the last time; the flag: does DTR drop at a last close?
+    pub(super) fn look(&mut self, drops: bool) -> io::Result<Seen> {
+        let mut seen = Seen::default();
         let mut buffer = [MaybeUninit::uninit(); 512];
         let mut events = Reader::new(&self.inotify, &mut buffer);
         loop {
             let event = match events.next() {
                 Ok(event) => event.events(),
-                Err(Errno::WOULDBLOCK | Errno::INTR) => return Ok(has_risen),
+                Err(Errno::WOULDBLOCK | Errno::INTR) => return Ok(seen),
                 Err(error) => return Err(error.into()),
             };
             if event.contains(ReadFlags::OPEN) {
                 self.open += 1;
-                has_risen |= !self.is_dtr_up;
+                seen.has_dtr_risen |= !self.is_dtr_up;
+                seen.is_left = false;
                 self.is_dtr_up = true;
             } else if event.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
                 self.open = self.open.saturating_sub(1);
+                seen.is_left = self.open == 0;
                 if self.open == 0 && drops {
                     self.is_dtr_up = false;
                 }

@@ -10,7 +10,7 @@ use super::serve::ServeError;
 #[derive(Debug)]
 pub(super) struct Port {
     link: Option<PathBuf>,
-    watches_opens: bool,
+    resets_on_open: bool,
     plugged: Option<Plugged>,
     /// What it comes back as; opened before the old one is closed, so that it is another.
     next: Option<Pty>,
@@ -19,15 +19,15 @@ pub(super) struct Port {
 #[derive(Debug)]
 struct Plugged {
     pty: Pty,
-    opens: Option<Opens>,
+    opens: Opens,
     _link: Option<Link>,
 }
 
 impl Port {
     /// Opens a port, with a link if there is to be one.
-    pub(super) fn open(link: Option<PathBuf>, watches_opens: bool) -> Result<Self, ServeError> {
+    pub(super) fn open(link: Option<PathBuf>, resets_on_open: bool) -> Result<Self, ServeError> {
         let next = Some(Pty::open().map_err(ServeError::Pty)?);
-        let mut port = Self { link, watches_opens, plugged: None, next };
+        let mut port = Self { link, resets_on_open, plugged: None, next };
         port.plug()?;
         Ok(port)
     }
@@ -37,17 +37,19 @@ impl Port {
         self.plugged.as_ref().map(|plugged| &plugged.pty)
     }
 
-    /// What tells that somebody opens or closes the port, where that matters.
+    /// What tells that somebody opens or closes the port.
     pub(super) fn opens(&self) -> Option<&Opens> {
-        self.plugged.as_ref().and_then(|plugged| plugged.opens.as_ref())
+        self.plugged.as_ref().map(|plugged| &plugged.opens)
     }
 
-    /// Has DTR risen since the last time?
-    pub(super) fn has_dtr_risen(&mut self) -> std::io::Result<bool> {
-        match &mut self.plugged {
-            Some(Plugged { pty, opens: Some(opens), .. }) => opens.has_dtr_risen(pty.hangs_up()),
-            _ => Ok(false),
+    /// Looks who has come and gone; returns whether that resets the board.
+    pub(super) fn look(&mut self) -> std::io::Result<bool> {
+        let Some(Plugged { pty, opens, .. }) = &mut self.plugged else { return Ok(false) };
+        let seen = opens.look(pty.hangs_up())?;
+        if seen.is_left {
+            pty.share_again();
         }
+        Ok(seen.has_dtr_risen && self.resets_on_open)
     }
 
     /// The path that peers open, while there is one.
@@ -74,10 +76,7 @@ impl Port {
                     .map_err(|source| ServeError::Link { path: path.clone(), source })?,
             ),
         };
-        let opens = match self.watches_opens {
-            true => Some(Opens::watch(pty.path()).map_err(ServeError::Pty)?),
-            false => None,
-        };
+        let opens = Opens::watch(pty.path()).map_err(ServeError::Pty)?;
         self.plugged = Some(Plugged { pty, opens, _link: link });
         Ok(true)
     }

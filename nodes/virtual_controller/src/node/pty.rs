@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{Mode, OFlags, fchmod, fcntl_getfl, fcntl_setfl, open};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
+use rustix::termios::{ControlModes, OptionalActions, ioctl_tiocnxcl, tcgetattr, tcsetattr};
 
 /// The controller's end of a pseudo-terminal.
 ///
@@ -48,6 +48,12 @@ impl Pty {
     pub(super) fn hangs_up(&self) -> bool {
         tcgetattr(&self.slave)
             .is_ok_and(|termios| termios.control_modes.contains(ControlModes::HUPCL))
+    }
+
+    /// Forgets a peer that had it for himself.
+    pub(super) fn share_again(&self) {
+        // Whoever minds opens it and is told.
+        let _ = ioctl_tiocnxcl(&self.slave);
     }
 
     /// Reads what the peer has written; nothing there is no error.

@@ -173,7 +173,7 @@ impl Server {
                 return Ok(());
             }
             self.follow_cable(&mut ready)?;
-            if self.port.has_dtr_risen()? {
+            if self.port.look()? {
                 let device_now = self.line.device_time(now);
                 self.line.device_mut().reset_board(device_now, BOOTLOADER);
             }
