@@ -236,6 +236,7 @@ impl<T> Link<T> {
     /// Asks for status at the next opportunity: something has changed.
     pub fn ask_status(&mut self, now: Duration) {
         self.health.ask_at(now);
+        self.buffer.hurry();
     }
 
     /// Takes it that the controller will answer nothing more until it is reset.
@@ -257,13 +258,16 @@ impl<T> Link<T> {
     pub fn handle_time(&mut self, now: Duration) {
         let is_silence_expected =
             self.in_flight.front().is_some_and(|sent| sent.kind == LineKind::Silent);
-        let is_repeated = self.health.is_asked();
+        let could_pause = now >= self.health.next_poll_at() && !self.health.is_asked();
+        if could_pause && self.buffer.wants_pause(self.in_flight_bytes) {
+            return self.health.leave_out(now);
+        }
         if self.health.poll_is_due(now, is_silence_expected) {
             self.urgent.push(realtime::STATUS);
             // The lines that wait for the port go behind it.
             let waiting = self.lines.len();
             let sent = self.in_flight_bytes.saturating_sub(waiting);
-            self.buffer.on_request(sent, waiting, is_repeated);
+            self.buffer.on_request(sent, waiting);
             if self.health.is_silent_now() {
                 self.events.push_back(LinkEvent::Silent);
             }
@@ -329,8 +333,7 @@ impl<T> Link<T> {
             bytes: self.in_flight_bytes,
             oldest_bytes: oldest.map_or(0, |sent| sent.bytes),
         };
-        let is_asked = self.health.is_asked();
-        let disagreement = self.buffer.on_status(&status, counted, is_asked, self.receive_bytes);
+        let disagreement = self.buffer.on_status(&status, counted, self.receive_bytes);
         let kind = oldest.map(|sent| sent.kind);
         let fault = self.health.on_status(now, &status, kind, self.in_flight.len());
         self.events.push_back(LinkEvent::Status(status));

@@ -1,5 +1,6 @@
 //! Fuzz targets: mutated programs through loader and planner, random contours through
-//! the planner; what a controller says, damaged, through the parser.
+//! the planner; what a controller says, damaged, through the parser; lines, answers and
+//! commands in any order through the link.
 //!
 //! A test run tries a fixed number of cases from a fixed seed. For longer:
 //!
@@ -12,6 +13,8 @@
 //! first case is the one that failed).
 
 mod contours;
+mod controller;
+mod link;
 mod mutate;
 mod programs;
 mod responses;
@@ -99,4 +102,14 @@ fn answers_are_read_from_whole_lines_whatever_happens_to_them() {
 #[test]
 fn one_wrong_byte_takes_no_answer_away_unnoticed() {
     fuzz("wrong byte", 6000, responses::check_one_byte);
+}
+
+#[test]
+fn a_link_keeps_count_or_says_that_it_does_not() {
+    let (mut possible, mut seen) = (0, 0);
+    fuzz("link", 400, |random| {
+        let early = link::check(random);
+        (possible, seen) = (possible + early.possible, seen + early.seen);
+    });
+    assert!(seen * 10 >= possible * 9, "{seen} of {possible} lost answers were seen in mid-stream");
 }

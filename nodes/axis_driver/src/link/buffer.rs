@@ -10,19 +10,28 @@
 //!   end of the line that it answers next. Less means that an answer was lost, or a line.
 //!
 //! The second needs a controller that tells the size of its buffer and reads line by line
-//! out of it, as grbl and grblHAL do; FluidNC reads ahead and tells no size. And a report
-//! that was asked for: with automatic reports nobody knows what had arrived.
+//! out of it, as grbl and grblHAL do; FluidNC reads ahead and tells no size. And it needs
+//! requests and reports in step: each report is taken for the answer to the oldest request
+//! that has none. Where a request was lost that is one too old, which proves less and
+//! nothing wrong; where reports come unasked, there is soon one more of them than
+//! requests. They come into step, once after each start, by a pause in which nothing is
+//! under way and nothing is asked.
 
 use super::LinkFault;
 use crate::report::{ControllerState, StatusReport};
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 
 /// One byte of a ring stays free, and one driver counts the request itself.
 const SPARE_BYTES: usize = 1;
 /// Reports in a row that must disagree with the count.
 const DISAGREEING_REPORTS: u32 = 3;
-/// Reports after one that nobody asked for that are not compared with a request.
+/// Reports that are not compared with a request, after one that nobody asked for.
 const UNASKED_REPORTS: u32 = 10;
+/// Requests without a report that are remembered.
+const REQUESTS_MAX: usize = 4;
+/// Requests that are left out to come into step; whoever takes longer is silent.
+const PAUSE_REQUESTS: u32 = 2;
 
 /// What is unanswered.
 #[derive(Debug, Clone, Copy)]
@@ -42,9 +51,16 @@ pub(super) struct Buffer {
     free_at_rest: Option<u16>,
     /// The same of one report.
     free_seen: Option<u16>,
-    /// Bytes that were sent before the last request and are not answered yet.
-    before_request: usize,
+    /// Of every request without a report, the oldest first: bytes that were sent before it
+    /// and are not answered yet.
+    requests: VecDeque<usize>,
+    /// Whether each report answers the oldest of them, or one before it.
+    is_in_step: bool,
     has_sent_since_request: bool,
+    /// Requests that were left out since the last one.
+    left_out: u32,
+    /// The next request is wanted now.
+    is_hurried: bool,
     overfilled: u32,
     underfilled: u32,
     /// Reports to come that are not compared with a request.
@@ -52,9 +68,11 @@ pub(super) struct Buffer {
 }
 
 impl Buffer {
-    /// The controller starts over; what it told of its size holds.
+    /// The controller starts over; its buffer is as large as it was, and nobody knows which
+    /// requests it will answer.
     pub(super) fn restart(&mut self) {
-        *self = Self { told: self.told, ..Self::default() };
+        let Self { told, free_at_rest, .. } = *self;
+        *self = Self { told, free_at_rest, ..Self::default() };
     }
 
     pub(super) fn set_told(&mut self, bytes: Option<u16>) {
@@ -66,20 +84,34 @@ impl Buffer {
         self.free_at_rest
     }
 
-    /// A request goes out behind so many unanswered bytes; `is_repeated` when the last one
-    /// was not answered: the report may still be the answer to that.
-    pub(super) fn on_request(
-        &mut self,
-        sent_bytes: usize,
-        waiting_bytes: usize,
-        is_repeated: bool,
-    ) {
-        if is_repeated {
-            self.has_sent_since_request |= waiting_bytes > 0;
-        } else {
-            self.before_request = sent_bytes;
-            self.has_sent_since_request = waiting_bytes > 0;
+    /// Whether a request that is due is to be left out, with so many bytes unanswered.
+    pub(super) fn wants_pause(&mut self, unanswered: usize) -> bool {
+        let is_useful = !self.is_in_step && self.told.is_some() && self.free_seen.is_some();
+        let is_quiet = unanswered == 0 && !self.has_sent_since_request && !self.is_hurried;
+        let wants_pause = is_useful && is_quiet && self.left_out < PAUSE_REQUESTS;
+        self.left_out += u32::from(wants_pause);
+        wants_pause
+    }
+
+    /// The next request is not left out.
+    pub(super) fn hurry(&mut self) {
+        self.is_hurried = true;
+        self.left_out = 0;
+    }
+
+    /// A request goes out behind so many unanswered bytes, and before so many.
+    pub(super) fn on_request(&mut self, sent_before: usize, behind: usize) {
+        let has_been_quiet = sent_before + behind == 0 && !self.has_sent_since_request;
+        if has_been_quiet && self.left_out == PAUSE_REQUESTS {
+            self.requests.clear();
+            self.is_in_step = true;
         }
+        if self.requests.len() >= REQUESTS_MAX {
+            self.requests.clear();
+            self.is_in_step = false;
+        }
+        self.requests.push_back(sent_before);
+        (self.has_sent_since_request, self.left_out, self.is_hurried) = (behind > 0, 0, false);
     }
 
     pub(super) fn on_line_sent(&mut self) {
@@ -88,7 +120,9 @@ impl Buffer {
 
     /// Lines are answered in the order in which they were sent.
     pub(super) fn on_answer(&mut self, bytes: usize) {
-        self.before_request = self.before_request.saturating_sub(bytes);
+        for sent_before in &mut self.requests {
+            *sent_before = sent_before.saturating_sub(bytes);
+        }
     }
 
     /// Compares; `size` is what is believed of the buffer, bytes.
@@ -96,23 +130,23 @@ impl Buffer {
         &mut self,
         status: &StatusReport,
         counted: Counted,
-        is_asked: bool,
         size: u16,
     ) -> Option<LinkFault> {
-        self.distrusted =
-            if is_asked { self.distrusted.saturating_sub(1) } else { UNASKED_REPORTS };
+        let request = self.requests.pop_front();
+        self.distrusted = match request {
+            Some(_) => self.distrusted.saturating_sub(1),
+            None => UNASKED_REPORTS,
+        };
         let (_, free) = status.free?;
-        let is_at_rest = is_asked
-            && counted.bytes == 0
-            && !self.has_sent_since_request
-            && status.state == ControllerState::Idle;
+        // All answers came before it: there was nothing left to hold.
+        let is_at_rest = counted.bytes == 0 && status.state == ControllerState::Idle;
         if is_at_rest && self.free_seen.replace(free) == Some(free) {
             self.free_at_rest = self.free_at_rest.max(Some(free));
         }
         let held = usize::from(self.free_at_rest.unwrap_or(size).saturating_sub(free));
         self.is_overfilled(held, counted.bytes)
             .then_some(LinkFault::Overfilled { held, sent: counted.bytes })
-            .or_else(|| self.underfilled(status, held, counted))
+            .or_else(|| self.underfilled(status, held, counted, request?))
     }
 
     fn is_overfilled(&mut self, held: usize, sent: usize) -> bool {
@@ -125,16 +159,18 @@ impl Buffer {
         status: &StatusReport,
         held: usize,
         counted: Counted,
+        sent_before: usize,
     ) -> Option<LinkFault> {
         let is_comparable = self.told.is_some()
             && self.free_at_rest.is_some()
             && self.distrusted == 0
+            && self.is_in_step
             // While a tool is changed grblHAL puts its buffer aside.
             && status.state == ControllerState::Run;
         if !is_comparable {
             return None;
         }
-        let sent = self.before_request.saturating_sub(counted.oldest_bytes);
+        let sent = sent_before.saturating_sub(counted.oldest_bytes);
         self.underfilled = if held + SPARE_BYTES < sent { self.underfilled + 1 } else { 0 };
         (self.underfilled >= DISAGREEING_REPORTS).then_some(LinkFault::Underfilled { held, sent })
     }

@@ -79,6 +79,13 @@ impl Health {
 
     pub(super) fn on_answer(&mut self) {
         self.idle_since = None;
+        // Whoever answers lines is there; on a slow line its report waits behind answers.
+        self.missed = 0;
+    }
+
+    /// Leaves out a request that is due.
+    pub(super) fn leave_out(&mut self, now: Duration) {
+        self.next_poll_at = now + self.interval;
     }
 
     /// Whether to ask now. While silence is expected an unanswered request stands.

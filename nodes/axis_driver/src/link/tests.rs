@@ -197,6 +197,19 @@ fn three_requests_without_an_answer_are_silence_said_once() {
 }
 
 #[test]
+fn whoever_answers_lines_is_not_silent() {
+    let mut link = started();
+    for now in (0..3000).step_by(10) {
+        link.handle_time(ms(now));
+        if now % 300 == 0 {
+            link.send_line("X1", LineKind::Motion, 1);
+            link.receive(ms(now), b"ok\r\n");
+        }
+        assert!(!events(&mut link).contains(&LinkEvent::Silent), "at {now}");
+    }
+}
+
+#[test]
 fn silence_while_homing_or_deaf_is_expected() {
     let mut link = started();
     link.send_line("$H", LineKind::Silent, 1);
