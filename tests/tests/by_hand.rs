@@ -277,3 +277,63 @@ fn a_shutdown_stops_what_is_done_by_hand_first() {
         line.until("a place", |line| line.state().work_position.is_some());
     }
 }
+
+#[test]
+fn overrides_in_a_row_end_at_the_last_and_never_go_beyond_it() {
+    let mut line = Line::connected(build());
+    line.start(kerf_tests::line::straight(400, 1.0), 0);
+    line.until("it cuts", |line| line.state().line >= 3);
+    let feed = |percent| Overrides { feed: Some(percent), ..Overrides::default() };
+    for percent in [150, 150, 150, 50, 120] {
+        line.ask(Command::SetOverrides(feed(percent))).unwrap();
+    }
+    line.ask(Command::SetOverrides(Overrides { rapid: Some(50), ..Overrides::default() })).unwrap();
+    let then = line.now;
+    line.until("the overrides", |line| line.state().overrides_percent == [120, 50, 100]);
+    assert!((line.now - then).as_secs_f64() < 1.0, "it took {:?}", line.now - then);
+    // A reset sets them back, and nothing sets them again.
+    line.ask(Command::SetOverrides(feed(200))).unwrap();
+    line.ask(Command::SoftReset).unwrap();
+    let then = line.now;
+    line.wait(6.0);
+    assert_eq!(line.state().overrides_percent, [100; 3]);
+    assert!(!line.said_since(then).contains('\u{91}'));
+}
+
+#[test]
+fn what_is_asked_behind_a_refusal_waits_for_its_own_answer() {
+    use virtual_controller::Firmware;
+    let mut settings = Settings::small_router_of(Firmware::GrblHal);
+    for setting in ["$22=1", "$20=1"] {
+        settings.set_line(setting).unwrap();
+    }
+    let start_in_machine = Some([-300.0, -200.0, -50.0]);
+    let build = Build { start_in_machine, ..Build::new(settings) };
+    let mut line = Line::new(DriverConfig::default(), build, &[]);
+    line.until("connected", |line| matches!(line.mode(), Mode::Idle | Mode::Alarm));
+    line.ask(Command::Home).unwrap();
+    line.ask(jog(900.0)).unwrap();
+    let result = line.move_result();
+    assert_eq!(result.error_code, error_code::CONTROLLER_ERROR, "{result:?}");
+    let then = line.now;
+    line.ask(Command::Home).unwrap();
+    assert!((line.now - then).as_secs_f64() > 0.5, "homed within {:?}", line.now - then);
+    assert!(line.controller.device().controller().speed_mm_per_min() == 0.0);
+}
+
+#[test]
+fn a_shift_that_a_reset_drops_is_told() {
+    let mut line = Line::connected(build());
+    let shift =
+        OffsetRequest { system: 92, axes: AxisSet::ALL, position: [0.0; 3], is_origin: false };
+    line.ask(Command::SetWorkOffset(shift)).unwrap();
+    line.start(kerf_tests::line::straight(100, 1.0), 0);
+    line.wait(0.5);
+    line.ask(Command::CancelRun { run: None }).unwrap();
+    assert!(line.finished.is_some() || line.result().outcome == RunOutcome::Canceled);
+    line.wait(1.0);
+    assert!(line.log.iter().any(|text| text.contains("dropped G92")), "{:?}", line.log);
+    let told = line.settings.clone().unwrap();
+    let g92 = told.offsets.iter().find(|offset| offset.name == "G92").unwrap();
+    assert_eq!(g92.position, [0.0; 3]);
+}

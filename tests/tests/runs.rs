@@ -29,7 +29,7 @@ fn contour() -> CompensatedPath {
     let event = |at_element, action| PathEvent { at_element, action, source: Source::default() };
     CompensatedPath {
         elements: vec![
-            element(1, [10.0, 0.0, -2.0], Role::None),
+            PathElement { axes: AxisSet::ALL, ..element(1, [10.0, 0.0, -2.0], Role::None) },
             element(2, [20.0, 0.0, -2.0], Role::None),
             element(3, [25.0, 5.0, -2.0], Role::LeadOn),
             element(4, [35.0, 5.0, -2.0], Role::Contour),
@@ -256,4 +256,91 @@ fn with_require_recording_nothing_is_sent_before_the_bag_is_open() {
     line.ask(word(false, "No space left on device")).unwrap();
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);
     assert!(line.log.iter().any(|text| text.contains("not whole: No space left")));
+}
+
+/// Cut at Z-5, a retract in the machine frame, another tool, on in rapid: as posted.
+fn with_retract() -> CompensatedPath {
+    let mut path = contour();
+    path.elements = vec![
+        element(1, [0.0, 0.0, -5.0], Role::None),
+        element(2, [10.0, 0.0, -5.0], Role::None),
+        PathElement {
+            feed_mm_per_min: None,
+            axes: AxisSet::from_bits(0b011),
+            ..element(5, [0.0, 20.0, -5.0], Role::None)
+        },
+        element(6, [0.0, 20.0, -8.0], Role::None),
+    ];
+    path.elements[0].axes = AxisSet::ALL;
+    let retract = Action::MachineMove {
+        target: [0.0, 0.0, -1.0],
+        axes: AxisSet::from_bits(0b100),
+        rapid: true,
+        feed_mm_per_min: 0.0,
+    };
+    let source = Source { line: 3, ..Source::default() };
+    path.events.push(PathEvent { at_element: 2, action: retract, source });
+    path
+}
+
+#[test]
+fn m28_behind_a_retract_the_tool_stays_up_and_is_never_taken_back_into_the_part() {
+    let mut line = homed(lifting());
+    let then = line.now;
+    line.start(with_retract(), 5);
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+    let said = line.said_since(then);
+    let moves: Vec<&str> = said.lines().filter(|text| text.contains(['X', 'Y', 'Z'])).collect();
+    assert_eq!(moves, ["G53G0Z-5", "G0X10Y0", "G0X0Y20", "G1Z-8F600"]);
+    // Without a height there is no place that could be gone to.
+    let mut line = homed(DriverConfig::default());
+    let refusal = line.ask(request(&with_retract(), 5)).unwrap_err();
+    assert_eq!(refusal.error_code, error_code::START_LINE);
+    assert!(refusal.message.contains("Z has not been given since G53"), "{refusal}");
+}
+
+#[test]
+fn m28_before_the_first_motion_nothing_is_approached() {
+    let mut line = homed(lifting());
+    let mut path = with_retract();
+    path.elements.iter_mut().for_each(|element| element.source.line += 10);
+    let then = line.now;
+    line.start(path, 3);
+    line.until("it cuts", |line| line.state().line == 12);
+    let said = line.said_since(then);
+    assert!(!said.contains("G53G0Z-5") && said.contains("G1X0Y0Z-5F600"), "{said}");
+}
+
+#[test]
+fn a_commander_that_dies_before_the_run_has_begun_is_missed_too() {
+    let config = DriverConfig { require_recording: true, ..DriverConfig::default() };
+    let mut line = Line::new(config, Build::new(Settings::small_router()), &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.ask(Command::Heartbeat).unwrap();
+    let then = line.now;
+    line.start(straight(5, 5.0), 0);
+    assert_eq!(line.result().error_code, error_code::COMMANDER_LOST);
+    assert_eq!(line.said_since(then), "");
+    // One that went long ago is not missed by another.
+    line.ask(Command::Heartbeat).unwrap();
+    line.wait(30.0);
+    line.start(straight(5, 5.0), 0);
+    line.ask(Command::Recorder { is_whole: true, reason: String::new() }).unwrap();
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+}
+
+#[test]
+fn a_silence_in_a_run_wants_an_operator_whatever_comes_after_it() {
+    let faults = ["silent:3@time=6", "reset@time=9.2"];
+    let mut line =
+        Line::new(DriverConfig::default(), Build::new(Settings::small_router()), &faults);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.start(straight(2_000, 1.0), 0);
+    assert_eq!(line.result().error_code, error_code::LINK_LOST);
+    line.wait(8.0);
+    assert!(line.state().needs_reset, "{:?}", line.state());
+    let refusal = line.ask(request(&straight(3, 1.0), 0)).unwrap_err();
+    assert_eq!(refusal.error_code, error_code::NEEDS_RESET);
+    line.ask(Command::SoftReset).unwrap();
+    assert_eq!(line.run(straight(3, 1.0)).outcome, RunOutcome::Succeeded);
 }

@@ -37,6 +37,7 @@ pub use overrides::Overrides;
 pub use rest::RestRequest;
 
 use crate::link::Link;
+use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::MachineState;
 use connect::Connecting;
 use errand::Errand;
@@ -164,6 +165,8 @@ pub struct Driver {
     check: Option<Check>,
     hold: Option<stop::HoldWatch>,
     overrides: Option<overrides::OverrideWatch>,
+    /// What G92 shifted by before a reset.
+    shift_before: Position,
     /// When a commander gave its last sign of life.
     commander_heard: Option<Duration>,
     /// The machine stops behind every block and waits for a resume.
@@ -186,6 +189,7 @@ impl Driver {
             check: None,
             hold: None,
             overrides: None,
+            shift_before: [0.0; 3],
             commander_heard: None,
             is_single_block: false,
             shutdown: None,

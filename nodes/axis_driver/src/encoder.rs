@@ -90,6 +90,7 @@ pub struct Encoder {
     next_event: usize,
     modal: Modal,
     pending: VecDeque<Step>,
+    start_axes: AxisSet,
 }
 
 /// The words that every run begins with: millimetres, absolute, feed per minute, no
@@ -109,6 +110,7 @@ impl Encoder {
             next_event: 0,
             modal: Modal::default(),
             pending: VecDeque::new(),
+            start_axes: AxisSet::NONE,
         }
     }
 
@@ -125,6 +127,11 @@ impl Encoder {
             && path.elements.get(..elements)? == &self.path.elements[..elements]
             && path.events.get(..events)? == &self.path.events[..events];
         is_same.then(|| Self { path, ..self.clone() })
+    }
+
+    /// The axes that must stand where the first element starts, in the middle of a path.
+    pub fn start_axes(&self) -> AxisSet {
+        self.start_axes
     }
 
     /// Whether a [`Step::CheckStart`] is among the next steps.

@@ -68,7 +68,7 @@ impl Tracker {
             let gives = |element: &PathElement| {
                 element.axes.contains(axis) || element.end[axis] != path.start[axis]
             };
-            match self.element > 0 || path.assumed_axes.contains(axis) {
+            match path.assumed_axes.contains(axis) {
                 true => 0,
                 false => path.elements.iter().position(gives).map_or(usize::MAX, |at| at + 1),
             }
@@ -103,6 +103,11 @@ impl Tracker {
     /// Whether a line that cuts anything was answered.
     pub fn has_begun(&self) -> bool {
         !self.answered.is_empty()
+    }
+
+    /// Whether anything can have been cut, or is to be cut next.
+    pub fn is_under_way(&self) -> bool {
+        self.has_begun() || self.part > 0.0
     }
 
     /// The controller says itself which line it cuts; `next` is the element of the

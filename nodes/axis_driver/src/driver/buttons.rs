@@ -33,6 +33,7 @@ impl Driver {
             return refused(error_code::NOT_CONNECTED, reason.clone());
         }
         self.link.send_realtime(realtime::SAFETY_DOOR);
+        self.hold = Some(HoldWatch::door());
         if let Phase::Running(run) = &mut self.phase {
             run.set_held(true);
         }
@@ -40,6 +41,9 @@ impl Driver {
     }
 
     pub(super) fn resume(&mut self) -> Answer {
+        if self.shutdown.is_some() {
+            return refused(error_code::SHUTDOWN, "the driver is shutting down");
+        }
         let is_held = self.machine.is_held();
         if self.machine.is_state(&ControllerState::Hold) && !is_held {
             // The controller passes over a resume then.

@@ -1,7 +1,7 @@
 //! Which lines homing, jogs, probes and offsets are, and when they may be sent.
 
 use super::command::{Answer, refused};
-use super::errand::Task;
+use super::errand::{OFFSETS, Task};
 use super::{Driver, Phase, Refusal};
 use crate::codes::error_code;
 use crate::encoder::words::{to_grid, write_word};
@@ -144,8 +144,7 @@ impl Driver {
             true => format!("the origin of {name} is {words} in the machine frame"),
             false => format!("the place of the tool is {words} in {name}"),
         };
-        self.machine.offsets.clear();
-        let lines = [line, "$#".to_owned()];
+        let lines = [line, OFFSETS.to_owned()];
         self.begin_errand(id, Task::SetWorkOffset { done }, LineKind::Slow, lines);
         None
     }

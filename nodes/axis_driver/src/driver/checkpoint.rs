@@ -85,6 +85,7 @@ impl Driver {
             check: None,
             hold,
             overrides,
+            shift_before: [0.0; 3],
             commander_heard,
             is_single_block,
             shutdown: None,

@@ -131,6 +131,9 @@ impl Driver {
                 | Command::SetWorkOffset(_)
                 | Command::Sleep
         );
+        if is_start {
+            self.forget_old_commander();
+        }
         let answer = if is_start && self.shutdown.is_some() {
             refused(error_code::SHUTDOWN, "the driver is shutting down")
         } else {

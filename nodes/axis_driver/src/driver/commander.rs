@@ -36,6 +36,12 @@ impl OnCommanderLoss {
 }
 
 impl Driver {
+    /// One that stayed away before this was begun has not begun it.
+    pub(super) fn forget_old_commander(&mut self) {
+        let patience = Duration::from_millis(u64::from(self.config.commander_timeout_ms));
+        self.commander_heard = self.commander_heard.filter(|heard| self.now < *heard + patience);
+    }
+
     /// A commander lives.
     pub(super) fn hear_commander(&mut self) -> Answer {
         self.commander_heard = Some(self.now);
@@ -63,7 +69,11 @@ impl Driver {
             (OnCommanderLoss::HoldThenAbort, Phase::Running(_)) => {
                 self.stop_run(RunOutcome::Aborted, error_code::COMMANDER_LOST, text);
             }
-            (_, Phase::Running(run)) if run.is_proving() || run.is_stopping() => {}
+            (_, Phase::Running(run)) if run.is_stopping() => {}
+            // Nothing was sent yet, and nobody waits for it any more.
+            (_, Phase::Running(run)) if !run.has_begun() => {
+                self.stop_run(RunOutcome::Aborted, error_code::COMMANDER_LOST, text);
+            }
             (_, Phase::Running(run)) => {
                 run.set_held(true);
                 run.hold_reason = Some(format!("{text}; resume goes on"));

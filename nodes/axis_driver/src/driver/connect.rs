@@ -91,6 +91,7 @@ impl Driver {
         self.link = Link::new(self.config.link(), self.now);
         self.machine.on_port();
         self.hold = None;
+        self.overrides = None;
         self.phase = Phase::Connecting(Connecting::new(Step::Listening, self.now + LISTEN, None));
     }
 
@@ -137,6 +138,7 @@ impl Driver {
     pub(super) fn begin_reset(&mut self, reply: Option<u64>) {
         self.link.send_reset(self.now);
         self.hold = None;
+        self.overrides = None;
         self.phase =
             Phase::Connecting(Connecting::new(Step::AwaitingBanner, self.now + ANSWER, reply));
     }
@@ -159,6 +161,28 @@ impl Driver {
         }
     }
 
+    /// Asks for the words in force and the offsets again, behind a reset.
+    pub(super) fn ask_again(&mut self) {
+        const WORDS: usize = 2;
+        self.shift_before = self.machine.shift();
+        self.link.send_line(QUERIES[WORDS], LineKind::Slow, Origin::Query(WORDS));
+    }
+
+    /// One of these was answered.
+    pub(super) fn on_again_answer(&mut self, query: usize) {
+        if query + 1 < QUERIES.len() {
+            self.machine.offsets.clear();
+            let next = query + 1;
+            return self.link.send_line(QUERIES[next], LineKind::Slow, Origin::Query(next));
+        }
+        if self.shift_before != self.machine.shift() {
+            let text = "the reset has dropped G92: the work frame has moved; set it again";
+            self.log(LogLevel::Warn, text.into());
+        }
+        self.publish_settings();
+        self.link.ask_status(self.now);
+    }
+
     pub(super) fn on_connect_status(&mut self) {
         match self.phase {
             Phase::Connecting(Connecting { step: Step::Listening, .. }) => {}
@@ -167,8 +191,12 @@ impl Driver {
             }
             _ => return,
         }
-        let is_waiting = self.machine.is_held() || self.machine.is_state(&ControllerState::Tool);
-        if self.machine.is_moving() || is_waiting {
+        if self.machine.is_state(&ControllerState::Other("Starting".into())) {
+            return;
+        }
+        let stands = self.machine.is_state(&ControllerState::Idle)
+            || self.machine.is_state(&ControllerState::Alarm);
+        if !stands {
             if self.machine.is_moving() {
                 self.link.send_realtime(realtime::FEED_HOLD);
                 self.hold = Some(super::stop::HoldWatch::default());
@@ -274,8 +302,8 @@ impl Driver {
             self.reply(id, Ok("the controller was reset".into()));
         }
         if self.machine.needs_acknowledgement {
-            let reason = "LINK_LOST: the port went while the machine was moving and is back; \
-                          look where the tool is, then soft_reset";
+            let reason = "LINK_LOST: the controller was out of reach while the machine was \
+                          moving, and is back; look where the tool is, then soft_reset";
             self.phase = Phase::Adrift { reason: reason.into() };
         }
     }

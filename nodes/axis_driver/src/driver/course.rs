@@ -117,8 +117,10 @@ impl Driver {
         let Phase::Running(run) = &mut self.phase else { return };
         if run.is_stopping() {
             // Nothing is judged any more, but what is cut is still followed.
-            if let Origin::Program { element: Some(element), .. } = origin {
-                run.tracker.on_answer(element);
+            match origin {
+                Origin::Program { element: Some(element), .. } => run.tracker.on_answer(element),
+                Origin::Query(query) => self.on_again_answer(query),
+                _ => {}
             }
             return;
         }
@@ -268,7 +270,10 @@ impl Driver {
             Some(Origin::Program { element, .. }) => *element,
             _ => None,
         };
-        let told = self.machine.status.as_ref().and_then(|status| status.line);
+        // In idle it is the last one of whatever ran before.
+        let status = self.machine.status.as_ref();
+        let told = status.filter(|status| status.state != ControllerState::Idle);
+        let told = told.and_then(|status| status.line);
         let Phase::Running(run) = &mut self.phase else { return };
         // A reset empties the planner without cutting what it held.
         if run.is_resetting() {

@@ -14,6 +14,8 @@ use cnc_msgs::machine::Mode;
 use std::collections::VecDeque;
 use std::time::Duration;
 
+/// Asks for all offsets.
+pub(super) const OFFSETS: &str = "$#";
 /// How far from its target a jog may end, mm: steps, and three decimals.
 const JOG_TOLERANCE_MM: f64 = 0.02;
 
@@ -30,6 +32,8 @@ pub(super) struct Errand {
     until: Option<Duration>,
     /// Why it is to end before it is done.
     stop: Option<Refusal>,
+    /// It was refused; one more line makes the controller listen again.
+    refused: Option<Refusal>,
 }
 
 /// What is done.
@@ -139,8 +143,11 @@ impl Driver {
             _ => Some(self.now + ANSWER),
         };
         let lines = lines.into_iter().collect();
-        let errand = Errand { id, task, lines, kind, step: Step::Asked, until, stop: None };
+        let errand =
+            Errand { id, task, lines, kind, step: Step::Asked, until, stop: None, refused: None };
         self.phase = Phase::Errand(Box::new(errand));
+        // A hold that is still looked for was meant for what went before.
+        self.hold = None;
         self.send_errand_line();
     }
 
@@ -148,6 +155,10 @@ impl Driver {
     fn send_errand_line(&mut self) -> bool {
         let Phase::Errand(errand) = &mut self.phase else { return false };
         let Some(text) = errand.lines.pop_front() else { return false };
+        if text == OFFSETS {
+            // What was told before has changed.
+            self.machine.offsets.clear();
+        }
         if errand.until.is_some() && !errand.is_homing() {
             errand.until = Some(self.now + ANSWER);
         }
@@ -163,12 +174,19 @@ impl Driver {
                 error_code::CONTROLLER_ERROR,
                 format!("the controller refused: {text}"),
             );
-            self.end_errand(Err(refusal), Phase::Ready);
-            if firmware == Firmware::GrblHal {
-                // It answers every further line with the same error until it reads an empty one.
-                self.link.send_line("", LineKind::Slow, Origin::Errand);
+            let Phase::Errand(errand) = &mut self.phase else { return };
+            if firmware != Firmware::GrblHal || errand.refused.is_some() {
+                return self.end_errand(Err(refusal), Phase::Ready);
             }
-            return;
+            // It answers every further line with the same error until it reads an empty one.
+            errand.refused = Some(refusal);
+            errand.until = Some(self.now + ANSWER);
+            return self.link.send_line("", LineKind::Slow, Origin::Errand);
+        }
+        if let Phase::Errand(errand) = &mut self.phase
+            && let Some(refusal) = errand.refused.take()
+        {
+            return self.end_errand(Err(refusal), Phase::Ready);
         }
         if self.send_errand_line() {
             return;

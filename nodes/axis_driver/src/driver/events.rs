@@ -17,6 +17,7 @@ impl Driver {
             LinkEvent::Alarm(code) => self.on_alarm(code),
             LinkEvent::Banner { firmware, text } => {
                 self.machine.on_restart(firmware);
+                self.overrides = None;
                 self.on_banner(&text);
             }
             LinkEvent::Status(report) => {
@@ -73,6 +74,10 @@ impl Driver {
         };
         match &mut self.phase {
             Phase::Running(run) if run.is_resetting() => run.add_to_verdict(&text),
+            Phase::Running(run) if run.waits_for_operator() => {
+                run.add_to_verdict(&text);
+                self.end_with_verdict(Phase::Adrift { reason });
+            }
             Phase::Running(run) => {
                 run.blamed_line = read.map_or_else(|| run.line(), |(line, _)| line);
                 let place = read.map_or_else(
@@ -166,6 +171,10 @@ impl Driver {
         if matches!(self.phase, Phase::Closed { .. } | Phase::Connecting(_)) {
             return;
         }
+        let was_active = matches!(self.phase, Phase::Running(_) | Phase::Errand(_));
+        if was_active || self.machine.is_moving() {
+            self.machine.needs_acknowledgement = true;
+        }
         self.machine.is_silent = true;
         self.log(LogLevel::Error, TEXT.into());
         let next = || Phase::Adrift { reason: format!("LINK_LOST: {TEXT}; soft_reset to go on") };
@@ -178,10 +187,12 @@ impl Driver {
                 self.hold = Some(HoldWatch::default());
             }
             Phase::Errand(errand) => {
-                if errand.task.moves() {
-                    self.link.send_realtime(realtime::FEED_HOLD);
-                }
+                let moves = errand.task.moves();
                 self.end_errand(Err(Refusal::new(error_code::LINK_LOST, TEXT)), next());
+                if moves {
+                    self.link.send_realtime(realtime::FEED_HOLD);
+                    self.hold = Some(HoldWatch::default());
+                }
             }
             _ => self.phase = next(),
         }

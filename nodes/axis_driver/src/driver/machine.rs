@@ -167,6 +167,12 @@ impl Machine {
         None
     }
 
+    /// What G92 shifts by, where it was told.
+    pub(super) fn shift(&self) -> Position {
+        let told = self.offsets.iter().find(|offset| offset.name == "G92");
+        told.map_or([0.0; 3], |offset| offset.position)
+    }
+
     fn remember(&mut self, name: &str, position: Position) {
         self.offsets.retain(|offset| offset.name != name);
         self.offsets.push(Offset { name: name.to_owned(), position });

@@ -90,15 +90,37 @@ impl Driver {
                 "nothing is named: which has bit 0 for feed, bit 1 for rapid, bit 2 for spindle";
             return refused(error_code::INVALID_REQUEST, text);
         }
-        for byte in steps(self.machine.overrides_percent, wanted) {
+        // What was sent and has not shown yet counts as done.
+        let sent = self.overrides.as_ref().map(|watch| watch.wanted).unwrap_or_default();
+        let reported = self.machine.overrides_percent;
+        let now = [
+            sent.feed.unwrap_or(reported[0]),
+            sent.rapid.unwrap_or(reported[1]),
+            sent.spindle.unwrap_or(reported[2]),
+        ];
+        for byte in steps(now, wanted) {
             self.link.send_realtime(byte);
         }
+        let wanted = Overrides {
+            feed: wanted.feed.or(sent.feed),
+            rapid: wanted.rapid.or(sent.rapid),
+            spindle: wanted.spindle.or(sent.spindle),
+        };
         self.overrides = Some(OverrideWatch { wanted, reports: 0, tries: 0 });
         Some(Ok("sent; machine_state shows what the controller makes of it".into()))
     }
 
     /// Looks for overrides that were asked for in a report that tells of them.
     pub(super) fn watch_overrides(&mut self, told: Option<[u8; 3]>) {
+        let is_listening = match &self.phase {
+            Phase::Running(run) => !run.is_resetting(),
+            Phase::Ready | Phase::Errand(_) => true,
+            _ => false,
+        };
+        if !is_listening {
+            // A reset sets them all to 100 %, and another board was never asked.
+            self.overrides = None;
+        }
         let (Some(told), Some(watch)) = (told, &mut self.overrides) else { return };
         let Overrides { feed, rapid, spindle } = watch.wanted;
         let is_as_wanted = [feed, rapid, spindle]

@@ -75,9 +75,17 @@ impl Driver {
     /// Encodes a slice of the rest that waits, and runs it when it is whole.
     pub(super) fn step_rest(&mut self) {
         let rates = self.machine.rates();
+        let is_held = self.machine.is_held();
         let Phase::Running(run) = &mut self.phase else { return };
+        let stands = run.settled(is_held).is_some();
         let Some(rest) = &mut run.rest else { return };
         let proven = rest.proof.step(&rest.request.path);
+        if !stands {
+            let id = rest.id;
+            run.rest = None;
+            let text = "the machine no longer stands in a hold";
+            return self.reply(id, Err(Refusal::new(error_code::BUSY, text)));
+        }
         let (id, seconds) = match proven {
             Proven::NotYet => return,
             Proven::Not(problem) => {

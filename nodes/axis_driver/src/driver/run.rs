@@ -162,7 +162,7 @@ impl Run {
     pub(super) fn assumed_axes(&self) -> AxisSet {
         match self.first_element {
             0 => self.request.path.assumed_axes,
-            _ => AxisSet::ALL,
+            _ => self.encoder.start_axes(),
         }
     }
 
@@ -190,6 +190,11 @@ impl Run {
 
     pub(super) fn is_proving(&self) -> bool {
         matches!(self.stage, Stage::Proving(_))
+    }
+
+    /// Whether anything of it was sent.
+    pub(super) fn has_begun(&self) -> bool {
+        !matches!(self.stage, Stage::Proving(_) | Stage::AwaitingRecorder { .. })
     }
 
     pub(super) fn is_stopping(&self) -> bool {
@@ -234,7 +239,8 @@ impl Run {
     /// The source line that is being cut, 0 before the first.
     pub(super) fn line(&self) -> u32 {
         let element = self.request.path.elements.get(self.tracker.element());
-        element.filter(|_| self.has_sent).map_or(0, |element| element.source.line)
+        let has_begun = self.has_sent && self.tracker.is_under_way();
+        element.filter(|_| has_begun).map_or(0, |element| element.source.line)
     }
 
     /// The side that the tool runs on in the element that is being cut: from the

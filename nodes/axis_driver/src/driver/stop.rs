@@ -28,7 +28,10 @@ impl Verdict {
     /// What the controller has still to answer, and what it made of the lines behind a
     /// refused one, is not known: it is held, and a reset is the operator's.
     fn needs_operator(&self) -> bool {
-        matches!(self.error_code, error_code::CONTROLLER_ERROR | error_code::PROTOCOL)
+        matches!(
+            self.error_code,
+            error_code::CONTROLLER_ERROR | error_code::PROTOCOL | error_code::NO_ANSWER
+        )
     }
 }
 
@@ -60,8 +63,17 @@ enum Step {
 /// A hold outside a stop that has not shown in the reports yet.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct HoldWatch {
+    /// Of an opened door, not of a feed hold.
+    #[serde(default)]
+    is_door: bool,
     reports: u32,
     sent_again: u32,
+}
+
+impl HoldWatch {
+    pub(super) fn door() -> Self {
+        Self { is_door: true, ..Self::default() }
+    }
 }
 
 /// Everything is brought to a stop for good.
@@ -95,6 +107,11 @@ impl Run {
         matches!(step, Step::Resetting { .. } | Step::Reporting { .. })
     }
 
+    /// Whether it is being stopped for something that the operator has to settle.
+    pub(super) fn waits_for_operator(&self) -> bool {
+        matches!(&self.stage, Stage::Stopping(stopping) if stopping.verdict.needs_operator())
+    }
+
     pub(super) fn add_to_verdict(&mut self, text: &str) {
         if let Stage::Stopping(stopping) = &mut self.stage {
             stopping.verdict.message += "; ";
@@ -116,7 +133,7 @@ impl Driver {
                 return self.end_run(outcome, error_code, verdict.message, Phase::Ready);
             }
             // Homing does not listen to a hold, and in check mode nothing moves.
-            _ if run.is_check() || run.is_homing() => {
+            _ if run.is_check() || run.is_homing() && self.link.unanswered() > 0 => {
                 let step = Step::Resetting { until: self.now + ANSWER };
                 run.stage = Stage::Stopping(Stopping { verdict, step, reply: None });
                 self.hold = None;
@@ -132,7 +149,9 @@ impl Driver {
 
     /// Resets at once, in the middle of a run.
     pub(super) fn reset_run(&mut self, id: u64) {
-        let is_moving = !self.machine.is_held() && !self.machine.is_state(&ControllerState::Idle);
+        let stands = [ControllerState::Idle, ControllerState::Check];
+        let stands = stands.iter().any(|state| self.machine.is_state(state));
+        let is_moving = !self.machine.is_held() && !stands;
         let Phase::Running(run) = &mut self.phase else { return };
         let message = "stopped by a soft reset".to_owned();
         let (outcome, error_code) = (RunOutcome::Aborted, error_code::SOFT_RESET);
@@ -168,6 +187,7 @@ impl Driver {
         let (since, reports, idle_reports) = match &mut stopping.step {
             Step::Holding { since, reports, idle_reports } => (since, reports, idle_reports),
             Step::Resetting { .. } => return,
+            Step::Reporting { .. } if self.link.unanswered() > 0 => return,
             Step::Reporting { .. } => return self.finish_stop(),
         };
         if self.now < *since + OLD_REPORTS {
@@ -206,12 +226,13 @@ impl Driver {
 
     /// The banner came: the machine stands and has forgotten the program.
     pub(super) fn on_stop_banner(&mut self) {
-        self.link.ask_status(self.now);
         if let Phase::Running(run) = &mut self.phase
             && let Stage::Stopping(stopping) = &mut run.stage
         {
             stopping.step = Step::Reporting { until: self.now + ANSWER };
         }
+        // Which offsets it has kept is its own business.
+        self.ask_again();
     }
 
     /// And the first report behind it.
@@ -271,7 +292,8 @@ impl Driver {
             let text = "the controller does not hold; use soft_reset or the emergency stop";
             return self.log(LogLevel::Error, text.into());
         }
-        self.link.send_realtime(realtime::FEED_HOLD);
+        let byte = if hold.is_door { realtime::SAFETY_DOOR } else { realtime::FEED_HOLD };
+        self.link.send_realtime(byte);
     }
 
     pub(super) fn step_shutdown(&mut self) {

@@ -15,7 +15,9 @@ impl Driver {
             || self.machine.is_state(&ControllerState::Door);
         let Phase::Running(run) = &mut self.phase else { return };
         let is_single_block = self.is_single_block && !run.is_check();
-        if run.is_held || is_machine_held || run.is_alone || run.is_stopping() {
+        // What is sent while another rest is proven would be sent again.
+        let is_waiting = run.rest.is_some() || run.is_stopping();
+        if is_waiting || run.is_held || is_machine_held || run.is_alone {
             return;
         }
         loop {

@@ -171,12 +171,13 @@ impl Encoder {
     }
 
     /// Lifts the tool to a height of the machine frame, says what is in force, and
-    /// brings the tool to the start of an element.
+    /// brings the axes that are `given` to the start of an element; Z stays up otherwise.
     pub(super) fn push_approach(
         &mut self,
         height: f64,
         actions: &[PathEvent],
         index: usize,
+        given: AxisSet,
     ) -> Result<(), EncodeProblem> {
         let (path, z_alone) = (self.path.clone(), AxisSet::NONE.with(2));
         let element = &path.elements[index];
@@ -185,22 +186,29 @@ impl Encoder {
         for event in actions {
             self.encode_action(event)?;
         }
-        let mut over = String::from("G0");
-        let mut down = String::new();
-        for axis in 0..3 {
+        let mut words = [String::new(), String::new()];
+        for axis in (0..3).filter(|&axis| given.contains(axis)) {
             let steps = self.checked_position(AXIS_LETTERS[axis], start[axis])?;
-            let text = if axis == 2 { &mut down } else { &mut over };
-            write_word(text, AXIS_LETTERS[axis], steps);
+            write_word(&mut words[usize::from(axis == 2)], AXIS_LETTERS[axis], steps);
         }
-        self.push_action(over, LineKind::Motion, false, source)?;
-        // A path of rapids alone has none.
+        let [over, down] = words;
+        if !over.is_empty() {
+            self.push_action(format!("G0{over}"), LineKind::Motion, false, source)?;
+        }
+        self.modal.motion = None;
+        self.modal.forget(AxisSet::ALL, "the approach");
+        self.modal.unknown = AxisSet::ALL.without(given);
+        if down.is_empty() {
+            return Ok(());
+        }
+        // A path of rapids alone has no feed.
         let feed = path.elements[index..].iter().find_map(|element| element.feed_mm_per_min);
-        let mut text = String::from(if feed.is_some() { "G1" } else { "" }) + &down;
+        let mut text = String::from(if feed.is_some() { "G1" } else { "G0" }) + &down;
         self.write_feed(&mut text, feed)?;
         self.modal.motion = Some(u8::from(feed.is_some()));
-        self.modal.unknown = AxisSet::NONE;
         self.push_action(text, LineKind::Motion, false, source)?;
         // Whether it got there is looked at before anything is cut.
+        self.start_axes = given;
         self.pending.push_back(Step::CheckStart);
         Ok(())
     }

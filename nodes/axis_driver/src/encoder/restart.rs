@@ -6,13 +6,19 @@
 //! not repeated. The tool must stand where that element starts, in all axes, which is
 //! looked at behind the words that move the frame; or, where a height is given at which
 //! it is clear of everything, it is lifted there before anything else, goes over the
-//! place, and down to it at feed rate.
+//! place, and down to it at feed rate. Where the program has left an axis elsewhere since
+//! it gave its place (a retract in the machine frame, a reference point, another work
+//! system), nothing is known that could be gone to: the tool stays at that height if it is
+//! Z, and else the start is refused.
 
 use super::action::turns;
 use super::{EncodeError, Encoder, EncoderConfig};
 use cnc_msgs::contour::{Action, CoolantMode};
+use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
 use std::sync::Arc;
+
+const Z: AxisSet = AxisSet::from_bits(0b100);
 
 /// Why a run cannot begin at a line.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -29,6 +35,11 @@ pub enum StartProblem {
         before: u32,
         after: Option<u32>,
     },
+    #[error(
+        "line {line} begins where {axes} {} not been given since {since}: begin at a line behind one that gives {axes}",
+        if axes.len() == 1 { "has" } else { "have" }
+    )]
+    UnknownPlace { line: u32, axes: String, since: String },
     #[error(transparent)]
     Encode(#[from] EncodeError),
 }
@@ -65,12 +76,102 @@ pub fn start_at(
         .unwrap_or(path.events.len());
     let restored = in_force(&path.events[..encoder.next_event]);
     let source_place = path.elements[index].source;
-    let pushed = match config.approach_z_mm {
-        Some(height) => encoder.push_approach(height, &restored, index),
-        None => encoder.push_restored(&restored),
+    // Before the first motion the tool is wherever the path expects it, as for the whole.
+    let place = match index {
+        0 => Place::default(),
+        _ => Place::before(&path, index, encoder.next_event),
+    };
+    let pushed = match config.approach_z_mm.filter(|_| index > 0) {
+        Some(height) => {
+            // At the safe height the axes may come from anywhere to where the line takes them.
+            let in_plane = place.unknown.without(Z);
+            let is_taken =
+                place.unknown.contains(2) && in_plane.without(path.elements[index].axes).is_empty();
+            if place.untouched.contains(2) {
+                return Err(place.refuse(line, Z));
+            }
+            if !in_plane.is_empty() && !is_taken {
+                return Err(place.refuse(line, in_plane));
+            }
+            let given = AxisSet::ALL.without(place.unknown).without(place.untouched);
+            encoder.push_approach(height, &restored, index, given)
+        }
+        None if !place.unknown.is_empty() => {
+            let axes = place.unknown;
+            return Err(place.refuse(line, axes));
+        }
+        None => {
+            encoder.start_axes = AxisSet::ALL.without(place.untouched);
+            encoder.push_restored(&restored)
+        }
     };
     pushed.map_err(|problem| StartProblem::Encode(EncodeError { source_place, problem }))?;
     Ok((encoder, index))
+}
+
+/// What the program has said of the place where an element begins.
+#[derive(Debug)]
+struct Place {
+    /// Axes that it has left somewhere else, or in another frame, since...
+    unknown: AxisSet,
+    /// ...this word.
+    since: String,
+    /// Axes that it has never named: they stay where they are.
+    untouched: AxisSet,
+}
+
+impl Default for Place {
+    fn default() -> Self {
+        let since = "the beginning of the program".into();
+        Self { unknown: AxisSet::NONE, since, untouched: AxisSet::NONE }
+    }
+}
+
+impl Place {
+    /// Follows elements and events up to an element and its events.
+    fn before(path: &CompensatedPath, index: usize, events: usize) -> Self {
+        let untouched = AxisSet::ALL.without(path.assumed_axes);
+        let mut place = Self { untouched, ..Self::default() };
+        let mut next_event = 0;
+        for (number, element) in path.elements.iter().enumerate().take(index + 1) {
+            while let Some(event) = path.events[..events].get(next_event)
+                && event.at_element <= number
+            {
+                next_event += 1;
+                place.hear(&event.action);
+            }
+            if number < index {
+                let start = path.start_of(number);
+                let moved = (0..3).filter(|&axis| element.end[axis] != start[axis]);
+                let given = moved.fold(element.axes, AxisSet::with);
+                place.unknown = place.unknown.without(given);
+                place.untouched = place.untouched.without(given);
+            }
+        }
+        place
+    }
+
+    /// Takes what moves the axes, or their frame, otherwise.
+    fn hear(&mut self, action: &Action) {
+        let all_if_none = |axes: AxisSet| if axes.is_empty() { AxisSet::ALL } else { axes };
+        let moved = match action {
+            Action::MachineMove { axes, .. } => *axes,
+            Action::Reference { axes, .. } | Action::Home { axes } => all_if_none(*axes),
+            // What was never named is where it is in every frame.
+            Action::WorkOffset { .. } => AxisSet::ALL.without(self.untouched),
+            Action::ToolLength { .. } => Z.without(self.untouched),
+            _ => return,
+        };
+        if !moved.is_empty() {
+            self.unknown = self.unknown.union(moved);
+            self.untouched = self.untouched.without(moved);
+            self.since = action.text();
+        }
+    }
+
+    fn refuse(self, line: u32, axes: AxisSet) -> StartProblem {
+        StartProblem::UnknownPlace { line, axes: axes.letters(), since: self.since }
+    }
 }
 
 fn nearest(before: u32, after: Option<u32>) -> String {
