@@ -26,6 +26,10 @@ use std::time::Duration;
 const RECEIVE_BYTES_DEFAULT: u16 = 128;
 /// One byte of the ring stays free.
 const RECEIVE_BYTES_SPARE: u16 = 1;
+/// A long status report.
+const REPORT_BYTES_MAX: u64 = 100;
+/// What a controller and the systems between take for one, ms.
+const REPORT_LATENCY_MS: u64 = 40;
 /// A start, eight data and a stop bit.
 const BITS_PER_BYTE: u64 = 10;
 
@@ -41,6 +45,16 @@ pub struct LinkConfig {
     pub receive_buffer_bytes: Option<u16>,
     /// Time between two status requests, ms.
     pub poll_interval_ms: u32,
+}
+
+impl LinkConfig {
+    /// Whether the report to a request comes long before the next request, where nothing
+    /// else is under way.
+    fn is_prompt(&self) -> bool {
+        let bits = REPORT_BYTES_MAX * BITS_PER_BYTE;
+        let on_the_wire_ms = bits * 1000 / u64::from(self.baud.max(1));
+        2 * (on_the_wire_ms + REPORT_LATENCY_MS) <= u64::from(self.poll_interval_ms)
+    }
 }
 
 /// How a line behaves between being read and being answered.
@@ -236,7 +250,6 @@ impl<T> Link<T> {
     /// Asks for status at the next opportunity: something has changed.
     pub fn ask_status(&mut self, now: Duration) {
         self.health.ask_at(now);
-        self.buffer.hurry();
     }
 
     /// Takes it that the controller will answer nothing more until it is reset.
@@ -258,16 +271,13 @@ impl<T> Link<T> {
     pub fn handle_time(&mut self, now: Duration) {
         let is_silence_expected =
             self.in_flight.front().is_some_and(|sent| sent.kind == LineKind::Silent);
-        let could_pause = now >= self.health.next_poll_at() && !self.health.is_asked();
-        if could_pause && self.buffer.wants_pause(self.in_flight_bytes) {
-            return self.health.leave_out(now);
-        }
+        let is_alone = !self.health.is_asked() && self.config.is_prompt();
         if self.health.poll_is_due(now, is_silence_expected) {
             self.urgent.push(realtime::STATUS);
             // The lines that wait for the port go behind it.
             let waiting = self.lines.len();
             let sent = self.in_flight_bytes.saturating_sub(waiting);
-            self.buffer.on_request(sent, waiting);
+            self.buffer.on_request(sent, waiting, is_alone);
             if self.health.is_silent_now() {
                 self.events.push_back(LinkEvent::Silent);
             }

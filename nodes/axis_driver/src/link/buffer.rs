@@ -14,8 +14,8 @@
 //! requests and reports in step: each report is taken for the answer to the oldest request
 //! that has none. Where a request was lost that is one too old, which proves less and
 //! nothing wrong; where reports come unasked, there is soon one more of them than
-//! requests. They come into step, once after each start, by a pause in which nothing is
-//! under way and nothing is asked.
+//! requests. They come into step when nothing has been under way for a few requests, on a
+//! line on which a report comes long before the next request.
 
 use super::LinkFault;
 use crate::report::{ControllerState, StatusReport};
@@ -30,8 +30,8 @@ const DISAGREEING_REPORTS: u32 = 3;
 const UNASKED_REPORTS: u32 = 10;
 /// Requests without a report that are remembered.
 const REQUESTS_MAX: usize = 4;
-/// Requests that are left out to come into step; whoever takes longer is silent.
-const PAUSE_REQUESTS: u32 = 2;
+/// Requests in a row with nothing under way, behind which there is no older one.
+const QUIET_REQUESTS: u32 = 3;
 
 /// What is unanswered.
 #[derive(Debug, Clone, Copy)]
@@ -57,10 +57,7 @@ pub(super) struct Buffer {
     /// Whether each report answers the oldest of them, or one before it.
     is_in_step: bool,
     has_sent_since_request: bool,
-    /// Requests that were left out since the last one.
-    left_out: u32,
-    /// The next request is wanted now.
-    is_hurried: bool,
+    quiet_requests: u32,
     overfilled: u32,
     underfilled: u32,
     /// Reports to come that are not compared with a request.
@@ -84,25 +81,12 @@ impl Buffer {
         self.free_at_rest
     }
 
-    /// Whether a request that is due is to be left out, with so many bytes unanswered.
-    pub(super) fn wants_pause(&mut self, unanswered: usize) -> bool {
-        let is_useful = !self.is_in_step && self.told.is_some() && self.free_seen.is_some();
-        let is_quiet = unanswered == 0 && !self.has_sent_since_request && !self.is_hurried;
-        let wants_pause = is_useful && is_quiet && self.left_out < PAUSE_REQUESTS;
-        self.left_out += u32::from(wants_pause);
-        wants_pause
-    }
-
-    /// The next request is not left out.
-    pub(super) fn hurry(&mut self) {
-        self.is_hurried = true;
-        self.left_out = 0;
-    }
-
-    /// A request goes out behind so many unanswered bytes, and before so many.
-    pub(super) fn on_request(&mut self, sent_before: usize, behind: usize) {
-        let has_been_quiet = sent_before + behind == 0 && !self.has_sent_since_request;
-        if has_been_quiet && self.left_out == PAUSE_REQUESTS {
+    /// A request goes out behind so many unanswered bytes, and before so many. `is_alone`
+    /// when the report to the last one has come, and so soon that it can be no other.
+    pub(super) fn on_request(&mut self, sent_before: usize, behind: usize, is_alone: bool) {
+        let is_quiet = sent_before + behind == 0 && !self.has_sent_since_request && is_alone;
+        self.quiet_requests = if is_quiet { self.quiet_requests.saturating_add(1) } else { 0 };
+        if self.quiet_requests >= QUIET_REQUESTS {
             self.requests.clear();
             self.is_in_step = true;
         }
@@ -111,7 +95,7 @@ impl Buffer {
             self.is_in_step = false;
         }
         self.requests.push_back(sent_before);
-        (self.has_sent_since_request, self.left_out, self.is_hurried) = (behind > 0, 0, false);
+        self.has_sent_since_request = behind > 0;
     }
 
     pub(super) fn on_line_sent(&mut self) {

@@ -83,11 +83,6 @@ impl Health {
         self.missed = 0;
     }
 
-    /// Leaves out a request that is due.
-    pub(super) fn leave_out(&mut self, now: Duration) {
-        self.next_poll_at = now + self.interval;
-    }
-
     /// Whether to ask now. While silence is expected an unanswered request stands.
     pub(super) fn poll_is_due(&mut self, now: Duration, is_silence_expected: bool) -> bool {
         if now < self.next_poll_at {
