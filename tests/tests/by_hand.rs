@@ -96,7 +96,7 @@ fn a_jog_that_is_held_is_not_called_done() {
     line.wait(1.0);
     line.ask(Command::FeedHold).unwrap();
     let result = line.move_result();
-    assert_eq!(result.outcome, RunOutcome::Canceled);
+    assert_eq!(result.error_code, error_code::STOPPED_SHORT);
     assert!(result.message.contains("and not at X-100.000"), "{}", result.message);
 }
 

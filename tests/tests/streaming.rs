@@ -91,14 +91,14 @@ fn every_line_is_sent_once_answered_and_cut_and_the_machine_never_waits_for_us()
     for firmware in Firmware::ALL {
         let mut line = Line::connected(Build::new(Settings::small_router_of(firmware)));
         line.forget_written();
-        let before = line.controller.device().controller().counts().clone();
+        let before = line.controller.device().controller().counts();
         let mut path = short_segments(lines, 0.4);
         // Fast enough to need many lines a second, slow enough for the line to feed it.
         path.elements.iter_mut().for_each(|element| element.feed_mm_per_min = Some(4_000.0));
         line.start(path, 0);
         let result = line.result();
         assert_eq!((result.outcome, result.last_line), (RunOutcome::Succeeded, lines));
-        let after = line.controller.device().controller().counts().clone();
+        let after = line.controller.device().controller().counts();
         // With the preamble and the dwell at the end.
         let count = u64::from(lines);
         assert_eq!(after.lines_read - before.lines_read, count + 2, "{firmware:?}");

@@ -6,7 +6,7 @@ use crate::operate::{said, with_node};
 use clap::{Args, ValueEnum};
 use cnc_msgs::units::m_from_mm;
 use cnc_msgs::wire::cnc_msgs::srv::{ExecuteMdi, ExecuteMdiRequest, SetTool, SetToolRequest};
-use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolRequest};
+use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolRequest, Trigger, TriggerRequest};
 use std::time::Duration;
 
 /// No single block takes longer.
@@ -74,7 +74,15 @@ pub(crate) fn mdi(args: &MdiArgs, ros_args: &[String]) -> Outcome {
         let client = node.client::<ExecuteMdi>("execute_mdi")?;
         let request =
             ExecuteMdiRequest { text: args.block.clone(), controller: args.controller.clone() };
-        let answer = client.call_within(request, BLOCK_WITHIN).await?;
+        let mut answer = Box::pin(client.call_within(request, BLOCK_WITHIN));
+        let answer = tokio::select! {
+            answer = &mut answer => answer?,
+            _ = tokio::signal::ctrl_c() => {
+                let cancel = node.client::<Trigger>("cancel")?;
+                cancel.call(TriggerRequest::default()).await?;
+                answer.await?
+            }
+        };
         said(answer.success, answer.message)
     })
 }

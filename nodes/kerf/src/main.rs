@@ -59,11 +59,12 @@ enum Command {
     Hold,
     /// Go on after a hold
     Resume,
-    /// Cancel the run: hold, then drop the rest
+    /// Cancel the run, block, jog or probe: hold, then drop the rest
     Abort,
     /// The tool that the program asked for is in the spindle: go on
     Confirm,
-    /// Drive the axes to their switches and make the position known
+    /// Drive the axes to their switches and make the position known; Ctrl-C resets the
+    /// controller, which listens to nothing else meanwhile
     Home,
     /// Move axes by hand: kerf jog X10 Y-2.5 --feed 500; Ctrl-C stops them
     Jog(move_by_hand::JogArgs),
@@ -83,7 +84,7 @@ enum Command {
     Sleep,
     /// Stop behind every block and wait for `kerf resume`, or do not
     SingleBlock(by_hand::SingleBlockArgs),
-    /// Run one block, from standstill to standstill
+    /// Run one block, from standstill to standstill; Ctrl-C cancels it
     Mdi(by_hand::MdiArgs),
     /// Change one tool or offset register: kerf tool T1 --wear -0.5
     Tool(by_hand::ToolArgs),

@@ -138,8 +138,12 @@ async fn follow<A: Action + 'static>(
                     ended.map_err(|error| Failure::new(Status::NodeRefused, error.to_string()))?;
                 return Ok(result);
             }
-            _ = tokio::signal::ctrl_c(), if interrupts < 1 => {
+            _ = tokio::signal::ctrl_c() => {
                 interrupts += 1;
+                if interrupts > 1 {
+                    let text = "left; what was begun may not have ended";
+                    return Err(Failure::new(Status::NodeRefused, text));
+                }
                 handle.cancel().await?;
             }
         }

@@ -170,7 +170,12 @@ pub(crate) fn abort(ros_args: &[String]) -> Outcome {
                 println!("the run is canceled: the machine is held, then the rest is dropped");
                 Ok(())
             }
-            _ => Err(Failure::new(Status::NodeRefused, "nothing runs that could be canceled")),
+            // A block, a jog or a probe, whoever began it.
+            _ => {
+                let client = node.client::<Trigger>("cancel")?;
+                let answer = client.call(TriggerRequest::default()).await?;
+                said(answer.success, answer.message)
+            }
         }
     })
 }

@@ -48,3 +48,5 @@ pub const INVALID_REQUEST: u16 = 323;
 pub const NOT_RECORDING: u16 = 324;
 /// The commander's sign of life stayed away.
 pub const COMMANDER_LOST: u16 = 325;
+/// A jog ended before its target: it was held, or cut short at the end of the travel.
+pub const STOPPED_SHORT: u16 = 326;

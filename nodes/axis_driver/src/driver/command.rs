@@ -268,7 +268,10 @@ impl Driver {
         if self.shutdown.is_some() {
             return refused(error_code::BUSY, "the driver is shutting down already");
         }
-        self.check = None;
+        if let Some(check) = self.check.take() {
+            let text = "the driver shuts down";
+            self.reply(check.id, Err(Refusal::new(error_code::SHUTDOWN, text)));
+        }
         match &self.phase {
             Phase::Running(_) => {
                 let text = "stopped because the driver shuts down".to_owned();

@@ -273,7 +273,7 @@ impl Driver {
                     show(&at),
                     show(target)
                 );
-                Err(Refusal::new(error_code::CANCELED, text))
+                Err(Refusal::new(error_code::STOPPED_SHORT, text))
             }
             Task::Probe { heard: Some((_, true)), .. } => Ok("done".into()),
             Task::Probe { heard: Some((_, false)), may_miss: true } => {
@@ -341,7 +341,14 @@ impl Driver {
             _ => self.machine.machine_position().map(|at| (at, false)),
         };
         let found = heard.is_some_and(|(_, found)| found);
-        let is_place = found || matches!(task, Task::Jog { .. });
+        // Only a machine that stands is where it was reported last.
+        let stands = match &result {
+            Ok(_) => true,
+            Err(refusal) => {
+                matches!(refusal.error_code, error_code::CANCELED | error_code::STOPPED_SHORT)
+            }
+        };
+        let is_place = found || stands && matches!(task, Task::Jog { .. });
         let machine_position = heard.filter(|_| is_place).map(|(at, _)| at);
         let work_position = machine_position.and_then(|at| self.machine.in_work_frame(at));
         let (outcome, error_code, message) = match result {

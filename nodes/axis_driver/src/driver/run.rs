@@ -58,7 +58,7 @@ pub(super) enum Next {
 #[derive(Debug)]
 pub(super) enum Stage {
     /// Encoded to the end for its errors; nothing is sent.
-    Proving(Proof),
+    Proving(Box<Proof>),
     /// Nothing is sent before the recorder has opened its bag.
     AwaitingRecorder {
         until: Duration,
@@ -133,7 +133,7 @@ impl Run {
             encoder,
             next: None,
             is_alone: false,
-            stage: Stage::Proving(proof),
+            stage: Stage::Proving(Box::new(proof)),
             is_held: false,
             hold_reason: None,
             blamed_line: 0,

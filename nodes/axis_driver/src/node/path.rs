@@ -8,7 +8,6 @@ use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{GetPathChunks, GetPathChunksRequest};
 use runtime::chunks::pull;
 use runtime::{Client, Handle, NodeError, Qos};
-use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::Notify;
@@ -31,29 +30,27 @@ struct Newest {
     verdict: Option<(String, u64, bool)>,
     /// The program that was loaded last, planned or not.
     program_id: Option<String>,
-    /// The newest tool tables, by revision.
-    tool_tables: BTreeMap<u64, ToolTable>,
-    /// The revision of the table that the path was made with that is run.
-    running_table: Option<u64>,
+    /// The tool table in force, with its revision.
+    tool_table: Option<(u64, ToolTable)>,
+    /// The tables themselves, because a planner that is started anew counts its revisions
+    /// from the beginning: of the newest path, and of the path that is run.
+    planned_tools: Option<ToolTable>,
+    running_tools: Option<ToolTable>,
 }
-
-/// Tool tables that are remembered: a run may have begun some changes ago.
-const TABLES_MAX: usize = 256;
 
 impl Newest {
     fn hear_table(&mut self, revision: u64, table: ToolTable) {
-        // A planner that was started anew counts from the beginning.
-        if self.table_now().is_some_and(|(newest, _)| *newest > revision) {
-            self.tool_tables.clear();
+        let is_meant = |planned: &Planned| planned.tool_table_revision == revision;
+        if self.planned_tools.is_none() && self.planned.as_ref().is_some_and(is_meant) {
+            self.planned_tools = Some(table.clone());
         }
-        self.tool_tables.insert(revision, table);
-        while self.tool_tables.len() > TABLES_MAX {
-            self.tool_tables.pop_first();
-        }
+        self.tool_table = Some((revision, table));
     }
 
-    fn table_now(&self) -> Option<(&u64, &ToolTable)> {
-        self.tool_tables.last_key_value()
+    /// The table that a path was made with, if it is the one in force.
+    fn table_of(&self, planned: &Planned) -> Option<ToolTable> {
+        let (revision, table) = self.tool_table.as_ref()?;
+        (*revision == planned.tool_table_revision).then(|| table.clone())
     }
 }
 
@@ -132,14 +129,15 @@ impl Paths {
 
     /// This is the path that is run from here on.
     pub(super) fn begin(&self, planned: &Planned) {
-        self.newest().running_table = Some(planned.tool_table_revision);
+        let mut newest = self.newest();
+        newest.running_tools = newest.table_of(planned).or_else(|| newest.planned_tools.clone());
     }
 
     /// Why the path that is run must not go on with this tool.
     pub(super) fn objection(&self, tool: u32) -> Option<String> {
         let newest = self.newest();
-        let planned = newest.running_table.and_then(|of| newest.tool_tables.get(&of));
-        objection(tool, planned, newest.table_now().map(|(_, table)| table))
+        let now = newest.tool_table.as_ref().map(|(_, table)| table);
+        objection(tool, newest.running_tools.as_ref(), now)
     }
 
     fn take(&self, planned: Planned) {
@@ -149,7 +147,10 @@ impl Paths {
             planned.revision,
             planned.path.elements.len()
         );
-        self.newest().planned = Some(planned);
+        let mut newest = self.newest();
+        newest.planned_tools = newest.table_of(&planned);
+        newest.planned = Some(planned);
+        drop(newest);
         self.arrived.notify_waiters();
     }
 
@@ -193,9 +194,10 @@ impl Paths {
             if let Some(planned) = &newest.planned {
                 let is_newest = planned.revision == *revision
                     && planned.program_id == *id
-                    && newest
-                        .table_now()
-                        .is_none_or(|(revision, _)| *revision == planned.tool_table_revision);
+                    && match &newest.tool_table {
+                        Some((_, table)) => newest.planned_tools.as_ref() == Some(table),
+                        None => true,
+                    };
                 if is_meant && is_newest {
                     return Ok(Some(planned.clone()));
                 }

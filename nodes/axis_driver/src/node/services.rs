@@ -38,6 +38,7 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
         ("unlock", Command::Unlock),
         ("door_hold", Command::DoorHold),
         ("sleep", Command::Sleep),
+        ("cancel", Command::CancelRun { run: None }),
     ] {
         let driver = Arc::clone(driver);
         node.concurrent_service::<Trigger, _, _>(name, move |request, info: RequestInfo| {
