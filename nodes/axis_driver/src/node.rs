@@ -181,6 +181,12 @@ struct Progress {
 /// The answer to a command: what was done, or why not.
 type Reply = Result<String, Refusal>;
 
+/// A command that was sent, or not when too many wait already.
+struct Asked {
+    id: u64,
+    reply: Option<oneshot::Receiver<Reply>>,
+}
+
 /// Who waits for what.
 #[derive(Debug, Default)]
 struct Waiting {
@@ -258,26 +264,38 @@ impl Driver {
 
     /// Sends a command and waits for its answer.
     async fn ask(&self, command: Command, within: Duration) -> Reply {
-        let id = self.next_id.fetch_add(1, Ordering::Relaxed);
-        self.ask_as(id, command, within).await
+        let asked = self.begin(command);
+        self.answer(asked, within).await
     }
 
     async fn ask_as(&self, id: u64, command: Command, within: Duration) -> Reply {
-        let refuse =
-            |message: String| Refusal { error_code: crate::codes::error_code::NO_ANSWER, message };
+        let asked = self.begin_as(id, command);
+        self.answer(asked, within).await
+    }
+
+    /// Sends a command now; [`Self::answer`] waits for its answer.
+    fn begin(&self, command: Command) -> Asked {
+        self.begin_as(self.next_id.fetch_add(1, Ordering::Relaxed), command)
+    }
+
+    fn begin_as(&self, id: u64, command: Command) -> Asked {
         let (sender, reply) = oneshot::channel();
         self.waiting().replies.insert(id, sender);
-        if self.serial.command(id, command).is_err() {
-            self.waiting().replies.remove(&id);
-            return Err(refuse("too many commands wait for the driver".into()));
-        }
-        match tokio::time::timeout(within, reply).await {
-            Ok(Ok(reply)) => reply,
-            _ => {
-                self.waiting().replies.remove(&id);
-                Err(refuse(format!("the driver did not answer within {} s", within.as_secs_f64())))
-            }
-        }
+        let is_sent = self.serial.command(id, command).is_ok();
+        Asked { id, reply: is_sent.then_some(reply) }
+    }
+
+    async fn answer(&self, asked: Asked, within: Duration) -> Reply {
+        let Asked { id, reply } = asked;
+        let message = match reply {
+            None => "too many commands wait for the driver".to_owned(),
+            Some(reply) => match tokio::time::timeout(within, reply).await {
+                Ok(Ok(reply)) => return reply,
+                _ => format!("the driver did not answer within {} s", within.as_secs_f64()),
+            },
+        };
+        self.waiting().replies.remove(&id);
+        Err(Refusal { error_code: crate::codes::error_code::NO_ANSWER, message })
     }
 
     /// Offers the core another path for what is left of its run.

@@ -42,9 +42,11 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
     ] {
         let driver = Arc::clone(driver);
         node.concurrent_service::<Trigger, _, _>(name, move |request, info: RequestInfo| {
-            let (driver, command) = (Arc::clone(&driver), command.clone());
+            let driver = Arc::clone(&driver);
+            // Now, not when a task finds a processor: a hold may not wait for that.
+            let asked = driver.begin(command.clone());
             async move {
-                let (success, error_code, message) = told(driver.ask(command, REPLY_WITHIN).await);
+                let (success, error_code, message) = told(driver.answer(asked, REPLY_WITHIN).await);
                 let answer = Answer { success, error_code, message: &message };
                 driver.commands.record(name, Trigger::TYPE_NAME, &info, &request, answer);
                 TriggerResponse { success, message }

@@ -2,12 +2,14 @@
 
 use super::SerialConfig;
 use super::inbox::{FromPort, Inbox};
+use rustix::fd::OwnedFd;
 use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
 use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 use serialport::{ClearBuffer, DataBits, FlowControl, Parity, SerialPort, StopBits, TTYPort};
 use std::io::{ErrorKind, Read, Write};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -24,7 +26,11 @@ const END_PATIENCE: Duration = Duration::from_millis(300);
 /// A port that is open. Dropping it closes it.
 #[derive(Debug)]
 pub(super) struct Port {
+    /// The same port, for writes that wait for nothing.
+    at_once: OwnedFd,
     writes: Option<SyncSender<Vec<u8>>>,
+    /// Writes that the writer has not finished.
+    waiting: Arc<AtomicUsize>,
     is_over: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -39,7 +45,7 @@ impl Port {
     ) -> Result<Self, String> {
         let problem =
             |error: &dyn std::fmt::Display| format!("cannot open {}: {error}", config.path);
-        let mut port = open_tty(config).map_err(|error| problem(&error))?;
+        let (mut port, at_once) = open_tty(config).map_err(|error| problem(&error))?;
         let mut writer = port.try_clone_native().map_err(|error| problem(&error))?;
         // What came before belongs to nobody. A pseudo-terminal may not know this.
         let _ = port.clear(ClearBuffer::All);
@@ -47,11 +53,12 @@ impl Port {
         let (writes, wanted) = sync_channel(WRITES_MAX);
         let _ = port.set_timeout(READ_PATIENCE);
         let _ = writer.set_timeout(WRITE_PATIENCE);
-        let mut opened = Self { writes: Some(writes), is_over, threads: Vec::new() };
+        let (writes, waiting) = (Some(writes), Arc::default());
+        let mut opened = Self { at_once, writes, waiting, is_over, threads: Vec::new() };
         let (over, to) = (opened.is_over.clone(), inbox.clone());
         opened.spawn("axis-driver-rx", move || read(port, number, &to, &over))?;
-        let to = inbox.clone();
-        opened.spawn("axis-driver-tx", move || write(writer, number, &to, &wanted))?;
+        let (to, waiting) = (inbox.clone(), opened.waiting.clone());
+        opened.spawn("axis-driver-tx", move || write(writer, number, &to, &wanted, &waiting))?;
         Ok(opened)
     }
 
@@ -61,8 +68,19 @@ impl Port {
         Ok(())
     }
 
-    /// Hands bytes to the writer; never waits.
-    pub(super) fn write(&self, bytes: Vec<u8>) -> Result<(), String> {
+    /// Writes bytes, or hands what the system does not take now to the writer; never waits.
+    pub(super) fn write(&self, mut bytes: Vec<u8>) -> Result<(), String> {
+        // Behind what waits already, or they would overtake it. A thread less to wake is a
+        // thread less that has to wait for a processor.
+        if self.waiting.load(Ordering::Acquire) == 0 {
+            match rustix::io::write(&self.at_once, &bytes) {
+                Ok(count) if count == bytes.len() => return Ok(()),
+                Ok(count) => drop(bytes.drain(..count)),
+                Err(Errno::AGAIN | Errno::INTR) => {}
+                Err(error) => return Err(format!("unplugged: {}", std::io::Error::from(error))),
+            }
+        }
+        self.waiting.fetch_add(1, Ordering::Relaxed);
         match self.writes.as_ref().map(|writes| writes.try_send(bytes)) {
             Some(Ok(())) => Ok(()),
             Some(Err(TrySendError::Full(_))) => {
@@ -90,19 +108,20 @@ impl Drop for Port {
     }
 }
 
-fn open_tty(config: &SerialConfig) -> serialport::Result<TTYPort> {
+/// Opens the port twice; who writes to the second one never waits.
+fn open_tty(config: &SerialConfig) -> serialport::Result<(TTYPort, OwnedFd)> {
     // With HUPCL the last close drops DTR, and the next open resets the board. This
-    // descriptor stays until the real one is open, so that there is no close between.
-    let first = rustix::fs::open(
+    // descriptor is there before the real one is, so that there is no close between.
+    let at_once = rustix::fs::open(
         &config.path,
         OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC,
         Mode::empty(),
     )
     .map_err(|error| std::io::Error::from_raw_os_error(error.raw_os_error()))?;
-    if let Ok(mut termios) = tcgetattr(&first) {
+    if let Ok(mut termios) = tcgetattr(&at_once) {
         termios.control_modes.remove(ControlModes::HUPCL);
         // A device without modem lines has nothing to keep.
-        let _ = tcsetattr(&first, OptionalActions::Now, &termios);
+        let _ = tcsetattr(&at_once, OptionalActions::Now, &termios);
     }
     let mut port = serialport::new(&config.path, config.driver.baud)
         .data_bits(DataBits::Eight)
@@ -118,7 +137,7 @@ fn open_tty(config: &SerialConfig) -> serialport::Result<TTYPort> {
     if let Some(level) = config.rts {
         let _ = port.write_request_to_send(level);
     }
-    Ok(port)
+    Ok((port, at_once))
 }
 
 fn read(mut port: TTYPort, number: u64, inbox: &Inbox, is_over: &AtomicBool) {
@@ -140,7 +159,13 @@ fn read(mut port: TTYPort, number: u64, inbox: &Inbox, is_over: &AtomicBool) {
     }
 }
 
-fn write(mut port: TTYPort, number: u64, inbox: &Inbox, wanted: &Receiver<Vec<u8>>) {
+fn write(
+    mut port: TTYPort,
+    number: u64,
+    inbox: &Inbox,
+    wanted: &Receiver<Vec<u8>>,
+    waiting: &AtomicUsize,
+) {
     for bytes in wanted {
         if let Err(error) = port.write_all(&bytes) {
             let what = Err(match error.kind() {
@@ -150,5 +175,6 @@ fn write(mut port: TTYPort, number: u64, inbox: &Inbox, wanted: &Receiver<Vec<u8
             inbox.push_read(FromPort { port: number, what }, WRITE_PATIENCE);
             return;
         }
+        waiting.fetch_sub(1, Ordering::Release);
     }
 }
