@@ -5,9 +5,9 @@ use super::wire::{Trouble, Writer};
 use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
 
 /// Fails unless the machine is held, stands in the line that was told, is told nothing
-/// more, and runs again when the operator has reset it.
+/// more, and is idle when the operator has reset it; returns what was said.
 #[track_caller]
-fn stops_for_good(cell: &Cell, trouble: Trouble, error_code: u16, says: &str) {
+fn stops_for_good(cell: &Cell, trouble: Trouble, error_code: u16, says: &str) -> String {
     let run = cell.run_into_the_midst();
     let moment = cell.moment();
     cell.wire.trouble(trouble.clone());
@@ -20,13 +20,14 @@ fn stops_for_good(cell: &Cell, trouble: Trouble, error_code: u16, says: &str) {
     assert!(held.reason.contains("soft_reset"), "{trouble:?}: {held:?}");
     cell.stands_in(result.last_line);
     assert_eq!(held.line, result.last_line, "{trouble:?}");
-    assert!(cell.refuses_to_run().contains("soft_reset"), "{trouble:?}");
+    cell.refuses_to_run("soft_reset");
     assert!(cell.commander.press("resume").is_err(), "{trouble:?}");
     let told = cell.told_behind_hold(moment);
     assert_eq!(told, "", "{trouble:?}: nothing but a hold");
     never_idle(&cell.commander.states_since(moment.states));
     cell.commander.press("soft_reset").expect("the operator resets");
     cell.until_ready();
+    result.message
 }
 
 const PROTOCOL: u16 = RunProgramResult::PROTOCOL;
@@ -95,7 +96,7 @@ fn an_answer_too_many_is_never_a_success() {
         cell.stands_in(result.last_line);
         let waits = cell.commander.until("a machine that waits", |state| state.needs_reset);
         assert!(waits.reason.contains("soft_reset"), "{waits:?}");
-        assert!(cell.refuses_to_run().contains("soft_reset"));
+        cell.refuses_to_run("soft_reset");
         assert_eq!(cell.told_behind_hold(moment), "");
         cell.commander.press("soft_reset").expect("the operator resets");
         cell.until_ready();
@@ -107,6 +108,7 @@ fn an_answer_too_many_is_never_a_success() {
 fn damage_from_the_controller_ends_the_run_in_a_hold() {
     let cell = Cell::new(&Plan::default());
     stops_for_good(&cell, Trouble::HalveOk, PROTOCOL, "damaged");
+    stops_for_good(&cell, Trouble::BeheadReport, PROTOCOL, "damaged");
     let garbage = b"\xf0\x9f\x00o\xffk\xfe~\x18!Grbl$X\r\n".to_vec();
     stops_for_good(&cell, Trouble::Say(garbage), PROTOCOL, "damaged");
     cell.runs_again();
@@ -115,7 +117,9 @@ fn damage_from_the_controller_ends_the_run_in_a_hold() {
 #[test]
 fn damage_on_the_way_to_the_controller_ends_the_run_in_a_hold_where_it_is_refused() {
     let cell = Cell::new(&Plan::default());
-    stops_for_good(&cell, Trouble::LoseLineEnd, REFUSED, "error:");
-    stops_for_good(&cell, Trouble::LoseLetter, REFUSED, "error:");
+    for trouble in [Trouble::LoseLineEnd, Trouble::LoseLetter] {
+        let message = stops_for_good(&cell, trouble, REFUSED, "error:");
+        cell.names_its_block(&message);
+    }
     cell.runs_again();
 }

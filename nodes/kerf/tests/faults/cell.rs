@@ -245,10 +245,23 @@ impl Cell {
         assert!(line.abs_diff(there) <= 1, "line {line} was told, line {there} is at {place:?}");
     }
 
-    /// Fails if a run is taken; returns why it is not.
+    /// Fails unless this names a line of the program and shows its text.
     #[track_caller]
-    pub(crate) fn refuses_to_run(&self) -> String {
-        self.commander.run().expect_err("a run is refused")
+    pub(crate) fn names_its_block(&self, message: &str) {
+        let behind = message.split_once("line ").map(|(_, behind)| behind);
+        let number = behind.and_then(|text| text.split(|c: char| !c.is_ascii_digit()).next());
+        let line = number.and_then(|number| number.parse::<usize>().ok());
+        let text = self.program.text();
+        let block = line.and_then(|line| text.lines().nth(line - 1));
+        let block = block.unwrap_or_else(|| panic!("no line of the program in {message:?}"));
+        assert!(message.contains(block), "{block:?} is not in {message:?}");
+    }
+
+    /// Fails unless a run is refused, with these words.
+    #[track_caller]
+    pub(crate) fn refuses_to_run(&self, words: &str) {
+        let why = self.commander.run().expect_err("a run is refused");
+        assert!(why.contains(words), "{words:?} is not in {why:?}");
     }
 
     /// Fails unless a run is taken, and ends it.

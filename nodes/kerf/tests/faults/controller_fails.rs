@@ -31,7 +31,7 @@ fn a_controller_that_starts_anew_in_a_run_has_to_be_homed() {
     assert!(!locked.is_homed, "{locked:?}");
     assert_eq!(locked.line, result.last_line, "{locked:?}");
     never_idle(&cell.commander.states_since(moment.states));
-    assert!(cell.refuses_to_run().contains("ALARM"));
+    cell.refuses_to_run("ALARM");
     cell.commander.press("resume").expect_err("there is nothing to go on with");
     // Nothing of the program behind the start message, only questions.
     let passed = cell.wire.passed_since(moment.wire);
@@ -59,10 +59,11 @@ fn an_alarm_in_a_run_locks_the_machine_until_somebody_unlocks_it() {
     // The block that it happened in.
     let line = format!("line {}", result.last_line);
     assert!(result.message.contains(&line), "{line:?} is not in {result:?}");
+    cell.names_its_block(&result.message);
     let locked = cell.commander.until_mode("ALARM");
     assert_eq!((locked.alarm_code, locked.line), (1, result.last_line), "{locked:?}");
     assert!(!locked.is_homed, "{locked:?}");
-    assert!(cell.refuses_to_run().contains("soft_reset"));
+    cell.refuses_to_run("soft_reset");
     cell.commander.until_health(DiagnosticStatus::ERROR, "ALARM:1");
     let end = cell.moment();
     cell.controller.inject("release:X");
@@ -97,7 +98,7 @@ fn a_controller_that_goes_silent_is_unknown_and_is_held_when_it_speaks_again() {
     assert!(silent.motion_possible && !silent.position_known, "{silent:?}");
     assert!(silent.reason.contains("LINK_LOST"), "{silent:?}");
     assert_eq!(silent.line, result.last_line, "{silent:?}");
-    assert!(cell.refuses_to_run().contains("LINK_LOST"));
+    cell.refuses_to_run("LINK_LOST");
     cell.commander.until_health(DiagnosticStatus::ERROR, "LINK_LOST");
     // It hears all the same: the hold has arrived.
     cell.until_controller("Hold:0");

@@ -21,7 +21,7 @@ fn a_driver_that_is_started_again_in_a_run_holds_and_does_nothing_else() {
     cell.until_controller("Hold:0");
     let lost = cell.commander.result(run).expect_err("the goal belongs to an earlier life");
     assert!(lost.contains("restarted"), "{lost}");
-    assert!(cell.refuses_to_run().contains("DRIVER_RESTARTED"));
+    cell.refuses_to_run("DRIVER_RESTARTED");
     cell.commander.press("resume").expect_err("nobody knows what would go on");
     cell.commander.press("unlock").expect_err("it is not locked");
     assert_eq!(cell.told_behind_hold(moment), "", "a hold and nothing else");
@@ -62,7 +62,7 @@ fn a_board_that_is_reset_by_its_port_is_told_to_be_unhomed_and_is_reset_once_onl
     let log = cell.machine.log();
     assert!(log.contains("restarted when its port was opened"), "{log}");
     assert!(log.contains("not homed"), "{log}");
-    assert!(cell.refuses_to_run().contains("ALARM"));
+    cell.refuses_to_run("ALARM");
     // Nothing has homed or unlocked it.
     assert_eq!(cell.wire.told_since(0), "\\x18$I\\n$$\\n$G\\n$#\\n");
     assert!(!cell.wire.hangs_up(), "HUPCL is cleared");
