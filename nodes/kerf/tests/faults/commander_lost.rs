@@ -113,7 +113,7 @@ fn a_run_whose_commander_dies_is_ended_where_that_is_wanted() {
     let (cell, moment) = orphan(test, true, "hold_then_abort");
     let idle = cell.until_ready();
     assert!(cell.modes_since(moment).contains(&"HOLD"), "{:?}", cell.modes_since(moment));
-    assert_eq!(cell.told_behind_hold(moment), "\\x18");
+    assert_eq!(cell.told_behind_hold(moment), "\\x18$G\\n$#\\n", "a reset and questions");
     cell.stands_in(idle.line);
     cell.runs_again();
 }

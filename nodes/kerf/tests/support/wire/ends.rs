@@ -191,7 +191,7 @@ impl Ends {
         let fits = |trouble: &Trouble| match trouble {
             Trouble::LoseOk | Trouble::DoubleOk | Trouble::HalveOk => is_ok,
             Trouble::BeheadReport => is_report,
-            Trouble::Say(_) => true,
+            Trouble::Say { behind, .. } => said.starts_with(behind.as_bytes()),
             _ => false,
         };
         let mut heard = said.clone();
@@ -203,7 +203,7 @@ impl Ends {
             match trouble {
                 Trouble::LoseOk => heard.clear(),
                 Trouble::DoubleOk => heard.extend_from_slice(&said),
-                Trouble::Say(bytes) => heard.extend(bytes),
+                Trouble::Say { bytes, .. } => heard.extend(bytes),
                 // A letter of an answer, the beginning of a report.
                 _ => drop(heard.remove(0)),
             }

@@ -11,8 +11,9 @@ pub(crate) enum Trouble {
     HalveOk,
     /// The next status report arrives without its first byte.
     BeheadReport,
-    /// Behind the next line of the controller these bytes arrive, which it never said.
-    Say(Vec<u8>),
+    /// Behind the next line of the controller that begins so these bytes arrive, which it
+    /// never said.
+    Say { behind: &'static str, bytes: Vec<u8> },
     /// The next line of motion is not ended.
     LoseLineEnd,
     /// The next line of motion arrives without its first letter.
@@ -27,6 +28,6 @@ impl Trouble {
     /// Whether it happens on the way to the driver.
     pub(super) fn is_to_driver(&self) -> bool {
         use Trouble::{BeheadReport, DoubleOk, HalveOk, LoseOk, Say};
-        matches!(self, LoseOk | DoubleOk | HalveOk | BeheadReport | Say(_))
+        matches!(self, LoseOk | DoubleOk | HalveOk | BeheadReport | Say { .. })
     }
 }
