@@ -377,6 +377,11 @@ impl<T> Link<T> {
         self.lines.clear();
     }
 
+    /// Passes over answers to lines that it does not know of, until the next banner.
+    pub fn distrust(&mut self) {
+        self.is_forgiving = true;
+    }
+
     /// Believes answers from here on, without a banner: the caller connects to a
     /// controller that it does not reset.
     pub fn trust(&mut self) {

@@ -83,6 +83,8 @@ pub(super) const RECORDER: Duration = Duration::from_secs(5);
 /// An answer that came too early, in the place of that of the last dwell, has shown
 /// itself by then: the dwell takes a fifth of it.
 pub(super) const SETTLED: Duration = Duration::from_millis(50);
+/// A line that was on its way when the controller started anew is answered by then.
+pub(super) const CROSSING: Duration = Duration::from_millis(300);
 /// From a feed hold to standstill.
 pub(super) const STANDSTILL: Duration = Duration::from_secs(10);
 /// From the first words of a run to a work position.

@@ -5,7 +5,7 @@
 //! modal words of an earlier life are gone. Then build, settings, words in force and
 //! offsets are read, one question at a time.
 
-use super::config::{ANSWER, LISTEN};
+use super::config::{ANSWER, CROSSING, LISTEN};
 use super::{Driver, LogLevel, Origin, Phase, Refusal};
 use crate::codes::{self, error_code};
 use crate::link::{LineKind, Link, LinkFault, realtime};
@@ -38,6 +38,8 @@ pub(super) struct Connecting {
 enum Step {
     Listening,
     AwaitingBanner,
+    /// It has started anew by itself: lines that were on their way are still answered.
+    PassingOver,
     Asking(usize),
     /// All is answered but what the machine does.
     AwaitingStatus,
@@ -70,6 +72,7 @@ impl Connecting {
         match self.step {
             Step::Listening => "listening".into(),
             Step::AwaitingBanner => "waiting for the controller to start".into(),
+            Step::PassingOver => "waiting for answers to lines of before".into(),
             Step::Asking(query) => format!("asking {}", QUERIES[query]),
             Step::AwaitingStatus => "waiting for a report".into(),
         }
@@ -151,6 +154,13 @@ impl Driver {
         }
         self.phase = Phase::Connecting(connecting);
         self.ask(0);
+    }
+
+    /// The same of one that has started anew when nobody asked for it.
+    pub(super) fn begin_queries_behind_a_restart(&mut self) {
+        self.link.distrust();
+        let until = self.now + CROSSING;
+        self.phase = Phase::Connecting(Connecting::new(Step::PassingOver, until, None));
     }
 
     fn ask(&mut self, query: usize) {
@@ -243,6 +253,7 @@ impl Driver {
                 self.settle();
             }
             Step::AwaitingBanner => self.begin_queries(reply),
+            Step::PassingOver => self.begin_queries_behind_a_restart(),
             Step::Asking(_) | Step::AwaitingStatus if connecting.restarts < RESTARTS_MAX => {
                 connecting.restarts += 1;
                 self.log(LogLevel::Warn, format!("the controller restarted again: {text}"));
@@ -301,6 +312,13 @@ impl Driver {
         if let Some(id) = connecting.reply {
             self.reply(id, Ok("the controller was reset".into()));
         }
+        // An alarm holds it back by itself; without one nothing would.
+        let is_lost = std::mem::take(&mut self.machine.lost_its_place);
+        if is_lost && self.machine.mode() == Mode::Idle {
+            let reason = "RESTARTED: the controller started anew in the middle of something and \
+                          takes the place where it stands for zero; soft_reset, then home";
+            self.phase = Phase::Adrift { reason: reason.into() };
+        }
         if self.machine.needs_acknowledgement {
             let reason = "LINK_LOST: the controller was out of reach while the machine was \
                           moving, and is back; look where the tool is, then soft_reset";
@@ -323,9 +341,12 @@ impl Driver {
 
     pub(super) fn on_connect_timeout(&mut self) {
         let Phase::Connecting(connecting) = &self.phase else { return };
+        if connecting.step == Step::PassingOver {
+            return self.begin_queries(None);
+        }
         let waited = match connecting.step {
             Step::Listening => LISTEN,
-            Step::AwaitingBanner | Step::Asking(_) | Step::AwaitingStatus => ANSWER,
+            _ => ANSWER,
         };
         let waited = waited.as_secs_f64();
         let message = match (connecting.step, connecting.garbage) {
@@ -342,7 +363,7 @@ impl Driver {
             (Step::Listening, 0) => {
                 format!("nothing answered within {waited} s; check port, cable and supply")
             }
-            (Step::AwaitingBanner, 0) => {
+            (Step::AwaitingBanner | Step::PassingOver, 0) => {
                 format!("no start message came within {waited} s of a reset")
             }
         };

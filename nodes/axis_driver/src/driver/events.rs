@@ -108,20 +108,22 @@ impl Driver {
                     "the controller restarted in the middle of the run ({text}); its position is lost: home"
                 );
                 self.machine.is_homed = false;
+                self.machine.lost_its_place = true;
                 self.end_run(RunOutcome::Aborted, error_code::RESTARTED, message, Phase::Ready);
-                self.begin_queries(None);
+                self.begin_queries_behind_a_restart();
             }
             Phase::Errand(_) => {
                 self.machine.is_homed = false;
+                self.machine.lost_its_place = true;
                 let message = format!("the controller restarted ({text})");
                 let refusal = Refusal::new(error_code::RESTARTED, message);
                 self.end_errand(Err(refusal), Phase::Ready);
-                self.begin_queries(None);
+                self.begin_queries_behind_a_restart();
             }
             Phase::Adrift { .. } | Phase::Ready => {
                 self.machine.is_homed = false;
                 self.log(LogLevel::Warn, format!("the controller restarted by itself: {text}"));
-                self.begin_queries(None);
+                self.begin_queries_behind_a_restart();
             }
         }
     }

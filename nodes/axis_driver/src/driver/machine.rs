@@ -71,6 +71,9 @@ pub(super) struct Machine {
     pub(super) is_lost: bool,
     /// Nothing runs before the operator has seen to it.
     pub(super) needs_acknowledgement: bool,
+    /// The controller has started anew by itself in the middle of something.
+    #[serde(default)]
+    pub(super) lost_its_place: bool,
     pub(super) program_id: String,
     pub(super) line: u32,
 }
