@@ -1,6 +1,6 @@
 //! Fuzz targets: mutated programs through loader and planner, random contours through
 //! the planner; what a controller says, damaged, through the parser; lines, answers and
-//! commands in any order through the link.
+//! commands in any order through the link, and through the driver as a whole.
 //!
 //! A test run tries a fixed number of cases from a fixed seed. For longer:
 //!
@@ -14,8 +14,10 @@
 
 mod contours;
 mod controller;
+mod driver;
 mod link;
 mod mutate;
+mod orders;
 mod programs;
 mod responses;
 
@@ -112,4 +114,20 @@ fn a_link_keeps_count_or_says_that_it_does_not() {
         (possible, seen) = (possible + early.possible, seen + early.seen);
     });
     assert!(seen * 10 >= possible * 9, "{seen} of {possible} lost answers were seen in mid-stream");
+}
+
+#[test]
+fn a_driver_answers_every_command_and_ends_every_goal() {
+    let (mut accepted, mut finished, mut succeeded) = (0, 0, 0);
+    let cases = fuzz("driver", 150, |random| {
+        let goals = driver::check(random);
+        accepted += goals.accepted;
+        finished += goals.finished;
+        succeeded += goals.succeeded;
+    });
+    assert_eq!(accepted, finished);
+    assert!(
+        accepted > cases && succeeded * 4 > cases,
+        "{accepted} goals in {cases} cases, {succeeded} reached: too few to tell anything"
+    );
 }
