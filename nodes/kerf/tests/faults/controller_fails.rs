@@ -1,7 +1,7 @@
 //! The controller starts anew in a run, is in alarm, or says nothing any more.
 
 use super::cell::{Cell, Plan, never_idle, settings};
-use super::wire::Writer;
+use super::wire::{Trouble, Writer};
 use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 use cnc_msgs::wire::diagnostic_msgs::msg::DiagnosticStatus;
@@ -41,6 +41,43 @@ fn a_controller_that_starts_anew_in_a_run_has_to_be_homed() {
     assert_eq!(cell.wire.told_since(behind), "$I\\n$$\\n$G\\n$#\\n");
     assert!(cell.commander.home().success);
     assert!(cell.until_ready().is_homed);
+    cell.runs_again();
+}
+
+/// There is no alarm that would hold it back: it takes whatever place it is at for zero.
+#[test]
+fn a_controller_without_switches_that_starts_anew_in_a_run_waits_for_the_operator() {
+    let cell = Cell::new(&Plan::default());
+    let run = cell.run_into_the_midst();
+    let moment = cell.moment();
+    cell.controller.inject("reset");
+    let result = cell.result(run);
+    assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
+    assert_eq!(result.error_code, RunProgramResult::RESTARTED, "{result:?}");
+    let waits = cell.commander.until("a machine that waits", |state| state.needs_reset);
+    assert!(waits.reason.contains("soft_reset") && !waits.is_homed, "{waits:?}");
+    cell.refuses_to_run("soft_reset");
+    let told = cell.told_since(moment);
+    assert!(told.ends_with("$I\\n$$\\n$G\\n$#\\n") && !told.contains(['!', '~']), "{told}");
+    cell.commander.press("soft_reset").expect("the operator has looked");
+    cell.runs_again();
+}
+
+/// What was on the wire when the board started anew is answered behind its start message.
+#[test]
+fn an_answer_that_crosses_with_a_start_message_is_of_an_earlier_life() {
+    let cell = homed(&[]);
+    let run = cell.run_into_the_midst();
+    let moment = cell.moment();
+    let bytes = b"error:9\r\n".to_vec();
+    cell.wire.trouble(Trouble::Say { behind: "Grbl ", bytes });
+    cell.controller.inject("reset");
+    let result = cell.result(run);
+    assert_eq!(result.error_code, RunProgramResult::RESTARTED, "{result:?}");
+    let locked = cell.commander.until_mode("ALARM");
+    assert!(!locked.is_homed && !locked.needs_reset, "{locked:?}");
+    never_idle(&cell.commander.states_since(moment.states));
+    assert!(cell.commander.home().success);
     cell.runs_again();
 }
 
