@@ -1,0 +1,230 @@
+"""A node: one participant in a domain, with its topics, services and its place in the graph.
+
+Everything is polled: whoever waits looks again every few milliseconds until what it wants
+is there or [PATIENCE] is over. Nothing runs in the background but Cyclone's own threads,
+so that a test reads from the top to the bottom.
+"""
+
+import dataclasses
+import functools
+import os
+import time
+
+from cyclonedds.core import Policy, Qos as Policies
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+from . import interfaces
+
+# How long anything may take; generous, machines are slow.
+PATIENCE = 60.0
+LOOK_AGAIN = 0.005
+
+# What rmw_cyclonedds_cpp configures for ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST.
+LOCALHOST = """
+<CycloneDDS><Domain>
+  <General>
+    <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>
+    <AllowMulticast>false</AllowMulticast>
+  </General>
+  <Discovery>
+    <ParticipantIndex>auto</ParticipantIndex>
+    <MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
+    <Peers><Peer Address="127.0.0.1"/></Peers>
+  </Discovery>
+</Domain></CycloneDDS>
+"""
+
+
+class NoAnswer(AssertionError):
+    """What was waited for did not come."""
+
+
+def until(what, look, patience=PATIENCE):
+    """Waits until `look` returns something that is true, and returns it."""
+    end = time.monotonic() + patience
+    while True:
+        found = look()
+        if found:
+            return found
+        if time.monotonic() > end:
+            raise NoAnswer(f'{what}: not within {patience} s')
+        time.sleep(LOOK_AGAIN)
+
+
+@dataclasses.dataclass(frozen=True)
+class Qos:
+    """A ROS 2 QoS profile."""
+
+    reliable: bool = True
+    transient_local: bool = False
+    depth: int = 10
+
+    def policies(self):
+        return Policies(
+            Policy.Reliability.Reliable(duration(milliseconds=100)) if self.reliable
+            else Policy.Reliability.BestEffort,
+            Policy.Durability.TransientLocal if self.transient_local
+            else Policy.Durability.Volatile,
+            Policy.History.KeepLast(self.depth),
+            Policy.DataRepresentation(use_cdrv0_representation=True),
+            Policy.IgnoreLocal.Nothing,
+        )
+
+
+DEFAULT = Qos()
+LATCHED = Qos(transient_local=True, depth=1)
+SENSOR = Qos(reliable=False, depth=5)
+SERVICES = Qos(depth=10)
+
+
+@functools.cache
+def _domain(domain_id):
+    """Cyclone's own state of a domain; one a process, before the first participant."""
+    return Domain(domain_id, LOCALHOST)
+
+
+class Node:
+    """A node as `rclpy.create_node` makes one."""
+
+    def __init__(self, name, namespace='/', domain_id=None):
+        self.name, self.namespace = name, namespace
+        self.domain_id = int(os.environ['ROS_DOMAIN_ID']) if domain_id is None else domain_id
+        _domain(self.domain_id)
+        # rmw tells the enclave by the user data of the participant.
+        self.participant = DomainParticipant(
+            self.domain_id, qos=Policies(Policy.Userdata(b'enclave=/;')))
+        self._readers, self._writers = [], []
+        self._graph = self.writer(
+            'ros_discovery_info', interfaces.message('rmw_dds_common/msg/ParticipantEntitiesInfo'),
+            LATCHED)
+        self._announce()
+
+    def close(self):
+        """Leaves the domain in order, as `destroy_node` does."""
+        for entity in (*self._readers, *self._writers, self._graph, self.participant):
+            entity.__del__()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    @property
+    def full_name(self):
+        return f'{self.namespace.rstrip("/")}/{self.name}'
+
+    def resolve(self, name):
+        """The absolute name of a relative, private or absolute one."""
+        if name.startswith('/'):
+            return name
+        if name.startswith('~/'):
+            return f'{self.full_name}/{name[2:]}'
+        return f'{self.namespace.rstrip("/")}/{name}'
+
+    def publisher(self, type_name, topic, qos=DEFAULT):
+        return Publisher(self, interfaces.message(type_name), self.resolve(topic), qos)
+
+    def subscription(self, type_name, topic, qos=DEFAULT):
+        return Subscription(self, interfaces.message(type_name), self.resolve(topic), qos)
+
+    def client(self, type_name, name):
+        from .services import Client
+        return Client(self, interfaces.service(type_name), self.resolve(name))
+
+    def service(self, type_name, name, handler):
+        from .services import Service
+        return Service(self, interfaces.service(type_name), self.resolve(name), handler)
+
+    def writer(self, dds_topic, kind, qos):
+        """A DDS writer that the graph knows as this node's."""
+        topic = Topic(self.participant, dds_topic, kind, qos=qos.policies())
+        writer = DataWriter(self.participant, topic, qos=qos.policies())
+        if dds_topic != 'ros_discovery_info':
+            self._writers.append(writer)
+            self._announce()
+        return writer
+
+    def reader(self, dds_topic, kind, qos):
+        """A DDS reader that the graph knows as this node's."""
+        topic = Topic(self.participant, dds_topic, kind, qos=qos.policies())
+        reader = DataReader(self.participant, topic, qos=qos.policies())
+        self._readers.append(reader)
+        self._announce()
+        return reader
+
+    def _announce(self):
+        """Says which endpoints are this node's, as rmw_dds_common does."""
+        def gid(entity):
+            return interfaces.message('rmw_dds_common/msg/Gid')(data=list(entity.get_guid().bytes))
+        info = interfaces.message('rmw_dds_common/msg/NodeEntitiesInfo')(
+            node_namespace=self.namespace, node_name=self.name,
+            reader_gid_seq=[gid(reader) for reader in self._readers],
+            writer_gid_seq=[gid(writer) for writer in self._writers])
+        self._graph.write(interfaces.message('rmw_dds_common/msg/ParticipantEntitiesInfo')(
+            gid=gid(self.participant), node_entities_info_seq=[info]))
+
+
+class Publisher:
+    """`node.create_publisher`."""
+
+    def __init__(self, node, kind, topic, qos):
+        self.topic, self.kind = topic, kind
+        self._writer = node.writer(f'rt{topic}', kind, qos)
+
+    def publish(self, value):
+        self._writer.write(value)
+
+    def subscription_count(self):
+        return len(self._writer.get_matched_subscriptions())
+
+    def wait_for_subscribers(self, count=1):
+        until(f'{count} subscribers of {self.topic}', lambda: self.subscription_count() >= count)
+        return self
+
+
+class Subscription:
+    """`node.create_subscription`, polled."""
+
+    def __init__(self, node, kind, topic, qos):
+        self.topic, self.kind = topic, kind
+        self._reader = node.reader(f'rt{topic}', kind, qos)
+
+    def publisher_count(self):
+        return len(self._reader.get_matched_publications())
+
+    def wait_for_publishers(self, count=1):
+        until(f'{count} publishers of {self.topic}', lambda: self.publisher_count() >= count)
+        return self
+
+    def take(self):
+        """All that has arrived and was not taken before."""
+        return [sample for sample in self._reader.take(N=1000) if isinstance(sample, self.kind)]
+
+    def wait(self, what=lambda _: True, patience=PATIENCE):
+        """The first message from now on for which `what` holds."""
+        return until(f'a message on {self.topic}', lambda: next(
+            (found for found in self._one_by_one() if what(found)), None), patience)
+
+    def newest(self, patience=PATIENCE):
+        """The newest of those that are there, or the next one."""
+        return until(f'a message on {self.topic}', lambda: (self.take() or [None])[-1], patience)
+
+    def collect(self, count, patience=PATIENCE):
+        """So many messages."""
+        got = []
+        until(f'{count} messages on {self.topic}',
+              lambda: got.extend(self.take()) or len(got) >= count, patience)
+        return got
+
+    def _one_by_one(self):
+        while True:
+            taken = self._reader.take(N=1)
+            if not taken:
+                return
+            if isinstance(taken[0], self.kind):
+                yield taken[0]

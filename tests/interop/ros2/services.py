@@ -1,0 +1,77 @@
+"""Services as `rmw_cyclonedds_cpp` carries them.
+
+Each request and each reply begins with sixteen bytes: who asks, and the number of the
+request. A client takes the replies that are its own and lets all others pass.
+"""
+
+import itertools
+
+from . import interfaces
+from .node import PATIENCE, SERVICES, until
+
+
+class Client:
+    """`node.create_client`."""
+
+    def __init__(self, node, kind, name):
+        self.name, self.kind = name, kind
+        self._reply_kind = interfaces.framed(f'{kind.name}_Response')
+        self._request_kind = interfaces.framed(f'{kind.name}_Request')
+        self._replies = node.reader(f'rr{name}Reply', self._reply_kind, SERVICES)
+        self._requests = node.writer(f'rq{name}Request', self._request_kind, SERVICES)
+        # The handle is signed in Python.
+        self._me = self._requests.get_instance_handle() % 2**64
+        self._numbers = itertools.count(1)
+        self._answers = {}
+
+    def is_ready(self):
+        """As `service_is_ready`: both ways are open, as far as this side knows."""
+        return bool(self._requests.get_matched_subscriptions()
+                    and self._replies.get_matched_publications())
+
+    def wait_for_service(self, patience=PATIENCE):
+        until(f'the service {self.name}', self.is_ready, patience)
+        return self
+
+    def send(self, request=None, **fields):
+        """Asks; the answer is had by the number that is returned."""
+        number = next(self._numbers)
+        body = self.kind.Request(**fields) if request is None else request
+        self._requests.write(self._request_kind(client=self._me, sequence=number, body=body))
+        return number
+
+    def answer(self, number):
+        """The answer to this request if it is there."""
+        for reply in self._replies.take(N=100):
+            if isinstance(reply, self._reply_kind) and reply.client == self._me:
+                self._answers[reply.sequence] = reply.body
+        return self._answers.get(number)
+
+    def wait(self, number, patience=PATIENCE):
+        return until(f'an answer of {self.name}', lambda: self.answer(number), patience)
+
+    def call(self, request=None, patience=PATIENCE, **fields):
+        """`client.call`: asks and waits for the answer."""
+        self.wait_for_service()
+        return self.wait(self.send(request, **fields), patience)
+
+
+class Service:
+    """`node.create_service`; answers when it is looked after."""
+
+    def __init__(self, node, kind, name, handler):
+        self.name, self.kind, self._handler = name, kind, handler
+        self._request_kind = interfaces.framed(f'{kind.name}_Request')
+        self._reply_kind = interfaces.framed(f'{kind.name}_Response')
+        self._requests = node.reader(f'rq{name}Request', self._request_kind, SERVICES)
+        self._replies = node.writer(f'rr{name}Reply', self._reply_kind, SERVICES)
+
+    def serve(self):
+        """Answers what has arrived; returns how much that was."""
+        requests = [request for request in self._requests.take(N=100)
+                    if isinstance(request, self._request_kind)]
+        for request in requests:
+            body = self._handler(request.body)
+            self._replies.write(self._reply_kind(
+                client=request.client, sequence=request.sequence, body=body))
+        return len(requests)
