@@ -11,6 +11,7 @@ mod follow;
 mod mdi;
 mod parameters;
 mod path;
+mod ring;
 mod services;
 mod source;
 mod traffic;

@@ -1,29 +1,18 @@
-//! The journal on its way out: in batches on a topic, and kept in a ring for
-//! whoever missed some.
+//! The journal on its way out: in batches on a topic, and by service for whoever missed
+//! some.
 
+use super::ring::Ring;
 use crate::journal::{Entry, EntryKind};
 use cnc_msgs::wire::builtin_interfaces::msg::{Duration as WireDuration, Time};
 use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, TrafficEntry};
 use cnc_msgs::wire::cnc_msgs::srv::{GetTrafficRequest, GetTrafficResponse};
 use runtime::{Publisher, RosTime};
-use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What the ring may hold, bytes.
-const RING_BYTES_MAX: usize = 64 << 20;
 /// What the entries of one message may take, bytes.
 const MESSAGE_BYTES_MAX: usize = 48_000;
 /// What an entry takes beside its data, bytes.
 const ENTRY_BYTES: usize = 48;
-
-/// The ring.
-#[derive(Debug, Default)]
-struct Ring {
-    entries: VecDeque<TrafficEntry>,
-    bytes: usize,
-    /// Number of the newest checkpoint.
-    checkpoint: u64,
-}
 
 /// Where entries go; clones share the ring.
 #[derive(Debug, Clone)]
@@ -50,17 +39,9 @@ impl Traffic {
         let mut bytes = 0;
         let mut ring = self.ring();
         for entry in batch {
+            ring.push(&entry);
             let entry = self.message(entry);
             let size = ENTRY_BYTES + entry.data.len();
-            if entry.kind == TrafficEntry::KIND_CHECKPOINT {
-                ring.checkpoint = entry.sequence;
-            }
-            ring.entries.push_back(entry.clone());
-            ring.bytes += size;
-            while ring.bytes > RING_BYTES_MAX {
-                let Some(oldest) = ring.entries.pop_front() else { break };
-                ring.bytes -= ENTRY_BYTES + oldest.data.len();
-            }
             if bytes + size > MESSAGE_BYTES_MAX && bytes > 0 {
                 messages.push(ControllerTraffic::default());
                 bytes = 0;
@@ -93,12 +74,11 @@ impl Traffic {
     pub(super) fn answer(&self, request: &GetTrafficRequest) -> GetTrafficResponse {
         type W = GetTrafficResponse;
         let ring = self.ring();
-        let number = |entry: Option<&TrafficEntry>| entry.map_or(0, |entry| entry.sequence);
-        let (oldest, newest) = (number(ring.entries.front()), number(ring.entries.back()));
+        let (oldest, newest) = (ring.oldest(), ring.newest());
         let mut response =
             GetTrafficResponse { oldest_sequence: oldest, newest_sequence: newest, ..W::default() };
         let first = match request.first_sequence {
-            0 => ring.checkpoint.max(1),
+            0 => ring.checkpoint().max(1),
             first => first,
         };
         if first < oldest {
@@ -109,13 +89,12 @@ impl Traffic {
         }
         response.success = true;
         let mut bytes = 0;
-        let skip = usize::try_from(first - oldest).unwrap_or(usize::MAX);
-        for entry in ring.entries.iter().skip(skip) {
+        for entry in ring.from(first) {
             bytes += ENTRY_BYTES + entry.data.len();
             if bytes > MESSAGE_BYTES_MAX && !response.entries.is_empty() {
                 break;
             }
-            response.entries.push(entry.clone());
+            response.entries.push(self.message(entry));
         }
         response
     }
