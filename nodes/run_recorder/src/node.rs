@@ -6,14 +6,16 @@
 
 mod definitions;
 mod fetch;
+mod inputs;
 mod numbers;
+mod run_id;
 mod store;
 mod watch;
 
 use cnc_msgs::wire::action_msgs::msg::GoalStatusArray;
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
 use fetch::Sources;
-use numbers::Numbers;
+use inputs::is_fetched;
 use runtime::{Declared, DiscoveredPublisher, Handle, NodeResult, Publisher, Qos};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -26,10 +28,6 @@ use watch::{Edge, RunWatch};
 const DISCOVERY_PERIOD: Duration = Duration::from_millis(100);
 /// What still belongs to a run that has ended.
 const TAIL: Duration = Duration::from_millis(700);
-/// How old what the driver tells of its journal may be, and something for slow machines.
-const JOURNAL_LAG: Duration = Duration::from_millis(60);
-/// How long what is latched may take to arrive.
-const MANIFESTS_WITHIN: Duration = Duration::from_secs(3);
 /// How long the inputs of a run that has ended may take to arrive.
 const INPUTS_WITHIN: Duration = Duration::from_secs(30);
 /// How long a disk may take to accept what a bag begins with, and how often that is looked at.
@@ -37,8 +35,10 @@ const BEGUN_WITHIN: Duration = Duration::from_secs(4);
 const BEGUN_PERIOD: Duration = Duration::from_millis(5);
 /// How long closing a bag may take.
 const CLOSE_WITHIN: Duration = Duration::from_secs(20);
-/// Samples of one topic that may wait unread.
+/// Samples of one topic that may wait unread; DDS keeps as many that were read.
 const DEPTH: usize = 20_000;
+/// The same where samples are large and can be had again from who sent them.
+const DEPTH_FETCHED: usize = 1_000;
 
 /// Runs the node until it is told to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
@@ -181,7 +181,7 @@ impl Recorder {
                 // No more than what all of them offer, or some would not match.
                 reliable: offers.iter().all(|offer| offer.qos.reliable),
                 transient_local: offers.iter().all(|offer| offer.qos.transient_local),
-                depth: DEPTH,
+                depth: if is_fetched(&publisher.type_name) { DEPTH_FETCHED } else { DEPTH },
             };
             let index = state.store.add(spec, qos.transient_local);
             let State { store, open, .. } = &mut *state;
@@ -231,7 +231,7 @@ impl Recorder {
                 tracing::error!("the run is not recorded: {error}");
                 let now = self.node.now();
                 self.publish(Recording {
-                    run_id: store::run_id(now, goal),
+                    run_id: run_id::run_id(now, goal),
                     reason: error.to_string(),
                     stamp: now.into(),
                     ..Recording::default()
@@ -282,35 +282,6 @@ impl Recorder {
         });
     }
 
-    /// Fetches what was sent before the bag was open: programs, paths, traffic.
-    async fn fetch_inputs(&self, run: u64, wanted: store::Wanted) {
-        let wanted = self.manifests(wanted).await;
-        let mut fetched = self.sources.inputs(&wanted).await;
-        fetched.problems.extend(wanted.missing());
-        // The driver gathers its journal for a moment before anybody can ask for it.
-        tokio::time::sleep(JOURNAL_LAG).await;
-        let beginning = self.sources.traffic(&Numbers::default()).await;
-        let mut state = self.state();
-        let State { store, open, run: now } = &mut *state;
-        if let Some(open) = open
-            && *now == run
-        {
-            open.add_fetched(store, fetched);
-            open.add_beginning(store, beginning);
-        }
-    }
-
-    /// Waits for manifests that were not here when the run was noticed: a recorder that
-    /// starts in mid-run sees the goal first.
-    async fn manifests(&self, mut wanted: store::Wanted) -> store::Wanted {
-        let end = tokio::time::Instant::now() + MANIFESTS_WITHIN;
-        while wanted.missing().next().is_some() && tokio::time::Instant::now() < end {
-            tokio::time::sleep(DISCOVERY_PERIOD).await;
-            wanted = self.state().store.wanted();
-        }
-        wanted
-    }
-
     /// Fills what is missing, closes the bag and says how it went.
     async fn finish(&self, mut open: OpenRun) {
         let problem = if open.driver_restarted {
@@ -333,16 +304,6 @@ impl Recorder {
             tracing::error!("{}: {}", status.path.display(), status.reasons.join("; "));
         }
         self.publish(store::recording_message(stamp, run_id, false, &status));
-    }
-
-    /// Fetches the traffic that is missing; says why there is not more of it.
-    async fn fetch_rest(&self, open: &mut OpenRun) -> Option<String> {
-        if !open.has_beginning {
-            let beginning = self.sources.traffic(&Numbers::default()).await;
-            open.add_beginning(&self.state().store, beginning);
-        }
-        let traffic = self.sources.traffic(&open.numbers).await;
-        open.add_traffic(&self.state().store, traffic)
     }
 
     fn publish_progress(&self) {

@@ -228,6 +228,12 @@ impl RunBag {
         }
     }
 
+    /// Whether less waits for the disk than half of what may; also when nothing is written
+    /// any more. Who can wait does well to wait for it.
+    pub fn has_room(&self) -> bool {
+        self.shared.queue.has_room()
+    }
+
     /// How the recording stands.
     pub fn status(&self) -> RecordingStatus {
         self.shared.status()

@@ -182,6 +182,15 @@ impl WriteQueue {
         self.state().lost.clone()
     }
 
+    /// Whether less than half of what may wait does, or nothing will any more.
+    pub(crate) fn has_room(&self) -> bool {
+        let state = self.state();
+        let is_under = |count: usize, most: usize| count <= most / 2;
+        state.is_closed
+            || is_under(state.bytes, self.limits.bytes)
+                && is_under(state.messages, self.limits.messages)
+    }
+
     /// Bytes that wait.
     pub(crate) fn waiting_bytes(&self) -> usize {
         self.state().bytes

@@ -1,7 +1,6 @@
 //! What the other nodes still have of the time before a bag was open.
 
 use super::numbers::Numbers;
-use super::store::Wanted;
 use cnc_msgs::chunk::Collector;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{
@@ -9,7 +8,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
     GetProgramChunks, GetProgramChunksRequest, GetTraffic, GetTrafficRequest,
 };
 use runtime::chunks::{PullError, pull};
-use runtime::{Client, Handle, NodeError, RosTime};
+use runtime::{Client, Handle, NodeError};
 
 /// The services that are asked.
 pub(super) struct Sources {
@@ -17,19 +16,6 @@ pub(super) struct Sources {
     contour: Client<GetContourChunks>,
     path: Client<GetPathChunks>,
     traffic: Client<GetTraffic>,
-}
-
-/// What was had.
-#[derive(Debug, Default)]
-pub(super) struct Fetched {
-    /// When it was fetched, nanoseconds since the epoch.
-    pub(super) at_ns: u64,
-    pub(super) program: Vec<wire::ProgramChunk>,
-    pub(super) contour: Vec<wire::ContourChunk>,
-    pub(super) path: Vec<wire::PathChunk>,
-    /// Name and text of the program, for people.
-    pub(super) text: Option<(String, Vec<u8>)>,
-    pub(super) problems: Vec<String>,
 }
 
 /// Traffic that was had.
@@ -55,36 +41,7 @@ impl Sources {
         })
     }
 
-    /// The chunks of what is loaded and planned.
-    pub(super) async fn inputs(&self, wanted: &Wanted) -> Fetched {
-        let at_ns = u64::try_from(RosTime::wall().as_nanos()).unwrap_or(0);
-        let mut fetched = Fetched { at_ns, ..Fetched::default() };
-        if let Some(manifest) = &wanted.program {
-            match self.program(manifest).await {
-                Ok(chunks) => {
-                    let text = chunks.iter().flat_map(|chunk| chunk.data.iter().copied()).collect();
-                    fetched.text = Some((manifest.name.clone(), text));
-                    fetched.program = chunks;
-                }
-                Err(error) => fetched.problems.push(format!("the program's text: {error}")),
-            }
-        }
-        if let Some(manifest) = &wanted.contour {
-            match self.contour(manifest).await {
-                Ok(chunks) => fetched.contour = chunks,
-                Err(error) => fetched.problems.push(format!("the programmed contour: {error}")),
-            }
-        }
-        if let Some(manifest) = &wanted.path {
-            match self.path(manifest).await {
-                Ok(chunks) => fetched.path = chunks,
-                Err(error) => fetched.problems.push(format!("the compensated path: {error}")),
-            }
-        }
-        fetched
-    }
-
-    async fn program(
+    pub(super) async fn program(
         &self,
         manifest: &wire::Program,
     ) -> Result<Vec<wire::ProgramChunk>, PullError> {
@@ -96,7 +53,7 @@ impl Sources {
         Ok(collector.into_chunks())
     }
 
-    async fn contour(
+    pub(super) async fn contour(
         &self,
         manifest: &wire::ProgrammedContour,
     ) -> Result<Vec<wire::ContourChunk>, PullError> {
@@ -108,7 +65,7 @@ impl Sources {
         Ok(collector.into_chunks())
     }
 
-    async fn path(
+    pub(super) async fn path(
         &self,
         manifest: &wire::CompensatedPath,
     ) -> Result<Vec<wire::PathChunk>, PullError> {

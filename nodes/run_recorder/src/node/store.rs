@@ -1,9 +1,9 @@
 //! The topics that were seen, what late joiners would get of them, and the
 //! bag that is open.
 
-use super::fetch::Fetched;
 use super::numbers::Numbers;
-use crate::bag_writer::{BagAttachment, ChannelIndex, ChannelSpec};
+use super::run_id::run_id;
+use crate::bag_writer::{ChannelIndex, ChannelSpec};
 use crate::run_bag::{RecordingStatus, RunBag, RunBagError, RunBagOptions};
 use cnc_msgs::cdr;
 use cnc_msgs::interface::Message;
@@ -248,55 +248,20 @@ impl OpenRun {
         self.bag.write(channel, kept.log_time_ns, kept.publish_time_ns, kept.bytes);
     }
 
-    /// Writes what was fetched, on the topics where it would have come.
-    pub(super) fn add_fetched(&mut self, store: &Store, fetched: Fetched) {
-        self.has_inputs = true;
-        for chunk in &fetched.program {
-            self.write_ours(store, fetched.at_ns, chunk);
-        }
-        for chunk in &fetched.contour {
-            self.write_ours(store, fetched.at_ns, chunk);
-        }
-        for chunk in &fetched.path {
-            self.write_ours(store, fetched.at_ns, chunk);
-        }
-        if let Some((name, text)) = fetched.text {
-            let attachment = BagAttachment {
-                name,
-                media_type: "text/plain".into(),
-                log_time_ns: fetched.at_ns,
-                data: text,
-            };
-            if let Err(error) = self.bag.attach(attachment) {
-                self.bag.note_incomplete(error.to_string());
-            }
-        }
-        for problem in fetched.problems {
-            self.bag.note_incomplete(problem);
-        }
+    /// Whether what was fetched may be written: it waits for the disk, so that what comes
+    /// meanwhile is not lost.
+    pub(super) fn has_room(&self) -> bool {
+        self.bag.has_room()
     }
 
-    /// Writes the traffic since the driver's newest checkpoint.
-    pub(super) fn add_beginning(&mut self, store: &Store, fetched: super::fetch::FetchedTraffic) {
-        self.has_beginning = fetched.problem.is_none() && !fetched.batches.is_empty();
-        self.add_traffic(store, fetched);
-    }
-
-    /// Writes traffic that was fetched; returns why there is not more of it.
-    pub(super) fn add_traffic(
-        &mut self,
-        store: &Store,
-        fetched: super::fetch::FetchedTraffic,
-    ) -> Option<String> {
-        for traffic in fetched.batches {
-            let Some(first) = traffic.entries.first() else { continue };
-            let at_ns = nanoseconds(&first.stamp);
-            for entry in &traffic.entries {
-                self.numbers.add(entry.sequence);
-            }
-            self.write_ours(store, at_ns, &traffic);
+    /// Writes traffic that was fetched.
+    pub(super) fn add_traffic(&mut self, store: &Store, traffic: &wire::ControllerTraffic) {
+        let Some(first) = traffic.entries.first() else { return };
+        let at_ns = nanoseconds(&first.stamp);
+        for entry in &traffic.entries {
+            self.numbers.add(entry.sequence);
         }
-        fetched.problem
+        self.write_ours(store, at_ns, traffic);
     }
 
     /// Notes what is not in the bag; `problem` says why traffic is missing.
@@ -322,8 +287,8 @@ impl OpenRun {
         }
     }
 
-    /// Writes a message of ours on the topic of its type.
-    fn write_ours<M: Message>(&mut self, store: &Store, at_ns: u64, message: &M) {
+    /// Writes a message of ours on the topic of its type, where it would have come.
+    pub(super) fn write_ours<M: Message>(&mut self, store: &Store, at_ns: u64, message: &M) {
         let found = store.topics.iter().position(|topic| {
             topic.spec.type_name == M::TYPE_NAME
                 && topic.spec.type_hash == TypeInfo::of::<M>().rihs01
@@ -364,47 +329,4 @@ pub(super) fn recording_message(
 
 fn nanoseconds(stamp: &Time) -> u64 {
     u64::try_from(stamp.sec).unwrap_or(0) * 1_000_000_000 + u64::from(stamp.nanosec)
-}
-
-/// `run_20261121_004500_1a2b3c4d`: UTC and the beginning of the goal's id.
-pub(super) fn run_id(now: RosTime, goal: [u8; 16]) -> String {
-    let (sec, _) = now.parts();
-    let (days, second) = (i64::from(sec).div_euclid(86_400), i64::from(sec).rem_euclid(86_400));
-    let (year, month, day) = civil_from_days(days);
-    format!(
-        "run_{year:04}{month:02}{day:02}_{:02}{:02}{:02}_{}",
-        second / 3600,
-        second / 60 % 60,
-        second % 60,
-        cnc_msgs::chunk::hex(&goal[..4])
-    )
-}
-
-/// Year, month and day of a number of days since 1970-01-01.
-///
-/// Source: the proleptic Gregorian calendar in eras of 400 years that begin on 1 March.
-fn civil_from_days(days: i64) -> (i64, i64, i64) {
-    let shifted = days + 719_468;
-    let (era, day_of_era) = (shifted.div_euclid(146_097), shifted.rem_euclid(146_097));
-    let year_of_era =
-        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
-    (year_of_era + era * 400 + i64::from(month <= 2), month, day)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn runs_are_named_by_the_second_in_utc() {
-        let name = |sec| run_id(RosTime::from_parts(sec, 0), [0xab; 16]);
-        assert_eq!(name(0), "run_19700101_000000_abababab");
-        assert_eq!(name(951_782_399), "run_20000228_235959_abababab");
-        assert_eq!(name(951_782_400), "run_20000229_000000_abababab");
-        assert_eq!(name(1_795_222_861), "run_20261121_010101_abababab");
-    }
 }

@@ -172,6 +172,25 @@ fn the_queue_is_bounded_in_bytes_too() {
 }
 
 #[test]
+fn who_waits_for_room_loses_nothing_however_much_there_is() {
+    let directory = tempfile::tempdir().unwrap();
+    let gate = Arc::new(Mutex::new(Vec::new()));
+    let limits = QueueLimits { messages: 1000, bytes: 10_000 };
+    let bag = bag_on(directory.path(), usize::MAX, gate, limits);
+    let channel = bag.add_channel(&spec("/n")).unwrap();
+    let begin = Instant::now();
+    for time in 0..200 {
+        while !bag.has_room() {
+            assert!(begin.elapsed() < LONG, "no room for message {time}");
+            thread::sleep(Duration::from_millis(1));
+        }
+        assert!(bag.write(channel, time, time, vec![0; 1000]));
+    }
+    let status = bag.finish(LONG);
+    assert_eq!((status.messages_written, status.messages_lost), (200, 0));
+}
+
+#[test]
 fn a_full_disk_is_told_and_every_message_accounted_for() {
     let directory = tempfile::tempdir().unwrap();
     let limits = QueueLimits::default();
