@@ -337,3 +337,22 @@ fn a_shift_that_a_reset_drops_is_told() {
     let g92 = told.offsets.iter().find(|offset| offset.name == "G92").unwrap();
     assert_eq!(g92.position, [0.0; 3]);
 }
+
+#[test]
+fn a_hold_that_homing_passes_over_is_not_called_done() {
+    let mut settings = Settings::small_router();
+    settings.set_line("$22=1").unwrap();
+    let start_in_machine = Some([-300.0, -200.0, -50.0]);
+    let build = Build { start_in_machine, ..Build::new(settings) };
+    let mut line = Line::new(DriverConfig::default(), build, &[]);
+    line.until("connected", |line| matches!(line.mode(), Mode::Idle | Mode::Alarm));
+    line.begin(Command::Home);
+    line.wait(1.0);
+    let refusal = line.ask(Command::FeedHold).unwrap_err();
+    assert_eq!(refusal.error_code, error_code::BUSY);
+    assert!(refusal.message.contains("only soft_reset"), "{}", refusal.message);
+    let then = line.now;
+    line.ask(Command::SoftReset).unwrap();
+    assert!(line.said_since(then).contains('\u{18}'));
+    assert!(!line.state().is_homed);
+}

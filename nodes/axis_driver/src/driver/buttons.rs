@@ -23,7 +23,8 @@ impl Driver {
             _ => false,
         };
         if is_homing {
-            return done("feed hold was sent, but homing does not listen to it: use soft_reset");
+            let text = "the machine is homing and does not hold: only soft_reset stops it";
+            return refused(error_code::BUSY, text);
         }
         done("feed hold was sent")
     }
