@@ -106,7 +106,7 @@ async fn start(node: Handle) -> NodeResult {
                     Some(event) => shared.take(event, handle.now(), &viewers),
                     None => break,
                 },
-                _ = ticks.tick() => viewers.publish(handle.now(), &shared.state_now()),
+                _ = ticks.tick() => shared.publish_again(handle.now(), &viewers),
             }
         }
     });
@@ -220,6 +220,14 @@ impl Driver {
     fn state_now(&self) -> MachineState {
         let state = self.state.borrow().clone();
         MachineState { link_age_s: self.serial.link_age_s(), ..state }
+    }
+
+    /// The newest state once more, of the time at which it was heard.
+    fn publish_again(&self, now: RosTime, viewers: &Viewers) {
+        let state = self.state_now();
+        // Of what was never heard the age is infinite.
+        let heard = Duration::try_from_secs_f64(state.link_age_s).map(|age| now.before(age));
+        viewers.publish(heard.unwrap_or(now), &state);
     }
 
     fn take(&self, event: Event, now: RosTime, viewers: &Viewers) {

@@ -76,14 +76,19 @@ pub(crate) struct ZeroArgs {
 #[group(required = true, multiple = true)]
 pub(crate) struct OverrideArgs {
     /// 10 to 200
-    #[arg(long, value_name = "PERCENT")]
+    #[arg(long, value_name = "PERCENT", value_parser = clap::value_parser!(u8).range(10..=200))]
     feed: Option<u8>,
     /// 25, 50 or 100
-    #[arg(long, value_name = "PERCENT")]
+    #[arg(long, value_name = "PERCENT", value_parser = rapid)]
     rapid: Option<u8>,
     /// 10 to 200
-    #[arg(long, value_name = "PERCENT")]
+    #[arg(long, value_name = "PERCENT", value_parser = clap::value_parser!(u8).range(10..=200))]
     spindle: Option<u8>,
+}
+
+fn rapid(text: &str) -> Result<u8, String> {
+    let percent = text.parse().ok().filter(|percent| [25, 50, 100].contains(percent));
+    percent.ok_or_else(|| "25, 50 or 100".into())
 }
 
 fn word(text: &str) -> Result<(usize, f64), String> {

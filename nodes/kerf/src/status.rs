@@ -65,8 +65,28 @@ fn describe(state: &MachineState) -> String {
     if state.motion_possible {
         text += "  the machine may be moving\n";
     }
+    if !state.pins.is_empty() {
+        text += &format!("  switches closed: {}\n", state.pins);
+    }
+    let spindle = match state.spindle {
+        MachineState::SPINDLE_OFF => " off",
+        MachineState::SPINDLE_CLOCKWISE => " clockwise",
+        MachineState::SPINDLE_COUNTER_CLOCKWISE => " counter-clockwise",
+        _ => "",
+    };
+    let coolant = match (state.flood, state.mist) {
+        (true, true) => ", flood and mist",
+        (true, false) => ", flood",
+        (false, true) => ", mist",
+        (false, false) => "",
+    };
+    let system = match state.work_system {
+        0 => String::new(),
+        system => format!(", G{}", u16::from(system) + 53),
+    };
     text += &format!(
-        "  feed {:.1} mm/min, spindle {:.0} rev/min, overrides {:.0} {:.0} {:.0} %\n",
+        "  feed {:.1} mm/min, spindle{spindle} {:.0} rev/min{coolant}{system}\n  \
+         overrides: feed {:.0}, rapid {:.0}, spindle {:.0} %\n",
         mm_per_min_from_m_per_s(state.feed_rate),
         rpm_from_rad_per_s(state.spindle_speed),
         state.feed_override * 100.0,

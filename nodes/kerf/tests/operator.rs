@@ -59,7 +59,7 @@ fn jogs_zeros_overrides_and_probes_are_typed() {
     machine.kerf(&["override", "--rapid", "70"]).expect(4).says(&["25, 50 or 100 %"]);
     let status = machine::until("the overrides", || {
         let status = machine.kerf(&["status"]).expect(0).out;
-        status.contains("overrides 80 25 100 %").then_some(status)
+        status.contains("overrides: feed 80, rapid 25, spindle 100 %").then_some(status)
     });
     assert!(status.starts_with("IDLE"), "{status}");
     // No probe is wired: the alarm says so, and nothing unlocks by itself.

@@ -4,7 +4,7 @@ use crate::interface::Message;
 use crate::node::{Handle, NodeError};
 use crate::publisher::Publisher;
 use crate::qos::Qos;
-use crate::service::RequestInfo;
+use crate::wire::Gid;
 use cnc_msgs::cdr;
 use cnc_msgs::wire::cnc_msgs::msg::Command;
 use std::sync::Arc;
@@ -43,7 +43,7 @@ impl CommandLog {
         &self,
         endpoint: &str,
         endpoint_type: &str,
-        info: &RequestInfo,
+        sender: impl Into<Gid>,
         request: &M,
         answer: Answer<'_>,
     ) {
@@ -56,7 +56,7 @@ impl CommandLog {
             node: names.fully_qualified(),
             endpoint: names.resolve(endpoint).unwrap_or_else(|_| endpoint.to_owned()),
             endpoint_type: endpoint_type.to_owned(),
-            sender: info.client.into(),
+            sender: sender.into().into(),
             request,
             request_is_cut,
             success: answer.success,

@@ -36,6 +36,12 @@ pub struct RequestInfo {
     pub reception_time: RosTime,
 }
 
+impl From<&RequestInfo> for Gid {
+    fn from(info: &RequestInfo) -> Self {
+        info.client
+    }
+}
+
 /// One server: where requests come in and replies go out.
 pub(crate) struct Server<S: Service> {
     reader: Reader<S::Request>,

@@ -26,6 +26,12 @@ pub struct SampleInfo {
     pub reception_time: RosTime,
 }
 
+impl From<&SampleInfo> for Gid {
+    fn from(info: &SampleInfo) -> Self {
+        info.publisher
+    }
+}
+
 /// A typed subscription; it lives as long as the value.
 pub struct Subscription<T: Message> {
     reader: Reader<T>,

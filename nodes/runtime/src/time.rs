@@ -10,7 +10,7 @@ use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::rosgraph_msgs::msg::Clock as ClockMessage;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A point in ROS time, in nanoseconds since 1970-01-01 UTC, or since the
 /// start of a simulation.
@@ -44,6 +44,12 @@ impl RosTime {
             Err(_) if self.0 > 0 => (i32::MAX, 999_999_999),
             Err(_) => (i32::MIN, 0),
         }
+    }
+
+    /// So much earlier.
+    #[must_use]
+    pub fn before(self, age: Duration) -> Self {
+        Self(self.0.saturating_sub(i64::try_from(age.as_nanos()).unwrap_or(i64::MAX)))
     }
 
     /// The wall clock.

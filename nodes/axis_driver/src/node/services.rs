@@ -4,7 +4,7 @@ use super::edges::Edges;
 use super::path::Paths;
 use super::{Driver, REPLY_WITHIN, told};
 use crate::driver::Command;
-use cnc_msgs::interface::Service;
+use cnc_msgs::interface::{Message, Service};
 use cnc_msgs::wire::std_msgs::msg::Bool;
 use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
 use runtime::commands::Answer;
@@ -75,11 +75,13 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
                 continue;
             }
             let reply = driver.ask(Command::FeedHold, REPLY_WITHIN).await;
-            if let Err(refusal) = reply {
-                tracing::error!("feed hold by topic: {}", refusal.message);
+            if reply.is_err() {
                 // It did not hold: the next wish counts.
                 edges.rises(info.publisher, false);
             }
+            let (success, error_code, message) = told(reply);
+            let answer = Answer { success, error_code, message: &message };
+            driver.commands.record("feed_hold", Bool::TYPE_NAME, &info, &hold, answer);
         }
     });
     Ok(())
