@@ -26,4 +26,4 @@ def pytest_runtest_makereport(item):
     report = (yield).get_result()
     machine = item.funcargs.get('machine')
     if report.failed and machine is not None:
-        report.sections.append((f'log of {machine.namespace}', machine.log()[-8000:]))
+        report.sections.append((f'log of {machine.namespace}', machine.log()[-3000:]))

@@ -6,6 +6,7 @@ over ROS is for the tests.
 
 import itertools
 import os
+import shutil
 import signal
 import subprocess
 import tempfile
@@ -17,9 +18,6 @@ ROOT = Path(__file__).resolve().parents[2]
 CONTOUR = ROOT / 'config/demo/contour.mpf'
 TOOLS = ROOT / 'config/demo/tools.yaml'
 MachineState = message('cnc_msgs/msg/MachineState')
-
-# Six times there and back, 100 mm at 20 mm/s: a minute of machine time.
-SLOW = 'G21 G90 G94 G17\nG0 X10 Y10\nF1200\n' + 'G1 X110\nG1 X10\n' * 6 + 'M30\n'
 
 _count = itertools.count()
 
@@ -45,6 +43,8 @@ class Machine:
         self.domain_id = domain()
         self._folder = tempfile.TemporaryDirectory(prefix='kerf-interop-')
         self.folder = Path(self._folder.name)
+        # A copy: set_tool writes it.
+        shutil.copy(TOOLS, self.folder / 'tools.yaml')
         self._log = open(self.folder / 'up.log', 'wb')
         environment = {name: value for name, value in os.environ.items()
                        if not name.startswith(('ROS_', 'RMW_'))}
@@ -54,7 +54,7 @@ class Machine:
             [kerf(), 'up', '--virtual-controller', '--time-factor', str(time_factor), *args,
              '--ros-args', '-r', f'__ns:={self.namespace}',
              '-p', 'run_recorder:directory:=bags',
-             '-p', f'compensation_planner:tool_table:={TOOLS}',
+             '-p', 'compensation_planner:tool_table:=tools.yaml',
              # A controller on a busy host is not silent for missing three questions.
              '-p', 'axis_driver:poll_interval_ms:=500', *ros_args],
             cwd=self.folder, env=environment, stdin=subprocess.DEVNULL,

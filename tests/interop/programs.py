@@ -1,7 +1,14 @@
 """What most tests do before they begin: load a program and see it planned."""
 
 from machine import CONTOUR
-from ros2 import LATCHED
+from ros2 import LATCHED, message
+
+MachineState = message('cnc_msgs/msg/MachineState')
+
+# A square of 40 mm, some tenths of a second of a machine in a hurry.
+QUICK = 'G21 G90 G94 G17\nG0 X5 Y5\nG1 X45 F6000\nY45\nX5\nY5\nM30\n'
+# Six times there and back, 100 mm at 20 mm/s: six seconds of a machine in a hurry.
+SLOW = 'G21 G90 G94 G17\nG0 X10 Y10\nG1 X110 F1200\nX10\n' + 'X110\nX10\n' * 5 + 'M30\n'
 
 
 def load(node, patience=60.0, **request):
@@ -17,3 +24,13 @@ def load(node, patience=60.0, **request):
 def load_demo(node):
     """The contour of the demo."""
     return load(node, path=str(CONTOUR), controller='sinumerik_840c')
+
+
+def states(node):
+    """The state of the machine, as it changes."""
+    return node.subscription(MachineState.ros_name, 'machine_state', LATCHED)
+
+
+def until_state(node, *wanted):
+    """Waits until the machine is in one of these states."""
+    return states(node).wait(lambda state: state.state in wanted)

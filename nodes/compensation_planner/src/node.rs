@@ -4,6 +4,7 @@
 //! again when either changes. What the path is, [`plan`](crate::plan) decides.
 
 mod block;
+mod health;
 mod live;
 mod report;
 pub mod threads;
@@ -26,6 +27,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
 use cnc_msgs::wire::{nav_msgs, visualization_msgs};
+use health::Verdict;
 use live::{Live, RunningPlan};
 use report::{FINDINGS_IN_REPORT, certificate_to_wire};
 use runtime::chunks::{ChunkTopic, Cut, page, pull};
@@ -129,6 +131,7 @@ async fn start(node: Handle) -> NodeResult {
             }
         }
     });
+    node.diagnostics(move || vec![planner.health()])?;
     node.shutdown().requested().await;
     Ok(())
 }
@@ -184,6 +187,8 @@ struct State {
     /// Counts the plans; the first is 1.
     revision: u64,
     current: Option<Current>,
+    /// Of the newest plan, refused ones too.
+    verdict: Option<Verdict>,
     live: Live,
     /// Planning waits for so long, until the path before it has gone out.
     pause: Option<Duration>,
@@ -227,6 +232,7 @@ impl Planner {
                 input: None,
                 revision: 0,
                 current: None,
+                verdict: None,
                 live: Live::default(),
                 pause: None,
             }),
@@ -235,6 +241,11 @@ impl Planner {
 
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn health(&self) -> runtime::Health {
+        let state = self.state();
+        health::health(state.verdict.as_ref(), state.tools_revision)
     }
 
     fn tools_message(&self) -> wire::ToolTable {
@@ -324,6 +335,13 @@ impl Planner {
             report.error_count,
             report.warning_count
         );
+        self.state().verdict = Some(Verdict {
+            name: input.manifest.name.clone(),
+            revision,
+            accepted,
+            error_count: report.error_count,
+            warning_count: report.warning_count,
+        });
         let diagnostics = planned.diagnostics.iter().map(Into::into).collect();
         let uncut = planned.uncut.iter().map(|region| self.uncut_to_wire(region)).collect();
         let mut current = Current {

@@ -3,6 +3,8 @@
 //! Reads files, keeps the newest program and answers for it. What a program
 //! means is decided by [`load`](crate::load); nothing here is worth a test of its own.
 
+mod health;
+
 use crate::limits::PROGRAM_BYTES_MAX;
 use crate::upload::Uploads;
 use crate::{LoadOptions, Loaded, load};
@@ -99,6 +101,7 @@ async fn start(node: Handle) -> NodeResult {
     node.service::<GetContourChunks, _, _>("programmed_contour/get_chunks", move |request, _| {
         std::future::ready(shared.contour_chunks(&request))
     })?;
+    node.diagnostics(move || vec![loader.health()])?;
     node.shutdown().requested().await;
     Ok(())
 }
@@ -120,11 +123,14 @@ struct Loader {
 struct State {
     uploads: Uploads,
     current: Option<Current>,
+    /// Why the newest request was refused.
+    refused: Option<String>,
 }
 
 /// The program that is loaded.
 struct Current {
     program_id: String,
+    manifest: Program,
     program: Cut<ProgramChunk>,
     contour: Cut<ContourChunk>,
 }
@@ -163,13 +169,18 @@ impl Loader {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn health(&self) -> runtime::Health {
+        let state = self.state();
+        let loaded = state.current.as_ref().map(|current| &current.manifest);
+        health::health(loaded, state.refused.as_deref())
+    }
+
     fn load_program(&self, request: LoadProgramRequest) -> LoadProgramResponse {
-        match self.try_load(request) {
-            Ok(response) => response,
-            Err(Refusal { code, message }) => {
-                LoadProgramResponse { error_code: code, message, ..LoadProgramResponse::default() }
-            }
-        }
+        let response = self.try_load(request).unwrap_or_else(|Refusal { code, message }| {
+            LoadProgramResponse { error_code: code, message, ..LoadProgramResponse::default() }
+        });
+        self.state().refused = (!response.success).then(|| response.message.clone());
+        response
     }
 
     fn try_load(&self, request: LoadProgramRequest) -> Result<LoadProgramResponse, Refusal> {
@@ -323,6 +334,7 @@ impl Loader {
 
         self.state().current = Some(Current {
             program_id,
+            manifest: program.clone(),
             program: Arc::clone(&program_cut),
             contour: Arc::clone(&contour_cut),
         });

@@ -6,6 +6,7 @@
 
 mod definitions;
 mod fetch;
+mod health;
 mod inputs;
 mod numbers;
 mod run_id;
@@ -80,6 +81,7 @@ async fn start(node: Handle) -> NodeResult {
         includes_feedback: node.parameter("include_action_feedback"),
         sources: Sources::new(&node)?,
         recording: node.publisher("recording", Qos::LATCHED)?,
+        newest: Mutex::default(),
         state: Mutex::default(),
     });
     recorder.publish(Recording::default());
@@ -112,6 +114,8 @@ async fn start(node: Handle) -> NodeResult {
             shared.publish_progress();
         }
     });
+    let shared = Arc::clone(&recorder);
+    node.diagnostics(move || vec![shared.health()])?;
     node.shutdown().requested().await;
     let open = recorder.state().open.take();
     if let Some(open) = open {
@@ -127,6 +131,8 @@ struct Recorder {
     includes_feedback: bool,
     sources: Sources,
     recording: Publisher<Recording>,
+    /// What was told last.
+    newest: Mutex<Recording>,
     state: Mutex<State>,
 }
 
@@ -317,7 +323,14 @@ impl Recorder {
         }
     }
 
+    fn health(&self) -> runtime::Health {
+        health::health(&self.newest.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
     fn publish(&self, message: Recording) {
+        // Together, so that what is kept is what went out last.
+        let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
+        newest.clone_from(&message);
         self.recording.publish(message);
     }
 }

@@ -37,7 +37,7 @@
 //!     let state = handle.publisher::<Text>("machine_state", Qos::LATCHED)?;
 //!     let mut orders = handle.subscription::<Text>("orders", Qos::DEFAULT.with_depth(100))?;
 //!     handle.service::<Trigger, _, _>("feed_hold", |_request, info| async move {
-//!         tracing::info!("{} asks for a feed hold", info.client);
+//!         tracing::info!("{} asks for a feed hold", info.writer);
 //!         TriggerResponse { success: true, message: "holding".into() }
 //!     })?;
 //!     let unlock = handle.client::<Trigger>("unlock")?;

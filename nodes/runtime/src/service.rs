@@ -27,8 +27,10 @@ const CONCURRENT_MAX: usize = 256;
 /// Who asks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RequestInfo {
-    /// The client, as its middleware names it; the first twelve bytes tell
-    /// its process.
+    /// The endpoint that the request came from; the first twelve bytes tell its
+    /// process, whatever the mapping.
+    pub writer: Gid,
+    /// The client, as its middleware names it in the request; the answer goes by it.
     pub client: Gid,
     /// The client's number for the request.
     pub sequence: i64,
@@ -38,7 +40,7 @@ pub struct RequestInfo {
 
 impl From<&RequestInfo> for Gid {
     fn from(info: &RequestInfo) -> Self {
-        info.client
+        info.writer
     }
 }
 
@@ -150,7 +152,8 @@ fn request_info(header: Option<CycloneHeader>, info: &MessageInfo) -> RequestInf
         (None, Some(id)) => (id.writer_gid.into(), id.sequence_number),
         (None, None) => (sample.publisher, sample.sequence),
     };
-    RequestInfo { client, sequence, reception_time: sample.reception_time }
+    let reception_time = sample.reception_time;
+    RequestInfo { writer: sample.publisher, client, sequence, reception_time }
 }
 
 /// `SEQUENCENUMBER_UNKNOWN` of RTPS: the high half -1, the low half 0.

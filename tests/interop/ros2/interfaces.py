@@ -124,6 +124,14 @@ def _class(name, dds_name, kinds, defaults, constants):
     return made
 
 
+def impostor(name, fields_of):
+    """A class that says it is `name` and has the fields of another type.
+
+    So looks another version of a definition: DDS knows types by their names alone.
+    """
+    return _struct(fields_of, dds_type(name))
+
+
 def cdr_body(value, *names):
     """Some fields of a message in CDR, little-endian, without encapsulation."""
     kinds = {name: type(value).__annotations__[name] for name in names}

@@ -126,8 +126,10 @@ class Node:
             return f'{self.full_name}/{name[2:]}'
         return f'{self.namespace.rstrip("/")}/{name}'
 
-    def publisher(self, type_name, topic, qos=DEFAULT):
-        return Publisher(self, interfaces.message(type_name), self.resolve(topic), qos)
+    def publisher(self, kind, topic, qos=DEFAULT):
+        """Of a type name, or of a class."""
+        kind = interfaces.message(kind) if isinstance(kind, str) else kind
+        return Publisher(self, kind, self.resolve(topic), qos)
 
     def subscription(self, type_name, topic, qos=DEFAULT):
         return Subscription(self, interfaces.message(type_name), self.resolve(topic), qos)
@@ -142,7 +144,7 @@ class Node:
 
     def writer(self, dds_topic, kind, qos):
         """A DDS writer that the graph knows as this node's."""
-        topic = Topic(self.participant, dds_topic, kind, qos=qos.policies())
+        topic = Topic(self.participant, dds_topic, kind)
         writer = DataWriter(self.participant, topic, qos=qos.policies())
         if dds_topic != 'ros_discovery_info':
             self._writers.append(writer)
@@ -151,7 +153,7 @@ class Node:
 
     def reader(self, dds_topic, kind, qos):
         """A DDS reader that the graph knows as this node's."""
-        topic = Topic(self.participant, dds_topic, kind, qos=qos.policies())
+        topic = Topic(self.participant, dds_topic, kind)
         reader = DataReader(self.participant, topic, qos=qos.policies())
         self._readers.append(reader)
         self._announce()
@@ -178,6 +180,10 @@ class Publisher:
 
     def publish(self, value):
         self._writer.write(value)
+
+    def gid(self):
+        """The address of the writer, sixteen bytes."""
+        return self._writer.get_guid().bytes
 
     def subscription_count(self):
         return len(self._writer.get_matched_subscriptions())

@@ -110,7 +110,7 @@ impl Handle {
             tracing::info!(
                 "{}: {} asks to cancel; {} goals are being canceled (code {})",
                 state.name,
-                info.client,
+                info.writer,
                 response.goals_canceling.len(),
                 response.return_code
             );

@@ -1,0 +1,56 @@
+//! What `/diagnostics` says of the loader.
+
+use cnc_msgs::wire::cnc_msgs::msg::Program;
+use runtime::{Health, HealthLevel};
+
+/// How the loader does: what is loaded, and what was refused since.
+///
+/// A refusal is a warning as long as nothing else was loaded: whoever sent it may
+/// believe that his program is the one that would run.
+pub(super) fn health(loaded: Option<&Program>, refused: Option<&str>) -> Health {
+    let name = loaded.map(|program| program.name.as_str());
+    let (level, message) = match (refused, name) {
+        (None, None) => (HealthLevel::Ok, "no program is loaded".to_owned()),
+        (None, Some(name)) => (HealthLevel::Ok, format!("{name} is loaded")),
+        (Some(why), None) => (HealthLevel::Warn, format!("{why}; no program is loaded")),
+        (Some(why), Some(name)) => (HealthLevel::Warn, format!("{why}; {name} is still loaded")),
+    };
+    let values = loaded.map_or_else(Vec::new, |program| {
+        [
+            ("program id", program.program_id.clone()),
+            ("controller", program.controller.clone()),
+            ("lines", program.line_count.to_string()),
+            ("bytes", program.size.to_string()),
+        ]
+        .map(|(key, value)| (key.to_owned(), value))
+        .to_vec()
+    });
+    Health { component: "program".into(), level, message, values, ..Health::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_warns_until_something_is_loaded() {
+        let program = Program { name: "part.ngc".into(), line_count: 7, ..Program::default() };
+        let why = Some("bad.ngc is refused: 1 errors");
+        let table = [
+            (None, None, HealthLevel::Ok, "no program is loaded"),
+            (Some(&program), None, HealthLevel::Ok, "part.ngc is loaded"),
+            (None, why, HealthLevel::Warn, "bad.ngc is refused: 1 errors; no program is loaded"),
+            (
+                Some(&program),
+                why,
+                HealthLevel::Warn,
+                "bad.ngc is refused: 1 errors; part.ngc is still loaded",
+            ),
+        ];
+        for (loaded, refused, level, message) in table {
+            let health = health(loaded, refused);
+            assert_eq!((health.level, health.message.as_str()), (level, message));
+            assert_eq!(health.values.is_empty(), loaded.is_none());
+        }
+    }
+}

@@ -1,0 +1,158 @@
+"""What `ros2 node`, `ros2 topic`, `ros2 service` and `ros2 action` see, from DDS discovery."""
+
+import pytest
+
+from ros2 import interfaces, until
+from ros2.graph import Graph
+
+NODES = ('program_loader', 'compensation_planner', 'axis_driver', 'run_recorder')
+
+LATCHED, EVENTS = (True, True), (True, False)  # reliable, transient local
+
+# Every topic: by whom, its type, its quality of service.
+TOPICS = {
+    'program': ('program_loader', 'cnc_msgs/msg/Program', LATCHED),
+    'program/chunks': ('program_loader', 'cnc_msgs/msg/ProgramChunk', EVENTS),
+    'programmed_contour': ('program_loader', 'cnc_msgs/msg/ProgrammedContour', LATCHED),
+    'programmed_contour/chunks': ('program_loader', 'cnc_msgs/msg/ContourChunk', EVENTS),
+    'tool_table': ('compensation_planner', 'cnc_msgs/msg/ToolTable', LATCHED),
+    'compensated_path': ('compensation_planner', 'cnc_msgs/msg/CompensatedPath', LATCHED),
+    'compensated_path/chunks': ('compensation_planner', 'cnc_msgs/msg/PathChunk', EVENTS),
+    'compensated_path/preview': ('compensation_planner', 'nav_msgs/msg/Path', LATCHED),
+    'markers': ('compensation_planner', 'visualization_msgs/msg/MarkerArray', LATCHED),
+    'compensation_report': ('compensation_planner', 'cnc_msgs/msg/CompensationReport', LATCHED),
+    'machine_state': ('axis_driver', 'cnc_msgs/msg/MachineState', LATCHED),
+    'controller_settings': ('axis_driver', 'cnc_msgs/msg/ControllerSettings', LATCHED),
+    'controller_traffic': ('axis_driver', 'cnc_msgs/msg/ControllerTraffic', EVENTS),
+    'joint_states': ('axis_driver', 'sensor_msgs/msg/JointState', EVENTS),
+    'tool_pose': ('axis_driver', 'geometry_msgs/msg/PoseStamped', EVENTS),
+    '/tf': ('axis_driver', 'tf2_msgs/msg/TFMessage', EVENTS),
+    'recording': ('run_recorder', 'cnc_msgs/msg/Recording', LATCHED),
+    **{f'{name}/_action/status': ('axis_driver', 'action_msgs/msg/GoalStatusArray', LATCHED)
+       for name in ('run_program', 'home', 'jog', 'probe')},
+    **{f'{name}/_action/feedback': (
+        'axis_driver', f'cnc_msgs/action/{kind}_FeedbackMessage', EVENTS)
+       for name, kind in [('run_program', 'RunProgram'), ('home', 'Home'), ('jog', 'Jog'),
+                          ('probe', 'Probe')]},
+}
+
+# Of every node.
+COMMON = {
+    '/rosout': ('rcl_interfaces/msg/Log', LATCHED),
+    '/diagnostics': ('diagnostic_msgs/msg/DiagnosticArray', EVENTS),
+    '/parameter_events': ('rcl_interfaces/msg/ParameterEvent', EVENTS),
+    'node_parameters': ('cnc_msgs/msg/NodeParameters', LATCHED),
+}
+
+TRIGGERS = ('feed_hold', 'door_hold', 'resume', 'soft_reset', 'unlock', 'sleep', 'cancel',
+            'confirm_tool_change')
+SERVICES = {
+    'program_loader': {
+        'load_program': 'LoadProgram', 'put_program_chunk': 'PutProgramChunk',
+        'program/get_chunks': 'GetProgramChunks',
+        'programmed_contour/get_chunks': 'GetContourChunks', 'read_block': 'ReadBlock'},
+    'compensation_planner': {
+        'set_tool': 'SetTool', 'get_tools': 'GetTools', 'get_findings': 'GetFindings',
+        'compensated_path/get_chunks': 'GetPathChunks', 'plan_block': 'PlanBlock'},
+    'axis_driver': {
+        'set_overrides': 'SetOverrides', 'set_work_offset': 'SetWorkOffset',
+        'execute_mdi': 'ExecuteMdi', 'get_traffic': 'GetTraffic'},
+    'run_recorder': {},
+}
+ACTIONS = {'run_program': 'RunProgram', 'home': 'Home', 'jog': 'Jog', 'probe': 'Probe'}
+
+
+@pytest.fixture
+def graph(machine, node):
+    """The graph, once all nodes of the machine and their endpoints are in it."""
+    made = Graph(node)
+    names = {f'{machine.namespace}/{name}' for name in NODES}
+    until('all nodes', lambda: names <= made.nodes().keys())
+    until('all endpoints', lambda: all(
+        topic in made.publishers() for topic in map(node.resolve, TOPICS)))
+    return made
+
+
+def test_every_node_is_in_the_list_once(machine, graph):
+    infos = [name for name in graph.nodes() if name.startswith(machine.namespace)]
+    assert sorted(infos) == sorted(
+        f'{machine.namespace}/{name}' for name in (*NODES, 'cell', 'looks_on')
+        if name != 'looks_on' or f'{machine.namespace}/looks_on' in infos)
+
+
+@pytest.mark.parametrize('name', NODES)
+def test_a_node_publishes_what_it_should(machine, node, graph, name):
+    published = graph.info(f'{machine.namespace}/{name}')['publishers']
+    expected = {node.resolve(topic): kind for topic, (owner, kind, _) in TOPICS.items()
+                if owner == name}
+    expected |= {node.resolve(topic): kind for topic, (kind, _) in COMMON.items()}
+    if name != 'run_recorder':
+        expected[node.resolve('commands')] = 'cnc_msgs/msg/Command'
+    assert published == expected
+
+
+@pytest.mark.parametrize('name', NODES)
+def test_a_node_offers_the_services_it_should(machine, node, graph, name):
+    offered = graph.info(f'{machine.namespace}/{name}')['services']
+    expected = {node.resolve(service): f'cnc_msgs/srv/{kind}'
+                for service, kind in SERVICES[name].items()}
+    for kind in ('DescribeParameters', 'GetParameterTypes', 'GetParameters', 'ListParameters',
+                 'SetParameters', 'SetParametersAtomically'):
+        snake = ''.join('_' + it.lower() if it.isupper() else it for it in kind)[1:]
+        expected[node.resolve(f'{name}/{snake}')] = f'rcl_interfaces/srv/{kind}'
+    if name == 'axis_driver':
+        expected |= {node.resolve(trigger): 'std_srvs/srv/Trigger' for trigger in TRIGGERS}
+        expected[node.resolve('single_block')] = 'std_srvs/srv/SetBool'
+        for action, kind in ACTIONS.items():
+            base = node.resolve(f'{action}/_action')
+            expected |= {
+                f'{base}/send_goal': f'cnc_msgs/action/{kind}_SendGoal',
+                f'{base}/get_result': f'cnc_msgs/action/{kind}_GetResult',
+                f'{base}/cancel_goal': 'action_msgs/srv/CancelGoal'}
+    assert {service: offered.get(service) for service in expected} == expected
+
+
+def test_every_topic_is_offered_as_it_is_documented(node, graph):
+    offered = {}
+    for end in graph.writers():
+        offered.setdefault(end.topic, set()).add((end.reliable, end.transient_local))
+    for topic, (_, _, qos) in TOPICS.items():
+        assert offered[node.resolve(topic)] == {qos}, topic
+    for topic, (_, qos) in COMMON.items():
+        # On /parameter_events a second, silent publisher of the client library is latched.
+        assert qos in offered[node.resolve(topic)], topic
+
+
+def test_a_latched_topic_of_the_machine_has_one_publisher(node, graph):
+    # `ros2 bag record` asks for latched messages only where all publishers latch.
+    for topic, (_, _, qos) in TOPICS.items():
+        if qos == LATCHED:
+            ends = [end for end in graph.writers() if end.topic == node.resolve(topic)]
+            assert len(ends) == 1, topic
+
+
+def test_nobody_asks_for_more_than_is_offered(machine, graph):
+    offered = {}
+    for end in graph.writers():
+        offered.setdefault(end.dds_topic, []).append(end)
+    for end in graph.readers():
+        for writer in offered.get(end.dds_topic, []):
+            assert end.reliable <= writer.reliable, end.dds_topic
+            if 'parameter_events' not in end.dds_topic:
+                assert end.transient_local <= writer.transient_local, end.dds_topic
+
+
+def test_every_type_is_one_of_a_file(machine, graph):
+    known = set(interfaces.names())
+    for end in (*graph.writers(), *graph.readers()):
+        if machine.namespace in end.dds_topic:
+            assert end.type in known, end.dds_topic
+
+
+def test_every_node_announces_itself_with_its_endpoints_alone(machine, graph):
+    nodes = graph.nodes()
+    own = {name: nodes[f'{machine.namespace}/{name}'] for name in NODES}
+    for name, (readers, writers) in own.items():
+        # All endpoints of a process begin with the same twelve bytes.
+        assert len({gid[:12] for gid in readers | writers}) == 1, name
+    assert len({next(iter(writers))[:12] for _, writers in own.values()}) == len(NODES)

@@ -1,0 +1,126 @@
+"""Peers that do not keep to the rules, or go without a word."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from programs import SLOW, MachineState, load, states, until_state
+from ros2 import DEFAULT, LATCHED, ActionClient, interfaces, message, until
+
+# Sends a goal, says its id and waits for ever.
+CLIENT = '''
+import sys, time
+from ros2 import ActionClient, Node
+node = Node('commander', sys.argv[1], int(sys.argv[2]))
+states = node.subscription('cnc_msgs/msg/MachineState', 'machine_state')
+goal = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program').send_goal()
+print(goal.number.hex(), flush=True)
+time.sleep(1000)
+'''
+
+
+@pytest.fixture
+def commander(machine):
+    """A client of its own process, with a goal that is being run."""
+    child = subprocess.Popen(
+        [sys.executable, '-B', '-c', CLIENT, machine.namespace, str(machine.domain_id)],
+        cwd=Path(__file__).parent, stdout=subprocess.PIPE, text=True)
+    child.goal = bytes.fromhex(child.stdout.readline().strip())
+    yield child
+    child.kill()
+    child.wait()
+
+
+@pytest.fixture
+def loaded(node):
+    until_state(node, MachineState.STATE_IDLE)
+    return load(node, text=SLOW, name='slow.ngc')
+
+
+def test_a_client_that_is_killed_leaves_its_goal_and_its_result(node, loaded, commander):
+    until_state(node, MachineState.STATE_RUN)
+    commander.kill()
+    # Without a heartbeat a job is on its own: it is cut to its end.
+    runs = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program')
+    ended = runs.result(commander.goal)
+    assert ended.status == 4, ended.result.message
+    # And the next client gets its turn.
+    goal = runs.send_goal()
+    assert goal.accepted
+    goal.cancel()
+    goal.result()
+
+
+def test_a_client_that_is_stopped_slows_nobody(node, loaded, commander):
+    until_state(node, MachineState.STATE_RUN)
+    os.kill(commander.pid, signal.SIGSTOP)
+    seen = states(node)
+    ages = [state.link_age for state in seen.collect(20)]
+    assert max(ages) < 3.0
+    runs = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program')
+    assert runs.result(commander.goal).status == 4
+    os.kill(commander.pid, signal.SIGCONT)
+
+
+@pytest.mark.parametrize('topic, type_name, other, value, qos', [
+    ('feed_hold', 'std_msgs/msg/Bool', 'std_msgs/msg/String', {'data': 'hold!'}, DEFAULT),
+    ('commander_heartbeat', 'std_msgs/msg/Header', 'std_msgs/msg/Float64', {}, DEFAULT),
+    ('programmed_contour', 'cnc_msgs/msg/ProgrammedContour', 'std_msgs/msg/String', {}, LATCHED),
+    ('recording', 'cnc_msgs/msg/Recording', 'geometry_msgs/msg/Pose', {}, LATCHED),
+])
+def test_another_version_of_a_type_is_passed_over_and_told_once(
+        machine, node, topic, type_name, other, value, qos):
+    until_state(node, MachineState.STATE_IDLE)
+    with machine.node('stranger') as stranger:
+        kind = interfaces.impostor(type_name, other)
+        publisher = stranger.publisher(kind, topic, qos).wait_for_subscribers()
+        for _ in range(20):
+            publisher.publish(kind(**value))
+        gid = publisher.gid().hex()
+        name = '.'.join(gid[start:start + 8] for start in (0, 8, 16)) + '|' + gid[24:]
+        until('a word in the log', lambda: name in machine.log())
+        assert machine.log().count(name) == 1
+    assert until_state(node, MachineState.STATE_IDLE)
+    assert 'panicked' not in machine.log()
+
+
+def test_a_publisher_of_another_type_does_not_disturb_the_right_one(machine, node):
+    until_state(node, MachineState.STATE_IDLE)
+    with machine.node('stranger') as stranger:
+        wrong = stranger.publisher('std_msgs/msg/Float64', 'feed_hold')
+        right = node.publisher('std_msgs/msg/Bool', 'feed_hold').wait_for_subscribers()
+        for _ in range(20):
+            wrong.publish(message('std_msgs/msg/Float64')(data=1.0))
+        assert until_state(node, MachineState.STATE_IDLE)
+        load(node, text=SLOW, name='slow.ngc')
+        goal = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program').send_goal()
+        until_state(node, MachineState.STATE_RUN)
+        right.publish(message('std_msgs/msg/Bool')(data=True))
+        until_state(node, MachineState.STATE_HOLD)
+        goal.cancel()
+        goal.result()
+
+
+def test_a_subscriber_of_another_type_gets_nothing_and_hurts_nobody(machine, node):
+    with machine.node('stranger') as stranger:
+        wrong = stranger.subscription('std_msgs/msg/String', 'machine_state', LATCHED)
+        right = node.subscription('cnc_msgs/msg/MachineState', 'machine_state', LATCHED)
+        right.collect(5)
+        assert wrong.take() == []
+
+
+def test_numbers_that_are_none_are_refused_by_name(node):
+    nan = float('nan')
+    answer = node.client('cnc_msgs/srv/SetOverrides', 'set_overrides').call(which=1, feed=nan)
+    assert not answer.success and 'feed' in answer.message
+    point = message('geometry_msgs/msg/Point')(x=nan)
+    answer = node.client('cnc_msgs/srv/SetWorkOffset', 'set_work_offset').call(
+        system=1, axes=1, position=point)
+    assert not answer.success and answer.message
+    jog = ActionClient(node, 'cnc_msgs/action/Jog', 'jog')
+    goal = jog.send_goal(frame=1, axes=1, target=point, feed_rate=0.01)
+    assert not goal.accepted or goal.result().status != 4
