@@ -6,7 +6,6 @@ over ROS is for the tests.
 
 import itertools
 import os
-import shutil
 import signal
 import subprocess
 import tempfile
@@ -36,15 +35,15 @@ def domain():
 class Machine:
     """`kerf up`, its nodes, and a controller that lives `time_factor` times as fast."""
 
-    def __init__(self, time_factor=10, ros_args=(), args=(), namespace=None):
+    def __init__(self, time_factor=10, ros_args=(), args=(), tools=None):
         number = f'{os.getpid()}_{next(_count)}'
         # A word that no other process on this host has in its command line.
-        self.namespace = namespace or f'/mill_{number}'
+        self.namespace = f'/mill_{number}'
         self.domain_id = domain()
         self._folder = tempfile.TemporaryDirectory(prefix='kerf-interop-')
         self.folder = Path(self._folder.name)
         # A copy: set_tool writes it.
-        shutil.copy(TOOLS, self.folder / 'tools.yaml')
+        (self.folder / 'tools.yaml').write_text(tools or TOOLS.read_text())
         self._log = open(self.folder / 'up.log', 'wb')
         environment = {name: value for name, value in os.environ.items()
                        if not name.startswith(('ROS_', 'RMW_'))}

@@ -69,9 +69,13 @@ def test_a_tool_that_does_not_fit_the_loaded_program_changes_nothing(node, set_t
 
 def test_a_value_that_no_tool_can_have_is_refused(node, set_tool):
     before = facts(table(node))
-    for diameter in (float('nan'), -1.0, float('inf')):
-        answer = set_tool(offset_number=1, mask=SetTool.Request.DIAMETER, diameter=diameter)
+    for which, diameter in [
+        ({'offset_number': 1}, float('nan')), ({'offset_number': 1}, float('inf')),
+        # The radius of an offset may be negative on this control, a tool may not.
+        ({'tool_number': 1}, -0.001), ({}, 0.001), ({'tool_number': 1, 'offset_number': 1}, 0.001),
+    ]:
+        answer = set_tool(mask=SetTool.Request.DIAMETER, diameter=diameter, **which)
         assert not answer.success
         assert answer.error_code == SetTool.Response.INVALID_REQUEST
-        assert 'D1' in answer.message
+        assert answer.message
     assert facts(table(node)) == before

@@ -1,0 +1,72 @@
+"""Starts the stack under `ros2 launch`, each node as a process of its own.
+
+    ros2 launch kerf kerf.launch.py namespace:=/mill port:=/dev/ttyUSB0 tool_table:=tools.yaml
+    ros2 launch kerf kerf.launch.py virtual_controller:=true time_factor:=10
+
+`kerf up` does the same without ROS, and stops the machine before its recorder; here all are
+stopped at once, so the end of a run that is broken off may be missing from its bag.
+"""
+
+import os
+import tempfile
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.substitutions import ExecutableInPackage
+
+NODES = ('program_loader', 'compensation_planner', 'axis_driver', 'run_recorder')
+
+# Name, default, meaning.
+ARGUMENTS = (
+    ('namespace', '', 'namespace of the machine; two machines in one domain need two'),
+    ('params_file', str(Path(__file__).with_name('kerf.yaml')), 'parameters of all nodes'),
+    ('log_level', 'info', 'debug, info, warn, error or fatal'),
+    ('port', '', "serial port of the controller; empty: the parameters' own"),
+    ('tool_table', '', "YAML file of the tools; empty: the parameters' own"),
+    ('virtual_controller', 'false', 'true: a virtual controller in place of the machine'),
+    ('time_factor', '1', 'how many times faster than a real one it lives'),
+)
+
+# A driver brings its machine to a stop before it leaves, a recorder closes its bag.
+LEAVE_WITHIN_S = '25'
+
+
+def generate_launch_description():
+    return LaunchDescription([
+        *(DeclareLaunchArgument(name, default_value=default, description=meaning)
+          for name, default, meaning in ARGUMENTS),
+        OpaqueFunction(function=start),
+    ])
+
+
+def start(context):
+    """The processes, once the arguments are known."""
+    given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
+    # What was given here counts more than the file.
+    own = {name: {} for name in NODES}
+    if given['tool_table']:
+        own['compensation_planner']['tool_table'] = os.path.abspath(given['tool_table'])
+    processes = []
+    if given['virtual_controller'] == 'true':
+        link = os.path.join(tempfile.gettempdir(), f'kerf-launch-{os.getpid()}-controller')
+        given['port'] = link
+        processes.append(ExecuteProcess(
+            name='virtual_controller', output='screen',
+            # No ROS node: it takes no arguments of ROS.
+            cmd=[ExecutableInPackage(package='kerf', executable='kerf'), 'node',
+                 'virtual_controller', '--link', link, '--time-factor', given['time_factor']]))
+    if given['port']:
+        own['axis_driver']['port'] = given['port']
+    for name in NODES:
+        processes.append(Node(
+            # One binary is every node: one package to build.
+            package='kerf', executable='kerf', arguments=['node', name],
+            namespace=given['namespace'],
+            parameters=[given['params_file'], *([own[name]] if own[name] else [])],
+            ros_arguments=['--log-level', given['log_level']],
+            output='screen', respawn=True, respawn_delay=1.0,
+            sigterm_timeout=LEAVE_WITHIN_S, sigkill_timeout=LEAVE_WITHIN_S))
+    return processes

@@ -1,0 +1,125 @@
+"""The programs in the documentation do what their pages say, as printed.
+
+Without ROS 2 they run on a stand-in for rclpy, see `rclpy_stand_in`.
+"""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from machine import ROOT, Machine
+from programs import MachineState, until_state
+from ros2 import Qos, until
+
+# A square of 40 mm around which T1 goes on the left, then a line with T2.
+PART = '''G21 G90 G94 G17
+T1 M6
+G0 X0 Y0
+G41 G1 X20 Y20 F3000
+Y60
+X60
+Y20
+X20
+G40 X0 Y0
+T2 M6
+G1 X10 F3000
+M30
+'''
+TOOLS = '''tools:
+  1: {diameter_mm: 6.0}  # the mill
+  2: {diameter_mm: 3.0}
+'''
+
+
+@pytest.fixture(scope='module')
+def machine():
+    made = Machine(time_factor=4, tools=TOOLS).until_idle()
+    yield made
+    made.stop()
+
+
+def program_of(page):
+    """The first Python program on a page."""
+    text = (ROOT / page).read_text()
+    return re.search(r'^```python\n(.*?)^```$', text, re.DOTALL | re.MULTILINE).group(1)
+
+
+def start(machine, program, *words):
+    """Runs a program in the namespace of the machine."""
+    path = machine.file('program.py', program)
+    environment = os.environ | {
+        'PYTHONPATH': str(Path(__file__).parent / 'rclpy_stand_in'),
+        'ROS_DOMAIN_ID': str(machine.domain_id)}
+    return subprocess.Popen(
+        [sys.executable, '-B', path, *words, '--ros-args', '-r', f'__ns:={machine.namespace}'],
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def test_the_commander_of_the_guide_cuts_two_parts(machine, node):
+    path = machine.file('part.ngc', PART)
+    states = node.subscription(MachineState.ros_name, 'machine_state',
+                               Qos(transient_local=True, depth=1000))
+    child = start(machine, program_of('docs/commanding.md'), path)
+    said, _ = child.communicate(timeout=120)
+    assert child.returncode == 0, said
+    seen = [state.state for state in states.take()]
+    # It held and went on once, and changed both tools in both parts.
+    assert MachineState.STATE_HOLD in seen
+    assert said.count('held in line') == 1
+    assert [said.count(f'the robot puts T{tool} in') for tool in (1, 2)] == [2, 2], said
+    assert 'both parts are done' in said
+    assert re.search(r'line \d+, 100 %', said), said
+    # The correction is kept where the tools are, and the comment beside it.
+    assert '-0.04' in (machine.folder / 'tools.yaml').read_text()
+    assert 'the mill' in (machine.folder / 'tools.yaml').read_text()
+    until_state(node, MachineState.STATE_IDLE)
+
+
+def test_the_commander_says_why_a_program_is_refused(machine):
+    path = machine.file('bad.ngc', 'G21\nG99.7 X1\nM30\n')
+    child = start(machine, program_of('docs/commanding.md'), path)
+    said, _ = child.communicate(timeout=60)
+    assert child.returncode == 1
+    assert 'bad.ngc is refused' in said and 'Traceback' not in said
+
+
+def test_ctrl_c_cancels_the_run_of_the_commander(machine, node):
+    path = machine.file('slow.ngc', 'G21 G90\nG0 X10\n' + 'G1 X110 F600\nX10\n' * 9 + 'M30\n')
+    child = start(machine, program_of('docs/commanding.md'), path)
+    until_state(node, MachineState.STATE_RUN)
+    # It has its goal's answer with the first feedback.
+    until('feedback', lambda: 'line' in child.stdout.readline())
+    child.send_signal(signal.SIGINT)
+    said, _ = child.communicate(timeout=60)
+    assert child.returncode == 1, said
+    assert 'the run is canceled' in said and '(code 313,' in said
+    until_state(node, MachineState.STATE_IDLE)
+
+
+def test_a_commander_that_is_killed_leaves_the_machine_held(machine, node):
+    path = machine.file('slow.ngc', 'G21 G90\nG0 X10\n' + 'G1 X110 F600\nX10\n' * 9 + 'M30\n')
+    child = start(machine, program_of('docs/commanding.md'), path)
+    until_state(node, MachineState.STATE_RUN)
+    # Only who gave signs of life is missed.
+    node.subscription('std_msgs/msg/Header', 'commander_heartbeat').collect(4)
+    child.kill()
+    child.wait()
+    held = until_state(node, MachineState.STATE_HOLD)
+    assert 'COMMANDER_LOST' in held.reason
+    assert node.client('std_srvs/srv/Trigger', 'cancel').call().success
+    until_state(node, MachineState.STATE_IDLE)
+
+
+def test_the_example_of_the_readme_runs_a_program(machine, node):
+    path = machine.file('bracket.ngc', 'G21 G90\nG0 X5\nG1 X15 F3000\nM30\n')
+    program = program_of('README.md').replace('/parts/bracket.ngc', path)
+    assert path in program
+    child = start(machine, program)
+    said, _ = child.communicate(timeout=60)
+    assert child.returncode == 0, said
+    assert said.strip() == 'done'
