@@ -58,6 +58,8 @@ class Machine:
              '-p', 'axis_driver:poll_interval_ms:=500', *ros_args],
             cwd=self.folder, env=environment, stdin=subprocess.DEVNULL,
             stdout=self._log, stderr=self._log, start_new_session=True)
+        # Where `kerf up` has the port of its controller.
+        self._link = f'kerf-{self._up.pid}-controller'
 
     def node(self, name='cell'):
         """A node of a test, in the namespace of the machine."""
@@ -81,7 +83,6 @@ class Machine:
     def processes(self):
         """The nodes, by name."""
         found = {}
-        link = f'kerf-{self._up.pid}-controller'
         for entry in Path('/proc').iterdir():
             if not entry.name.isdigit():
                 continue
@@ -89,24 +90,21 @@ class Machine:
                 words = (entry / 'cmdline').read_bytes().decode(errors='replace').split('\0')
             except OSError:
                 continue
-            is_ours = any(self.namespace in word.split(':=') or link in word for word in words)
+            is_ours = any(self.namespace in word.split(':=') or self._link in word
+                          for word in words)
             if is_ours and 'node' in words[:2]:
                 found[next(word for word in words[2:] if not word.startswith('-'))] = int(entry.name)
         return found
 
     def stop(self):
-        """Ctrl-C, and nothing is left behind."""
-        if self._up.poll() is None:
-            os.killpg(self._up.pid, signal.SIGINT)
+        """Ends it at once: nodes leave when what started them is gone."""
+        self._up.kill()
+        self._up.wait()
         try:
-            self._up.wait(timeout=60)
+            until('the end of all nodes', lambda: not self.processes(), patience=30)
         finally:
-            for pid in (self._up.pid, *self.processes().values()):
-                try:
-                    os.kill(pid, signal.SIGKILL)
-                except ProcessLookupError:
-                    pass
-            self._up.wait()
+            for pid in self.processes().values():
+                os.kill(pid, signal.SIGKILL)
+            (Path(tempfile.gettempdir()) / self._link).unlink(missing_ok=True)
             self._log.close()
-        until('the end of all nodes', lambda: not self.processes())
-        self._folder.cleanup()
+            self._folder.cleanup()

@@ -1,0 +1,89 @@
+"""The launch file starts the stack; on a stand-in for launch, see `launch_stand_in`."""
+
+import os
+import signal
+import subprocess
+
+import pytest
+
+import launch_stand_in
+from machine import ROOT, TOOLS, domain, kerf
+from programs import QUICK, MachineState, load, until_state
+from ros2 import ActionClient, Node, ParameterClient
+
+FILE = ROOT / 'config/kerf.launch.py'
+EXECUTABLES = {('kerf', 'kerf'): str(kerf())}
+NODES = ['program_loader', 'compensation_planner', 'axis_driver', 'run_recorder']
+
+
+def commands(**arguments):
+    return launch_stand_in.commands(FILE, EXECUTABLES, **arguments)
+
+
+def test_each_node_is_a_process_with_the_parameters_of_all():
+    started = commands()
+    assert [words[1:3] for words in started] == [['node', name] for name in NODES]
+    for words in started:
+        file = words[words.index('--params-file') + 1]
+        assert file == str(ROOT / 'config/kerf.yaml')
+        assert words.count('--ros-args') == 1
+        assert not any('__ns' in word for word in words)
+        assert words[words.index('--log-level') + 1] == 'info'
+
+
+def test_a_namespace_is_that_of_every_node():
+    for words in commands(namespace='/cell/mill'):
+        assert '__ns:=/cell/mill' in words
+
+
+def test_a_port_is_that_of_the_driver_and_counts_more_than_the_file():
+    driver = commands(port='/dev/ttyACM3')[2]
+    files = [after for word, after in zip(driver, driver[1:]) if word == '--params-file']
+    assert len(files) == 2
+    assert '/dev/ttyACM3' in open(files[-1]).read()
+
+
+def test_a_virtual_controller_takes_no_arguments_of_ros():
+    controller, *nodes = commands(virtual_controller='true', time_factor='10')
+    assert controller[1:3] == ['node', 'virtual_controller'] and '--ros-args' not in controller
+    assert len(nodes) == len(NODES)
+    link = controller[controller.index('--link') + 1]
+    assert link in open(nodes[2][-1]).read()
+
+
+@pytest.fixture
+def stack(tmp_path):
+    """The processes of the launch file, with a virtual controller, and a node beside them."""
+    parameters = tmp_path / 'mine.yaml'
+    parameters.write_text('/**/axis_driver:\n  ros__parameters:\n    poll_interval_ms: 400\n')
+    namespace = f'/launched_{os.getpid()}'
+    environment = {name: value for name, value in os.environ.items()
+                   if not name.startswith(('ROS_', 'RMW_'))}
+    environment |= {'ROS_DOMAIN_ID': str(domain()), 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}
+    with open(tmp_path / 'log', 'wb') as log:
+        started = [
+            subprocess.Popen(words, cwd=tmp_path, env=environment, stdout=log, stderr=log,
+                             stdin=subprocess.DEVNULL)
+            for words in commands(
+                namespace=namespace, params_file=str(parameters), tool_table=str(TOOLS),
+                virtual_controller='true', time_factor='10', log_level='debug')]
+    with Node('cell', namespace, domain()) as node:
+        yield node, started, tmp_path
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_the_stack_that_was_launched_runs_a_program_and_leaves_in_order(stack):
+    node, started, folder = stack
+    until_state(node, MachineState.STATE_IDLE)
+    assert ParameterClient(node, 'axis_driver').get('poll_interval_ms') == [400]
+    assert ParameterClient(node, 'compensation_planner').get('tool_table') == [str(TOOLS)]
+    load(node, text=QUICK, name='quick.ngc')
+    runs = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program')
+    assert runs.send_goal().result().status == 4
+    for process in started:
+        process.send_signal(signal.SIGINT)
+    assert [process.wait(timeout=60) for process in started] == [0] * len(started)
+    log = (folder / 'log').read_text()
+    assert log.count(' stops: SIGINT') == len(NODES), log
