@@ -34,12 +34,16 @@ def test_every_node_is_in_the_list(machine, node, graph):
 
 @pytest.mark.parametrize('name', NODES)
 def test_a_node_publishes_what_it_should(machine, node, graph, name):
-    published = graph.info(f'{machine.namespace}/{name}')['publishers']
+    full = f'{machine.namespace}/{name}'
+    published = graph.info(full)['publishers']
     expected = {node.resolve(topic): kind for topic, (owner, kind, _) in TOPICS.items()
                 if owner == name}
     expected |= {node.resolve(topic): kind for topic, (kind, _) in COMMON.items()}
     if name != 'run_recorder':
         expected[node.resolve('commands')] = 'cnc_msgs/msg/Command'
+    if (event := f'{full}/transition_event') in published:
+        # Of a managed node.
+        expected[event] = 'lifecycle_msgs/msg/TransitionEvent'
     assert published == expected
 
 

@@ -1,5 +1,8 @@
 """The packages as colcon and rosdep read them."""
 
+import shutil
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -13,32 +16,31 @@ RUN_BY_USERS = ('program_loader', 'compensation_planner', 'axis_driver', 'run_re
                 'virtual_controller', 'kerf')
 
 
-def found():
-    """Where colcon finds a package: it does not look below one, nor below COLCON_IGNORE."""
-    pending, packages = [ROOT], []
-    while pending:
-        folder = pending.pop()
-        if (folder / 'COLCON_IGNORE').exists() or folder.name.startswith('.'):
-            continue
-        if (folder / 'package.xml').exists():
-            packages.append(folder)
-        else:
-            pending += [child for child in folder.iterdir() if child.is_dir()]
-    return sorted(folder.relative_to(ROOT) for folder in packages)
+@pytest.fixture(scope='module')
+def listed(tmp_path_factory):
+    """What `colcon list` says of a checkout, by package."""
+    workspace = tmp_path_factory.mktemp('workspace')
+    files = subprocess.run(
+        ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
+        cwd=ROOT, capture_output=True, text=True, check=True).stdout.split('\0')
+    for file in map(Path, filter(None, files)):
+        # All that colcon looks at.
+        if file.name in ('Cargo.toml', 'package.xml', 'CMakeLists.txt', 'COLCON_IGNORE'):
+            copy = workspace / 'src' / file
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / file, copy)
+    colcon = Path(sys.executable).with_name('colcon')
+    said = subprocess.run([colcon, '--log-base', workspace / 'log', 'list'], cwd=workspace,
+                          capture_output=True, text=True, check=True).stdout
+    return {name: (Path(path).relative_to('src'), kind)
+            for name, path, kind in (line.split('\t') for line in said.splitlines()
+                                     if line.count('\t') == 2)}
 
 
-def test_colcon_finds_the_nodes_and_the_messages_and_nothing_else():
-    # A checkout is built in target/, which is no part of it.
-    packages = [folder for folder in found() if folder.parts[0] != 'target']
-    assert packages == sorted([Path('msgs'), *(Path('nodes') / name for name in RUN_BY_USERS)])
-
-
-def test_a_crate_that_is_no_package_is_out_of_sight():
-    packages = found()
-    for member in map(Path, WORKSPACE['members']):
-        is_ignored = any((ROOT / path / 'COLCON_IGNORE').exists()
-                         for path in (member, *member.parents))
-        assert member in packages or is_ignored, member
+def test_colcon_finds_the_nodes_and_the_messages_and_nothing_else(listed):
+    assert listed == {
+        'cnc_msgs': (Path('msgs'), '(ros.ament_cmake)'),
+        **{name: (Path('nodes') / name, '(ros.ament_cargo)') for name in RUN_BY_USERS}}
 
 
 @pytest.mark.parametrize('name', RUN_BY_USERS)

@@ -39,6 +39,26 @@ def names():
     return sorted(_definitions())
 
 
+def used_by(package):
+    """All types that those of a package are made of, themselves included."""
+    found, pending = set(), [name for name in names() if name.startswith(f'{package}/')]
+    # What carries actions is not written in their files.
+    pending += ['action_msgs/msg/GoalStatusArray', 'action_msgs/srv/CancelGoal_Request']
+    while pending:
+        name = pending.pop()
+        if name not in found:
+            found |= {name, name.removesuffix('_Request')}
+            pending += [inner for _, field in _definitions()[name][1] for inner in _named(field)]
+    return found
+
+
+def _named(field):
+    kind, inner = field
+    if kind == Nodetype.NAME:
+        return [inner]
+    return [] if kind == Nodetype.BASE else _named(inner[0])
+
+
 def type_hash(name):
     """`RIHS01_...` of a type."""
     return oracle.build()[0].hash_rihs01(name)
