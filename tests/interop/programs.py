@@ -44,3 +44,13 @@ def until_state(node, *wanted):
         stamp = state.header.stamp
         return state.state in wanted and stamp.sec + stamp.nanosec / 1e9 >= since
     return states(node).wait(is_meant)
+
+
+def settle(node, *names):
+    """Lets nodes take notice of the subscriptions that were just made.
+
+    A publisher sends nothing to a subscription that it has not heard of yet; a node that
+    answers to an endpoint that was made later has heard of it.
+    """
+    for name in names:
+        node.client('rcl_interfaces/srv/ListParameters', f'{name}/list_parameters').call()

@@ -1,8 +1,10 @@
 """What `ros2 node`, `ros2 topic`, `ros2 service` and `ros2 action` see, from DDS discovery."""
 
 import pytest
+from cyclonedds.core import Policy
 
 from contract import ACTIONS, COMMON, LATCHED, NODES, SERVICES, TOPICS, TRIGGERS
+from machine import ROOT
 from ros2 import interfaces, until
 from ros2.graph import Graph
 
@@ -112,3 +114,10 @@ def test_every_node_announces_itself_with_its_endpoints_alone(machine, graph):
         # All endpoints of a process begin with the same twelve bytes.
         assert len({gid[:12] for gid in readers | writers}) == 1, name
     assert len({next(iter(writers))[:12] for _, writers in own.values()}) == len(NODES)
+
+
+def test_no_type_hash_is_announced_as_the_readme_says(machine, graph):
+    assert 'type hash as INVALID' in (ROOT / 'README.md').read_text()
+    own = [end for end in graph.writers() if machine.namespace in end.dds_topic]
+    assert own
+    assert not any(Policy.Userdata in end.qos for end in own)

@@ -7,13 +7,13 @@ import subprocess
 import pytest
 
 import launch_stand_in
+from contract import NODES
 from machine import ROOT, TOOLS, domain, kerf
 from programs import QUICK, MachineState, load, until_state
 from ros2 import ActionClient, Node, ParameterClient
 
 FILE = ROOT / 'config/kerf.launch.py'
 EXECUTABLES = {('kerf', 'kerf'): str(kerf())}
-NODES = ['program_loader', 'compensation_planner', 'axis_driver', 'run_recorder']
 
 
 def commands(**arguments):

@@ -3,7 +3,7 @@
 import pytest
 
 from machine import Machine
-from programs import QUICK, MachineState, load, until_state
+from programs import QUICK, MachineState, load, settle, until_state
 from ros2 import LATCHED, ActionClient, Node
 
 
@@ -26,8 +26,7 @@ def test_what_one_machine_is_told_the_other_does_not_hear(cell):
     with left.node() as here, right.node() as there:
         heard = [there.subscription('cnc_msgs/msg/Program', 'program', LATCHED),
                  there.subscription('cnc_msgs/msg/CompensatedPath', 'compensated_path', LATCHED)]
-        for topic in heard:
-            topic.wait_for_publishers()
+        settle(there, 'reader', 'compensation_planner')
         load(here, text=QUICK, name='left.ngc')
         runs = ActionClient(here, 'cnc_msgs/action/RunProgram', 'run_program')
         assert runs.send_goal().result().status == 4

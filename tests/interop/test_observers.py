@@ -4,11 +4,11 @@ import time
 
 import pytest
 
-from programs import QUICK, MachineState, load, until_state
-from ros2 import DEFAULT, LATCHED, ActionClient, Qos, interfaces, message, until
+from contract import NODES
+from programs import QUICK, MachineState, load, settle, until_state
+from ros2 import DEFAULT, LATCHED, ActionClient, Qos, message, until
 from ros2.graph import Graph
 
-NODES = ('program_loader', 'compensation_planner', 'axis_driver', 'run_recorder')
 Status = message('diagnostic_msgs/msg/DiagnosticStatus')
 Log = message('rcl_interfaces/msg/Log')
 
@@ -76,7 +76,7 @@ def test_who_looks_at_the_log_later_sees_what_was_said_before(machine, node):
 
 def test_every_command_is_told_with_its_sender_and_its_answer(node):
     commands = node.subscription('cnc_msgs/msg/Command', 'commands', Qos(depth=100))
-    commands.wait_for_publishers(3)
+    settle(node, 'axis_driver')
     client = node.client('std_srvs/srv/Trigger', 'confirm_tool_change')
     answer = client.call()
     told = commands.wait(lambda command: command.endpoint.endswith('/confirm_tool_change'))
@@ -92,7 +92,7 @@ def test_the_machine_moves_on_the_screen(machine, node):
     frames = node.subscription('tf2_msgs/msg/TFMessage', '/tf', Qos(depth=100))
     poses = node.subscription('geometry_msgs/msg/PoseStamped', 'tool_pose', DEFAULT)
     joints = node.subscription('sensor_msgs/msg/JointState', 'joint_states', DEFAULT)
-    frames.wait_for_publishers(), poses.wait_for_publishers(), joints.wait_for_publishers()
+    settle(node, 'axis_driver')
     load(node, text=QUICK, name='quick.ngc')
     runs = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program')
     assert runs.send_goal().result().status == 4
@@ -128,6 +128,7 @@ def test_a_recorder_of_bags_can_subscribe_everything_with_what_is_offered(machin
         if end.topic and end.dds_type and machine.namespace in end.topic:
             seen[end.topic] = node.subscription(
                 end.type, end.topic, Qos(end.reliable, end.transient_local, 1000))
+    settle(node, *NODES)
     load(node, text=QUICK, name='quick.ngc')
     runs = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program')
     assert runs.send_goal().result().status == 4
@@ -148,7 +149,8 @@ def test_a_recorder_of_bags_can_subscribe_everything_with_what_is_offered(machin
 def test_traffic_is_numbered_without_a_gap(node):
     until_state(node, MachineState.STATE_IDLE)
     traffic = node.subscription('cnc_msgs/msg/ControllerTraffic', 'controller_traffic',
-                                Qos(depth=1000)).wait_for_publishers()
+                                Qos(depth=1000))
+    settle(node, 'axis_driver')
     load(node, text=QUICK, name='quick.ngc')
     runs = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program')
     assert runs.send_goal().result().status == 4

@@ -2,6 +2,8 @@
 
 import pytest
 
+from contract import NODES
+from programs import settle
 from ros2 import ParameterClient, Qos, message
 
 ParameterType = message('rcl_interfaces/msg/ParameterType')
@@ -18,8 +20,7 @@ def driver(node):
     return ParameterClient(node, 'axis_driver')
 
 
-@pytest.mark.parametrize('name', [
-    'program_loader', 'compensation_planner', 'axis_driver', 'run_recorder'])
+@pytest.mark.parametrize('name', NODES)
 def test_every_parameter_of_a_node_has_a_value_a_type_and_a_description(node, name):
     parameters = ParameterClient(node, name)
     names = parameters.list().names
@@ -57,7 +58,8 @@ def test_names_are_listed_by_prefix(driver):
 
 def test_a_parameter_is_set_and_everybody_hears_of_it(node, loader):
     events = node.subscription('rcl_interfaces/msg/ParameterEvent', '/parameter_events',
-                               Qos(depth=1000)).wait_for_publishers()
+                               Qos(depth=1000))
+    settle(node, 'program_loader')
     for value in (True, False):
         [result] = loader.set(use_sim_time=value)
         assert result.successful, result.reason

@@ -5,7 +5,7 @@ import zlib
 from itertools import pairwise
 
 from machine import CONTOUR
-from programs import load, load_demo
+from programs import load, load_demo, settle
 from ros2 import LATCHED, Qos, service
 from ros2.interfaces import cdr_body
 
@@ -66,7 +66,8 @@ def test_a_long_path_is_fetched_whole_by_chunks(node):
 
 def test_whoever_listens_to_the_chunks_has_the_path_without_asking(node):
     listener = node.subscription('cnc_msgs/msg/PathChunk', 'compensated_path/chunks',
-                                 Qos(depth=1000)).wait_for_publishers()
+                                 Qos(depth=1000))
+    settle(node, 'compensation_planner')
     answer, path = load(node, text='G21 G90 G1 F600\nX10\nY10\nX0\nY0\nM30\n', name='square.ngc')
     [chunk] = listener.collect(1)
     assert (chunk.program_id, chunk.revision) == (answer.program_id, path.revision)

@@ -4,7 +4,7 @@ import uuid
 
 import pytest
 
-from programs import QUICK, SLOW, MachineState, load, until_state
+from programs import QUICK, SLOW, MachineState, load, settle, until_state
 from ros2 import LATCHED, ActionClient, Qos, action, message, until
 
 GoalStatus = message('action_msgs/msg/GoalStatus')
@@ -50,7 +50,7 @@ def test_the_loaded_program_runs_when_none_is_named(node, runs):
 def test_a_goal_that_cannot_be_run_is_rejected_and_the_reason_is_published(node, runs):
     commands = node.subscription('cnc_msgs/msg/Command', 'commands', Qos(depth=100))
     log = node.subscription('rcl_interfaces/msg/Log', '/rosout', Qos(depth=1000))
-    commands.wait_for_publishers(), log.wait_for_publishers()
+    settle(node, 'axis_driver')
     goal = runs.send_goal(program_id='0123456789abcdef')
     assert not goal.accepted
     # ROS has no place for a reason in the answer; it is told to whoever listens.

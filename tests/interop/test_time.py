@@ -2,8 +2,9 @@
 
 import pytest
 
+from contract import NODES
 from machine import Machine
-from programs import QUICK, MachineState
+from programs import QUICK, MachineState, settle
 from ros2 import LATCHED, ParameterClient, Qos, message, service, until
 
 Clock = message('rosgraph_msgs/msg/Clock')
@@ -28,7 +29,7 @@ def clock(node):
 
 
 def test_the_nodes_start_with_simulated_time(node):
-    for name in ('program_loader', 'compensation_planner', 'axis_driver', 'run_recorder'):
+    for name in NODES:
         assert ParameterClient(node, name).get('use_sim_time') == [True]
 
 
@@ -43,6 +44,7 @@ def test_stamps_are_those_of_the_clock(node, clock):
 def test_what_is_loaded_then_is_of_that_time(node, clock):
     programs = node.subscription('cnc_msgs/msg/Program', 'program', LATCHED)
     log = node.subscription('rcl_interfaces/msg/Log', '/rosout', Qos(depth=1000))
+    settle(node, 'program_loader')
     loader = node.client(service('cnc_msgs/srv/LoadProgram').name, 'load_program')
     until('the time 3000', lambda: clock(3000) or (
         loader.call(text=QUICK, name='quick.ngc').success

@@ -141,7 +141,9 @@ impl<T: DeserializeOwned + 'static> Reader<T> {
         self.undecodable += 1;
         if self.complained_about.len() < COMPLAINTS_MAX && self.complained_about.insert(gid) {
             tracing::warn!(
-                "{} gets samples from {gid} that it cannot read, and passes over them: {reason}",
+                "{} gets samples from {gid} that it cannot read, and passes over them: {reason}; \
+                 the sender has another type, another version of it, or another service mapping \
+                 (see RMW_IMPLEMENTATION)",
                 self.topic
             );
         }

@@ -200,10 +200,7 @@ impl<'de, T: DeserializeOwned> Visitor<'de> for Decoder<T> {
         let body = fields.next_element()?.ok_or_else(missing)?;
         // Up to three bytes are padding; four more are another type's fields.
         if fields.next_element::<[u8; 4]>().is_ok() {
-            return Err(A::Error::custom(
-                "bytes are left over: the sender has another type, another version of it, \
-                 or another service mapping (see RMW_IMPLEMENTATION)",
-            ));
+            return Err(A::Error::custom("bytes are left over"));
         }
         Ok(Framed { header, body })
     }

@@ -24,6 +24,10 @@ class Client:
         self._numbers = itertools.count(1)
         self._answers = {}
 
+    def gid(self):
+        """The address that requests come from."""
+        return self._requests.get_guid().bytes
+
     def is_ready(self):
         """As `service_is_ready`: both ways are open, as far as this side knows."""
         return bool(self._requests.get_matched_subscriptions()
