@@ -197,7 +197,8 @@ impl Handle {
             Qos::SERVICES,
             decoder,
         )?;
-        Ok(Server::new(Endpoints { name, reader, writer }, mapping))
+        let graph = Arc::clone(&self.inner.graph);
+        Ok(Server::new(Endpoints { name, reader, writer }, mapping, graph))
     }
 
     /// Asks a service.

@@ -7,12 +7,17 @@
 //! arrival, so that two settings are applied as they were sent. Where answers
 //! take long and do not depend on each other, requests are answered at once.
 
+mod answers;
+mod hearing;
+
+use crate::graph::Graph;
 use crate::interface::Service;
 use crate::node::Endpoints;
 use crate::publisher::Drops;
 use crate::subscription::{Reader, sample_info};
 use crate::time::RosTime;
 use crate::wire::{CycloneHeader, Framed, Gid, ServiceMapping};
+use answers::Answers;
 use ros2_client::MessageInfo;
 use rustdds::no_key::DataWriterCdr;
 use rustdds::{SampleIdentity, Timestamp, WriteOptionsBuilder};
@@ -47,7 +52,7 @@ impl From<&RequestInfo> for Gid {
 /// One server: where requests come in and replies go out.
 pub(crate) struct Server<S: Service> {
     reader: Reader<S::Request>,
-    replies: Replies<S>,
+    answers: Answers<S>,
 }
 
 /// The reply writer; shared by the answers that are in the making.
@@ -71,10 +76,12 @@ impl<S: Service + 'static> Server<S> {
     pub(crate) fn new(
         endpoints: Endpoints<S::Request, S::Response>,
         mapping: ServiceMapping,
+        graph: Arc<Graph>,
     ) -> Self {
         let Endpoints { name, reader, writer } = endpoints;
         let drops = Arc::new(Drops::new(format!("replies of {name}")));
-        Self { reader, replies: Replies { mapping, writer: Arc::new(writer), drops } }
+        let replies = Replies { mapping, writer: Arc::new(writer), drops };
+        Self { reader, answers: Answers::new(replies, graph) }
     }
 
     /// The next request.
@@ -93,7 +100,7 @@ impl<S: Service + 'static> Server<S> {
         loop {
             let (request, info) = self.next().await;
             let response = handler(request, info).await;
-            self.replies.send(info, response);
+            self.answers.send(info, response);
         }
     }
 
@@ -104,16 +111,16 @@ impl<S: Service + 'static> Server<S> {
         Fut: Future<Output = S::Response> + Send + 'static,
     {
         let room = Arc::new(Semaphore::new(CONCURRENT_MAX));
-        let mut answers = JoinSet::new();
+        let mut making = JoinSet::new();
         loop {
             let (request, info) = self.next().await;
             // The semaphore is never closed.
             let Ok(permit) = Arc::clone(&room).acquire_owned().await else { return };
-            while answers.try_join_next().is_some() {}
-            let (answer, replies) = (handler(request, info), self.replies.clone());
-            answers.spawn(async move {
+            while making.try_join_next().is_some() {}
+            let (answer, answers) = (handler(request, info), self.answers.clone());
+            making.spawn(async move {
                 let response = answer.await;
-                replies.send(info, response);
+                answers.send(info, response);
                 drop(permit);
             });
         }
@@ -121,6 +128,10 @@ impl<S: Service + 'static> Server<S> {
 }
 
 impl<S: Service> Replies<S> {
+    fn gid(&self) -> Gid {
+        rustdds::RTPSEntity::guid(&*self.writer).into()
+    }
+
     fn send(&self, to: RequestInfo, response: S::Response) {
         let header = match self.mapping {
             ServiceMapping::Enhanced => None,
