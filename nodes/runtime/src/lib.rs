@@ -72,7 +72,10 @@ mod diagnostics;
 mod documents;
 pub mod environment;
 mod graph;
+pub mod lifecycle;
 mod live_parameters;
+mod log_levels;
+mod logger_services;
 mod logging;
 pub mod names;
 mod node;
@@ -102,6 +105,7 @@ pub use documents::{
     ToolTableFileError, load_tool_table, profile_from_yaml, profile_to_yaml, tool_table_from_yaml,
 };
 pub use graph::LOOPBACK_PARTICIPANTS_MAX;
+pub use lifecycle::{Managed, Step, Trouble};
 pub use logging::LogSettings;
 pub use node::{Handle, NodeError};
 pub use parameter_services::from_wire as parameter_from_wire;
@@ -110,7 +114,7 @@ pub use profiles::{ProfileError, known_profiles, load_profile};
 pub use publisher::Publisher;
 pub use qos::Qos;
 pub use raw::{DiscoveredPublisher, RawPublisher, RawSample, RawSubscription};
-pub use run::{run, run_with};
+pub use run::{run, run_managed, run_with};
 pub use service::RequestInfo;
 pub use session::Session;
 pub use subscription::{SampleInfo, Subscription};

@@ -12,7 +12,7 @@ use crate::environment::Environment;
 use crate::graph::Graph;
 use crate::interface::{Message, Service};
 use crate::live_parameters::LiveParameters;
-use crate::names::{NameError, Names};
+use crate::names::{NameError, Names, Scope};
 use crate::publisher::Publisher;
 use crate::qos::Qos;
 use crate::service::{RequestInfo, Server};
@@ -57,6 +57,8 @@ pub(crate) struct Inner {
     pub(crate) graph: Arc<Graph>,
     pub(crate) parameters: Arc<LiveParameters>,
     pub(crate) clock: Arc<Clock>,
+    /// `None` while the node is not managed.
+    pub(crate) lifecycle: tokio::sync::watch::Sender<Option<crate::lifecycle::State>>,
     pub(crate) shutdown: Shutdown,
     pub(crate) tasks: Mutex<JoinSet<()>>,
 }
@@ -104,7 +106,7 @@ impl Handle {
         type_name: &str,
         qos: Qos,
     ) -> Result<Publisher<T>, NodeError> {
-        let name = self.inner.names.resolve(topic)?;
+        let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
         let dds = self.ros_topic(&name, type_name, qos)?;
         let inner = self.with_node(&name, |node| node.create_publisher::<T>(&dds, None))?;
         Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph)))
@@ -129,7 +131,7 @@ impl Handle {
         type_name: &str,
         qos: Qos,
     ) -> Result<Subscription<T>, NodeError> {
-        let name = self.inner.names.resolve(topic)?;
+        let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
         let (dds_name, dds_type) = (format!("rt{name}"), dds_type(type_name, ""));
         Ok(Subscription::new(self.reader(name, &dds_name, &dds_type, qos, Decoder::plain())?))
     }
@@ -184,7 +186,7 @@ impl Handle {
         name: &str,
         type_name: &str,
     ) -> Result<Server<S>, NodeError> {
-        let name = self.inner.names.resolve(name)?;
+        let name = self.inner.names.resolve_as(name, Scope::Service)?;
         let (request_topic, reply_topic) = service_topics(&name);
         let (request_type, reply_type) = service_types(type_name);
         let mapping = self.inner.environment.mapping;
@@ -215,7 +217,7 @@ impl Handle {
         name: &str,
         type_name: &str,
     ) -> Result<Client<S>, NodeError> {
-        let name = self.inner.names.resolve(name)?;
+        let name = self.inner.names.resolve_as(name, Scope::Service)?;
         let (request_topic, reply_topic) = service_topics(&name);
         let (request_type, reply_type) = service_types(type_name);
         let mapping = self.inner.environment.mapping;

@@ -3,6 +3,7 @@
 //! For a recorder. A sample is handed on as it came, with the four bytes that
 //! name its encoding in front, which is what a bag holds.
 
+use crate::names::Scope;
 use crate::node::{Handle, NodeError};
 use crate::publisher::Drops;
 use crate::qos::Qos;
@@ -104,7 +105,7 @@ impl Handle {
         type_name: &str,
         qos: Qos,
     ) -> Result<RawSubscription, NodeError> {
-        let name = self.names().resolve(topic)?;
+        let name = self.names().resolve_as(topic, Scope::Topic)?;
         let dds = self.ros_topic(&name, type_name, qos)?;
         let failed = |reason: rustdds::dds::CreateError| NodeError::Create {
             what: name.clone(),
@@ -125,7 +126,7 @@ impl Handle {
         type_name: &str,
         qos: Qos,
     ) -> Result<RawPublisher, NodeError> {
-        let name = self.names().resolve(topic)?;
+        let name = self.names().resolve_as(topic, Scope::Topic)?;
         let dds = self.ros_topic(&name, type_name, qos)?;
         let failed = |reason: rustdds::dds::CreateError| NodeError::Create {
             what: name.clone(),

@@ -8,6 +8,7 @@ use crate::configuration::Configuration;
 use crate::environment::{DiscoveryRange, Environment};
 use crate::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
 use crate::live_parameters::LiveParameters;
+use crate::logger_services;
 use crate::node::{Handle, Inner, NodeError, failed, lock};
 use crate::parameter_services::serve;
 use crate::parameters::USE_SIM_TIME;
@@ -30,7 +31,7 @@ impl Session {
     /// # Errors
     /// The participant or the node cannot be made.
     pub fn start(configuration: Configuration) -> Result<Self, NodeError> {
-        let Configuration { names, environment, parameters, .. } = configuration;
+        let Configuration { names, environment, parameters, logs, .. } = configuration;
         raise_file_limit();
         let participant = join(&environment)?;
         let context = Context::from_domain_participant(participant.clone())
@@ -53,6 +54,7 @@ impl Session {
             graph: Graph::new(),
             parameters: Arc::new(LiveParameters::new(parameters)),
             clock: Arc::default(),
+            lifecycle: tokio::sync::watch::Sender::new(None),
             shutdown: Shutdown::new(),
             tasks: Mutex::default(),
         };
@@ -60,6 +62,7 @@ impl Session {
         handle.spawn("graph", Arc::clone(&handle.inner.graph).follow(participant.clone()));
         warn_of_crowd(&handle);
         serve(&handle, &handle.inner.parameters)?;
+        logger_services::serve(&handle, &logs.levels)?;
         handle.simulate_time(handle.parameter(USE_SIM_TIME));
         Ok(Self { handle, context })
     }
