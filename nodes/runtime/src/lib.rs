@@ -92,6 +92,7 @@ mod session;
 mod subscription;
 mod tasks;
 mod time;
+mod type_description;
 mod wire;
 mod yaml;
 

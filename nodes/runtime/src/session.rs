@@ -13,6 +13,7 @@ use crate::node::{Handle, Inner, NodeError, failed, lock};
 use crate::parameter_services::serve;
 use crate::parameters::USE_SIM_TIME;
 use crate::qos::Qos;
+use crate::type_description;
 use ros2_client::{Context, NodeName, NodeOptions};
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
 use std::net::Ipv4Addr;
@@ -63,6 +64,7 @@ impl Session {
         warn_of_crowd(&handle);
         serve(&handle, &handle.inner.parameters)?;
         logger_services::serve(&handle, &logs.levels)?;
+        type_description::serve(&handle)?;
         handle.simulate_time(handle.parameter(USE_SIM_TIME));
         Ok(Self { handle, context })
     }
