@@ -19,7 +19,6 @@ mod connect;
 mod course;
 mod errand;
 mod events;
-mod leave;
 mod machine;
 mod overrides;
 mod proof;
@@ -172,9 +171,7 @@ pub struct Driver {
     commander_heard: Option<Duration>,
     /// The machine stops behind every block and waits for a resume.
     is_single_block: bool,
-    /// Whether it begins what it is asked for.
-    is_active: bool,
-    leaving: Option<leave::Leaving>,
+    shutdown: Option<stop::Shutdown>,
     outputs: VecDeque<Output>,
     published: Option<MachineState>,
 }
@@ -195,8 +192,7 @@ impl Driver {
             shift_before: [0.0; 3],
             commander_heard: None,
             is_single_block: false,
-            is_active: true,
-            leaving: None,
+            shutdown: None,
             outputs: VecDeque::new(),
             published: None,
         }
@@ -241,9 +237,9 @@ impl Driver {
             Phase::Running(run) => run.deadline(),
             _ => None,
         };
-        let leaving = self.leaving.as_ref().map(|leaving| leaving.until);
+        let shutdown = self.shutdown.as_ref().map(|shutdown| shutdown.until);
         let commander = self.commander_deadline();
-        [proving, link, phase, leaving, commander].into_iter().flatten().min()
+        [proving, link, phase, shutdown, commander].into_iter().flatten().min()
     }
 
     /// What is known of the machine now.
@@ -289,7 +285,7 @@ impl Driver {
         self.watch_commander();
         self.step_check();
         self.step_rest();
-        self.step_leaving();
+        self.step_shutdown();
     }
 
     fn feed(&mut self) {

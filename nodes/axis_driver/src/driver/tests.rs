@@ -4,7 +4,6 @@
 mod anything;
 mod bench;
 mod blocks;
-mod leave;
 mod rest;
 mod truth;
 mod wire;

@@ -103,10 +103,9 @@ impl Owner {
                 }
             }
             Control::Close => {
-                let was_wanted = std::mem::take(&mut self.wants_open);
+                self.wants_open = false;
                 self.reopen = None;
-                // A port that was tried in vain is not tried any more.
-                if self.port.take().is_some() || was_wanted {
+                if self.port.take().is_some() {
                     self.tell_closed("closed as asked".into());
                 }
             }
