@@ -26,7 +26,6 @@ mod clock;
 mod commander_lost;
 mod controller_fails;
 mod disk;
-mod lifecycle;
 mod nodes;
 mod restart;
 mod vanish;
