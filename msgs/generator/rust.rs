@@ -57,10 +57,11 @@ pub fn schemas(registry: &Registry) -> String {
     for definition in registry.iter() {
         let schema = schema::text(definition, registry);
         let hash = description::rihs01(definition, registry);
+        let description = description::json(definition, registry);
         line(
             &mut text,
             &format!(
-                "TypeInfo {{ name: {:?}, schema_text: {schema:?}, rihs01: {hash:?} }},",
+                "TypeInfo {{ name: {:?}, schema_text: {schema:?}, rihs01: {hash:?}, description: {description:?} }},",
                 definition.name.to_string()
             ),
         );

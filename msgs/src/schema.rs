@@ -16,6 +16,8 @@ pub struct TypeInfo {
     pub schema_text: &'static str,
     /// Type hash: `RIHS01_` and 64 hex digits.
     pub rihs01: &'static str,
+    /// The JSON that is hashed: the fields of the type and of those that it needs.
+    pub description: &'static str,
 }
 
 impl TypeInfo {

@@ -124,3 +124,11 @@ def test_numbers_that_are_none_are_refused_by_name(node):
     jog = ActionClient(node, 'cnc_msgs/action/Jog', 'jog')
     goal = jog.send_goal(frame=1, axes=1, target=point, feed_rate=0.01)
     assert not goal.accepted or goal.result().status != 4
+
+
+def test_a_client_that_has_just_come_gets_its_first_answer(machine):
+    # It asks as soon as it has found the service, before the service may have found it.
+    for number in range(10):
+        with machine.node(f'newcomer_{number}') as newcomer:
+            client = newcomer.client('cnc_msgs/srv/GetTools', 'get_tools')
+            assert client.call(patience=20).success

@@ -19,6 +19,7 @@ mod connect;
 mod course;
 mod errand;
 mod events;
+mod leave;
 mod machine;
 mod overrides;
 mod proof;
@@ -171,7 +172,9 @@ pub struct Driver {
     commander_heard: Option<Duration>,
     /// The machine stops behind every block and waits for a resume.
     is_single_block: bool,
-    shutdown: Option<stop::Shutdown>,
+    /// Whether it begins what it is asked for.
+    is_active: bool,
+    leaving: Option<leave::Leaving>,
     outputs: VecDeque<Output>,
     published: Option<MachineState>,
 }
@@ -192,7 +195,8 @@ impl Driver {
             shift_before: [0.0; 3],
             commander_heard: None,
             is_single_block: false,
-            shutdown: None,
+            is_active: true,
+            leaving: None,
             outputs: VecDeque::new(),
             published: None,
         }
@@ -237,9 +241,9 @@ impl Driver {
             Phase::Running(run) => run.deadline(),
             _ => None,
         };
-        let shutdown = self.shutdown.as_ref().map(|shutdown| shutdown.until);
+        let leaving = self.leaving.as_ref().map(|leaving| leaving.until);
         let commander = self.commander_deadline();
-        [proving, link, phase, shutdown, commander].into_iter().flatten().min()
+        [proving, link, phase, leaving, commander].into_iter().flatten().min()
     }
 
     /// What is known of the machine now.
@@ -285,7 +289,7 @@ impl Driver {
         self.watch_commander();
         self.step_check();
         self.step_rest();
-        self.step_shutdown();
+        self.step_leaving();
     }
 
     fn feed(&mut self) {

@@ -235,6 +235,8 @@ mod tests {
             }),
             Command::ExecuteMdi { path: path.clone() },
             Command::SetSingleBlock(true),
+            Command::Activate,
+            Command::Deactivate,
             Command::Shutdown,
         ];
         for (id, command) in (7..).zip(commands) {

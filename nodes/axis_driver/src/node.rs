@@ -8,6 +8,7 @@ mod actions;
 mod by_hand;
 mod edges;
 mod follow;
+mod lifecycle;
 mod mdi;
 mod parameters;
 mod path;
@@ -21,7 +22,8 @@ pub use parameters::driver_config;
 pub use traffic::kind_from_wire;
 
 use crate::driver::{
-    COMMANDER_LOST, Command, LogLevel, MoveResult, Output, Refusal, RestRequest, RunResult,
+    COMMANDER_LOST, Command, ControllerSettings, LogLevel, MoveResult, Output, Refusal,
+    RestRequest, RunResult,
 };
 use crate::journal::Entry;
 use crate::serial::{Event, Serial};
@@ -29,7 +31,7 @@ use cnc_msgs::machine::MachineState;
 use cnc_msgs::wire::cnc_msgs::srv::{GetProgramChunks, GetTraffic};
 use path::{Paths, Planned};
 use runtime::commands::CommandLog;
-use runtime::{Client, Handle, Health, HealthLevel, NodeResult, Qos, RosTime};
+use runtime::{Client, Handle, Health, HealthLevel, Qos, RosTime};
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -38,7 +40,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, oneshot, watch};
 use traffic::Traffic;
-use viewers::Viewers;
+use viewers::{Viewers, firmware_name};
 
 /// Events and entries that may wait for this shell.
 const WAITING_MAX: usize = 16_384;
@@ -50,21 +52,14 @@ const STATE_PERIOD: Duration = Duration::from_millis(200);
 const STALE_S: f64 = 2.5;
 /// How long a hold, a resume or an unlock may take to be answered.
 const REPLY_WITHIN: Duration = Duration::from_secs(10);
-/// How long bringing the machine to a stop may take when the node leaves; the core
-/// gives up before.
-const STOP_WITHIN: Duration = Duration::from_secs(25);
-
 /// Runs the node until it is told to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
-    runtime::run_with("axis_driver", parameters::declared(), &args, start)
+    runtime::run_managed("axis_driver", parameters::declared(), &args, start)
 }
 
-async fn start(node: Handle) -> NodeResult {
+async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let config = parameters::serial_config(&node);
     let has_port = !config.path.is_empty();
-    if !has_port {
-        tracing::warn!("no port is set: give one with -p axis_driver:port:=/dev/ttyUSB0");
-    }
     let (event_sender, events) = sync_channel(WAITING_MAX);
     let (entry_sender, entries) = sync_channel(WAITING_MAX);
     let serial = Serial::start(config, event_sender, entry_sender)?;
@@ -74,10 +69,12 @@ async fn start(node: Handle) -> NodeResult {
     );
     let traffic = Traffic::new(node.publisher("controller_traffic", Qos::EVENTS)?, zero);
     let driver = Arc::new(Driver {
+        node: node.clone(),
         serial,
         next_id: AtomicU64::new(1),
         state: watch::Sender::new(not_heard(has_port)),
         progress: watch::Sender::new(Progress::default()),
+        hardware: watch::Sender::default(),
         waiting: Mutex::default(),
         commands: CommandLog::new(&node)?,
         recorder: follow::Recorder::default(),
@@ -126,15 +123,9 @@ async fn start(node: Handle) -> NodeResult {
     services::offer_tool_change(&node, &driver, &paths)?;
     follow::follow(&node, &driver)?;
     actions::offer(&node, &driver, paths)?;
-    let shared = Arc::clone(&driver);
-    node.diagnostics(move || vec![shared.health()])?;
-
-    if has_port {
-        driver.serial.open()?;
-    }
-    node.shutdown().requested().await;
-    driver.leave().await;
-    Ok(())
+    // The core would begin at once what it is asked for.
+    driver.begin(Command::Deactivate);
+    Ok(lifecycle::Shell { driver, has_port })
 }
 
 /// The state before the driver has said anything.
@@ -199,11 +190,14 @@ struct Waiting {
 
 /// The serial driver as this shell sees it.
 struct Driver {
+    node: Handle,
     serial: Serial,
     next_id: AtomicU64,
     /// The newest state.
     state: watch::Sender<MachineState>,
     progress: watch::Sender<Progress>,
+    /// What the controller says that it is; empty until it has.
+    hardware: watch::Sender<String>,
     waiting: Mutex<Waiting>,
     commands: CommandLog,
     recorder: follow::Recorder,
@@ -255,7 +249,11 @@ impl Driver {
                     let _ = waiting.send(result);
                 }
             }
-            Output::Settings(settings) => viewers.publish_settings(now, &settings),
+            Output::Settings(settings) => {
+                let ControllerSettings { firmware, version, .. } = &settings;
+                self.hardware.send_replace(format!("{} {version}", firmware_name(*firmware)));
+                viewers.publish_settings(now, &settings);
+            }
             Output::ReadyToClose => {
                 if let Some(waiting) = self.waiting().leave.take() {
                     let _ = waiting.send(());
@@ -269,6 +267,14 @@ impl Driver {
             // The bytes are in the journal.
             Output::Transmit(_) => {}
         }
+    }
+
+    /// Whether goals are taken up. The core looks again; this spares the others what
+    /// comes before, and lets a goal be rejected that would be accepted first.
+    fn require_active(&self) -> Result<(), Refusal> {
+        let refuse =
+            |message| Refusal { error_code: crate::codes::error_code::NOT_ACTIVE, message };
+        self.node.require_active().map_err(refuse)
     }
 
     /// Sends a command and waits for its answer.
@@ -320,20 +326,6 @@ impl Driver {
         }
     }
 
-    /// Brings the machine to a stop, if there is one, before the port is closed.
-    async fn leave(&self) {
-        let (sender, ready) = oneshot::channel();
-        self.waiting().leave = Some(sender);
-        let id = self.next_id.fetch_add(1, Ordering::Relaxed);
-        if self.serial.command(id, Command::Shutdown).is_err()
-            || tokio::time::timeout(STOP_WITHIN, ready).await.is_err()
-        {
-            tracing::error!("the machine was not brought to a stop; it may still move");
-        }
-        // The last traffic and the results of goals are on their way.
-        tokio::time::sleep(Duration::from_millis(300)).await;
-    }
-
     fn health(&self) -> Health {
         use cnc_msgs::machine::Mode;
         let state = self.state_now();
@@ -355,7 +347,7 @@ impl Driver {
                 "" => state.mode.name().to_owned(),
                 reason => format!("{}: {reason}", state.mode.name()),
             },
-            hardware_id: String::new(),
+            hardware_id: self.hardware.borrow().clone(),
             values: vec![
                 ("seconds since the last report".into(), format!("{:.3}", state.link_age_s)),
                 ("events dropped".into(), dropped.events.to_string()),

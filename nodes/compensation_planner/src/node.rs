@@ -5,6 +5,7 @@
 
 mod block;
 mod health;
+mod lifecycle;
 mod live;
 mod report;
 pub mod threads;
@@ -32,17 +33,17 @@ use live::{Live, RunningPlan};
 use report::{FINDINGS_IN_REPORT, certificate_to_wire};
 use runtime::chunks::{ChunkTopic, Cut, page, pull};
 use runtime::commands::{Answer, CommandLog};
-use runtime::{Client, Complaints, Declared, Handle, NodeResult, Publisher, Qos, RosTime};
+use runtime::{Client, Declared, Handle, Publisher, Qos, RosTime};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use threads::Threads;
 use tokio::sync::watch;
 use tool_file::ToolFile;
 
 /// Runs the node until it is told to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
-    runtime::run_with("compensation_planner", parameters(), &args, start)
+    runtime::run_managed("compensation_planner", parameters(), &args, start)
 }
 
 /// The node's parameters.
@@ -60,18 +61,19 @@ pub fn parameters() -> Vec<Declared> {
     ]
 }
 
-async fn start(node: Handle) -> NodeResult {
+async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
     let (replan, mut work) = watch::channel(());
     let planner = Arc::new(Planner::new(&node, replan)?);
     let commands = CommandLog::new(&node)?;
-    planner.publish_tools();
 
     let shared = Arc::clone(&planner);
     node.service::<SetTool, _, _>("set_tool", move |request, info| {
         let (planner, commands) = (Arc::clone(&shared), commands.clone());
         async move {
             let asked = request.clone();
-            let response = tokio::task::spawn_blocking(move || planner.set_tool(&request)).await;
+            let worker = Arc::clone(&planner);
+            let _work = planner.work.read().await;
+            let response = tokio::task::spawn_blocking(move || worker.set_tool(&request)).await;
             let response = response.unwrap_or_else(|error| SetToolResponse {
                 message: format!("the planner failed: {error}"),
                 ..SetToolResponse::default()
@@ -87,8 +89,11 @@ async fn start(node: Handle) -> NodeResult {
     })?;
     let shared = Arc::clone(&planner);
     node.service::<PlanBlock, _, _>("plan_block", move |request, _| {
-        let tools = shared.state().tools.clone();
-        std::future::ready(block::plan(&request, &tools))
+        let answer = match shared.node.require_active() {
+            Ok(()) => block::plan(&request, &shared.state().tools.clone()),
+            Err(why) => block::refuse(why),
+        };
+        std::future::ready(answer)
     })?;
     let shared = Arc::clone(&planner);
     node.service::<GetTools, _, _>("get_tools", move |_, _| {
@@ -109,18 +114,13 @@ async fn start(node: Handle) -> NodeResult {
     let chunks = node.client::<GetContourChunks>("programmed_contour/get_chunks")?;
     let shared = Arc::clone(&planner);
     node.spawn("programmed contour", async move {
-        let mut complaints = Complaints::default();
         loop {
-            // Of several that waited only a loader's newest matters.
-            for (manifest, info) in contours.newest_of_each().await {
-                let sender = info.publisher;
-                match fetch(&chunks, manifest).await {
-                    Ok(input) => shared.take(input),
-                    Err(error) if complaints.are_due(sender, Instant::now()) => {
-                        tracing::error!("the contour of {sender} cannot be had: {error}");
-                    }
-                    Err(_) => {}
-                }
+            // Of several that waited only the newest matters.
+            let (first, _) = contours.next().await;
+            let manifest = contours.drain().pop().map_or(first, |(newest, _)| newest);
+            match fetch(&chunks, manifest).await {
+                Ok(input) => shared.take(input),
+                Err(error) => tracing::error!("the programmed contour cannot be had: {error}"),
             }
         }
     });
@@ -130,15 +130,14 @@ async fn start(node: Handle) -> NodeResult {
             let pause = shared.state().pause.take();
             tokio::time::sleep(pause.unwrap_or_default()).await;
             work.borrow_and_update();
+            let _work = shared.work.read().await;
             let planner = Arc::clone(&shared);
             if let Err(error) = tokio::task::spawn_blocking(move || planner.plan()).await {
                 tracing::error!("planning failed: {error}");
             }
         }
     });
-    node.diagnostics(move || vec![planner.health()])?;
-    node.shutdown().requested().await;
-    Ok(())
+    Ok(planner)
 }
 
 /// What is planned.
@@ -183,12 +182,17 @@ struct Planner {
     /// Held while the table is being changed: one change after the other.
     tool_file: Mutex<Option<ToolFile>>,
     state: Mutex<State>,
+    /// Held by all who plan or change the table; alone by who deactivates.
+    work: tokio::sync::RwLock<()>,
 }
 
+#[derive(Default)]
 struct State {
     tools: ToolTable,
     tools_revision: u64,
     input: Option<Input>,
+    /// What there is was not planned yet, or with other tools.
+    is_due: bool,
     /// Counts the plans; the first is 1.
     revision: u64,
     current: Option<Current>,
@@ -212,14 +216,6 @@ struct Current {
 
 impl Planner {
     fn new(node: &Handle, replan: watch::Sender<()>) -> Result<Self, runtime::Error> {
-        let file: String = node.parameter("tool_table");
-        let (tool_file, tools) = match file.as_str() {
-            "" => (None, ToolTable::default()),
-            path => {
-                let (file, tools) = ToolFile::open(path.as_ref())?;
-                (Some(file), tools)
-            }
-        };
         Ok(Self {
             node: node.clone(),
             replan,
@@ -230,17 +226,9 @@ impl Planner {
             report: node.publisher("compensation_report", Qos::LATCHED)?,
             preview: node.publisher("compensated_path/preview", Qos::LATCHED)?,
             markers: node.publisher("markers", Qos::LATCHED)?,
-            tool_file: Mutex::new(tool_file),
-            state: Mutex::new(State {
-                tools,
-                tools_revision: 1,
-                input: None,
-                revision: 0,
-                current: None,
-                verdict: None,
-                live: Live::default(),
-                pause: None,
-            }),
+            tool_file: Mutex::default(),
+            work: tokio::sync::RwLock::default(),
+            state: Mutex::default(),
         })
     }
 
@@ -267,7 +255,9 @@ impl Planner {
     }
 
     fn take(&self, input: Input) {
-        self.state().input = Some(input);
+        let mut state = self.state();
+        (state.input, state.is_due) = (Some(input), true);
+        drop(state);
         self.replan.send_replace(());
     }
 
@@ -295,6 +285,8 @@ impl Planner {
             let state = self.state();
             (state.tools.clone(), state.input.clone())
         };
+        let inactive = |message| Refusal { error_code: SetToolResponse::NOT_ACTIVE, message };
+        self.node.require_active().map_err(inactive)?;
         let change = set_tool::change(&tools, request)?;
         if let Some(Input { manifest, contour, profile }) = &input {
             let program = LoadedProgram { name: &manifest.name, contour, profile };
@@ -309,6 +301,7 @@ impl Planner {
             let mut state = self.state();
             state.tools = change.tools;
             state.tools_revision += 1;
+            state.is_due = true;
             state.tools_revision
         };
         self.publish_tools();
@@ -321,7 +314,10 @@ impl Planner {
     fn plan(&self) {
         let (input, tools, tools_revision, revision) = {
             let mut state = self.state();
-            let Some(input) = state.input.clone() else { return };
+            // What comes meanwhile is planned when the node is active.
+            let is_wanted = state.is_due && self.node.require_active().is_ok();
+            let Some(input) = state.input.clone().filter(|_| is_wanted) else { return };
+            state.is_due = false;
             state.revision += 1;
             (input, state.tools.clone(), state.tools_revision, state.revision)
         };

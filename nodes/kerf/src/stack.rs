@@ -1,7 +1,8 @@
 //! The nodes as child processes: started, watched, stopped in order.
 //!
 //! Each child is this same binary as `kerf node NAME`. A child that dies is
-//! started again by [`Stack::supervise`]; it never takes the others with it.
+//! started again by [`Stack::supervise`]; it never takes the others with it. One that
+//! was told to stop, by its lifecycle or by a signal, stays away.
 //! Children leave by themselves when this process dies: their standard input
 //! is a pipe that nobody else holds.
 
@@ -85,6 +86,12 @@ impl Stack {
                 let Node { name, ref args, started, .. } = self.nodes[index];
                 if status.code() == Some(crate::exit::Status::Usage as i32) {
                     return format!("{name} cannot run as it was told to (see above)");
+                }
+                if status.success() {
+                    // It was told to stop, and not by a failure.
+                    eprintln!("kerf: {name} was shut down and stays away");
+                    self.nodes.remove(index);
+                    break;
                 }
                 eprintln!("kerf: {name} ended ({status}) and is started again");
                 if started.elapsed() < RESTART_PAUSE {

@@ -4,6 +4,7 @@
 //! means is decided by [`load`](crate::load); nothing here is worth a test of its own.
 
 mod health;
+mod lifecycle;
 
 use crate::limits::PROGRAM_BYTES_MAX;
 use crate::upload::Uploads;
@@ -24,7 +25,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::chunks::{ChunkTopic, Cut, page};
 use runtime::commands::{Answer, CommandLog};
-use runtime::{Declared, Handle, NodeResult, Publisher, Qos, RequestInfo};
+use runtime::{Declared, Handle, Publisher, Qos, RequestInfo};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -34,7 +35,7 @@ const FINDINGS_BYTES_MAX: usize = 40_000;
 
 /// Runs the node until it is told to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
-    runtime::run_with("program_loader", parameters(), &args, start)
+    runtime::run_managed("program_loader", parameters(), &args, start)
 }
 
 /// The node's parameters.
@@ -52,7 +53,7 @@ pub fn parameters() -> Vec<Declared> {
     ]
 }
 
-async fn start(node: Handle) -> NodeResult {
+async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
     let loader = Arc::new(Loader::new(&node)?);
     let commands = CommandLog::new(&node)?;
 
@@ -61,7 +62,9 @@ async fn start(node: Handle) -> NodeResult {
         let (loader, log) = (Arc::clone(&shared), log.clone());
         async move {
             let asked = request.clone();
-            let response = tokio::task::spawn_blocking(move || loader.load_program(request)).await;
+            let worker = Arc::clone(&loader);
+            let _work = loader.work.lock().await;
+            let response = tokio::task::spawn_blocking(move || worker.load_program(request)).await;
             let response = response.unwrap_or_else(|error| LoadProgramResponse {
                 message: format!("the loader failed: {error}"),
                 ..LoadProgramResponse::default()
@@ -101,9 +104,7 @@ async fn start(node: Handle) -> NodeResult {
     node.service::<GetContourChunks, _, _>("programmed_contour/get_chunks", move |request, _| {
         std::future::ready(shared.contour_chunks(&request))
     })?;
-    node.diagnostics(move || vec![loader.health()])?;
-    node.shutdown().requested().await;
-    Ok(())
+    Ok(loader)
 }
 
 /// The newest program and the ways to tell of it.
@@ -117,6 +118,8 @@ struct Loader {
     contour: Publisher<ProgrammedContour>,
     contour_topic: ChunkTopic<ContourChunk>,
     state: Mutex<State>,
+    /// Held while a program is being loaded.
+    work: tokio::sync::Mutex<()>,
 }
 
 #[derive(Default)]
@@ -148,8 +151,6 @@ fn refuse<T>(code: u16, message: impl std::fmt::Display) -> Result<T, Refusal> {
 impl Loader {
     fn new(node: &Handle) -> Result<Self, runtime::Error> {
         let controller: String = node.parameter("controller");
-        // A wrong default is better found now than with the first program.
-        runtime::load_profile(&controller)?;
         let options =
             LoadOptions { block_delete: node.parameter("block_delete"), ..LoadOptions::default() };
         Ok(Self {
@@ -162,6 +163,7 @@ impl Loader {
             contour: node.publisher("programmed_contour", Qos::LATCHED)?,
             contour_topic: ChunkTopic::new(node, "programmed_contour/chunks")?,
             state: Mutex::default(),
+            work: tokio::sync::Mutex::default(),
         })
     }
 
@@ -185,6 +187,7 @@ impl Loader {
 
     fn try_load(&self, request: LoadProgramRequest) -> Result<LoadProgramResponse, Refusal> {
         type W = LoadProgramResponse;
+        self.node.require_active().or_else(|why| refuse(W::NOT_ACTIVE, why))?;
         let (text, name) = self.text_of(&request)?;
         let controller =
             if request.controller.is_empty() { &self.controller } else { &request.controller };
@@ -237,6 +240,9 @@ impl Loader {
         let controller =
             if request.controller.is_empty() { &self.controller } else { &request.controller };
         let refused = |error_code, message| W { error_code, message, ..W::default() };
+        if let Err(why) = self.node.require_active() {
+            return refused(W::NOT_ACTIVE, why);
+        }
         let profile = match runtime::load_profile(controller) {
             Ok(profile) => profile,
             Err(error) => return refused(W::UNKNOWN_CONTROLLER, error.to_string()),
@@ -370,6 +376,9 @@ impl Loader {
     fn put_chunk(&self, request: PutProgramChunkRequest) -> PutProgramChunkResponse {
         use crate::upload::UploadError as E;
         type W = PutProgramChunkResponse;
+        if let Err(message) = self.node.require_active() {
+            return W { error_code: W::NOT_ACTIVE, message, ..W::default() };
+        }
         match self.state().uploads.put(request) {
             Ok(received_count) => {
                 PutProgramChunkResponse { success: true, received_count, ..W::default() }

@@ -8,6 +8,7 @@ mod definitions;
 mod fetch;
 mod health;
 mod inputs;
+mod lifecycle;
 mod numbers;
 mod run_id;
 mod store;
@@ -17,7 +18,7 @@ use cnc_msgs::wire::action_msgs::msg::GoalStatusArray;
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
 use fetch::Sources;
 use inputs::is_fetched;
-use runtime::{Declared, DiscoveredPublisher, Handle, NodeResult, Publisher, Qos};
+use runtime::{Declared, DiscoveredPublisher, Handle, Publisher, Qos};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -43,7 +44,7 @@ const DEPTH_FETCHED: usize = 1_000;
 
 /// Runs the node until it is told to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
-    runtime::run_with("run_recorder", parameters(), &args, start)
+    runtime::run_managed("run_recorder", parameters(), &args, start)
 }
 
 /// The node's parameters.
@@ -68,11 +69,8 @@ pub fn parameters() -> Vec<Declared> {
     ]
 }
 
-async fn start(node: Handle) -> NodeResult {
+async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let directory = PathBuf::from(node.parameter::<String>("directory"));
-    // Whether bags can be made is better known before the first run.
-    std::fs::create_dir_all(&directory)
-        .map_err(|error| format!("bags cannot go to {}: {error}", directory.display()))?;
     let directory = std::path::absolute(&directory)?;
     let recorder = Arc::new(Recorder {
         node: node.clone(),
@@ -94,8 +92,14 @@ async fn start(node: Handle) -> NodeResult {
         loop {
             let (status, _) = statuses.next().await;
             match watch.update(&status) {
-                Some(Edge::Begin { goal }) => shared.begin(goal),
-                Some(Edge::End) => shared.end(),
+                Some(Edge::Begin { goal }) => {
+                    shared.state().goal = Some(goal);
+                    shared.begin(goal);
+                }
+                Some(Edge::End) => {
+                    shared.state().goal = None;
+                    shared.end();
+                }
                 None => {}
             }
         }
@@ -114,14 +118,7 @@ async fn start(node: Handle) -> NodeResult {
             shared.publish_progress();
         }
     });
-    let shared = Arc::clone(&recorder);
-    node.diagnostics(move || vec![shared.health()])?;
-    node.shutdown().requested().await;
-    let open = recorder.state().open.take();
-    if let Some(open) = open {
-        recorder.finish(open).await;
-    }
-    Ok(())
+    Ok(lifecycle::Shell(recorder))
 }
 
 struct Recorder {
@@ -139,6 +136,8 @@ struct Recorder {
 #[derive(Default)]
 struct State {
     store: Store,
+    /// The goal that is active.
+    goal: Option<[u8; 16]>,
     open: Option<OpenRun>,
     /// Counts the runs, so that a late end does not close the next bag.
     run: u64,
@@ -218,7 +217,10 @@ impl Recorder {
         let mut state = self.state();
         state.run += 1;
         let before = state.open.take();
-        let opened = OpenRun::create(&self.directory, self.node.now(), goal, &mut state.store);
+        let opened = self.node.require_active().and_then(|()| {
+            OpenRun::create(&self.directory, self.node.now(), goal, &mut state.store)
+                .map_err(|error| error.to_string())
+        });
         match opened {
             Ok(open) => {
                 tracing::info!("recording to {}", open.bag.path().display());
@@ -232,13 +234,13 @@ impl Recorder {
                     shared.fetch_inputs(run, wanted).await;
                 });
             }
-            Err(error) => {
+            Err(reason) => {
                 drop(state);
-                tracing::error!("the run is not recorded: {error}");
+                tracing::error!("the run is not recorded: {reason}");
                 let now = self.node.now();
                 self.publish(Recording {
                     run_id: run_id::run_id(now, goal),
-                    reason: error.to_string(),
+                    reason,
                     stamp: now.into(),
                     ..Recording::default()
                 });

@@ -3,7 +3,7 @@
 //! Knows the whole grammar between `--ros-args` and `--`; everything outside
 //! is the node's own. Pure: reads a list of words, no files.
 
-use crate::names::{Remap, check_node};
+use crate::names::{Remap, Scope, check_node};
 
 /// What was asked for.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -16,6 +16,8 @@ pub struct Arguments {
     pub parameter_files: Vec<String>,
     /// `--log-level [logger:=]level`, in order.
     pub log_levels: Vec<LogLevelArgument>,
+    /// `--enclave`, the last one: where the keys of the node are.
+    pub enclave: Option<String>,
     /// Logs do not go to `/rosout`.
     pub disable_rosout: bool,
     /// Logs do not go to the console.
@@ -41,7 +43,8 @@ pub struct ParameterArgument {
 pub struct LogLevelArgument {
     /// The logger and all below it; none: all.
     pub logger: Option<String>,
-    pub level: LogLevel,
+    /// `None` takes a level back that was given before.
+    pub level: Option<LogLevel>,
 }
 
 /// How important a message is.
@@ -102,7 +105,13 @@ impl Arguments {
             "--enable-rosout-logs" => self.disable_rosout = false,
             "--disable-stdout-logs" => self.disable_console = true,
             "--enable-stdout-logs" => self.disable_console = false,
-            "-e" | "--enclave" | "--log-config-file" | "--log-file-name" => {
+            "-e" | "--enclave" => {
+                let name = value("an enclave, as /cell/mill,")?;
+                check_enclave(name)?;
+                self.enclave = Some(name.to_owned());
+                self.warnings.push(format!("{word} {name} has no effect without security"));
+            }
+            "--log-config-file" | "--log-file-name" => {
                 let value = value("a value")?;
                 self.warnings.push(format!("{word} {value} is not supported and has no effect"));
             }
@@ -127,7 +136,8 @@ impl Arguments {
 
 /// `[node:]from:=to`.
 fn remap(rule: &str) -> Result<Remap, ArgumentError> {
-    let (node, from, to) = rule_parts(rule, "from:=to")?;
+    let (scope, plain) = without_scope(rule);
+    let (node, from, to) = rule_parts(&plain, "from:=to")?;
     let from = match from {
         // The two names that rcl knows for it.
         "__name" | "__node" => "__node",
@@ -139,7 +149,22 @@ fn remap(rule: &str) -> Result<Remap, ArgumentError> {
     if from == "__node" {
         check_node(to).map_err(|error| refuse(rule, &error.to_string()))?;
     }
-    Ok(Remap { node, from: from.to_owned(), to: to.to_owned() })
+    Ok(Remap { node, scope, from: from.to_owned(), to: to.to_owned() })
+}
+
+/// Cuts `rostopic://` or `rosservice://` out of a rule, which stands before the name or
+/// between the node and the name.
+fn without_scope(rule: &str) -> (Scope, String) {
+    let left = rule.find(":=").map_or(rule, |end| &rule[..end]);
+    for (word, scope) in [("rostopic://", Scope::Topic), ("rosservice://", Scope::Service)] {
+        match left.find(word) {
+            Some(at) if at == 0 || left[..at].ends_with(':') => {
+                return (scope, format!("{}{}", &rule[..at], &rule[at + word.len()..]));
+            }
+            _ => {}
+        }
+    }
+    (Scope::Any, rule.to_owned())
 }
 
 /// `[node:]name:=yaml`.
@@ -171,6 +196,21 @@ fn rule_parts<'a>(
     Ok((node, name, right))
 }
 
+/// `/` or `/cell/mill`.
+fn check_enclave(name: &str) -> Result<(), ArgumentError> {
+    let is_token = |token: &str| {
+        !token.is_empty() && token.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    };
+    match name.strip_prefix('/') {
+        Some("") => Ok(()),
+        Some(rest) if name.len() <= 255 && rest.split('/').all(is_token) => Ok(()),
+        _ => Err(refuse(
+            name,
+            "an enclave begins with a slash, and its parts are letters, digits and underscores: /cell/mill",
+        )),
+    }
+}
+
 /// `[logger:=]level`.
 fn log_level(text: &str) -> Result<LogLevelArgument, ArgumentError> {
     let (logger, level) = match text.split_once(":=") {
@@ -178,11 +218,12 @@ fn log_level(text: &str) -> Result<LogLevelArgument, ArgumentError> {
         None => (None, text),
     };
     let level = match level.to_ascii_lowercase().as_str() {
-        "debug" => LogLevel::Debug,
-        "info" | "unset" => LogLevel::Info,
-        "warn" | "warning" => LogLevel::Warn,
-        "error" => LogLevel::Error,
-        "fatal" => LogLevel::Fatal,
+        "unset" => None,
+        "debug" => Some(LogLevel::Debug),
+        "info" => Some(LogLevel::Info),
+        "warn" | "warning" => Some(LogLevel::Warn),
+        "error" => Some(LogLevel::Error),
+        "fatal" => Some(LogLevel::Fatal),
         _ => return Err(refuse(text, "debug, info, warn, error or fatal is needed")),
     };
     Ok(LogLevelArgument { logger, level })
@@ -202,7 +243,7 @@ mod tests {
     }
 
     fn rule(node: Option<&str>, from: &str, to: &str) -> Remap {
-        Remap { node: node.map(str::to_owned), from: from.into(), to: to.into() }
+        Remap { node: node.map(str::to_owned), ..Remap::new(from, to) }
     }
 
     #[test]
@@ -239,10 +280,43 @@ mod tests {
         assert_eq!(found.parameter_files, ["one.yaml", "two.yaml"]);
         assert_eq!(found.log_levels.len(), 2);
         assert_eq!(found.log_levels[1].logger.as_deref(), Some("cell.left"));
-        assert_eq!(found.log_levels[1].level, LogLevel::Warn);
+        assert_eq!(found.log_levels[1].level, Some(LogLevel::Warn));
         assert!(found.disable_rosout && found.disable_console);
         assert_eq!(found.rest, ["part.mpf", "--own", "flag"]);
         assert!(found.warnings.is_empty());
+    }
+
+    #[test]
+    fn every_form_of_a_rule_is_understood() {
+        let table = [
+            ("a:=b", None, Scope::Any, "a", "b"),
+            ("/cell/a:=/b", None, Scope::Any, "/cell/a", "/b"),
+            ("~/a:={ns}/b", None, Scope::Any, "~/a", "{ns}/b"),
+            ("driver:~/a:=b", Some("driver"), Scope::Any, "~/a", "b"),
+            ("rostopic://a:=b", None, Scope::Topic, "a", "b"),
+            ("rosservice:///a/b:=c", None, Scope::Service, "/a/b", "c"),
+            ("driver:rostopic://a:=/b", Some("driver"), Scope::Topic, "a", "/b"),
+            ("driver:__ns:=/cell", Some("driver"), Scope::Any, "__ns", "/cell"),
+            ("driver:__name:=left", Some("driver"), Scope::Any, "__node", "left"),
+        ];
+        for (text, node, scope, from, to) in table {
+            let found = parse(&format!("--ros-args -r {text}")).expect(text);
+            assert_eq!(found.remaps, [Remap { scope, ..rule(node, from, to) }], "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_switched_off_can_be_switched_on_again_and_the_last_word_counts() {
+        let table = [
+            ("", false, false),
+            ("--disable-rosout-logs", true, false),
+            ("--disable-stdout-logs --enable-stdout-logs", false, false),
+            ("--enable-rosout-logs --disable-rosout-logs --disable-stdout-logs", true, true),
+        ];
+        for (words, rosout, console) in table {
+            let found = parse(&format!("--ros-args {words} --")).expect(words);
+            assert_eq!((found.disable_rosout, found.disable_console), (rosout, console), "{words}");
+        }
     }
 
     #[test]
@@ -260,6 +334,7 @@ mod tests {
         let found = found.expect("valid");
         assert_eq!(found.warnings.len(), 2);
         assert_eq!(found.remaps.len(), 1);
+        assert_eq!(found.enclave.as_deref(), Some("/cell"));
     }
 
     #[test]
@@ -278,6 +353,12 @@ mod tests {
             ("--ros-args -p :x:=1", "invalid name"),
             ("--ros-args --params-file", "missing behind"),
             ("--ros-args --log-level loud", "debug, info"),
+            ("--ros-args --log-level driver:=", "debug, info"),
+            ("--ros-args --enclave", "missing behind"),
+            ("--ros-args --enclave cell", "begins with a slash"),
+            ("--ros-args --enclave /cell//mill", "letters"),
+            ("--ros-args --enclave /../mill", "letters"),
+            ("--ros-args -r rostopic://:=b", "no name before"),
         ];
         for (line, part) in table {
             let error = parse(line).expect_err(line).to_string();

@@ -82,6 +82,19 @@ impl Declared {
         self
     }
 
+    /// A word of a file as the type means it: rcl reads YAML 1.1, where `yes` and `off`
+    /// are bools.
+    pub(crate) fn as_written(&self, value: &ParameterValue) -> ParameterValue {
+        let (ParameterValue::Bool(_), ParameterValue::String(word)) = (&self.default, value) else {
+            return value.clone();
+        };
+        match word.as_str() {
+            "y" | "Y" | "yes" | "Yes" | "YES" | "on" | "On" | "ON" => ParameterValue::Bool(true),
+            "n" | "N" | "no" | "No" | "NO" | "off" | "Off" | "OFF" => ParameterValue::Bool(false),
+            _ => value.clone(),
+        }
+    }
+
     /// Whether `value` may be given to the parameter; the reason if not.
     pub(crate) fn check(&self, value: &ParameterValue) -> Result<(), String> {
         if value.type_name() != self.default.type_name() {
@@ -154,6 +167,20 @@ impl ParameterValue {
             Self::DoubleArray(_) => "an array of doubles",
             Self::StringArray(_) => "an array of strings",
         }
+    }
+
+    pub(crate) fn is_array(&self) -> bool {
+        matches!(
+            self,
+            Self::BoolArray(_)
+                | Self::IntegerArray(_)
+                | Self::DoubleArray(_)
+                | Self::StringArray(_)
+        )
+    }
+
+    pub(crate) fn is_empty_array(&self) -> bool {
+        self.is_array() && *self == self.emptied()
     }
 
     /// The empty array of the same type; other values as they are.

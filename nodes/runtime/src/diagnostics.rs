@@ -23,15 +23,13 @@ pub struct Health {
     pub values: Vec<(String, String)>,
 }
 
-/// As in `diagnostic_msgs/DiagnosticStatus`.
+/// As in `diagnostic_msgs/DiagnosticStatus`. What is stale only who listens can say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum HealthLevel {
     #[default]
     Ok,
     Warn,
     Error,
-    /// Nothing has been heard for too long.
-    Stale,
 }
 
 impl Handle {
@@ -69,7 +67,6 @@ fn status(node: &str, health: Health) -> DiagnosticStatus {
             HealthLevel::Ok => DiagnosticStatus::OK,
             HealthLevel::Warn => DiagnosticStatus::WARN,
             HealthLevel::Error => DiagnosticStatus::ERROR,
-            HealthLevel::Stale => DiagnosticStatus::STALE,
         },
         name: format!("{node}: {}", health.component),
         message: health.message,

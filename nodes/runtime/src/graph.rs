@@ -44,6 +44,18 @@ impl Graph {
         self.peers().matched.get(&local).map_or(0, BTreeMap::len)
     }
 
+    /// The endpoints of a process that the local one is matched with.
+    pub(crate) fn matched_of(&self, local: Gid, participant: [u8; 12]) -> Vec<Gid> {
+        let peers = self.peers();
+        let remotes = peers.matched.get(&local).into_iter().flat_map(BTreeMap::keys);
+        remotes.filter(|remote| remote.participant() == participant).copied().collect()
+    }
+
+    /// Wakes at every change; what has changed is to be looked up.
+    pub(crate) fn changes(&self) -> watch::Receiver<u64> {
+        self.changes.subscribe()
+    }
+
     /// How long ago the first peer that is still there was matched with each
     /// of `locals`: the youngest of these; `None` while one of them has no peer.
     fn matched_for(&self, locals: &[Gid]) -> Option<Duration> {

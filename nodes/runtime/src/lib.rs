@@ -9,7 +9,6 @@
 //!
 //! - Publishing returns at once; what the transport cannot take is dropped,
 //!   counted and reported now and then.
-//! - Nothing longer than a datagram is sent, whoever asks for it.
 //! - A sample that is not of the topic's type is counted, reported once per
 //!   sender, and passed over. Nothing from outside panics.
 //! - Every call has a deadline, and tells "nobody there" from "no answer".
@@ -67,14 +66,16 @@ pub mod chunks;
 mod client;
 mod client_session;
 pub mod commands;
-mod complaints;
 pub mod configuration;
 mod declared;
 mod diagnostics;
 mod documents;
 pub mod environment;
 mod graph;
+pub mod lifecycle;
 mod live_parameters;
+mod log_levels;
+mod logger_services;
 mod logging;
 pub mod names;
 mod node;
@@ -88,11 +89,10 @@ mod raw;
 mod run;
 mod service;
 mod session;
-mod sockets;
 mod subscription;
 mod tasks;
-mod throttle;
 mod time;
+mod type_description;
 mod wire;
 mod yaml;
 
@@ -101,12 +101,12 @@ pub use cnc_msgs::interface;
 pub use cancel::Shutdown;
 pub use client::{ANSWER_WITHIN, CallError, Client, SERVER_WITHIN};
 pub use client_session::{ClientSessionError, client_session};
-pub use complaints::Complaints;
 pub use diagnostics::{Health, HealthLevel};
 pub use documents::{
     ToolTableFileError, load_tool_table, profile_from_yaml, profile_to_yaml, tool_table_from_yaml,
 };
 pub use graph::LOOPBACK_PARTICIPANTS_MAX;
+pub use lifecycle::{Managed, Step, Trouble};
 pub use logging::LogSettings;
 pub use node::{Handle, NodeError};
 pub use parameter_services::from_wire as parameter_from_wire;
@@ -115,7 +115,7 @@ pub use profiles::{ProfileError, known_profiles, load_profile};
 pub use publisher::Publisher;
 pub use qos::Qos;
 pub use raw::{DiscoveredPublisher, RawPublisher, RawSample, RawSubscription};
-pub use run::{run, run_with};
+pub use run::{run, run_managed, run_with};
 pub use service::RequestInfo;
 pub use session::Session;
 pub use subscription::{SampleInfo, Subscription};

@@ -2,20 +2,18 @@
 //!
 //! Everything that is logged through `tracing` comes here, except what the DDS
 //! layers say to themselves. Logging never waits: what `/rosout` cannot take is
-//! on the console only. A place that logs without end is throttled, so that no
-//! peer can fill a disk.
+//! on the console only.
 
 use crate::arguments::{Arguments, LogLevel};
+use crate::log_levels::{LiveLevels, LogLevels};
 use crate::names::Names;
-use crate::node::{Handle, NodeError, lock};
+use crate::node::{Handle, NodeError};
 use crate::qos::Qos;
-use crate::throttle::Throttle;
 use crate::time::RosTime;
 use cnc_msgs::wire::rcl_interfaces::msg::Log;
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use std::sync::Arc;
 use tokio::sync::mpsc;
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Subscriber};
@@ -28,34 +26,24 @@ const WAITING_MAX: usize = 1000;
 const LINE_MAX: usize = 16 * 1024;
 
 /// What is logged, and where to.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct LogSettings {
     /// `cell.mill.driver`.
     pub logger: String,
     /// Less important messages are left out.
-    pub level: LogLevel,
+    pub(crate) levels: Arc<LiveLevels>,
     pub to_console: bool,
     pub to_rosout: bool,
 }
 
 impl LogSettings {
-    /// As the arguments say; a level for a logger counts when that logger is
-    /// the node's or above it.
+    /// As the arguments say.
     pub(crate) fn new(arguments: &Arguments, names: &Names) -> Self {
         let logger = names.logger();
-        let concerns = |wanted: &str| {
-            wanted == names.node()
-                || logger == wanted
-                || logger.strip_prefix(wanted).is_some_and(|rest| rest.starts_with('.'))
-        };
-        let level = arguments
-            .log_levels
-            .iter()
-            .rfind(|argument| argument.logger.as_deref().is_none_or(concerns))
-            .map_or(LogLevel::Info, |argument| argument.level);
+        let levels = LiveLevels::new(logger.clone(), LogLevels::new(arguments, names));
         Self {
             logger,
-            level,
+            levels: Arc::new(levels),
             to_console: !arguments.disable_console,
             to_rosout: !arguments.disable_rosout,
         }
@@ -65,11 +53,7 @@ impl LogSettings {
     /// lines for `/rosout`.
     pub(crate) fn install(&self) -> Lines {
         let (sender, lines) = mpsc::channel(WAITING_MAX);
-        let layer = RosLog {
-            settings: self.clone(),
-            rosout: self.to_rosout.then_some(sender),
-            throttle: Mutex::default(),
-        };
+        let layer = RosLog { settings: self.clone(), rosout: self.to_rosout.then_some(sender) };
         // Another log is installed already in tests and in `kerf`.
         drop(tracing_subscriber::registry().with(layer).try_init());
         Lines(lines)
@@ -99,7 +83,6 @@ impl Lines {
 struct RosLog {
     settings: LogSettings,
     rosout: Option<mpsc::Sender<Log>>,
-    throttle: Mutex<Throttle>,
 }
 
 impl<S: Subscriber> Layer<S> for RosLog {
@@ -108,20 +91,14 @@ impl<S: Subscriber> Layer<S> for RosLog {
         let is_noise = ["rustdds", "ros2_client", "mio", "tokio"]
             .iter()
             .any(|noise| target.strip_prefix(noise).is_some_and(|rest| !rest.starts_with('_')));
-        !is_noise && level_of(*metadata.level()).0 >= self.settings.level
+        !is_noise && self.settings.levels.writes(level_of(*metadata.level()).0)
     }
 
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let (level, name) = level_of(*event.metadata().level());
-        let place = (event.metadata().file().unwrap_or(""), event.metadata().line().unwrap_or(0));
-        let Some(left_out) = lock(&self.throttle).admit(place, Instant::now()) else { return };
         let mut text = Text::default();
         event.record(&mut text);
-        let mut text = text.finish();
-        if left_out > 0 {
-            // Writing to a string does not fail.
-            let _ = write!(text, " ({left_out} lines like this were left out)");
-        }
+        let text = text.finish();
         if self.settings.to_console {
             let line = line(name, RosTime::wall(), &self.settings.logger, &text);
             // Whoever closed the console does not want to know.
@@ -166,7 +143,8 @@ fn level_of(level: Level) -> (LogLevel, &'static str) {
     }
 }
 
-fn number_of(level: LogLevel) -> u8 {
+/// As in `rcl_interfaces/Log`.
+pub(crate) fn number_of(level: LogLevel) -> u8 {
     match level {
         LogLevel::Debug => Log::DEBUG,
         LogLevel::Info => Log::INFO,
@@ -212,30 +190,6 @@ pub(crate) fn log_panics() {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::names::Remap;
-
-    fn level(words: &str) -> LogLevel {
-        let words: Vec<String> = words.split_whitespace().map(str::to_owned).collect();
-        let ns = Remap { node: None, from: "__ns".into(), to: "/cell".into() };
-        let names = Names::new("driver", &[ns]).expect("valid");
-        LogSettings::new(&Arguments::parse(&words).expect("valid"), &names).level
-    }
-
-    #[test]
-    fn the_last_level_that_concerns_the_node_counts() {
-        let table = [
-            ("", LogLevel::Info),
-            ("--ros-args --log-level debug", LogLevel::Debug),
-            ("--ros-args --log-level debug --log-level cell.driver:=error", LogLevel::Error),
-            ("--ros-args --log-level driver:=warn", LogLevel::Warn),
-            ("--ros-args --log-level cell:=warn", LogLevel::Warn),
-            ("--ros-args --log-level cel:=warn --log-level planner:=error", LogLevel::Info),
-        ];
-        for (words, expected) in table {
-            assert_eq!(level(words), expected, "{words}");
-        }
-    }
-
     #[test]
     fn a_line_looks_as_rcl_writes_it() {
         let time = RosTime::from_parts(1_700_000_000, 1_234);

@@ -18,10 +18,27 @@ pub struct NameError {
 pub struct Remap {
     /// The base name of the only node the rule is for.
     pub node: Option<String>,
+    /// What it is for.
+    pub scope: Scope,
     /// The name as the node's source writes it, or as it is expanded.
     pub from: String,
     /// What it becomes.
     pub to: String,
+}
+
+impl Remap {
+    /// A rule for every node and everything.
+    pub fn new(from: &str, to: &str) -> Self {
+        Self { node: None, scope: Scope::Any, from: from.to_owned(), to: to.to_owned() }
+    }
+}
+
+/// What a rule is for: `rostopic://` and `rosservice://` before it narrow it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    Any,
+    Topic,
+    Service,
 }
 
 /// Where a node stands and which names are replaced.
@@ -40,18 +57,21 @@ impl Names {
     /// Any of the names is not valid.
     pub fn new(default_node: &str, remaps: &[Remap]) -> Result<Self, NameError> {
         check_node(default_node)?;
-        let concerns = |rule: &&Remap| rule.node.as_ref().is_none_or(|node| node == default_node);
-        let rules: Vec<&Remap> = remaps.iter().filter(concerns).collect();
-        let last = |name: &str| rules.iter().rev().find(|rule| rule.from == name);
-        let node = last("__node").map_or(default_node, |rule| &rule.to).to_owned();
+        let is_for = |rule: &&Remap, name: &str| rule.node.as_ref().is_none_or(|node| node == name);
+        // As in rcl the first rule counts, for the node as for topics.
+        let renamed =
+            remaps.iter().find(|rule| rule.from == "__node" && is_for(rule, default_node));
+        let node = renamed.map_or(default_node, |rule| &rule.to).to_owned();
         check_node(&node)?;
-        let namespace = last("__ns").map_or("/", |rule| &rule.to);
-        let namespace = namespace_of(namespace)?;
-        let mut names = Self { namespace, node, remaps: Vec::new() };
-        for rule in rules.into_iter().filter(|rule| rule.from != "__node" && rule.from != "__ns") {
-            let rule =
-                Remap { node: None, from: names.expand(&rule.from)?, to: names.expand(&rule.to)? };
-            names.remaps.push(rule);
+        // A rule may mean the node by the name that it has now, as in rcl, or by its own.
+        let is_ours = |rule: &&Remap| is_for(rule, &node) || is_for(rule, default_node);
+        let rules = remaps.iter().filter(is_ours);
+        let moved = rules.clone().find(|rule| rule.from == "__ns");
+        let namespace = namespace_of(moved.map_or("/", |rule| &rule.to))?;
+        let mut names = Self { namespace, node: node.clone(), remaps: Vec::new() };
+        for rule in rules.filter(|rule| rule.from != "__node" && rule.from != "__ns") {
+            let (from, to) = (names.expand(&rule.from)?, names.expand(&rule.to)?);
+            names.remaps.push(Remap { node: None, scope: rule.scope, from, to });
         }
         Ok(names)
     }
@@ -77,17 +97,32 @@ impl Names {
     }
 
     /// The absolute name that `name` stands for: relative to the namespace,
-    /// `~/` to the node; then the first rule for it is applied, once.
+    /// `~/` to the node; then the first rule for it is applied, once. Rules for
+    /// topics or for services alone do not count.
     ///
     /// # Errors
     /// The name is not valid.
     pub fn resolve(&self, name: &str) -> Result<String, NameError> {
+        self.resolve_as(name, Scope::Any)
+    }
+
+    /// The same for a topic or a service, with the rules for these.
+    ///
+    /// # Errors
+    /// The name is not valid.
+    pub fn resolve_as(&self, name: &str, scope: Scope) -> Result<String, NameError> {
         let expanded = self.expand(name)?;
-        let rule = self.remaps.iter().find(|rule| rule.from == expanded);
+        let counts = |rule: &&Remap| rule.scope == Scope::Any || rule.scope == scope;
+        let rule = self.remaps.iter().filter(counts).find(|rule| rule.from == expanded);
         Ok(rule.map_or(expanded, |rule| rule.to.clone()))
     }
 
-    fn expand(&self, name: &str) -> Result<String, NameError> {
+    fn expand(&self, given: &str) -> Result<String, NameError> {
+        let name = &given
+            .replace("{node}", &self.node)
+            .replace("{ns}", &self.namespace)
+            .replace("{namespace}", &self.namespace);
+        let name = name.as_str();
         let expanded = if name == "~" {
             self.fully_qualified()
         } else if let Some(rest) = name.strip_prefix("~/") {
@@ -98,8 +133,8 @@ impl Names {
             join(&self.namespace, name)
         };
         match fault(&expanded) {
-            _ if name.is_empty() => Err(invalid(name, "it is empty")),
-            Some(reason) => Err(invalid(name, &reason)),
+            _ if name.is_empty() => Err(invalid(given, "it is empty")),
+            Some(reason) => Err(invalid(given, &reason)),
             None => Ok(expanded),
         }
     }
@@ -154,7 +189,7 @@ fn fault(absolute: &str) -> Option<String> {
         }
         if let Some(other) = token.chars().find(|c| !c.is_ascii_alphanumeric() && *c != '_') {
             return Some(match other {
-                '{' | '}' => "substitutions in braces are not supported".to_owned(),
+                '{' | '}' => "of substitutions there are {node}, {ns} and {namespace}".to_owned(),
                 '~' => "~ stands only at the beginning, before a slash".to_owned(),
                 _ => format!("{other:?} is neither a letter, a digit, an underscore nor a slash"),
             });
@@ -171,7 +206,7 @@ mod tests {
     use super::*;
 
     fn rule(from: &str, to: &str) -> Remap {
-        Remap { node: None, from: from.into(), to: to.into() }
+        Remap::new(from, to)
     }
 
     #[test]
@@ -222,6 +257,54 @@ mod tests {
     }
 
     #[test]
+    fn of_rules_for_the_node_itself_the_first_counts_too() {
+        let for_node =
+            |node: &str, from: &str, to: &str| Remap { node: Some(node.into()), ..rule(from, to) };
+        let table: Vec<(Vec<Remap>, &str, &str)> = vec![
+            (vec![rule("__node", "a"), rule("__node", "b")], "/a", "/x"),
+            (vec![rule("__ns", "/a"), rule("__ns", "/b")], "/a/driver", "/a/x"),
+            (vec![for_node("planner", "__ns", "/a"), rule("__ns", "/b")], "/b/driver", "/b/x"),
+            (vec![for_node("driver", "__node", "left")], "/left", "/x"),
+            // By the name that it has now, or by its own.
+            (vec![rule("__node", "left"), for_node("left", "x", "y")], "/left", "/y"),
+            (vec![rule("__node", "left"), for_node("driver", "x", "y")], "/left", "/y"),
+            (vec![rule("__node", "left"), for_node("left", "__ns", "/a")], "/a/left", "/a/x"),
+        ];
+        for (rules, full, resolved) in table {
+            let names = Names::new("driver", &rules).expect("valid");
+            assert_eq!(names.fully_qualified(), full, "{rules:?}");
+            assert_eq!(names.resolve("x").expect("valid"), resolved, "{rules:?}");
+        }
+    }
+
+    #[test]
+    fn a_rule_may_be_for_topics_or_services_alone() {
+        let only = |scope, from: &str, to: &str| Remap { scope, ..rule(from, to) };
+        let rules = [
+            only(Scope::Service, "feed_hold", "hold_service"),
+            only(Scope::Topic, "feed_hold", "hold_topic"),
+            rule("resume", "go"),
+        ];
+        let names = Names::new("driver", &rules).expect("valid");
+        let resolve = |name, scope| names.resolve_as(name, scope).expect("valid");
+        assert_eq!(resolve("feed_hold", Scope::Service), "/hold_service");
+        assert_eq!(resolve("feed_hold", Scope::Topic), "/hold_topic");
+        assert_eq!(resolve("feed_hold", Scope::Any), "/feed_hold");
+        for scope in [Scope::Any, Scope::Topic, Scope::Service] {
+            assert_eq!(resolve("resume", scope), "/go");
+        }
+    }
+
+    #[test]
+    fn names_may_hold_the_node_and_its_namespace() {
+        let rules = [rule("__ns", "/cell"), rule("state", "{ns}/states/{node}")];
+        let names = Names::new("driver", &rules).expect("valid");
+        assert_eq!(names.resolve("state").expect("valid"), "/cell/states/driver");
+        assert_eq!(names.resolve("{node}/x").expect("valid"), "/cell/driver/x");
+        assert_eq!(names.resolve("{namespace}/x").expect("valid"), "/cell/x");
+    }
+
+    #[test]
     fn invalid_names_are_refused_with_the_reason() {
         let names = Names::new("n", &[]).expect("valid");
         let table = [
@@ -235,7 +318,7 @@ mod tests {
             ("~a", "~ stands only"),
             ("a/~", "~ stands only"),
             ("a__b", "underscores"),
-            ("a{b}", "braces"),
+            ("a{b}", "{node}, {ns}"),
             ("gr\u{f6}\u{df}e", "neither"),
         ];
         for (name, part) in table {

@@ -12,16 +12,15 @@ use crate::environment::Environment;
 use crate::graph::Graph;
 use crate::interface::{Message, Service};
 use crate::live_parameters::LiveParameters;
-use crate::names::{NameError, Names};
-use crate::publisher::{LastWords, Publisher};
+use crate::names::{NameError, Names, Scope};
+use crate::publisher::Publisher;
 use crate::qos::Qos;
-use crate::service::{Replies, RequestInfo, Server, UNACKNOWLEDGED_MAX};
+use crate::service::{RequestInfo, Server};
 use crate::subscription::{Reader, Subscription};
 use crate::time::{Clock, RosTime};
-use crate::wire::{Decoder, Framed, Padded, dds_type, service_topics, service_types};
+use crate::wire::{Decoder, Framed, dds_type, service_topics, service_types};
 use rustdds::no_key::DataWriterCdr;
-use rustdds::policy::ResourceLimits;
-use rustdds::{DomainParticipant, QosPolicies, QosPolicyBuilder, Topic, TopicKind};
+use rustdds::{DomainParticipant, Topic, TopicKind};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -58,8 +57,9 @@ pub(crate) struct Inner {
     pub(crate) graph: Arc<Graph>,
     pub(crate) parameters: Arc<LiveParameters>,
     pub(crate) clock: Arc<Clock>,
+    /// `None` while the node is not managed.
+    pub(crate) lifecycle: tokio::sync::watch::Sender<Option<crate::lifecycle::State>>,
     pub(crate) shutdown: Shutdown,
-    pub(crate) last_words: LastWords,
     pub(crate) tasks: Mutex<JoinSet<()>>,
 }
 
@@ -67,7 +67,7 @@ pub(crate) struct Inner {
 pub(crate) struct Endpoints<In, Out: Serialize> {
     pub(crate) name: String,
     pub(crate) reader: Reader<In>,
-    pub(crate) writer: DataWriterCdr<Padded<Framed<Out>>>,
+    pub(crate) writer: DataWriterCdr<Framed<Out>>,
 }
 
 impl Handle {
@@ -106,11 +106,10 @@ impl Handle {
         type_name: &str,
         qos: Qos,
     ) -> Result<Publisher<T>, NodeError> {
-        let name = self.inner.names.resolve(topic)?;
+        let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
         let dds = self.ros_topic(&name, type_name, qos)?;
-        let inner = self.with_node(&name, |node| node.create_publisher::<Padded<T>>(&dds, None))?;
-        let last_words = self.inner.last_words.clone();
-        Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph), last_words))
+        let inner = self.with_node(&name, |node| node.create_publisher::<T>(&dds, None))?;
+        Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph)))
     }
 
     /// Subscribes `T` on `topic`; `qos.depth` is what may wait unread.
@@ -132,7 +131,7 @@ impl Handle {
         type_name: &str,
         qos: Qos,
     ) -> Result<Subscription<T>, NodeError> {
-        let name = self.inner.names.resolve(topic)?;
+        let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
         let (dds_name, dds_type) = (format!("rt{name}"), dds_type(type_name, ""));
         Ok(Subscription::new(self.reader(name, &dds_name, &dds_type, qos, Decoder::plain())?))
     }
@@ -187,21 +186,11 @@ impl Handle {
         name: &str,
         type_name: &str,
     ) -> Result<Server<S>, NodeError> {
-        let name = self.inner.names.resolve(name)?;
+        let name = self.inner.names.resolve_as(name, Scope::Service)?;
         let (request_topic, reply_topic) = service_topics(&name);
         let (request_type, reply_type) = service_types(type_name);
         let mapping = self.inner.environment.mapping;
-        let handle = self.clone();
-        let policies = QosPolicyBuilder::new()
-            .resource_limits(ResourceLimits {
-                max_samples: UNACKNOWLEDGED_MAX,
-                max_instances: -1,
-                max_samples_per_instance: UNACKNOWLEDGED_MAX,
-            })
-            .build();
-        let new_writer =
-            Box::new(move || handle.writer(&reply_topic, &reply_type, Some(policies.clone())));
-        let replies = Replies::new(&name, &self.inner.environment, new_writer)?;
+        let writer = self.writer(&reply_topic, &reply_type)?;
         let decoder = Decoder::of_service(mapping);
         let reader = self.reader(
             format!("requests of {name}"),
@@ -210,7 +199,8 @@ impl Handle {
             Qos::SERVICES,
             decoder,
         )?;
-        Ok(Server::new(reader, replies))
+        let graph = Arc::clone(&self.inner.graph);
+        Ok(Server::new(Endpoints { name, reader, writer }, mapping, graph))
     }
 
     /// Asks a service.
@@ -227,7 +217,7 @@ impl Handle {
         name: &str,
         type_name: &str,
     ) -> Result<Client<S>, NodeError> {
-        let name = self.inner.names.resolve(name)?;
+        let name = self.inner.names.resolve_as(name, Scope::Service)?;
         let (request_topic, reply_topic) = service_topics(&name);
         let (request_type, reply_type) = service_types(type_name);
         let mapping = self.inner.environment.mapping;
@@ -239,7 +229,7 @@ impl Handle {
             Qos::SERVICES,
             decoder,
         )?;
-        let writer = self.writer(&request_topic, &request_type, None)?;
+        let writer = self.writer(&request_topic, &request_type)?;
         let endpoints = Endpoints { name, reader, writer };
         let (client, dispatch) = Client::new(endpoints, mapping, Arc::clone(&self.inner.graph));
         self.spawn("replies", dispatch);
@@ -284,12 +274,11 @@ impl Handle {
         &self,
         topic: &str,
         dds_type: &str,
-        policies: Option<QosPolicies>,
-    ) -> Result<DataWriterCdr<Padded<Framed<T>>>, NodeError> {
+    ) -> Result<DataWriterCdr<Framed<T>>, NodeError> {
         let dds = self.topic(topic, dds_type, Qos::SERVICES)?;
         self.inner
             .writers
-            .create_datawriter_no_key_cdr(&dds, policies)
+            .create_datawriter_no_key_cdr(&dds, None)
             .map_err(|error| failed(topic, &error))
     }
 

@@ -218,7 +218,7 @@ mod tests {
     use crate::names::Remap;
 
     fn names() -> Names {
-        let ns = Remap { node: None, from: "__ns".into(), to: "/cell/mill".into() };
+        let ns = Remap::new("__ns", "/cell/mill");
         Names::new("driver", &[ns]).expect("valid")
     }
 

@@ -92,10 +92,17 @@ impl Setter {
     }
 
     fn set(&self, given: Vec<wire::Parameter>) -> wire::SetParametersResult {
+        if given.is_empty() {
+            let reason = "no parameter was given".to_owned();
+            return wire::SetParametersResult { successful: false, reason };
+        }
         let mut changes = Vec::with_capacity(given.len());
         for one in &given {
             match from_wire(&one.value) {
-                Some(value) => changes.push((one.name.clone(), value)),
+                Some(value) => {
+                    let value = lock(&self.live.parameters).as_meant(&one.name, value);
+                    changes.push((one.name.clone(), value));
+                }
                 None => {
                     let reason = format!("parameter \"{}\" cannot be removed", one.name);
                     return wire::SetParametersResult { successful: false, reason };

@@ -97,7 +97,7 @@ impl Parameters {
                 continue;
             };
             let given = match &found.value {
-                Some(given) => given.clone(),
+                Some(given) => declared.as_written(given),
                 None => declared.default.emptied(),
             };
             match declared.check(&given) {
@@ -123,10 +123,11 @@ impl Parameters {
     /// The first that does not fit.
     pub fn check(&self, changes: &[(String, ParameterValue)]) -> Result<(), ParameterError> {
         for (name, value) in changes {
-            let Some((declared, _)) = self.entries.get(name) else {
+            let Some((declared, current)) = self.entries.get(name) else {
                 return Err(self.unknown(name, Origin::default()));
             };
-            if declared.read_only {
+            // What is set to what it is stays what it is: a dumped file loads again.
+            if declared.read_only && value != current {
                 return Err(ParameterError::ReadOnly { name: name.clone() });
             }
             declared.check(value).map_err(|reason| ParameterError::Value {
@@ -150,6 +151,17 @@ impl Parameters {
             }
         }
         Ok(())
+    }
+
+    /// A value as it is meant by who cannot know the type: of an empty array nobody can
+    /// tell what it is an array of.
+    pub(crate) fn as_meant(&self, name: &str, value: ParameterValue) -> ParameterValue {
+        match self.entries.get(name) {
+            Some((declared, _)) if value.is_empty_array() && declared.default.is_array() => {
+                declared.default.emptied()
+            }
+            _ => value,
+        }
     }
 
     /// The value of a parameter, if there is one of this name.
@@ -205,7 +217,7 @@ mod tests {
         let table: Vec<(Override, &str)> = vec![
             (found("hold_latency_ms_max", 5), "5 is an integer, and a double is needed: write 5.0"),
             (found("port", 5), "write \"5\" in quotes"),
-            (found("use_sim_time", "yes"), "write true or false"),
+            (found("use_sim_time", "si"), "write true or false"),
             (found("baud", 9600.5), "9600.5 is a double, and an integer is needed"),
             (found("hold_latency_ms_max", f64::NAN), "NaN"),
             (found("hold_latency_ms_max", f64::INFINITY), "not within 1 and 1000"),
@@ -235,6 +247,19 @@ mod tests {
     }
 
     #[test]
+    fn a_bool_may_be_written_as_yaml_1_1_has_it() {
+        for (word, expected) in [("yes", true), ("On", true), ("off", false), ("NO", false)] {
+            let mut parameters = parameters();
+            parameters.apply(&[found(USE_SIM_TIME, word)]).expect(word);
+            assert_eq!(parameters.get(USE_SIM_TIME), Some(&expected.into()), "{word}");
+        }
+        // A string stays a string, whatever it looks like.
+        let mut parameters = parameters();
+        parameters.apply(&[found("port", "on")]).expect("a string");
+        assert_eq!(parameters.get("port"), Some(&"on".into()));
+    }
+
+    #[test]
     fn what_may_be_meant_for_others_is_only_a_warning() {
         let mut parameters = parameters();
         let shared = Override { is_shared: true, ..found("others", 1) };
@@ -251,6 +276,10 @@ mod tests {
             Ok(vec![])
         );
         assert_eq!(parameters.get("home_axes"), Some(&ParameterValue::IntegerArray(vec![])));
+        // Over the network it comes as an array of whatever the sender took it for.
+        let meant = parameters.as_meant("home_axes", Vec::<bool>::new().into());
+        assert_eq!(meant, ParameterValue::IntegerArray(vec![]));
+        assert_eq!(parameters.as_meant("baud", vec![true].into()), vec![true].into());
         assert!(parameters.apply(&[empty("baud")]).is_err());
         assert!(parameters.apply(&[empty("port")]).is_err());
     }
@@ -263,7 +292,9 @@ mod tests {
         let error = parameters.set(&[good.clone(), fixed]).expect_err("read-only");
         assert!(error.to_string().contains("read-only"), "{error}");
         assert_eq!(parameters.get("baud"), Some(&ParameterValue::Integer(115_200)));
-        parameters.set(&[good]).expect("fits");
+        // What it is already it may be set to: a file of all parameters loads.
+        let same = ("port".to_owned(), ParameterValue::from(""));
+        parameters.set(&[good, same]).expect("fits");
         assert_eq!(parameters.get("baud"), Some(&ParameterValue::Integer(9600)));
     }
 

@@ -3,12 +3,13 @@
 //! For a recorder. A sample is handed on as it came, with the four bytes that
 //! name its encoding in front, which is what a bag holds.
 
+use crate::names::Scope;
 use crate::node::{Handle, NodeError};
 use crate::publisher::Drops;
 use crate::qos::Qos;
 use crate::subscription::SampleInfo;
 use crate::time::RosTime;
-use crate::wire::{BYTES_MAX, Gid, padding, ros_type};
+use crate::wire::{Gid, ros_type};
 use futures::StreamExt;
 use rustdds::no_key::{DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter};
 use rustdds::no_key::{DeserializedCacheChange, SimpleDataReader};
@@ -104,7 +105,7 @@ impl Handle {
         type_name: &str,
         qos: Qos,
     ) -> Result<RawSubscription, NodeError> {
-        let name = self.names().resolve(topic)?;
+        let name = self.names().resolve_as(topic, Scope::Topic)?;
         let dds = self.ros_topic(&name, type_name, qos)?;
         let failed = |reason: rustdds::dds::CreateError| NodeError::Create {
             what: name.clone(),
@@ -125,7 +126,7 @@ impl Handle {
         type_name: &str,
         qos: Qos,
     ) -> Result<RawPublisher, NodeError> {
-        let name = self.names().resolve(topic)?;
+        let name = self.names().resolve_as(topic, Scope::Topic)?;
         let dds = self.ros_topic(&name, type_name, qos)?;
         let failed = |reason: rustdds::dds::CreateError| NodeError::Create {
             what: name.clone(),
@@ -171,13 +172,7 @@ impl RawPublisher {
             self.drops.add("only little-endian CDR can be published as it is");
             return false;
         };
-        if payload.len() > BYTES_MAX {
-            self.drops.add("longer than a message may be");
-            return false;
-        }
-        let mut bytes = payload.to_vec();
-        bytes.resize(bytes.len() + padding(bytes.len()), 0);
-        let payload = Payload { encoding: [0, 1], bytes };
+        let payload = Payload { encoding: [0, 1], bytes: payload.to_vec() };
         match self.writer.write(payload, Some(Timestamp::now())) {
             Ok(()) => true,
             Err(error) => {
@@ -185,11 +180,6 @@ impl RawPublisher {
                 false
             }
         }
-    }
-
-    /// The endpoint's own address.
-    pub fn gid(&self) -> Gid {
-        rustdds::RTPSEntity::guid(&self.writer).into()
     }
 }
 

@@ -9,6 +9,7 @@
 //! are wrong, 130 ended at once by a second signal.
 
 use crate::configuration::Configuration;
+use crate::lifecycle::{self, Managed};
 use crate::logging::log_panics;
 use crate::node::Handle;
 use crate::parameters::Declared;
@@ -80,6 +81,29 @@ where
     let is_good = executor.block_on(live(name, configuration, node));
     executor.shutdown_timeout(Duration::from_secs(1));
     if is_good { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Runs a managed node with the given words.
+///
+/// `start` makes the endpoints of the node, which are kept for life, and returns
+/// what the node does when its state changes. A node that fails here, or that
+/// cannot make itself active with `autostart`, ends.
+pub fn run_managed<M, F, Fut>(
+    name: &str,
+    mut declared: Vec<Declared>,
+    words: &[String],
+    start: F,
+) -> ExitCode
+where
+    M: Managed,
+    F: FnOnce(Handle) -> Fut,
+    Fut: Future<Output = Result<M, crate::Error>>,
+{
+    declared.push(lifecycle::autostart());
+    run_with(name, declared, words, |node| async move {
+        let managed = start(node.clone()).await?;
+        lifecycle::live(&node, managed).await
+    })
 }
 
 /// Start, life and end; false when the node failed.

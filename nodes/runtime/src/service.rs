@@ -7,14 +7,20 @@
 //! arrival, so that two settings are applied as they were sent. Where answers
 //! take long and do not depend on each other, requests are answered at once.
 
-mod replies;
+mod answers;
+mod hearing;
 
+use crate::graph::Graph;
 use crate::interface::Service;
+use crate::node::Endpoints;
+use crate::publisher::Drops;
 use crate::subscription::{Reader, sample_info};
 use crate::time::RosTime;
-use crate::wire::{CycloneHeader, Gid};
-pub(crate) use replies::{Replies, UNACKNOWLEDGED_MAX};
+use crate::wire::{CycloneHeader, Framed, Gid, ServiceMapping};
+use answers::Answers;
 use ros2_client::MessageInfo;
+use rustdds::no_key::DataWriterCdr;
+use rustdds::{SampleIdentity, Timestamp, WriteOptionsBuilder};
 use std::future::Future;
 use std::sync::Arc;
 use tokio::sync::Semaphore;
@@ -46,12 +52,36 @@ impl From<&RequestInfo> for Gid {
 /// One server: where requests come in and replies go out.
 pub(crate) struct Server<S: Service> {
     reader: Reader<S::Request>,
-    replies: Replies<S>,
+    answers: Answers<S>,
+}
+
+/// The reply writer; shared by the answers that are in the making.
+pub(crate) struct Replies<S: Service> {
+    mapping: ServiceMapping,
+    writer: Arc<DataWriterCdr<Framed<S::Response>>>,
+    drops: Arc<Drops>,
+}
+
+impl<S: Service> Clone for Replies<S> {
+    fn clone(&self) -> Self {
+        Self {
+            mapping: self.mapping,
+            writer: Arc::clone(&self.writer),
+            drops: Arc::clone(&self.drops),
+        }
+    }
 }
 
 impl<S: Service + 'static> Server<S> {
-    pub(crate) fn new(reader: Reader<S::Request>, replies: Replies<S>) -> Self {
-        Self { reader, replies }
+    pub(crate) fn new(
+        endpoints: Endpoints<S::Request, S::Response>,
+        mapping: ServiceMapping,
+        graph: Arc<Graph>,
+    ) -> Self {
+        let Endpoints { name, reader, writer } = endpoints;
+        let drops = Arc::new(Drops::new(format!("replies of {name}")));
+        let replies = Replies { mapping, writer: Arc::new(writer), drops };
+        Self { reader, answers: Answers::new(replies, graph) }
     }
 
     /// The next request.
@@ -70,7 +100,7 @@ impl<S: Service + 'static> Server<S> {
         loop {
             let (request, info) = self.next().await;
             let response = handler(request, info).await;
-            self.replies.send(info, response);
+            self.answers.send(info, response);
         }
     }
 
@@ -81,18 +111,43 @@ impl<S: Service + 'static> Server<S> {
         Fut: Future<Output = S::Response> + Send + 'static,
     {
         let room = Arc::new(Semaphore::new(CONCURRENT_MAX));
-        let mut answers = JoinSet::new();
+        let mut making = JoinSet::new();
         loop {
             let (request, info) = self.next().await;
             // The semaphore is never closed.
             let Ok(permit) = Arc::clone(&room).acquire_owned().await else { return };
-            while answers.try_join_next().is_some() {}
-            let (answer, replies) = (handler(request, info), self.replies.clone());
-            answers.spawn(async move {
+            while making.try_join_next().is_some() {}
+            let (answer, answers) = (handler(request, info), self.answers.clone());
+            making.spawn(async move {
                 let response = answer.await;
-                replies.send(info, response);
+                answers.send(info, response);
                 drop(permit);
             });
+        }
+    }
+}
+
+impl<S: Service> Replies<S> {
+    fn gid(&self) -> Gid {
+        rustdds::RTPSEntity::guid(&*self.writer).into()
+    }
+
+    fn send(&self, to: RequestInfo, response: S::Response) {
+        let header = match self.mapping {
+            ServiceMapping::Enhanced => None,
+            ServiceMapping::Cyclone => Some(CycloneHeader::new(to.client, to.sequence)),
+        };
+        let identity = SampleIdentity {
+            writer_guid: rustdds::GUID::from_bytes(to.client.0),
+            sequence_number: to.sequence.into(),
+        };
+        let options = WriteOptionsBuilder::new()
+            .source_timestamp(Timestamp::now())
+            .related_sample_identity(identity)
+            .build();
+        let reply = Framed { header, body: response };
+        if let Err(error) = self.writer.write_with_options(reply, options) {
+            self.drops.add(&error.to_string());
         }
     }
 }

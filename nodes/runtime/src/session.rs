@@ -8,12 +8,12 @@ use crate::configuration::Configuration;
 use crate::environment::{DiscoveryRange, Environment};
 use crate::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
 use crate::live_parameters::LiveParameters;
+use crate::logger_services;
 use crate::node::{Handle, Inner, NodeError, failed, lock};
 use crate::parameter_services::serve;
 use crate::parameters::USE_SIM_TIME;
-use crate::publisher::LastWords;
 use crate::qos::Qos;
-use crate::sockets::{confine_since, open_sockets};
+use crate::type_description;
 use ros2_client::{Context, NodeName, NodeOptions};
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
 use std::net::Ipv4Addr;
@@ -32,7 +32,7 @@ impl Session {
     /// # Errors
     /// The participant or the node cannot be made.
     pub fn start(configuration: Configuration) -> Result<Self, NodeError> {
-        let Configuration { names, environment, parameters, .. } = configuration;
+        let Configuration { names, environment, parameters, logs, .. } = configuration;
         raise_file_limit();
         let participant = join(&environment)?;
         let context = Context::from_domain_participant(participant.clone())
@@ -46,8 +46,6 @@ impl Session {
         let writers = participant
             .create_publisher(&Qos::SERVICES.policies())
             .map_err(|error| failed("the DDS publisher", &error))?;
-        let shutdown = Shutdown::new();
-        let last_words = LastWords { shutdown: shutdown.clone(), publishers: Arc::default() };
         let inner = Inner {
             names,
             environment,
@@ -57,14 +55,16 @@ impl Session {
             graph: Graph::new(),
             parameters: Arc::new(LiveParameters::new(parameters)),
             clock: Arc::default(),
-            shutdown,
-            last_words,
+            lifecycle: tokio::sync::watch::Sender::new(None),
+            shutdown: Shutdown::new(),
             tasks: Mutex::default(),
         };
         let handle = Handle { inner: Arc::new(inner) };
         handle.spawn("graph", Arc::clone(&handle.inner.graph).follow(participant.clone()));
         warn_of_crowd(&handle);
         serve(&handle, &handle.inner.parameters)?;
+        logger_services::serve(&handle, &logs.levels)?;
+        type_description::serve(&handle)?;
         handle.simulate_time(handle.parameter(USE_SIM_TIME));
         Ok(Self { handle, context })
     }
@@ -91,7 +91,6 @@ impl Session {
             tracing::warn!("a task does not end; the node stops without it");
         }
         tokio::time::sleep(Duration::from_millis(500)).await;
-        lock(&inner.last_words.publishers).clear();
         drop(lock(&inner.node).take());
         drop(self.context);
     }
@@ -117,26 +116,7 @@ impl std::fmt::Debug for Session {
     }
 }
 
-/// One participant after the other: what sockets one opens is seen by comparing.
-static JOINING: Mutex<()> = Mutex::new(());
-
 fn join(environment: &Environment) -> Result<DomainParticipant, NodeError> {
-    let _alone = lock(&JOINING);
-    let before = open_sockets();
-    let participant = build(environment)?;
-    if environment.range != DiscoveryRange::Subnet {
-        match before.and_then(|before| confine_since(&before)) {
-            Ok(count) => tracing::debug!("{count} sockets are bound to the loopback interface"),
-            Err(error) => tracing::warn!(
-                "the node's sockets cannot be bound to the loopback interface ({error}): keep \
-                 UDP packets from other computers out with a firewall"
-            ),
-        }
-    }
-    Ok(participant)
-}
-
-fn build(environment: &Environment) -> Result<DomainParticipant, NodeError> {
     let builder = DomainParticipantBuilder::new(environment.domain_id);
     let builder = match environment.range {
         DiscoveryRange::Subnet => builder,

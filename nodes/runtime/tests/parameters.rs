@@ -84,6 +84,92 @@ async fn parameters_can_be_read_described_and_set_over_either_mapping() {
     }
 }
 
+/// What `ros2 param dump` writes of these: groups are nested, and every value has its form.
+fn dumped(node: &str, values: &[(String, ParameterValue)]) -> String {
+    use serde_yaml::{Mapping, Value, to_value};
+    let mut root = Mapping::new();
+    for (name, value) in values {
+        let written = match value.type_ {
+            1 => to_value(value.bool_value),
+            2 => to_value(value.integer_value),
+            3 => to_value(value.double_value),
+            4 => to_value(&value.string_value),
+            7 => to_value(&value.integer_array_value),
+            8 => to_value(&value.double_array_value),
+            9 => to_value(&value.string_array_value),
+            other => panic!("type {other}"),
+        };
+        let mut group = &mut root;
+        let (path, last) = name.rsplit_once('.').unwrap_or(("", name));
+        for part in path.split('.').filter(|part| !part.is_empty()) {
+            let below = group.entry(part.into()).or_insert_with(|| Mapping::new().into());
+            group = below.as_mapping_mut().expect("a group");
+        }
+        group.insert(last.into(), written.expect("YAML"));
+    }
+    let root = Mapping::from_iter([("ros__parameters".into(), root.into())]);
+    let root = Mapping::from_iter([(Value::from(node), root.into())]);
+    serde_yaml::to_string(&root).expect("YAML")
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_dumped_is_loaded_again_as_a_file_and_over_the_network() {
+    let declared = || {
+        vec![
+            Declared::new("port", "on", "a string that looks like a bool").read_only(),
+            Declared::new("number", "115200", "one that looks like a number"),
+            Declared::new("empty", "", "one of nothing"),
+            Declared::new("limits.x.feed", 1e-9, "small, mm"),
+            Declared::new("limits.x.far", 1e22, "large, mm"),
+            Declared::new("limits.whole", 2.0, "whole, mm").read_only(),
+            Declared::new("count", -7, "an integer"),
+            Declared::new("is_on", true, "a bool").read_only(),
+            Declared::new("axes", Vec::<i64>::new(), "none"),
+            Declared::new("names", vec!["a b".to_owned(), "5".to_owned()], "two strings"),
+            Declared::new("feeds", vec![1.0, 2.5], "two doubles"),
+        ]
+    };
+    let mapping = ServiceMapping::Enhanced;
+    let node = start_declared("driver", domain(84), mapping, declared());
+    let user = start("user", domain(84));
+    let list = user.handle().client::<srv::ListParameters>("driver/list_parameters").expect("c");
+    let names = list.call(Default::default()).await.expect("answer").result.names;
+    assert_eq!(names.len(), declared().len() + 1);
+    let get = user.handle().client::<srv::GetParameters>("driver/get_parameters").expect("c");
+    let request = srv::GetParametersRequest { names: names.clone() };
+    let values = get.call(request).await.expect("answer").values;
+    let values: Vec<_> = names.into_iter().zip(values).collect();
+
+    let full = node.handle().names().fully_qualified();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("driver.yaml");
+    std::fs::write(&file, dumped(&full, &values)).expect("written");
+    let namespace = format!("__ns:={}", common::namespace());
+    let file = file.display().to_string();
+    let words = ["--ros-args", "-r", &namespace, "--params-file", &file].map(str::to_owned);
+    let empty = std::collections::BTreeMap::new();
+    let read = runtime::configuration::Configuration::read("driver", declared(), &words, &empty)
+        .expect("a dumped file is a parameter file");
+    assert_eq!(read.warnings, [""; 0]);
+    for declared in declared() {
+        assert_eq!(read.parameters.get(&declared.name), Some(&declared.default));
+    }
+
+    // As `ros2 param load` does, which takes an empty list for one of bools.
+    let set = user.handle().client::<srv::SetParameters>("driver/set_parameters").expect("c");
+    let mut parameters: Vec<_> =
+        values.into_iter().map(|(name, value)| Parameter { name, value }).collect();
+    for parameter in parameters.iter_mut().filter(|parameter| parameter.name == "axes") {
+        parameter.value = ParameterValue { type_: 6, ..ParameterValue::default() };
+    }
+    let response = set.call(srv::SetParametersRequest { parameters }).await.expect("answer");
+    let refused: Vec<_> = response.results.iter().filter(|result| !result.successful).collect();
+    assert!(refused.is_empty(), "{refused:?}");
+    drop((list, get, set));
+    node.stop().await;
+    user.stop().await;
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn with_use_sim_time_the_node_s_time_is_that_of_the_clock_topic() {
     let (node, simulator) = (start("node", domain(82)), start("simulator", domain(82)));

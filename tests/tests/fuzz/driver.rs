@@ -253,7 +253,7 @@ impl Bench {
 
     fn any_command(&self, random: &mut Random) -> Command {
         let percent = |random: &mut Random| random.once_in(2).then(|| random.below(256) as u8);
-        match random.below(30) {
+        match random.below(31) {
             0..6 => {
                 let revision = random.below(self.paths.len());
                 Command::RunProgram(RunRequest {
@@ -313,6 +313,8 @@ impl Bench {
                 let is_whole = !random.once_in(3);
                 Command::Recorder { is_whole, reason: String::new() }
             }
+            30 if random.once_in(3) => Command::Deactivate,
+            30 => Command::Activate,
             _ => Command::Heartbeat,
         }
     }

@@ -15,6 +15,8 @@ enum Kind {
     Unlock,
     Sleep,
     Offset,
+    Activate,
+    Deactivate,
     /// Nothing, or a byte at once.
     Other,
 }
@@ -43,6 +45,8 @@ pub(crate) struct Orders {
     /// The command that is being handled.
     is_resume: bool,
     shutdowns: usize,
+    /// It said that it is inactive, and has not said that it is active.
+    is_inactive: bool,
     pub(crate) accepted: u64,
     pub(crate) finished: u64,
 }
@@ -67,6 +71,8 @@ impl Orders {
             Command::Unlock => Kind::Unlock,
             Command::Sleep => Kind::Sleep,
             Command::SetWorkOffset(_) => Kind::Offset,
+            Command::Activate => Kind::Activate,
+            Command::Deactivate => Kind::Deactivate,
             _ => Kind::Other,
         };
         self.has_overrides |= matches!(command, Command::SetOverrides(_));
@@ -85,7 +91,17 @@ impl Orders {
         let Some((kind, Stage::Asked)) = self.open.remove(&id) else {
             panic!("{id} was answered twice");
         };
+        match kind {
+            Kind::Deactivate if is_accepted => {
+                let mut goals = self.open.values().filter(|(kind, _)| kind.is_goal());
+                assert!(goals.next().is_none(), "inactive, and not done: {:?}", self.open);
+                self.is_inactive = true;
+            }
+            Kind::Activate if is_accepted => self.is_inactive = false,
+            _ => {}
+        }
         if is_accepted && kind.is_goal() {
+            assert!(!self.is_inactive, "{id} was accepted by an inactive driver");
             self.open.insert(id, (kind, Stage::Accepted));
             self.accepted += 1;
         }
@@ -119,7 +135,10 @@ impl Orders {
         for &byte in bytes {
             match byte {
                 b'?' | b'!' | 0x18 => {}
-                b'~' => assert!(self.is_resume, "a resume that nobody ordered"),
+                b'~' => {
+                    assert!(self.is_resume, "a resume that nobody ordered");
+                    assert!(!self.is_inactive, "an inactive driver resumes");
+                }
                 // FluidNC: no echo.
                 0x0c => {}
                 0x84 => assert!(self.has_door, "a door that nobody opened"),

@@ -50,3 +50,5 @@ pub const NOT_RECORDING: u16 = 324;
 pub const COMMANDER_LOST: u16 = 325;
 /// A jog ended before its target: it was held, or cut short at the end of the travel.
 pub const STOPPED_SHORT: u16 = 326;
+/// The driver is not active, or was deactivated in the run.
+pub const NOT_ACTIVE: u16 = 327;

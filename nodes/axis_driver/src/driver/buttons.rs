@@ -42,7 +42,7 @@ impl Driver {
     }
 
     pub(super) fn resume(&mut self) -> Answer {
-        if self.shutdown.is_some() {
+        if self.is_shutting_down() {
             return refused(error_code::SHUTDOWN, "the driver is shutting down");
         }
         let is_held = self.machine.is_held();

@@ -26,6 +26,13 @@ struct Checkpoint {
     commander_heard: Option<Duration>,
     #[serde(default)]
     is_single_block: bool,
+    #[serde(default = "active")]
+    is_active: bool,
+}
+
+/// Records of before could not say otherwise.
+fn active() -> bool {
+    true
 }
 
 /// The same, borrowed.
@@ -39,6 +46,7 @@ struct CheckpointRef<'a> {
     overrides: Option<&'a OverrideWatch>,
     commander_heard: Option<Duration>,
     is_single_block: bool,
+    is_active: bool,
 }
 
 impl Driver {
@@ -48,7 +56,7 @@ impl Driver {
     pub fn checkpoint(&self) -> Option<String> {
         let is_at_rest = matches!(self.phase, Phase::Ready)
             && self.check.is_none()
-            && self.shutdown.is_none()
+            && self.leaving.is_none()
             && self.outputs.is_empty();
         let checkpoint = CheckpointRef {
             config: &self.config,
@@ -59,6 +67,7 @@ impl Driver {
             overrides: self.overrides.as_ref(),
             commander_heard: self.commander_heard,
             is_single_block: self.is_single_block,
+            is_active: self.is_active,
         };
         let text = serde_json::to_string(&checkpoint);
         Some(text.expect("a struct of numbers and texts is always JSON"))
@@ -75,6 +84,7 @@ impl Driver {
             overrides,
             commander_heard,
             is_single_block,
+            is_active,
         } = serde_json::from_slice(json)?;
         let mut driver = Self {
             link: Link::from_rest(config.link(), link),
@@ -88,7 +98,8 @@ impl Driver {
             shift_before: [0.0; 3],
             commander_heard,
             is_single_block,
-            shutdown: None,
+            is_active,
+            leaving: None,
             outputs: VecDeque::new(),
             published: None,
         };

@@ -1,16 +1,15 @@
 //! What can be asked of the driver, and what it says to it at once.
 
 use super::by_hand::{JogRequest, OffsetRequest, ProbeRequest};
-use super::config::{STANDSTILL, START_TOLERANCE_MM};
+use super::config::START_TOLERANCE_MM;
+use super::leave::NOT_ACTIVE;
 use super::overrides::Overrides;
 use super::proof::{Check, Proof};
 use super::rest::RestRequest;
 use super::run::Run;
-use super::stop::{HoldWatch, Shutdown};
 use super::{Driver, Phase, RunOutcome};
 use crate::codes::error_code;
 use crate::encoder::{EncoderConfig, StartProblem, start_at};
-use crate::link::realtime;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::CompensatedPath;
@@ -63,6 +62,11 @@ pub enum Command {
     /// the block up to which lines have been sent; a machine that stands goes on with
     /// a resume in any case.
     SetSingleBlock(bool),
+    /// Begins what it is asked for, from now on.
+    Activate,
+    /// Brings everything to a stop as a cancel does, and begins nothing more. Answered
+    /// when the machine stands, or does not.
+    Deactivate,
     /// Brings everything to a stop as a cancel does; then the port may be closed.
     Shutdown,
 }
@@ -134,8 +138,11 @@ impl Driver {
         if is_start {
             self.forget_old_commander();
         }
-        let answer = if is_start && self.shutdown.is_some() {
+        let moves = is_start || command == Command::Resume;
+        let answer = if is_start && self.is_shutting_down() {
             refused(error_code::SHUTDOWN, "the driver is shutting down")
+        } else if moves && !self.is_active {
+            refused(error_code::NOT_ACTIVE, NOT_ACTIVE)
         } else {
             match command {
                 Command::RunProgram(request) => self.run_program(id, request),
@@ -157,6 +164,8 @@ impl Driver {
                 Command::TakeRest(request) => self.take_rest(id, request),
                 Command::ExecuteMdi { path } => self.run_program(id, RunRequest::mdi(path)),
                 Command::SetSingleBlock(is_on) => self.set_single_block(is_on),
+                Command::Activate => self.activate(),
+                Command::Deactivate => self.deactivate(id),
                 Command::Shutdown => self.shut_down(id),
             }
         };
@@ -262,44 +271,6 @@ impl Driver {
             }
             (false, _) => "single block is off",
         })
-    }
-
-    fn shut_down(&mut self, id: u64) -> Answer {
-        if self.shutdown.is_some() {
-            return refused(error_code::BUSY, "the driver is shutting down already");
-        }
-        if let Some(check) = self.check.take() {
-            let text = "the driver shuts down";
-            self.reply(check.id, Err(Refusal::new(error_code::SHUTDOWN, text)));
-        }
-        match &self.phase {
-            Phase::Running(_) => {
-                let text = "stopped because the driver shuts down".to_owned();
-                self.stop_run(RunOutcome::Aborted, error_code::SHUTDOWN, text);
-            }
-            Phase::Errand(errand) => {
-                let (is_homing, moves) = (errand.is_homing(), errand.task.moves());
-                let text = "interrupted because the driver shuts down";
-                let refusal = Refusal::new(error_code::SHUTDOWN, text);
-                match (is_homing, moves) {
-                    // Homing does not listen to a hold.
-                    (true, _) => {
-                        self.end_errand(Err(refusal), Phase::Ready);
-                        self.begin_reset(None);
-                    }
-                    (_, true) => self.stop_move(refusal),
-                    _ => self.end_errand(Err(refusal), Phase::Ready),
-                }
-            }
-            Phase::Closed { .. } => {}
-            _ if self.machine.is_moving() => {
-                self.link.send_realtime(realtime::FEED_HOLD);
-                self.hold = Some(HoldWatch::default());
-            }
-            _ => {}
-        }
-        self.shutdown = Some(Shutdown { id, until: self.now + STANDSTILL * 2 });
-        None
     }
 }
 

@@ -1,6 +1,7 @@
 //! What is known of the machine: the last report, and what lasts between reports.
 
 use super::connect::QUERIES_DONE;
+use super::leave::INACTIVE;
 use super::{Driver, Origin, Output, Phase};
 use crate::codes;
 use crate::encoder::Homing;
@@ -358,6 +359,7 @@ impl Driver {
                 _ => "FEED_HOLD".into(),
             },
             Mode::Unknown => "no status was heard yet".into(),
+            _ if !self.is_active => INACTIVE.into(),
             _ => String::new(),
         };
     }

@@ -76,13 +76,6 @@ impl HoldWatch {
     }
 }
 
-/// Everything is brought to a stop for good.
-#[derive(Debug)]
-pub(super) struct Shutdown {
-    pub(super) id: u64,
-    pub(super) until: Duration,
-}
-
 impl Stopping {
     pub(super) fn until(&self) -> Duration {
         match self.step {
@@ -294,22 +287,5 @@ impl Driver {
         }
         let byte = if hold.is_door { realtime::SAFETY_DOOR } else { realtime::FEED_HOLD };
         self.link.send_realtime(byte);
-    }
-
-    pub(super) fn step_shutdown(&mut self) {
-        let Some(Shutdown { id, until }) = self.shutdown else { return };
-        let is_stopping = match &self.phase {
-            Phase::Running(_) | Phase::Errand(_) => true,
-            Phase::Connecting(connecting) => connecting.is_resetting(),
-            _ => false,
-        };
-        let is_busy = is_stopping || (self.is_open() && self.machine.is_moving());
-        if is_busy && self.now < until {
-            return;
-        }
-        self.shutdown = None;
-        let text = if is_busy { "not stopped: motion may continue" } else { "stopped" };
-        self.reply(id, Ok(text.into()));
-        self.outputs.push_back(Output::ReadyToClose);
     }
 }

@@ -4,6 +4,7 @@
 mod anything;
 mod bench;
 mod blocks;
+mod leave;
 mod rest;
 mod truth;
 mod wire;

@@ -62,6 +62,8 @@ enum CommandForm {
     SetSingleBlock {
         on: bool,
     },
+    Activate,
+    Deactivate,
     Shutdown,
 }
 
@@ -100,6 +102,8 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
         },
         Command::ExecuteMdi { path } => CommandForm::ExecuteMdi(mdi::PathRecord::of(path)),
         Command::SetSingleBlock(on) => CommandForm::SetSingleBlock { on: *on },
+        Command::Activate => CommandForm::Activate,
+        Command::Deactivate => CommandForm::Deactivate,
         Command::Shutdown => CommandForm::Shutdown,
     };
     serde_json::to_string(&CommandRecord { id, command })
@@ -142,6 +146,8 @@ pub fn command_from_json(
         }
         CommandForm::ExecuteMdi(record) => Command::ExecuteMdi { path: Arc::new(record.path()?) },
         CommandForm::SetSingleBlock { on } => Command::SetSingleBlock(on),
+        CommandForm::Activate => Command::Activate,
+        CommandForm::Deactivate => Command::Deactivate,
         CommandForm::Shutdown => Command::Shutdown,
     };
     Ok((record.id, command))

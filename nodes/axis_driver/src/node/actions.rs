@@ -85,6 +85,7 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
 }
 
 async fn begin(driver: &Driver, paths: &Paths, id: u64, goal: &RunProgramGoal) -> Reply {
+    driver.require_active()?;
     let planned = paths.get(&goal.program_id, PATH_WITHIN).await;
     let planned = planned
         .map_err(|message| Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message })?;

@@ -52,6 +52,11 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
 /// Homes; the driver's answer comes when the machine is home or cannot be.
 async fn home(driver: &Arc<Driver>, offer: GoalOffer<Home>) {
     let (info, asked) = (offer.info(), offer.goal().clone());
+    if let Err(refusal) = driver.require_active() {
+        let message = refusal.message.clone();
+        driver.commands.record("home", Home::TYPE_NAME, &info, &asked, answer(&Err(refusal)));
+        return offer.reject(&message);
+    }
     let Some(goal) = offer.accept() else { return };
     let mut homed = std::pin::pin!(driver.ask(Command::Home, HOME_WITHIN));
     let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);

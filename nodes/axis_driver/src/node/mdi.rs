@@ -67,6 +67,7 @@ fn refuse<T>(error_code: u16, message: impl Into<String>) -> Result<T, Refusal> 
 }
 
 async fn execute(driver: &Driver, advisers: &Advisers, request: &ExecuteMdiRequest) -> Reply {
+    driver.require_active()?;
     let state = driver.state_now();
     // The core looks again; this spares the others a block that cannot run.
     if state.mode != Mode::Idle {

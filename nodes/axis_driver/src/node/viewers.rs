@@ -124,7 +124,7 @@ impl Viewers {
     }
 }
 
-const fn firmware_name(firmware: Firmware) -> &'static str {
+pub(super) const fn firmware_name(firmware: Firmware) -> &'static str {
     match firmware {
         Firmware::Grbl => "grbl",
         Firmware::GrblHal => "grblHAL",

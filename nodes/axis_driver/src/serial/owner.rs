@@ -103,9 +103,10 @@ impl Owner {
                 }
             }
             Control::Close => {
-                self.wants_open = false;
+                let was_wanted = std::mem::take(&mut self.wants_open);
                 self.reopen = None;
-                if self.port.take().is_some() {
+                // A port that was tried in vain is not tried any more.
+                if self.port.take().is_some() || was_wanted {
                     self.tell_closed("closed as asked".into());
                 }
             }

@@ -16,6 +16,12 @@ use std::sync::Arc;
 /// Arcs of a block are no picture.
 const CHORD_ERROR_MM: f64 = 1.0;
 
+/// The answer of a planner that is not active.
+pub(super) fn refuse(message: String) -> PlanBlockResponse {
+    let error_code = PlanBlockResponse::NOT_ACTIVE;
+    PlanBlockResponse { error_code, message, ..PlanBlockResponse::default() }
+}
+
 pub(super) fn plan(request: &PlanBlockRequest, tools: &ToolTable) -> PlanBlockResponse {
     type W = PlanBlockResponse;
     let invalid = |message| W { error_code: W::INVALID_REQUEST, message, ..W::default() };

@@ -136,10 +136,17 @@ impl Commander {
     /// Waits until `/diagnostics` says this of the driver's line, with these words.
     #[track_caller]
     pub(crate) fn until_health(&self, level: u8, words: &str) {
+        self.until_part_health("serial link", level, words);
+    }
+
+    /// Waits until `/diagnostics` says this of a part of the driver, with these words.
+    #[track_caller]
+    pub(crate) fn until_part_health(&self, part: &str, level: u8, words: &str) {
+        let name = format!("axis_driver: {part}");
         let newest = || -> Option<DiagnosticStatus> {
             let heard = self.heard();
             let mut all = heard.diagnostics.iter().rev().flat_map(|array| &array.status);
-            all.find(|status| status.name.ends_with(": serial link")).cloned()
+            all.find(|status| status.name.ends_with(&name)).cloned()
         };
         let is_so = |it: &DiagnosticStatus| it.level == level && it.message.contains(words);
         let end = Instant::now() + PATIENCE;

@@ -111,7 +111,7 @@ impl Recorder {
         loop {
             {
                 let mut state = self.state();
-                let State { store, open, run: now } = &mut *state;
+                let State { store, open, run: now, .. } = &mut *state;
                 match open {
                     Some(open) if *now == run && open.has_room() => return write(store, open),
                     Some(_) if *now == run => {}

@@ -47,7 +47,7 @@ fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         8 => (0..LINES.len()).prop_map(Step::Line),
         1 => prop::collection::vec(any::<u8>(), 0..40).prop_map(Step::Fragment),
-        4 => (0usize..22).prop_map(Step::Command),
+        4 => (0usize..24).prop_map(Step::Command),
         4 => (0u64..3000).prop_map(Step::Wait),
         1 => Just(Step::Open),
         1 => Just(Step::Close),
@@ -98,6 +98,8 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
         18 => Command::Heartbeat,
         19 => Command::CancelRun { run: Some(12) },
         20 => Command::ConfirmToolChange { objection: Some("another tool".into()) },
+        21 => Command::Activate,
+        22 => Command::Deactivate,
         _ => Command::Shutdown,
     }
 }

@@ -1,0 +1,106 @@
+//! What the states of the driver mean.
+//!
+//! Configured is: the port is in its care. Whether there is a controller behind it is
+//! told by `machine_state`, not by the lifecycle: a line comes and goes while the driver
+//! lives, and is opened again by itself. Active is: goals and motion are taken up.
+
+use super::Driver;
+use crate::driver::Command;
+use cnc_msgs::machine::{MachineState, Mode};
+use runtime::{Health, Managed, Step, Trouble};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+use tokio::sync::oneshot;
+
+/// How long what a controller says of itself may take; it is not waited for longer.
+const HEARD_WITHIN: Duration = Duration::from_secs(5);
+/// How long the port may take to close.
+const CLOSE_WITHIN: Duration = Duration::from_secs(2);
+/// How long bringing the machine to a stop may take; the core gives up before.
+const STOP_WITHIN: Duration = Duration::from_secs(25);
+/// How long an answer of the core may take that waits for nothing.
+const REPLY_WITHIN: Duration = Duration::from_secs(5);
+
+/// The driver as a managed node.
+pub(super) struct Shell {
+    pub(super) driver: Arc<Driver>,
+    pub(super) has_port: bool,
+}
+
+impl Managed for Shell {
+    /// Opens the port and waits until the controller has told what it is, or until it is
+    /// known that it cannot: then the port is tried again and again.
+    async fn configure(&self) -> Step {
+        if !self.has_port {
+            // A driver without a port still proves paths.
+            tracing::warn!("no port is set: give one with -p axis_driver:port:=/dev/ttyUSB0");
+            return Ok(());
+        }
+        let states = self.driver.state.subscribe();
+        self.driver.serial.open().map_err(Trouble::failure)?;
+        let is_told = |state: &MachineState| state.mode != Mode::Unknown;
+        if !changes_to(states, HEARD_WITHIN, is_told).await {
+            tracing::warn!("the controller has not told what it is; machine_state says more");
+        }
+        Ok(())
+    }
+
+    async fn activate(&self) -> Step {
+        let reply = self.driver.ask(Command::Activate, REPLY_WITHIN).await;
+        reply.map(drop).map_err(Trouble::failure)
+    }
+
+    /// Holds, waits until the machine stands, and ends the goal.
+    async fn deactivate(&self) -> Step {
+        let reply = self.driver.ask(Command::Deactivate, STOP_WITHIN).await;
+        tracing::info!("{}", reply.map_err(Trouble::failure)?);
+        Ok(())
+    }
+
+    async fn cleanup(&self) -> Step {
+        let states = self.driver.state.subscribe();
+        self.driver.serial.close().map_err(Trouble::failure)?;
+        let is_closed = |state: &MachineState| matches!(state.mode, Mode::Disconnected);
+        if self.has_port && !changes_to(states, CLOSE_WITHIN, is_closed).await {
+            tracing::warn!("the port was told to close; machine_state says more");
+        }
+        Ok(())
+    }
+
+    /// Brings the machine to a stop, if there is one, and closes the port.
+    async fn shutdown(&self) -> Step {
+        let (sender, ready) = oneshot::channel();
+        self.driver.waiting().leave = Some(sender);
+        let id = self.driver.next_id.fetch_add(1, Ordering::Relaxed);
+        if self.driver.serial.command(id, Command::Shutdown).is_err()
+            || tokio::time::timeout(STOP_WITHIN, ready).await.is_err()
+        {
+            tracing::error!("the machine was not brought to a stop; it may still move");
+        }
+        // The last traffic and the results of goals are on their way.
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        Ok(())
+    }
+
+    fn health(&self) -> Vec<Health> {
+        vec![self.driver.health()]
+    }
+}
+
+/// Waits for a state that comes from now on.
+async fn changes_to(
+    mut states: tokio::sync::watch::Receiver<MachineState>,
+    within: Duration,
+    is_it: impl Fn(&MachineState) -> bool,
+) -> bool {
+    let waiting = async {
+        while states.changed().await.is_ok() {
+            if is_it(&states.borrow_and_update()) {
+                return true;
+            }
+        }
+        false
+    };
+    tokio::time::timeout(within, waiting).await.unwrap_or(false)
+}

@@ -1,0 +1,60 @@
+//! What the states of the planner mean.
+//!
+//! Configured is: the tool table is read from its file. Active is: contours are planned
+//! and tools are set. A contour that comes before is planned on activation.
+
+use super::tool_file::ToolFile;
+use super::{Live, Planner};
+use cnc_msgs::tool_table::ToolTable;
+use runtime::{Health, Managed, Step, Trouble};
+use std::sync::PoisonError;
+
+impl Managed for Planner {
+    async fn configure(&self) -> Step {
+        let file: String = self.node.parameter("tool_table");
+        let (file, tools) = match file.as_str() {
+            "" => (None, ToolTable::default()),
+            path => {
+                let (file, tools) = ToolFile::open(path.as_ref()).map_err(Trouble::failure)?;
+                (Some(file), tools)
+            }
+        };
+        *self.tool_file.lock().unwrap_or_else(PoisonError::into_inner) = file;
+        {
+            let mut state = self.state();
+            state.tools = tools;
+            state.tools_revision += 1;
+            state.is_due = true;
+        }
+        self.publish_tools();
+        Ok(())
+    }
+
+    async fn activate(&self) -> Step {
+        // The state is told when this is over; planning looks at it then.
+        let (mut states, replan) = (self.node.lifecycle_changes(), self.replan.clone());
+        self.node.spawn("planning on activation", async move {
+            if states.changed().await.is_ok() {
+                replan.send_replace(());
+            }
+        });
+        Ok(())
+    }
+
+    async fn deactivate(&self) -> Step {
+        // What is being planned is planned to its end.
+        drop(self.work.write().await);
+        Ok(())
+    }
+
+    async fn cleanup(&self) -> Step {
+        let mut state = self.state();
+        (state.input, state.current, state.live) = (None, None, Live::default());
+        state.verdict = None;
+        Ok(())
+    }
+
+    fn health(&self) -> Vec<Health> {
+        vec![Planner::health(self)]
+    }
+}

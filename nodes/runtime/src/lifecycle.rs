@@ -1,0 +1,289 @@
+//! Managed nodes: what a node does when others change its state.
+//!
+//! A node makes its endpoints once, at its start, and keeps them for life; what
+//! a state means is in the methods of [`Managed`]. Which transition leads where
+//! is decided in `machine`; the endpoints are in `services`. A node that is asked
+//! for what only an active one does says so with [`Handle::require_active`].
+//!
+//! With the parameter `autostart` a node makes itself active, and ends when it
+//! cannot; without it, it waits for others. A signal to stop, or the transition
+//! `shutdown`, finalizes the node and then ends its process.
+
+mod machine;
+mod services;
+
+pub use machine::State;
+
+use crate::diagnostics::{Health, HealthLevel};
+use crate::node::{Handle, NodeError};
+use crate::parameters::Declared;
+use crate::publisher::Publisher;
+use cnc_msgs::wire::lifecycle_msgs::msg as wire;
+use machine::{Outcome, Transition, ended, requested};
+use std::future::{Future, ready};
+use std::sync::Arc;
+use tokio::sync::{Mutex, watch};
+
+/// Declared by every managed node: whether it makes itself active.
+pub const AUTOSTART: &str = "autostart";
+
+/// What came of a step: done, or why not.
+pub type Step = Result<(), Trouble>;
+
+/// Why a step was not done.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Trouble {
+    /// Nothing has changed; the node stays in the state of before.
+    #[error("{0}")]
+    Failure(String),
+    /// It is half done, and the node cannot go on.
+    #[error("{0}")]
+    Error(String),
+}
+
+impl Trouble {
+    /// Nothing has changed, for this reason.
+    pub fn failure(reason: impl std::fmt::Display) -> Self {
+        Self::Failure(reason.to_string())
+    }
+}
+
+/// What a node does on its way from one state to another.
+///
+/// One step runs at a time. A step that panics stops the node.
+pub trait Managed: Send + Sync + 'static {
+    /// Opens what the node needs; it does nothing with it yet.
+    fn configure(&self) -> impl Future<Output = Step> + Send {
+        ready(Ok(()))
+    }
+
+    /// Begins to do what it is asked for.
+    fn activate(&self) -> impl Future<Output = Step> + Send {
+        ready(Ok(()))
+    }
+
+    /// Brings what is under way to an end, and takes up nothing more.
+    fn deactivate(&self) -> impl Future<Output = Step> + Send {
+        ready(Ok(()))
+    }
+
+    /// Gives back what `configure` opened.
+    fn cleanup(&self) -> impl Future<Output = Step> + Send {
+        ready(Ok(()))
+    }
+
+    /// Brings everything to an end, from any state; the process ends afterwards.
+    fn shutdown(&self) -> impl Future<Output = Step> + Send {
+        ready(Ok(()))
+    }
+
+    /// How the parts of the node do; asked once a second.
+    fn health(&self) -> Vec<Health> {
+        Vec::new()
+    }
+}
+
+impl<M: Managed> Managed for Arc<M> {
+    fn configure(&self) -> impl Future<Output = Step> + Send {
+        (**self).configure()
+    }
+
+    fn activate(&self) -> impl Future<Output = Step> + Send {
+        (**self).activate()
+    }
+
+    fn deactivate(&self) -> impl Future<Output = Step> + Send {
+        (**self).deactivate()
+    }
+
+    fn cleanup(&self) -> impl Future<Output = Step> + Send {
+        (**self).cleanup()
+    }
+
+    fn shutdown(&self) -> impl Future<Output = Step> + Send {
+        (**self).shutdown()
+    }
+
+    fn health(&self) -> Vec<Health> {
+        (**self).health()
+    }
+}
+
+/// The parameter that managed nodes have beside their own.
+pub(crate) fn autostart() -> Declared {
+    let description = "whether the node configures and activates itself when it starts";
+    Declared::new(AUTOSTART, true, description).read_only()
+}
+
+impl Handle {
+    /// The node's state; `None` when it is not managed.
+    pub fn lifecycle_state(&self) -> Option<State> {
+        *self.inner.lifecycle.borrow()
+    }
+
+    /// Sees every change of the node's state that comes after this call.
+    pub fn lifecycle_changes(&self) -> watch::Receiver<Option<State>> {
+        self.inner.lifecycle.subscribe()
+    }
+
+    /// Whether the node does what it is asked for.
+    ///
+    /// # Errors
+    /// It is managed and not active; what to do about that.
+    pub fn require_active(&self) -> Result<(), String> {
+        match self.lifecycle_state() {
+            None | Some(State::Active) => Ok(()),
+            Some(state) => {
+                let (node, full) = (self.names().node(), self.names().fully_qualified());
+                let label = state.label();
+                let help = match state {
+                    State::Unconfigured => format!("lifecycle set {full} configure, then activate"),
+                    State::Inactive => format!("lifecycle set {full} activate"),
+                    _ => return Err(format!("{node} is {label}, not active")),
+                };
+                Err(format!("{node} is {label}, not active: {help}"))
+            }
+        }
+    }
+}
+
+/// A node that waits to be made active does nothing, and looks as if it did.
+fn health(state: State) -> Health {
+    let level = match state {
+        State::Active => HealthLevel::Ok,
+        _ => HealthLevel::Warn,
+    };
+    let message = state.label().to_owned();
+    Health { component: "lifecycle".into(), level, message, ..Health::default() }
+}
+
+/// A managed node while it lives.
+pub(crate) struct Lifecycle<M> {
+    node: Handle,
+    managed: M,
+    events: Publisher<wire::TransitionEvent>,
+    /// Held for a whole step: requests wait for each other.
+    step: Mutex<()>,
+}
+
+/// Offers the services, makes the node active if it is asked to, and finalizes
+/// it when it is time to stop.
+///
+/// # Errors
+/// An endpoint cannot be made, or the node could not make itself active.
+pub(crate) async fn live<M: Managed>(node: &Handle, managed: M) -> crate::NodeResult {
+    let lifecycle = Lifecycle::offer(node, managed)?;
+    let started = tokio::select! {
+        started = lifecycle.start() => started,
+        () = node.shutdown().requested() => Ok(()),
+    };
+    if started.is_ok() {
+        node.shutdown().requested().await;
+    }
+    lifecycle.finalize().await;
+    started
+}
+
+impl<M: Managed> Lifecycle<M> {
+    fn offer(node: &Handle, managed: M) -> Result<Arc<Self>, NodeError> {
+        node.inner.lifecycle.send_replace(Some(State::Unconfigured));
+        let events = services::events(node)?;
+        let lifecycle =
+            Arc::new(Self { node: node.clone(), managed, events, step: Mutex::new(()) });
+        services::offer(node, &lifecycle)?;
+        let shared = Arc::clone(&lifecycle);
+        node.diagnostics(move || {
+            let mut parts = vec![health(shared.state())];
+            parts.extend(shared.managed.health());
+            parts
+        })?;
+        Ok(lifecycle)
+    }
+
+    /// Makes the node active, with `autostart`.
+    async fn start(&self) -> crate::NodeResult {
+        if !self.node.parameter::<bool>(AUTOSTART) {
+            tracing::info!(
+                "unconfigured: {AUTOSTART} is false, so others configure and activate it"
+            );
+            return Ok(());
+        }
+        for label in ["configure", "activate"] {
+            self.request(0, label).await.map_err(|reason| format!("{label}: {reason}"))?;
+        }
+        Ok(())
+    }
+
+    /// Goes the way that is asked for, to its end.
+    ///
+    /// # Errors
+    /// There is no such way from here, or it could not be gone.
+    async fn request(&self, id: u8, label: &str) -> Result<(), String> {
+        let _alone = self.step.lock().await;
+        let way = requested(self.state(), id, label)?;
+        self.go(way).await
+    }
+
+    /// Ends whatever the node does. A step that is under way is waited for; one that
+    /// was cut off left the node in between, and that does not keep it from ending.
+    async fn finalize(&self) {
+        let _alone = self.step.lock().await;
+        let state = self.state();
+        if state == State::Finalized {
+            return;
+        }
+        if let Ok(way) = requested(state, 0, "shutdown") {
+            // The reason is in the log.
+            let _ = self.go(way).await;
+            return;
+        }
+        if let Err(trouble) = self.managed.shutdown().await {
+            tracing::error!("shutdown: {trouble}");
+        }
+        if state != State::ErrorProcessing {
+            self.take(ended(state, Outcome::Error));
+        }
+        self.take(ended(State::ErrorProcessing, Outcome::Failure));
+    }
+
+    async fn go(&self, way: Transition) -> Result<(), String> {
+        self.take(way);
+        let went = match way.goal {
+            State::Configuring => self.managed.configure().await,
+            State::Activating => self.managed.activate().await,
+            State::Deactivating => self.managed.deactivate().await,
+            State::CleaningUp => self.managed.cleanup().await,
+            _ => self.managed.shutdown().await,
+        };
+        let outcome = match &went {
+            Ok(()) => Outcome::Success,
+            Err(Trouble::Failure(_)) => Outcome::Failure,
+            Err(Trouble::Error(_)) => Outcome::Error,
+        };
+        if let Err(trouble) = &went {
+            tracing::error!("{} failed: {trouble}", way.label);
+        }
+        self.take(ended(way.goal, outcome));
+        if self.state() == State::ErrorProcessing {
+            // What is half done is not mended here, but by a new process.
+            self.take(ended(State::ErrorProcessing, Outcome::Failure));
+            self.node.shutdown().fail(&format!("{} failed", way.label));
+        }
+        if self.state() == State::Finalized {
+            self.node.shutdown().request("it was shut down");
+        }
+        went.map_err(|trouble| trouble.to_string())
+    }
+
+    fn state(&self) -> State {
+        self.node.lifecycle_state().unwrap_or(State::Unknown)
+    }
+
+    fn take(&self, way: Transition) {
+        self.node.inner.lifecycle.send_replace(Some(way.goal));
+        if !way.goal.is_transitional() {
+            tracing::info!("{}", way.goal.label());
+        }
+        self.events.publish(services::event(self.node.now(), way));
+    }
+}

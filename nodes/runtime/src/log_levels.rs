@@ -1,0 +1,160 @@
+//! From which level each logger writes, and how that changes while a node runs.
+//!
+//! As in rcl: a logger without a level of its own has that of the nearest logger above
+//! it, by the dots in their names, and then the default. Which level a message has, and
+//! where it goes, is in `logging`.
+
+use crate::arguments::{Arguments, LogLevel};
+use crate::names::Names;
+use crate::node::lock;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+/// The levels of all loggers that have one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct LogLevels {
+    default: LogLevel,
+    loggers: BTreeMap<String, LogLevel>,
+}
+
+impl LogLevels {
+    /// As the arguments say, the later over the earlier. The node's base name stands for
+    /// its logger, so that nobody has to know its namespace.
+    pub(crate) fn new(arguments: &Arguments, names: &Names) -> Self {
+        let mut levels = Self { default: LogLevel::Info, loggers: BTreeMap::new() };
+        for argument in &arguments.log_levels {
+            match argument.logger.as_deref() {
+                None => levels.set("", argument.level),
+                Some(logger) if logger == names.node() => {
+                    levels.set(&names.logger(), argument.level);
+                }
+                Some(logger) => levels.set(logger, argument.level),
+            }
+        }
+        levels
+    }
+
+    /// Gives a logger a level, or with none lets it inherit one; "" is the default.
+    pub(crate) fn set(&mut self, logger: &str, level: Option<LogLevel>) {
+        match (logger, level) {
+            ("", level) => self.default = level.unwrap_or(LogLevel::Info),
+            (logger, Some(level)) => drop(self.loggers.insert(logger.to_owned(), level)),
+            (logger, None) => drop(self.loggers.remove(logger)),
+        }
+    }
+
+    /// The level that a logger was given; "" is the default.
+    pub(crate) fn get(&self, logger: &str) -> Option<LogLevel> {
+        if logger.is_empty() { Some(self.default) } else { self.loggers.get(logger).copied() }
+    }
+
+    /// The level from which a logger writes.
+    pub(crate) fn effective(&self, logger: &str) -> LogLevel {
+        let mut name = logger;
+        loop {
+            if let Some(level) = self.loggers.get(name) {
+                return *level;
+            }
+            match name.rsplit_once('.') {
+                Some((above, _)) => name = above,
+                None => return self.default,
+            }
+        }
+    }
+}
+
+/// The levels of a running node, with that of its own logger at hand.
+#[derive(Debug)]
+pub(crate) struct LiveLevels {
+    logger: String,
+    levels: Mutex<LogLevels>,
+    effective: AtomicU8,
+}
+
+impl LiveLevels {
+    pub(crate) fn new(logger: String, levels: LogLevels) -> Self {
+        let effective = AtomicU8::new(levels.effective(&logger) as u8);
+        Self { logger, levels: Mutex::new(levels), effective }
+    }
+
+    /// Whether the node's logger writes messages of this level.
+    pub(crate) fn writes(&self, level: LogLevel) -> bool {
+        level as u8 >= self.effective.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn get(&self, logger: &str) -> Option<LogLevel> {
+        lock(&self.levels).get(logger)
+    }
+
+    /// Takes effect with the next message.
+    pub(crate) fn set(&self, logger: &str, level: Option<LogLevel>) {
+        let mut levels = lock(&self.levels);
+        levels.set(logger, level);
+        self.effective.store(levels.effective(&self.logger) as u8, Ordering::Relaxed);
+        drop(levels);
+        // Places that log remember whether anybody listens.
+        tracing::callsite::rebuild_interest_cache();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::names::Remap;
+    use LogLevel::{Debug, Error, Fatal, Info, Warn};
+
+    fn levels(words: &str) -> LogLevels {
+        let words: Vec<String> = words.split_whitespace().map(str::to_owned).collect();
+        let ns = Remap::new("__ns", "/cell");
+        let names = Names::new("driver", &[ns]).expect("valid");
+        LogLevels::new(&Arguments::parse(&words).expect("valid"), &names)
+    }
+
+    #[test]
+    fn the_nearest_logger_that_has_a_level_decides() {
+        let table = [
+            ("", Info),
+            ("--log-level debug", Debug),
+            ("--log-level debug --log-level cell.driver:=error", Error),
+            // The order does not matter, the name does.
+            ("--log-level cell.driver:=error --log-level debug", Error),
+            ("--log-level cell.driver:=error --log-level cell:=debug", Error),
+            ("--log-level cell:=debug --log-level warn", Debug),
+            ("--log-level driver:=warn", Warn),
+            ("--log-level cell:=warn", Warn),
+            ("--log-level cel:=warn --log-level planner:=error", Info),
+            ("--log-level cell.driver.link:=debug", Info),
+            // Of the same logger the last counts.
+            ("--log-level driver:=debug --log-level cell.driver:=fatal", Fatal),
+            ("--log-level warn --log-level error", Error),
+            ("--log-level warn --log-level driver:=debug --log-level driver:=unset", Warn),
+        ];
+        for (words, expected) in table {
+            let words = format!("--ros-args {words}");
+            assert_eq!(levels(&words).effective("cell.driver"), expected, "{words}");
+        }
+    }
+
+    #[test]
+    fn a_level_is_of_the_logger_that_was_given_it() {
+        let mut levels = levels("--ros-args --log-level cell:=warn");
+        assert_eq!((levels.get(""), levels.get("cell")), (Some(Info), Some(Warn)));
+        assert_eq!(levels.get("cell.driver"), None, "it inherits one");
+        levels.set("", Some(Error));
+        levels.set("cell", None);
+        assert_eq!(levels.effective("cell.driver"), Error);
+    }
+
+    #[test]
+    fn a_change_while_the_node_runs_takes_effect_at_once() {
+        let live = LiveLevels::new("cell.driver".into(), levels("--ros-args"));
+        assert!(live.writes(Info) && !live.writes(Debug));
+        live.set("cell.driver", Some(Debug));
+        assert!(live.writes(Debug));
+        live.set("cell", Some(Fatal));
+        assert!(live.writes(Debug), "its own level counts");
+        live.set("cell.driver", None);
+        assert!(live.writes(Fatal) && !live.writes(Error));
+    }
+}
