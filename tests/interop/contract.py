@@ -40,6 +40,7 @@ COMMON = {
     '/diagnostics': ('diagnostic_msgs/msg/DiagnosticArray', EVENTS),
     '/parameter_events': ('rcl_interfaces/msg/ParameterEvent', EVENTS),
     'node_parameters': ('cnc_msgs/msg/NodeParameters', LATCHED),
+    '~/transition_event': ('lifecycle_msgs/msg/TransitionEvent', EVENTS),
 }
 
 TRIGGERS = ('feed_hold', 'door_hold', 'resume', 'soft_reset', 'unlock', 'sleep', 'cancel',
@@ -56,5 +57,20 @@ SERVICES = {
         'set_overrides': 'SetOverrides', 'set_work_offset': 'SetWorkOffset',
         'execute_mdi': 'ExecuteMdi', 'get_traffic': 'GetTraffic'},
     'run_recorder': {},
+}
+# Of every node, below its name.
+COMMON_SERVICES = {
+    **{f'{kind}_parameters': f'rcl_interfaces/srv/{kind.title()}Parameters'
+       for kind in ('describe', 'get', 'list', 'set')},
+    'get_parameter_types': 'rcl_interfaces/srv/GetParameterTypes',
+    'set_parameters_atomically': 'rcl_interfaces/srv/SetParametersAtomically',
+    'get_logger_levels': 'rcl_interfaces/srv/GetLoggerLevels',
+    'set_logger_levels': 'rcl_interfaces/srv/SetLoggerLevels',
+    'change_state': 'lifecycle_msgs/srv/ChangeState',
+    'get_state': 'lifecycle_msgs/srv/GetState',
+    'get_available_states': 'lifecycle_msgs/srv/GetAvailableStates',
+    'get_available_transitions': 'lifecycle_msgs/srv/GetAvailableTransitions',
+    'get_transition_graph': 'lifecycle_msgs/srv/GetAvailableTransitions',
+    'get_type_description': 'type_description_interfaces/srv/GetTypeDescription',
 }
 ACTIONS = {'run_program': 'RunProgram', 'home': 'Home', 'jog': 'Jog', 'probe': 'Probe'}
