@@ -193,8 +193,8 @@ impl<M: Managed> Lifecycle<M> {
         services::offer(node, &lifecycle)?;
         let shared = Arc::clone(&lifecycle);
         node.diagnostics(move || {
-            let mut parts = vec![health(shared.state())];
-            parts.extend(shared.managed.health());
+            let mut parts = shared.managed.health();
+            parts.push(health(shared.state()));
             parts
         })?;
         Ok(lifecycle)

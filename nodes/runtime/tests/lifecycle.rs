@@ -14,9 +14,7 @@ use cnc_msgs::wire::rcl_interfaces::srv::{
 use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest, TriggerResponse};
 use common::{PATIENCE, domain, namespace, soon, start_with};
 use runtime::parameters::Declared;
-use runtime::{
-    Client, Handle, Health, HealthLevel, Managed, Qos, ServiceMapping, Session, Step, Trouble,
-};
+use runtime::{Client, Handle, Health, Managed, Qos, ServiceMapping, Session, Step, Trouble};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -313,9 +311,8 @@ async fn a_node_makes_itself_active_and_a_signal_finalizes_it() {
         }
     })
     .await;
-    assert_eq!(parts[0].level, DiagnosticStatus::OK);
-    assert_eq!(HealthLevel::Ok, HealthLevel::default());
-    assert!(parts[1].name.ends_with("/worker: saw"), "{parts:?}");
+    assert_eq!(parts.iter().map(|part| part.level).collect::<Vec<_>>(), [DiagnosticStatus::OK; 2]);
+    assert!(parts[0].name.ends_with("/worker: saw"), "{parts:?}");
     let id = child.id().to_string();
     assert!(Command::new("kill").args(["-INT", &id]).status().expect("kill").success());
     let (status, log) = end_of(child).await;
