@@ -9,9 +9,9 @@ use crate::graph::Graph;
 use crate::interface::Service;
 use crate::node::Endpoints;
 use crate::subscription::Reader;
-use crate::wire::{CycloneHeader, Framed, Gid, ServiceMapping};
+use crate::wire::{CycloneHeader, Framed, Gid, Padded, ServiceMapping};
 use rustdds::no_key::DataWriterCdr;
-use rustdds::{SampleIdentity, Timestamp, WriteOptionsBuilder};
+use rustdds::{Timestamp, WriteOptionsBuilder};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -62,7 +62,7 @@ struct Shared<S: Service> {
 }
 
 struct Calls<S: Service> {
-    writer: DataWriterCdr<Framed<S::Request>>,
+    writer: DataWriterCdr<Padded<Framed<S::Request>>>,
     /// The last number given to a request, where we give them.
     sequence: i64,
     waiting: BTreeMap<i64, oneshot::Sender<S::Response>>,
@@ -192,23 +192,17 @@ impl<S: Service + 'static> Client<S> {
     ) -> Result<(i64, oneshot::Receiver<S::Response>), CallError> {
         let mut calls = self.shared.calls();
         let options = WriteOptionsBuilder::new().source_timestamp(Timestamp::now());
-        let (header, options) = match self.shared.mapping {
-            ServiceMapping::Enhanced => (None, options),
+        let header = match self.shared.mapping {
+            ServiceMapping::Enhanced => None,
             ServiceMapping::Cyclone => {
                 calls.sequence += 1;
-                let client = self.shared.endpoints[0];
-                let identity = SampleIdentity {
-                    writer_guid: rustdds::GUID::from_bytes(client.0),
-                    sequence_number: calls.sequence.into(),
-                };
-                let header = CycloneHeader::new(client, calls.sequence);
-                (Some(header), options.related_sample_identity(identity))
+                Some(CycloneHeader::new(self.shared.endpoints[0], calls.sequence))
             }
         };
-        let framed = Framed { header, body: request };
-        let sent = calls.writer.write_with_options(framed, options.build()).map_err(|error| {
-            CallError::NotSent { service: self.shared.name.clone(), reason: error.to_string() }
-        })?;
+        let not_sent = |reason| CallError::NotSent { service: self.shared.name.clone(), reason };
+        let framed = Padded::new(Framed { header, body: request }).map_err(not_sent)?;
+        let sent = calls.writer.write_with_options(framed, options.build());
+        let sent = sent.map_err(|error| not_sent(error.to_string()))?;
         let sequence = match header {
             Some(header) => header.sequence(),
             None => i64::from(sent.sequence_number),

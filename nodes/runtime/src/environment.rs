@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DiscoveryRange {
     /// 127.0.0.1 alone: our default, because whoever can reach the node can
-    /// move the machine. The node announces itself nowhere else; its sockets
-    /// are bound to all addresses all the same, so a firewall still matters.
+    /// move the machine. The node announces itself nowhere else, and its
+    /// sockets are bound to the loopback interface (see `sockets`).
     Localhost,
     /// All interfaces with multicast.
     Subnet,
@@ -51,6 +51,16 @@ impl Default for Environment {
 }
 
 impl Environment {
+    /// Whether answers of services may be longer than a network takes in one
+    /// piece (1.4 kB on Ethernet).
+    ///
+    /// Under rmw_fastrtps_cpp the request is named in front of the payload,
+    /// and RustDDS spoils that in pieces; on the loopback interface there is
+    /// but one piece. Under rmw_cyclonedds_cpp it is in the payload.
+    pub fn keeps_long_replies(&self) -> bool {
+        self.range != DiscoveryRange::Subnet || self.mapping == ServiceMapping::Cyclone
+    }
+
     /// Reads the variables; an empty value counts as none, as it does in ROS 2.
     ///
     /// # Errors
@@ -130,6 +140,15 @@ impl Environment {
             }
         }
 
+        if !found.keeps_long_replies() {
+            found.warnings.push(
+                "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET under rmw_fastrtps_cpp: answers longer than \
+                 1.2 kB, and so programs and paths, do not reach other nodes; set \
+                 RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all of them"
+                    .to_owned(),
+            );
+        }
+
         if get("ROS_SECURITY_ENABLE").is_some_and(|value| value.eq_ignore_ascii_case("true")) {
             return Err(refuse(
                 "ROS_SECURITY_ENABLE",
@@ -196,6 +215,19 @@ mod tests {
         assert_eq!(mapping("rmw_fastrtps_cpp"), Ok(ServiceMapping::Enhanced));
         assert_eq!(mapping("rmw_cyclonedds_cpp"), Ok(ServiceMapping::Cyclone));
         assert!(mapping("rmw_zenoh_cpp").is_err());
+    }
+
+    #[test]
+    fn under_fastrtps_long_answers_stay_on_this_computer_and_that_is_told() {
+        let told = |range, rmw| {
+            let found =
+                read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", range), ("RMW_IMPLEMENTATION", rmw)]);
+            let found = found.expect("valid");
+            assert_eq!(found.warnings.is_empty(), found.keeps_long_replies());
+            found.keeps_long_replies()
+        };
+        assert!(told("LOCALHOST", "rmw_fastrtps_cpp") && told("SUBNET", "rmw_cyclonedds_cpp"));
+        assert!(!told("SUBNET", "rmw_fastrtps_cpp") && !told("SUBNET", ""));
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //!
 //! - Publishing returns at once; what the transport cannot take is dropped,
 //!   counted and reported now and then.
+//! - Nothing longer than a datagram is sent, whoever asks for it.
 //! - A sample that is not of the topic's type is counted, reported once per
 //!   sender, and passed over. Nothing from outside panics.
 //! - Every call has a deadline, and tells "nobody there" from "no answer".
@@ -66,6 +67,7 @@ pub mod chunks;
 mod client;
 mod client_session;
 pub mod commands;
+mod complaints;
 pub mod configuration;
 mod declared;
 mod diagnostics;
@@ -89,8 +91,10 @@ mod raw;
 mod run;
 mod service;
 mod session;
+mod sockets;
 mod subscription;
 mod tasks;
+mod throttle;
 mod time;
 mod type_description;
 mod wire;
@@ -101,6 +105,7 @@ pub use cnc_msgs::interface;
 pub use cancel::Shutdown;
 pub use client::{ANSWER_WITHIN, CallError, Client, SERVER_WITHIN};
 pub use client_session::{ClientSessionError, client_session};
+pub use complaints::Complaints;
 pub use diagnostics::{Health, HealthLevel};
 pub use documents::{
     ToolTableFileError, load_tool_table, profile_from_yaml, profile_to_yaml, tool_table_from_yaml,

@@ -2,18 +2,21 @@
 //!
 //! Everything that is logged through `tracing` comes here, except what the DDS
 //! layers say to themselves. Logging never waits: what `/rosout` cannot take is
-//! on the console only.
+//! on the console only. A place that logs without end is throttled, so that no
+//! peer can fill a disk.
 
 use crate::arguments::{Arguments, LogLevel};
 use crate::log_levels::{LiveLevels, LogLevels};
 use crate::names::Names;
-use crate::node::{Handle, NodeError};
+use crate::node::{Handle, NodeError, lock};
 use crate::qos::Qos;
+use crate::throttle::Throttle;
 use crate::time::RosTime;
 use cnc_msgs::wire::rcl_interfaces::msg::Log;
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
 use tokio::sync::mpsc;
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Subscriber};
@@ -53,7 +56,11 @@ impl LogSettings {
     /// lines for `/rosout`.
     pub(crate) fn install(&self) -> Lines {
         let (sender, lines) = mpsc::channel(WAITING_MAX);
-        let layer = RosLog { settings: self.clone(), rosout: self.to_rosout.then_some(sender) };
+        let layer = RosLog {
+            settings: self.clone(),
+            rosout: self.to_rosout.then_some(sender),
+            throttle: Mutex::default(),
+        };
         // Another log is installed already in tests and in `kerf`.
         drop(tracing_subscriber::registry().with(layer).try_init());
         Lines(lines)
@@ -83,6 +90,7 @@ impl Lines {
 struct RosLog {
     settings: LogSettings,
     rosout: Option<mpsc::Sender<Log>>,
+    throttle: Mutex<Throttle>,
 }
 
 impl<S: Subscriber> Layer<S> for RosLog {
@@ -96,9 +104,15 @@ impl<S: Subscriber> Layer<S> for RosLog {
 
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let (level, name) = level_of(*event.metadata().level());
+        let place = (event.metadata().file().unwrap_or(""), event.metadata().line().unwrap_or(0));
+        let Some(left_out) = lock(&self.throttle).admit(place, Instant::now()) else { return };
         let mut text = Text::default();
         event.record(&mut text);
-        let text = text.finish();
+        let mut text = text.finish();
+        if left_out > 0 {
+            // Writing to a string does not fail.
+            let _ = write!(text, " ({left_out} lines like this were left out)");
+        }
         if self.settings.to_console {
             let line = line(name, RosTime::wall(), &self.settings.logger, &text);
             // Whoever closed the console does not want to know.

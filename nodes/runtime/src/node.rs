@@ -13,14 +13,15 @@ use crate::graph::Graph;
 use crate::interface::{Message, Service};
 use crate::live_parameters::LiveParameters;
 use crate::names::{NameError, Names, Scope};
-use crate::publisher::Publisher;
+use crate::publisher::{LastWords, Publisher};
 use crate::qos::Qos;
-use crate::service::{RequestInfo, Server};
+use crate::service::{Replies, RequestInfo, Server, UNACKNOWLEDGED_MAX};
 use crate::subscription::{Reader, Subscription};
 use crate::time::{Clock, RosTime};
-use crate::wire::{Decoder, Framed, dds_type, service_topics, service_types};
+use crate::wire::{Decoder, Framed, Padded, dds_type, service_topics, service_types};
 use rustdds::no_key::DataWriterCdr;
-use rustdds::{DomainParticipant, Topic, TopicKind};
+use rustdds::policy::ResourceLimits;
+use rustdds::{DomainParticipant, QosPolicies, QosPolicyBuilder, Topic, TopicKind};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -60,6 +61,7 @@ pub(crate) struct Inner {
     /// `None` while the node is not managed.
     pub(crate) lifecycle: tokio::sync::watch::Sender<Option<crate::lifecycle::State>>,
     pub(crate) shutdown: Shutdown,
+    pub(crate) last_words: LastWords,
     pub(crate) tasks: Mutex<JoinSet<()>>,
 }
 
@@ -67,7 +69,7 @@ pub(crate) struct Inner {
 pub(crate) struct Endpoints<In, Out: Serialize> {
     pub(crate) name: String,
     pub(crate) reader: Reader<In>,
-    pub(crate) writer: DataWriterCdr<Framed<Out>>,
+    pub(crate) writer: DataWriterCdr<Padded<Framed<Out>>>,
 }
 
 impl Handle {
@@ -108,8 +110,9 @@ impl Handle {
     ) -> Result<Publisher<T>, NodeError> {
         let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
         let dds = self.ros_topic(&name, type_name, qos)?;
-        let inner = self.with_node(&name, |node| node.create_publisher::<T>(&dds, None))?;
-        Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph)))
+        let inner = self.with_node(&name, |node| node.create_publisher::<Padded<T>>(&dds, None))?;
+        let last_words = self.inner.last_words.clone();
+        Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph), last_words))
     }
 
     /// Subscribes `T` on `topic`; `qos.depth` is what may wait unread.
@@ -190,7 +193,17 @@ impl Handle {
         let (request_topic, reply_topic) = service_topics(&name);
         let (request_type, reply_type) = service_types(type_name);
         let mapping = self.inner.environment.mapping;
-        let writer = self.writer(&reply_topic, &reply_type)?;
+        let handle = self.clone();
+        let policies = QosPolicyBuilder::new()
+            .resource_limits(ResourceLimits {
+                max_samples: UNACKNOWLEDGED_MAX,
+                max_instances: -1,
+                max_samples_per_instance: UNACKNOWLEDGED_MAX,
+            })
+            .build();
+        let new_writer =
+            Box::new(move || handle.writer(&reply_topic, &reply_type, Some(policies.clone())));
+        let replies = Replies::new(&name, &self.inner.environment, new_writer)?;
         let decoder = Decoder::of_service(mapping);
         let reader = self.reader(
             format!("requests of {name}"),
@@ -199,8 +212,7 @@ impl Handle {
             Qos::SERVICES,
             decoder,
         )?;
-        let graph = Arc::clone(&self.inner.graph);
-        Ok(Server::new(Endpoints { name, reader, writer }, mapping, graph))
+        Ok(Server::new(reader, replies, Arc::clone(&self.inner.graph)))
     }
 
     /// Asks a service.
@@ -229,7 +241,7 @@ impl Handle {
             Qos::SERVICES,
             decoder,
         )?;
-        let writer = self.writer(&request_topic, &request_type)?;
+        let writer = self.writer(&request_topic, &request_type, None)?;
         let endpoints = Endpoints { name, reader, writer };
         let (client, dispatch) = Client::new(endpoints, mapping, Arc::clone(&self.inner.graph));
         self.spawn("replies", dispatch);
@@ -274,11 +286,12 @@ impl Handle {
         &self,
         topic: &str,
         dds_type: &str,
-    ) -> Result<DataWriterCdr<Framed<T>>, NodeError> {
+        policies: Option<QosPolicies>,
+    ) -> Result<DataWriterCdr<Padded<Framed<T>>>, NodeError> {
         let dds = self.topic(topic, dds_type, Qos::SERVICES)?;
         self.inner
             .writers
-            .create_datawriter_no_key_cdr(&dds, None)
+            .create_datawriter_no_key_cdr(&dds, policies)
             .map_err(|error| failed(topic, &error))
     }
 

@@ -3,9 +3,12 @@
 //! Publishing never waits: when the window of unacknowledged samples is full,
 //! the sample is dropped, counted, and reported at most every ten seconds.
 
+use crate::cancel::Shutdown;
 use crate::graph::Graph;
 use crate::interface::Message;
-use crate::wire::Gid;
+use crate::node::lock;
+use crate::wire::{Gid, Padded};
+use std::any::Any;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -15,20 +18,56 @@ const REPORT_PERIOD: Duration = Duration::from_secs(10);
 
 /// A typed publisher; may be shared between threads.
 pub struct Publisher<T: Message> {
-    inner: ros2_client::Publisher<T>,
+    /// `None` only while this is dropped.
+    inner: Option<ros2_client::Publisher<Padded<T>>>,
     graph: Arc<Graph>,
+    last_words: LastWords,
     drops: Drops,
 }
 
+/// Publishers that were dropped while the node stops: with its publisher goes
+/// what has not been sent or acknowledged, so they live until the node ends.
+#[derive(Clone)]
+pub(crate) struct LastWords {
+    pub(crate) shutdown: Shutdown,
+    pub(crate) publishers: Arc<Mutex<Vec<Box<dyn Any + Send>>>>,
+}
+
+impl<T: Message> Drop for Publisher<T> {
+    fn drop(&mut self) {
+        if let Some(inner) = self.inner.take()
+            && self.last_words.shutdown.is_requested()
+        {
+            lock(&self.last_words.publishers).push(Box::new(inner));
+        }
+    }
+}
+
 impl<T: Message> Publisher<T> {
-    pub(crate) fn new(topic: String, inner: ros2_client::Publisher<T>, graph: Arc<Graph>) -> Self {
-        Self { inner, graph, drops: Drops::new(topic) }
+    pub(crate) fn new(
+        topic: String,
+        inner: ros2_client::Publisher<Padded<T>>,
+        graph: Arc<Graph>,
+        last_words: LastWords,
+    ) -> Self {
+        Self { inner: Some(inner), graph, last_words, drops: Drops::new(topic) }
+    }
+
+    fn inner(&self) -> &ros2_client::Publisher<Padded<T>> {
+        self.inner.as_ref().expect("it is taken by drop alone")
     }
 
     /// Hands a message to the transport, stamped with the wall time; returns
     /// at once. False when it was dropped, which is counted and reported.
     pub fn publish(&self, message: T) -> bool {
-        match self.inner.publish(message) {
+        let message = match Padded::new(message) {
+            Ok(message) => message,
+            Err(reason) => {
+                self.drops.add(&reason);
+                return false;
+            }
+        };
+        match self.inner().publish(message) {
             Ok(()) => true,
             Err(error) => {
                 self.drops.add(&error.to_string());
@@ -59,7 +98,7 @@ impl<T: Message> Publisher<T> {
 
     /// The endpoint's own address.
     pub fn gid(&self) -> Gid {
-        self.inner.guid().into()
+        self.inner().guid().into()
     }
 }
 

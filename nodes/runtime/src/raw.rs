@@ -9,7 +9,7 @@ use crate::publisher::Drops;
 use crate::qos::Qos;
 use crate::subscription::SampleInfo;
 use crate::time::RosTime;
-use crate::wire::{Gid, ros_type};
+use crate::wire::{BYTES_MAX, Gid, padding, ros_type};
 use futures::StreamExt;
 use rustdds::no_key::{DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter};
 use rustdds::no_key::{DeserializedCacheChange, SimpleDataReader};
@@ -172,7 +172,13 @@ impl RawPublisher {
             self.drops.add("only little-endian CDR can be published as it is");
             return false;
         };
-        let payload = Payload { encoding: [0, 1], bytes: payload.to_vec() };
+        if payload.len() > BYTES_MAX {
+            self.drops.add("longer than a message may be");
+            return false;
+        }
+        let mut bytes = payload.to_vec();
+        bytes.resize(bytes.len() + padding(bytes.len()), 0);
+        let payload = Payload { encoding: [0, 1], bytes };
         match self.writer.write(payload, Some(Timestamp::now())) {
             Ok(()) => true,
             Err(error) => {
@@ -180,6 +186,11 @@ impl RawPublisher {
                 false
             }
         }
+    }
+
+    /// The endpoint's own address.
+    pub fn gid(&self) -> Gid {
+        rustdds::RTPSEntity::guid(&self.writer).into()
     }
 }
 

@@ -9,18 +9,16 @@
 
 mod answers;
 mod hearing;
+mod replies;
 
 use crate::graph::Graph;
 use crate::interface::Service;
-use crate::node::Endpoints;
-use crate::publisher::Drops;
 use crate::subscription::{Reader, sample_info};
 use crate::time::RosTime;
-use crate::wire::{CycloneHeader, Framed, Gid, ServiceMapping};
+use crate::wire::{CycloneHeader, Gid};
 use answers::Answers;
+pub(crate) use replies::{Replies, UNACKNOWLEDGED_MAX};
 use ros2_client::MessageInfo;
-use rustdds::no_key::DataWriterCdr;
-use rustdds::{SampleIdentity, Timestamp, WriteOptionsBuilder};
 use std::future::Future;
 use std::sync::Arc;
 use tokio::sync::Semaphore;
@@ -55,32 +53,8 @@ pub(crate) struct Server<S: Service> {
     answers: Answers<S>,
 }
 
-/// The reply writer; shared by the answers that are in the making.
-pub(crate) struct Replies<S: Service> {
-    mapping: ServiceMapping,
-    writer: Arc<DataWriterCdr<Framed<S::Response>>>,
-    drops: Arc<Drops>,
-}
-
-impl<S: Service> Clone for Replies<S> {
-    fn clone(&self) -> Self {
-        Self {
-            mapping: self.mapping,
-            writer: Arc::clone(&self.writer),
-            drops: Arc::clone(&self.drops),
-        }
-    }
-}
-
 impl<S: Service + 'static> Server<S> {
-    pub(crate) fn new(
-        endpoints: Endpoints<S::Request, S::Response>,
-        mapping: ServiceMapping,
-        graph: Arc<Graph>,
-    ) -> Self {
-        let Endpoints { name, reader, writer } = endpoints;
-        let drops = Arc::new(Drops::new(format!("replies of {name}")));
-        let replies = Replies { mapping, writer: Arc::new(writer), drops };
+    pub(crate) fn new(reader: Reader<S::Request>, replies: Replies<S>, graph: Arc<Graph>) -> Self {
         Self { reader, answers: Answers::new(replies, graph) }
     }
 
@@ -123,31 +97,6 @@ impl<S: Service + 'static> Server<S> {
                 answers.send(info, response);
                 drop(permit);
             });
-        }
-    }
-}
-
-impl<S: Service> Replies<S> {
-    fn gid(&self) -> Gid {
-        rustdds::RTPSEntity::guid(&*self.writer).into()
-    }
-
-    fn send(&self, to: RequestInfo, response: S::Response) {
-        let header = match self.mapping {
-            ServiceMapping::Enhanced => None,
-            ServiceMapping::Cyclone => Some(CycloneHeader::new(to.client, to.sequence)),
-        };
-        let identity = SampleIdentity {
-            writer_guid: rustdds::GUID::from_bytes(to.client.0),
-            sequence_number: to.sequence.into(),
-        };
-        let options = WriteOptionsBuilder::new()
-            .source_timestamp(Timestamp::now())
-            .related_sample_identity(identity)
-            .build();
-        let reply = Framed { header, body: response };
-        if let Err(error) = self.writer.write_with_options(reply, options) {
-            self.drops.add(&error.to_string());
         }
     }
 }

@@ -12,7 +12,9 @@ use crate::logger_services;
 use crate::node::{Handle, Inner, NodeError, failed, lock};
 use crate::parameter_services::serve;
 use crate::parameters::USE_SIM_TIME;
+use crate::publisher::LastWords;
 use crate::qos::Qos;
+use crate::sockets::{confine_since, open_sockets};
 use crate::type_description;
 use ros2_client::{Context, NodeName, NodeOptions};
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
@@ -46,6 +48,8 @@ impl Session {
         let writers = participant
             .create_publisher(&Qos::SERVICES.policies())
             .map_err(|error| failed("the DDS publisher", &error))?;
+        let shutdown = Shutdown::new();
+        let last_words = LastWords { shutdown: shutdown.clone(), publishers: Arc::default() };
         let inner = Inner {
             names,
             environment,
@@ -56,7 +60,8 @@ impl Session {
             parameters: Arc::new(LiveParameters::new(parameters)),
             clock: Arc::default(),
             lifecycle: tokio::sync::watch::Sender::new(None),
-            shutdown: Shutdown::new(),
+            shutdown,
+            last_words,
             tasks: Mutex::default(),
         };
         let handle = Handle { inner: Arc::new(inner) };
@@ -91,6 +96,7 @@ impl Session {
             tracing::warn!("a task does not end; the node stops without it");
         }
         tokio::time::sleep(Duration::from_millis(500)).await;
+        lock(&inner.last_words.publishers).clear();
         drop(lock(&inner.node).take());
         drop(self.context);
     }
@@ -116,7 +122,26 @@ impl std::fmt::Debug for Session {
     }
 }
 
+/// One participant after the other: what sockets one opens is seen by comparing.
+static JOINING: Mutex<()> = Mutex::new(());
+
 fn join(environment: &Environment) -> Result<DomainParticipant, NodeError> {
+    let _alone = lock(&JOINING);
+    let before = open_sockets();
+    let participant = build(environment)?;
+    if environment.range != DiscoveryRange::Subnet {
+        match before.and_then(|before| confine_since(&before)) {
+            Ok(count) => tracing::debug!("{count} sockets are bound to the loopback interface"),
+            Err(error) => tracing::warn!(
+                "the node's sockets cannot be bound to the loopback interface ({error}): keep \
+                 UDP packets from other computers out with a firewall"
+            ),
+        }
+    }
+    Ok(participant)
+}
+
+fn build(environment: &Environment) -> Result<DomainParticipant, NodeError> {
     let builder = DomainParticipantBuilder::new(environment.domain_id);
     let builder = match environment.range {
         DiscoveryRange::Subnet => builder,

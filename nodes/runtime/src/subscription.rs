@@ -60,6 +60,13 @@ impl<T: Message> Subscription<T> {
         samples
     }
 
+    /// Waits for samples and returns the newest of each sender, in the order of
+    /// arrival; for latched values, of which nobody's may hide another's.
+    pub async fn newest_of_each(&mut self) -> Vec<(T, SampleInfo)> {
+        let first = self.next().await;
+        newest_of_each(std::iter::once(first).chain(self.drain()), |(_, info)| info.publisher)
+    }
+
     /// The absolute name of the topic.
     pub fn topic(&self) -> &str {
         &self.reader.topic
@@ -74,6 +81,16 @@ impl<T: Message> Subscription<T> {
     pub fn gid(&self) -> Gid {
         self.reader.gid()
     }
+}
+
+/// The last of each sender's, in order.
+fn newest_of_each<S>(samples: impl Iterator<Item = S>, sender: impl Fn(&S) -> Gid) -> Vec<S> {
+    let mut newest: Vec<S> = Vec::new();
+    for sample in samples {
+        newest.retain(|known| sender(known) != sender(&sample));
+        newest.push(sample);
+    }
+    newest
 }
 
 impl<T: Message> std::fmt::Debug for Subscription<T> {
@@ -158,5 +175,17 @@ pub(crate) fn sample_info(info: &MessageInfo) -> SampleInfo {
         sequence: info.sequence_number(),
         source_time: info.source_timestamp().map(time),
         reception_time: info.received_timestamp().map_or(RosTime::ZERO, time),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_storm_of_samples_the_newest_of_each_sender_counts() {
+        let samples = [(1, 'a'), (1, 'b'), (2, 'c'), (1, 'd'), (3, 'e'), (1, 'f')];
+        let newest = newest_of_each(samples.into_iter(), |(sender, _)| Gid([*sender; 16]));
+        assert_eq!(newest, [(2, 'c'), (3, 'e'), (1, 'f')]);
     }
 }

@@ -9,6 +9,7 @@
 //! whole participant down. A sample that does not fit its type, with bytes
 //! missing or more than padding left over, becomes an `Err` with the reason.
 
+use cnc_msgs::cdr;
 use serde::de::{DeserializeOwned, DeserializeSeed, Error, SeqAccess, Visitor};
 use serde::ser::SerializeTuple;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -145,6 +146,56 @@ impl<T: Serialize> Serialize for Framed<T> {
     }
 }
 
+/// What a message may take, bytes: what fits a datagram. Longer ones are lost
+/// on other DDS implementations; what a peer asks for must not make a node send
+/// one.
+pub(crate) const BYTES_MAX: usize = 64_000;
+
+/// What has to follow so many bytes to fill them up to a multiple of four.
+pub(crate) fn padding(bytes: usize) -> usize {
+    bytes.wrapping_neg() % 4
+}
+
+/// A payload that can be sent: not too long, and filled up to a multiple of four.
+///
+/// Padding travels in any case; without ours the last piece of a message that a
+/// network takes only in pieces ends where RTPS has nothing end.
+#[derive(Debug)]
+pub(crate) struct Padded<T> {
+    pub(crate) body: T,
+    bytes: usize,
+    padding: usize,
+}
+
+impl<T: Serialize> Padded<T> {
+    pub(crate) fn new(body: T) -> Result<Self, String> {
+        match cdr::body(&body).len() {
+            bytes if bytes > BYTES_MAX => {
+                Err(format!("a message of {bytes} bytes; at most {BYTES_MAX} can be sent"))
+            }
+            bytes => Ok(Self { body, bytes, padding: padding(bytes) }),
+        }
+    }
+}
+
+impl<T> Padded<T> {
+    /// What it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        self.bytes
+    }
+}
+
+impl<T: Serialize> Serialize for Padded<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut tuple = serializer.serialize_tuple(1 + self.padding)?;
+        tuple.serialize_element(&self.body)?;
+        for _ in 0..self.padding {
+            tuple.serialize_element(&0_u8)?;
+        }
+        tuple.end()
+    }
+}
+
 /// What came of a sample's bytes: the value, or why they are none.
 pub(crate) type Decoded<T> = Result<Framed<T>, String>;
 
@@ -261,6 +312,20 @@ mod tests {
         }
         let error = decode(&bytes, Decoder::plain()).expect_err("four bytes too many");
         assert!(error.contains("left over"), "{error}");
+    }
+
+    #[test]
+    fn what_is_sent_is_a_multiple_of_four_and_no_longer_than_a_datagram() {
+        for length in 0..9 {
+            let text = "x".repeat(length);
+            let bytes = encode(&Padded::new(text.clone()).expect("it is short"));
+            assert_eq!(bytes.len() % 4, 0, "{length}");
+            assert!(bytes.starts_with(&cdr::body(&text)), "{length}");
+            assert!(bytes.len() < cdr::body(&text).len() + 4, "{length}");
+        }
+        assert!(Padded::new("x".repeat(60_000)).is_ok());
+        let error = Padded::new("x".repeat(64_000)).expect_err("with its length it is longer");
+        assert!(error.contains("64005 bytes") && error.contains("64000"), "{error}");
     }
 
     #[test]

@@ -1,0 +1,51 @@
+//! The sockets of a node that is to speak on this computer alone.
+//!
+//! RustDDS announces a participant on the networks it is given, but binds its
+//! sockets to all addresses. A peer elsewhere that knows the port numbers, and
+//! everybody does, would be heard: it could discover the node by asking it,
+//! and move the machine. So each socket of the participant is bound to the
+//! loopback interface by the kernel, after which nothing from outside arrives
+//! and nothing leaves.
+
+use rustix::process::{PidfdFlags, PidfdGetfdFlags, getpid, pidfd_getfd, pidfd_open};
+use socket2::{Domain, SockRef};
+use std::collections::BTreeSet;
+use std::fs::{read_dir, read_link};
+use std::io;
+use std::os::fd::RawFd;
+
+const LOOPBACK: &[u8] = b"lo";
+
+/// The open sockets of this process, by number and identity.
+pub(crate) fn open_sockets() -> io::Result<BTreeSet<(RawFd, String)>> {
+    let mut sockets = BTreeSet::new();
+    for entry in read_dir("/proc/self/fd")?.flatten() {
+        let Some(number) = entry.file_name().to_str().and_then(|name| name.parse().ok()) else {
+            continue;
+        };
+        // The directory itself is among them, and gone by now.
+        let Ok(target) = read_link(entry.path()) else { continue };
+        let target = target.to_string_lossy();
+        if target.starts_with("socket:") {
+            sockets.insert((number, target.into_owned()));
+        }
+    }
+    Ok(sockets)
+}
+
+/// Binds the IP sockets that were opened since to the loopback interface, and
+/// returns how many there are.
+pub(crate) fn confine_since(before: &BTreeSet<(RawFd, String)>) -> io::Result<usize> {
+    let this = pidfd_open(getpid(), PidfdFlags::empty())?;
+    let mut confined = 0;
+    for (number, _) in open_sockets()?.difference(before) {
+        // A second number of the same socket: what is set on it, is set on both.
+        let socket = pidfd_getfd(&this, *number, PidfdGetfdFlags::empty())?;
+        let socket = SockRef::from(&socket);
+        if matches!(socket.domain()?, Domain::IPV4 | Domain::IPV6) {
+            socket.bind_device(Some(LOOPBACK))?;
+            confined += 1;
+        }
+    }
+    Ok(confined)
+}

@@ -1,0 +1,188 @@
+//! Peers that send what they must not, on topics that are not theirs.
+//!
+//! RustDDS matches endpoints by the name of the topic alone, so everything here
+//! reaches the reader.
+
+mod common;
+
+use common::{PATIENCE, Text, domain, soon, start};
+use runtime::{Qos, RawPublisher};
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+
+/// A text in CDR, with the length that is told and the bytes that are there.
+fn text(length: u32, bytes: &[u8]) -> Vec<u8> {
+    [&[0, 1, 0, 0], &length.to_le_bytes()[..], bytes].concat()
+}
+
+/// What is no text, and why.
+fn garbage() -> Vec<(&'static str, Vec<u8>)> {
+    vec![
+        ("nothing", vec![0, 1, 0, 0]),
+        ("half a length", vec![0, 1, 0, 0, 9, 0]),
+        ("a text of 4 GB that is not there", text(u32::MAX, b"abc\0")),
+        ("a text of 2 GB that is not there", text(1 << 31, b"abc\0")),
+        ("a text that is no UTF-8", text(4, b"\xff\xfe\xfd\0")),
+        ("a text and 60 kB more", text(4, &[b'a'; 60_000])),
+        ("another type: a number", vec![0, 1, 0, 0, 7, 7, 7, 7, 7, 7, 7, 7]),
+    ]
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_storm_of_garbage_on_a_topic_hides_no_message_of_another_peer() {
+    let (stranger, friend) = (start("stranger", domain(50)), start("friend", domain(50)));
+    let node = start("node", domain(50));
+    let topic = format!("{}/chatter", common::namespace());
+    let mut heard = node
+        .handle()
+        .subscription::<Text>("chatter", Qos::DEFAULT.with_depth(10_000))
+        .expect("sub");
+    let type_name = "std_msgs/msg/UInt64";
+    let storm = stranger.handle().raw_publisher(&topic, type_name, Qos::DEFAULT).expect("raw");
+    let sane = friend.handle().publisher::<Text>("chatter", Qos::DEFAULT).expect("publisher");
+    assert!(soon("a match", sane.wait_for_subscriber(PATIENCE)).await);
+    let (stop, stopped) = tokio::sync::oneshot::channel();
+    let storming = tokio::spawn(storm_of(storm, stopped));
+
+    // A message of the friend now and then, all through the storm.
+    for number in 0..50 {
+        sane.publish(Text { data: format!("{number}") });
+        loop {
+            let (said, info) = soon("a sane message", heard.next()).await;
+            if info.publisher == sane.gid() {
+                assert_eq!(said.data, format!("{number}"));
+                break;
+            }
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    stop.send(()).expect("it storms");
+    let sent = storming.await.expect("no panic");
+    assert!(sent > 1000, "{sent} were sent");
+    assert!(heard.undecodable() > 0);
+    drop((sane, heard));
+    for session in [stranger, friend, node] {
+        session.stop().await;
+    }
+}
+
+/// Sends ten thousand pieces of garbage a second until it is stopped; how many went out.
+async fn storm_of(storm: RawPublisher, mut stopped: tokio::sync::oneshot::Receiver<()>) -> u64 {
+    let (garbage, mut sent) = (garbage(), 0);
+    // The long one would be 60 MB/s.
+    let mut short = garbage.iter().map(|(_, bytes)| bytes).filter(|it| it.len() < 100).cycle();
+    let mut ticks = tokio::time::interval(Duration::from_millis(1));
+    while stopped.try_recv().is_err() {
+        ticks.tick().await;
+        for bytes in short.by_ref().take(10) {
+            sent += u64::from(storm.publish(bytes));
+        }
+    }
+    sent
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn each_piece_of_garbage_is_counted_and_passed_over() {
+    let (stranger, node) = (start("stranger", domain(51)), start("node", domain(51)));
+    let topic = format!("{}/chatter", common::namespace());
+    let qos = Qos::DEFAULT.with_depth(100);
+    let mut heard = node.handle().subscription::<Text>("chatter", qos).expect("subscription");
+    let raw = stranger.handle().raw_publisher(&topic, "a/msg/B", Qos::DEFAULT).expect("raw");
+    let good = text(3, b"ab\0");
+    // Until it is matched nothing arrives.
+    soon("a match", async {
+        while heard.drain().is_empty() {
+            raw.publish(&good);
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    })
+    .await;
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    heard.drain();
+    let before = heard.undecodable();
+    let garbage = garbage();
+    for (index, (what, bytes)) in garbage.iter().enumerate() {
+        assert!(raw.publish(bytes), "{what}");
+        assert!(raw.publish(&good), "{what}");
+        assert_eq!(soon(what, heard.next()).await.0.data, "ab", "{what}");
+        assert_eq!(heard.undecodable() - before, index as u64 + 1, "{what} is no text");
+    }
+    drop((raw, heard));
+    stranger.stop().await;
+    node.stop().await;
+}
+
+/// A message whose list says that it is longer than any memory.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+struct Lists {
+    names: Vec<String>,
+    numbers: Vec<f64>,
+}
+
+impl runtime::interface::Message for Lists {
+    const TYPE_NAME: &'static str = "test_msgs/msg/Lists";
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_list_of_four_billion_that_is_not_there_takes_no_memory() {
+    let (stranger, node) = (start("stranger", domain(52)), start("node", domain(52)));
+    let topic = format!("{}/lists", common::namespace());
+    let qos = Qos::DEFAULT.with_depth(100);
+    let mut heard = node.handle().subscription::<Lists>("lists", qos).expect("subscription");
+    let raw = stranger.handle().raw_publisher(&topic, Lists::name(), Qos::DEFAULT).expect("raw");
+    let billions = [&[0, 1, 0, 0], &u32::MAX.to_le_bytes()[..], &[0; 8]].concat();
+    let none = [0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    soon("the good one behind the bad ones", async {
+        loop {
+            for _ in 0..100 {
+                raw.publish(&billions);
+            }
+            raw.publish(&none);
+            tokio::select! {
+                (lists, _) = heard.next() => {
+                    assert!(lists.names.is_empty() && lists.numbers.is_empty());
+                    if heard.undecodable() > 0 {
+                        return;
+                    }
+                }
+                () = tokio::time::sleep(Duration::from_millis(200)) => {}
+            }
+        }
+    })
+    .await;
+    let status = std::fs::read_to_string("/proc/self/status").expect("it is Linux");
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("it is told");
+    let peak: u64 = peak.trim().trim_end_matches(" kB").parse().expect("a number");
+    assert!(peak < 500_000, "{peak} kB were needed");
+    drop((raw, heard));
+    stranger.stop().await;
+    node.stop().await;
+}
+
+impl Lists {
+    fn name() -> &'static str {
+        <Self as runtime::interface::Message>::TYPE_NAME
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_request_whose_answer_would_be_too_long_gets_none_and_the_next_one_does() {
+    use cnc_msgs::wire::rcl_interfaces::srv::{GetParameters, GetParametersRequest};
+    let (stranger, node) = (start("stranger", domain(53)), start("node", domain(53)));
+    let service = format!("{}/node/get_parameters", common::namespace());
+    let client = stranger.handle().client::<GetParameters>(&service).expect("a client");
+    // Nine bytes each ask for a value of some sixty.
+    let greedy = GetParametersRequest { names: vec!["a".to_owned(); 6000] };
+    let modest = GetParametersRequest { names: vec!["use_sim_time".to_owned()] };
+    assert!(soon("a server", client.wait_for_server(PATIENCE)).await);
+    let answer = client.call_within(greedy, Duration::from_secs(1)).await;
+    assert!(answer.is_err(), "{answer:?}");
+    let answer = client.call_within(modest, PATIENCE).await.expect("the node lives");
+    assert_eq!(answer.values.len(), 1);
+    let too_long = GetParametersRequest { names: vec!["a".repeat(1000); 1000] };
+    let error = client.call(too_long).await.expect_err("it is a megabyte");
+    assert!(error.to_string().contains("at most"), "{error}");
+    drop(client);
+    stranger.stop().await;
+    node.stop().await;
+}
