@@ -33,10 +33,10 @@ use live::{Live, RunningPlan};
 use report::{FINDINGS_IN_REPORT, certificate_to_wire};
 use runtime::chunks::{ChunkTopic, Cut, page, pull};
 use runtime::commands::{Answer, CommandLog};
-use runtime::{Client, Declared, Handle, Publisher, Qos, RosTime};
+use runtime::{Client, Complaints, Declared, Handle, Publisher, Qos, RosTime};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use threads::Threads;
 use tokio::sync::watch;
 use tool_file::ToolFile;
@@ -114,13 +114,18 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
     let chunks = node.client::<GetContourChunks>("programmed_contour/get_chunks")?;
     let shared = Arc::clone(&planner);
     node.spawn("programmed contour", async move {
+        let mut complaints = Complaints::default();
         loop {
-            // Of several that waited only the newest matters.
-            let (first, _) = contours.next().await;
-            let manifest = contours.drain().pop().map_or(first, |(newest, _)| newest);
-            match fetch(&chunks, manifest).await {
-                Ok(input) => shared.take(input),
-                Err(error) => tracing::error!("the programmed contour cannot be had: {error}"),
+            // Of several that waited only a loader's newest matters.
+            for (manifest, info) in contours.newest_of_each().await {
+                let sender = info.publisher;
+                match fetch(&chunks, manifest).await {
+                    Ok(input) => shared.take(input),
+                    Err(error) if complaints.are_due(sender, Instant::now()) => {
+                        tracing::error!("the contour of {sender} cannot be had: {error}");
+                    }
+                    Err(_) => {}
+                }
             }
         }
     });

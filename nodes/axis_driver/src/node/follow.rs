@@ -10,6 +10,10 @@ use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::action::GoalId;
 use runtime::{Handle, NodeResult, Qos};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// Time between two signs of life that are handed on; far below what a commander is given.
+const BEAT_PAUSE: Duration = Duration::from_millis(20);
 
 /// The goal whose record is waited for.
 #[derive(Debug, Default)]
@@ -42,6 +46,8 @@ pub(super) fn follow(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
             if let Err(refusal) = shared.ask(Command::Heartbeat, REPLY_WITHIN).await {
                 tracing::warn!("commander heartbeat: {}", refusal.message);
             }
+            // However many beats come, the journal holds so many.
+            tokio::time::sleep(BEAT_PAUSE).await;
         }
     });
     let mut recordings = node.subscription::<Recording>("recording", Qos::LATCHED)?;

@@ -7,9 +7,9 @@ use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{GetPathChunks, GetPathChunksRequest};
 use runtime::chunks::pull;
-use runtime::{Client, Handle, NodeError, Qos};
+use runtime::{Client, Complaints, Handle, NodeError, Qos};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 
 /// A path that is here as a whole.
@@ -74,19 +74,25 @@ impl Paths {
         let client = node.client::<GetPathChunks>("compensated_path/get_chunks")?;
         let shared = paths.clone();
         node.spawn("compensated path", async move {
+            let mut complaints = Complaints::default();
             loop {
-                // Of several that waited only the newest matters.
-                let (first, _) = manifests.next().await;
-                let manifest = manifests.drain().pop().map_or(first, |(newest, _)| newest);
-                let of = manifest.continues_revision;
-                match fetch(&client, &manifest).await {
-                    // It is for a run that stands in a hold; no run can begin with it.
-                    Ok(planned) if of > 0 => on_rest(&shared, of, planned),
-                    Ok(planned) => shared.take(planned),
-                    Err(error) => tracing::error!(
-                        "revision {} of the compensated path cannot be had: {error}",
-                        manifest.revision
-                    ),
+                // Of several that waited only a planner's newest matters.
+                for (manifest, info) in manifests.newest_of_each().await {
+                    let of = manifest.continues_revision;
+                    match fetch(&client, &manifest).await {
+                        // It is for a run that stands in a hold; no run can begin with it.
+                        Ok(planned) if of > 0 => on_rest(&shared, of, planned),
+                        Ok(planned) => shared.take(planned),
+                        Err(error) if complaints.are_due(info.publisher, Instant::now()) => {
+                            tracing::error!(
+                                "revision {} of the compensated path, of {}, cannot be had: \
+                                 {error}",
+                                manifest.revision,
+                                info.publisher
+                            );
+                        }
+                        Err(_) => {}
+                    }
                 }
             }
         });
@@ -112,11 +118,15 @@ impl Paths {
         let mut tables = node.subscription::<wire::ToolTable>("tool_table", Qos::LATCHED)?;
         let shared = paths.clone();
         node.spawn("tool table", async move {
+            let mut complaints = Complaints::default();
             loop {
-                let (table, _) = tables.next().await;
+                let (table, info) = tables.next().await;
                 match ToolTable::try_from(&table) {
                     Ok(tools) => shared.newest().hear_table(table.revision, tools),
-                    Err(error) => tracing::error!("the tool table cannot be read: {error}"),
+                    Err(error) if complaints.are_due(info.publisher, Instant::now()) => {
+                        tracing::error!("the tool table of {} is no use: {error}", info.publisher);
+                    }
+                    Err(_) => {}
                 }
             }
         });

@@ -8,8 +8,14 @@ use cnc_msgs::interface::{Message, Service};
 use cnc_msgs::wire::std_msgs::msg::Bool;
 use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
 use runtime::commands::Answer;
-use runtime::{Handle, NodeResult, Qos, RequestInfo};
+use runtime::{Handle, NodeResult, Qos, RequestInfo, SampleInfo, Subscription};
 use std::sync::Arc;
+use std::time::Duration;
+
+/// Time between two holds by topic, however many are wished; the first comes at once.
+const WISH_PAUSE: Duration = Duration::from_millis(10);
+/// Wishes that may wait: one of a peer must not be lost for the storm of another.
+const WISHES_MAX: usize = 10_000;
 
 /// The tool that was asked for is in the spindle: is it the one that was planned with?
 pub(super) fn offer_tool_change(node: &Handle, driver: &Arc<Driver>, paths: &Paths) -> NodeResult {
@@ -65,24 +71,50 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
         }
     })?;
     // Topics work across every middleware; a hold must.
-    let mut holds = node.subscription::<Bool>("feed_hold", Qos::DEFAULT)?;
-    let driver = Arc::clone(driver);
-    node.spawn("feed_hold", async move {
-        let mut edges = Edges::default();
-        loop {
-            let (hold, info) = holds.next().await;
-            if !edges.rises(info.publisher, hold.data) {
-                continue;
-            }
-            let reply = driver.ask(Command::FeedHold, REPLY_WITHIN).await;
-            if reply.is_err() {
-                // It did not hold: the next wish counts.
-                edges.rises(info.publisher, false);
-            }
-            let (success, error_code, message) = told(reply);
-            let answer = Answer { success, error_code, message: &message };
-            driver.commands.record("feed_hold", Bool::TYPE_NAME, &info, &hold, answer);
-        }
-    });
+    let holds = node.subscription::<Bool>("feed_hold", Qos::DEFAULT.with_depth(WISHES_MAX))?;
+    node.spawn("feed_hold", hold_by_topic(Arc::clone(driver), holds));
     Ok(())
+}
+
+async fn hold_by_topic(driver: Arc<Driver>, mut holds: Subscription<Bool>) {
+    let (mut edges, mut wish) = (Edges::default(), None);
+    loop {
+        let (hold, info) = match wish.take() {
+            Some(wish) => wish,
+            None => {
+                let (hold, info) = holds.next().await;
+                if !edges.rises(info.publisher, hold.data) {
+                    continue;
+                }
+                (hold, info)
+            }
+        };
+        let reply = driver.ask(Command::FeedHold, REPLY_WITHIN).await;
+        if reply.is_err() {
+            // It did not hold: the next wish counts.
+            edges.rises(info.publisher, false);
+        }
+        let (success, error_code, message) = told(reply);
+        let answer = Answer { success, error_code, message: &message };
+        driver.commands.record("feed_hold", Bool::TYPE_NAME, &info, &hold, answer);
+        wish = gather(&mut holds, &mut edges).await;
+    }
+}
+
+/// What is wished within [`WISH_PAUSE`] is one wish: the last that begins, if any does.
+async fn gather(holds: &mut Subscription<Bool>, edges: &mut Edges) -> Option<(Bool, SampleInfo)> {
+    let mut wish = None;
+    let pause = tokio::time::sleep(WISH_PAUSE);
+    tokio::pin!(pause);
+    loop {
+        tokio::select! {
+            biased;
+            () = &mut pause => return wish,
+            (hold, info) = holds.next() => {
+                if edges.rises(info.publisher, hold.data) {
+                    wish = Some((hold, info));
+                }
+            }
+        }
+    }
 }
