@@ -83,7 +83,7 @@ impl Sampler {
 }
 
 /// What is in memory of a process, without what it has in files; `None`: it is gone.
-fn resident_mb(id: u32) -> Option<f64> {
+pub(crate) fn resident_mb(id: u32) -> Option<f64> {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:"))?;
     let kilobytes: f64 = line.trim().trim_end_matches(" kB").parse().ok()?;
