@@ -1,0 +1,116 @@
+//! A machine that is spread over two hosts, and the cable between them.
+
+use super::commander::Commander;
+use super::network::{Host, PORT, Process, SUBNET, until};
+use super::support::{CONTOUR, Folder, Ran, TOOLS, run};
+use std::path::Path;
+use std::time::Duration;
+
+/// The cell: loader, planner and commander in the office, the rest at the machine.
+struct Cell {
+    office: Host,
+    shop: Host,
+    folder: Folder,
+    _nodes: Vec<Process>,
+}
+
+impl Cell {
+    /// `None` where there are no hosts to be had.
+    fn new(time_factor: &str) -> Option<Self> {
+        let (office, shop) = (Host::new()?, Host::new()?);
+        office.connect(&shop);
+        let folder = Folder::new();
+        let link = folder.path().join("controller");
+        let port = format!("port:={}", link.display());
+        let table = format!("tool_table:={TOOLS}");
+        let mut nodes = Vec::new();
+        let mut start = |host: &Host, args: &[&str]| {
+            let mut command = host.kerf(SUBNET, &[&["node"], args].concat());
+            command.current_dir(folder.path());
+            let log = folder.path().join(format!("{}.log", args[0]));
+            nodes.push(Process::start(command, &log));
+        };
+        let link_path = link.to_str().expect("a path of ours is UTF-8");
+        let controller = ["virtual_controller", "--time-factor", time_factor, "--link", link_path];
+        start(&shop, &controller);
+        start(&shop, &["axis_driver", "--ros-args", "-p", &port, "-p", "poll_interval_ms:=500"]);
+        start(&shop, &["run_recorder", "--ros-args", "-p", "directory:=bags"]);
+        start(&office, &["program_loader"]);
+        start(&office, &["compensation_planner", "--ros-args", "-p", &table]);
+        let cell = Self { office, shop, folder, _nodes: nodes };
+        cell.until_status(&cell.office, "IDLE");
+        Some(cell)
+    }
+
+    fn kerf(&self, host: &Host, args: &[&str]) -> Ran {
+        run(host.kerf(SUBNET, args).current_dir(self.folder.path()))
+    }
+
+    /// Waits until a host is told that the machine is in this state.
+    #[track_caller]
+    fn until_status(&self, host: &Host, state: &str) -> String {
+        until(&format!("{state}; {}", self.logs()), || {
+            let status = self.kerf(host, &["status"]);
+            status.out.starts_with(state).then_some(status.out)
+        })
+    }
+
+    fn logs(&self) -> String {
+        let read = |name: &str| std::fs::read_to_string(self.folder.path().join(name));
+        let names = ["axis_driver.log", "compensation_planner.log", "program_loader.log"];
+        names.iter().filter_map(|name| read(name).ok()).collect()
+    }
+}
+
+fn bags(folder: &Path) -> Vec<std::path::PathBuf> {
+    let Ok(entries) = std::fs::read_dir(folder.join("bags")) else { return Vec::new() };
+    let bags = entries.flatten().map(|entry| entry.path());
+    bags.filter(|bag| bag.join("metadata.yaml").exists()).collect()
+}
+
+#[test]
+fn nodes_on_two_hosts_load_plan_run_and_record() {
+    let Some(cell) = Cell::new("50") else { return };
+    let args = ["run", CONTOUR, "--controller", "sinumerik_840c"];
+    cell.kerf(&cell.office, &args).expect(0).says(&["done"]);
+    let bag = until("a bag", || bags(cell.folder.path()).pop());
+    let bag = bag.to_str().expect("a path of ours is UTF-8");
+    cell.kerf(&cell.shop, &["bag", "info", bag]).expect(0).says(&["complete:    yes"]);
+    assert!(!cell.logs().contains("panicked"), "{}", cell.logs());
+}
+
+#[test]
+fn a_pulled_cable_holds_the_run_and_the_commander_resumes_it_when_it_is_back() {
+    let Some(cell) = Cell::new("4") else { return };
+    // Two minutes of machine time.
+    let moves: String = (0..12).map(|_| "G1 X110\nG1 X10\n").collect();
+    let program = format!("G21 G90 G94 G17\nG0 X10 Y10\nF1200\n{moves}M30\n");
+    cell.folder.file("long.ngc", program);
+    cell.kerf(&cell.office, &["load", "long.ngc"]).expect(0);
+    let mut commander = Commander::start(&cell.office);
+    let at = commander.until_told(0, "state RUN");
+
+    cell.office.ip(&format!("link set {PORT} down"));
+    // The shop goes on without the office: the driver holds by itself, and says so.
+    let status = cell.until_status(&cell.shop, "HOLD");
+    assert!(status.contains("COMMANDER_LOST"), "{status}");
+    // It stays so, however long the cable is away.
+    std::thread::sleep(Duration::from_secs(3));
+    cell.until_status(&cell.shop, "HOLD");
+    assert!(!commander.told()[at..].iter().any(|line| line.contains("HOLD")), "it cannot know");
+    assert!(!commander.told().iter().any(|line| line.contains("result")), "the goal goes on");
+
+    cell.office.ip(&format!("link set {PORT} up"));
+    let at = commander.until_told(at, "state HOLD COMMANDER_LOST");
+    // Nothing resumes by itself, signs of life or not.
+    std::thread::sleep(Duration::from_secs(2));
+    cell.until_status(&cell.shop, "HOLD");
+    commander.press("resume");
+    commander.until_told(at, "success: true");
+    let at = commander.until_told(at, "state RUN");
+    assert!(commander.is_alive());
+    let end = commander.until_told(at, "result");
+    let result = commander.told()[end].clone();
+    assert!(result.contains("outcome: 1"), "{result}");
+    assert!(!cell.logs().contains("panicked"), "{}", cell.logs());
+}
