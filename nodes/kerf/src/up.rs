@@ -3,6 +3,7 @@
 use crate::exit::{Failure, Outcome, Status};
 use crate::stack::{Stack, remove_dead_link, wait_for_file};
 use clap::Args;
+use runtime::arguments::Arguments;
 use std::path::PathBuf;
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -84,8 +85,15 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
             ["--ros-args", "-p", &format!("axis_driver:port:={port}"), "--"].map(String::from),
         );
     }
+    let enclave = Arguments::parse(ros_args).map_err(Failure::usage)?.enclave;
     for name in STOP_ORDER {
-        stack.start(name, &node_args).map_err(Failure::usage)?;
+        let mut args = node_args.clone();
+        if let Some(enclave) = &enclave {
+            // Each node has keys of its own, below what is named.
+            let own = format!("{}/{name}", enclave.trim_end_matches('/'));
+            args.extend(["--ros-args", "--enclave", &own, "--"].map(String::from));
+        }
+        stack.start(name, &args).map_err(Failure::usage)?;
     }
     let trouble = tokio::select! {
         _ = interrupt.recv() => None,

@@ -14,7 +14,7 @@ mod run_id;
 mod store;
 mod watch;
 
-use cnc_msgs::wire::action_msgs::msg::GoalStatusArray;
+use cnc_msgs::cdr;
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
 use fetch::Sources;
 use inputs::is_fetched;
@@ -74,6 +74,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let directory = std::path::absolute(&directory)?;
     let recorder = Arc::new(Recorder {
         node: node.clone(),
+        goals: node.names().resolve("run_program/_action/status")?,
         directory,
         extra_topics: node.parameter("extra_topics"),
         includes_feedback: node.parameter("include_action_feedback"),
@@ -84,26 +85,6 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     });
     recorder.publish(Recording::default());
 
-    let mut statuses =
-        node.subscription::<GoalStatusArray>("run_program/_action/status", Qos::LATCHED)?;
-    let shared = Arc::clone(&recorder);
-    node.spawn("goals", async move {
-        let mut watch = RunWatch::default();
-        loop {
-            let (status, _) = statuses.next().await;
-            match watch.update(&status) {
-                Some(Edge::Begin { goal }) => {
-                    shared.state().goal = Some(goal);
-                    shared.begin(goal);
-                }
-                Some(Edge::End) => {
-                    shared.state().goal = None;
-                    shared.end();
-                }
-                None => {}
-            }
-        }
-    });
     let shared = Arc::clone(&recorder);
     node.spawn("discovery", async move {
         loop {
@@ -123,6 +104,9 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
 
 struct Recorder {
     node: Handle,
+    /// The topic that tells which goals are active. It has one reader as any other: with
+    /// keys, a second one that comes while the first shakes hands leaves both deaf.
+    goals: String,
     directory: PathBuf,
     extra_topics: Vec<String>,
     includes_feedback: bool,
@@ -200,16 +184,37 @@ impl Recorder {
                 Err(error) => tracing::error!("{} is not recorded: {error}", publisher.topic),
                 Ok(mut subscription) => {
                     let shared = Arc::clone(self);
+                    let mut watch = (publisher.topic == self.goals).then(RunWatch::default);
                     self.node.spawn(&publisher.topic, async move {
                         loop {
                             let sample = subscription.next().await;
+                            let edge = watch.as_mut().and_then(|watch| {
+                                // What is not of that type is nobody's goal.
+                                watch.update(&cdr::decode(&sample.bytes).ok()?)
+                            });
                             let mut state = shared.state();
                             let State { store, open, .. } = &mut *state;
                             store.take(open.as_mut(), index, sample);
+                            drop(state);
+                            shared.follow(edge);
                         }
                     });
                 }
             }
+        }
+    }
+
+    fn follow(self: &Arc<Self>, edge: Option<Edge>) {
+        match edge {
+            Some(Edge::Begin { goal }) => {
+                self.state().goal = Some(goal);
+                self.begin(goal);
+            }
+            Some(Edge::End) => {
+                self.state().goal = None;
+                self.end();
+            }
+            None => {}
         }
     }
 

@@ -109,7 +109,6 @@ impl Arguments {
                 let name = value("an enclave, as /cell/mill,")?;
                 check_enclave(name)?;
                 self.enclave = Some(name.to_owned());
-                self.warnings.push(format!("{word} {name} has no effect without security"));
             }
             "--log-config-file" | "--log-file-name" => {
                 let value = value("a value")?;
@@ -330,7 +329,8 @@ mod tests {
 
     #[test]
     fn what_is_known_but_not_done_is_a_warning() {
-        let found = parse("--ros-args --enclave /cell --enable-external-lib-logs -r a:=b");
+        let found =
+            parse("--ros-args --log-file-name x -e /cell --enable-external-lib-logs -r a:=b");
         let found = found.expect("valid");
         assert_eq!(found.warnings.len(), 2);
         assert_eq!(found.remaps.len(), 1);

@@ -9,9 +9,10 @@ use crate::logging::LogSettings;
 use crate::names::{NameError, Names};
 use crate::parameter_file;
 use crate::parameters::{Declared, ParameterError, Parameters};
+use crate::security::SecurityError;
 use crate::yaml::{FileError, read_text};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// All that is decided before a node starts.
 #[derive(Debug, Clone)]
@@ -20,6 +21,8 @@ pub struct Configuration {
     pub environment: Environment,
     pub parameters: Parameters,
     pub logs: LogSettings,
+    /// The keys and the rights of the node; none: nothing is protected.
+    pub enclave: Option<PathBuf>,
     /// The words of the command line that are not for ROS.
     pub rest: Vec<String>,
     /// What was understood but has no effect; for the log.
@@ -33,6 +36,8 @@ pub enum ConfigurationError {
     Argument(#[from] ArgumentError),
     #[error(transparent)]
     Environment(#[from] EnvironmentError),
+    #[error(transparent)]
+    Security(#[from] SecurityError),
     #[error(transparent)]
     Name(#[from] NameError),
     #[error(transparent)]
@@ -57,6 +62,19 @@ impl Configuration {
         let arguments = Arguments::parse(words)?;
         let environment = Environment::read(variables)?;
         let names = Names::new(name, &arguments.remaps)?;
+        let mut warnings = arguments.warnings.clone();
+        warnings.extend(environment.warnings.iter().cloned());
+        let enclave = match &environment.security {
+            Some(request) => request.enclave(arguments.enclave.as_deref())?,
+            None => None,
+        };
+        if environment.security.is_some() && enclave.is_none() {
+            warnings.push(
+                "there is no such enclave, and ROS_SECURITY_STRATEGY is not Enforce: whoever \
+                 reaches this node can command it"
+                    .into(),
+            );
+        }
         let mut parameters =
             Parameters::declare(declared).map_err(|error| vec![error]).map_err(Self::refused)?;
         let mut overrides = Vec::new();
@@ -65,11 +83,9 @@ impl Configuration {
             overrides.extend(parameter_file::read(&text, file, &names)?);
         }
         overrides.extend(parameter_file::from_arguments(&arguments.parameters, &names, name)?);
-        let mut warnings = arguments.warnings.clone();
-        warnings.extend(environment.warnings.iter().cloned());
         warnings.extend(parameters.apply(&overrides).map_err(Self::refused)?);
         let logs = LogSettings::new(&arguments, &names);
-        Ok(Self { names, environment, parameters, logs, rest: arguments.rest, warnings })
+        Ok(Self { names, environment, parameters, logs, enclave, rest: arguments.rest, warnings })
     }
 
     fn refused(errors: Vec<ParameterError>) -> ConfigurationError {

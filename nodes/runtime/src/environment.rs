@@ -3,6 +3,7 @@
 //! Pure: reads a map of variables, not the process. Knows the variables of
 //! ROS 2 Jazzy and what this stack makes of each.
 
+use crate::security::SecurityRequest;
 use crate::wire::ServiceMapping;
 use std::collections::BTreeMap;
 
@@ -26,6 +27,8 @@ pub struct Environment {
     pub domain_id: u16,
     pub range: DiscoveryRange,
     pub mapping: ServiceMapping,
+    /// Who may talk to the node; none: everybody whom it reaches.
+    pub security: Option<SecurityRequest>,
     /// What was understood but is not done; for the log.
     pub warnings: Vec<String>,
 }
@@ -45,6 +48,7 @@ impl Default for Environment {
             domain_id: 0,
             range: DiscoveryRange::Localhost,
             mapping: ServiceMapping::Enhanced,
+            security: None,
             warnings: Vec::new(),
         }
     }
@@ -150,11 +154,21 @@ impl Environment {
         }
 
         if get("ROS_SECURITY_ENABLE").is_some_and(|value| value.eq_ignore_ascii_case("true")) {
-            return Err(refuse(
-                "ROS_SECURITY_ENABLE",
-                "true",
-                "SROS2 is not supported, and starting without it would be a lie; unset it",
-            ));
+            let is_enforced = match get("ROS_SECURITY_STRATEGY") {
+                None | Some("Permissive") => false,
+                Some("Enforce") => true,
+                Some(value) => {
+                    let reason = "Enforce or Permissive is needed";
+                    return Err(refuse("ROS_SECURITY_STRATEGY", value, reason));
+                }
+            };
+            let Some(keystore) = get("ROS_SECURITY_KEYSTORE") else {
+                let reason = "ROS_SECURITY_KEYSTORE has to say where the keystore is";
+                return Err(refuse("ROS_SECURITY_ENABLE", "true", reason));
+            };
+            let enclave = get("ROS_SECURITY_ENCLAVE_OVERRIDE").map(str::to_owned);
+            found.security =
+                Some(SecurityRequest { keystore: keystore.into(), is_enforced, enclave });
         }
         Ok(found)
     }
@@ -233,7 +247,23 @@ mod tests {
     #[test]
     fn what_cannot_be_done_is_refused_not_ignored() {
         assert!(read(&[("ROS_STATIC_PEERS", "10.0.0.1")]).is_err());
+    }
+
+    #[test]
+    fn security_is_asked_for_as_in_ros() {
+        let asked = |more: &[(&str, &str)]| {
+            let keystore = ("ROS_SECURITY_KEYSTORE", "/keys");
+            let variables = [&[("ROS_SECURITY_ENABLE", "true"), keystore], more].concat();
+            read(&variables).map(|environment| environment.security.expect("it was asked for"))
+        };
+        let enforced = ("ROS_SECURITY_STRATEGY", "Enforce");
+        assert!(!asked(&[]).expect("valid").is_enforced);
+        assert!(asked(&[enforced]).expect("valid").is_enforced);
+        assert!(asked(&[("ROS_SECURITY_STRATEGY", "enforce")]).is_err());
+        let overridden = asked(&[("ROS_SECURITY_ENCLAVE_OVERRIDE", "/mill")]).expect("valid");
+        assert_eq!(overridden.enclave.as_deref(), Some("/mill"));
         assert!(read(&[("ROS_SECURITY_ENABLE", "true")]).is_err());
-        assert!(read(&[("ROS_SECURITY_ENABLE", "false")]).is_ok());
+        assert_eq!(read(&[("ROS_SECURITY_ENABLE", "false")]), read(&[]));
+        assert_eq!(read(&[("ROS_SECURITY_KEYSTORE", "/keys")]), read(&[]));
     }
 }

@@ -13,6 +13,7 @@ use crate::graph::Graph;
 use crate::interface::{Message, Service};
 use crate::live_parameters::LiveParameters;
 use crate::names::{NameError, Names, Scope};
+use crate::pace::Pace;
 use crate::publisher::{LastWords, Publisher};
 use crate::qos::Qos;
 use crate::service::{Replies, RequestInfo, Server, UNACKNOWLEDGED_MAX};
@@ -55,6 +56,8 @@ pub(crate) struct Inner {
     pub(crate) participant: DomainParticipant,
     /// Makes the writers that ros2-client has no way to make.
     pub(crate) writers: rustdds::Publisher,
+    /// With keys: when endpoints may be made.
+    pub(crate) pace: Option<Pace>,
     pub(crate) graph: Arc<Graph>,
     pub(crate) parameters: Arc<LiveParameters>,
     pub(crate) clock: Arc<Clock>,
@@ -262,7 +265,9 @@ impl Handle {
         self.topic(&format!("rt{name}"), &dds_type(type_name, ""), qos)
     }
 
+    /// The topic of an endpoint that is about to be made.
     fn topic(&self, name: &str, dds_type: &str, qos: Qos) -> Result<Topic, NodeError> {
+        self.inner.pace.as_ref().inspect(|pace| pace.wait());
         self.inner
             .participant
             .create_topic(name.to_owned(), dds_type.to_owned(), &qos.policies(), TopicKind::NoKey)

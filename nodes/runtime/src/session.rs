@@ -10,6 +10,7 @@ use crate::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
 use crate::live_parameters::LiveParameters;
 use crate::logger_services;
 use crate::node::{Handle, Inner, NodeError, failed, lock};
+use crate::pace::Pace;
 use crate::parameter_services::serve;
 use crate::parameters::USE_SIM_TIME;
 use crate::publisher::LastWords;
@@ -19,8 +20,9 @@ use crate::type_description;
 use ros2_client::{Context, NodeName, NodeOptions};
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
 use std::net::Ipv4Addr;
+use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A started node, with what must be taken down in order.
 pub struct Session {
@@ -34,9 +36,9 @@ impl Session {
     /// # Errors
     /// The participant or the node cannot be made.
     pub fn start(configuration: Configuration) -> Result<Self, NodeError> {
-        let Configuration { names, environment, parameters, logs, .. } = configuration;
+        let Configuration { names, environment, parameters, logs, enclave, .. } = configuration;
         raise_file_limit();
-        let participant = join(&environment)?;
+        let participant = join(&environment, enclave.as_deref())?;
         let context = Context::from_domain_participant(participant.clone())
             .map_err(|error| failed("the ROS context", &error))?;
         let node_name = NodeName::new(names.namespace(), names.node())
@@ -56,6 +58,7 @@ impl Session {
             node: Mutex::new(Some(node)),
             participant: participant.clone(),
             writers,
+            pace: enclave.map(|_| Pace::new(Instant::now())),
             graph: Graph::new(),
             parameters: Arc::new(LiveParameters::new(parameters)),
             clock: Arc::default(),
@@ -125,10 +128,10 @@ impl std::fmt::Debug for Session {
 /// One participant after the other: what sockets one opens is seen by comparing.
 static JOINING: Mutex<()> = Mutex::new(());
 
-fn join(environment: &Environment) -> Result<DomainParticipant, NodeError> {
+fn join(environment: &Environment, enclave: Option<&Path>) -> Result<DomainParticipant, NodeError> {
     let _alone = lock(&JOINING);
     let before = open_sockets();
-    let participant = build(environment)?;
+    let participant = build(environment, enclave)?;
     if environment.range != DiscoveryRange::Subnet {
         match before.and_then(|before| confine_since(&before)) {
             Ok(count) => tracing::debug!("{count} sockets are bound to the loopback interface"),
@@ -141,7 +144,10 @@ fn join(environment: &Environment) -> Result<DomainParticipant, NodeError> {
     Ok(participant)
 }
 
-fn build(environment: &Environment) -> Result<DomainParticipant, NodeError> {
+fn build(
+    environment: &Environment,
+    enclave: Option<&Path>,
+) -> Result<DomainParticipant, NodeError> {
     let builder = DomainParticipantBuilder::new(environment.domain_id);
     let builder = match environment.range {
         DiscoveryRange::Subnet => builder,
@@ -150,9 +156,29 @@ fn build(environment: &Environment) -> Result<DomainParticipant, NodeError> {
             builder.with_only_networks(std::iter::empty::<Ipv4Addr>()).same_host_loopback(false)
         }
     };
+    let builder = match enclave {
+        Some(enclave) => protect(builder, enclave),
+        None => builder,
+    };
     builder.build().map_err(|error| {
         failed(&format!("a participant in domain {}", environment.domain_id), &error)
     })
+}
+
+/// Gives the participant the keys and the rights of its enclave.
+#[cfg(feature = "security")]
+fn protect(builder: DomainParticipantBuilder, enclave: &Path) -> DomainParticipantBuilder {
+    use rustdds::DomainParticipantSecurityConfigFiles;
+    // The keys of SROS2 have no password: the folder is the secret.
+    let files =
+        DomainParticipantSecurityConfigFiles::with_ros_default_names(enclave, String::new());
+    builder.builtin_security(files)
+}
+
+/// There is no enclave where security is not built in.
+#[cfg(not(feature = "security"))]
+fn protect(builder: DomainParticipantBuilder, _: &Path) -> DomainParticipantBuilder {
+    builder
 }
 
 /// Each endpoint takes three files; the usual limit of 1024 is reached by a

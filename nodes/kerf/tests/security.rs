@@ -1,0 +1,93 @@
+//! The whole stack with the keys and the policy of `config/security`: the policy allows what
+//! a run needs, and a peer without the key can neither read the state nor start a program.
+#![cfg(feature = "security")]
+#![allow(dead_code, reason = "the machine of other tests")]
+
+#[path = "support/machine.rs"]
+mod machine;
+mod support;
+
+use machine::{Machine, PATIENT, domain, until};
+use std::path::Path;
+use std::process::Command;
+use support::{Ran, kerf, run};
+
+const PROGRAM: &str = "G21 G17 G90 G94\nG0 X0 Y0\nG1 X5 F600\nG1 X0 Y5\nM30\n";
+
+struct Keys<'a> {
+    keystore: &'a Path,
+    enclave: &'a str,
+}
+
+impl Keys<'_> {
+    fn give(&self, command: &mut Command) {
+        command
+            .env("ROS_SECURITY_ENABLE", "true")
+            .env("ROS_SECURITY_STRATEGY", "Enforce")
+            .env("ROS_SECURITY_KEYSTORE", self.keystore)
+            .args(["--ros-args", "--enclave", self.enclave]);
+    }
+}
+
+/// Runs `kerf` beside a machine, with keys or without.
+fn beside(machine: &Machine, domain: &str, keys: Option<Keys<'_>>, args: &[&str]) -> Ran {
+    let mut command = kerf();
+    command.env("ROS_DOMAIN_ID", domain).current_dir(machine.folder.path()).args(args).args([
+        "--ros-args",
+        "-r",
+        &format!("__ns:={}", machine.namespace),
+        "--",
+    ]);
+    if let Some(keys) = keys {
+        keys.give(&mut command);
+    }
+    run(&mut command)
+}
+
+#[test]
+fn with_keys_a_program_runs_and_without_nothing_is_seen_of_it() {
+    let domain = domain();
+    let keystore = tempfile::tempdir().expect("a folder");
+    let namespace = format!("/locked_{}_{domain}", std::process::id());
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/security/make_keystore.py");
+    let mut make = Command::new("python3");
+    let made = make.arg(script).arg(keystore.path()).args(["--namespace", &namespace]).output();
+    assert!(made.expect("python3").status.success());
+    let keys = |enclave| Some(Keys { keystore: keystore.path(), enclave });
+
+    let machine = Machine::start_as(
+        &domain,
+        "locked",
+        &["--virtual-controller", "--time-factor", "10"],
+        &PATIENT,
+        None,
+        |mut command, _| {
+            Keys { keystore: keystore.path(), enclave: "/kerf" }.give(&mut command);
+            command
+        },
+    );
+    assert_eq!(machine.namespace, namespace, "the keys are for it");
+    let program = machine.folder.file("part.ngc", PROGRAM);
+    let program = program.to_str().expect("a path of ours is UTF-8");
+    until("IDLE", || {
+        let ran = beside(&machine, &domain, keys("/kerf/commander"), &["status"]);
+        ran.out.starts_with("IDLE").then_some(())
+    });
+
+    // Exit status 3: nobody answers.
+    beside(&machine, &domain, None, &["status"]).expect(3);
+    beside(&machine, &domain, None, &["load", program]).expect(3);
+
+    beside(&machine, &domain, keys("/kerf/commander"), &["load", program]).expect(0);
+    assert_ne!(beside(&machine, &domain, keys("/kerf/viewer"), &["run"]).status, 0);
+    assert_ne!(beside(&machine, &domain, None, &["run"]).status, 0);
+    assert!(machine.bags().is_empty(), "a run has begun: {}", machine.log());
+
+    beside(&machine, &domain, keys("/kerf/commander"), &["run"]).expect(0);
+    let bag = machine.until_bags(1).remove(0);
+    let bag = bag.to_str().expect("UTF-8");
+    run(kerf().args(["replay", bag])).expect(0);
+    // What the policy forgets, the DDS layer refuses.
+    let log = machine.log();
+    assert!(!log.to_lowercase().contains("not allowed"), "{log}");
+}
