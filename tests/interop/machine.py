@@ -4,6 +4,7 @@ Knows where the command is and how its processes are found and ended. What the n
 over ROS is for the tests.
 """
 
+import ctypes
 import itertools
 import os
 import signal
@@ -25,6 +26,12 @@ def kerf():
     """The command, as it was built last; `KERF` says another one."""
     target = Path(os.environ.get('CARGO_TARGET_DIR', ROOT / 'target'))
     return Path(os.environ.get('KERF', target / 'debug' / 'kerf'))
+
+
+def die_with_parent():
+    """For a child, before it begins: nothing is left of tests that crash."""
+    pr_set_pdeathsig = 1
+    ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 def domain():
@@ -57,7 +64,8 @@ class Machine:
              # A controller on a busy host is not silent for missing three questions.
              '-p', 'axis_driver:poll_interval_ms:=500', *ros_args],
             cwd=self.folder, env=environment, stdin=subprocess.DEVNULL,
-            stdout=self._log, stderr=self._log, start_new_session=True)
+            stdout=self._log, stderr=self._log, start_new_session=True,
+            preexec_fn=die_with_parent)
         # Where `kerf up` has the port of its controller.
         self._link = f'kerf-{self._up.pid}-controller'
 

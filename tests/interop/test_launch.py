@@ -8,7 +8,7 @@ import pytest
 
 import launch_stand_in
 from contract import NODES
-from machine import ROOT, TOOLS, domain, kerf
+from machine import ROOT, TOOLS, die_with_parent, domain, kerf
 from programs import QUICK, MachineState, load, until_state
 from ros2 import ActionClient, Node, ParameterClient
 
@@ -63,7 +63,7 @@ def stack(tmp_path):
     with open(tmp_path / 'log', 'wb') as log:
         started = [
             subprocess.Popen(words, cwd=tmp_path, env=environment, stdout=log, stderr=log,
-                             stdin=subprocess.DEVNULL)
+                             stdin=subprocess.DEVNULL, preexec_fn=die_with_parent)
             for words in commands(
                 namespace=namespace, params_file=str(parameters), tool_table=str(TOOLS),
                 virtual_controller='true', time_factor='10', log_level='debug')]

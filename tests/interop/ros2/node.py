@@ -87,6 +87,24 @@ def _domain(domain_id):
     return Domain(domain_id, LOCALHOST)
 
 
+_keepers = {}
+
+
+def _topic(participant, domain_id, name, kind):
+    """A DDS topic, of a type that Cyclone keeps from now on.
+
+    It forgets a type with the last topic that has it, and the library for Python crashes
+    when one comes back while that goes on in the background. One participant that stays
+    has a topic of each type.
+    """
+    if domain_id not in _keepers:
+        _keepers[domain_id] = DomainParticipant(domain_id), {}
+    keeper, kept = _keepers[domain_id]
+    if kind not in kept:
+        kept[kind] = Topic(keeper, f'kept_{len(kept)}', kind)
+    return Topic(participant, name, kind)
+
+
 class Node:
     """A node as `rclpy.create_node` makes one."""
 
@@ -144,7 +162,7 @@ class Node:
 
     def writer(self, dds_topic, kind, qos):
         """A DDS writer that the graph knows as this node's."""
-        topic = Topic(self.participant, dds_topic, kind)
+        topic = _topic(self.participant, self.domain_id, dds_topic, kind)
         writer = DataWriter(self.participant, topic, qos=qos.policies())
         if dds_topic != 'ros_discovery_info':
             self._writers.append(writer)
@@ -153,7 +171,7 @@ class Node:
 
     def reader(self, dds_topic, kind, qos):
         """A DDS reader that the graph knows as this node's."""
-        topic = Topic(self.participant, dds_topic, kind)
+        topic = _topic(self.participant, self.domain_id, dds_topic, kind)
         reader = DataReader(self.participant, topic, qos=qos.policies())
         self._readers.append(reader)
         self._announce()
