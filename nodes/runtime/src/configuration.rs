@@ -137,6 +137,9 @@ mod tests {
         assert_eq!(found.parameters.get("port"), Some(&ParameterValue::from("b")));
         assert_eq!(found.parameters.get("rate_hz"), Some(&ParameterValue::from(2.0)));
         assert_eq!(found.warnings.len(), 1, "{:?}", found.warnings);
+        // An argument wins over a file that comes behind it, and the last one over others.
+        let words = ["--ros-args", "-p", "port:=c", "-p", "port:=d", "--params-file", &one];
+        assert_eq!(read(&words).expect("valid").parameters.get("port"), Some(&"d".into()));
     }
 
     #[test]
