@@ -12,7 +12,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from ros2 import LATCHED, Node, message, until
+from ros2 import LATCHED, NoAnswer, Node, message, until
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTOUR = ROOT / 'config/demo/contour.mpf'
@@ -76,7 +76,12 @@ class Machine:
     def until_idle(self):
         with self.node('looks_on') as node:
             states = node.subscription(MachineState.ros_name, 'machine_state', LATCHED)
-            states.wait(lambda state: state.state == MachineState.STATE_IDLE)
+            try:
+                states.wait(lambda state: state.state == MachineState.STATE_IDLE)
+            except NoAnswer as silence:
+                said = self.log()
+                self.stop()
+                raise NoAnswer(f'{silence}; the log of {self.namespace}:\n{said}') from None
         return self
 
     def file(self, name, text):
