@@ -24,6 +24,14 @@ pub(crate) enum BagCommand {
         /// Directory of the new bag; must not be there
         out: PathBuf,
     },
+    /// Show a run on one page for a browser: path, state, feed, dialogue, alarms
+    Report {
+        /// Bag directory or .mcap file
+        bag: PathBuf,
+        /// The page
+        #[arg(value_name = "FILE")]
+        html: PathBuf,
+    },
 }
 
 /// Prints or mends.
@@ -45,6 +53,11 @@ pub(crate) fn run(command: &BagCommand) -> Outcome {
             let recovered = recover_bag(bag, out).map_err(Failure::usage)?;
             println!("{}: {} messages", out.display(), recovered.summary.message_count);
             Ok(())
+        }
+        BagCommand::Report { bag, html } => {
+            let page = crate::replay::report_page(bag)
+                .map_err(|error| Failure::usage(format_args!("{}: {error}", bag.display())))?;
+            crate::files::write(html, &page.to_html())
         }
     }
 }

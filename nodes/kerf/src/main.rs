@@ -16,6 +16,7 @@ mod files;
 mod move_by_hand;
 mod node;
 mod operate;
+mod page;
 mod picture;
 mod plan;
 mod plan_json;

@@ -4,7 +4,7 @@
 //! dashed, rapids thin, findings pinned with their code and line. This file
 //! knows how things look; what they are was decided before.
 
-mod view;
+pub(crate) mod view;
 
 use cnc_msgs::contour::{ContourEventKind, CutterSide, MotionClass, ProgrammedContour};
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
@@ -416,6 +416,6 @@ fn round_step(least: f64) -> f64 {
         .unwrap_or(10.0 * power)
 }
 
-fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -1,6 +1,8 @@
 //! `kerf plan`: a program in, a verdict and a path out. No ROS.
 
 use crate::exit::{Failure, Outcome, Status};
+use crate::page::{Layer, Page, Sheet};
+use crate::picture::view::View;
 use crate::plan_json::PlanReport;
 use crate::{files, picture};
 use clap::Args;
@@ -42,6 +44,9 @@ pub(crate) struct PlanArgs {
     /// Draw the programmed contour and the path of the tool centre
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    /// Show both on a page for a browser, with the program and the findings
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     /// Print nothing but errors
     #[arg(long)]
     quiet: bool,
@@ -70,6 +75,9 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
 
     if let Some(path) = &args.svg {
         files::write(path, &planned.svg(&name, &profile))?;
+    }
+    if let Some(path) = &args.html {
+        files::write(path, &planned.page(&name, &text, &profile).to_html())?;
     }
     if args.json {
         println!("{:#}", planned.report(&profile.name).to_json());
@@ -185,6 +193,26 @@ impl Planned {
             uncut: &self.plan.uncut,
             profile,
         })
+    }
+
+    /// The page, of what was refused too.
+    fn page(&self, name: &str, text: &[u8], profile: &Profile) -> Page {
+        let view = View::of(&self.loaded.contour, profile);
+        let mut sheet = Sheet::new(name.to_owned(), view, text);
+        let (layer, elements) = match self.accepted() {
+            true => ("compensated", &self.path().elements),
+            false => ("refused", &self.plan.refused),
+        };
+        sheet.good = self.accepted();
+        sheet.verdict = if sheet.good { "accepted".into() } else { "refused".into() };
+        sheet.summary = self.summary(name, &profile.name);
+        sheet.layers = vec![
+            Layer::programmed(&self.loaded.contour, view),
+            Layer::compensated(layer, self.start(), elements, view),
+        ];
+        sheet.find(&self.diagnostics, view);
+        sheet.fill(&self.plan.uncut, view);
+        Page { sheets: vec![sheet], runs: Vec::new() }
     }
 
     /// What people read: the verdict and the size of it.

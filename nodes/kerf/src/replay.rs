@@ -7,16 +7,18 @@
 mod compare;
 mod driver;
 mod loader;
-mod planner;
-mod recording;
+pub(crate) mod planner;
+pub(crate) mod recording;
 
 use crate::exit::{Failure, Outcome, Status};
+use crate::page::{Page, of_recording};
 use crate::plan::plural;
 use clap::{Args, ValueEnum};
 use cnc_msgs::cdr::{self, CdrError};
 use cnc_msgs::chunk::ChunkError;
 use cnc_msgs::interface::Message;
 use compare::{Comparison, Difference};
+use planner::Replanned;
 use recording::Recording;
 use run_recorder::bag_reader::{BagError, BagMessage};
 use run_recorder::bag_writer::{BagWriteError, BagWriter, ChannelSpec};
@@ -27,6 +29,8 @@ use std::path::{Path, PathBuf};
 
 /// Differences that are printed one by one.
 const SHOWN_MAX: usize = 20;
+/// Differences of a core that a page lists.
+const SHOWN_ON_PAGE_MAX: usize = 2000;
 
 /// What `kerf replay` takes.
 #[derive(Debug, Args)]
@@ -40,6 +44,9 @@ pub(crate) struct ReplayArgs {
     /// Write what the cores make now as a bag, NAME.mcap, into this directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Show what was and what is now on one page for a browser
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
 }
 
 /// A core.
@@ -121,12 +128,16 @@ pub(crate) struct Verdict {
     /// By level.
     comparisons: Vec<(Level, Comparison)>,
     outputs: Vec<Output>,
+    recording: Recording,
+    /// What the planner makes now; empty when it was not asked.
+    plans: Vec<Replanned>,
 }
 
 /// Replays each bag and reports.
 pub(crate) fn run(args: &ReplayArgs) -> Outcome {
     let levels = args.level.map_or_else(|| Level::ALL.to_vec(), |level| vec![level]);
     let mut differs = false;
+    let mut page = Page::default();
     for path in &args.bags {
         let shown = path.display();
         let of_bag = |error: ReplayError| match error.to_string() {
@@ -139,9 +150,29 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
             write(directory, path, &verdict.outputs).map_err(of_bag)?;
         }
         differs |= !verdict.is_reproduced();
+        if args.html.is_some() {
+            verdict.show(&mut page, &shown.to_string()).map_err(of_bag)?;
+        }
         print!("{}", verdict.report(&shown.to_string()));
     }
+    if let Some(file) = &args.html {
+        crate::files::write(file, &page.to_html())?;
+    }
     if differs { Err(Failure::said(Status::Refused)) } else { Ok(()) }
+}
+
+/// One page of a bag, as it was recorded: `kerf bag report`.
+pub(crate) fn report_page(path: &Path) -> Result<Page, ReplayError> {
+    let mut bag = files::open_bag(path)?;
+    let recording = Recording::read(&mut bag)?;
+    let problems: Vec<String> = bag.problems().iter().map(ToString::to_string).collect();
+    let mut page = Page::default();
+    of_recording(&mut page, &path.display().to_string(), &recording, &[], |sheet| {
+        sheet.good = problems.is_empty();
+        sheet.verdict = if sheet.good { "complete".into() } else { "not complete".into() };
+        sheet.summary = problems.join("\n");
+    })?;
+    Ok(page)
 }
 
 /// Whether a bag is reproduced at every level, and what is said of it.
@@ -154,15 +185,16 @@ fn replay(path: &Path, levels: &[Level]) -> Result<Verdict, ReplayError> {
     let mut bag = files::open_bag(path)?;
     let recording = Recording::read(&mut bag)?;
     let gaps: Vec<String> = bag.problems().iter().map(ToString::to_string).collect();
-    let mut verdict = Verdict { comparisons: Vec::new(), outputs: Vec::new() };
+    let mut verdict =
+        Verdict { comparisons: Vec::new(), outputs: Vec::new(), recording, plans: Vec::new() };
     for &level in levels {
         let mut comparison = Comparison::default();
-        let outputs = &mut verdict.outputs;
+        let Verdict { outputs, recording, plans, .. } = &mut verdict;
         match level {
-            Level::Loader => loader::replay(&recording, &mut comparison, outputs)?,
-            Level::Planner => planner::replay(&recording, &mut comparison, outputs)?,
+            Level::Loader => loader::replay(recording, &mut comparison, outputs)?,
+            Level::Planner => *plans = planner::replay(recording, &mut comparison, outputs)?,
             Level::Driver if gaps.is_empty() => {
-                driver::replay(&recording, &mut comparison, outputs)?;
+                driver::replay(recording, &mut comparison, outputs)?;
             }
             Level::Driver => return Err(ReplayError::Gaps(gaps.join("; "))),
         }
@@ -181,6 +213,23 @@ fn replay(path: &Path, levels: &[Level]) -> Result<Verdict, ReplayError> {
 impl Verdict {
     fn is_reproduced(&self) -> bool {
         self.comparisons.iter().all(|(_, comparison)| comparison.differences.is_empty())
+    }
+
+    /// Puts the plans of the bag on a page, with what they are now and what is different.
+    fn show(&self, page: &mut Page, bag: &str) -> Result<(), ReplayError> {
+        let differences = self.comparisons.iter().flat_map(|(level, comparison)| {
+            let shown = comparison.differences.iter().take(SHOWN_ON_PAGE_MAX);
+            shown.map(|it| [format!("{}: {}", level.name(), it.message), it.text.clone()])
+        });
+        let differences: Vec<[String; 2]> = differences.collect();
+        let report = self.report(bag);
+        let counts: Vec<&str> = report.lines().filter(|line| line.contains("compared")).collect();
+        of_recording(page, bag, &self.recording, &self.plans, |sheet| {
+            sheet.good = self.is_reproduced();
+            sheet.verdict = if sheet.good { "reproduced".into() } else { "DIFFERENT".into() };
+            sheet.summary = counts.iter().map(|line| line.trim()).collect::<Vec<_>>().join("\n");
+            sheet.differences.clone_from(&differences);
+        })
     }
 
     /// Counts first, then a row a field, then the first differences themselves.

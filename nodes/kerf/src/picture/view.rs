@@ -8,29 +8,29 @@ use cnc_msgs::geometry::{Plane, Position, Shape};
 use cnc_msgs::profile::Profile;
 
 /// A point on the paper, y downwards.
-pub(super) type Point = [f64; 2];
+pub(crate) type Point = [f64; 2];
 
 /// Which plane is seen, and whether its X points down.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View {
-    pub(super) plane: Plane,
-    pub(super) is_mirrored: bool,
+pub(crate) struct View {
+    pub(crate) plane: Plane,
+    pub(crate) is_mirrored: bool,
 }
 
 impl View {
     /// The plane that the work is in; mirrored when the profile says so, and it is turned.
-    pub(super) fn of(contour: &ProgrammedContour, profile: &Profile) -> Self {
+    pub(crate) fn of(contour: &ProgrammedContour, profile: &Profile) -> Self {
         let plane = main_plane(contour);
         Self { plane, is_mirrored: profile.display.mirror_x && plane == Plane::Zx }
     }
 
-    pub(super) fn project(self, position: Position) -> Point {
+    pub(crate) fn project(self, position: Position) -> Point {
         let [first, second, _] = self.plane.axes();
         [position[first], if self.is_mirrored { position[second] } else { -position[second] }]
     }
 
     /// The direction of an arc on the paper.
-    pub(super) fn turns_clockwise(self, clockwise: bool) -> bool {
+    pub(crate) fn turns_clockwise(self, clockwise: bool) -> bool {
         clockwise != self.is_mirrored
     }
 }

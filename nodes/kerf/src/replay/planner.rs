@@ -4,21 +4,33 @@ use super::compare::Comparison;
 use super::recording::{RecordedProgram, Recording};
 use super::{Output, ReplayError};
 use cnc_msgs::chunk::PathChunks;
+use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::units::point_from_position;
-use cnc_msgs::wire::cnc_msgs::msg::{CompensatedPath, CompensationReport, PathChunk};
+use cnc_msgs::wire::cnc_msgs::msg::{
+    CompensatedPath as CompensatedPathMessage, CompensationReport, PathChunk,
+};
 use compensation_planner::audit::{audit, veto};
-use compensation_planner::plan;
 use compensation_planner::rest::{Rest, plan_rest};
 use compensation_planner::set_tool::LoadedProgram;
+use compensation_planner::{Plan, UncutRegion, plan};
 use std::sync::Arc;
+
+/// What today's planner makes of a revision; of a refused one, nothing.
+#[derive(Debug)]
+pub(crate) struct Replanned {
+    pub(crate) revision: u64,
+    pub(crate) path: Arc<CompensatedPath>,
+    pub(crate) uncut: Vec<UncutRegion>,
+}
 
 /// Plans again whatever was planned and whose inputs are there.
 pub(super) fn replay(
     recording: &Recording,
     comparison: &mut Comparison,
     outputs: &mut Vec<Output>,
-) -> Result<(), ReplayError> {
+) -> Result<Vec<Replanned>, ReplayError> {
+    let mut plans = Vec::new();
     for (&revision, recorded) in &recording.plans {
         let report = &recorded.report;
         let (Some(program), Some(tools)) = (
@@ -64,13 +76,16 @@ pub(super) fn replay(
         comparison.message("compensation_report", report, &report_now);
         outputs.push(Output::new("compensation_report", recorded.log_time_ns, &report_now));
 
-        let (Some(manifest), Some(path)) = (&recorded.manifest, &recorded.path) else { continue };
         if !now.accepted() {
             continue;
         }
+        let Plan { path: path_now, uncut, .. } = now;
+        let path_now = Arc::new(path_now);
+        plans.push(Replanned { revision, path: Arc::clone(&path_now), uncut });
+        let (Some(manifest), Some(path)) = (&recorded.manifest, &recorded.path) else { continue };
         let cut = |path| PathChunks::new(report.program_id.clone(), revision, path);
-        let (before, now) = (cut(Arc::clone(path)), cut(Arc::new(now.path)));
-        let manifest_now = CompensatedPath {
+        let (before, now) = (cut(Arc::clone(path)), cut(path_now));
+        let manifest_now = CompensatedPathMessage {
             element_count: now.path().elements.len() as u64,
             event_count: now.path().events.len() as u64,
             chunk_count: now.count(),
@@ -90,7 +105,7 @@ pub(super) fn replay(
         outputs
             .extend(chunks.iter().map(|chunk| Output::new("compensated_path/chunks", at, chunk)));
     }
-    Ok(())
+    Ok(plans)
 }
 
 /// What was planned for the rest of a run that stood in a hold: upon the plan that ran

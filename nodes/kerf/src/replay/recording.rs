@@ -19,40 +19,40 @@ use std::sync::Arc;
 
 /// A program as it was loaded.
 #[derive(Debug, Clone)]
-pub(super) struct RecordedProgram {
-    pub(super) text: Vec<u8>,
-    pub(super) manifest: wire::ProgrammedContour,
-    pub(super) contour: Arc<ProgrammedContour>,
+pub(crate) struct RecordedProgram {
+    pub(crate) text: Vec<u8>,
+    pub(crate) manifest: wire::ProgrammedContour,
+    pub(crate) contour: Arc<ProgrammedContour>,
     /// When the manifest was recorded.
-    pub(super) log_time_ns: u64,
+    pub(crate) log_time_ns: u64,
 }
 
 /// A plan, refused ones too.
 #[derive(Debug, Clone)]
-pub(super) struct RecordedPlan {
-    pub(super) report: wire::CompensationReport,
+pub(crate) struct RecordedPlan {
+    pub(crate) report: wire::CompensationReport,
     /// `None` when it was refused.
-    pub(super) manifest: Option<wire::CompensatedPath>,
-    pub(super) path: Option<Arc<CompensatedPath>>,
+    pub(crate) manifest: Option<wire::CompensatedPath>,
+    pub(crate) path: Option<Arc<CompensatedPath>>,
     /// When the report was recorded.
-    pub(super) log_time_ns: u64,
+    pub(crate) log_time_ns: u64,
 }
 
 /// Everything that replay needs of a bag.
 #[derive(Debug, Default)]
-pub(super) struct Recording {
+pub(crate) struct Recording {
     /// By program id.
-    pub(super) programs: BTreeMap<String, RecordedProgram>,
+    pub(crate) programs: BTreeMap<String, RecordedProgram>,
     /// By revision.
-    pub(super) tool_tables: BTreeMap<u64, ToolTable>,
+    pub(crate) tool_tables: BTreeMap<u64, ToolTable>,
     /// By revision.
-    pub(super) plans: BTreeMap<u64, RecordedPlan>,
+    pub(crate) plans: BTreeMap<u64, RecordedPlan>,
     /// By sequence.
-    pub(super) traffic: BTreeMap<u64, (u64, wire::TrafficEntry)>,
+    pub(crate) traffic: BTreeMap<u64, (u64, wire::TrafficEntry)>,
     /// In order.
-    pub(super) states: Vec<wire::MachineState>,
+    pub(crate) states: Vec<wire::MachineState>,
     /// The newest of each node, by its name without namespace.
-    pub(super) parameters: BTreeMap<String, wire::NodeParameters>,
+    pub(crate) parameters: BTreeMap<String, wire::NodeParameters>,
 }
 
 /// Messages as they come, before chunks are put together.
@@ -69,7 +69,7 @@ struct Gathered {
 
 impl Recording {
     /// Reads all of it.
-    pub(super) fn read<R: Read + Seek>(bag: &mut Bag<R>) -> Result<Self, ReplayError> {
+    pub(crate) fn read<R: Read + Seek>(bag: &mut Bag<R>) -> Result<Self, ReplayError> {
         let mut recording = Self::default();
         let mut gathered = Gathered::default();
         for message in bag.messages() {

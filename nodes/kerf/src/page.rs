@@ -1,0 +1,212 @@
+//! One page for people, of a plan or of a run: `kerf plan --html`, `kerf replay --html` and
+//! `kerf bag report`.
+//!
+//! What is shown is decided in Rust, how it looks and what the mouse does stands in
+//! `page/page.{html,css,js}`. The page is one file and loads nothing from anywhere.
+
+mod layer;
+mod run;
+
+use crate::picture::view::{Point, View};
+use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::geometry::AXIS_LETTERS;
+use cnc_msgs::path::CompensatedPath;
+pub(crate) use layer::Layer;
+use layer::Outline;
+pub(crate) use run::{RunLog, of_recording};
+use serde::Serialize;
+
+const HTML: &str = include_str!("page/page.html");
+const CSS: &str = include_str!("page/page.css");
+const JS: &str = include_str!("page/page.js");
+
+/// What one file shows.
+#[derive(Debug, Default, Serialize)]
+pub(crate) struct Page {
+    /// One is shown at a time.
+    pub(crate) sheets: Vec<Sheet>,
+    pub(crate) runs: Vec<RunLog>,
+}
+
+/// A plan, and the run that it is of.
+#[derive(Debug, Default, Serialize)]
+pub(crate) struct Sheet {
+    pub(crate) title: String,
+    /// `accepted`, `DIFFERENT`
+    pub(crate) verdict: String,
+    pub(crate) good: bool,
+    pub(crate) summary: String,
+    /// `X to the right, Y up, mm`
+    pub(crate) axes: String,
+    /// Whether the second axis points down on the paper.
+    pub(crate) down: bool,
+    /// The lines of the program.
+    pub(crate) program: Vec<String>,
+    /// From the bottom to the top.
+    pub(crate) layers: Vec<Layer>,
+    pub(crate) uncut: Vec<Outline>,
+    pub(crate) pins: Vec<Pin>,
+    /// Where, and what.
+    pub(crate) differences: Vec<[String; 2]>,
+    /// Number of the run on the page.
+    pub(crate) run: Option<usize>,
+}
+
+/// What is pinned to a place, or only listed when it has none.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Pin {
+    pub(crate) kind: PinKind,
+    pub(crate) label: String,
+    pub(crate) text: String,
+    pub(crate) line: u32,
+    pub(crate) at: Option<Point>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum PinKind {
+    Error,
+    Warning,
+    Alarm,
+    Difference,
+}
+
+impl Sheet {
+    /// An empty one that is seen so.
+    pub(crate) fn new(title: String, view: View, text: &[u8]) -> Self {
+        let [first, second, _] = view.plane.axes();
+        let (right, up) = (AXIS_LETTERS[first], AXIS_LETTERS[second]);
+        let way = if view.is_mirrored { "down" } else { "up" };
+        Self {
+            title,
+            axes: format!("{right} to the right, {up} {way}, mm"),
+            down: view.is_mirrored,
+            program: String::from_utf8_lossy(text).lines().map(str::to_owned).collect(),
+            ..Self::default()
+        }
+    }
+
+    /// Pins findings.
+    pub(crate) fn find(&mut self, findings: &[Diagnostic], view: View) {
+        self.pins.extend(findings.iter().map(|finding| Pin {
+            kind: if finding.is_error() { PinKind::Error } else { PinKind::Warning },
+            label: format!("{} line {}", finding.code.name(), finding.source.line),
+            text: match finding.help.as_str() {
+                "" => finding.message.clone(),
+                help => format!("{}\n{help}", finding.message),
+            },
+            line: finding.source.line,
+            at: finding.position.map(|position| view.project(position)),
+        }));
+    }
+
+    /// Fills what stays uncut.
+    pub(crate) fn fill(&mut self, uncut: &[compensation_planner::UncutRegion], view: View) {
+        self.uncut.extend(uncut.iter().map(|region| Outline::new(region, view)));
+    }
+
+    /// Pins the first place at which two paths are not the same.
+    pub(crate) fn tell_apart(
+        &mut self,
+        recorded: &CompensatedPath,
+        now: &CompensatedPath,
+        view: View,
+    ) {
+        let Some(apart) = layer::first_difference(recorded, now) else { return };
+        self.pins.push(Pin {
+            kind: PinKind::Difference,
+            label: format!("first difference, line {}", apart.line),
+            text: apart.text,
+            line: apart.line,
+            at: Some(view.project(apart.position)),
+        });
+    }
+}
+
+impl Page {
+    /// The whole file.
+    pub(crate) fn to_html(&self) -> String {
+        let data = serde_json::to_string(self).expect("texts and numbers are always JSON");
+        // Nothing in a program can end the element that the data is in.
+        let data = data.replace('<', "\\u003c");
+        let title = self.sheets.first().map_or("kerf", |sheet| sheet.title.as_str());
+        let parts = [("css", CSS), ("title", &crate::picture::escape(title)), ("js", JS)];
+        let mut html = HTML.to_owned();
+        for (name, text) in parts {
+            html = html.replace(&format!("{{{{{name}}}}}"), text);
+        }
+        // Last: whatever is in it stays as it is.
+        let (before, behind) = html.split_once("{{data}}").expect("the page has a place for it");
+        [before, &data, behind].concat()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::geometry::{Arc, Plane, Shape};
+    use cnc_msgs::path::PathElement;
+
+    fn page(program: &str) -> Page {
+        let sheet = Sheet {
+            title: "a < b & c".into(),
+            program: program.lines().map(str::to_owned).collect(),
+            ..Sheet::default()
+        };
+        Page { sheets: vec![sheet], runs: Vec::new() }
+    }
+
+    #[test]
+    fn a_page_is_whole_and_loads_nothing() {
+        let html = page("G1 X1").to_html();
+        for foreign in ["http:", "https:", "src=", "url(", "@import", "<link", "{{"] {
+            assert!(!html.contains(foreign), "{foreign}");
+        }
+        assert!(html.contains("<title>a &lt; b &amp; c</title>"));
+    }
+
+    #[test]
+    fn nothing_in_a_program_gets_out_of_the_data() {
+        let evil = "(</script><script>alert(1)</script>) {{js}} {{data}} $& <!--";
+        let html = page(evil).to_html();
+        assert_eq!(html.matches("<script").count(), 2);
+        let (_, behind) = html.split_once("id=\"data\">").expect("the data");
+        let (data, _) = behind.split_once("</script>").expect("its end");
+        let data: serde_json::Value = serde_json::from_str(data).expect("JSON");
+        assert_eq!(data["sheets"][0]["program"][0], evil);
+    }
+
+    fn path(ends: &[[f64; 3]]) -> CompensatedPath {
+        let element = |end: &[f64; 3]| PathElement {
+            shape: Shape::Line,
+            end: *end,
+            feed_mm_per_min: Some(100.0),
+            role: cnc_msgs::path::Role::None,
+            side: None,
+            axes: cnc_msgs::geometry::AxisSet::NONE,
+            source: cnc_msgs::contour::Source { line: 7, ..Default::default() },
+        };
+        CompensatedPath { elements: ends.iter().map(element).collect(), ..Default::default() }
+    }
+
+    #[test]
+    fn the_first_place_where_paths_part_is_found() {
+        let recorded = path(&[[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]);
+        let apart = |now: &CompensatedPath| layer::first_difference(&recorded, now);
+        assert_eq!(apart(&recorded), None);
+        // A nanometre is none.
+        assert_eq!(apart(&path(&[[1.0, 0.0, 0.0], [2.0, 1e-7, 0.0]])), None);
+        let found = apart(&path(&[[1.0, 0.0, 0.0], [2.0, 0.001, 0.0]])).expect("a micrometre");
+        assert_eq!((found.line, found.position), (7, [2.0, 0.0, 0.0]));
+        assert!(found.text.contains("element 1") && found.text.contains("0.001000 mm apart"));
+        let found = apart(&path(&[[1.0, 0.0, 0.0]])).expect("one is missing");
+        assert!(found.text.contains("2 elements and are 1 now"), "{}", found.text);
+        let mut bent = recorded.clone();
+        let center = [0.5, 0.0, 0.0];
+        bent.elements[0].shape =
+            Shape::Arc(Arc { center, plane: Plane::Xy, clockwise: true, turns: 0 });
+        assert!(apart(&bent).expect("an arc").text.contains("of another kind"));
+        bent.start = [9.0, 0.0, 0.0];
+        assert!(apart(&bent).expect("another start").text.contains("the path began at"));
+    }
+}

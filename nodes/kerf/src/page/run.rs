@@ -1,0 +1,211 @@
+//! A run as it was recorded: states against time, the dialogue with the controller, and the
+//! sheets of a bag.
+
+use super::{Layer, Page, Pin, PinKind, Sheet};
+use crate::picture::view::{Point, View};
+use crate::replay::ReplayError;
+use crate::replay::planner::Replanned;
+use crate::replay::recording::{RecordedPlan, RecordedProgram, Recording};
+use axis_driver::journal::EntryKind;
+use axis_driver::node::kind_from_wire;
+use cnc_msgs::convert::mode_from_wire;
+use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::machine::Mode;
+use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point};
+use cnc_msgs::wire::builtin_interfaces::msg::Time;
+use cnc_msgs::wire::cnc_msgs::msg::{MachineState, TrafficEntry};
+use serde::Serialize;
+
+/// What happened, by the seconds since it began.
+#[derive(Debug, Serialize)]
+pub(crate) struct RunLog {
+    states: Vec<State>,
+    /// When, which way, what.
+    dialogue: Vec<(f64, &'static str, String)>,
+    /// When it was over.
+    end: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct State {
+    t: f64,
+    state: &'static str,
+    reason: String,
+    feed: f64,
+    line: u32,
+    /// Where the tool was, on the paper.
+    at: Option<Point>,
+}
+
+impl RunLog {
+    fn new(recording: &Recording, view: View) -> Self {
+        let stamps = recording.traffic.values().map(|(_, entry)| seconds(&entry.stamp));
+        let stamps =
+            stamps.chain(recording.states.iter().map(|state| seconds(&state.header.stamp)));
+        let (begin, end) = stamps.fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), at| {
+            (first.min(at), last.max(at))
+        });
+        let mut states: Vec<State> =
+            recording.states.iter().map(|it| state(it, begin, view)).collect();
+        // The topic says each one several times.
+        states.dedup_by(|next, before| {
+            (next.state, &next.reason, next.feed, next.line, next.at)
+                == (before.state, &before.reason, before.feed, before.line, before.at)
+        });
+        states.sort_by(|a, b| a.t.total_cmp(&b.t));
+        Self { states, dialogue: dialogue(recording, begin), end: (end - begin).max(0.0) }
+    }
+}
+
+fn seconds(stamp: &Time) -> f64 {
+    f64::from(stamp.sec) + f64::from(stamp.nanosec) * 1e-9
+}
+
+fn place(state: &MachineState, view: View) -> Option<Point> {
+    let position = position_from_point(&state.work_position);
+    state.position_known.then(|| view.project(position))
+}
+
+fn state(state: &MachineState, begin: f64, view: View) -> State {
+    State {
+        t: seconds(&state.header.stamp) - begin,
+        state: mode_from_wire(state.state).name(),
+        reason: state.reason.clone(),
+        feed: mm_per_min_from_m_per_s(state.feed_rate),
+        line: state.line,
+        at: place(state, view),
+    }
+}
+
+/// Bytes as lines, commands as they came.
+fn dialogue(recording: &Recording, begin: f64) -> Vec<(f64, &'static str, String)> {
+    let mut rows = Vec::new();
+    let (mut sent, mut heard) = (Vec::new(), Vec::new());
+    for (_, entry) in recording.traffic.values() {
+        let t = seconds(&entry.stamp) - begin;
+        match kind_from_wire(entry.kind) {
+            Some(EntryKind::Tx) => lines(&mut sent, entry, |line| rows.push((t, "tx", line))),
+            Some(EntryKind::Rx) => lines(&mut heard, entry, |line| rows.push((t, "rx", line))),
+            Some(EntryKind::Command) => {
+                rows.push((t, "command", String::from_utf8_lossy(&entry.data).into_owned()));
+            }
+            Some(EntryKind::Opened) => rows.push((t, "command", "the port is open".into())),
+            Some(EntryKind::Closed) => {
+                let why = String::from_utf8_lossy(&entry.data);
+                rows.push((t, "error", format!("the port is closed: {why}")));
+            }
+            // How the driver's clock went on is nothing to read.
+            Some(EntryKind::Timer | EntryKind::Checkpoint) | None => {}
+        }
+    }
+    for (kind, rest) in [("tx", sent), ("rx", heard)] {
+        if !rest.is_empty() {
+            let t = rows.last().map_or(0.0, |row| row.0);
+            rows.push((t, kind, rest.escape_ascii().to_string()));
+        }
+    }
+    rows
+}
+
+/// Hands on the lines that an entry ends; a byte that acts at once is a line of its own.
+fn lines(rest: &mut Vec<u8>, entry: &TrafficEntry, mut take: impl FnMut(String)) {
+    let is_sent = entry.kind == TrafficEntry::KIND_TRANSMITTED;
+    for &byte in &entry.data {
+        match byte {
+            b'\n' => {
+                take(String::from_utf8_lossy(rest).trim_end().to_owned());
+                rest.clear();
+            }
+            b'?' | b'!' | b'~' | 0x18 | 0x80..=0xff if is_sent => take(realtime(byte)),
+            _ => rest.push(byte),
+        }
+    }
+}
+
+fn realtime(byte: u8) -> String {
+    match byte {
+        b'!' => "! (feed hold)".into(),
+        b'~' => "~ (resume)".into(),
+        0x18 => "0x18 (soft reset)".into(),
+        0x84 => "0x84 (door)".into(),
+        0x85 => "0x85 (jog cancel)".into(),
+        b'?' => "?".into(),
+        byte => format!("{byte:#04x}"),
+    }
+}
+
+/// One sheet for each plan in a bag; those that were run first. `now` is empty when nothing
+/// was replayed.
+pub(crate) fn of_recording(
+    page: &mut Page,
+    name: &str,
+    recording: &Recording,
+    now: &[Replanned],
+    finish: impl Fn(&mut Sheet),
+) -> Result<(), ReplayError> {
+    let run_of = |revision| recording.states.iter().any(|state| state.path_revision == revision);
+    let mut plans: Vec<(&u64, &RecordedPlan)> = recording.plans.iter().collect();
+    plans.sort_by_key(|(revision, _)| !run_of(**revision));
+    for (&revision, plan) in plans {
+        let Some(program) = recording.programs.get(&plan.report.program_id) else { continue };
+        let view = view(program)?;
+        let title = match recording.plans.len() {
+            1 => name.to_owned(),
+            _ => format!("{name}, plan {revision}"),
+        };
+        let mut sheet = Sheet::new(title, view, &program.text);
+        sheet.layers.push(Layer::programmed(&program.contour, view));
+        if let Some(path) = &plan.path {
+            sheet.layers.push(Layer::compensated("compensated", path.start, &path.elements, view));
+        }
+        let findings: Vec<Diagnostic> =
+            plan.report.diagnostics.iter().filter_map(|it| Diagnostic::try_from(it).ok()).collect();
+        sheet.find(&findings, view);
+        if let Some(now) = now.iter().find(|now| now.revision == revision) {
+            sheet.fill(&now.uncut, view);
+            sheet.layers.push(Layer::now(now.path.start, &now.path.elements, view));
+            if let Some(path) = &plan.path {
+                sheet.tell_apart(path, &now.path, view);
+            }
+        }
+        let log = RunLog::new(recording, view);
+        sheet.pins.extend(alarms(recording, view, &sheet.program));
+        if !log.states.is_empty() || !log.dialogue.is_empty() {
+            sheet.run = Some(page.runs.len());
+            page.runs.push(log);
+        }
+        finish(&mut sheet);
+        page.sheets.push(sheet);
+    }
+    Ok(())
+}
+
+fn view(program: &RecordedProgram) -> Result<View, ReplayError> {
+    let profile = runtime::profile_from_yaml(&program.manifest.profile).map_err(|error| {
+        ReplayError::Input { of: program.manifest.program_id.clone(), reason: error.to_string() }
+    })?;
+    Ok(View::of(&program.contour, &profile))
+}
+
+/// Where the machine went into an alarm, or stopped for good.
+fn alarms(recording: &Recording, view: View, program: &[String]) -> Vec<Pin> {
+    let mut pins: Vec<Pin> = Vec::new();
+    let mut before = false;
+    for state in &recording.states {
+        let is_alarm = mode_from_wire(state.state) == Mode::Alarm || state.needs_reset;
+        if is_alarm && !before {
+            let block = usize::try_from(state.line).ok().and_then(|line| line.checked_sub(1));
+            let block = block.and_then(|index| program.get(index)).map_or("", |text| text.trim());
+            let mode = mode_from_wire(state.state).name();
+            pins.push(Pin {
+                kind: PinKind::Alarm,
+                label: format!("{mode} line {}", state.line),
+                text: format!("{mode}: {} at line {}: {block}", state.reason, state.line),
+                line: state.line,
+                at: place(state, view),
+            });
+        }
+        before = is_alarm;
+    }
+    pins
+}
