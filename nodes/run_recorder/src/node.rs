@@ -18,7 +18,9 @@ use cnc_msgs::cdr;
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
 use fetch::Sources;
 use inputs::is_fetched;
-use runtime::{Declared, DiscoveredPublisher, Handle, Publisher, Qos};
+use runtime::{
+    Declared, DiscoveredPublisher, Handle, Publisher, Qos, RawSample, RawSubscription, RosTime,
+};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -30,6 +32,10 @@ use watch::{Edge, RunWatch};
 const DISCOVERY_PERIOD: Duration = Duration::from_millis(100);
 /// What still belongs to a run that has ended.
 const TAIL: Duration = Duration::from_millis(700);
+/// What is older than this when it arrives was kept for who comes late, and what is newer
+/// follows it so soon.
+const OLD: Duration = Duration::from_millis(300);
+const NEWER_WITHIN: Duration = Duration::from_millis(200);
 /// How long the inputs of a run that has ended may take to arrive.
 const INPUTS_WITHIN: Duration = Duration::from_secs(30);
 /// How long a disk may take to accept what a bag begins with, and how often that is looked at.
@@ -184,22 +190,45 @@ impl Recorder {
                 Err(error) => tracing::error!("{} is not recorded: {error}", publisher.topic),
                 Ok(mut subscription) => {
                     let shared = Arc::clone(self);
-                    let mut watch = (publisher.topic == self.goals).then(RunWatch::default);
+                    let is_goals = publisher.topic == self.goals;
                     self.node.spawn(&publisher.topic, async move {
+                        let mut watch = is_goals.then(RunWatch::default);
                         loop {
-                            let sample = subscription.next().await;
-                            let edge = watch.as_mut().and_then(|watch| {
-                                // What is not of that type is nobody's goal.
-                                watch.update(&cdr::decode(&sample.bytes).ok()?)
-                            });
-                            let mut state = shared.state();
-                            let State { store, open, .. } = &mut *state;
-                            store.take(open.as_mut(), index, sample);
-                            drop(state);
-                            shared.follow(edge);
+                            let Some(watch) = &mut watch else {
+                                shared.keep(index, subscription.next().await);
+                                continue;
+                            };
+                            let newest = shared.keep_newest(index, &mut subscription).await;
+                            // What is not of that type is nobody's goal.
+                            let status = cdr::decode(&newest).ok();
+                            shared.follow(status.and_then(|status| watch.update(&status)));
                         }
                     });
                 }
+            }
+        }
+    }
+
+    fn keep(&self, index: usize, sample: RawSample) {
+        let mut state = self.state();
+        let State { store, open, .. } = &mut *state;
+        store.take(open.as_mut(), index, sample);
+    }
+
+    /// Keeps the next sample, and those behind it that a late joiner is told before the
+    /// newest: what was said some time ago may not be so any more. Returns the last.
+    async fn keep_newest(&self, index: usize, subscription: &mut RawSubscription) -> Vec<u8> {
+        let mut sample = subscription.next().await;
+        loop {
+            let is_old = sample.info.source_time.is_some_and(|at| at < RosTime::wall().before(OLD));
+            let bytes = sample.bytes.clone();
+            self.keep(index, sample);
+            if !is_old {
+                return bytes;
+            }
+            match tokio::time::timeout(NEWER_WITHIN, subscription.next()).await {
+                Ok(newer) => sample = newer,
+                Err(_) => return bytes,
             }
         }
     }
