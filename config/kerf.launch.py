@@ -31,7 +31,7 @@ ARGUMENTS = (
 )
 
 # A driver brings its machine to a stop before it leaves, a recorder closes its bag.
-LEAVE_WITHIN_S = '25'
+LEAVE_WITHIN_S = '35'
 
 
 def generate_launch_description():
@@ -67,6 +67,7 @@ def start(context):
             namespace=given['namespace'],
             parameters=[given['params_file'], *([own[name]] if own[name] else [])],
             ros_arguments=['--log-level', given['log_level']],
-            output='screen', respawn=True, respawn_delay=1.0,
+            # Who told the driver to stop does not want it to come back by itself.
+            output='screen', respawn=name != 'axis_driver', respawn_delay=1.0,
             sigterm_timeout=LEAVE_WITHIN_S, sigkill_timeout=LEAVE_WITHIN_S))
     return processes

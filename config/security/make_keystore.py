@@ -77,6 +77,8 @@ def rights_of(enclave, folder, namespace):
     """What an enclave may publish and what it may subscribe to."""
     publish, subscribe = {EVERYBODY}, {EVERYBODY}
     for profile in enclave.iter("profile"):
+        if profile.get("node") == "*":
+            sys.exit(f"{enclave.get('path')}: a node of any name could answer for every other")
         inside = full_name(profile.get("ns", "/"), "", "") or namespace.strip("/")
         for element in included(profile, folder):
             for right, verdict in element.attrib.items():

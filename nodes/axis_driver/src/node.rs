@@ -72,6 +72,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         node: node.clone(),
         serial,
         next_id: AtomicU64::new(1),
+        stops: AtomicU64::new(0),
         state: watch::Sender::new(not_heard(has_port)),
         progress: watch::Sender::new(Progress::default()),
         hardware: watch::Sender::default(),
@@ -193,6 +194,8 @@ struct Driver {
     node: Handle,
     serial: Serial,
     next_id: AtomicU64,
+    /// Counts the wishes to stop.
+    stops: AtomicU64,
     /// The newest state.
     state: watch::Sender<MachineState>,
     progress: watch::Sender<Progress>,
@@ -288,12 +291,30 @@ impl Driver {
         self.answer(asked, within).await
     }
 
+    /// How many wishes to stop there were.
+    fn stops(&self) -> u64 {
+        self.stops.load(Ordering::Relaxed)
+    }
+
+    /// Whether nobody wanted the machine to stop since there were so many wishes: what was
+    /// still being prepared then does not begin behind it.
+    fn is_still_wanted(&self, stops: u64) -> Result<(), Refusal> {
+        if self.stops() == stops {
+            return Ok(());
+        }
+        let message = "somebody stopped the machine before it began: ask again".into();
+        Err(Refusal { error_code: crate::codes::error_code::CANCELED, message })
+    }
+
     /// Sends a command now; [`Self::answer`] waits for its answer.
     fn begin(&self, command: Command) -> Asked {
         self.begin_as(self.next_id.fetch_add(1, Ordering::Relaxed), command)
     }
 
     fn begin_as(&self, id: u64, command: Command) -> Asked {
+        if command.stops_whatever_moves() {
+            self.stops.fetch_add(1, Ordering::Relaxed);
+        }
         let (sender, reply) = oneshot::channel();
         self.waiting().replies.insert(id, sender);
         let is_sent = self.serial.command(id, command).is_ok();

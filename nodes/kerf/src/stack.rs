@@ -14,7 +14,7 @@ use tokio::process::{Child, ChildStdin, Command};
 use tokio::time::{Instant, sleep, timeout};
 
 /// How long a child may take to leave before it is killed.
-const STOP_TIME_MAX: Duration = Duration::from_secs(25);
+const STOP_TIME_MAX: Duration = Duration::from_secs(35);
 /// A child that lived shorter than this is started again only after a pause.
 const RESTART_PAUSE: Duration = Duration::from_secs(2);
 

@@ -11,6 +11,11 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU8, Ordering};
 
+/// Loggers that may have a level: a node has one, with a few above it.
+const LOGGERS_MAX: usize = 64;
+/// The longest name of a logger, bytes.
+const LOGGER_BYTES_MAX: usize = 512;
+
 /// The levels of all loggers that have one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct LogLevels {
@@ -88,13 +93,21 @@ impl LiveLevels {
     }
 
     /// Takes effect with the next message.
-    pub(crate) fn set(&self, logger: &str, level: Option<LogLevel>) {
+    ///
+    /// # Errors
+    /// More loggers have a level than are kept.
+    pub(crate) fn set(&self, logger: &str, level: Option<LogLevel>) -> Result<(), String> {
         let mut levels = lock(&self.levels);
+        let is_full = levels.loggers.len() >= LOGGERS_MAX || logger.len() > LOGGER_BYTES_MAX;
+        if is_full && level.is_some() && levels.get(logger).is_none() {
+            return Err(format!("no more than {LOGGERS_MAX} loggers may have a level"));
+        }
         levels.set(logger, level);
         self.effective.store(levels.effective(&self.logger) as u8, Ordering::Relaxed);
         drop(levels);
         // Places that log remember whether anybody listens.
         tracing::callsite::rebuild_interest_cache();
+        Ok(())
     }
 }
 
@@ -150,11 +163,11 @@ mod tests {
     fn a_change_while_the_node_runs_takes_effect_at_once() {
         let live = LiveLevels::new("cell.driver".into(), levels("--ros-args"));
         assert!(live.writes(Info) && !live.writes(Debug));
-        live.set("cell.driver", Some(Debug));
+        live.set("cell.driver", Some(Debug)).unwrap();
         assert!(live.writes(Debug));
-        live.set("cell", Some(Fatal));
+        live.set("cell", Some(Fatal)).unwrap();
         assert!(live.writes(Debug), "its own level counts");
-        live.set("cell.driver", None);
+        live.set("cell.driver", None).unwrap();
         assert!(live.writes(Fatal) && !live.writes(Error));
     }
 }

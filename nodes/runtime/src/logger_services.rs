@@ -26,7 +26,7 @@ pub(crate) fn serve(node: &Handle, levels: &Arc<LiveLevels>) -> Result<(), NodeE
     let live = Arc::clone(levels);
     node.service::<srv::SetLoggerLevels, _, _>("~/set_logger_levels", move |request, info| {
         let results = request.levels.iter().map(|LoggerLevel { name, level }| {
-            let result = level_of(*level).map(|level| live.set(name, level));
+            let result = level_of(*level).and_then(|level| live.set(name, level));
             match &result {
                 Ok(()) => tracing::info!("{} sets logger \"{name}\" to {level}", info.client),
                 Err(reason) => tracing::warn!("logger \"{name}\" stays as it is: {reason}"),

@@ -187,6 +187,23 @@ impl Handle {
         Ok(())
     }
 
+    /// As [`Self::concurrent_service_of`], for answers that may wait as long as they like.
+    pub(crate) fn waiting_service_of<S, F, Fut>(
+        &self,
+        name: &str,
+        type_name: &str,
+        handler: F,
+    ) -> Result<(), NodeError>
+    where
+        S: Service + 'static,
+        F: Fn(S::Request, RequestInfo) -> Fut + Send + 'static,
+        Fut: Future<Output = S::Response> + Send + 'static,
+    {
+        let server = self.server::<S>(name, type_name)?;
+        self.spawn(&format!("service {name}"), server.serve_waiting(handler));
+        Ok(())
+    }
+
     fn server<S: Service + 'static>(
         &self,
         name: &str,

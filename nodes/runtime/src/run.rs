@@ -1,7 +1,7 @@
 //! A node as a process: from the command line to the exit status.
 //!
-//! SIGINT and SIGTERM ask the node to stop; a second one ends the process at
-//! once. The node has twenty seconds to come to an end (a machine may have to be
+//! SIGINT, SIGTERM and SIGHUP ask the node to stop; a second one ends the process at
+//! once. The node has thirty seconds to come to an end (a machine may have to be
 //! stopped, a bag to be closed), then everything is taken
 //! down in the order that DDS needs.
 //!
@@ -23,7 +23,7 @@ use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 
 /// How long a node may take to end by itself.
-const END_WITHIN: Duration = Duration::from_secs(20);
+const END_WITHIN: Duration = Duration::from_secs(30);
 
 /// Runs a node with the command line of the process; all that its `main` does.
 ///
@@ -169,6 +169,8 @@ where
 fn obey_signals(handle: &Handle) -> std::io::Result<()> {
     let mut interrupt = signal(SignalKind::interrupt())?;
     let mut terminate = signal(SignalKind::terminate())?;
+    // The terminal that a node was started in has gone.
+    let mut hangup = signal(SignalKind::hangup())?;
     let shutdown = handle.shutdown().clone();
     // Not a task of the node: it has to outlive the node's end.
     tokio::spawn(async move {
@@ -176,6 +178,7 @@ fn obey_signals(handle: &Handle) -> std::io::Result<()> {
             let name = tokio::select! {
                 _ = interrupt.recv() => "SIGINT",
                 _ = terminate.recv() => "SIGTERM",
+                _ = hangup.recv() => "SIGHUP",
             };
             if shutdown.is_requested() {
                 std::process::exit(130);

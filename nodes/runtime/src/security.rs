@@ -120,23 +120,27 @@ pub fn governance_problem(document: &str) -> Option<String> {
     if topics == 0 {
         return Some("there is no data_protection_kind: it is no governance document".into());
     }
-    let unprotected =
-        |kind: &&str| !matches!(*kind, "ENCRYPT" | "SIGN") && !kind.contains("_WITH_");
+    let unprotected = |kind: &&str| !kind.starts_with("ENCRYPT");
     if let Some(kind) = elements(document, "metadata_protection_kind").find(unprotected) {
         return Some(format!(
-            "metadata_protection_kind is {kind}: with data_protection_kind NONE nothing would be \
-             protected; it has to be ENCRYPT"
+            "metadata_protection_kind is {kind}: with data_protection_kind NONE everybody could \
+             read; it has to be ENCRYPT"
         ));
     }
     for (flag, meaning) in [
         ("allow_unauthenticated_participants", "whoever has no key could move the machine"),
         ("enable_join_access_control", "whoever has any key could join"),
+        ("enable_read_access_control", "whoever has any key could read everything"),
+        ("enable_write_access_control", "whoever has any key could command everything"),
     ] {
         let wanted = if flag.starts_with("allow") { "false" } else { "true" };
         let is_other = |value: &&str| {
             let is_true = matches!(*value, "true" | "1" | "TRUE");
             is_true != (wanted == "true")
         };
+        if elements(document, flag).next().is_none() {
+            return Some(format!("{flag} is missing: it has to be {wanted}"));
+        }
         if let Some(value) = elements(document, flag).find(is_other) {
             return Some(format!("{flag} is {value}: {meaning}; it has to be {wanted}"));
         }
@@ -171,7 +175,10 @@ mod tests {
     fn what_loses_samples_or_protects_nothing_is_refused() {
         let table = [
             ("<data_protection_kind>NONE", "<data_protection_kind>ENCRYPT", "samples are lost"),
-            ("<metadata_protection_kind>ENCRYPT", "<metadata_protection_kind>NONE", "nothing"),
+            ("<metadata_protection_kind>ENCRYPT", "<metadata_protection_kind>NONE", "everybody"),
+            ("<metadata_protection_kind>ENCRYPT", "<metadata_protection_kind>SIGN", "everybody"),
+            ("<enable_read_access_control>true", "<enable_read_access_control>false", "any key"),
+            ("enable_write_access_control", "no_such_element", "is missing"),
             (
                 "<allow_unauthenticated_participants>false",
                 "<allow_unauthenticated_participants> true",

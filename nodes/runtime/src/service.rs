@@ -19,10 +19,11 @@ use crate::wire::{CycloneHeader, Gid};
 use answers::Answers;
 pub(crate) use replies::{Replies, UNACKNOWLEDGED_MAX};
 use ros2_client::MessageInfo;
+use std::collections::VecDeque;
 use std::future::Future;
 use std::sync::Arc;
 use tokio::sync::Semaphore;
-use tokio::task::JoinSet;
+use tokio::task::{AbortHandle, JoinSet};
 
 /// Answers that may be in the making at once for one concurrent service.
 const CONCURRENT_MAX: usize = 256;
@@ -97,6 +98,32 @@ impl<S: Service + 'static> Server<S> {
                 answers.send(info, response);
                 drop(permit);
             });
+        }
+    }
+}
+
+impl<S: Service + 'static> Server<S> {
+    /// Answers each request by itself, for ever; of too many that wait the oldest is given
+    /// up, so that who asks again and again keeps nobody else from an answer.
+    pub(crate) async fn serve_waiting<F, Fut>(mut self, handler: F)
+    where
+        F: Fn(S::Request, RequestInfo) -> Fut,
+        Fut: Future<Output = S::Response> + Send + 'static,
+    {
+        let mut making = JoinSet::new();
+        let mut oldest = VecDeque::new();
+        loop {
+            let (request, info) = self.next().await;
+            while making.try_join_next().is_some() {}
+            if making.len() >= CONCURRENT_MAX {
+                oldest.retain(|task: &AbortHandle| !task.is_finished());
+                oldest.pop_front().inspect(AbortHandle::abort);
+            }
+            let (answer, answers) = (handler(request, info), self.answers.clone());
+            oldest.push_back(making.spawn(async move { answers.send(info, answer.await) }));
+            if oldest.len() > 2 * CONCURRENT_MAX {
+                oldest.retain(|task| !task.is_finished());
+            }
         }
     }
 }

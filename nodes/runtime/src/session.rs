@@ -135,10 +135,16 @@ fn join(environment: &Environment, enclave: Option<&Path>) -> Result<DomainParti
     if environment.range != DiscoveryRange::Subnet {
         match before.and_then(|before| confine_since(&before)) {
             Ok(count) => tracing::debug!("{count} sockets are bound to the loopback interface"),
-            Err(error) => tracing::warn!(
-                "the node's sockets cannot be bound to the loopback interface ({error}): keep \
-                 UDP packets from other computers out with a firewall"
-            ),
+            Err(error) => {
+                return Err(failed(
+                    "a node that only this computer reaches",
+                    &format_args!(
+                        "its sockets cannot be bound to the loopback interface ({error}); in a \
+                         container allow it with --cap-add SYS_PTRACE, or let other computers \
+                         reach it with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
+                    ),
+                ));
+            }
         }
     }
     Ok(participant)

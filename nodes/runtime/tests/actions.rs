@@ -156,3 +156,26 @@ async fn a_client_that_dies_leaves_its_goal_running_and_others_can_cancel_it() {
     server.stop().await;
     second.stop().await;
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_goal_that_is_canceled_while_the_node_decides_does_not_begin() {
+    let server = start("server", domain(24));
+    let mut goals = server.handle().action_server::<Fibonacci>("fibonacci").expect("a server");
+    let asker = start("asker", domain(24));
+    let client = asker.handle().action_client::<Fibonacci>("fibonacci").expect("client");
+    assert!(soon("a server", client.wait_for_server(PATIENCE)).await);
+    let asked = client.send_goal(Order { order: 1 });
+    let decided = async {
+        let offer = soon("an offer", goals.next_goal()).await.expect("the node lives");
+        assert!(!offer.is_canceled());
+        assert_eq!(client.cancel_all().await, Ok(CancelAnswer::Canceling(1)));
+        assert!(offer.is_canceled());
+        offer.accept()
+    };
+    let (answer, accepted) = tokio::join!(asked, decided);
+    assert!(accepted.is_none(), "it would begin");
+    assert!(matches!(answer, Err(GoalError::Rejected { .. })), "{answer:?}");
+    drop((answer, client));
+    server.stop().await;
+    asker.stop().await;
+}

@@ -210,3 +210,13 @@ async fn a_subscriber_that_hangs_costs_samples_but_never_holds_the_publisher_up(
     drop(flood);
     node.stop().await;
 }
+
+#[test]
+fn a_node_whose_terminal_goes_comes_to_its_end_in_order() {
+    let child = launch("--ros-args -r __node:=lonely", domain(66));
+    std::thread::sleep(Duration::from_secs(2));
+    signal(&child, "-HUP");
+    let (status, text) = end_of(child);
+    assert_eq!(status, Some(0), "{text}");
+    assert!(text.contains("lonely stops: SIGHUP"), "{text}");
+}

@@ -94,19 +94,19 @@ async fn a_commander_commands_a_viewer_reads_and_holds_and_others_do_nothing() {
         driver.handle().service::<Trigger, _, _>(name, answer).expect("may");
     }
 
-    let commander = start("commander", domain, Some((ours.path(), "/kerf/commander")));
+    let commander = start("kerf_commander", domain, Some((ours.path(), "/kerf/commander")));
     let all = Reach { reads: true, holds: true, resumes: true };
     assert_eq!(soon("the commander", reach(&commander)).await, all);
     assert_eq!(resumed.load(Ordering::Relaxed), 1);
 
-    let viewer = start("viewer", domain, Some((ours.path(), "/kerf/viewer")));
+    let viewer = start("kerf_viewer", domain, Some((ours.path(), "/kerf/viewer")));
     let reading = Reach { reads: true, holds: true, resumes: false };
     assert_eq!(soon("the viewer", reach(&viewer)).await, reading);
 
     let nothing = Reach { reads: false, holds: false, resumes: false };
     let naked = start("naked", domain, None);
     assert_eq!(soon("whoever has no key", reach(&naked)).await, nothing);
-    let foreign = start("foreign", domain, Some((other.path(), "/kerf/commander")));
+    let foreign = start("kerf_foreign", domain, Some((other.path(), "/kerf/commander")));
     assert_eq!(soon("whoever has another's key", reach(&foreign)).await, nothing);
     assert_eq!(resumed.load(Ordering::Relaxed), 1, "somebody without the right has resumed");
 
@@ -122,7 +122,7 @@ async fn of_many_endpoints_that_meet_at_once_none_stays_deaf() {
     let keys = keystore();
     let domain = domain(41);
     let driver = start("axis_driver", domain, Some((keys.path(), "/kerf/axis_driver")));
-    let commander = start("commander", domain, Some((keys.path(), "/kerf/commander")));
+    let commander = start("kerf_commander", domain, Some((keys.path(), "/kerf/commander")));
     let serving = driver.handle().clone();
     let served = tokio::task::spawn_blocking(move || {
         for number in 0..MANY {

@@ -71,6 +71,22 @@ pub enum Command {
     Shutdown,
 }
 
+impl Command {
+    /// Whether it is somebody's wish that nothing moves on.
+    pub fn stops_whatever_moves(&self) -> bool {
+        matches!(
+            self,
+            Self::CancelRun { run: None }
+                | Self::FeedHold
+                | Self::DoorHold
+                | Self::SoftReset
+                | Self::Sleep
+                | Self::Deactivate
+                | Self::Shutdown
+        )
+    }
+}
+
 /// What the state calls the program of a single block of manual data input.
 pub const MDI: &str = "mdi";
 

@@ -8,9 +8,7 @@ use crate::driver::{Command, Refusal, RunOutcome, RunRequest, RunResult};
 use cnc_msgs::convert::mode_to_wire;
 use cnc_msgs::interface::Action;
 use cnc_msgs::wire::builtin_interfaces::msg::Duration as WireDuration;
-use cnc_msgs::wire::cnc_msgs::action::{
-    RunProgram, RunProgramFeedback, RunProgramGoal, RunProgramResult,
-};
+use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramFeedback, RunProgramResult};
 use runtime::action::{Goal, GoalOffer, Outcome};
 use runtime::commands::Answer;
 use runtime::{Handle, NodeError};
@@ -57,7 +55,7 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
     let (sender, finished) = oneshot::channel();
     driver.waiting().runs.insert(id, sender);
     driver.recorder.expect(&offer.id());
-    let reply = begin(driver, paths, id, offer.goal()).await;
+    let reply = begin(driver, paths, id, &offer).await;
     driver.commands.record(
         "run_program",
         RunProgram::TYPE_NAME,
@@ -77,18 +75,26 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
         Ok(_) => match offer.accept() {
             Some(goal) => follow(driver, id, goal, finished).await,
             None => {
-                tracing::error!("the goal was accepted too late; the run is canceled");
+                tracing::error!(
+                    "the goal was canceled or decided on too late; its run is canceled"
+                );
                 let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
             }
         },
     }
 }
 
-async fn begin(driver: &Driver, paths: &Paths, id: u64, goal: &RunProgramGoal) -> Reply {
+async fn begin(driver: &Driver, paths: &Paths, id: u64, offer: &GoalOffer<RunProgram>) -> Reply {
     driver.require_active()?;
+    let (goal, stops) = (offer.goal(), driver.stops());
     let planned = paths.get(&goal.program_id, PATH_WITHIN).await;
     let planned = planned
         .map_err(|message| Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message })?;
+    if offer.is_canceled() {
+        let message = "it was canceled before it began".into();
+        return Err(Refusal { error_code: error_code::CANCELED, message });
+    }
+    driver.is_still_wanted(stops)?;
     let Planned { program_id, revision, path, .. } = planned.clone();
     let request = RunRequest {
         program_id,

@@ -54,7 +54,11 @@ impl Managed for Shell {
     /// Holds, waits until the machine stands, and ends the goal.
     async fn deactivate(&self) -> Step {
         let reply = self.driver.ask(Command::Deactivate, STOP_WITHIN).await;
-        tracing::info!("{}", reply.map_err(Trouble::failure)?);
+        let message = reply.map_err(Trouble::failure)?;
+        match self.driver.state.borrow().motion_possible {
+            true => tracing::warn!("{message}"),
+            false => tracing::info!("{message}"),
+        }
         Ok(())
     }
 

@@ -68,6 +68,7 @@ fn refuse<T>(error_code: u16, message: impl Into<String>) -> Result<T, Refusal> 
 
 async fn execute(driver: &Driver, advisers: &Advisers, request: &ExecuteMdiRequest) -> Reply {
     driver.require_active()?;
+    let stops = driver.stops();
     let state = driver.state_now();
     // The core looks again; this spares the others a block that cannot run.
     if state.mode != Mode::Idle {
@@ -86,6 +87,7 @@ async fn execute(driver: &Driver, advisers: &Advisers, request: &ExecuteMdiReque
     if is_still {
         return Ok(format!("there is nothing to do{message}"));
     }
+    driver.is_still_wanted(stops)?;
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
     let (sender, finished) = oneshot::channel();
     driver.waiting().runs.insert(id, sender);

@@ -14,7 +14,9 @@ use std::time::Duration;
 
 /// How long a result can be asked for after the end, as in rcl.
 const KEEP_RESULT: Duration = Duration::from_secs(15 * 60);
-/// Ended goals that are kept at most; the status message grows by each.
+/// How long a refusal is remembered: longer than any client asks again.
+const KEEP_REFUSAL: Duration = Duration::from_secs(60);
+/// Ended goals, and refused ones, that are kept at most; the status message grows by each.
 const ENDED_MAX: usize = 256;
 
 /// How a goal ended.
@@ -55,8 +57,14 @@ pub(super) struct Goals<R> {
 
 #[derive(Debug)]
 enum State<R> {
-    /// The node has not decided yet.
-    Offered,
+    /// The node has not decided yet; it will not be done when somebody cancels it meanwhile.
+    Offered {
+        is_canceling: bool,
+    },
+    /// It was refused at this time; whoever asks again is told the same.
+    Rejected {
+        at: Duration,
+    },
     Active {
         accepted: RosTime,
         is_canceling: bool,
@@ -78,6 +86,8 @@ pub(super) enum Offer {
     Undecided,
     /// The same request arrived before and was accepted; it is not started twice.
     Accepted(RosTime),
+    /// The same request arrived before and was refused; its client may have been told.
+    Rejected,
 }
 
 /// What a result request is to be answered.
@@ -97,10 +107,11 @@ impl<R: Clone> Goals<R> {
     pub(super) fn offer(&mut self, id: GoalId) -> Offer {
         match self.goals.get(&id) {
             None => {
-                self.goals.insert(id, State::Offered);
+                self.goals.insert(id, State::Offered { is_canceling: false });
                 Offer::New
             }
-            Some(State::Offered) => Offer::Undecided,
+            Some(State::Offered { .. }) => Offer::Undecided,
+            Some(State::Rejected { .. }) => Offer::Rejected,
             Some(State::Active { accepted, .. } | State::Ended { accepted, .. }) => {
                 Offer::Accepted(*accepted)
             }
@@ -111,25 +122,30 @@ impl<R: Clone> Goals<R> {
         self.goals.insert(id, State::Active { accepted, is_canceling: false });
     }
 
-    pub(super) fn reject(&mut self, id: GoalId) {
-        self.goals.remove(&id);
+    pub(super) fn reject(&mut self, id: GoalId, now: Duration) {
+        self.goals.insert(id, State::Rejected { at: now });
+        self.forget(now);
     }
 
     /// When the goal was accepted; `None` while it is not.
     pub(super) fn accepted(&self, id: GoalId) -> Option<RosTime> {
         match self.goals.get(&id)? {
-            State::Offered => None,
+            State::Offered { .. } | State::Rejected { .. } => None,
             State::Active { accepted, .. } | State::Ended { accepted, .. } => Some(*accepted),
         }
     }
 
     /// Whether the node still has to decide on the goal.
     pub(super) fn is_undecided(&self, id: GoalId) -> bool {
-        matches!(self.goals.get(&id), Some(State::Offered))
+        matches!(self.goals.get(&id), Some(State::Offered { .. }))
     }
 
+    /// Whether somebody wants the goal to end, or not to begin.
     pub(super) fn is_canceling(&self, id: GoalId) -> bool {
-        matches!(self.goals.get(&id), Some(State::Active { is_canceling: true, .. }))
+        matches!(
+            self.goals.get(&id),
+            Some(State::Active { is_canceling: true, .. } | State::Offered { is_canceling: true })
+        )
     }
 
     /// Ends a goal; one that has ended keeps its first end.
@@ -144,35 +160,41 @@ impl<R: Clone> Goals<R> {
 
     pub(super) fn answer(&self, id: GoalId) -> Answer<R> {
         match self.goals.get(&id) {
-            None => Answer::Unknown,
-            Some(State::Offered | State::Active { .. }) => Answer::NotYet,
+            None | Some(State::Rejected { .. }) => Answer::Unknown,
+            Some(State::Offered { .. } | State::Active { .. }) => Answer::NotYet,
             Some(State::Ended { outcome, result, .. }) => Answer::Ended(*outcome, result.clone()),
         }
     }
 
     /// Cancels by the rules of `action_msgs/CancelGoal`: the goal with the id,
-    /// and all accepted at the stamp or before; no id and no stamp: all.
+    /// and all accepted at the stamp or before; no id and no stamp: all. A goal that
+    /// is still being decided on is among them, whatever the stamp: it arrived before.
     pub(super) fn cancel(&mut self, request: &GoalInfo) -> CancelGoalResponse {
         let id = GoalId(request.goal_id.uuid);
         let stamp = RosTime::from_parts(request.stamp.sec, request.stamp.nanosec);
         let (has_id, has_stamp) = (id != GoalId::default(), stamp != RosTime::ZERO);
         let mut goals_canceling = Vec::new();
         for (goal, state) in &mut self.goals {
-            let State::Active { accepted, is_canceling } = state else { continue };
+            let (accepted, is_canceling) = match state {
+                State::Active { accepted, is_canceling } => (*accepted, is_canceling),
+                State::Offered { is_canceling } => (RosTime::ZERO, is_canceling),
+                State::Ended { .. } | State::Rejected { .. } => continue,
+            };
             let is_meant = match (has_id, has_stamp) {
                 (false, false) => true,
                 (true, false) => *goal == id,
-                (false, true) => *accepted <= stamp,
-                (true, true) => *goal == id || *accepted <= stamp,
+                (false, true) => accepted <= stamp,
+                (true, true) => *goal == id || accepted <= stamp,
             };
             if is_meant {
                 *is_canceling = true;
-                goals_canceling.push(goal_info(*goal, *accepted));
+                goals_canceling.push(goal_info(*goal, accepted));
             }
         }
         let return_code = match self.goals.get(&id) {
             _ if !goals_canceling.is_empty() => CancelGoalResponse::ERROR_NONE,
             Some(State::Ended { .. }) => CancelGoalResponse::ERROR_GOAL_TERMINATED,
+            Some(State::Rejected { .. }) => CancelGoalResponse::ERROR_UNKNOWN_GOAL_ID,
             Some(_) => CancelGoalResponse::ERROR_REJECTED,
             None if has_id => CancelGoalResponse::ERROR_UNKNOWN_GOAL_ID,
             // "All" of no goals is no error.
@@ -185,7 +207,7 @@ impl<R: Clone> Goals<R> {
     pub(super) fn statuses(&self) -> Vec<GoalStatus> {
         let entry = |(id, state): (&GoalId, &State<R>)| {
             let (accepted, status) = match state {
-                State::Offered => return None,
+                State::Offered { .. } | State::Rejected { .. } => return None,
                 State::Active { accepted, is_canceling: false } => {
                     (accepted, GoalStatus::STATUS_EXECUTING)
                 }
@@ -199,20 +221,25 @@ impl<R: Clone> Goals<R> {
         self.goals.iter().filter_map(entry).collect()
     }
 
-    /// Drops results that are older than [`KEEP_RESULT`] or too many.
+    /// Drops results that are older than [`KEEP_RESULT`] or too many, and refusals.
     fn forget(&mut self, now: Duration) {
-        let too_old = |at: Duration| now.saturating_sub(at) > KEEP_RESULT;
-        self.goals.retain(|_, state| !matches!(state, State::Ended { at, .. } if too_old(*at)));
-        let mut ended: Vec<(Duration, GoalId)> = Vec::new();
+        let (mut ended, mut rejected) = (Vec::new(), Vec::new());
         for (id, state) in &self.goals {
-            if let State::Ended { at, .. } = state {
-                ended.push((*at, *id));
+            match state {
+                State::Ended { at, .. } => ended.push((*at, *id)),
+                State::Rejected { at } => rejected.push((*at, *id)),
+                State::Offered { .. } | State::Active { .. } => {}
             }
         }
-        ended.sort_unstable();
-        let excess = ended.len().saturating_sub(ENDED_MAX);
-        for (_, id) in &ended[..excess] {
-            self.goals.remove(id);
+        for (mut over, keep) in [(ended, KEEP_RESULT), (rejected, KEEP_REFUSAL)] {
+            over.sort_unstable();
+            let excess = over.len().saturating_sub(ENDED_MAX);
+            let is_old = |at: Duration| now.saturating_sub(at) > keep;
+            for (index, (at, id)) in over.into_iter().enumerate() {
+                if index < excess || is_old(at) {
+                    self.goals.remove(&id);
+                }
+            }
         }
     }
 }
@@ -263,13 +290,30 @@ mod tests {
     }
 
     #[test]
-    fn a_rejected_goal_is_unknown_and_may_be_asked_for_again() {
+    fn a_rejected_goal_stays_rejected_however_often_its_request_arrives() {
         let mut goals = Goals::<u32>::new();
         assert_eq!(goals.offer(A), Offer::New);
-        goals.reject(A);
+        goals.reject(A, Duration::ZERO);
         assert_eq!(goals.answer(A), Answer::Unknown);
         assert!(goals.statuses().is_empty());
+        assert_eq!(goals.offer(A), Offer::Rejected);
+        assert_eq!(cancel(&mut goals, A, RosTime::ZERO), (2, vec![]));
+        // Longer than anybody asks again it is not kept.
+        goals.offer(B);
+        goals.reject(B, KEEP_REFUSAL + Duration::from_secs(1));
         assert_eq!(goals.offer(A), Offer::New);
+    }
+
+    #[test]
+    fn a_goal_that_is_canceled_before_it_is_decided_is_known_to_be() {
+        for (id, stamp) in [(A, RosTime::ZERO), (GoalId::default(), RosTime::ZERO), (B, at(1))] {
+            let mut goals = Goals::<u32>::new();
+            goals.offer(A);
+            assert!(!goals.is_canceling(A));
+            assert_eq!(cancel(&mut goals, id, stamp), (0, vec![A]));
+            assert!(goals.is_canceling(A) && goals.is_undecided(A));
+            assert!(goals.statuses().is_empty());
+        }
     }
 
     #[test]
@@ -293,8 +337,6 @@ mod tests {
         assert_eq!(cancel(&mut goals, GoalId([9; 16]), RosTime::ZERO), (2, vec![]));
         goals.end(A, Outcome::Aborted, 0, Duration::ZERO);
         assert_eq!(cancel(&mut goals, A, RosTime::ZERO), (3, vec![]));
-        goals.offer(GoalId([4; 16]));
-        assert_eq!(cancel(&mut goals, GoalId([4; 16]), RosTime::ZERO), (1, vec![]));
         let mut idle = Goals::<u32>::new();
         assert_eq!(cancel(&mut idle, GoalId::default(), RosTime::ZERO), (0, vec![]));
     }

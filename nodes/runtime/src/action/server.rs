@@ -119,7 +119,7 @@ impl Handle {
         })?;
 
         let state = Arc::clone(&shared);
-        self.concurrent_service_of::<GetResult<A>, _, _>(
+        self.waiting_service_of::<GetResult<A>, _, _>(
             &names.get_result.0,
             &names.get_result.1,
             move |request, _| {
@@ -156,10 +156,15 @@ impl<A: Action> GoalOffer<A> {
         self.info
     }
 
+    /// Whether somebody has canceled the goal before it was decided on.
+    pub fn is_canceled(&self) -> bool {
+        self.pending.as_ref().is_some_and(|(shared, _)| shared.goals().is_canceling(self.id))
+    }
+
     /// Takes the goal on: from now on it is executing.
     ///
-    /// `None` when that took too long: the client has been told "rejected"
-    /// meanwhile, and nothing may move.
+    /// `None` when that took too long, or somebody has canceled it meanwhile: the client
+    /// is told "rejected", and nothing may move.
     pub fn accept(mut self) -> Option<Goal<A>>
     where
         A::Result: Default,
@@ -168,6 +173,15 @@ impl<A: Action> GoalOffer<A> {
         let (shared, decision) = self.pending.take().expect("an offer is decided once");
         let now = shared.handle.now();
         let mut goals = shared.goals();
+        if goals.is_canceling(self.id) {
+            goals.reject(self.id, shared.start.elapsed());
+            drop(goals);
+            // Its client may have been told already.
+            let _ = decision.send(None);
+            tracing::warn!("{}: goal {} was canceled before it began", shared.name, self.id);
+            shared.changed();
+            return None;
+        }
         if decision.send(Some(now)).is_err() {
             return None;
         }
@@ -187,7 +201,7 @@ impl<A: Action> GoalOffer<A> {
         if let Some((shared, decision)) = self.pending.take() {
             let mut goals = shared.goals();
             if decision.send(None).is_ok() {
-                goals.reject(self.id);
+                goals.reject(self.id, shared.start.elapsed());
                 drop(goals);
                 tracing::warn!("{}: goal {} is rejected: {reason}", shared.name, self.id);
                 shared.changed();
@@ -284,6 +298,7 @@ impl<A: Action> Shared<A> {
         let offer = self.goals().offer(id);
         match offer {
             Offer::Accepted(stamp) => Some(stamp),
+            Offer::Rejected => None,
             Offer::Undecided => {
                 let mut changes = self.changes.subscribe();
                 while self.goals().is_undecided(id) {
@@ -305,7 +320,7 @@ impl<A: Action> Shared<A> {
                 if let Ok(decided) = decision.try_recv() {
                     return decided;
                 }
-                goals.reject(id);
+                goals.reject(id, self.start.elapsed());
                 drop(goals);
                 tracing::error!("{}: goal {id} is rejected: the node is too busy", self.name);
                 self.changed();
