@@ -69,6 +69,7 @@ mod client_session;
 pub mod commands;
 mod complaints;
 pub mod configuration;
+mod dds_threads;
 mod declared;
 mod diagnostics;
 mod documents;

@@ -95,10 +95,15 @@ impl LiveLevels {
     /// Takes effect with the next message.
     ///
     /// # Errors
-    /// More loggers have a level than are kept.
+    /// The name is too long, or more loggers have a level than are kept.
     pub(crate) fn set(&self, logger: &str, level: Option<LogLevel>) -> Result<(), String> {
         let mut levels = lock(&self.levels);
-        let is_full = levels.loggers.len() >= LOGGERS_MAX || logger.len() > LOGGER_BYTES_MAX;
+        let (is_full, bytes) = (levels.loggers.len() >= LOGGERS_MAX, logger.len());
+        if bytes > LOGGER_BYTES_MAX && level.is_some() {
+            return Err(format!(
+                "the logger's name has {bytes} bytes, and may have {LOGGER_BYTES_MAX}"
+            ));
+        }
         if is_full && level.is_some() && levels.get(logger).is_none() {
             return Err(format!("no more than {LOGGERS_MAX} loggers may have a level"));
         }

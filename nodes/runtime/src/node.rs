@@ -16,7 +16,7 @@ use crate::names::{NameError, Names, Scope};
 use crate::pace::Pace;
 use crate::publisher::{LastWords, Publisher};
 use crate::qos::Qos;
-use crate::service::{Replies, RequestInfo, Server, UNACKNOWLEDGED_MAX};
+use crate::service::{Crowd, Replies, RequestInfo, Server, UNACKNOWLEDGED_MAX};
 use crate::subscription::{Reader, Subscription};
 use crate::time::{Clock, RosTime};
 use crate::wire::{Decoder, Framed, Padded, dds_type, service_topics, service_types};
@@ -56,8 +56,8 @@ pub(crate) struct Inner {
     pub(crate) participant: DomainParticipant,
     /// Makes the writers that ros2-client has no way to make.
     pub(crate) writers: rustdds::Publisher,
-    /// With keys: when endpoints may be made.
-    pub(crate) pace: Option<Pace>,
+    /// When endpoints may be made.
+    pub(crate) pace: Pace,
     pub(crate) graph: Arc<Graph>,
     pub(crate) parameters: Arc<LiveParameters>,
     pub(crate) clock: Arc<Clock>,
@@ -112,8 +112,9 @@ impl Handle {
         qos: Qos,
     ) -> Result<Publisher<T>, NodeError> {
         let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
-        let dds = self.ros_topic(&name, type_name, qos)?;
-        let inner = self.with_node(&name, |node| node.create_publisher::<Padded<T>>(&dds, None))?;
+        let inner = self.ros_endpoint(&name, type_name, qos, |dds| {
+            self.with_node(&name, |node| node.create_publisher::<Padded<T>>(dds, None))
+        })?;
         let last_words = self.inner.last_words.clone();
         Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph), last_words))
     }
@@ -167,7 +168,7 @@ impl Handle {
         F: Fn(S::Request, RequestInfo) -> Fut + Send + 'static,
         Fut: Future<Output = S::Response> + Send + 'static,
     {
-        self.concurrent_service_of::<S, F, Fut>(name, S::TYPE_NAME, handler)
+        self.concurrent_service_of::<S, F, Fut>(name, S::TYPE_NAME, Crowd::Waits, handler)
     }
 
     /// The same for a type whose name is only known at run time.
@@ -175,6 +176,7 @@ impl Handle {
         &self,
         name: &str,
         type_name: &str,
+        crowd: Crowd,
         handler: F,
     ) -> Result<(), NodeError>
     where
@@ -183,24 +185,7 @@ impl Handle {
         Fut: Future<Output = S::Response> + Send + 'static,
     {
         let server = self.server::<S>(name, type_name)?;
-        self.spawn(&format!("service {name}"), server.serve_concurrently(handler));
-        Ok(())
-    }
-
-    /// As [`Self::concurrent_service_of`], for answers that may wait as long as they like.
-    pub(crate) fn waiting_service_of<S, F, Fut>(
-        &self,
-        name: &str,
-        type_name: &str,
-        handler: F,
-    ) -> Result<(), NodeError>
-    where
-        S: Service + 'static,
-        F: Fn(S::Request, RequestInfo) -> Fut + Send + 'static,
-        Fut: Future<Output = S::Response> + Send + 'static,
-    {
-        let server = self.server::<S>(name, type_name)?;
-        self.spawn(&format!("service {name}"), server.serve_waiting(handler));
+        self.spawn(&format!("service {name}"), server.serve_concurrently(crowd, handler));
         Ok(())
     }
 
@@ -272,23 +257,32 @@ impl Handle {
         &self.inner.participant
     }
 
-    /// The DDS topic of an absolute ROS topic.
-    pub(crate) fn ros_topic(
+    /// Makes an endpoint on an absolute ROS topic.
+    pub(crate) fn ros_endpoint<R>(
         &self,
         name: &str,
         type_name: &str,
         qos: Qos,
-    ) -> Result<Topic, NodeError> {
-        self.topic(&format!("rt{name}"), &dds_type(type_name, ""), qos)
+        make: impl FnOnce(&Topic) -> Result<R, NodeError>,
+    ) -> Result<R, NodeError> {
+        self.endpoint(&format!("rt{name}"), &dds_type(type_name, ""), qos, make)
     }
 
-    /// The topic of an endpoint that is about to be made.
-    fn topic(&self, name: &str, dds_type: &str, qos: Qos) -> Result<Topic, NodeError> {
-        self.inner.pace.as_ref().inspect(|pace| pace.wait());
-        self.inner
+    /// Makes an endpoint on a DDS topic, when it is time.
+    fn endpoint<R>(
+        &self,
+        topic: &str,
+        dds_type: &str,
+        qos: Qos,
+        make: impl FnOnce(&Topic) -> Result<R, NodeError>,
+    ) -> Result<R, NodeError> {
+        let _turn = self.inner.pace.turn();
+        let topic = self
+            .inner
             .participant
-            .create_topic(name.to_owned(), dds_type.to_owned(), &qos.policies(), TopicKind::NoKey)
-            .map_err(|error| failed(name, &error))
+            .create_topic(topic.to_owned(), dds_type.to_owned(), &qos.policies(), TopicKind::NoKey)
+            .map_err(|error| failed(topic, &error))?;
+        make(&topic)
     }
 
     fn reader<T: DeserializeOwned + 'static>(
@@ -299,8 +293,9 @@ impl Handle {
         qos: Qos,
         decoder: Decoder<T>,
     ) -> Result<Reader<T>, NodeError> {
-        let topic = self.topic(topic, dds_type, qos)?;
-        let inner = self.with_node(&label, |node| node.create_subscription(&topic, None))?;
+        let inner = self.endpoint(topic, dds_type, qos, |topic| {
+            self.with_node(&label, |node| node.create_subscription(topic, None))
+        })?;
         Ok(Reader::new(label, inner, decoder))
     }
 
@@ -310,11 +305,12 @@ impl Handle {
         dds_type: &str,
         policies: Option<QosPolicies>,
     ) -> Result<DataWriterCdr<Padded<Framed<T>>>, NodeError> {
-        let dds = self.topic(topic, dds_type, Qos::SERVICES)?;
-        self.inner
-            .writers
-            .create_datawriter_no_key_cdr(&dds, policies)
-            .map_err(|error| failed(topic, &error))
+        self.endpoint(topic, dds_type, Qos::SERVICES, |dds| {
+            self.inner
+                .writers
+                .create_datawriter_no_key_cdr(dds, policies)
+                .map_err(|error| failed(topic, &error))
+        })
     }
 
     fn with_node<R>(

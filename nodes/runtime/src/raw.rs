@@ -4,13 +4,14 @@
 //! name its encoding in front, which is what a bag holds.
 
 use crate::names::Scope;
-use crate::node::{Handle, NodeError};
+use crate::node::{Handle, NodeError, failed};
 use crate::publisher::Drops;
 use crate::qos::Qos;
 use crate::subscription::SampleInfo;
 use crate::time::RosTime;
 use crate::wire::{BYTES_MAX, Gid, padding, ros_type};
 use futures::StreamExt;
+use rustdds::dds::CreateError;
 use rustdds::no_key::{DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter};
 use rustdds::no_key::{DeserializedCacheChange, SimpleDataReader};
 use rustdds::policy::{Durability, Reliability};
@@ -106,13 +107,11 @@ impl Handle {
         qos: Qos,
     ) -> Result<RawSubscription, NodeError> {
         let name = self.names().resolve_as(topic, Scope::Topic)?;
-        let dds = self.ros_topic(&name, type_name, qos)?;
-        let failed = |reason: rustdds::dds::CreateError| NodeError::Create {
-            what: name.clone(),
-            reason: reason.to_string(),
-        };
+        let failed = |reason: CreateError| failed(&name, &reason);
         let subscriber = self.participant().create_subscriber(&qos.policies()).map_err(failed)?;
-        let reader = subscriber.create_simple_datareader_no_key(&dds, None).map_err(failed)?;
+        let reader = self.ros_endpoint(&name, type_name, qos, |dds| {
+            subscriber.create_simple_datareader_no_key(dds, None).map_err(failed)
+        })?;
         Ok(RawSubscription { topic: name, reader })
     }
 
@@ -127,13 +126,11 @@ impl Handle {
         qos: Qos,
     ) -> Result<RawPublisher, NodeError> {
         let name = self.names().resolve_as(topic, Scope::Topic)?;
-        let dds = self.ros_topic(&name, type_name, qos)?;
-        let failed = |reason: rustdds::dds::CreateError| NodeError::Create {
-            what: name.clone(),
-            reason: reason.to_string(),
-        };
+        let failed = |reason: CreateError| failed(&name, &reason);
         let publisher = self.participant().create_publisher(&qos.policies()).map_err(failed)?;
-        let writer = publisher.create_datawriter_no_key(&dds, None).map_err(failed)?;
+        let writer = self.ros_endpoint(&name, type_name, qos, |dds| {
+            publisher.create_datawriter_no_key(dds, None).map_err(failed)
+        })?;
         Ok(RawPublisher { writer, drops: Drops::new(name) })
     }
 }

@@ -22,11 +22,20 @@ use ros2_client::MessageInfo;
 use std::collections::VecDeque;
 use std::future::Future;
 use std::sync::Arc;
-use tokio::sync::Semaphore;
 use tokio::task::{AbortHandle, JoinSet};
 
 /// Answers that may be in the making at once for one concurrent service.
 const CONCURRENT_MAX: usize = 256;
+
+/// What becomes of requests when as many answers as may be are in the making.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Crowd {
+    /// They wait until one is made: none takes long.
+    Waits,
+    /// The oldest is given up: it may take as long as it likes, and whoever asks again and
+    /// again shall keep nobody else from an answer.
+    GivesUpOldest,
+}
 
 /// Who asks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,49 +89,32 @@ impl<S: Service + 'static> Server<S> {
     }
 
     /// Answers each request by itself, for ever.
-    pub(crate) async fn serve_concurrently<F, Fut>(mut self, handler: F)
-    where
-        F: Fn(S::Request, RequestInfo) -> Fut,
-        Fut: Future<Output = S::Response> + Send + 'static,
-    {
-        let room = Arc::new(Semaphore::new(CONCURRENT_MAX));
-        let mut making = JoinSet::new();
-        loop {
-            let (request, info) = self.next().await;
-            // The semaphore is never closed.
-            let Ok(permit) = Arc::clone(&room).acquire_owned().await else { return };
-            while making.try_join_next().is_some() {}
-            let (answer, answers) = (handler(request, info), self.answers.clone());
-            making.spawn(async move {
-                let response = answer.await;
-                answers.send(info, response);
-                drop(permit);
-            });
-        }
-    }
-}
-
-impl<S: Service + 'static> Server<S> {
-    /// Answers each request by itself, for ever; of too many that wait the oldest is given
-    /// up, so that who asks again and again keeps nobody else from an answer.
-    pub(crate) async fn serve_waiting<F, Fut>(mut self, handler: F)
+    pub(crate) async fn serve_concurrently<F, Fut>(mut self, crowd: Crowd, handler: F)
     where
         F: Fn(S::Request, RequestInfo) -> Fut,
         Fut: Future<Output = S::Response> + Send + 'static,
     {
         let mut making = JoinSet::new();
-        let mut oldest = VecDeque::new();
+        let mut oldest_first: VecDeque<AbortHandle> = VecDeque::new();
         loop {
             let (request, info) = self.next().await;
             while making.try_join_next().is_some() {}
-            if making.len() >= CONCURRENT_MAX {
-                oldest.retain(|task: &AbortHandle| !task.is_finished());
-                oldest.pop_front().inspect(AbortHandle::abort);
+            match crowd {
+                Crowd::Waits if making.len() >= CONCURRENT_MAX => drop(making.join_next().await),
+                Crowd::GivesUpOldest if oldest_first.len() >= CONCURRENT_MAX => {
+                    // Those that have what they need are not given up.
+                    tokio::task::yield_now().await;
+                    oldest_first.retain(|task| !task.is_finished());
+                    if oldest_first.len() >= CONCURRENT_MAX {
+                        oldest_first.pop_front().inspect(AbortHandle::abort);
+                    }
+                }
+                _ => {}
             }
             let (answer, answers) = (handler(request, info), self.answers.clone());
-            oldest.push_back(making.spawn(async move { answers.send(info, answer.await) }));
-            if oldest.len() > 2 * CONCURRENT_MAX {
-                oldest.retain(|task| !task.is_finished());
+            let task = making.spawn(async move { answers.send(info, answer.await) });
+            if crowd == Crowd::GivesUpOldest {
+                oldest_first.push_back(task);
             }
         }
     }

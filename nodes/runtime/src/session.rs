@@ -5,6 +5,7 @@
 
 use crate::cancel::Shutdown;
 use crate::configuration::Configuration;
+use crate::dds_threads::{DdsThreads, dds_threads};
 use crate::environment::{DiscoveryRange, Environment};
 use crate::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
 use crate::live_parameters::LiveParameters;
@@ -22,7 +23,7 @@ use rustdds::{DomainParticipant, DomainParticipantBuilder};
 use std::net::Ipv4Addr;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A started node, with what must be taken down in order.
 pub struct Session {
@@ -38,15 +39,21 @@ impl Session {
     pub fn start(configuration: Configuration) -> Result<Self, NodeError> {
         let Configuration { names, environment, parameters, logs, enclave, .. } = configuration;
         raise_file_limit();
-        let participant = join(&environment, enclave.as_deref())?;
+        let (participant, threads) = join(&environment, enclave.as_deref())?;
+        let pace = Pace::new(threads, enclave.is_some());
+        // The context and the node have an endpoint each.
+        let turn = pace.turn();
         let context = Context::from_domain_participant(participant.clone())
             .map_err(|error| failed("the ROS context", &error))?;
         let node_name = NodeName::new(names.namespace(), names.node())
             .map_err(|error| failed("the node", &error))?;
+        drop(turn);
+        let turn = pace.turn();
         let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
         let node = context
             .new_node(node_name, options)
             .map_err(|error| failed(&names.fully_qualified(), &error))?;
+        drop(turn);
         let writers = participant
             .create_publisher(&Qos::SERVICES.policies())
             .map_err(|error| failed("the DDS publisher", &error))?;
@@ -58,7 +65,7 @@ impl Session {
             node: Mutex::new(Some(node)),
             participant: participant.clone(),
             writers,
-            pace: enclave.map(|_| Pace::new(Instant::now())),
+            pace,
             graph: Graph::new(),
             parameters: Arc::new(LiveParameters::new(parameters)),
             clock: Arc::default(),
@@ -125,13 +132,17 @@ impl std::fmt::Debug for Session {
     }
 }
 
-/// One participant after the other: what sockets one opens is seen by comparing.
+/// One participant after the other: what sockets and threads one has is seen by comparing.
 static JOINING: Mutex<()> = Mutex::new(());
 
-fn join(environment: &Environment, enclave: Option<&Path>) -> Result<DomainParticipant, NodeError> {
+fn join(
+    environment: &Environment,
+    enclave: Option<&Path>,
+) -> Result<(DomainParticipant, DdsThreads), NodeError> {
     let _alone = lock(&JOINING);
-    let before = open_sockets();
+    let (before, threads_before) = (open_sockets(), dds_threads());
     let participant = build(environment, enclave)?;
+    let threads = DdsThreads::since(&threads_before);
     if environment.range != DiscoveryRange::Subnet {
         match before.and_then(|before| confine_since(&before)) {
             Ok(count) => tracing::debug!("{count} sockets are bound to the loopback interface"),
@@ -147,7 +158,7 @@ fn join(environment: &Environment, enclave: Option<&Path>) -> Result<DomainParti
             }
         }
     }
-    Ok(participant)
+    Ok((participant, threads))
 }
 
 fn build(

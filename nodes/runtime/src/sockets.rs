@@ -7,6 +7,7 @@
 //! loopback interface by the kernel, after which nothing from outside arrives
 //! and nothing leaves.
 
+use rustix::io::Errno;
 use rustix::process::{PidfdFlags, PidfdGetfdFlags, getpid, pidfd_getfd, pidfd_open};
 use socket2::{Domain, SockRef};
 use std::collections::BTreeSet;
@@ -40,7 +41,11 @@ pub(crate) fn confine_since(before: &BTreeSet<(RawFd, String)>) -> io::Result<us
     let mut confined = 0;
     for (number, _) in open_sockets()?.difference(before) {
         // A second number of the same socket: what is set on it, is set on both.
-        let socket = pidfd_getfd(&this, *number, PidfdGetfdFlags::empty())?;
+        let socket = match pidfd_getfd(&this, *number, PidfdGetfdFlags::empty()) {
+            // One of another part of this process, and closed by now.
+            Err(Errno::BADF) => continue,
+            socket => socket?,
+        };
         let socket = SockRef::from(&socket);
         if matches!(socket.domain()?, Domain::IPV4 | Domain::IPV6) {
             socket.bind_device(Some(LOOPBACK))?;

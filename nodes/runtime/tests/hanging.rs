@@ -9,6 +9,7 @@
 //! | the loopback interface carries 12 participants, the 13th is not found | `process::the_thirteenth_node_on_a_computer_says_what_to_do` |
 //! | three files an endpoint: the limit of 1024 is near | `traps::a_node_may_open_more_files_than_a_shell_allows` |
 //! | what was published last is lost when the process ends | `traps::what_a_node_says_last_arrives` |
+//! | an endpoint that is made while others are discovered locks the participant up for ever | `crowd` |
 //! | a killed peer stays in the graph for 50 s | `a_server_that_was_killed_is_told_from_one_that_answers` |
 //! | calls of one client at the same time lose answers | `loopback::eight_calls_at_once_each_get_their_own_answer_in_either_mapping` |
 //! | an action server stands still with two results, answers one client, or none | `actions` |

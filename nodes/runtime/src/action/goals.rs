@@ -16,7 +16,8 @@ use std::time::Duration;
 const KEEP_RESULT: Duration = Duration::from_secs(15 * 60);
 /// How long a refusal is remembered: longer than any client asks again.
 const KEEP_REFUSAL: Duration = Duration::from_secs(60);
-/// Ended goals, and refused ones, that are kept at most; the status message grows by each.
+/// Ended goals, and refused ones, that are kept at most; the status message grows by each that
+/// has ended.
 const ENDED_MAX: usize = 256;
 
 /// How a goal ended.

@@ -14,7 +14,7 @@ use crate::interface::Action;
 use crate::node::{Handle, NodeError};
 use crate::publisher::Publisher;
 use crate::qos::Qos;
-use crate::service::RequestInfo;
+use crate::service::{Crowd, RequestInfo};
 use crate::time::RosTime;
 use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::action_msgs::srv::CancelGoal;
@@ -93,6 +93,7 @@ impl Handle {
         self.concurrent_service_of::<SendGoal<A>, _, _>(
             &names.send_goal.0,
             &names.send_goal.1,
+            Crowd::Waits,
             move |request, info| {
                 let (state, sender) = (Arc::clone(&state), sender.clone());
                 async move {
@@ -119,9 +120,10 @@ impl Handle {
         })?;
 
         let state = Arc::clone(&shared);
-        self.waiting_service_of::<GetResult<A>, _, _>(
+        self.concurrent_service_of::<GetResult<A>, _, _>(
             &names.get_result.0,
             &names.get_result.1,
+            Crowd::GivesUpOldest,
             move |request, _| {
                 let state = Arc::clone(&state);
                 async move { state.result(GoalId(request.goal_id.uuid)).await }
