@@ -7,8 +7,11 @@ use crate::interface::Message;
 use byteorder::{BigEndian, LittleEndian};
 use serde::Serialize;
 
-/// Plain CDR, little-endian.
-const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
+/// The encapsulation of plain CDR, little-endian.
+pub const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
+
+/// Bytes that may be left behind the last field: padding to a multiple of four.
+const PADDING_MAX: usize = 3;
 
 /// Why some bytes are not the message they should be.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -19,6 +22,8 @@ pub enum CdrError {
     Encapsulation { type_name: &'static str, kind: [u8; 2] },
     #[error("{type_name}: {reason}")]
     Body { type_name: &'static str, reason: String },
+    #[error("{type_name}: {count} bytes are left behind the last field: it is of another version")]
+    LeftOver { type_name: &'static str, count: usize },
 }
 
 /// The body, little-endian, without encapsulation.
@@ -45,7 +50,10 @@ pub fn decode<M: Message>(bytes: &[u8]) -> Result<M, CdrError> {
         [0, 0] => cdr_encoding::from_bytes::<M, BigEndian>(body),
         kind => return Err(CdrError::Encapsulation { type_name, kind }),
     };
-    decoded
-        .map(|(message, _)| message)
-        .map_err(|error| CdrError::Body { type_name, reason: error.to_string() })
+    let (message, used) =
+        decoded.map_err(|error| CdrError::Body { type_name, reason: error.to_string() })?;
+    match body.len().saturating_sub(used) {
+        0..=PADDING_MAX => Ok(message),
+        count => Err(CdrError::LeftOver { type_name, count }),
+    }
 }

@@ -13,6 +13,7 @@ use crate::cdr;
 use crate::contour::{ContourEvent, ContourEventKind, ProgrammedContour};
 use crate::convert::path_element_to_wire;
 use crate::path::CompensatedPath;
+use crate::units::point_from_position;
 use crate::wire::cnc_msgs::msg as wire;
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
@@ -120,6 +121,18 @@ impl ContourChunks {
         chunks
     }
 
+    /// What its manifest says of what is in it; whose it is, and how large, is for others.
+    pub fn manifest(&self) -> wire::ProgrammedContour {
+        wire::ProgrammedContour {
+            event_count: self.contour.events.len() as u64,
+            chunk_count: self.count(),
+            sha256: self.sha256.clone(),
+            start: point_from_position(self.contour.start),
+            assumed_axes: self.contour.assumed_axes.bits(),
+            ..wire::ProgrammedContour::default()
+        }
+    }
+
     /// What it is the contour of.
     pub fn program_id(&self) -> &str {
         &self.program_id
@@ -211,6 +224,19 @@ impl PathChunks {
         }
         chunks.sha256 = hex(&hasher.finalize());
         chunks
+    }
+
+    /// What its manifest says of what is in it; whose it is, and how large, is for others.
+    pub fn manifest(&self) -> wire::CompensatedPath {
+        wire::CompensatedPath {
+            element_count: self.path.elements.len() as u64,
+            event_count: self.path.events.len() as u64,
+            chunk_count: self.count(),
+            sha256: self.sha256.clone(),
+            start: point_from_position(self.path.start),
+            assumed_axes: self.path.assumed_axes.bits(),
+            ..wire::CompensatedPath::default()
+        }
     }
 
     /// The path that was cut.

@@ -5,6 +5,10 @@
 use crate::contour::{CutterSide, SpindleMode};
 use crate::geometry::Position;
 
+/// What the reason of a [`MachineState`] begins with while the driver has sent nothing yet of a
+/// run that is to be recorded.
+pub const WAITING_FOR_RECORDER: &str = "WAITING_FOR_RECORDER";
+
 /// What the machine does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub enum Mode {

@@ -8,10 +8,14 @@
 //! [`Profile::check`] does.
 
 mod check;
+mod radius;
+mod selection;
 
 pub use check::ProfileFault;
+pub use radius::*;
+pub use selection::*;
 
-use crate::contour::{Approach, OutsideCorner};
+use crate::contour::OutsideCorner;
 use crate::diagnostic::Severity;
 use crate::geometry::{AxisSet, Plane};
 use serde::{Deserialize, Serialize};
@@ -135,101 +139,6 @@ pub enum Dialect {
     Nct,
 }
 
-/// Where the radius comes from and when it may change.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RadiusRules {
-    /// What D, P or their absence mean (C3); strictness: a program that names none.
-    pub source: Rule<RadiusKind>,
-    /// Whether the value in force is a radius or a width (A03).
-    #[serde(default)]
-    pub value_is: RadiusValue,
-    /// A negative resolved radius (C4).
-    pub negative: Rule<NegativeRadius>,
-    /// When the program may change it (C15).
-    pub change: Rule<RadiusChange>,
-    /// What the block that changes it does (S43).
-    #[serde(default)]
-    pub change_at: ChangeAt,
-    /// Blocks that still run with the old value after one that changes the value
-    /// of the offset in force (S47).
-    #[serde(default)]
-    pub value_latency_blocks: u32,
-    /// What a running program does when `set_tool` changes its offset (S46, S48).
-    #[serde(default)]
-    pub live_value: LiveValue,
-}
-
-/// What a control calls the radius.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RadiusKind {
-    /// D is a tool number; without D the tool in the spindle.
-    ToolNumber,
-    /// D is an offset register.
-    DRegister,
-    /// The tool in the spindle, (diameter + wear)/2, and P added.
-    SpindleToolPlusP,
-    /// A value that the program sets (`G43 P`), else that of the tool in the spindle.
-    ProgramValue,
-    /// The nose radius that the T word names.
-    NoseRegister,
-}
-
-/// What the number that a program or register holds is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RadiusValue {
-    #[default]
-    Radius,
-    /// Of a kerf: the offset is half of it.
-    Width,
-}
-
-/// What a negative radius does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum NegativeRadius {
-    /// The tool runs on the other side.
-    Flip,
-    /// There is none.
-    Forbidden,
-}
-
-/// When a program may change the radius.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RadiusChange {
-    /// In any block.
-    Anywhere,
-    /// In straight blocks (S44).
-    StraightBlocks,
-    /// Only while compensation is off (A14).
-    WhenOff,
-}
-
-/// Where a block that changes the radius begins.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ChangeAt {
-    /// At the intersection with the old radius; it ends at that with the new one.
-    #[default]
-    Intersection,
-    /// Perpendicular to the end of the block before, with the old radius (SINUMERIK 880).
-    Perpendicular,
-}
-
-/// Which value of an offset a running program uses.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LiveValue {
-    /// The one it started with.
-    #[default]
-    AtStart,
-    /// The new one from the next corner on, when it is set while the machine holds (S48).
-    WhenStopped,
-}
-
 /// What happens at outside corners (C6).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -250,155 +159,6 @@ pub struct CornerRules {
     /// only what is above 360 degrees is run.
     #[serde(default)]
     pub arc_over_360: Strictness,
-}
-
-/// How compensation begins.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SelectRules {
-    /// Where the lead-on ends (C11).
-    pub target: SelectTarget,
-    /// What each G word of the control selects: `G455: corner`.
-    #[serde(default)]
-    pub words: BTreeMap<String, Approach>,
-    /// Start behind the contour without such a word.
-    pub default: Approach,
-    /// What the length of the lead-on must be, compared with the radius (C10).
-    pub length: Rule<LeadLength>,
-    /// A lead-on that is an arc; unless it is refused, it is run as a straight line.
-    #[serde(default)]
-    pub arc_lead: Strictness,
-    /// A selection that no move in the plane follows (A16).
-    #[serde(default = "warn")]
-    pub if_no_move: Strictness,
-}
-
-const fn warn() -> Strictness {
-    Strictness::Warn
-}
-
-/// Where a lead-on ends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SelectTarget {
-    /// Perpendicular to the start of the next element.
-    NormalNext,
-    /// Perpendicular to the end of the entry move, joined to the next element as a corner.
-    NormalEntry,
-}
-
-/// What a lead must be long.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LeadLength {
-    /// Anything, even zero.
-    Any,
-    /// Strictly longer than the radius.
-    LongerThanRadius,
-}
-
-/// How compensation ends (C14).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CancelRules {
-    /// End behind the contour without a word that says so.
-    pub default: Approach,
-    /// The axes that the first move after the cancel must name.
-    pub axes: Rule<CancelAxes>,
-    /// What the length of the lead-off must be, compared with the radius.
-    pub length: Rule<LeadLength>,
-    /// A lead-off that is an arc; unless it is refused, it is run as a straight line.
-    #[serde(default)]
-    pub arc_lead: Strictness,
-    /// A cancel that no move in the plane follows: compensation stays on (A21).
-    #[serde(default)]
-    pub if_no_move: Strictness,
-    /// Compensation that is still active at the end of the program.
-    pub missing: Strictness,
-    /// Where the cancel must stand before the end of the program (S32).
-    #[serde(default = "anywhere")]
-    pub before_end: Rule<CancelBeforeEnd>,
-    /// Whether a move in the plane must come between the cancel and a move out of it (M13).
-    pub before_off_plane: Rule<OffPlaneAfterCancel>,
-}
-
-const fn anywhere() -> Rule<CancelBeforeEnd> {
-    Rule { rule: CancelBeforeEnd::Anywhere, strictness: Strictness::Error }
-}
-
-/// The axes of the plane that the lead-off names.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CancelAxes {
-    /// One is enough.
-    Any,
-    Both,
-}
-
-/// Where the cancel must stand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CancelBeforeEnd {
-    /// Anywhere with a move.
-    Anywhere,
-    /// In a block with a move before the block that ends the program.
-    OwnBlock,
-}
-
-/// What may come right after the cancel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum OffPlaneAfterCancel {
-    Allowed,
-    /// The lead-off comes first.
-    LeadOffFirst,
-}
-
-/// A change of side while compensation is active.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SideChangeRules {
-    pub rule: SideChange,
-    /// A change that there is none of, or where the offsets do not meet.
-    #[serde(default)]
-    pub strictness: Strictness,
-    /// The control's alarm where the offsets do not meet.
-    #[serde(default)]
-    pub alarm: Option<String>,
-}
-
-/// What a change of side does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SideChange {
-    /// The old contour ends and the new one begins as the words say, straight
-    /// without one (S39).
-    Relink,
-    /// At the intersection of both offsets (O02), no move between.
-    Intersection,
-    /// There is none.
-    Forbidden,
-}
-
-/// What G41 does while G41 is active.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Reselect {
-    /// Nothing, unless a word of the approach stands beside it (S35 to S37).
-    Ignore,
-    Forbidden,
-}
-
-/// What D0 does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ZeroOffset {
-    /// The control has no D, or D0 is a number like any other.
-    None,
-    /// It cancels (S22, S29).
-    Deselect,
-    /// The offset goes to zero and the side stays selected (N05, N06).
-    Suspend,
 }
 
 /// What a rapid under compensation does.

@@ -1,0 +1,156 @@
+//! How compensation is selected, canceled, and turned to the other side.
+
+use super::Rule;
+use super::Strictness;
+use crate::contour::Approach;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// How compensation begins.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SelectRules {
+    /// Where the lead-on ends (C11).
+    pub target: SelectTarget,
+    /// What each G word of the control selects: `G455: corner`.
+    #[serde(default)]
+    pub words: BTreeMap<String, Approach>,
+    /// Start behind the contour without such a word.
+    pub default: Approach,
+    /// What the length of the lead-on must be, compared with the radius (C10).
+    pub length: Rule<LeadLength>,
+    /// A lead-on that is an arc; unless it is refused, it is run as a straight line.
+    #[serde(default)]
+    pub arc_lead: Strictness,
+    /// A selection that no move in the plane follows (A16).
+    #[serde(default = "warn")]
+    pub if_no_move: Strictness,
+}
+
+const fn warn() -> Strictness {
+    Strictness::Warn
+}
+
+/// Where a lead-on ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SelectTarget {
+    /// Perpendicular to the start of the next element.
+    NormalNext,
+    /// Perpendicular to the end of the entry move, joined to the next element as a corner.
+    NormalEntry,
+}
+
+/// What a lead must be long.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LeadLength {
+    /// Anything, even zero.
+    Any,
+    /// Strictly longer than the radius.
+    LongerThanRadius,
+}
+
+/// How compensation ends (C14).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CancelRules {
+    /// End behind the contour without a word that says so.
+    pub default: Approach,
+    /// The axes that the first move after the cancel must name.
+    pub axes: Rule<CancelAxes>,
+    /// What the length of the lead-off must be, compared with the radius.
+    pub length: Rule<LeadLength>,
+    /// A lead-off that is an arc; unless it is refused, it is run as a straight line.
+    #[serde(default)]
+    pub arc_lead: Strictness,
+    /// A cancel that no move in the plane follows: compensation stays on (A21).
+    #[serde(default)]
+    pub if_no_move: Strictness,
+    /// Compensation that is still active at the end of the program.
+    pub missing: Strictness,
+    /// Where the cancel must stand before the end of the program (S32).
+    #[serde(default = "anywhere")]
+    pub before_end: Rule<CancelBeforeEnd>,
+    /// Whether a move in the plane must come between the cancel and a move out of it (M13).
+    pub before_off_plane: Rule<OffPlaneAfterCancel>,
+}
+
+const fn anywhere() -> Rule<CancelBeforeEnd> {
+    Rule { rule: CancelBeforeEnd::Anywhere, strictness: Strictness::Error }
+}
+
+/// The axes of the plane that the lead-off names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CancelAxes {
+    /// One is enough.
+    Any,
+    Both,
+}
+
+/// Where the cancel must stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CancelBeforeEnd {
+    /// Anywhere with a move.
+    Anywhere,
+    /// In a block with a move before the block that ends the program.
+    OwnBlock,
+}
+
+/// What may come right after the cancel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OffPlaneAfterCancel {
+    Allowed,
+    /// The lead-off comes first.
+    LeadOffFirst,
+}
+
+/// A change of side while compensation is active.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SideChangeRules {
+    pub rule: SideChange,
+    /// A change that there is none of, or where the offsets do not meet.
+    #[serde(default)]
+    pub strictness: Strictness,
+    /// The control's alarm where the offsets do not meet.
+    #[serde(default)]
+    pub alarm: Option<String>,
+}
+
+/// What a change of side does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SideChange {
+    /// The old contour ends and the new one begins as the words say, straight
+    /// without one (S39).
+    Relink,
+    /// At the intersection of both offsets (O02), no move between.
+    Intersection,
+    /// There is none.
+    Forbidden,
+}
+
+/// What G41 does while G41 is active.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reselect {
+    /// Nothing, unless a word of the approach stands beside it (S35 to S37).
+    Ignore,
+    Forbidden,
+}
+
+/// What D0 does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ZeroOffset {
+    /// The control has no D, or D0 is a number like any other.
+    None,
+    /// It cancels (S22, S29).
+    Deselect,
+    /// The offset goes to zero and the side stays selected (N05, N06).
+    Suspend,
+}
