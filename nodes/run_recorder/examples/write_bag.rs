@@ -2,15 +2,18 @@
 //!
 //! `cargo run -p run_recorder --example write_bag -- DIR [COUNT]` makes
 //! `DIR/oracle` with COUNT messages (default 1000) on two topics and a silent
-//! third; with COUNT, it also tells how fast that went.
+//! third, and `DIR/oracle_split` with the same in several files; with COUNT, it
+//! also tells how fast that went.
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use run_recorder::bag_writer::{BagAttachment, ChannelSpec};
 use run_recorder::qos::QosProfile;
-use run_recorder::run_bag::{RunBag, RunBagError, RunBagOptions};
+use run_recorder::run_bag::{RunBag, RunBagError, RunBagOptions, SplitLimits};
 
+/// A thousand messages are some files of this many bytes.
+const SPLIT_SIZE: u64 = 30_000;
 const POINT_TEXT: &str = "\
 std_msgs/Header header
 geometry_msgs/Point point
@@ -40,7 +43,10 @@ fn main() -> ExitCode {
         Some(Ok(count)) => count,
         Some(Err(_)) => return tell("COUNT is not a number"),
     };
-    match write(&directory, count) {
+    let split = SplitLimits { size: SPLIT_SIZE, ..SplitLimits::default() };
+    let written = write(&directory, "oracle", SplitLimits::default(), count)
+        .and_then(|first| Ok(first & write(&directory, "oracle_split", split, count)?));
+    match written {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => tell(&error.to_string()),
@@ -54,8 +60,9 @@ fn tell(text: &str) -> ExitCode {
 }
 
 #[expect(clippy::print_stdout, reason = "an example talks to its user")]
-fn write(directory: &str, count: u64) -> Result<bool, RunBagError> {
-    let mut options = RunBagOptions::new(directory, "oracle");
+fn write(directory: &str, name: &str, split: SplitLimits, count: u64) -> Result<bool, RunBagError> {
+    let mut options = RunBagOptions::new(directory, name);
+    options.split = split;
     options.run.insert("run_id".into(), "oracle".into());
     let bag = RunBag::create(options)?;
     let channel = |topic: &str, type_name: &str, text: &str, qos| ChannelSpec {

@@ -14,7 +14,9 @@ use mcap::records::{Record, op};
 
 use crate::bag_problem::{BagError, Problem};
 use crate::bag_reader::{Bag, BagChannel, BagSource};
-use crate::records::{FRAME, RECORD_SIZE_MAX, parse_body, visit_chunk, visit_plain};
+use crate::records::{
+    CHUNK_HEAD, ChunkHead, FRAME, Frame, RECORD_SIZE_MAX, parse_body, visit_chunk, visit_plain,
+};
 use crate::scan::{Stretch, StretchKind, read_bytes};
 
 /// Message bytes held at once before order gives way.
@@ -248,8 +250,35 @@ pub(crate) fn visit_stretch<R: Read + Seek>(
         .and_then(|_| read_bytes(reader, stretch.length))
         .map_err(|cause| BagError::Io { file: name.clone(), cause })?;
     let visited = match stretch.kind {
-        StretchKind::Chunk => visit_chunk(&bytes[FRAME..], visit),
+        StretchKind::Chunk => visit_indexed_chunk(&bytes, stretch, visit),
         StretchKind::Loose { .. } => visit_plain(&bytes, visit),
     };
     Ok(visited.err().map(damaged))
+}
+
+/// Reads a chunk where the index said that there is one.
+fn visit_indexed_chunk(
+    bytes: &[u8],
+    stretch: Stretch,
+    visit: impl FnMut(u8, &[u8], usize),
+) -> Result<(), String> {
+    let is_there = bytes.split_first_chunk::<FRAME>().is_some_and(|(head, body)| {
+        let frame = Frame::parse(head);
+        frame.opcode == op::CHUNK && frame.length == body.len() as u64
+    });
+    if !is_there {
+        return Err("the index names a chunk where there is none of that length".to_owned());
+    }
+    let body = &bytes[FRAME..];
+    if let Some((head, _)) = body.split_first_chunk::<CHUNK_HEAD>() {
+        let ChunkHead { start_ns, end_ns } = ChunkHead::parse(head);
+        if (start_ns, end_ns) != (stretch.start_ns, stretch.end_ns) {
+            return Err(format!(
+                "the index says that it is from {} ns to {} ns, and the chunk, from {start_ns} \
+                 ns to {end_ns} ns",
+                stretch.start_ns, stretch.end_ns
+            ));
+        }
+    }
+    visit_chunk(body, visit)
 }

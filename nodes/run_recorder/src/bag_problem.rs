@@ -15,9 +15,7 @@ pub enum BagError {
     EmptyDirectory { directory: String },
     #[error("{directory}/metadata.yaml names {file}, which is not there")]
     MissingFile { directory: String, file: String },
-    #[error(
-        "{directory}/metadata.yaml cannot be read: {why}; move it away to read the .mcap alone"
-    )]
+    #[error("{directory}/metadata.yaml cannot be read, and no .mcap file is beside it: {why}")]
     Metadata { directory: String, why: String },
     #[error("{file} is empty (0 bytes); the recorder died before it wrote anything")]
     ZeroLength { file: String },
@@ -36,6 +34,18 @@ pub enum BagError {
 pub enum Problem {
     #[error("there is no metadata.yaml: the recorder did not finish")]
     NoMetadataFile,
+    #[error("{directory}/metadata.yaml cannot be read, so all files beside it are: {why}")]
+    MetadataFile { directory: String, why: String },
+    #[error("{directory}/metadata.yaml names {file}, which is not there")]
+    FileMissing { directory: String, file: String },
+    #[error("{directory}/metadata.yaml does not name {file}, which is read all the same")]
+    FileNotListed { directory: String, file: String },
+    #[error("a file of the bag is left out: {why}")]
+    FileUnreadable { why: String },
+    #[error("{file} is part {part} of a bag, where part {expected} should come; it is not here")]
+    PartMissing { file: String, part: u64, expected: u64 },
+    #[error("{file} is part {part} of a bag, and not the last; what came after it is not here")]
+    LastPartMissing { file: String, part: u64 },
     #[error(
         "{file} ends at byte {length} without a footer; its last whole record ends at byte {at}"
     )]
@@ -64,4 +74,29 @@ pub enum Problem {
     OrderNotKept { log_time_ns: u64 },
     #[error("the recorder says that it is not complete: {reason}")]
     RecorderSays { reason: String },
+}
+
+impl Problem {
+    /// Whether the files are not what was written; else what was written is not all there was.
+    pub fn is_damage(&self) -> bool {
+        match self {
+            Self::MetadataFile { .. }
+            | Self::FileMissing { .. }
+            | Self::FileUnreadable { .. }
+            | Self::PartMissing { .. }
+            | Self::LastPartMissing { .. }
+            | Self::Truncated { .. }
+            | Self::CutRecord { .. }
+            | Self::DamagedChunk { .. }
+            | Self::DamagedRecord { .. }
+            | Self::UnknownChannel { .. }
+            | Self::AfterFooter { .. }
+            | Self::MessagesMissing { .. } => true,
+            Self::NoMetadataFile
+            | Self::FileNotListed { .. }
+            | Self::SchemaMissing { .. }
+            | Self::OrderNotKept { .. }
+            | Self::RecorderSays { .. } => false,
+        }
+    }
 }

@@ -10,21 +10,26 @@ use std::sync::Arc;
 
 use mcap::records::{Record, op};
 
+use crate::bag_messages::visit_stretch;
 pub use crate::bag_messages::{BagMessage, MessageFilter, Messages, WINDOW_BYTES};
 pub use crate::bag_problem::{BagError, Problem};
 use crate::bag_writer::{QOS_KEY, TYPE_HASH_KEY};
+use crate::joined::{PartsRead, scan_all};
 use crate::metadata::{BagSummary, TopicSummary};
 use crate::outline::Outline;
 use crate::qos::{QosProfile, profiles_from_yaml};
 pub use crate::records::RECORD_SIZE_MAX;
 use crate::records::{FRAME, parse_body};
-use crate::scan::{AttachmentPlace, Stretch, read_bytes, scan};
+use crate::scan::{AttachmentPlace, Stretch, read_bytes};
 use crate::schema::{MessageSchema, SchemaError};
 
 /// The metadata record a run begins with.
 pub const RUN_RECORD: &str = "cnc_run";
 /// The metadata record a run ends with: `complete` and `reasons`.
 pub const RESULT_RECORD: &str = "cnc_run_result";
+/// The reason of a bag whose recorder came in mid-run; the inputs and the serial traffic of
+/// before are there unless others are given.
+pub const LATE: &str = "recorded only from here on: the run was under way before";
 
 /// One file of a bag.
 #[derive(Debug)]
@@ -118,10 +123,13 @@ impl<R: Read + Seek> Bag<R> {
         Self::from_sources(vec![BagSource { name: name.to_owned(), reader }])
     }
 
-    /// Opens a bag of several files, in their order. All must be readable at least in part.
+    /// Opens a bag of several files, in their order.
+    ///
+    /// A file of which nothing can be read is left out, and told of; if it is so with
+    /// all of them, that is an error. What a part repeats of those before it is left out.
     pub fn from_sources(mut sources: Vec<BagSource<R>>) -> Result<Self, BagError> {
         let mut outline = Outline::default();
-        let mut is_finished = true;
+        let mut is_finished = !sources.is_empty();
         let mut is_outlined = true;
         let mut time_range_ns = None;
         let mut stretches = Vec::new();
@@ -129,12 +137,18 @@ impl<R: Read + Seek> Bag<R> {
         let mut metadata = Vec::new();
         let mut problems = Vec::new();
         let mut library = String::new();
-        for (index, source) in sources.iter_mut().enumerate() {
-            let found = scan(&source.name, &mut source.reader)?;
-            library = found.library;
+        let mut repeated = Vec::new();
+        let mut parts = PartsRead::default();
+        for (index, mut found) in scan_all(&mut sources, &mut problems)? {
+            library = std::mem::take(&mut found.library);
             is_finished &= found.is_finished;
+            parts.take(&sources[index].name, &found, &mut problems);
+            let is_repeated = |place: usize| parts.has_earlier && found.repeated.contains(&place);
+            for (place, stretch) in found.stretches.iter().enumerate() {
+                let list = if is_repeated(place) { &mut repeated } else { &mut stretches };
+                list.push((index, *stretch));
+            }
             problems.extend(found.problems);
-            stretches.extend(found.stretches.into_iter().map(|stretch| (index, stretch)));
             metadata.extend(
                 found
                     .metadata
@@ -168,6 +182,7 @@ impl<R: Read + Seek> Bag<R> {
                 _ => is_outlined = false,
             }
         }
+        parts.end(&mut problems);
         let mut bag = Self {
             sources,
             stretches,
@@ -180,7 +195,9 @@ impl<R: Read + Seek> Bag<R> {
             library,
             is_finished,
         };
-        if !is_outlined {
+        if is_outlined {
+            bag.take_back(&repeated, &mut outline)?;
+        } else {
             bag.read_once(&mut outline)?;
         }
         bag.take_outline(outline);
@@ -281,7 +298,7 @@ impl<R: Read + Seek> Bag<R> {
             message?;
             found += 1;
         }
-        if found < promised {
+        if found != promised {
             self.add_problem(Problem::MessagesMissing { promised, found });
         }
         Ok(())
@@ -294,22 +311,41 @@ impl<R: Read + Seek> Bag<R> {
         for index in 0..self.stretches.len() {
             let (source, _) = self.stretches[index];
             let time_range_ns = &mut self.time_range_ns;
-            let visited = crate::bag_messages::visit_stretch(
-                &mut self.sources,
-                self.stretches[index],
-                |opcode, body, _| match parse_body(opcode, body) {
-                    Ok(Record::Schema { header, data }) => {
-                        outline.schema(source, header, data.into_owned());
+            let visited =
+                visit_stretch(&mut self.sources, self.stretches[index], |opcode, body, _| {
+                    match parse_body(opcode, body) {
+                        Ok(Record::Schema { header, data }) => {
+                            outline.schema(source, header, data.into_owned());
+                        }
+                        Ok(Record::Channel(channel)) => outline.channel(source, channel),
+                        Ok(Record::Message { header, .. })
+                            if outline.count(source, header.channel_id) =>
+                        {
+                            widen(time_range_ns, header.log_time);
+                        }
+                        _ => {}
                     }
-                    Ok(Record::Channel(channel)) => outline.channel(source, channel),
-                    Ok(Record::Message { header, .. })
-                        if outline.count(source, header.channel_id) =>
-                    {
-                        widen(time_range_ns, header.log_time);
-                    }
-                    _ => {}
-                },
-            )?;
+                })?;
+            if let Some(problem) = visited {
+                self.add_problem(problem);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes what parts repeat off the counts of their files.
+    fn take_back(
+        &mut self,
+        repeated: &[(usize, Stretch)],
+        outline: &mut Outline,
+    ) -> Result<(), BagError> {
+        for &(source, stretch) in repeated {
+            let place = (source, stretch);
+            let visited = visit_stretch(&mut self.sources, place, |opcode, body, _| {
+                if let Ok(Record::Message { header, .. }) = parse_body(opcode, body) {
+                    outline.uncount(source, header.channel_id);
+                }
+            })?;
             if let Some(problem) = visited {
                 self.add_problem(problem);
             }

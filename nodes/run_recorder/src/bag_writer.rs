@@ -20,6 +20,8 @@ use crate::schema::{MessageSchema, SchemaError};
 pub const CHUNK_SIZE: u64 = 768 * 1024;
 /// The profile that ROS 2 readers insist on.
 pub const PROFILE: &str = "ros2";
+/// The first word of [`LIBRARY`], of every version.
+pub const PRODUCT: &str = env!("CARGO_PKG_NAME");
 /// The library named in the file's header.
 pub const LIBRARY: &str = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"));
 /// Key of a channel's QoS profiles.
@@ -109,15 +111,11 @@ pub struct BagWriter<W: Write> {
     topics: BTreeSet<String>,
     schemas: BTreeMap<String, (u16, String)>,
     time_range_ns: Option<(u64, u64)>,
-    message_count: u64,
 }
 
 impl<W: Write> std::fmt::Debug for BagWriter<W> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("BagWriter")
-            .field("channels", &self.channels.len())
-            .field("message_count", &self.message_count)
-            .finish_non_exhaustive()
+        f.debug_struct("BagWriter").field("channels", &self.channels.len()).finish_non_exhaustive()
     }
 }
 
@@ -139,8 +137,22 @@ impl<W: Write> BagWriter<W> {
             topics: BTreeSet::new(),
             schemas: BTreeMap::new(),
             time_range_ns: None,
-            message_count: 0,
         })
+    }
+
+    /// Begins another file of the same bag: it has the same channels, whose sequence
+    /// numbers go on, and no messages yet.
+    pub fn next_part(&self, sink: W) -> Result<Self, BagWriteError> {
+        let mut next = Self::new(sink)?;
+        for state in &self.channels {
+            let TopicSummary { topic, type_name, type_hash, qos, .. } = state.summary.clone();
+            let schema_text = self.schemas[&type_name].1.clone();
+            next.add_channel(&ChannelSpec { topic, type_name, schema_text, type_hash, qos })?;
+        }
+        for (before, after) in self.channels.iter().zip(&mut next.channels) {
+            after.next_sequence = before.next_sequence;
+        }
+        Ok(next)
     }
 
     /// Adds a topic. Its definition is checked: a bag that nobody can decode helps nobody.
@@ -182,29 +194,12 @@ impl<W: Write> BagWriter<W> {
         publish_time_ns: u64,
         data: &[u8],
     ) -> Result<(), BagWriteError> {
-        let state = self
-            .channels
-            .get_mut(usize::from(channel.0))
-            .ok_or(BagWriteError::Channel(channel.0))?;
-        let header = MessageHeader {
-            channel_id: state.id,
-            sequence: state.next_sequence,
-            log_time: log_time_ns,
-            publish_time: publish_time_ns,
-        };
-        self.inner
-            .as_mut()
-            .expect("a finished writer is consumed")
-            .write_to_known_channel(&header, data)?;
-        state.next_sequence = state.next_sequence.wrapping_add(1);
-        state.summary.message_count += 1;
-        self.message_count += 1;
-        let (start, end) = self.time_range_ns.unwrap_or((log_time_ns, log_time_ns));
-        self.time_range_ns = Some((start.min(log_time_ns), end.max(log_time_ns)));
-        Ok(())
+        let sequence = self.state(channel)?.next_sequence;
+        self.write_with_sequence(channel, sequence, log_time_ns, publish_time_ns, data)
     }
 
-    /// Writes one message with the sequence number it had, for copies of bags.
+    /// Writes one message with the sequence number it had, for copies of bags; the next one
+    /// of its channel follows it.
     pub fn write_with_sequence(
         &mut self,
         channel: ChannelIndex,
@@ -213,18 +208,42 @@ impl<W: Write> BagWriter<W> {
         publish_time_ns: u64,
         data: &[u8],
     ) -> Result<(), BagWriteError> {
-        if let Some(state) = self.channels.get_mut(usize::from(channel.0)) {
-            state.next_sequence = sequence;
-        }
-        self.write(channel, log_time_ns, publish_time_ns, data)
+        self.repeat(channel, sequence, log_time_ns, publish_time_ns, data)?;
+        self.state(channel)?.next_sequence = sequence.wrapping_add(1);
+        Ok(())
+    }
+
+    /// Tells a message of an earlier file again, with the sequence number it had there; the
+    /// channel goes on where it was.
+    pub fn repeat(
+        &mut self,
+        channel: ChannelIndex,
+        sequence: u32,
+        log_time_ns: u64,
+        publish_time_ns: u64,
+        data: &[u8],
+    ) -> Result<(), BagWriteError> {
+        let header = MessageHeader {
+            channel_id: self.state(channel)?.id,
+            sequence,
+            log_time: log_time_ns,
+            publish_time: publish_time_ns,
+        };
+        self.inner().write_to_known_channel(&header, data)?;
+        self.state(channel)?.summary.message_count += 1;
+        let (start, end) = self.time_range_ns.unwrap_or((log_time_ns, log_time_ns));
+        self.time_range_ns = Some((start.min(log_time_ns), end.max(log_time_ns)));
+        Ok(())
+    }
+
+    /// The number that the next message of a channel gets.
+    pub fn next_sequence(&self, channel: ChannelIndex) -> u32 {
+        self.channels.get(usize::from(channel.0)).map_or(0, |state| state.next_sequence)
     }
 
     /// Leaves a gap of `count` in a channel's sequence numbers, for messages known to be lost.
     pub fn skip(&mut self, channel: ChannelIndex, count: u32) -> Result<(), BagWriteError> {
-        let state = self
-            .channels
-            .get_mut(usize::from(channel.0))
-            .ok_or(BagWriteError::Channel(channel.0))?;
+        let state = self.state(channel)?;
         state.next_sequence = state.next_sequence.wrapping_add(count);
         Ok(())
     }
@@ -259,16 +278,12 @@ impl<W: Write> BagWriter<W> {
 
     /// What was written so far.
     pub fn summary(&self) -> BagSummary {
+        let topics: Vec<_> = self.channels.iter().map(|c| c.summary.clone()).collect();
         BagSummary {
-            topics: self.channels.iter().map(|c| c.summary.clone()).collect(),
-            message_count: self.message_count,
+            message_count: topics.iter().map(|topic| topic.message_count).sum(),
+            topics,
             time_range_ns: self.time_range_ns,
         }
-    }
-
-    /// Messages written so far.
-    pub fn message_count(&self) -> u64 {
-        self.message_count
     }
 
     /// Writes the closing `rosbag2` record, the index and the footer, and hands the sink back.
@@ -293,14 +308,13 @@ impl<W: Write> BagWriter<W> {
         Ok((sink, summary))
     }
 
-    /// Gives the sink back without closing the bag, as if the process had died.
-    pub fn abandon(mut self) -> W {
-        let inner = self.inner.take().expect("a finished writer is consumed");
-        inner.into_inner().into_inner()
-    }
-
     fn inner(&mut self) -> &mut mcap::Writer<NoSeek<W>> {
         self.inner.as_mut().expect("a finished writer is consumed")
+    }
+
+    fn state(&mut self, channel: ChannelIndex) -> Result<&mut ChannelState, BagWriteError> {
+        let state = self.channels.get_mut(usize::from(channel.0));
+        state.ok_or(BagWriteError::Channel(channel.0))
     }
 
     fn schema_id(&mut self, spec: &ChannelSpec) -> Result<u16, BagWriteError> {

@@ -4,23 +4,32 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, BufReader, BufWriter, Write};
+use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::bag_reader::{Bag, BagError, BagSource, Problem};
+use crate::bag_reader::{Bag, BagError, BagSource, Problem, RUN_RECORD};
+use crate::bag_writer::BagWriteError;
+use crate::compressed::{is_compressed, unpack};
 use crate::metadata::{file_names, metadata_yaml};
-use crate::recover::{RecoverError, Recovered, recover};
+use crate::parts::PartFile;
+use crate::recover::{RECOVERED_FROM, RecoverError, Recovered, Selection, TRIMMED_FROM, recover};
+use crate::split::part_file_name;
 
 /// A bag opened from files.
 pub type FileBag = Bag<BufReader<File>>;
 
-const METADATA_FILE: &str = "metadata.yaml";
+pub(crate) const METADATA_FILE: &str = "metadata.yaml";
+/// What it is called until it is whole.
+pub(crate) const METADATA_TEMPORARY: &str = "metadata.yaml.tmp";
+/// A metadata.yaml that is larger is none.
+const METADATA_SIZE_MAX: u64 = 16 * 1024 * 1024;
 const READ_BUFFER: usize = 256 * 1024;
 
 /// Opens a bag directory or a bare `.mcap` file, finished or not.
 ///
-/// Without metadata.yaml all `.mcap` files of the directory are read, in the
-/// order of their names, and the bag counts as incomplete.
+/// Without metadata.yaml, or with one that broke off, all `.mcap` files of the
+/// directory are read, in the order of their numbers, and the bag counts as incomplete.
 pub fn open_bag(path: &Path) -> Result<FileBag, BagError> {
     let text = || path.display().to_string();
     let kind = match fs::metadata(path) {
@@ -38,80 +47,145 @@ pub fn open_bag(path: &Path) -> Result<FileBag, BagError> {
     if !kind.is_dir() {
         return Err(BagError::NoPath { path: text() });
     }
-    let (files, is_listed) = files_of(path)?;
+    let (files, problems) = files_of(path)?;
     let sources = files.iter().map(|file| open_source(file));
     let mut bag = Bag::from_sources(sources.collect::<Result<_, _>>()?)?;
-    if !is_listed {
-        bag.add_problem(Problem::NoMetadataFile);
+    for problem in problems {
+        bag.add_problem(problem);
     }
     Ok(bag)
 }
 
-/// The files of a bag directory, and whether metadata.yaml lists them.
-fn files_of(directory: &Path) -> Result<(Vec<PathBuf>, bool), BagError> {
+/// Whether a file that is there begins as one of a bag does.
+pub fn is_bag_file(path: &Path) -> bool {
+    let mut begin = vec![0; mcap::MAGIC.len()];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
+    read.is_ok() && begin == mcap::MAGIC
+}
+
+/// The files of a bag directory, in their order, and what is wrong with the list of them.
+pub(crate) fn files_of(directory: &Path) -> Result<(Vec<PathBuf>, Vec<Problem>), BagError> {
     let name = directory.display().to_string();
-    let metadata_error = |why: String| BagError::Metadata { directory: name.clone(), why };
-    match fs::read_to_string(directory.join(METADATA_FILE)) {
-        Ok(text) => {
-            let names = file_names(&text).map_err(|error| metadata_error(error.to_string()))?;
-            let mut files = Vec::new();
-            for listed in names {
-                // Old bags list paths; the file is always beside its metadata.yaml.
-                let base = Path::new(&listed)
-                    .file_name()
-                    .ok_or_else(|| metadata_error(format!("\"{listed}\" is no file name")))?;
-                let file = directory.join(base);
-                if !file.is_file() {
-                    return Err(BagError::MissingFile {
-                        directory: name,
-                        file: base.display().to_string(),
-                    });
-                }
-                files.push(file);
-            }
-            if files.is_empty() {
-                return Err(BagError::EmptyDirectory { directory: name });
-            }
-            Ok((files, true))
-        }
+    let mut problems = Vec::new();
+    let mut there = mcap_files(directory)?;
+    let listed = match read_metadata_file(directory) {
+        Ok(text) => file_names(&text).map_err(|error| error.to_string()),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            let io_error = |cause| BagError::Io { file: name.clone(), cause };
-            let mut files = Vec::new();
-            for entry in fs::read_dir(directory).map_err(io_error)? {
-                let file = entry.map_err(io_error)?.path();
-                if file.extension().is_some_and(|extension| extension == "mcap") {
-                    files.push(file);
-                }
-            }
-            if files.is_empty() {
-                return Err(BagError::EmptyDirectory { directory: name });
-            }
-            // run_2 before run_10.
-            files.sort_by_key(|file| (file.as_os_str().len(), file.clone()));
-            Ok((files, false))
+            problems.push(Problem::NoMetadataFile);
+            Ok(Vec::new())
         }
-        Err(error) => Err(metadata_error(error.to_string())),
+        Err(error) => Err(error.to_string()),
+    };
+    let listed = match listed {
+        Ok(listed) => listed,
+        // The messages are elsewhere, so a list that broke off costs none of them.
+        Err(why) if !there.is_empty() => {
+            problems.push(Problem::MetadataFile { directory: name.clone(), why });
+            Vec::new()
+        }
+        Err(why) => return Err(BagError::Metadata { directory: name, why }),
+    };
+    if listed.is_empty() {
+        if there.is_empty() {
+            return Err(BagError::EmptyDirectory { directory: name });
+        }
+        return Ok((there, problems));
     }
+    let mut files: Vec<PathBuf> = Vec::new();
+    let mut missing = Vec::new();
+    for listed in &listed {
+        // Old bags list paths; the file is always beside its metadata.yaml.
+        let base = Path::new(listed).file_name().map_or(listed.as_ref(), Path::new);
+        let file = directory.join(base);
+        if !file.is_file() {
+            missing.push(base.display().to_string());
+        } else if !files.contains(&file) {
+            files.push(file);
+        }
+    }
+    if !files.is_empty() {
+        // Whatever else lies there; without any that is named, all may be meant.
+        there.retain(|file| !files.contains(file) && is_part_beside(file, &files));
+    }
+    if files.is_empty() && there.is_empty() {
+        return Err(BagError::MissingFile { directory: name, file: missing.swap_remove(0) });
+    }
+    let told = |file| Problem::FileMissing { directory: name.clone(), file };
+    problems.extend(missing.into_iter().map(told));
+    if !there.is_empty() {
+        problems.extend(there.iter().map(|file| Problem::FileNotListed {
+            directory: name.clone(),
+            file: file.file_name().map_or(String::new(), |name| name.display().to_string()),
+        }));
+        files.append(&mut there);
+        files.sort_by_cached_key(|file| by_number(file));
+    }
+    Ok((files, problems))
+}
+
+/// Whether a file is by its name another part of the bag of these.
+fn is_part_beside(file: &Path, files: &[PathBuf]) -> bool {
+    let bag_of = |path: &Path| {
+        let stem = path.file_stem()?.to_str()?.to_owned();
+        let (bag, number) = stem.rsplit_once('_')?;
+        number.parse::<u32>().ok().map(|_| bag.to_owned())
+    };
+    let Some(bag) = bag_of(file) else { return false };
+    files.iter().any(|other| bag_of(other).is_some_and(|other| other == bag))
+}
+
+/// The `.mcap` files of a directory, run_2 before run_10.
+pub(crate) fn mcap_files(directory: &Path) -> Result<Vec<PathBuf>, BagError> {
+    let io_error = |cause| BagError::Io { file: directory.display().to_string(), cause };
+    let mut files = Vec::new();
+    for entry in fs::read_dir(directory).map_err(io_error)? {
+        let file = entry.map_err(io_error)?.path();
+        if file.extension().is_some_and(|extension| extension == "mcap") || is_compressed(&file) {
+            files.push(file);
+        }
+    }
+    // One that was packed or unpacked in its place is there twice.
+    let plain: Vec<PathBuf> = files.iter().filter(|file| !is_compressed(file)).cloned().collect();
+    files.retain(|file| !is_compressed(file) || !plain.contains(&file.with_extension("")));
+    files.sort_by_cached_key(|file| by_number(file));
+    Ok(files)
+}
+
+/// What files that are numbered at their ends are ordered by.
+fn by_number(file: &Path) -> (usize, PathBuf) {
+    let plain = if is_compressed(file) { file.with_extension("") } else { file.to_owned() };
+    (plain.as_os_str().len(), plain)
+}
+
+pub(crate) fn read_metadata_file(directory: &Path) -> io::Result<String> {
+    let file = File::open(directory.join(METADATA_FILE))?;
+    let mut text = String::new();
+    file.take(METADATA_SIZE_MAX + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > METADATA_SIZE_MAX {
+        let why = format!("it has more than {METADATA_SIZE_MAX} bytes");
+        return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+    }
+    Ok(text)
 }
 
 fn open_source(path: &Path) -> Result<BagSource<BufReader<File>>, BagError> {
     let name = path.display().to_string();
-    match File::open(path) {
+    let opened = if is_compressed(path) { unpack(path) } else { File::open(path) };
+    match opened {
         Ok(file) => Ok(BagSource { name, reader: BufReader::with_capacity(READ_BUFFER, file) }),
         Err(cause) => Err(BagError::Io { file: name, cause }),
     }
 }
 
-/// The directory of a bag that is being written, and its one file.
+/// The directory of a bag that is being written.
 #[derive(Debug)]
 pub(crate) struct BagDirectory {
     pub(crate) directory: PathBuf,
-    pub(crate) file_name: String,
-    pub(crate) file: File,
+    name: String,
 }
 
 impl BagDirectory {
-    /// Makes `parent/name` and `parent/name/name_0.mcap`; neither may be there before.
+    /// Makes `parent/name`, which must not be there before.
     pub(crate) fn create(parent: &Path, name: &str) -> io::Result<Self> {
         let is_plain =
             !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\', '\0']);
@@ -124,15 +198,40 @@ impl BagDirectory {
         fs::create_dir_all(parent)?;
         let directory = parent.join(name);
         fs::create_dir(&directory)?;
-        let file_name = format!("{name}_0.mcap");
-        let file = File::create_new(directory.join(&file_name))?;
-        Ok(Self { directory, file_name, file })
+        Ok(Self { directory, name: name.to_owned() })
     }
+
+    /// Makes a file of the bag, which must not be there before.
+    pub(crate) fn part(&self, part: usize) -> io::Result<PartFile> {
+        part_file(&self.directory, part_file_name(&self.name, part))
+    }
+}
+
+/// Makes a file of a bag in its directory, which must not be there before.
+pub(crate) fn part_file(directory: &Path, name: String) -> io::Result<PartFile> {
+    let file = File::create_new(directory.join(&name))?;
+    // Tells others that it is being written. Where there are no locks nobody can know.
+    let _ = file.try_lock();
+    let for_sync = file.try_clone()?;
+    let directory = directory.to_owned();
+    let is_entered = AtomicBool::new(false);
+    let sync = move || {
+        for_sync.sync_data()?;
+        if !is_entered.swap(true, Ordering::Relaxed) {
+            // That the file is there has to reach the disk too; not every kind of
+            // file system knows how.
+            for directory in [Some(directory.as_path()), directory.parent()] {
+                let _ = directory.map(File::open).transpose().map(|it| it.map(|it| it.sync_all()));
+            }
+        }
+        Ok(())
+    };
+    Ok(PartFile { name, sink: Box::new(BufWriter::new(file)), sync: Box::new(sync) })
 }
 
 /// Writes metadata.yaml in one step: whoever sees it sees it whole.
 pub(crate) fn write_metadata_file(directory: &Path, text: &str) -> io::Result<()> {
-    let temporary = directory.join("metadata.yaml.tmp");
+    let temporary = directory.join(METADATA_TEMPORARY);
     let mut file = File::create(&temporary)?;
     file.write_all(text.as_bytes())?;
     file.sync_all()?;
@@ -148,21 +247,141 @@ pub enum RecoverFilesError {
     Recover(#[from] RecoverError),
     #[error("{path} cannot be written: {cause}")]
     Io { path: String, cause: io::Error },
+    #[error("{path} cannot be written: {cause}")]
+    Write { path: String, cause: BagWriteError },
 }
 
 /// Copies all that can be read of the bag at `from` into a new bag directory `to`.
 pub fn recover_bag(from: &Path, to: &Path) -> Result<Recovered, RecoverFilesError> {
-    let io_error = |cause| RecoverFilesError::Io { path: to.display().to_string(), cause };
+    copy_bag(from, to, RECOVERED_FROM, Selection::ALL)
+}
+
+/// Copies a part of the bag at `from` into a new bag directory `to`.
+pub fn trim_bag(
+    from: &Path,
+    to: &Path,
+    selection: Selection<'_>,
+) -> Result<Recovered, RecoverFilesError> {
+    copy_bag(from, to, TRIMMED_FROM, selection)
+}
+
+/// `relation` is the key under which metadata.yaml names the old bag.
+fn copy_bag(
+    from: &Path,
+    to: &Path,
+    relation: &str,
+    selection: Selection<'_>,
+) -> Result<Recovered, RecoverFilesError> {
     let mut bag = open_bag(from).map_err(RecoverError::from)?;
     let parent = to.parent().unwrap_or(Path::new("."));
     let name = to.file_name().map_or(String::new(), |name| name.display().to_string());
-    let made = BagDirectory::create(parent, &name).map_err(io_error)?;
-    let custom_data = BTreeMap::from([("recovered_from".to_owned(), from.display().to_string())]);
-    let sink = BufWriter::new(made.file);
-    let (sink, recovered) = recover(&mut bag, sink, &made.file_name, &custom_data)?;
-    let file = sink.into_inner().map_err(|error| io_error(error.into_error()))?;
-    file.sync_all().map_err(io_error)?;
-    let text = metadata_yaml(&recovered.summary, &made.file_name, &custom_data);
-    write_metadata_file(&made.directory, &text).map_err(io_error)?;
+    let made = BagDirectory::create(parent, &name)
+        .map_err(|cause| RecoverFilesError::Io { path: to.display().to_string(), cause })?;
+    // What the run is stays said beside the file.
+    let mut custom_data = bag.metadata_named(RUN_RECORD).cloned().unwrap_or_default();
+    let old = from.file_name().unwrap_or(from.as_os_str()).display().to_string();
+    custom_data.insert(relation.to_owned(), old);
+    let error = |cause| RecoverFilesError::Io { path: to.display().to_string(), cause };
+    let copied = made
+        .part(0)
+        .map_err(error)
+        .and_then(|file| write_copy(&made.directory, file, &mut bag, &custom_data, selection));
+    // It was made here, and half of one helps nobody.
+    copied.inspect_err(|_| drop(fs::remove_dir_all(&made.directory)))
+}
+
+/// Copies a bag into a file of this directory and writes metadata.yaml beside it; both are on
+/// the disk then.
+pub(crate) fn write_copy(
+    directory: &Path,
+    file: PartFile,
+    bag: &mut FileBag,
+    custom_data: &BTreeMap<String, String>,
+    selection: Selection<'_>,
+) -> Result<Recovered, RecoverFilesError> {
+    let path = directory.display().to_string();
+    let io_error = |cause| RecoverFilesError::Io { path: path.clone(), cause };
+    let copied = recover(bag, file.sink, &file.name, custom_data, selection);
+    let (mut sink, recovered) = copied.map_err(|error| match error {
+        RecoverError::Write(BagWriteError::Io(cause)) => io_error(cause),
+        RecoverError::Write(cause) => RecoverFilesError::Write { path: path.clone(), cause },
+        error @ RecoverError::Read(_) => error.into(),
+    })?;
+    sink.flush().and_then(|()| (file.sync)()).map_err(io_error)?;
+    let text = metadata_yaml(&recovered.summary, &file.name, custom_data);
+    write_metadata_file(directory, &text).map_err(io_error)?;
     Ok(recovered)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bag_reader::BagChannel;
+    use crate::bag_writer::ChannelSpec;
+    use crate::run_bag::{RunBag, RunBagOptions};
+    use std::time::Duration;
+
+    fn bag(folder: &Path) -> PathBuf {
+        let bag = RunBag::create(RunBagOptions::new(folder, "r")).unwrap();
+        let path = bag.path().to_owned();
+        let spec = ChannelSpec {
+            topic: "/a".into(),
+            type_name: "std_msgs/msg/UInt8".into(),
+            schema_text: "uint8 data\n".into(),
+            type_hash: String::new(),
+            qos: Vec::new(),
+        };
+        bag.add_channel(&spec).unwrap();
+        assert!(bag.finish(Duration::from_secs(60)).complete);
+        path
+    }
+
+    #[test]
+    fn a_file_that_lies_there_packed_and_unpacked_is_read_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = bag(folder.path());
+        let file = path.join("r_0.mcap");
+        let packed = zstd::encode_all(&fs::read(&file).unwrap()[..], 0).unwrap();
+        fs::write(path.join("r_0.mcap.zstd"), packed).unwrap();
+        fs::remove_file(path.join(METADATA_FILE)).unwrap();
+        assert_eq!(mcap_files(&path).unwrap(), std::slice::from_ref(&file));
+        fs::remove_file(file).unwrap();
+        assert_eq!(mcap_files(&path).unwrap(), [path.join("r_0.mcap.zstd")]);
+    }
+
+    #[test]
+    fn a_copy_that_fails_leaves_nothing_and_says_where() {
+        struct Full;
+        impl Write for Full {
+            fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+                Err(io::ErrorKind::StorageFull.into())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = bag(folder.path());
+        let name = "copy_0.mcap".to_owned();
+        let file = PartFile { name, sink: Box::new(Full), sync: Box::new(|| Ok(())) };
+        let mut whole = open_bag(&path).unwrap();
+        let custom_data = BTreeMap::new();
+        let error = write_copy(folder.path(), file, &mut whole, &custom_data, Selection::ALL);
+        let error = error.unwrap_err().to_string();
+        assert_eq!(
+            error,
+            format!("{} cannot be written: no storage space", folder.path().display())
+        );
+
+        let to = folder.path().join("copy");
+        let in_the_way = |_: &BagChannel| fs::create_dir(to.join(METADATA_TEMPORARY)).is_ok();
+        let selection = Selection { topics: &in_the_way, ..Selection::ALL };
+        let error = trim_bag(&path, &to, selection).unwrap_err().to_string();
+        assert!(error.contains("copy cannot be written: Is a directory"), "{error}");
+        assert!(!to.exists() && path.exists());
+        // What is there already is nobody's half copy.
+        fs::create_dir(&to).unwrap();
+        let error = recover_bag(&path, &to).unwrap_err();
+        assert!(error.to_string().contains("copy cannot be written") && to.exists(), "{error}");
+    }
 }

@@ -38,6 +38,8 @@ pub struct BagInfo {
     pub complete: bool,
     /// What is wrong, a sentence each.
     pub problems: Vec<String>,
+    /// Why it is marked, if it is; the caller looks, since the mark is beside the bag's files.
+    pub kept: Option<String>,
     pub message_count: u64,
     /// Log time of the first message, nanoseconds since the epoch.
     pub start_ns: Option<u64>,
@@ -58,6 +60,7 @@ impl BagInfo {
             library: bag.library().to_owned(),
             complete: bag.is_complete(),
             problems: bag.problems().iter().map(ToString::to_string).collect(),
+            kept: None,
             message_count: summary.message_count,
             start_ns: summary.time_range_ns.map(|(start, _)| start),
             duration_ns: summary.duration_ns(),
@@ -93,6 +96,14 @@ impl fmt::Display for BagInfo {
         writeln!(f, "complete:    {complete}")?;
         for problem in &self.problems {
             writeln!(f, "             {problem}")?;
+        }
+        match self.kept.as_deref() {
+            None => {}
+            Some("") => writeln!(f, "kept:        yes")?,
+            Some(because) => {
+                // A reason of several lines stays below its key.
+                writeln!(f, "kept:        {}", because.replace('\n', "\n             "))?;
+            }
         }
         if let Some(start) = self.start_ns {
             writeln!(f, "start:       {} UTC", utc(start))?;

@@ -2,7 +2,7 @@
 //!
 //! The core writes bags ([`bag_writer`]), reads them in whatever state they are
 //! ([`bag_reader`]), decodes messages by the definitions inside the bag
-//! ([`decode`]) and compares them ([`diff`]). It works on anything that reads,
+//! ([`decode`]), writes them back ([`encode`]) and compares them ([`diff`]). It works on anything that reads,
 //! writes and seeks. Files and the write thread come with the feature `std-fs`:
 //! `files` and `run_bag`.
 
@@ -10,22 +10,35 @@ mod bag_messages;
 mod bag_problem;
 pub mod bag_reader;
 pub mod bag_writer;
+mod chunk_index;
+#[cfg(feature = "std-fs")]
+mod compressed;
 pub mod decode;
 pub mod diff;
+pub mod encode;
 #[cfg(feature = "std-fs")]
 pub mod files;
 pub mod info;
+mod joined;
 pub mod metadata;
 #[cfg(feature = "node")]
 pub mod node;
 mod outline;
+#[cfg(feature = "std-fs")]
+mod parts;
 pub mod qos;
 mod records;
 pub mod recover;
+pub mod retention;
+#[cfg(feature = "std-fs")]
+pub mod rewrite;
 #[cfg(feature = "std-fs")]
 pub mod run_bag;
 mod scan;
 pub mod schema;
+pub mod split;
+#[cfg(feature = "std-fs")]
+pub mod stored_bags;
 pub mod value;
 #[cfg(feature = "std-fs")]
 mod write_queue;

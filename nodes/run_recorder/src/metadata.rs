@@ -29,7 +29,7 @@ pub struct TopicSummary {
     pub message_count: u64,
 }
 
-/// The figures of a bag's one file.
+/// The figures of a bag, or of one of its files.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct BagSummary {
     /// By channel, in the order they were added.
@@ -41,13 +41,42 @@ pub struct BagSummary {
 }
 
 impl BagSummary {
+    /// The figures of a bag by those of its files.
+    pub fn of_files(files: &[FileSummary]) -> Self {
+        let mut total = Self::default();
+        for FileSummary { summary, .. } in files {
+            total.message_count += summary.message_count;
+            for topic in &summary.topics {
+                match total.topics.iter_mut().find(|known| known.topic == topic.topic) {
+                    Some(known) => known.message_count += topic.message_count,
+                    None => total.topics.push(topic.clone()),
+                }
+            }
+            total.time_range_ns = match (total.time_range_ns, summary.time_range_ns) {
+                (Some((start, end)), Some((first, last))) => {
+                    Some((start.min(first), end.max(last)))
+                }
+                (range, None) | (None, range) => range,
+            };
+        }
+        total
+    }
+
     /// Time between the first and the last message, nanoseconds.
     pub fn duration_ns(&self) -> u64 {
         self.time_range_ns.map_or(0, |(start, end)| end - start)
     }
 }
 
-/// Writes metadata.yaml.
+/// One file of a bag.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileSummary {
+    /// Its name beside metadata.yaml.
+    pub name: String,
+    pub summary: BagSummary,
+}
+
+/// Writes metadata.yaml of a bag of one file.
 ///
 /// `file_name` is the bag's file beside it, `custom_data` free keys and values
 /// (run id, program checksum).
@@ -56,7 +85,19 @@ pub fn metadata_yaml(
     file_name: &str,
     custom_data: &BTreeMap<String, String>,
 ) -> String {
-    let information = Information::new(summary, file_name, custom_data);
+    let file = FileSummary { name: file_name.to_owned(), summary: summary.clone() };
+    metadata_yaml_of_files(&[file], custom_data)
+}
+
+/// Writes metadata.yaml of a bag of several files, which are listed in their order.
+///
+/// The counts are those of the files, with what a file repeats of those before it.
+pub fn metadata_yaml_of_files(
+    files: &[FileSummary],
+    custom_data: &BTreeMap<String, String>,
+) -> String {
+    let total = BagSummary::of_files(files);
+    let information = Information::new(&total, files, custom_data);
     serde_yaml::to_string(&MetadataFile { information })
         .expect("metadata holds text and numbers only")
 }
@@ -68,7 +109,8 @@ pub fn serialized_metadata(
     file_name: &str,
     custom_data: &BTreeMap<String, String>,
 ) -> String {
-    serde_yaml::to_string(&Information::new(summary, file_name, custom_data))
+    let file = FileSummary { name: file_name.to_owned(), summary: summary.clone() };
+    serde_yaml::to_string(&Information::new(summary, &[file], custom_data))
         .expect("metadata holds text and numbers only")
 }
 
@@ -76,6 +118,24 @@ pub fn serialized_metadata(
 pub fn file_names(text: &str) -> Result<Vec<String>, serde_yaml::Error> {
     let file: FileList = serde_yaml::from_str(text)?;
     Ok(file.information.relative_file_paths)
+}
+
+/// Reads the free keys and values out of metadata.yaml.
+pub fn custom_data(text: &str) -> Result<BTreeMap<String, String>, serde_yaml::Error> {
+    let file: OwnData = serde_yaml::from_str(text)?;
+    Ok(file.information.custom_data.unwrap_or_default())
+}
+
+#[derive(Deserialize)]
+struct OwnData {
+    #[serde(rename = "rosbag2_bagfile_information")]
+    information: CustomData,
+}
+
+#[derive(Deserialize)]
+struct CustomData {
+    #[serde(default)]
+    custom_data: Option<BTreeMap<String, String>>,
 }
 
 #[derive(Deserialize)]
@@ -105,8 +165,8 @@ struct Information<'a> {
     topics_with_message_count: Vec<TopicWithCount<'a>>,
     compression_format: &'static str,
     compression_mode: &'static str,
-    relative_file_paths: [&'a str; 1],
-    files: [FileInformation<'a>; 1],
+    relative_file_paths: Vec<&'a str>,
+    files: Vec<FileInformation<'a>>,
     // Nothing rather than an empty map, as rosbag2 does.
     custom_data: Option<&'a BTreeMap<String, String>>,
     ros_distro: &'static str,
@@ -149,13 +209,9 @@ struct FileInformation<'a> {
 impl<'a> Information<'a> {
     fn new(
         summary: &'a BagSummary,
-        file_name: &'a str,
+        files: &'a [FileSummary],
         custom_data: &'a BTreeMap<String, String>,
     ) -> Self {
-        let starting_time = SinceEpoch {
-            nanoseconds_since_epoch: summary.time_range_ns.map_or(0, |(start, _)| start),
-        };
-        let duration = Nanoseconds { nanoseconds: summary.duration_ns() };
         let topics = summary.topics.iter().map(|topic| TopicWithCount {
             topic_metadata: TopicMetadata {
                 name: &topic.topic,
@@ -169,24 +225,35 @@ impl<'a> Information<'a> {
         Self {
             version: VERSION,
             storage_identifier: "mcap",
-            duration,
-            starting_time,
+            duration: duration(summary),
+            starting_time: starting_time(summary),
             message_count: summary.message_count,
             topics_with_message_count: topics.collect(),
             // Chunks are compressed inside the container, which is not what these two mean.
             compression_format: "",
             compression_mode: "",
-            relative_file_paths: [file_name],
-            files: [FileInformation {
-                path: file_name,
-                starting_time,
-                duration,
-                message_count: summary.message_count,
-            }],
+            relative_file_paths: files.iter().map(|file| file.name.as_str()).collect(),
+            files: files
+                .iter()
+                .map(|FileSummary { name, summary }| FileInformation {
+                    path: name,
+                    starting_time: starting_time(summary),
+                    duration: duration(summary),
+                    message_count: summary.message_count,
+                })
+                .collect(),
             custom_data: (!custom_data.is_empty()).then_some(custom_data),
             ros_distro: ROS_DISTRO,
         }
     }
+}
+
+fn starting_time(summary: &BagSummary) -> SinceEpoch {
+    SinceEpoch { nanoseconds_since_epoch: summary.time_range_ns.map_or(0, |(start, _)| start) }
+}
+
+fn duration(summary: &BagSummary) -> Nanoseconds {
+    Nanoseconds { nanoseconds: summary.duration_ns() }
 }
 
 #[cfg(test)]
@@ -267,6 +334,46 @@ rosbag2_bagfile_information:
         let text = serialized_metadata(&summary(), "r7_0.mcap", &BTreeMap::new());
         assert!(text.starts_with("version: 9\n"), "{text}");
         assert!(text.contains("custom_data: null\n"), "{text}");
+    }
+
+    #[test]
+    fn a_bag_of_several_files_lists_each_with_its_own_figures() {
+        let mut second = summary();
+        second.time_range_ns = Some((4_000, 9_000));
+        second
+            .topics
+            .push(TopicSummary { topic: "/mill/late".into(), ..summary().topics[0].clone() });
+        let empty = BagSummary::default();
+        let files = [("r_0.mcap", summary()), ("r_1.mcap", second), ("r_2.mcap", empty)]
+            .map(|(name, summary)| FileSummary { name: name.into(), summary });
+        let total = BagSummary::of_files(&files);
+        assert_eq!((total.message_count, total.time_range_ns), (6, Some((1_000, 9_000))));
+        let counts: Vec<_> =
+            total.topics.iter().map(|topic| (topic.topic.as_str(), topic.message_count)).collect();
+        assert_eq!(counts, [("/mill/program", 6), ("/mill/late", 3)]);
+        let text = metadata_yaml_of_files(&files, &BTreeMap::new());
+        let listed = "\
+  relative_file_paths:
+  - r_0.mcap
+  - r_1.mcap
+  - r_2.mcap
+  files:
+  - path: r_0.mcap
+    starting_time:
+      nanoseconds_since_epoch: 1000
+    duration:
+      nanoseconds: 3500
+    message_count: 3
+  - path: r_1.mcap
+    starting_time:
+      nanoseconds_since_epoch: 4000
+    duration:
+      nanoseconds: 5000
+    message_count: 3
+  - path: r_2.mcap
+";
+        assert!(text.contains(listed), "{text}");
+        assert_eq!(file_names(&text).unwrap(), ["r_0.mcap", "r_1.mcap", "r_2.mcap"]);
     }
 
     #[test]

@@ -6,36 +6,37 @@
 
 mod definitions;
 mod fetch;
+mod goals;
 mod health;
 mod inputs;
 mod lifecycle;
 mod numbers;
+mod parameters;
+mod prelude;
 mod run_id;
 mod store;
+mod tidy;
 mod watch;
 
-use cnc_msgs::cdr;
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
 use fetch::Sources;
-use inputs::is_fetched;
-use runtime::{
-    Declared, DiscoveredPublisher, Handle, Publisher, Qos, RawSample, RawSubscription, RosTime,
-};
+use runtime::{Declared, DiscoveredPublisher, Handle, Publisher, Qos, RawSample};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use store::{OpenRun, Store};
-use watch::{Edge, RunWatch};
+use tokio::task::JoinError;
+use watch::RunWatch;
 
 /// How often the graph is searched for new topics.
 const DISCOVERY_PERIOD: Duration = Duration::from_millis(100);
 /// What still belongs to a run that has ended.
 const TAIL: Duration = Duration::from_millis(700);
-/// What is older than this when it arrives was kept for who comes late, and what is newer
-/// follows it so soon.
-const OLD: Duration = Duration::from_millis(300);
-const NEWER_WITHIN: Duration = Duration::from_millis(200);
+/// How much longer a run is recorded whose machine may move on by itself, as it does when
+/// the line is cut, and how often that is looked at.
+const MOTION_WITHIN: Duration = Duration::from_secs(30);
+const MOTION_PERIOD: Duration = Duration::from_millis(100);
 /// How long the inputs of a run that has ended may take to arrive.
 const INPUTS_WITHIN: Duration = Duration::from_secs(30);
 /// How long a disk may take to accept what a bag begins with, and how often that is looked at.
@@ -43,10 +44,6 @@ const BEGUN_WITHIN: Duration = Duration::from_secs(4);
 const BEGUN_PERIOD: Duration = Duration::from_millis(5);
 /// How long closing a bag may take.
 const CLOSE_WITHIN: Duration = Duration::from_secs(20);
-/// Samples of one topic that may wait unread; DDS keeps as many that were read.
-const DEPTH: usize = 20_000;
-/// The same where samples are large and can be had again from who sent them.
-const DEPTH_FETCHED: usize = 1_000;
 
 /// Runs the node until it is told to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
@@ -55,29 +52,11 @@ pub fn main(args: Vec<String>) -> ExitCode {
 
 /// The node's parameters.
 pub fn parameters() -> Vec<Declared> {
-    vec![
-        Declared::new("directory", "kerf-bags", "where the bags go, one directory a run")
-            .read_only(),
-        Declared::new(
-            "extra_topics",
-            ["/tf", "/tf_static", "/rosout", "/diagnostics", "/parameter_events"]
-                .map(String::from)
-                .to_vec(),
-            "absolute names of topics that are recorded beside those of this namespace",
-        )
-        .read_only(),
-        Declared::new(
-            "include_action_feedback",
-            false,
-            "whether feedback of actions is recorded; not every reader of bags knows its types",
-        )
-        .read_only(),
-    ]
+    parameters::declared()
 }
 
 async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
-    let directory = PathBuf::from(node.parameter::<String>("directory"));
-    let directory = std::path::absolute(&directory)?;
+    let directory = parameters::directory(&node)?;
     let recorder = Arc::new(Recorder {
         node: node.clone(),
         goals: node.names().resolve("run_program/_action/status")?,
@@ -87,6 +66,8 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         sources: Sources::new(&node)?,
         recording: node.publisher("recording", Qos::LATCHED)?,
         newest: Mutex::default(),
+        stuck: Mutex::default(),
+        tidying: Mutex::default(),
         state: Mutex::default(),
     });
     recorder.publish(Recording::default());
@@ -94,8 +75,14 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let shared = Arc::clone(&recorder);
     node.spawn("discovery", async move {
         loop {
-            shared.subscribe_new_topics();
-            tokio::time::sleep(DISCOVERY_PERIOD).await;
+            // Making an endpoint may have to wait for the DDS layer.
+            let seeking = Arc::clone(&shared);
+            let sought = tokio::task::spawn_blocking(move || seeking.subscribe_new_topics()).await;
+            match sought.map_err(JoinError::try_into_panic) {
+                Ok(()) => tokio::time::sleep(DISCOVERY_PERIOD).await,
+                Err(Ok(panic)) => std::panic::resume_unwind(panic),
+                Err(Err(_)) => return,
+            }
         }
     });
     let shared = Arc::clone(&recorder);
@@ -120,14 +107,17 @@ struct Recorder {
     recording: Publisher<Recording>,
     /// What was told last.
     newest: Mutex<Recording>,
+    /// Bags that are to go and could not, with the reason.
+    stuck: Mutex<Vec<(PathBuf, String)>>,
+    /// Held while bags are removed.
+    tidying: Mutex<()>,
     state: Mutex<State>,
 }
 
 #[derive(Default)]
 struct State {
     store: Store,
-    /// The goal that is active.
-    goal: Option<[u8; 16]>,
+    watch: RunWatch,
     open: Option<OpenRun>,
     /// Counts the runs, so that a late end does not close the next bag.
     run: u64,
@@ -176,7 +166,7 @@ impl Recorder {
                 // No more than what all of them offer, or some would not match.
                 reliable: offers.iter().all(|offer| offer.qos.reliable),
                 transient_local: offers.iter().all(|offer| offer.qos.transient_local),
-                depth: if is_fetched(&publisher.type_name) { DEPTH_FETCHED } else { DEPTH },
+                depth: definitions::depth(&spec),
             };
             let index = state.store.add(spec, qos.transient_local);
             let State { store, open, .. } = &mut *state;
@@ -191,17 +181,21 @@ impl Recorder {
                 Ok(mut subscription) => {
                     let shared = Arc::clone(self);
                     let is_goals = publisher.topic == self.goals;
+                    let since = self.node.now();
                     self.node.spawn(&publisher.topic, async move {
-                        let mut watch = is_goals.then(RunWatch::default);
-                        loop {
-                            let Some(watch) = &mut watch else {
-                                shared.keep(index, subscription.next().await);
-                                continue;
-                            };
+                        if is_goals {
                             let newest = shared.keep_newest(index, &mut subscription).await;
-                            // What is not of that type is nobody's goal.
-                            let status = cdr::decode(&newest).ok();
-                            shared.follow(status.and_then(|status| watch.update(&status)));
+                            shared.follow(&newest, Some(since));
+                        }
+                        loop {
+                            let sample = subscription.next().await;
+                            if is_goals {
+                                let status = sample.bytes.clone();
+                                shared.keep(index, sample);
+                                shared.follow(&status, None);
+                            } else {
+                                shared.keep(index, sample);
+                            }
                         }
                     });
                 }
@@ -215,55 +209,31 @@ impl Recorder {
         store.take(open.as_mut(), index, sample);
     }
 
-    /// Keeps the next sample, and those behind it that a late joiner is told before the
-    /// newest: what was said some time ago may not be so any more. Returns the last.
-    async fn keep_newest(&self, index: usize, subscription: &mut RawSubscription) -> Vec<u8> {
-        let mut sample = subscription.next().await;
-        loop {
-            let is_old = sample.info.source_time.is_some_and(|at| at < RosTime::wall().before(OLD));
-            let bytes = sample.bytes.clone();
-            self.keep(index, sample);
-            if !is_old {
-                return bytes;
-            }
-            match tokio::time::timeout(NEWER_WITHIN, subscription.next()).await {
-                Ok(newer) => sample = newer,
-                Err(_) => return bytes,
-            }
-        }
-    }
-
-    fn follow(self: &Arc<Self>, edge: Option<Edge>) {
-        match edge {
-            Some(Edge::Begin { goal }) => {
-                self.state().goal = Some(goal);
-                self.begin(goal);
-            }
-            Some(Edge::End) => {
-                self.state().goal = None;
-                self.end();
-            }
-            None => {}
-        }
-    }
-
-    fn begin(self: &Arc<Self>, goal: [u8; 16]) {
+    /// Begins the bag of a goal; `is_late` where it was not seen to begin.
+    fn begin(self: &Arc<Self>, goal: [u8; 16], is_late: bool) {
         let mut state = self.state();
+        // Seen by who follows the goals, and by who activates the node.
+        if state.open.as_ref().is_some_and(|open| open.goal == goal) {
+            return;
+        }
         state.run += 1;
         let before = state.open.take();
+        let wanted = state.store.wanted();
         let opened = self.node.require_active().and_then(|()| {
-            OpenRun::create(&self.directory, self.node.now(), goal, &mut state.store)
+            let (now, split) = (self.node.now(), parameters::split(&self.node));
+            OpenRun::create(&self.directory, now, goal, &wanted, split, &mut state.store)
                 .map_err(|error| error.to_string())
         });
         match opened {
-            Ok(open) => {
+            Ok(mut open) => {
+                open.is_beginning_unclear = is_late;
                 tracing::info!("recording to {}", open.bag.path().display());
-                let wanted = open.wanted_before();
                 state.open = Some(open);
                 let run = state.run;
                 drop(state);
                 let shared = Arc::clone(self);
                 self.node.spawn("inputs of the run", async move {
+                    shared.judge_beginning(run).await;
                     shared.tell_of_beginning(run).await;
                     shared.fetch_inputs(run, wanted).await;
                 });
@@ -308,6 +278,7 @@ impl Recorder {
         let run = self.state().run;
         let shared = Arc::clone(self);
         self.node.spawn("end of the run", async move {
+            shared.wait_for_standstill(run).await;
             tokio::time::sleep(TAIL).await;
             // A run may be shorter than fetching what it was made of.
             let end = tokio::time::Instant::now() + INPUTS_WITHIN;
@@ -324,8 +295,28 @@ impl Recorder {
         });
     }
 
+    /// A run has ended when its goal has; the machine goes on where nobody could stop it.
+    async fn wait_for_standstill(&self, run: u64) {
+        let end = tokio::time::Instant::now() + MOTION_WITHIN;
+        loop {
+            let may_move = {
+                let state = self.state();
+                state.run == run && state.store.motion_possible()
+            };
+            if !may_move {
+                return;
+            }
+            if tokio::time::Instant::now() >= end {
+                let seconds = MOTION_WITHIN.as_secs();
+                tracing::warn!("the machine may still be moving, {seconds} s after the run's end");
+                return;
+            }
+            tokio::time::sleep(MOTION_PERIOD).await;
+        }
+    }
+
     /// Fills what is missing, closes the bag and says how it went.
-    async fn finish(&self, mut open: OpenRun) {
+    async fn finish(self: &Arc<Self>, mut open: OpenRun) {
         let problem = if open.driver_restarted {
             // The driver of now has not what the one of then sent.
             Some("the driver that sent it is gone".to_owned())
@@ -346,6 +337,7 @@ impl Recorder {
             tracing::error!("{}: {}", status.path.display(), status.reasons.join("; "));
         }
         self.publish(store::recording_message(stamp, run_id, false, &status));
+        self.begin_to_tidy();
     }
 
     fn publish_progress(&self) {

@@ -59,6 +59,13 @@ impl Outline {
         true
     }
 
+    /// Takes a message back that was counted.
+    pub(crate) fn uncount(&mut self, source: usize, channel: u16) {
+        if let Some(place) = self.place_of.get(&(source, channel)) {
+            self.counts[*place] = self.counts[*place].saturating_sub(1);
+        }
+    }
+
     /// Whether the outside of a file tells of every channel it counts, and its schema.
     pub(crate) fn knows_all(&self, source: usize, statistics: &records::Statistics) -> bool {
         let of_source = || self.order.iter().filter(|(other, _)| *other == source);

@@ -142,6 +142,16 @@ impl QosProfile {
     pub const fn best_effort(depth: u64) -> Self {
         Self { reliability: Reliability::BestEffort, ..Self::reliable(depth) }
     }
+
+    /// Samples that a late subscriber gets; as many as there are where all are kept.
+    pub(crate) fn depth_for_late_joiners(&self) -> usize {
+        match (self.durability, self.history) {
+            (Durability::TransientLocal, History::KeepAll) => usize::MAX,
+            // Discovery does not always tell the depth; what latches, latches one.
+            (Durability::TransientLocal, _) => usize::try_from(self.depth.max(1)).unwrap_or(1),
+            _ => 0,
+        }
+    }
 }
 
 /// Writes profiles as the YAML text of a channel's `offered_qos_profiles`.

@@ -1,11 +1,19 @@
-//! Copies all that can be read of a bag into a new, finished one.
+//! Copies what can be read of a bag, or a part of it, into a new, finished one.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, Write};
 
-use crate::bag_reader::{Bag, BagError, RESULT_RECORD};
+use crate::bag_reader::{Bag, BagChannel, BagError, BagMessage, Problem, RESULT_RECORD};
 use crate::bag_writer::{BagAttachment, BagWriteError, BagWriter, ChannelIndex, ChannelSpec};
 use crate::metadata::BagSummary;
+use crate::split::PART_RECORD;
+
+/// What names the bag that a copy is of, among what is said of it.
+pub(crate) const RECOVERED_FROM: &str = "recovered_from";
+pub(crate) const TRIMMED_FROM: &str = "trimmed_from";
+/// The metadata record that a copy begins with, so that it is no recording of its own: that
+/// begins with what the run is.
+const COPY_RECORD: &str = "cnc_copy";
 
 /// Why a bag could not be copied.
 #[derive(Debug, thiserror::Error)]
@@ -26,17 +34,46 @@ pub struct Recovered {
     pub problems: Vec<String>,
 }
 
+/// What of a bag is copied.
+#[derive(Clone, Copy)]
+pub struct Selection<'a> {
+    /// Which topics.
+    pub topics: &'a dyn Fn(&BagChannel) -> bool,
+    /// Which messages of them.
+    pub messages: &'a dyn Fn(&BagMessage) -> bool,
+    /// What stands in the place of a message, none or several; `None` for itself.
+    pub instead: &'a dyn Fn(&BagMessage) -> Option<Vec<Vec<u8>>>,
+}
+
+impl std::fmt::Debug for Selection<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Selection").finish_non_exhaustive()
+    }
+}
+
+impl Selection<'_> {
+    /// All of it.
+    pub const ALL: Self = Self { topics: &|_| true, messages: &|_| true, instead: &|_| None };
+}
+
 /// Copies a bag: attachments, metadata, topics, messages with their sequence numbers.
 ///
 /// Unless the old bag was complete, the new one says in its `cnc_run_result`
-/// that it is not, and why. `file_name` is the name the new file has beside its metadata.yaml.
+/// that it is not, and why; what is not selected is not missed. `file_name` is the name
+/// the new file has beside its metadata.yaml.
 pub fn recover<R: Read + Seek, W: Write>(
     bag: &mut Bag<R>,
     sink: W,
     file_name: &str,
     custom_data: &BTreeMap<String, String>,
+    selection: Selection<'_>,
 ) -> Result<(W, Recovered), RecoverError> {
     let mut writer = BagWriter::new(sink)?;
+    let mut copy_of = custom_data.clone();
+    copy_of.retain(|key, _| [RECOVERED_FROM, TRIMMED_FROM].contains(&key.as_str()));
+    if !copy_of.is_empty() {
+        writer.write_metadata(COPY_RECORD, &copy_of)?;
+    }
     for info in bag.attachments().to_vec() {
         writer.attach(&BagAttachment {
             data: bag.read_attachment(&info)?,
@@ -45,16 +82,23 @@ pub fn recover<R: Read + Seek, W: Write>(
             log_time_ns: info.log_time_ns,
         })?;
     }
-    // The first is written anew, the second last.
-    let again = ["rosbag2", RESULT_RECORD];
-    for record in bag.metadata() {
-        if !again.contains(&record.name.as_str()) {
+    // The first is written anew, the second last, and the copy has one part.
+    let not_here = ["rosbag2", RESULT_RECORD, PART_RECORD];
+    for (index, record) in bag.metadata().iter().enumerate() {
+        // Each part of a bag says what the run is.
+        let is_said = bag.metadata()[..index].contains(record)
+            || (record.name == COPY_RECORD && record.values == copy_of);
+        if !is_said && !not_here.contains(&record.name.as_str()) {
             writer.write_metadata(&record.name, &record.values)?;
         }
     }
     let mut left_out = Vec::new();
     let mut channels: Vec<Option<ChannelIndex>> = Vec::new();
     for channel in bag.channels() {
+        if !(selection.topics)(channel) {
+            channels.push(None);
+            continue;
+        }
         let added = match &channel.schema {
             None => Err("it has no schema".to_owned()),
             Some(_) if channel.message_encoding != "cdr" => {
@@ -81,19 +125,37 @@ pub fn recover<R: Read + Seek, W: Write>(
         }
         channels.push(added.ok());
     }
+    let mut grown: BTreeMap<usize, u32> = BTreeMap::new();
     for message in bag.messages() {
         let message = message?;
-        if let Some(Some(channel)) = channels.get(message.channel_index) {
-            writer.write_with_sequence(
-                *channel,
-                message.sequence,
-                message.log_time_ns,
-                message.publish_time_ns,
-                &message.data,
-            )?;
+        let Some(Some(channel)) = channels.get(message.channel_index) else { continue };
+        if !(selection.messages)(&message) {
+            continue;
+        }
+        let (at, sent) = (message.log_time_ns, message.publish_time_ns);
+        let count = grown.entry(message.channel_index).or_insert(0_u32);
+        let first = message.sequence.wrapping_add(*count);
+        match (selection.instead)(&message) {
+            None => writer.write_with_sequence(*channel, first, at, sent, &message.data)?,
+            Some(instead) => {
+                // What follows is numbered as if these had been there.
+                *count = count.wrapping_add(instead.len() as u32).wrapping_sub(1);
+                for (number, data) in (0..).zip(&instead) {
+                    let sequence = first.wrapping_add(number);
+                    writer.write_with_sequence(*channel, sequence, at, sent, data)?;
+                }
+            }
         }
     }
-    let problems: Vec<String> = bag.problems().iter().map(ToString::to_string).collect();
+    let problems: Vec<String> = bag
+        .problems()
+        .iter()
+        .map(|problem| match problem {
+            // Its words, so that a copy of a copy says the same.
+            Problem::RecorderSays { reason } => reason.clone(),
+            problem => problem.to_string(),
+        })
+        .collect();
     if !bag.is_complete() || !left_out.is_empty() {
         let mut reasons = problems.clone();
         reasons.extend(

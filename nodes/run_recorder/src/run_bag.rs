@@ -8,18 +8,23 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::io::{self, BufWriter};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU64;
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, mpsc};
 use std::thread;
 use std::time::Duration;
 
 use crate::bag_writer::{BagAttachment, BagWriteError, ChannelIndex, ChannelSpec, check_spec};
 use crate::files::BagDirectory;
+use crate::parts::Outlet;
+pub use crate::split::SplitLimits;
 pub use crate::write_queue::QueueLimits;
 use crate::write_queue::{Command, WriteQueue};
-use crate::write_thread::{Outlet, Shared, lock, run};
+use crate::write_thread::{Busy, Shared, lock, run};
+
+/// How long a disk may take to make a directory and a file.
+const CREATE_WITHIN: Duration = Duration::from_secs(1);
 
 /// How a run is recorded.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,10 +42,12 @@ pub struct RunBagOptions {
     pub flush_interval: Duration,
     /// Whether each flush goes through to the disk, against loss of power.
     pub syncs_each_flush: bool,
+    /// When it goes on in another file.
+    pub split: SplitLimits,
 }
 
 impl RunBagOptions {
-    /// Half a second between flushes, each to the disk.
+    /// Half a second between flushes, each to the disk; one file.
     pub fn new(directory: impl Into<PathBuf>, name: impl Into<String>) -> Self {
         Self {
             directory: directory.into(),
@@ -49,6 +56,7 @@ impl RunBagOptions {
             limits: QueueLimits::default(),
             flush_interval: Duration::from_millis(500),
             syncs_each_flush: true,
+            split: SplitLimits::default(),
         }
     }
 }
@@ -87,6 +95,8 @@ pub struct RecordingStatus {
     pub error: Option<String>,
     /// What was there before [`RunBag::begin`] is in the file.
     pub has_begun: bool,
+    /// The disk has taken nothing for some seconds, though there is something for it.
+    pub is_stalled: bool,
     /// The file is closed, with index, footer and metadata.yaml.
     pub is_finished: bool,
     /// Nothing is known to be missing.
@@ -114,25 +124,44 @@ struct Known {
     definitions: BTreeMap<String, String>,
 }
 
+/// The directory of a bag and its first file.
+fn outlet(directory: &Path, name: &str) -> io::Result<Outlet> {
+    let made = BagDirectory::create(directory, name)?;
+    let first = made.part(0)?;
+    let directory = made.directory.clone();
+    Ok(Outlet { directory, first, next: Box::new(move |part| made.part(part)) })
+}
+
+/// What `make` makes, on a thread of its own, unless that takes too long; what comes too late
+/// is undone.
+fn within<T: Send + 'static>(
+    deadline: Duration,
+    make: impl FnOnce() -> io::Result<T> + Send + 'static,
+    undo: impl FnOnce(T) + Send + 'static,
+) -> io::Result<T> {
+    let (hand_over, made) = mpsc::sync_channel(0);
+    thread::Builder::new().name("bag_maker".to_owned()).spawn(move || {
+        if let Err(mpsc::SendError(Ok(late))) = hand_over.send(make()) {
+            undo(late);
+        }
+    })?;
+    made.recv_timeout(deadline).unwrap_or_else(|_| {
+        let text = format!("the disk has not answered for {deadline:?}");
+        Err(io::Error::new(io::ErrorKind::TimedOut, text))
+    })
+}
+
 impl RunBag {
-    /// Makes the bag's directory and starts its write thread.
+    /// Makes the bag's directory and starts its write thread. Waits for the disk, for a
+    /// second at most.
     pub fn create(options: RunBagOptions) -> Result<Self, RunBagError> {
-        let path = options.directory.join(&options.name);
-        let made = BagDirectory::create(&options.directory, &options.name).map_err(|cause| {
-            let path = path.display().to_string();
-            match cause.kind() {
-                io::ErrorKind::AlreadyExists => RunBagError::Exists { path },
-                _ => RunBagError::Create { path, cause },
-            }
+        let path = options.directory.join(&options.name).display().to_string();
+        let (directory, name) = (options.directory.clone(), options.name.clone());
+        let made = within(CREATE_WITHIN, move || outlet(&directory, &name), Outlet::remove);
+        let outlet = made.map_err(|cause| match cause.kind() {
+            io::ErrorKind::AlreadyExists => RunBagError::Exists { path },
+            _ => RunBagError::Create { path, cause },
         })?;
-        let io_error = |cause| RunBagError::Create { path: path.display().to_string(), cause };
-        let for_sync = made.file.try_clone().map_err(io_error)?;
-        let outlet = Outlet {
-            sink: Box::new(BufWriter::new(made.file)),
-            sync: Box::new(move || for_sync.sync_data()),
-            directory: made.directory,
-            file_name: made.file_name,
-        };
         Self::start(options, outlet)
     }
 
@@ -142,6 +171,7 @@ impl RunBag {
             queue: WriteQueue::new(options.limits),
             messages_written: AtomicU64::new(0),
             bytes_written: Arc::default(),
+            busy: Busy::default(),
             end: Mutex::default(),
             ended: Condvar::new(),
         });
@@ -252,13 +282,12 @@ impl RunBag {
             .unwrap_or_else(PoisonError::into_inner);
         let is_over = end.is_over;
         drop(end);
-        let mut status = self.shared.status();
         if !is_over {
-            status.complete = false;
-            let reason = format!("the bag was not closed within {} s", deadline.as_secs_f64());
-            status.reasons.push(reason);
+            // Also for the thread, which may close the bag later.
+            let seconds = deadline.as_secs_f64();
+            self.note_incomplete(format!("the bag was not closed within {seconds} s"));
         }
-        status
+        self.shared.status()
     }
 
     fn put(&self, command: Command) -> Result<(), RunBagError> {

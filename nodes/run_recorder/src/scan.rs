@@ -1,22 +1,32 @@
 //! Finds the records of one file without decoding what can wait.
 //!
 //! Walks the frames from the first byte on, so that it needs neither footer nor
-//! index and reads a broken-off file up to its last whole record. Chunks are
-//! noted by place and time; [`crate::bag_messages`] decodes them when their time comes.
+//! index and reads a broken-off file up to its last whole record; what
+//! [`crate::chunk_index`] knows it leaps over. Chunks are noted by place and time;
+//! [`crate::bag_messages`] decodes them when their time comes.
+
+#[cfg(feature = "std-fs")]
+mod run_record;
 
 use std::io::{self, Read, Seek, SeekFrom};
+use std::ops::Range;
 
 use mcap::records::{Channel, Record, SchemaHeader, Statistics, op};
 
 use crate::bag_problem::{BagError, Problem};
+use crate::bag_reader::RUN_RECORD;
 use crate::bag_writer::PROFILE;
+use crate::chunk_index::{ClosingIndex, END, closing_index};
 use crate::records::{CHUNK_HEAD, ChunkHead, FRAME, Frame, RECORD_SIZE_MAX, parse_body};
+use crate::split::{PART_KEY, PART_RECORD};
+#[cfg(feature = "std-fs")]
+pub(crate) use run_record::run_of;
 
 /// Loose messages are read in stretches of at most this many bytes and messages.
 const STRETCH_BYTES: u64 = 1024 * 1024;
 const STRETCH_MESSAGES: usize = 8192;
 /// Bytes before the data of a message: channel, sequence number and two times.
-const MESSAGE_HEAD: usize = 22;
+pub(crate) const MESSAGE_HEAD: usize = 22;
 
 /// A stretch of a file that holds messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,6 +70,10 @@ pub(crate) struct Scan {
     pub(crate) attachments: Vec<AttachmentPlace>,
     pub(crate) metadata: Vec<mcap::records::Metadata>,
     pub(crate) statistics: Option<Statistics>,
+    /// Which file of its bag it is, if the bag was split.
+    pub(crate) part: Option<u64>,
+    /// The stretches whose messages the parts before have too.
+    pub(crate) repeated: Range<usize>,
     /// Footer and closing magic are there.
     pub(crate) is_finished: bool,
     pub(crate) problems: Vec<Problem>,
@@ -72,10 +86,32 @@ pub(crate) fn scan<R: Read + Seek>(file: &str, reader: &mut R) -> Result<Scan, B
     if length == 0 {
         return Err(BagError::ZeroLength { file: file.to_owned() });
     }
+    let index = closing_index(reader, length).map_err(io_error)?;
+    let scan = walk(file, reader, length, &index)?;
+    if index.chunks.is_empty() || scan.problems.is_empty() {
+        return Ok(scan);
+    }
+    // Either the index led astray or the records are damaged: the frames alone tell.
+    let mut plain = walk(file, reader, length, &ClosingIndex::default())?;
+    if plain.problems != scan.problems {
+        let at = length.saturating_sub(END as u64);
+        let why = "the index before it does not agree with the records".to_owned();
+        plain.problems.push(Problem::DamagedRecord { file: file.to_owned(), at, why });
+    }
+    Ok(plain)
+}
+
+fn walk<R: Read + Seek>(
+    file: &str,
+    reader: &mut R,
+    length: u64,
+    index: &ClosingIndex,
+) -> Result<Scan, BagError> {
+    let io_error = |cause: io::Error| BagError::Io { file: file.to_owned(), cause };
     reader.seek(SeekFrom::Start(0)).map_err(io_error)?;
     let mut walk = Walk { file, reader, length, at: 0, position: 0, scan: Scan::default() };
     walk.magic_and_header()?;
-    walk.records().map_err(io_error)?;
+    walk.records(index).map_err(io_error)?;
     Ok(walk.scan)
 }
 
@@ -123,9 +159,20 @@ impl<R: Read + Seek> Walk<'_, R> {
         Ok(())
     }
 
-    /// Walks the records behind the header. `at` is always the place of the next frame.
-    fn records(&mut self) -> io::Result<()> {
+    /// Walks the records behind the header, and leaps over the chunks that are known.
+    fn records(&mut self, index: &ClosingIndex) -> io::Result<()> {
+        if let Some((at, why)) = &index.damage {
+            let (file, at, why) = (self.file.to_owned(), *at, why.clone());
+            self.problem(Problem::DamagedRecord { file, at, why });
+        }
+        // What a damaged index repeats is not taken from there.
+        let mut is_believed = true;
         loop {
+            if let Some(chunk) = index.chunks.get(&self.at) {
+                self.scan.stretches.push(chunk.stretch);
+                self.at += chunk.length;
+                continue;
+            }
             let Some(frame) = self.frame()? else {
                 self.broken_off();
                 return Ok(());
@@ -143,9 +190,13 @@ impl<R: Read + Seek> Walk<'_, R> {
             if frame.opcode == op::FOOTER {
                 return self.end(frame);
             }
-            self.record(frame)?;
+            if frame.opcode == op::DATA_END {
+                is_believed = index.damage.is_none();
+            }
+            if is_believed {
+                self.record(frame)?;
+            }
             self.at += FRAME as u64 + frame.length;
-            self.go_to(self.at)?;
         }
     }
 
@@ -241,12 +292,25 @@ impl<R: Read + Seek> Walk<'_, R> {
                 self.scan.schemas.push((header, data.into_owned()));
             }
             Ok(Record::Channel(channel)) => self.scan.channels.push(channel),
-            Ok(Record::Metadata(metadata)) => self.scan.metadata.push(metadata),
+            Ok(Record::Metadata(metadata)) => self.metadata(metadata),
             Ok(Record::Statistics(statistics)) => self.scan.statistics = Some(statistics),
             Ok(_) => {}
             Err(why) => self.damaged(&why),
         }
         Ok(())
+    }
+
+    /// What a file of a split bag repeats stands between the record of the part and that of the run.
+    fn metadata(&mut self, metadata: mcap::records::Metadata) {
+        let so_far = self.scan.stretches.len();
+        if metadata.name == PART_RECORD {
+            self.scan.part = metadata.metadata.get(PART_KEY).and_then(|part| part.parse().ok());
+            // Until it is known where they end.
+            self.scan.repeated = so_far..usize::MAX;
+        } else if metadata.name == RUN_RECORD && self.scan.repeated.end == usize::MAX {
+            self.scan.repeated.end = so_far;
+        }
+        self.scan.metadata.push(metadata);
     }
 
     fn end(&mut self, frame: Frame) -> io::Result<()> {
@@ -273,6 +337,7 @@ impl<R: Read + Seek> Walk<'_, R> {
         if self.length.saturating_sub(self.at) < FRAME as u64 {
             return Ok(None);
         }
+        self.go_to(self.at)?;
         Ok(Some(Frame::parse(&self.head()?)))
     }
 

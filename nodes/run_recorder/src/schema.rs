@@ -340,7 +340,8 @@ fn parse_type(text: &str) -> Option<(String, Arity)> {
                 bound.parse::<u32>().ok()?;
                 Arity::Sequence
             } else {
-                Arity::Array(length.parse::<u32>().ok()? as usize)
+                // One of no element is no type in ROS, and takes memory without any bytes.
+                Arity::Array(length.parse::<u32>().ok().filter(|&length| length > 0)? as usize)
             };
             (element, arity)
         }

@@ -114,6 +114,8 @@ impl WriteQueue {
             return false;
         }
         let lost_before = state.gaps.remove(&channel).unwrap_or(0);
+        // The thread waits only where there is nothing; waking it for nothing costs the feeder.
+        let is_awaited = state.commands.is_empty();
         state.messages += 1;
         state.bytes += size;
         state.commands.push_back(Command::Message {
@@ -124,7 +126,9 @@ impl WriteQueue {
             data,
         });
         drop(state);
-        self.filled.notify_one();
+        if is_awaited {
+            self.filled.notify_one();
+        }
         true
     }
 

@@ -4,20 +4,22 @@
 //! counts what a failing disk took along. [`crate::run_bag`] is its face.
 
 use std::collections::BTreeMap;
-use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::bag_reader::{RESULT_RECORD, RUN_RECORD};
-use crate::bag_writer::{BagWriteError, BagWriter, ChannelIndex};
+use crate::bag_writer::{BagWriteError, ChannelIndex};
 use crate::files::write_metadata_file;
-use crate::metadata::metadata_yaml;
+use crate::metadata::metadata_yaml_of_files;
+use crate::parts::{Finished, Outlet, Parts};
 use crate::recover::result_record;
 use crate::run_bag::{RecordingStatus, RunBagOptions};
 use crate::write_queue::{Batch, Command, WriteQueue};
+
+/// What a disk may take for one message, flush or sync before it is told of.
+const STALL: Duration = Duration::from_secs(2);
 
 /// What the thread and [`crate::run_bag::RunBag`] both see.
 pub(crate) struct Shared {
@@ -25,8 +27,29 @@ pub(crate) struct Shared {
     pub(crate) queue: WriteQueue,
     pub(crate) messages_written: AtomicU64,
     pub(crate) bytes_written: Arc<AtomicU64>,
+    pub(crate) busy: Busy,
     pub(crate) end: Mutex<End>,
     pub(crate) ended: Condvar,
+}
+
+/// Since when the thread is at work on one thing: the disk has not taken it yet.
+#[derive(Default)]
+pub(crate) struct Busy(Mutex<Option<Instant>>);
+
+impl Busy {
+    fn begin(&self) {
+        *lock(&self.0) = Some(Instant::now());
+    }
+
+    fn end(&self) {
+        *lock(&self.0) = None;
+    }
+
+    /// How long the disk has taken nothing, if that is long.
+    fn stalled(&self) -> Option<Duration> {
+        let since = *lock(&self.0);
+        since.map(|since| since.elapsed()).filter(|&elapsed| elapsed >= STALL)
+    }
 }
 
 /// How it stands with the thread.
@@ -53,11 +76,17 @@ impl Shared {
             .collect();
         let mut reasons = end.noted.clone();
         reasons.extend(end.error.clone());
-        reasons.extend(lost_by_topic.iter().map(|(topic, count)| {
-            format!(
+        reasons.extend(lost_by_topic.iter().map(|(topic, count)| match end.error {
+            // It says why.
+            Some(_) => format!("{count} messages of {topic} are lost"),
+            None => format!(
                 "{count} messages of {topic} were lost: they came faster than they could be written"
-            )
+            ),
         }));
+        let stalled = self.busy.stalled();
+        reasons.extend(
+            stalled.map(|time| format!("the disk has taken nothing for {} s", time.as_secs())),
+        );
         RecordingStatus {
             path: self.path.clone(),
             messages_written: self.messages_written.load(Ordering::Relaxed),
@@ -67,19 +96,12 @@ impl Shared {
             bytes_waiting: self.queue.waiting_bytes(),
             error: end.error.clone(),
             has_begun: end.has_begun,
+            is_stalled: stalled.is_some(),
             is_finished: end.is_finished,
             complete: reasons.is_empty(),
             reasons,
         }
     }
-}
-
-/// Where the bytes go.
-pub(crate) struct Outlet {
-    pub(crate) sink: Box<dyn Write + Send>,
-    pub(crate) sync: Box<dyn Fn() -> io::Result<()> + Send>,
-    pub(crate) directory: PathBuf,
-    pub(crate) file_name: String,
 }
 
 /// The write thread.
@@ -108,6 +130,7 @@ struct Over<'a>(&'a Shared);
 
 impl Drop for Over<'_> {
     fn drop(&mut self) {
+        self.0.busy.end();
         let mut end = lock(&self.0.end);
         if thread::panicking() {
             end.error.get_or_insert("the write thread failed".to_owned());
@@ -124,16 +147,13 @@ fn write_bag(
     options: &RunBagOptions,
     outlet: Outlet,
 ) -> Result<(), BagWriteError> {
-    let mut pen = Pen {
-        shared,
-        writer: BagWriter::new(Counted { sink: outlet.sink, bytes: shared.bytes_written.clone() })?,
-        unflushed: BTreeMap::new(),
-    };
+    shared.busy.begin();
+    let parts = Parts::begin(options, outlet, shared.bytes_written.clone())?;
+    let mut pen = Pen { shared, parts, written: 0, unflushed: BTreeMap::new() };
     let interval = options.flush_interval;
-    pen.writer.write_metadata(RUN_RECORD, &options.run)?;
-    pen.flush()?;
     let mut oldest_unflushed: Option<Instant> = None;
     loop {
+        shared.busy.end();
         let wait =
             oldest_unflushed.map_or(interval, |since| interval.saturating_sub(since.elapsed()));
         let batch = shared.queue.take(wait);
@@ -144,9 +164,11 @@ fn write_bag(
             oldest_unflushed.get_or_insert_with(Instant::now);
         }
         if oldest_unflushed.is_some_and(|since| since.elapsed() >= interval) {
+            shared.busy.begin();
             pen.flush()?;
             if options.syncs_each_flush {
-                (outlet.sync)()?;
+                shared.busy.begin();
+                pen.parts.sync()?;
             }
             oldest_unflushed = None;
         }
@@ -154,33 +176,38 @@ fn write_bag(
             break;
         }
     }
+    shared.busy.begin();
     pen.flush()?;
+    // What it did not take in time is in the file now.
+    shared.busy.end();
     let status = shared.status();
     let mut result = result_record(status.complete, &status.reasons);
     result.insert("messages_lost".to_owned(), status.messages_lost.to_string());
-    pen.writer.write_metadata(RESULT_RECORD, &result)?;
     let mut custom_data = options.run.clone();
     custom_data.insert("complete".to_owned(), status.complete.to_string());
-    let (mut sink, summary) = pen.writer.finish(&outlet.file_name, &custom_data)?;
-    sink.flush()?;
-    (outlet.sync)()?;
-    let text = metadata_yaml(&summary, &outlet.file_name, &custom_data);
-    write_metadata_file(&outlet.directory, &text)?;
+    shared.busy.begin();
+    let Finished { files, is_ours } = pen.parts.finish(&result, &custom_data)?;
+    shared.busy.begin();
+    write_metadata_file(&shared.path, &metadata_yaml_of_files(&files, &custom_data))?;
+    drop(is_ours);
     Ok(())
 }
 
 /// The writer, and what it may still lose.
-struct Pen<'a, W: Write> {
+struct Pen<'a> {
     shared: &'a Shared,
-    writer: BagWriter<W>,
+    parts: Parts<'a>,
+    /// Messages, in whatever file.
+    written: u64,
     /// Messages in the open chunk, by channel; some may be in the file already.
     unflushed: BTreeMap<ChannelIndex, u64>,
 }
 
-impl<W: Write> Pen<'_, W> {
+impl Pen<'_> {
     fn batch(&mut self, batch: &Batch) -> Result<(), BagWriteError> {
         for (index, command) in batch.commands.iter().enumerate() {
             // Definitions go out before messages: a damaged chunk must not take them along.
+            self.shared.busy.begin();
             let next = batch.commands.get(index + 1);
             let ends_definitions = matches!(command, Command::Channel(_))
                 && !matches!(next, Some(Command::Channel(_)));
@@ -192,22 +219,26 @@ impl<W: Write> Pen<'_, W> {
                 return Err(error);
             }
         }
-        let written = self.writer.message_count();
-        self.shared.messages_written.store(written, Ordering::Relaxed);
+        self.shared.messages_written.store(self.written, Ordering::Relaxed);
         Ok(())
     }
 
     fn command(&mut self, command: &Command) -> Result<(), BagWriteError> {
         match command {
-            Command::Channel(spec) => self.writer.add_channel(spec).map(|_| ()),
+            Command::Channel(spec) => self.parts.add_channel(spec),
             Command::Message { channel, lost_before, log_time_ns, publish_time_ns, data } => {
-                self.writer.skip(*channel, *lost_before)?;
-                self.writer.write(*channel, *log_time_ns, *publish_time_ns, data)?;
+                if self.parts.is_full() {
+                    self.flush()?;
+                    self.parts.go_on(*log_time_ns)?;
+                }
+                self.parts.skip(*channel, *lost_before)?;
+                self.parts.write(*channel, *log_time_ns, *publish_time_ns, data)?;
+                self.written += 1;
                 *self.unflushed.entry(*channel).or_default() += 1;
                 Ok(())
             }
-            Command::Attachment(attachment) => self.writer.attach(attachment),
-            Command::Metadata(name, values) => self.writer.write_metadata(name, values),
+            Command::Attachment(attachment) => self.parts.attach(attachment),
+            Command::Metadata(name, values) => self.parts.write_metadata(name, values),
             Command::Begun => {
                 self.flush()?;
                 lock(&self.shared.end).has_begun = true;
@@ -217,7 +248,7 @@ impl<W: Write> Pen<'_, W> {
     }
 
     fn flush(&mut self) -> Result<(), BagWriteError> {
-        let flushed = self.writer.flush();
+        let flushed = self.parts.flush();
         if flushed.is_err() {
             self.give_up(&[]);
         }
@@ -232,7 +263,7 @@ impl<W: Write> Pen<'_, W> {
             self.shared.queue.lose(channel, count);
             gone += count;
         }
-        let kept = self.writer.message_count().saturating_sub(gone);
+        let kept = self.written.saturating_sub(gone);
         self.shared.messages_written.store(kept, Ordering::Relaxed);
         rest.iter().for_each(|command| lose(self.shared, command));
     }
@@ -241,24 +272,6 @@ impl<W: Write> Pen<'_, W> {
 fn lose(shared: &Shared, command: &Command) {
     if let Command::Message { channel, .. } = command {
         shared.queue.lose(*channel, 1);
-    }
-}
-
-/// Counts the bytes that pass.
-struct Counted {
-    sink: Box<dyn Write + Send>,
-    bytes: Arc<AtomicU64>,
-}
-
-impl Write for Counted {
-    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
-        let written = self.sink.write(buf)?;
-        self.bytes.fetch_add(written as u64, Ordering::Relaxed);
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.sink.flush()
     }
 }
 

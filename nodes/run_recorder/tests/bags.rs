@@ -189,3 +189,51 @@ fn what_is_not_a_bag_is_refused_with_the_reason() {
     assert!(matches!(error, BagError::WrongProfile { .. }));
     assert!(error.to_string().contains("\"ros1\""), "{error}");
 }
+
+#[test]
+fn a_finished_bag_is_opened_and_sought_in_without_reading_it_whole() {
+    use std::cell::Cell;
+    use std::io::{Read, Seek, SeekFrom};
+    use std::rc::Rc;
+
+    struct Counting(Cursor<Vec<u8>>, Rc<Cell<usize>>);
+    impl Read for Counting {
+        fn read(&mut self, buf: &mut [u8]) -> std::io::Result<usize> {
+            let count = self.0.read(buf)?;
+            self.1.set(self.1.get() + count);
+            Ok(count)
+        }
+    }
+    impl Seek for Counting {
+        fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+            self.0.seek(to)
+        }
+    }
+
+    let mut writer = BagWriter::new(Vec::new()).unwrap();
+    let log = writer.add_channel(&string_channel("/log")).unwrap();
+    writer.flush().unwrap();
+    let mut noise = 1_u64;
+    for i in 0..2000 {
+        let text: String = (0..40)
+            .map(|_| {
+                noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                format!("{:08x}", noise >> 32)
+            })
+            .collect();
+        writer.write(log, i, i, &string_message(&text)).unwrap();
+        if i % 20 == 19 {
+            writer.flush().unwrap();
+        }
+    }
+    let (bytes, _) = writer.finish("a_0.mcap", &BTreeMap::new()).unwrap();
+    let size = bytes.len();
+    let read = Rc::new(Cell::new(0));
+    let mut bag = Bag::open("a", Counting(Cursor::new(bytes), read.clone())).unwrap();
+    assert!(read.get() * 10 < size, "{} of {size} bytes are read to open it", read.get());
+    let filter = MessageFilter { from_ns: Some(1000), ..MessageFilter::default() };
+    let first = bag.messages_where(filter).next().unwrap().unwrap();
+    assert_eq!(first.log_time_ns, 1000);
+    assert!(read.get() * 8 < size, "{} of {size} bytes are read to seek in it", read.get());
+    assert_eq!(bag.messages().count(), 2000);
+}

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use run_recorder::bag_reader::{Bag, Problem};
 use run_recorder::bag_writer::LIBRARY;
 use run_recorder::info::BagInfo;
-use run_recorder::recover::recover;
+use run_recorder::recover::{Selection, recover};
 
 #[test]
 fn a_bag_cut_at_any_byte_gives_everything_flushed_before() {
@@ -104,6 +104,53 @@ fn a_wrong_checksum_of_an_uncompressed_chunk_is_found() {
 }
 
 #[test]
+fn a_damaged_index_is_told_and_nothing_in_it_believed() {
+    let (mut bytes, _) = bag_bytes(60, 20);
+    let original = read_all(&mut open(&bytes));
+    // The topic as the index repeats it, behind all chunks.
+    let at = bytes.windows(9).rposition(|bytes| bytes == b"/mill/log").unwrap();
+    bytes[at + 1] ^= 1;
+    let mut bag = open(&bytes);
+    let [problem] = bag.problems() else { panic!("{:?}", bag.problems()) };
+    let told = problem.to_string();
+    let footer = bytes.len() - 37;
+    assert!(told.contains(&format!("the record at byte {footer}")), "{told}");
+    assert!(told.contains("checksum"), "{told}");
+    assert_eq!(bag.channels()[0].topic, "/mill/log");
+    assert_eq!(read_all(&mut bag), original);
+}
+
+#[test]
+fn an_index_that_lies_is_found_out_where_it_is_used() {
+    let (bytes, _) = bag_bytes(60, 20);
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let chunk = summary.chunk_indexes.last().unwrap();
+    let footer = bytes.len() - 37;
+    let start = u64::from_le_bytes(bytes[footer + 9..footer + 17].try_into().unwrap()) as usize;
+    let place = chunk.chunk_start_offset.to_le_bytes();
+    let entry = start + bytes[start..].windows(8).position(|bytes| bytes == place).unwrap();
+    // Times come before the place, the length behind it.
+    let at_chunk = format!("the chunk at byte {}", chunk.chunk_start_offset);
+    let at_footer = format!("the record at byte {footer}");
+    for (at, by, place, says, left) in [
+        (entry - 16, 7, &at_chunk, "the index says that it is from", 40),
+        // The frames tell what the index does not.
+        (entry + 8, -1, &at_footer, "does not agree with the records", 60),
+    ] {
+        let mut lying = bytes.clone();
+        let was = i64::from_le_bytes(lying[at..at + 8].try_into().unwrap());
+        lying[at..at + 8].copy_from_slice(&(was + by).to_le_bytes());
+        let crc = crc32fast::hash(&lying[start..footer + 25]);
+        lying[footer + 25..footer + 29].copy_from_slice(&crc.to_le_bytes());
+        let mut bag = open(&lying);
+        bag.verify().unwrap();
+        let told = bag.problems()[0].to_string();
+        assert!(told.contains(says) && told.contains(place), "{told}");
+        assert_eq!(bag.messages().count(), left);
+    }
+}
+
+#[test]
 fn bags_without_chunks_index_or_schema_are_read() {
     let mut bytes = Vec::new();
     let options =
@@ -151,7 +198,7 @@ fn recovering_a_broken_off_bag_makes_a_finished_one_that_says_what_is_missing() 
     let kept = read_all(&mut broken);
     assert_eq!(kept.len(), 40);
     let (copy, recovered) =
-        recover(&mut broken, Vec::new(), "copy_0.mcap", &BTreeMap::new()).unwrap();
+        recover(&mut broken, Vec::new(), "copy_0.mcap", &BTreeMap::new(), Selection::ALL).unwrap();
     assert_eq!(recovered.summary.message_count, 40);
     assert_eq!(recovered.left_out, []);
     let mut bag = open(&copy);
@@ -170,7 +217,8 @@ fn recovering_a_whole_bag_copies_it() {
     let (bytes, _) = bag_bytes(60, 20);
     let mut bag = open(&bytes);
     let original = read_all(&mut bag);
-    let (copy, _) = recover(&mut bag, Vec::new(), "c_0.mcap", &BTreeMap::new()).unwrap();
+    let (copy, _) =
+        recover(&mut bag, Vec::new(), "c_0.mcap", &BTreeMap::new(), Selection::ALL).unwrap();
     let mut copied = open(&copy);
     assert!(copied.is_complete());
     assert_eq!(read_all(&mut copied), original);

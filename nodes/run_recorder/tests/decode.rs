@@ -253,6 +253,7 @@ fn a_definition_that_cannot_be_used_says_why() {
         "line 2: \"uint8\" is not a field; it should read: type name"
     );
     assert_eq!(check("uint8[x] a\n"), "line 1: \"uint8[x]\" is not a type");
+    assert_eq!(check("uint8[0] a\n"), "line 1: \"uint8[0]\" is not a type");
     assert_eq!(check("uint8 a\nuint8 a\n"), "line 2: the field a is there twice");
     assert_eq!(check("A a\n"), "a/A contains itself");
     assert_eq!(check("b/B b\n"), "the definition of b/B, needed by a/A, is missing");

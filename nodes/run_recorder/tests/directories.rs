@@ -5,11 +5,13 @@ mod common;
 
 use std::fs;
 use std::path::Path;
+use std::time::Duration;
 
 use common::*;
 use run_recorder::bag_reader::{BagError, Problem};
 use run_recorder::files::{open_bag, recover_bag};
 use run_recorder::info::BagInfo;
+use run_recorder::run_bag::{RunBag, RunBagOptions};
 
 fn error(path: &Path) -> BagError {
     open_bag(path).unwrap_err()
@@ -31,8 +33,38 @@ fn what_is_not_a_bag_directory_says_what_is_missing() {
     assert!(matches!(error(path), BagError::ZeroLength { .. }));
     fs::write(path.join("run_0.mcap"), "G1 X5\n").unwrap();
     assert!(matches!(error(path), BagError::NotABag { .. }));
+    // A list that broke off is told of where there is nothing but it.
     fs::write(path.join("metadata.yaml"), "a: [").unwrap();
+    assert!(matches!(error(path), BagError::NotABag { .. }));
+    fs::remove_file(path.join("run_0.mcap")).unwrap();
     assert!(matches!(error(path), BagError::Metadata { .. }));
+}
+
+#[test]
+fn a_metadata_file_cut_at_any_byte_costs_no_message() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut options = RunBagOptions::new(directory.path(), "run");
+    options.split.size = 3_000;
+    let bag = RunBag::create(options).unwrap();
+    let channel = bag.add_channel(&string_channel("/a")).unwrap();
+    for i in 0..100 {
+        assert!(bag.write(channel, i, i, string_message(&"x".repeat(100))));
+    }
+    let path = bag.path().to_owned();
+    assert!(bag.finish(Duration::from_secs(60)).complete);
+    assert!(path.join("run_2.mcap").exists(), "a bag of several files");
+    let list = path.join("metadata.yaml");
+    let whole = fs::read(&list).unwrap();
+    let mut told = 0;
+    for length in 0..whole.len() {
+        fs::write(&list, &whole[..length]).unwrap();
+        let mut bag = open_bag(&path).unwrap();
+        assert_eq!(bag.messages().count(), 100, "cut at {length}");
+        told += usize::from(!bag.is_complete());
+    }
+    // Where the names of all files are there, the rest of it says nothing that they do not.
+    let names_end = String::from_utf8(whole).unwrap().find("  files:").unwrap();
+    assert!(told >= names_end - 1, "{told} of {names_end}");
 }
 
 #[test]

@@ -111,6 +111,41 @@ def check_rosbags(path, count):
     return qos
 
 
+def check_split(directory, count):
+    """A bag in several files: as a directory, and each file by itself."""
+    files = sorted(directory.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
+    assert len(files) > 2, files
+    own = 0
+    for number, file in enumerate(files):
+        with file.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+            topics = [channel.topic for _, channel, _, _ in reader.iter_decoded_messages()]
+            assert len(topics) == reader.get_summary().statistics.message_count
+            records = [record.name for record in reader.iter_metadata()]
+            assert records.count("cnc_run") == 1 and records[0] == "cnc_run_part", records
+            assert ("cnc_run_result" in records) == (number + 1 == len(files))
+        # What is latched comes again at the head of each file but the first.
+        if number > 0:
+            assert topics[0] == "/mill/log", topics[0]
+        own += len(topics) - (number > 0)
+        with Reader(file) as reader:
+            assert reader.message_count == len(topics)
+            assert sum(1 for _ in reader.messages()) == len(topics)
+    assert own == count, own
+    information = YAML(typ="safe").load((directory / "metadata.yaml").read_text())[
+        "rosbag2_bagfile_information"
+    ]
+    assert information["relative_file_paths"] == [file.name for file in files]
+    with Reader(directory) as reader:
+        assert reader.message_count == count + len(files) - 1
+        times = [time for _, time, _ in reader.messages()]
+        assert len(times) == reader.message_count and times == sorted(times)
+    with AnyReader([directory]) as reader:
+        for connection, _, data in reader.messages():
+            reader.deserialize(data, connection.msgtype)
+    return len(files)
+
+
 def main():
     directory, count = Path(sys.argv[1]), int(sys.argv[2])
     file = directory / f"{directory.name}_0.mcap"
@@ -127,6 +162,8 @@ def main():
         metadata = topic["topic_metadata"]
         assert (metadata["offered_qos_profiles"] or []) == (channel_qos[metadata["name"]] or [])
     assert information["custom_data"]["run_id"] == "oracle"
+    files = check_split(directory.with_name(f"{directory.name}_split"), count)
+    print(f"split: {files} files, alone and together")
     print("metadata.yaml: equals the rosbag2 record, QoS equals the channels'")
 
 

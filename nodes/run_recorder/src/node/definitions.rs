@@ -1,10 +1,18 @@
 //! What a bag says of a topic: its type, its definition, what was offered.
 
+use super::inputs::is_fetched;
 use crate::bag_writer::ChannelSpec;
 use crate::qos::{QosProfile, QosTime};
-use crate::schema::MessageSchema;
+use crate::schema::{Arity, FieldType, MessageSchema, Primitive};
 use runtime::DiscoveredPublisher;
 use std::path::PathBuf;
+
+/// Samples of one topic that may wait unread; DDS keeps as many that were read.
+const DEPTH: usize = 20_000;
+/// The same where samples are large and can be had again from who sent them.
+const DEPTH_FETCHED: usize = 1_000;
+/// The same where samples may be as large as pictures: three seconds of a camera.
+const DEPTH_LARGE: usize = 100;
 
 /// The channel of a topic.
 ///
@@ -35,6 +43,29 @@ pub(super) fn channel(
         type_hash,
         qos: offers.iter().map(|offer| profile(offer)).collect(),
     }
+}
+
+/// How many samples of a topic may wait: memory is bounded whatever somebody sends, so there
+/// are few where bytes without number are sent, or it is not known what.
+pub(super) fn depth(spec: &ChannelSpec) -> usize {
+    if is_fetched(&spec.type_name) {
+        return DEPTH_FETCHED;
+    }
+    if cnc_msgs::schema::lookup(&spec.type_name).is_some() {
+        return DEPTH;
+    }
+    match MessageSchema::parse(&spec.type_name, &spec.schema_text) {
+        Ok(schema) if !schema.fields.is_empty() && !holds_bytes(&schema) => DEPTH,
+        _ => DEPTH_LARGE,
+    }
+}
+
+fn holds_bytes(schema: &MessageSchema) -> bool {
+    schema.fields.iter().any(|field| match &field.field_type {
+        FieldType::Primitive(Primitive::U8 | Primitive::I8) => field.arity == Arity::Sequence,
+        FieldType::Primitive(_) => false,
+        FieldType::Message(inner) => holds_bytes(inner),
+    })
 }
 
 fn profile(offer: &DiscoveredPublisher) -> QosProfile {
@@ -100,4 +131,41 @@ fn dependencies(package: &str, text: &str) -> Vec<String> {
             None => format!("{package}/{name}"),
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_samples_wait_where_they_may_be_large() {
+        let camera = "uint32 height\nuint8[] data\n";
+        let cloud = concat!(
+            "cell_msgs/Block[] blocks\n",
+            "================================================================================\n",
+            "MSG: cell_msgs/Block\n",
+            "float64 x\n",
+            "int8[] cells\n",
+        );
+        let table = [
+            ("cnc_msgs/msg/PathChunk", "", DEPTH_FETCHED),
+            ("cnc_msgs/msg/MachineState", "", DEPTH),
+            // It holds bytes, and is known not to be large.
+            ("rcl_interfaces/msg/ParameterEvent", "", DEPTH),
+            ("cell_msgs/msg/Gripper", "float64[] force\nuint8[4] flags\nstring text\n", DEPTH),
+            ("cell_msgs/msg/Camera", camera, DEPTH_LARGE),
+            ("cell_msgs/msg/Cloud", cloud, DEPTH_LARGE),
+            ("cell_msgs/msg/Unknown", "# the definition was not found\n", DEPTH_LARGE),
+        ];
+        for (type_name, schema_text, expected) in table {
+            let spec = ChannelSpec {
+                topic: "/a".into(),
+                type_name: type_name.into(),
+                schema_text: schema_text.into(),
+                type_hash: String::new(),
+                qos: Vec::new(),
+            };
+            assert_eq!(depth(&spec), expected, "{type_name}");
+        }
+    }
 }

@@ -31,6 +31,12 @@ fn taken<C>(success: bool, message: String, chunks: Vec<C>) -> Result<Vec<C>, St
     if success { Ok(chunks) } else { Err(message) }
 }
 
+/// What to ask for after an answer to `first` whose newest entry is `got`; `None` when there is
+/// no more, or asking on would get no further.
+fn next_wanted(first: u64, got: Option<u64>, newest: u64) -> Option<u64> {
+    got.filter(|&got| got >= first && got < newest).and_then(|got| got.checked_add(1))
+}
+
 impl Sources {
     pub(super) fn new(node: &Handle) -> Result<Self, NodeError> {
         Ok(Self {
@@ -91,7 +97,8 @@ impl Sources {
             (Some(first), Some(last)) => {
                 let gaps = seen.missing(first, last);
                 let gaps = gaps.iter().map(|gap| (*gap.start(), *gap.end()));
-                gaps.chain([(last + 1, u64::MAX)]).collect()
+                // Nothing comes after the largest number.
+                gaps.chain(last.checked_add(1).map(|next| (next, u64::MAX))).collect()
             }
             // From the checkpoint that the driver made for this run.
             _ => vec![(0, u64::MAX)],
@@ -117,14 +124,42 @@ impl Sources {
                 }
                 let entries: Vec<_> =
                     response.entries.into_iter().filter(|entry| entry.sequence <= end).collect();
-                let Some(newest) = entries.last().map(|entry| entry.sequence) else { break };
-                fetched.batches.push(wire::ControllerTraffic { entries });
-                if newest >= response.newest_sequence {
-                    break;
+                let newest = entries.iter().map(|entry| entry.sequence).max();
+                let next = next_wanted(first, newest, response.newest_sequence);
+                if !entries.is_empty() {
+                    fetched.batches.push(wire::ControllerTraffic { entries });
                 }
-                first = newest + 1;
+                match next {
+                    Some(next) => first = next,
+                    None => break,
+                }
             }
         }
         fetched
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn asking_goes_on_only_while_it_gets_further() {
+        const MAX: u64 = u64::MAX;
+        // asked from, newest of the answer, newest there is, asked from next
+        let table = [
+            (5, Some(9), 20, Some(10)),
+            (5, Some(5), 20, Some(6)),
+            (5, Some(20), 20, None),
+            // Older than what was asked for, or nothing.
+            (5, Some(4), 20, None),
+            (5, None, 20, None),
+            (0, Some(MAX), MAX, None),
+            (MAX, Some(MAX), MAX, None),
+            (0, Some(MAX - 1), MAX, Some(MAX)),
+        ];
+        for (first, got, newest, expected) in table {
+            assert_eq!(next_wanted(first, got, newest), expected, "{first}, {got:?}, {newest}");
+        }
     }
 }

@@ -13,10 +13,15 @@ pub(super) struct Shell(pub(super) Arc<Recorder>);
 impl Managed for Shell {
     async fn configure(&self) -> Step {
         // Whether bags can be made is better known before the first run.
-        let directory = &self.0.directory;
-        std::fs::create_dir_all(directory).map_err(|error| {
-            Trouble::failure(format!("bags cannot go to {}: {error}", directory.display()))
-        })
+        let directory = self.0.directory.clone();
+        let shown = directory.display().to_string();
+        // A disk that hangs keeps this step, not the node.
+        let made = tokio::task::spawn_blocking(move || std::fs::create_dir_all(directory)).await;
+        made.map_err(std::io::Error::other)
+            .flatten()
+            .map_err(|error| Trouble::failure(format!("bags cannot go to {shown}: {error}")))?;
+        self.0.begin_to_tidy();
+        Ok(())
     }
 
     async fn activate(&self) -> Step {
@@ -24,35 +29,38 @@ impl Managed for Shell {
         // A run that is under way is recorded from here on, when the node is active.
         self.0.node.spawn("recording on activation", async move {
             if states.changed().await.is_ok()
-                && let Some(goal) = { recorder.state().goal }
+                && let Some(goal) = { recorder.state().watch.goal() }
             {
-                recorder.begin(goal);
+                recorder.begin(goal, true);
             }
         });
         Ok(())
     }
 
     async fn deactivate(&self) -> Step {
-        self.close(Some("the recorder was deactivated in the run")).await;
+        self.close("the recorder was deactivated in the run").await;
         Ok(())
     }
 
     async fn shutdown(&self) -> Step {
-        self.close(None).await;
+        self.close("the recorder was stopped in the run").await;
         Ok(())
     }
 
     fn health(&self) -> Vec<Health> {
-        vec![self.0.health()]
+        vec![self.0.health(), self.0.health_of_old_bags()]
     }
 }
 
 impl Shell {
-    /// Closes the bag that is open.
-    async fn close(&self, why: Option<&str>) {
-        let open = self.0.state().open.take();
+    /// Closes the bag that is open; it says why, unless the run is over.
+    async fn close(&self, why: &str) {
+        let (open, is_run) = {
+            let mut state = self.0.state();
+            (state.open.take(), state.watch.goal().is_some() || state.store.motion_possible())
+        };
         if let Some(open) = open {
-            if let Some(why) = why {
+            if is_run {
                 open.bag.note_incomplete(why);
             }
             self.0.finish(open).await;

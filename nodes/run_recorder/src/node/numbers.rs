@@ -19,14 +19,13 @@ impl Numbers {
             if number <= last {
                 return false;
             }
-            if last + 1 == number {
+            if last == number - 1 {
                 first = start;
             }
         }
-        let last = match self.ranges.remove(&(number + 1)) {
-            Some(last) => last,
-            None => number,
-        };
+        // Behind the largest number there is none.
+        let next = number.checked_add(1);
+        let last = next.and_then(|next| self.ranges.remove(&next)).unwrap_or(number);
         self.ranges.insert(first, last);
         true
     }
@@ -49,10 +48,10 @@ impl Numbers {
             if start > next {
                 gaps.push(next..=(start - 1).min(last));
             }
-            next = next.max(end + 1);
-            if next > last {
+            if end >= last {
                 return gaps;
             }
+            next = next.max(end + 1);
         }
         if next <= last {
             gaps.push(next..=last);
@@ -80,5 +79,19 @@ mod tests {
         }
         assert_eq!(numbers.missing(1, 9), Vec::<RangeInclusive<u64>>::new());
         assert_eq!(numbers.ranges.len(), 1, "touching ranges become one");
+    }
+
+    #[test]
+    fn the_smallest_and_the_largest_number_are_numbers_too() {
+        const MAX: u64 = u64::MAX;
+        let mut numbers = Numbers::default();
+        for number in [MAX, 0, MAX - 2] {
+            assert!(numbers.add(number));
+        }
+        assert_eq!(numbers.missing(0, MAX), vec![1..=MAX - 3, MAX - 1..=MAX - 1]);
+        assert!(numbers.add(MAX - 1) && !numbers.add(MAX) && !numbers.add(0));
+        assert_eq!(numbers.missing(MAX, MAX), []);
+        assert_eq!(numbers.missing(0, MAX), vec![1..=MAX - 3]);
+        assert_eq!(numbers.ranges.len(), 2);
     }
 }

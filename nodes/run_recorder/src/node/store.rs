@@ -2,42 +2,22 @@
 //! bag that is open.
 
 use super::numbers::Numbers;
+use super::prelude::{Kept, Prelude};
 use super::run_id::run_id;
 use crate::bag_writer::{ChannelIndex, ChannelSpec};
-use crate::run_bag::{RecordingStatus, RunBag, RunBagError, RunBagOptions};
+use crate::run_bag::{RecordingStatus, RunBag, RunBagError, RunBagOptions, SplitLimits};
 use cnc_msgs::cdr;
 use cnc_msgs::interface::Message;
+use cnc_msgs::machine::WAITING_FOR_RECORDER;
 use cnc_msgs::schema::TypeInfo;
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
-use runtime::{Gid, RawSample, RosTime};
-use std::collections::{BTreeMap, VecDeque};
+use runtime::{RawSample, RosTime};
+use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What is kept of the time before a run, nanoseconds and samples.
-const PRELUDE_NS: u64 = 2_000_000_000;
-const PRELUDE_SAMPLES: usize = 4_000;
 /// Publishers of one latched topic of which the newest is kept.
 const PUBLISHERS_MAX: usize = 32;
-
-/// A sample and its times, nanoseconds since the epoch.
-#[derive(Debug, Clone)]
-struct Kept {
-    publisher: [u8; 16],
-    log_time_ns: u64,
-    publish_time_ns: u64,
-    bytes: Vec<u8>,
-}
-
-impl Kept {
-    fn new(sample: RawSample) -> Self {
-        let at = |time: RosTime| u64::try_from(time.as_nanos()).unwrap_or(0);
-        let log_time_ns = at(sample.info.reception_time);
-        let publish_time_ns = sample.info.source_time.map_or(log_time_ns, at);
-        let Gid(publisher) = sample.info.publisher;
-        Self { publisher, log_time_ns, publish_time_ns, bytes: sample.bytes }
-    }
-}
 
 #[derive(Debug)]
 struct Topic {
@@ -51,7 +31,7 @@ struct Topic {
 #[derive(Debug, Default)]
 pub(super) struct Store {
     topics: Vec<Topic>,
-    prelude: VecDeque<(usize, Kept)>,
+    prelude: Prelude,
 }
 
 impl Store {
@@ -80,21 +60,25 @@ impl Store {
             Some(open) => open.write(index, &topic.spec.type_name, kept),
             // Traffic of before is fetched from the driver; it numbers every entry.
             None if topic.is_latched || is_traffic(&topic.spec.type_name) => {}
-            None => {
-                let oldest = kept.log_time_ns.saturating_sub(PRELUDE_NS);
-                self.prelude.push_back((index, kept));
-                while self.prelude.len() > PRELUDE_SAMPLES
-                    || self.prelude.front().is_some_and(|(_, kept)| kept.log_time_ns < oldest)
-                {
-                    self.prelude.pop_front();
-                }
-            }
+            None => self.prelude.push(index, kept),
         }
     }
 
     /// What is loaded and planned now.
     pub(super) fn wanted(&self) -> Wanted {
         Wanted { program: self.latched(), contour: self.latched(), path: self.latched() }
+    }
+
+    /// Whether the machine may be moving, as far as its driver knows.
+    pub(super) fn motion_possible(&self) -> bool {
+        self.latched::<wire::MachineState>().is_some_and(|state| state.motion_possible)
+    }
+
+    /// Whether the driver has sent nothing yet because it waits for the record; `None` if it
+    /// has told of nothing.
+    pub(super) fn waits_for_recorder(&self) -> Option<bool> {
+        let state = self.latched::<wire::MachineState>()?;
+        Some(state.reason.starts_with(WAITING_FOR_RECORDER))
     }
 
     /// The newest message of a latched topic of this type.
@@ -135,6 +119,7 @@ impl Wanted {
 #[derive(Debug)]
 pub(super) struct OpenRun {
     pub(super) run_id: String,
+    pub(super) goal: [u8; 16],
     pub(super) bag: RunBag,
     /// The traffic entries that are in the bag.
     pub(super) numbers: Numbers,
@@ -146,8 +131,9 @@ pub(super) struct OpenRun {
     driver: Option<[u8; 16]>,
     /// Another driver was heard: its numbers begin anew.
     pub(super) driver_restarted: bool,
+    /// The goal was not seen to begin, and it is not known yet what that costs.
+    pub(super) is_beginning_unclear: bool,
     channels: BTreeMap<usize, ChannelIndex>,
-    wanted: Option<Wanted>,
 }
 
 impl OpenRun {
@@ -156,15 +142,18 @@ impl OpenRun {
         directory: &Path,
         now: RosTime,
         goal: [u8; 16],
+        wanted: &Wanted,
+        split: SplitLimits,
         store: &mut Store,
     ) -> Result<Self, RunBagError> {
-        let wanted = store.wanted();
         let run_id = run_id(now, goal);
         let mut options = RunBagOptions::new(directory, &run_id);
+        options.split = split;
         options.run = BTreeMap::from([
             ("run_id".to_owned(), run_id.clone()),
             ("goal_id".to_owned(), cnc_msgs::chunk::hex(&goal)),
             ("software".to_owned(), concat!("kerf ", env!("CARGO_PKG_VERSION")).to_owned()),
+            ("build".to_owned(), option_env!("KERF_COMMIT").unwrap_or("unknown").to_owned()),
         ]);
         if let Some(program) = &wanted.program {
             for (key, value) in [
@@ -179,24 +168,25 @@ impl OpenRun {
         let bag = RunBag::create(options)?;
         let mut open = Self {
             run_id,
+            goal,
             bag,
             numbers: Numbers::default(),
             has_inputs: false,
             has_beginning: false,
             driver: None,
             driver_restarted: false,
+            is_beginning_unclear: false,
             channels: BTreeMap::new(),
-            wanted: Some(wanted),
         };
         for index in 0..store.topics.len() {
             open.add_channel(store, index);
         }
-        let mut kept: Vec<(usize, Kept)> = store.prelude.drain(..).collect();
-        for (index, topic) in store.topics.iter().enumerate() {
-            kept.extend(topic.newest.values().map(|newest| (index, newest.clone())));
-        }
-        kept.sort_by_key(|(_, kept)| kept.log_time_ns);
-        for (index, kept) in kept {
+        let newest = store.topics.iter().enumerate().flat_map(|(index, topic)| {
+            topic.newest.values().map(move |newest| (index, newest.clone()))
+        });
+        let newest = newest.collect();
+        let now_ns = u64::try_from(RosTime::wall().as_nanos()).unwrap_or(0);
+        for (index, kept) in store.prelude.take_with(newest, now_ns) {
             open.write(index, &store.topics[index].spec.type_name, kept);
         }
         // A disk that has failed already is told of by the status.
@@ -207,17 +197,9 @@ impl OpenRun {
     /// Whether it is known that the disk takes what is written, or that it does not.
     pub(super) fn is_decided(&self) -> bool {
         let status = self.bag.status();
-        status.has_begun || status.error.is_some()
-    }
-
-    /// What has to be fetched; taken once.
-    pub(super) fn wanted_before(&self) -> Wanted {
-        match &self.wanted {
-            Some(Wanted { program, contour, path }) => {
-                Wanted { program: program.clone(), contour: contour.clone(), path: path.clone() }
-            }
-            None => Wanted::default(),
-        }
+        status.error.is_some()
+            || status.is_stalled
+            || (status.has_begun && !self.is_beginning_unclear)
     }
 
     /// Adds a topic that was seen before or during the run.

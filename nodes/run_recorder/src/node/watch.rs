@@ -1,24 +1,31 @@
 //! Whether a run is under way, from the goals that the action server reports.
 
 use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
+use runtime::RosTime;
 use std::collections::BTreeSet;
 
 /// Follows the status of `run_program`.
 #[derive(Debug, Default)]
 pub(super) struct RunWatch {
-    active: BTreeSet<[u8; 16]>,
+    /// The goal whose run it is.
+    current: Option<[u8; 16]>,
 }
 
 /// A change that matters to the recorder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Edge {
-    /// The first goal was accepted.
+    /// A goal is active, and the one before, if there was one, is not any more.
     Begin { goal: [u8; 16] },
     /// No goal is active any more.
     End,
 }
 
 impl RunWatch {
+    /// The goal that is active.
+    pub(super) fn goal(&self) -> Option<[u8; 16]> {
+        self.current
+    }
+
     /// Takes the newest status; says what it changes.
     pub(super) fn update(&mut self, status: &GoalStatusArray) -> Option<Edge> {
         let active: BTreeSet<[u8; 16]> = status
@@ -34,13 +41,28 @@ impl RunWatch {
             })
             .map(|goal| goal.goal_info.goal_id.uuid)
             .collect();
-        let before = std::mem::replace(&mut self.active, active);
-        match (before.first(), self.active.first()) {
-            (None, Some(&goal)) => Some(Edge::Begin { goal }),
+        if self.current.is_some_and(|goal| active.contains(&goal)) {
+            return None;
+        }
+        let before = std::mem::replace(&mut self.current, active.first().copied());
+        match (before, self.current) {
+            (_, Some(goal)) => Some(Edge::Begin { goal }),
             (Some(_), None) => Some(Edge::End),
-            _ => None,
+            (None, None) => None,
         }
     }
+}
+
+/// Whether a goal was accepted before a moment.
+pub(super) fn is_accepted_before(
+    status: &GoalStatusArray,
+    goal: [u8; 16],
+    moment: RosTime,
+) -> bool {
+    status.status_list.iter().any(|known| {
+        let at = &known.goal_info.stamp;
+        known.goal_info.goal_id.uuid == goal && RosTime::from_parts(at.sec, at.nanosec) < moment
+    })
 }
 
 #[cfg(test)]
@@ -74,5 +96,37 @@ mod tests {
             ])),
             Some(Edge::Begin { goal: [2; 16] })
         );
+    }
+
+    #[test]
+    fn the_goal_after_another_is_a_run_of_its_own_however_they_are_told() {
+        const ACCEPTED: i8 = GoalStatus::STATUS_ACCEPTED;
+        const SUCCEEDED: i8 = GoalStatus::STATUS_SUCCEEDED;
+        let begin = |id: u8| Some(Edge::Begin { goal: [id; 16] });
+        let mut watch = RunWatch::default();
+        assert_eq!(watch.update(&status(&[(5, ACCEPTED)])), begin(5));
+        // The end of one and the beginning of the next at once, whichever id comes first.
+        assert_eq!(watch.update(&status(&[(5, SUCCEEDED), (7, ACCEPTED)])), begin(7));
+        assert_eq!(watch.update(&status(&[(7, SUCCEEDED), (2, ACCEPTED)])), begin(2));
+        // One that waits for its turn is no run yet.
+        assert_eq!(watch.update(&status(&[(2, ACCEPTED), (1, ACCEPTED)])), None);
+        assert_eq!(watch.update(&status(&[(2, SUCCEEDED), (1, ACCEPTED)])), begin(1));
+        assert_eq!(watch.update(&status(&[(1, SUCCEEDED)])), Some(Edge::End));
+        assert_eq!(watch.update(&status(&[])), None);
+    }
+
+    #[test]
+    fn a_goal_that_was_accepted_before_is_told_by_its_own_stamp() {
+        let mut array =
+            status(&[(1, GoalStatus::STATUS_SUCCEEDED), (2, GoalStatus::STATUS_EXECUTING)]);
+        for (goal, sec) in array.status_list.iter_mut().zip([10, 20]) {
+            goal.goal_info.stamp.sec = sec;
+        }
+        let at = |sec| RosTime::from_parts(sec, 0);
+        for (goal, moment, expected) in
+            [(2, 19, false), (2, 20, false), (2, 21, true), (1, 19, true), (3, 99, false)]
+        {
+            assert_eq!(is_accepted_before(&array, [goal; 16], at(moment)), expected, "{goal}");
+        }
     }
 }

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::bag_reader::Bag;
-use crate::files::open_bag;
+use crate::files::{open_bag, recover_bag};
+use crate::parts::PartFile;
 use crate::qos::QosProfile;
 use std::io::{Cursor, Write};
 use std::time::Instant;
@@ -40,13 +41,40 @@ fn bag_on(directory: &Path, room: usize, gate: Arc<Mutex<Vec<u8>>>, limits: Queu
     let mut options = RunBagOptions::new(directory, "r");
     options.limits = limits;
     options.flush_interval = Duration::from_millis(1);
-    let outlet = Outlet {
+    let first = PartFile {
+        name: "r_0.mcap".into(),
         sink: Box::new(Disk(room, gate)),
         sync: Box::new(|| Ok(())),
-        directory: directory.to_owned(),
-        file_name: "r_0.mcap".into(),
     };
+    let next = Box::new(|_| Err(io::ErrorKind::Unsupported.into()));
+    let outlet = Outlet { directory: directory.to_owned(), first, next };
     RunBag::start(options, outlet).unwrap()
+}
+
+#[test]
+fn a_disk_that_hangs_keeps_nobody_and_what_it_makes_later_goes() {
+    assert_eq!(within(LONG, || Ok(5), |_| panic!("in time")).unwrap(), 5);
+    let full = || Err::<(), _>(io::ErrorKind::StorageFull.into());
+    assert_eq!(within(LONG, full, |()| ()).unwrap_err().kind(), io::ErrorKind::StorageFull);
+
+    let parent = tempfile::tempdir().unwrap();
+    let directory = parent.path().to_owned();
+    let (answers, disk) = mpsc::channel();
+    let hangs = move || {
+        disk.recv().unwrap();
+        outlet(&directory, "r")
+    };
+    let (undone, is_undone) = mpsc::channel();
+    let undo = move |late: Outlet| {
+        assert!(late.directory.is_dir());
+        late.remove();
+        undone.send(()).unwrap();
+    };
+    let error = within(Duration::from_millis(1), hangs, undo).map(|_| ()).unwrap_err();
+    assert_eq!(error.to_string(), "the disk has not answered for 1ms");
+    answers.send(()).unwrap();
+    is_undone.recv_timeout(LONG).unwrap();
+    assert_eq!(parent.path().read_dir().unwrap().count(), 0);
 }
 
 #[test]
@@ -157,6 +185,46 @@ fn a_slow_disk_loses_messages_but_never_holds_the_feeder() {
 }
 
 #[test]
+fn a_disk_that_hangs_is_told_of_while_it_does() {
+    let directory = tempfile::tempdir().unwrap();
+    let gate: Arc<Mutex<Vec<u8>>> = Arc::default();
+    let held = lock(&gate);
+    let bag = bag_on(directory.path(), usize::MAX, gate.clone(), QueueLimits::default());
+    let end = Instant::now() + LONG;
+    while !bag.status().is_stalled {
+        assert!(Instant::now() < end, "it is not told");
+        thread::sleep(Duration::from_millis(10));
+    }
+    let status = bag.status();
+    assert!(!status.complete && status.reasons[0].starts_with("the disk has taken nothing for"));
+    drop(held);
+    let status = bag.finish(LONG);
+    assert!(status.complete && !status.is_stalled, "{status:?}");
+}
+
+#[test]
+fn a_bag_that_was_not_closed_in_time_never_says_that_it_is_complete() {
+    let directory = tempfile::tempdir().unwrap();
+    let gate: Arc<Mutex<Vec<u8>>> = Arc::default();
+    let held = lock(&gate);
+    let bag = bag_on(directory.path(), usize::MAX, gate.clone(), QueueLimits::default());
+    let shared = bag.shared.clone();
+    let status = bag.finish(Duration::from_millis(1));
+    let reason = "the bag was not closed within 0.001 s";
+    assert_eq!((status.complete, status.reasons), (false, vec![reason.to_owned()]));
+    drop(held);
+    let end = Instant::now() + LONG;
+    while !lock(&shared.end).is_over {
+        assert!(Instant::now() < end, "the thread goes on by itself");
+        thread::sleep(Duration::from_millis(1));
+    }
+    assert!(shared.status().is_finished);
+    let bytes = lock(&gate).clone();
+    let read = Bag::open("r_0.mcap", Cursor::new(bytes)).unwrap();
+    assert!(read.problems()[0].to_string().contains(reason), "{:?}", read.problems());
+}
+
+#[test]
 fn the_queue_is_bounded_in_bytes_too() {
     let directory = tempfile::tempdir().unwrap();
     let gate: Arc<Mutex<Vec<u8>>> = Arc::default();
@@ -209,9 +277,70 @@ fn a_full_disk_is_told_and_every_message_accounted_for() {
     let status = bag.finish(LONG);
     assert!(status.error.is_some() && !status.complete && !status.is_finished);
     assert_eq!(status.messages_written + status.messages_lost, fed);
+    assert!(status.reasons.iter().any(|reason| reason.ends_with("messages of /a are lost")));
     let bytes = lock(&disk).clone();
     let mut read = Bag::open("r_0.mcap", Cursor::new(bytes)).unwrap();
     assert!(read.messages().count() as u64 >= status.messages_written);
+}
+
+#[test]
+fn on_a_disk_of_any_size_what_was_flushed_is_recovered() {
+    let limits = QueueLimits::default();
+    let parent = tempfile::tempdir().unwrap();
+    let mut recovered_some = 0;
+    for room in (0..6000).step_by(97) {
+        let directory = parent.path().join(room.to_string());
+        std::fs::create_dir(&directory).unwrap();
+        let disk: Arc<Mutex<Vec<u8>>> = Arc::default();
+        let bag = bag_on(&directory, room, disk.clone(), limits);
+        let Ok(channel) = bag.add_channel(&spec("/a")) else { continue };
+        let mut fed = 0;
+        for round in 0..40_u64 {
+            bag.write(channel, round, 0, vec![round as u8; 50]);
+            fed += 1;
+            thread::sleep(Duration::from_micros(200));
+        }
+        let status = bag.finish(LONG);
+        assert_eq!(status.messages_written + status.messages_lost, fed, "{room} bytes");
+        if status.is_finished {
+            continue;
+        }
+        assert!(!status.complete, "{status:?}");
+        let file = directory.join("r_0.mcap");
+        std::fs::write(&file, &*lock(&disk)).unwrap();
+        let saved = parent.path().join(format!("saved_{room}"));
+        match recover_bag(&directory, &saved) {
+            Ok(recovered) => {
+                // A chunk that was wholly written before its flush failed may be there too.
+                assert!(recovered.summary.message_count >= status.messages_written, "{status:?}");
+                recovered_some += usize::from(recovered.summary.message_count > 0);
+                assert!(!open_bag(&saved).unwrap().is_complete());
+            }
+            // Not even the header had room.
+            Err(error) => assert_eq!(status.messages_written, 0, "{room} bytes: {error}"),
+        }
+    }
+    assert!(recovered_some > 5, "{recovered_some} disks had room for a message");
+}
+
+#[test]
+fn a_disk_that_takes_no_second_file_keeps_the_first_whole() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut options = RunBagOptions::new(directory.path(), "r");
+    options.split.size = 1;
+    let bag = RunBag::create(options).unwrap();
+    // Where the second file is to be there is something else.
+    std::fs::create_dir(bag.path().join("r_1.mcap")).unwrap();
+    let channel = bag.add_channel(&spec("/a")).unwrap();
+    for time in 0..10 {
+        bag.write(channel, time, time, vec![0; 5]);
+    }
+    let path = bag.path().to_owned();
+    let status = bag.finish(LONG);
+    assert!(status.error.is_some() && !status.complete && !status.is_finished, "{status:?}");
+    assert_eq!((status.messages_written, status.messages_lost), (1, 9));
+    std::fs::remove_dir(path.join("r_1.mcap")).unwrap();
+    assert_eq!(open_bag(&path).unwrap().messages().count(), 1);
 }
 
 #[test]

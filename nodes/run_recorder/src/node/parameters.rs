@@ -1,0 +1,88 @@
+//! The parameters of the recorder and what they mean.
+
+use crate::retention::Keep;
+use crate::run_bag::SplitLimits;
+use runtime::{Declared, Handle};
+use std::path::PathBuf;
+use std::time::Duration;
+
+const MB: u64 = 1_000_000;
+/// A file of this many MB, or of so many seconds, is as good as one without a limit.
+const SPLIT_SIZE_MB_MAX: i64 = 1_000_000;
+const SPLIT_DURATION_S_MAX: i64 = 365 * 86_400;
+const GB: u64 = 1_000_000_000;
+/// A century, and more than any disk.
+const KEEP_DAYS_MAX: i64 = 36_525;
+const KEEP_GB_MAX: i64 = 1_000_000;
+
+/// The node's parameters.
+pub(super) fn declared() -> Vec<Declared> {
+    vec![
+        Declared::new("directory", "kerf-bags", "where the bags go, one directory a run")
+            .read_only(),
+        Declared::new(
+            "extra_topics",
+            ["/tf", "/tf_static", "/rosout", "/diagnostics", "/parameter_events"]
+                .map(String::from)
+                .to_vec(),
+            "absolute names of topics that are recorded beside those of this namespace",
+        )
+        .read_only(),
+        Declared::new(
+            "include_action_feedback",
+            false,
+            "whether feedback of actions is recorded; not every reader of bags knows its types",
+        )
+        .read_only(),
+        Declared::new(
+            "split_size_mb",
+            0,
+            "size at which a bag goes on in another file, MB; 0: never; from the next run on",
+        )
+        .integer_within(0, SPLIT_SIZE_MB_MAX),
+        Declared::new(
+            "split_duration_s",
+            0,
+            "time after which a bag goes on in another file, s; 0: never; from the next run on",
+        )
+        .integer_within(0, SPLIT_DURATION_S_MAX),
+        Declared::new(
+            "keep_days",
+            0,
+            "days for which bags are kept that are not marked, d; 0: for ever",
+        )
+        .integer_within(0, KEEP_DAYS_MAX),
+        Declared::new(
+            "keep_gb",
+            0,
+            "space that bags may take that are not marked, GB; the oldest go; 0: any",
+        )
+        .integer_within(0, KEEP_GB_MAX),
+    ]
+}
+
+/// Where bags go.
+pub(super) fn directory(node: &Handle) -> std::io::Result<PathBuf> {
+    std::path::absolute(PathBuf::from(node.parameter::<String>("directory")))
+}
+
+/// When a bag that is begun now is to go on in another file.
+pub(super) fn split(node: &Handle) -> SplitLimits {
+    SplitLimits {
+        size: unsigned(node, "split_size_mb").saturating_mul(MB),
+        duration: Duration::from_secs(unsigned(node, "split_duration_s")),
+    }
+}
+
+/// Which of the bags of before are kept.
+pub(super) fn keep(node: &Handle) -> Keep {
+    Keep {
+        days: u32::try_from(unsigned(node, "keep_days")).unwrap_or(u32::MAX),
+        bytes: unsigned(node, "keep_gb").saturating_mul(GB),
+    }
+}
+
+/// The range keeps it from being negative.
+fn unsigned(node: &Handle, name: &str) -> u64 {
+    u64::try_from(node.parameter::<i64>(name)).unwrap_or(0)
+}
