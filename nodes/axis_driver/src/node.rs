@@ -72,7 +72,6 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         node: node.clone(),
         serial,
         next_id: AtomicU64::new(1),
-        stops: AtomicU64::new(0),
         state: watch::Sender::new(not_heard(has_port)),
         progress: watch::Sender::new(Progress::default()),
         hardware: watch::Sender::default(),
@@ -187,6 +186,8 @@ struct Waiting {
     runs: BTreeMap<u64, oneshot::Sender<RunResult>>,
     moves: BTreeMap<u64, oneshot::Sender<MoveResult>>,
     leave: Option<oneshot::Sender<()>>,
+    /// Counts the wishes to stop.
+    stops: u64,
 }
 
 /// The serial driver as this shell sees it.
@@ -194,8 +195,6 @@ struct Driver {
     node: Handle,
     serial: Serial,
     next_id: AtomicU64,
-    /// Counts the wishes to stop.
-    stops: AtomicU64,
     /// The newest state.
     state: watch::Sender<MachineState>,
     progress: watch::Sender<Progress>,
@@ -293,17 +292,27 @@ impl Driver {
 
     /// How many wishes to stop there were.
     fn stops(&self) -> u64 {
-        self.stops.load(Ordering::Relaxed)
+        self.waiting().stops
     }
 
-    /// Whether nobody wanted the machine to stop since there were so many wishes: what was
-    /// still being prepared then does not begin behind it.
-    fn is_still_wanted(&self, stops: u64) -> Result<(), Refusal> {
-        if self.stops() == stops {
-            return Ok(());
-        }
-        let message = "somebody stopped the machine before it began: ask again".into();
-        Err(Refusal { error_code: crate::codes::error_code::CANCELED, message })
+    /// The same, unless somebody wanted the machine to stop since there were so many wishes:
+    /// what was still being prepared then does not begin behind it.
+    async fn ask_unless_stopped(
+        &self,
+        stops: u64,
+        id: u64,
+        command: Command,
+        within: Duration,
+    ) -> Reply {
+        let asked = {
+            let mut waiting = self.waiting();
+            if waiting.stops != stops {
+                let message = "somebody stopped the machine before it began: ask again".into();
+                return Err(Refusal { error_code: crate::codes::error_code::CANCELED, message });
+            }
+            self.hand_over(&mut waiting, id, command)
+        };
+        self.answer(asked, within).await
     }
 
     /// Sends a command now; [`Self::answer`] waits for its answer.
@@ -312,11 +321,14 @@ impl Driver {
     }
 
     fn begin_as(&self, id: u64, command: Command) -> Asked {
-        if command.stops_whatever_moves() {
-            self.stops.fetch_add(1, Ordering::Relaxed);
-        }
+        self.hand_over(&mut self.waiting(), id, command)
+    }
+
+    /// Hands a command to the driver, one after the other.
+    fn hand_over(&self, waiting: &mut Waiting, id: u64, command: Command) -> Asked {
+        waiting.stops += u64::from(command.stops_whatever_moves());
         let (sender, reply) = oneshot::channel();
-        self.waiting().replies.insert(id, sender);
+        waiting.replies.insert(id, sender);
         let is_sent = self.serial.command(id, command).is_ok();
         Asked { id, reply: is_sent.then_some(reply) }
     }

@@ -19,7 +19,6 @@ use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::interface::Service;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
-use cnc_msgs::units::{m_from_mm, point_from_position};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{
     GetContourChunks, GetContourChunksRequest, GetFindings, GetPathChunks, GetPathChunksRequest,
@@ -30,7 +29,8 @@ use cnc_msgs::wire::std_msgs::msg::Header;
 use cnc_msgs::wire::{nav_msgs, visualization_msgs};
 use health::Verdict;
 use live::{Live, RunningPlan};
-use report::{FINDINGS_IN_REPORT, certificate_to_wire};
+use report::uncut_to_wire;
+pub use report::{certify, manifest_of, report_of};
 use runtime::chunks::{ChunkTopic, Cut, page, pull};
 use runtime::commands::{Answer, CommandLog};
 use runtime::{Client, Complaints, Declared, Handle, Publisher, Qos, RosTime};
@@ -219,6 +219,20 @@ struct Current {
     chunks: Option<Cut<wire::PathChunk>>,
 }
 
+impl Current {
+    /// What a plan says; its path comes when it is published.
+    fn new(program_id: String, revision: u64, plan: &crate::Plan, chord_error_mm: f64) -> Self {
+        let uncut = plan.uncut.iter().map(|region| uncut_to_wire(region, chord_error_mm));
+        Self {
+            program_id,
+            revision,
+            diagnostics: Arc::new(plan.diagnostics.iter().map(Into::into).collect()),
+            uncut: Arc::new(uncut.collect()),
+            chunks: None,
+        }
+    }
+}
+
 impl Planner {
     fn new(node: &Handle, replan: watch::Sender<()>) -> Result<Self, runtime::Error> {
         Ok(Self {
@@ -332,7 +346,7 @@ impl Planner {
         veto(&mut planned, &input.contour, &input.profile, &tools);
         let stamp = self.node.now();
         let accepted = planned.accepted();
-        let mut report = self.report_of(&input, (revision, tools_revision), stamp, &planned);
+        let mut report = self.report(&input, (revision, tools_revision), stamp, &planned);
         tracing::info!(
             "{} is {}: {} elements, {} errors, {} warnings",
             input.manifest.name,
@@ -348,15 +362,8 @@ impl Planner {
             error_count: report.error_count,
             warning_count: report.warning_count,
         });
-        let diagnostics = planned.diagnostics.iter().map(Into::into).collect();
-        let uncut = planned.uncut.iter().map(|region| self.uncut_to_wire(region)).collect();
-        let mut current = Current {
-            program_id: input.manifest.program_id.clone(),
-            revision,
-            diagnostics: Arc::new(diagnostics),
-            uncut: Arc::new(uncut),
-            chunks: None,
-        };
+        let program_id = input.manifest.program_id.clone();
+        let mut current = Current::new(program_id, revision, &planned, self.chord_error_mm);
         if accepted {
             let plan = RunningPlan {
                 revision,
@@ -373,9 +380,7 @@ impl Planner {
         // Nobody waits for certificates; they take longer than the path.
         planning.certifies = true;
         let certified = plan_with(&input.contour, &input.profile, &tools, planning).certificates;
-        report.certificate_count = certified.len() as u32;
-        report.certificates =
-            certified.iter().take(FINDINGS_IN_REPORT).map(certificate_to_wire).collect();
+        certify(&mut report, &certified);
         self.report.publish(report);
     }
 
@@ -393,7 +398,6 @@ impl Planner {
     ) {
         let RunningPlan { input, path, .. } = plan;
         let path = Arc::clone(path);
-        let extent = preview::extent(&path, self.chord_error_mm);
         let chunks =
             PathChunks::new(current.program_id.clone(), current.revision, Arc::clone(&path));
         let manifest = wire::CompensatedPath {
@@ -404,16 +408,7 @@ impl Planner {
             tool_table_revision,
             continues_revision,
             settled_elements,
-            element_count: path.elements.len() as u64,
-            event_count: path.events.len() as u64,
-            chunk_count: chunks.count(),
-            sha256: chunks.sha256().to_owned(),
-            start: point_from_position(path.start),
-            assumed_axes: path.assumed_axes.bits(),
-            bounds_min: point_from_position(extent.min),
-            bounds_max: point_from_position(extent.max),
-            feed_length: m_from_mm(extent.feed_mm),
-            rapid_length: m_from_mm(extent.rapid_mm),
+            ..manifest_of(&chunks, self.chord_error_mm)
         };
         let cut: Cut<wire::PathChunk> = Arc::new(move |index| chunks.chunk(index));
         current.chunks = Some(Arc::clone(&cut));

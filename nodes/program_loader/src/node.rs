@@ -201,16 +201,10 @@ impl Loader {
         }
         let loaded = load(&text, &profile, &self.options);
         let (diagnostics, diagnostic_count) = first_findings(&loaded);
-        let errors = loaded.diagnostics.iter().filter(|finding| finding.is_error()).count();
-        if errors > 0 {
+        if let Some(message) = refusal(&name, &loaded) {
             return Ok(LoadProgramResponse {
                 error_code: W::PROGRAM_REFUSED,
-                message: format!("{name} is refused: {errors} errors, the first: {}", {
-                    let first = loaded.diagnostics.iter().find(|finding| finding.is_error());
-                    first
-                        .map(|f| format!("line {}: {}", f.source.line, f.message))
-                        .unwrap_or_default()
-                }),
+                message,
                 line_count: loaded.line_count,
                 diagnostics,
                 diagnostic_count,
@@ -363,13 +357,9 @@ impl Loader {
             name,
             controller: profile.name.clone(),
             profile: runtime::profile_to_yaml(profile),
-            event_count: chunks.contour().events.len() as u64,
-            chunk_count: chunks.count(),
-            sha256: chunks.sha256().to_owned(),
-            start: point_from_position(chunks.contour().start),
-            assumed_axes: chunks.contour().assumed_axes.bits(),
             bounds_min: point_from_position(min),
             bounds_max: point_from_position(max),
+            ..chunks.manifest()
         }
     }
 
@@ -442,6 +432,17 @@ impl Loader {
         }
         Ok(chunks)
     }
+}
+
+/// What is answered of a program that is refused; `None` of one that is loaded.
+pub fn refusal(name: &str, loaded: &Loaded) -> Option<String> {
+    let mut errors = loaded.diagnostics.iter().filter(|finding| finding.is_error());
+    let first = errors.next()?;
+    let (line, message) = (first.source.line, &first.message);
+    Some(format!(
+        "{name} is refused: {} errors, the first: line {line}: {message}",
+        1 + errors.count()
+    ))
 }
 
 /// The corners of the box around what the program names; where it names nothing, the start.

@@ -39,7 +39,7 @@ pub use counts::Counts;
 pub use fault::{Direction, Fault, FaultAction, FaultError, FaultInjector, Spoil, Trigger};
 pub use firmware::{Firmware, UnknownFirmware};
 #[cfg(feature = "node")]
-pub use node::{ServeError, ServeOptions, Stop, StopHandle, cli, serve, stop_pair};
+pub use node::{ServeError, ServeOptions, Stop, StopHandle, cli, serve, serve_device, stop_pair};
 pub use paced::{Device, LineEvents, Pace, PacedLine};
 pub use receive::TRANSMIT_BUFFER_BYTES;
 pub use scenario::{Machine, Scenario, ScenarioError, UnknownMachine};

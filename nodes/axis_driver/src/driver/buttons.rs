@@ -12,8 +12,7 @@ impl Driver {
         if let Phase::Closed { reason } = &self.phase {
             return refused(error_code::NOT_CONNECTED, reason.clone());
         }
-        self.link.send_realtime(realtime::FEED_HOLD);
-        self.hold = Some(HoldWatch::default());
+        self.send_hold();
         if let Phase::Running(run) = &mut self.phase {
             run.set_held(true);
         }

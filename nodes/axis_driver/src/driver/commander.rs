@@ -3,10 +3,8 @@
 //! Only a commander that gave a sign of life can stay away: a program needs nobody.
 
 use super::command::Answer;
-use super::stop::HoldWatch;
 use super::{Driver, LogLevel, Phase, RunOutcome};
 use crate::codes::error_code;
-use crate::link::realtime;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -74,17 +72,9 @@ impl Driver {
             (_, Phase::Running(run)) if !run.has_begun() => {
                 self.stop_run(RunOutcome::Aborted, error_code::COMMANDER_LOST, text);
             }
-            (_, Phase::Running(run)) => {
-                run.set_held(true);
-                run.hold_reason = Some(format!("{text}; resume goes on"));
-                self.link.send_realtime(realtime::FEED_HOLD);
-                self.hold = Some(HoldWatch::default());
-            }
+            (_, Phase::Running(_)) => self.hold_run(&text),
             // A hold ends a jog; homing does not listen to it.
-            (_, Phase::Errand(errand)) if errand.task.moves() => {
-                self.link.send_realtime(realtime::FEED_HOLD);
-                self.hold = Some(HoldWatch::default());
-            }
+            (_, Phase::Errand(errand)) if errand.task.moves() => self.send_hold(),
             _ => {}
         }
     }

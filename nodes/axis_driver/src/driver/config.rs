@@ -28,7 +28,8 @@ pub struct DriverConfig {
     /// which reads every line and ends in a reset, instead of being encoded alone.
     #[serde(default)]
     pub check_in_controller: bool,
-    /// Whether a run begins only when a recorder has opened its bag.
+    /// Whether a run begins only when a recorder has opened its bag, and holds when that bag
+    /// misses something.
     #[serde(default)]
     pub require_recording: bool,
     /// What is done when a commander's signs of life stay away during a run.

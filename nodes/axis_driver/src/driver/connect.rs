@@ -208,8 +208,7 @@ impl Driver {
             || self.machine.is_state(&ControllerState::Alarm);
         if !stands {
             if self.machine.is_moving() {
-                self.link.send_realtime(realtime::FEED_HOLD);
-                self.hold = Some(super::stop::HoldWatch::default());
+                self.send_hold();
             }
             let reason = match self.machine.needs_acknowledgement {
                 true => {

@@ -15,6 +15,9 @@ use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use std::time::Duration;
 
+/// How the reason of a hold begins that is due to the record.
+const RECORD_NOT_WHOLE: &str = "RECORD_NOT_WHOLE";
+
 impl Driver {
     pub(super) fn on_run_time(&mut self) {
         let is_machine_held = self.machine.is_state(&ControllerState::Hold)
@@ -96,14 +99,21 @@ impl Driver {
                     false => self.refuse_unrecorded(reason),
                 }
             }
-            Phase::Running(_) if !is_whole => {
-                // The part is worth more than its record.
-                let text = format!("the record of this run is not whole: {reason}");
-                self.log(LogLevel::Warn, text);
-            }
+            Phase::Running(_) if !is_whole => self.miss_record(reason),
             _ => {}
         }
         Some(Ok("heard".into()))
+    }
+
+    /// The record misses something in mid-run. Where it is required the machine holds, and
+    /// whoever resumes goes on without; else the part is worth more than its record.
+    fn miss_record(&mut self, reason: &str) {
+        let text = format!("the record of this run is not whole: {reason}");
+        self.log(LogLevel::Warn, text.clone());
+        let Phase::Running(run) = &self.phase else { return };
+        if self.config.require_recording && run.has_begun() && !run.is_stopping() {
+            self.hold_run(&format!("{RECORD_NOT_WHOLE}: {text}"));
+        }
     }
 
     fn refuse_unrecorded(&mut self, reason: &str) {

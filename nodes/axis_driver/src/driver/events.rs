@@ -158,8 +158,7 @@ impl Driver {
             Phase::Errand(errand) => {
                 // What moves is brought to a stop; the count is settled by the reset.
                 if errand.task.moves() {
-                    self.link.send_realtime(realtime::FEED_HOLD);
-                    self.hold = Some(HoldWatch::default());
+                    self.send_hold();
                 }
                 let next = Phase::Adrift { reason: format!("{text}; soft_reset to go on") };
                 self.end_errand(Err(Refusal::new(error_code::PROTOCOL, text)), next);
@@ -192,8 +191,7 @@ impl Driver {
                 let moves = errand.task.moves();
                 self.end_errand(Err(Refusal::new(error_code::LINK_LOST, TEXT)), next());
                 if moves {
-                    self.link.send_realtime(realtime::FEED_HOLD);
-                    self.hold = Some(HoldWatch::default());
+                    self.send_hold();
                 }
             }
             _ => self.phase = next(),

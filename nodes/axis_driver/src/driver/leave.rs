@@ -5,10 +5,8 @@
 
 use super::command::{Answer, done, refused};
 use super::config::STANDSTILL;
-use super::stop::HoldWatch;
 use super::{Driver, Output, Phase, Refusal, RunOutcome};
 use crate::codes::error_code;
-use crate::link::realtime;
 use std::time::Duration;
 
 /// Why nothing begins.
@@ -106,10 +104,7 @@ impl Driver {
                 }
             }
             Phase::Closed { .. } => {}
-            _ if self.machine.is_moving() => {
-                self.link.send_realtime(realtime::FEED_HOLD);
-                self.hold = Some(HoldWatch::default());
-            }
+            _ if self.machine.is_moving() => self.send_hold(),
             _ => {}
         }
         self.leaving = Some(Leaving { id, until: self.now + STANDSTILL * 2, wish });

@@ -13,7 +13,7 @@ use crate::estimate::Estimate;
 use crate::tracker::Tracker;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::{AxisSet, Position};
-use cnc_msgs::machine::{MachineState, Mode};
+use cnc_msgs::machine::{MachineState, Mode, WAITING_FOR_RECORDER};
 use std::time::Duration;
 
 /// A path on its way to the machine.
@@ -278,7 +278,8 @@ impl Run {
                 state.mode = Mode::Run;
             }
             Stage::AwaitingRecorder { .. } => {
-                state.reason = "WAITING_FOR_RECORDER: the run begins when it is recorded".into();
+                state.reason =
+                    format!("{WAITING_FOR_RECORDER}: the run begins when it is recorded");
             }
             Stage::Stopping(stopping) => state.reason = stopping.describe(),
             _ => {}

@@ -114,6 +114,21 @@ impl Run {
 }
 
 impl Driver {
+    /// Sends a feed hold, and again when it does not show.
+    pub(super) fn send_hold(&mut self) {
+        self.link.send_realtime(realtime::FEED_HOLD);
+        self.hold = Some(HoldWatch::default());
+    }
+
+    /// Holds the run that is under way, and says why.
+    pub(super) fn hold_run(&mut self, reason: &str) {
+        if let Phase::Running(run) = &mut self.phase {
+            run.set_held(true);
+            run.hold_reason = Some(format!("{reason}; resume goes on"));
+            self.send_hold();
+        }
+    }
+
     /// Stops sending and brings the machine to a standstill; the run ends when it stands.
     pub(super) fn stop_run(&mut self, outcome: RunOutcome, error_code: u16, message: String) {
         let verdict = Verdict { outcome, error_code, message };

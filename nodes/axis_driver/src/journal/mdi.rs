@@ -10,7 +10,6 @@ use cnc_msgs::cdr;
 use cnc_msgs::chunk::{Collector, PathChunks, hex};
 use cnc_msgs::interface::Message;
 use cnc_msgs::path::CompensatedPath;
-use cnc_msgs::units::point_from_position;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -24,16 +23,7 @@ pub(super) struct PathRecord {
 impl PathRecord {
     pub(super) fn of(path: &Arc<CompensatedPath>) -> Self {
         let chunks = PathChunks::new(MDI.to_owned(), 0, Arc::clone(path));
-        let manifest = wire::CompensatedPath {
-            program_id: MDI.to_owned(),
-            element_count: path.elements.len() as u64,
-            event_count: path.events.len() as u64,
-            chunk_count: chunks.count(),
-            sha256: chunks.sha256().to_owned(),
-            start: point_from_position(path.start),
-            assumed_axes: path.assumed_axes.bits(),
-            ..wire::CompensatedPath::default()
-        };
+        let manifest = wire::CompensatedPath { program_id: MDI.to_owned(), ..chunks.manifest() };
         let written = (0..chunks.count()).filter_map(|index| chunks.chunk(index));
         Self {
             manifest: hex(&cdr::encapsulated(&manifest)),

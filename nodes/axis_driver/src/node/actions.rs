@@ -56,15 +56,14 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
     driver.waiting().runs.insert(id, sender);
     driver.recorder.expect(&offer.id());
     let reply = begin(driver, paths, id, &offer).await;
-    driver.commands.record(
-        "run_program",
-        RunProgram::TYPE_NAME,
-        &offer.info(),
-        offer.goal(),
-        answer(&reply),
-    );
-    match reply {
+    let (info, wanted) = (offer.info(), offer.goal().clone());
+    let record = |reply: &Reply| {
+        let answer = answer(reply);
+        driver.commands.record("run_program", RunProgram::TYPE_NAME, &info, &wanted, answer);
+    };
+    match &reply {
         Err(refusal) => {
+            record(&reply);
             if refusal.error_code == error_code::NO_ANSWER {
                 // It may be taken up yet, and nobody would know of it.
                 let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
@@ -73,11 +72,14 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
             offer.reject(&refusal.message);
         }
         Ok(_) => match offer.accept() {
-            Some(goal) => follow(driver, id, goal, finished).await,
+            Some(goal) => {
+                record(&reply);
+                follow(driver, id, goal, finished).await;
+            }
             None => {
-                tracing::error!(
-                    "the goal was canceled or decided on too late; its run is canceled"
-                );
+                let message = "it was canceled, or decided on too late; its run is canceled";
+                tracing::warn!("{message}");
+                record(&Err(Refusal { error_code: error_code::CANCELED, message: message.into() }));
                 let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
             }
         },
@@ -94,7 +96,6 @@ async fn begin(driver: &Driver, paths: &Paths, id: u64, offer: &GoalOffer<RunPro
         let message = "it was canceled before it began".into();
         return Err(Refusal { error_code: error_code::CANCELED, message });
     }
-    driver.is_still_wanted(stops)?;
     let Planned { program_id, revision, path, .. } = planned.clone();
     let request = RunRequest {
         program_id,
@@ -103,7 +104,8 @@ async fn begin(driver: &Driver, paths: &Paths, id: u64, offer: &GoalOffer<RunPro
         start_line: goal.start_line,
         check_only: goal.check_only,
     };
-    let reply = driver.ask_as(id, Command::RunProgram(request), PROVE_WITHIN).await;
+    let reply =
+        driver.ask_unless_stopped(stops, id, Command::RunProgram(request), PROVE_WITHIN).await;
     if reply.is_ok() && !goal.check_only {
         paths.begin(&planned);
     }

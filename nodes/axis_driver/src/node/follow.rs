@@ -1,6 +1,7 @@
 //! Who else is there: a commander that gives signs of life, a recorder that records.
 //!
-//! What follows from either the core decides; this file hands it on.
+//! What follows from either the core decides; this file hands it on. Which of two bags of a
+//! goal counts is decided here, since only bags have names.
 
 use super::{Driver, REPLY_WITHIN};
 use crate::driver::Command;
@@ -53,21 +54,90 @@ pub(super) fn follow(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
     let mut recordings = node.subscription::<Recording>("recording", Qos::LATCHED)?;
     let driver = Arc::clone(driver);
     node.spawn("recording", async move {
-        let mut told = None;
+        let mut bags = Bags::default();
         loop {
             let (recording, _) = recordings.next().await;
-            if !driver.recorder.is_of_goal(&recording.run_id) {
-                continue;
-            }
-            let is_whole = recording.is_recording && recording.complete;
-            let news = Some((recording.run_id.clone(), recording.is_recording, is_whole));
-            if told != news {
-                told = news;
-                let reason = recording.reason;
+            let is_of_goal = |run_id: &str| driver.recorder.is_of_goal(run_id);
+            if let Some(is_whole) = bags.news(&recording, is_of_goal) {
+                let reason = reason(recording);
                 let command = Command::Recorder { is_whole, reason };
                 let _ = driver.ask(command, REPLY_WITHIN).await;
             }
         }
     });
     Ok(())
+}
+
+/// What was told of the bags of a goal.
+#[derive(Debug, Default)]
+struct Bags {
+    /// The first bag of the goal.
+    first: String,
+    told: Option<(String, bool, bool)>,
+}
+
+impl Bags {
+    /// Whether the record is whole, where that is new and matters to the run.
+    ///
+    /// A recorder that comes in the place of one that died has not the whole of it, and says
+    /// so: that the record ends there stopped no run, so its continuation does not either.
+    fn news(&mut self, recording: &Recording, is_of_goal: impl Fn(&str) -> bool) -> Option<bool> {
+        if !is_of_goal(&recording.run_id) {
+            return None;
+        }
+        if !is_of_goal(&self.first) {
+            self.first.clone_from(&recording.run_id);
+        }
+        let is_whole = recording.is_recording && recording.complete;
+        let news = Some((recording.run_id.clone(), recording.is_recording, is_whole));
+        if self.told == news {
+            return None;
+        }
+        self.told = news;
+        (is_whole || recording.run_id == self.first).then_some(is_whole)
+    }
+}
+
+/// Why a record is not whole; one that was closed too early may miss nothing so far.
+fn reason(recording: Recording) -> String {
+    if recording.reason.is_empty() && !recording.is_recording {
+        return "the recorder is not recording any more".into();
+    }
+    recording.reason
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_first_bag_of_a_run_can_miss_something() {
+        let mut bags = Bags::default();
+        let mut news = |run_id: &str, is_recording, complete| {
+            let run_id = run_id.to_owned();
+            let told = Recording { run_id, is_recording, complete, ..Recording::default() };
+            bags.news(&told, |run_id| run_id.ends_with("_a"))
+        };
+        assert_eq!(news("1_b", true, true), None, "of another goal");
+        assert_eq!(news("1_a", true, true), Some(true));
+        assert_eq!(news("1_a", true, true), None, "it is known");
+        // The recorder died; another came.
+        assert_eq!(news("2_a", true, false), None);
+        assert_eq!(news("2_a", false, false), None);
+        assert_eq!(news("1_a", true, false), Some(false));
+    }
+
+    #[test]
+    fn a_record_that_is_closed_too_early_has_a_reason() {
+        let gone = "the recorder is not recording any more";
+        for (is_recording, told, expected) in [
+            (true, "", ""),
+            (true, "the disk is full", "the disk is full"),
+            (false, "run_recorder is inactive", "run_recorder is inactive"),
+            (false, "", gone),
+        ] {
+            let told = Recording { is_recording, reason: told.into(), ..Recording::default() };
+            assert_eq!(reason(told), expected);
+        }
+    }
 }

@@ -48,6 +48,10 @@ impl Managed for Shell {
 
     async fn activate(&self) -> Step {
         let reply = self.driver.ask(Command::Activate, REPLY_WITHIN).await;
+        if reply.is_err() {
+            // It may be taken up yet: what others hear is that it was not.
+            self.driver.begin(Command::Deactivate);
+        }
         reply.map(drop).map_err(Trouble::failure)
     }
 
@@ -66,7 +70,8 @@ impl Managed for Shell {
         let states = self.driver.state.subscribe();
         self.driver.serial.close().map_err(Trouble::failure)?;
         let is_closed = |state: &MachineState| matches!(state.mode, Mode::Disconnected);
-        if self.has_port && !changes_to(states, CLOSE_WITHIN, is_closed).await {
+        let was_closed = is_closed(&states.borrow());
+        if self.has_port && !was_closed && !changes_to(states, CLOSE_WITHIN, is_closed).await {
             tracing::warn!("the port was told to close; machine_state says more");
         }
         Ok(())

@@ -87,12 +87,11 @@ async fn execute(driver: &Driver, advisers: &Advisers, request: &ExecuteMdiReque
     if is_still {
         return Ok(format!("there is nothing to do{message}"));
     }
-    driver.is_still_wanted(stops)?;
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
     let (sender, finished) = oneshot::channel();
     driver.waiting().runs.insert(id, sender);
     let command = Command::ExecuteMdi { path: Arc::new(path) };
-    if let Err(refusal) = driver.ask_as(id, command, PROVE_WITHIN).await {
+    if let Err(refusal) = driver.ask_unless_stopped(stops, id, command, PROVE_WITHIN).await {
         if refusal.error_code == error_code::NO_ANSWER {
             // It may be taken up yet, and nobody would know of it.
             let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;

@@ -73,7 +73,7 @@ pub(super) fn declared() -> Vec<Declared> {
         Declared::new(
             "require_recording",
             config.require_recording,
-            "whether a run begins only when the recorder has opened its bag",
+            "whether a run begins only when the recorder has opened its bag, and holds when that misses something",
         ),
         Declared::new(
             "on_commander_loss",

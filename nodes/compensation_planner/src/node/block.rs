@@ -2,13 +2,11 @@
 //!
 //! Nothing is kept: the plan of the loaded program stays what it is.
 
-use super::report::fitting;
+use super::report::{fitting, manifest_of};
 use crate::mdi::plan_block;
-use crate::preview;
 use cnc_msgs::chunk::{Collector, PathChunks};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::tool_table::ToolTable;
-use cnc_msgs::units::{m_from_mm, point_from_position};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{PlanBlockRequest, PlanBlockResponse};
 use std::sync::Arc;
@@ -50,25 +48,14 @@ pub(super) fn plan(request: &PlanBlockRequest, tools: &ToolTable) -> PlanBlockRe
         return W { error_code: W::PLAN_REFUSED, ..response };
     }
     let path = Arc::new(planned.path);
-    let extent = preview::extent(&path, CHORD_ERROR_MM);
-    let chunks = PathChunks::new(request.contour.program_id.clone(), 0, Arc::clone(&path));
+    let chunks = PathChunks::new(request.contour.program_id.clone(), 0, path);
     W {
         success: true,
         path: wire::CompensatedPath {
             header: request.contour.header.clone(),
             program_id: request.contour.program_id.clone(),
             controller: request.contour.controller.clone(),
-            element_count: path.elements.len() as u64,
-            event_count: path.events.len() as u64,
-            chunk_count: chunks.count(),
-            sha256: chunks.sha256().to_owned(),
-            start: point_from_position(path.start),
-            assumed_axes: path.assumed_axes.bits(),
-            bounds_min: point_from_position(extent.min),
-            bounds_max: point_from_position(extent.max),
-            feed_length: m_from_mm(extent.feed_mm),
-            rapid_length: m_from_mm(extent.rapid_mm),
-            ..wire::CompensatedPath::default()
+            ..manifest_of(&chunks, CHORD_ERROR_MM)
         },
         chunks: (0..chunks.count()).filter_map(|index| chunks.chunk(index)).collect(),
         ..response

@@ -48,9 +48,10 @@ impl Managed for Planner {
     }
 
     async fn cleanup(&self) -> Step {
+        // The contour stays: it is planned with the table that is read next, so that
+        // nobody runs the path of before for want of a new one.
         let mut state = self.state();
-        (state.input, state.current, state.live) = (None, None, Live::default());
-        state.verdict = None;
+        (state.current, state.live, state.verdict) = (None, Live::default(), None);
         Ok(())
     }
 

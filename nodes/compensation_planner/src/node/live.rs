@@ -42,11 +42,13 @@ pub(super) struct Live {
     revision: u64,
     /// Elements of it that can no longer change; 0 unless the machine stands in a hold.
     settled: u64,
+    is_held: bool,
 }
 
 impl Live {
     fn hear(&mut self, state: &MachineState) {
         (self.revision, self.settled) = (state.path_revision, state.settled_elements);
+        self.is_held = state.state == MachineState::STATE_HOLD;
         let is_meant = |plan: &&RunningPlan| {
             plan.revision == state.path_revision && plan.program_id == state.program_id
         };
@@ -74,16 +76,19 @@ impl Planner {
     /// Brings the table into force for a program that stands in a hold, where its
     /// control says so; tells what came of it.
     pub(super) fn go_live(&self) -> String {
-        let (live, tools, tools_revision, is_running) = {
+        let (live, tools, tools_revision, is_running, is_held) = {
             let state = self.state();
-            let Live { running, settled, revision, .. } = &state.live;
+            let Live { running, settled, revision, is_held, .. } = &state.live;
             let live = running.clone().map(|running| (running, *settled));
-            (live, state.tools.clone(), state.tools_revision, *revision > 0)
+            (live, state.tools.clone(), state.tools_revision, *revision > 0, *is_held)
         };
         let keeps = |why: &str| format!("; the program that runs keeps its values: {why}");
         let Some((running, settled)) = live else {
             return if is_running { keeps("it is not of this planner") } else { String::new() };
         };
+        if settled == 0 && is_held {
+            return keeps("all of it has been sent to the controller already");
+        }
         if settled == 0 {
             return keeps("it does not stand in a hold");
         }
@@ -105,14 +110,9 @@ impl Planner {
             state.revision
         };
         let stamp = self.node.now();
-        let report = self.report_of(&running.input, (revision, tools_revision), stamp, &plan);
-        let mut current = Current {
-            program_id: running.program_id.clone(),
-            revision,
-            diagnostics: Arc::new(plan.diagnostics.iter().map(Into::into).collect()),
-            uncut: Arc::new(plan.uncut.iter().map(|region| self.uncut_to_wire(region)).collect()),
-            chunks: None,
-        };
+        let report = self.report(&running.input, (revision, tools_revision), stamp, &plan);
+        let program_id = running.program_id.clone();
+        let mut current = Current::new(program_id, revision, &plan, self.chord_error_mm);
         let input = Input { contour: Arc::new(contour), ..running.input };
         let offered = RunningPlan { revision, input, tools, path: Arc::new(plan.path), ..running };
         self.state().live.newest = Some(offered.clone());

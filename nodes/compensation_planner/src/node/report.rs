@@ -1,8 +1,9 @@
 //! The verdict on a plan as messages: the report, and its findings page by page.
 
 use super::{Input, Planner};
-use crate::{Certificate, Plan, UncutRegion};
+use crate::{Certificate, Plan, UncutRegion, preview};
 use cnc_msgs::cdr;
+use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::interface::Message;
 use cnc_msgs::units::{m_from_mm, m2_from_mm2, point_from_position};
@@ -11,35 +12,67 @@ use cnc_msgs::wire::cnc_msgs::srv::{GetFindingsRequest, GetFindingsResponse};
 use runtime::RosTime;
 
 /// Findings of each sort in the report; the rest is had from `get_findings`.
-pub(super) const FINDINGS_IN_REPORT: usize = 50;
+const FINDINGS_IN_REPORT: usize = 50;
 /// What the findings of one message may take, bytes.
 const FINDINGS_BYTES_MAX: usize = 40_000;
 /// Points of an outline in a message at most; beyond, the chords get longer.
 const OUTLINE_POINTS_MAX: usize = 1000;
 
+/// What a report says of a plan; its header and what it is of are the caller's.
+///
+/// `chord_error_mm` is how closely outlines follow arcs, the parameter
+/// `preview_chord_error_mm`. Certificates come later: [`certify`].
+pub fn report_of(planned: &Plan, chord_error_mm: f64) -> wire::CompensationReport {
+    let errors = planned.diagnostics.iter().filter(|finding| finding.is_error()).count();
+    let findings = planned.diagnostics.iter().take(FINDINGS_IN_REPORT).map(Into::into);
+    let uncut = planned.uncut.iter().map(|region| uncut_to_wire(region, chord_error_mm));
+    wire::CompensationReport {
+        accepted: planned.accepted(),
+        error_count: errors as u32,
+        warning_count: (planned.diagnostics.len() - errors) as u32,
+        diagnostics: fitting(findings),
+        uncut_count: planned.uncut.len() as u32,
+        uncut: fitting(uncut.take(FINDINGS_IN_REPORT)),
+        ..wire::CompensationReport::default()
+    }
+}
+
+/// Puts the first certificates into a report.
+pub fn certify(report: &mut wire::CompensationReport, certificates: &[Certificate]) {
+    report.certificate_count = certificates.len() as u32;
+    report.certificates =
+        certificates.iter().take(FINDINGS_IN_REPORT).map(certificate_to_wire).collect();
+}
+
+/// What a manifest says of a path; its header and what it is of are the caller's.
+///
+/// Arcs are measured to within `chord_error_mm`, the parameter `preview_chord_error_mm`.
+pub fn manifest_of(chunks: &PathChunks, chord_error_mm: f64) -> wire::CompensatedPath {
+    let extent = preview::extent(chunks.path(), chord_error_mm);
+    wire::CompensatedPath {
+        bounds_min: point_from_position(extent.min),
+        bounds_max: point_from_position(extent.max),
+        feed_length: m_from_mm(extent.feed_mm),
+        rapid_length: m_from_mm(extent.rapid_mm),
+        ..chunks.manifest()
+    }
+}
+
 impl Planner {
-    pub(super) fn report_of(
+    /// The report of a plan for this input.
+    pub(super) fn report(
         &self,
         input: &Input,
         (revision, tool_table_revision): (u64, u64),
         stamp: RosTime,
         planned: &Plan,
     ) -> wire::CompensationReport {
-        let errors = planned.diagnostics.iter().filter(|finding| finding.is_error()).count();
-        let findings = planned.diagnostics.iter().take(FINDINGS_IN_REPORT).map(Into::into);
-        let uncut = planned.uncut.iter().map(|region| self.uncut_to_wire(region));
         wire::CompensationReport {
             header: self.header(input, stamp),
             program_id: input.manifest.program_id.clone(),
             revision,
             tool_table_revision,
-            accepted: planned.accepted(),
-            error_count: errors as u32,
-            warning_count: (planned.diagnostics.len() - errors) as u32,
-            diagnostics: fitting(findings),
-            uncut_count: planned.uncut.len() as u32,
-            uncut: fitting(uncut.take(FINDINGS_IN_REPORT)),
-            ..wire::CompensationReport::default()
+            ..report_of(planned, self.chord_error_mm)
         }
     }
 
@@ -61,24 +94,23 @@ impl Planner {
             ..GetFindingsResponse::default()
         }
     }
+}
 
-    /// An outline in chords, so that it fits a message.
-    pub(super) fn uncut_to_wire(&self, region: &UncutRegion) -> wire::UncutRegion {
-        let mut chord_error_mm = self.chord_error_mm;
-        let mut outline = region.points(chord_error_mm);
-        while outline.len() > OUTLINE_POINTS_MAX && chord_error_mm < 1e3 {
-            chord_error_mm *= 4.0;
-            outline = region.points(chord_error_mm);
-        }
-        wire::UncutRegion {
-            line: region.first.line,
-            area: m2_from_mm2(region.area_mm2),
-            outline: outline.into_iter().map(point_from_position).collect(),
-        }
+/// An outline in chords, so that it fits a message.
+pub(super) fn uncut_to_wire(region: &UncutRegion, mut chord_error_mm: f64) -> wire::UncutRegion {
+    let mut outline = region.points(chord_error_mm);
+    while outline.len() > OUTLINE_POINTS_MAX && chord_error_mm < 1e3 {
+        chord_error_mm *= 4.0;
+        outline = region.points(chord_error_mm);
+    }
+    wire::UncutRegion {
+        line: region.first.line,
+        area: m2_from_mm2(region.area_mm2),
+        outline: outline.into_iter().map(point_from_position).collect(),
     }
 }
 
-pub(super) fn certificate_to_wire(certificate: &Certificate) -> wire::RadiusCertificate {
+fn certificate_to_wire(certificate: &Certificate) -> wire::RadiusCertificate {
     let missing_mm = (certificate.radius_mm - certificate.valid_to_mm).max(0.0);
     let limits = certificate.limited_by.iter().map(|limit| wire::CertificateLimit {
         line: limit.source.line,

@@ -4,6 +4,7 @@
 //! nothing about the controller.
 
 mod cli;
+mod device;
 mod opens;
 mod port;
 mod pty;
@@ -12,5 +13,6 @@ mod serve;
 mod stop;
 
 pub use cli::cli;
+pub use device::serve_device;
 pub use serve::{ServeError, ServeOptions, serve};
 pub use stop::{Stop, StopHandle, stop_pair};

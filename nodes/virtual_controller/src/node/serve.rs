@@ -15,9 +15,9 @@ use crate::paced::{Pace, PacedLine};
 use crate::{Build, Controller, Fault, FaultAction, FaultInjector};
 
 /// Bytes on their way to the controller before the peer has to wait, as a tty queue does.
-const BACKLOG_BYTES_MAX: usize = 4096;
+pub(super) const BACKLOG_BYTES_MAX: usize = 4096;
 /// Bytes to a peer that does not read before they are lost, as on a real line.
-const UNREAD_BYTES_MAX: usize = 16 * 1024;
+pub(super) const UNREAD_BYTES_MAX: usize = 16 * 1024;
 
 /// How long a bootloader listens before it starts the firmware.
 const BOOTLOADER: Duration = Duration::from_millis(1500);
@@ -282,7 +282,7 @@ impl Server {
     }
 }
 
-fn timespec(duration: Duration) -> Timespec {
+pub(super) fn timespec(duration: Duration) -> Timespec {
     // A day is long enough, and fits everywhere.
     let duration = duration.min(Duration::from_secs(86_400));
     Timespec { tv_sec: duration.as_secs() as i64, tv_nsec: i64::from(duration.subsec_nanos()) as _ }
