@@ -1,9 +1,11 @@
 //! `kerf bag`: looks into bags and mends them.
 
 use crate::exit::{Failure, Outcome, Status};
+use crate::replay::trim::trim;
 use clap::Subcommand;
-use run_recorder::files::{open_bag, recover_bag};
+use run_recorder::files::{FileBag, open_bag, recover_bag};
 use run_recorder::info::BagInfo;
+use run_recorder::stored_bags::{mark, mark_of, unmark};
 use std::path::PathBuf;
 
 /// What `kerf bag` takes.
@@ -24,6 +26,27 @@ pub(crate) enum BagCommand {
         /// Directory of the new bag; must not be there
         out: PathBuf,
     },
+    /// Copy what replay needs of a bag into a new, small one that replays the same
+    Trim {
+        /// Bag directory or .mcap file
+        bag: PathBuf,
+        /// Directory of the new bag; must not be there
+        out: PathBuf,
+        /// Another topic that stays, with all its messages; may be given several times
+        #[arg(long, value_name = "TOPIC")]
+        keep: Vec<String>,
+    },
+    /// Keep a bag whatever the recorder's limits are, or no longer
+    Mark {
+        /// Bag directory
+        bag: PathBuf,
+        /// Why it is kept
+        #[arg(long, value_name = "TEXT", conflicts_with = "unmark")]
+        because: Option<String>,
+        /// Take the mark off
+        #[arg(long)]
+        unmark: bool,
+    },
     /// Show a run on one page for a browser: path, state, feed, dialogue, alarms
     Report {
         /// Bag directory or .mcap file
@@ -40,24 +63,60 @@ pub(crate) fn run(command: &BagCommand) -> Outcome {
         BagCommand::Info { bag: path, json } => {
             let mut bag = open_bag(path).map_err(Failure::usage)?;
             bag.verify().map_err(Failure::usage)?;
-            let info = BagInfo::new(&path.display().to_string(), &bag);
+            let mut info = BagInfo::new(&path.display().to_string(), &bag);
+            info.kept = mark_of(path);
             if *json {
                 let value = serde_json::to_value(&info).map_err(Failure::usage)?;
                 println!("{value:#}");
             } else {
                 println!("{info}");
             }
+            must_be_undamaged(&bag)?;
             if info.complete { Ok(()) } else { Err(Failure::said(Status::Refused)) }
         }
         BagCommand::Recover { bag, out } => {
             let recovered = recover_bag(bag, out).map_err(Failure::usage)?;
             println!("{}: {} messages", out.display(), recovered.summary.message_count);
+            for problem in &recovered.problems {
+                println!("  {problem}");
+            }
+            for (topic, why) in &recovered.left_out {
+                println!("  topic {topic} is left out: {why}");
+            }
+            Ok(())
+        }
+        BagCommand::Trim { bag, out, keep } => {
+            println!("{}", trim(bag, out, keep)?);
+            Ok(())
+        }
+        BagCommand::Mark { bag, because, unmark: is_off } => {
+            let failed = |error| Failure::usage(format_args!("{}: {error}", bag.display()));
+            let name = bag.display();
+            if !is_off {
+                mark(bag, because.as_deref().unwrap_or_default()).map_err(failed)?;
+                println!("{name} is marked: it is kept");
+            } else if unmark(bag).map_err(failed)? {
+                println!("{name} is no longer marked");
+            } else {
+                println!("{name} was not marked");
+            }
             Ok(())
         }
         BagCommand::Report { bag, html } => {
-            let page = crate::replay::report_page(bag)
-                .map_err(|error| Failure::usage(format_args!("{}: {error}", bag.display())))?;
-            crate::files::write(html, &page.to_html())
+            let page = crate::replay::report_page(bag).map_err(|error| error.of(bag))?;
+            crate::files::write(html, &page.to_html())?;
+            // The page says it too; a script that made it may look at the status alone.
+            let mut bag = open_bag(bag).map_err(Failure::usage)?;
+            bag.verify().map_err(Failure::usage)?;
+            must_be_undamaged(&bag)
         }
+    }
+}
+
+/// Fails with the first record that is not what was written.
+fn must_be_undamaged(bag: &FileBag) -> Outcome {
+    match bag.problems().iter().find(|problem| problem.is_damage()) {
+        Some(problem) => Err(Failure::usage(problem)),
+        None => Ok(()),
     }
 }

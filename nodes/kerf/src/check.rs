@@ -1,6 +1,6 @@
 //! `kerf check`: what each control would say of one program, side by side. No ROS.
 
-mod difference;
+pub(crate) mod difference;
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::files;

@@ -3,6 +3,7 @@
 use crate::exit::Failure;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
+use run_recorder::files::is_bag_file;
 use std::path::Path;
 
 /// The bytes of a part program.
@@ -29,8 +30,12 @@ pub(crate) fn tool_table(path: Option<&Path>) -> Result<ToolTable, Failure> {
     }
 }
 
-/// Writes a file whole: readers see the old one or the new one.
+/// Writes a file whole: readers see the old one or the new one. Never over a bag.
 pub(crate) fn write(path: &Path, content: &str) -> Result<(), Failure> {
+    if is_bag_file(path) {
+        let path = path.display();
+        return Err(Failure::usage(format_args!("{path} is a bag; nothing is written over it")));
+    }
     let failed = |error| Failure::usage(format_args!("cannot write {}: {error}", path.display()));
     let mut partial = path.as_os_str().to_owned();
     partial.push(".partial");

@@ -243,7 +243,8 @@ async fn newest_revision(
     Ok(newest)
 }
 
-async fn send_program(
+/// Sends a text to the loader, in pieces if it is long.
+pub(crate) async fn send_program(
     node: &Handle,
     (name, text): (&str, &[u8]),
     controller: &str,

@@ -8,6 +8,7 @@ mod layer;
 mod run;
 
 use crate::picture::view::{Point, View};
+use crate::replay::apart::first_difference;
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::geometry::AXIS_LETTERS;
 use cnc_msgs::path::CompensatedPath;
@@ -112,11 +113,11 @@ impl Sheet {
         now: &CompensatedPath,
         view: View,
     ) {
-        let Some(apart) = layer::first_difference(recorded, now) else { return };
+        let Some(apart) = first_difference(recorded, now) else { return };
         self.pins.push(Pin {
             kind: PinKind::Difference,
             label: format!("first difference, line {}", apart.line),
-            text: apart.text,
+            text: format!("{}{}", apart.text, apart.place().text()),
             line: apart.line,
             at: Some(view.project(apart.position)),
         });
@@ -130,22 +131,29 @@ impl Page {
         // Nothing in a program can end the element that the data is in.
         let data = data.replace('<', "\\u003c");
         let title = self.sheets.first().map_or("kerf", |sheet| sheet.title.as_str());
-        let parts = [("css", CSS), ("title", &crate::picture::escape(title)), ("js", JS)];
-        let mut html = HTML.to_owned();
-        for (name, text) in parts {
-            html = html.replace(&format!("{{{{{name}}}}}"), text);
+        let title = crate::picture::escape(title);
+        // In one pass over the template alone: whatever is put in stays as it is.
+        let mut html = String::with_capacity(HTML.len() + CSS.len() + JS.len() + data.len());
+        let mut rest = HTML;
+        while let Some((before, behind)) = rest.split_once("{{") {
+            let (name, after) = behind.split_once("}}").expect("the page closes its places");
+            html += before;
+            html += match name {
+                "css" => CSS,
+                "title" => &title,
+                "js" => JS,
+                "data" => &data,
+                _ => panic!("the page has a place {name} that nothing is for"),
+            };
+            rest = after;
         }
-        // Last: whatever is in it stays as it is.
-        let (before, behind) = html.split_once("{{data}}").expect("the page has a place for it");
-        [before, &data, behind].concat()
+        html + rest
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cnc_msgs::geometry::{Arc, Plane, Shape};
-    use cnc_msgs::path::PathElement;
 
     fn page(program: &str) -> Page {
         let sheet = Sheet {
@@ -166,6 +174,15 @@ mod tests {
     }
 
     #[test]
+    fn a_title_is_no_template() {
+        let title = "{{data}} {{js}}.mcap";
+        let sheet = Sheet { title: title.into(), ..Sheet::default() };
+        let html = Page { sheets: vec![sheet], runs: Vec::new() }.to_html();
+        assert!(html.contains(&format!("<title>{title}</title>")));
+        assert_eq!(html.matches("\"sheets\":").count(), 1);
+    }
+
+    #[test]
     fn nothing_in_a_program_gets_out_of_the_data() {
         let evil = "(</script><script>alert(1)</script>) {{js}} {{data}} $& <!--";
         let html = page(evil).to_html();
@@ -174,39 +191,5 @@ mod tests {
         let (data, _) = behind.split_once("</script>").expect("its end");
         let data: serde_json::Value = serde_json::from_str(data).expect("JSON");
         assert_eq!(data["sheets"][0]["program"][0], evil);
-    }
-
-    fn path(ends: &[[f64; 3]]) -> CompensatedPath {
-        let element = |end: &[f64; 3]| PathElement {
-            shape: Shape::Line,
-            end: *end,
-            feed_mm_per_min: Some(100.0),
-            role: cnc_msgs::path::Role::None,
-            side: None,
-            axes: cnc_msgs::geometry::AxisSet::NONE,
-            source: cnc_msgs::contour::Source { line: 7, ..Default::default() },
-        };
-        CompensatedPath { elements: ends.iter().map(element).collect(), ..Default::default() }
-    }
-
-    #[test]
-    fn the_first_place_where_paths_part_is_found() {
-        let recorded = path(&[[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]);
-        let apart = |now: &CompensatedPath| layer::first_difference(&recorded, now);
-        assert_eq!(apart(&recorded), None);
-        // A nanometre is none.
-        assert_eq!(apart(&path(&[[1.0, 0.0, 0.0], [2.0, 1e-7, 0.0]])), None);
-        let found = apart(&path(&[[1.0, 0.0, 0.0], [2.0, 0.001, 0.0]])).expect("a micrometre");
-        assert_eq!((found.line, found.position), (7, [2.0, 0.0, 0.0]));
-        assert!(found.text.contains("element 1") && found.text.contains("0.001000 mm apart"));
-        let found = apart(&path(&[[1.0, 0.0, 0.0]])).expect("one is missing");
-        assert!(found.text.contains("2 elements and are 1 now"), "{}", found.text);
-        let mut bent = recorded.clone();
-        let center = [0.5, 0.0, 0.0];
-        bent.elements[0].shape =
-            Shape::Arc(Arc { center, plane: Plane::Xy, clockwise: true, turns: 0 });
-        assert!(apart(&bent).expect("an arc").text.contains("of another kind"));
-        bent.start = [9.0, 0.0, 0.0];
-        assert!(apart(&bent).expect("another start").text.contains("the path began at"));
     }
 }

@@ -4,14 +4,16 @@
 //! dashed, rapids thin, findings pinned with their code and line. This file
 //! knows how things look; what they are was decided before.
 
+pub(crate) mod look;
 pub(crate) mod view;
 
 use cnc_msgs::contour::{ContourEventKind, CutterSide, MotionClass, ProgrammedContour};
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Position, Shape};
-use cnc_msgs::path::{PathElement, Role};
+use cnc_msgs::path::PathElement;
 use cnc_msgs::profile::{OutputPoint, Profile};
 use compensation_planner::UncutRegion;
+use look::{CORNER, Look as ElementLook, PATH, PROGRAMMED, RAPID};
 use std::fmt::Write;
 use view::{Point, View};
 
@@ -156,11 +158,11 @@ fn compensated_strokes(start: Position, elements: &[PathElement], view: View) ->
     let mut strokes = Strokes::default();
     let mut position = start;
     for element in elements {
-        let class = match (element.role, element.feed_mm_per_min) {
-            (Role::LeadOn | Role::LeadOff | Role::Link, _) => "path lead",
-            (_, None) => "path rapid",
-            (Role::Corner, _) => "path corner",
-            _ => "path",
+        let class = match ElementLook::of(element) {
+            ElementLook::Lead => "path lead",
+            ElementLook::Rapid => "path rapid",
+            ElementLook::Corner => "path corner",
+            ElementLook::Cut => "path",
         };
         strokes.add(class, position, &element.shape, element.end, view);
         position = element.end;
@@ -252,10 +254,10 @@ impl Frame {
         let _ = writeln!(
             svg,
             "<style>path{{fill:none;stroke-linejoin:round;stroke-linecap:round}}\
-             .programmed{{stroke:#7a7f87;stroke-width:{:.4}}}\
-             .path{{stroke:#7b2fbf;stroke-width:{:.4}}}.corner{{stroke:#b565e8}}\
+             .programmed{{stroke:{PROGRAMMED};stroke-width:{:.4}}}\
+             .path{{stroke:{PATH};stroke-width:{:.4}}}.corner{{stroke:{CORNER}}}\
              .lead{{stroke-dasharray:{:.4} {:.4}}}\
-             .rapid{{stroke:#2f8f5b;stroke-width:{:.4};stroke-dasharray:{:.4}}}\
+             .rapid{{stroke:{RAPID};stroke-width:{:.4};stroke-dasharray:{:.4}}}\
              .grid{{stroke:#e6e8eb;stroke-width:{:.4}}}\
              .axis{{stroke:#c3c8ce;stroke-width:{:.4}}}\
              text{{font:{text:.4}px sans-serif;fill:#30343a}}.tick{{fill:#9aa0a8;font-size:{:.4}px}}\

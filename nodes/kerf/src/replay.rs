@@ -4,63 +4,101 @@
 //! cores on what they were given then, and says what is different now. It
 //! fails when nothing was compared: a replay that looks at nothing proves nothing.
 
+pub(crate) mod apart;
 mod compare;
 mod driver;
+mod error;
+mod given;
+mod guard;
 mod loader;
+mod migration;
+mod output;
 pub(crate) mod planner;
 pub(crate) mod recording;
+mod refused_loads;
+mod report;
+mod stack;
+mod tolerances;
+pub(crate) mod trim;
+mod update;
+mod words;
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::page::{Page, of_recording};
-use crate::plan::plural;
 use clap::{Args, ValueEnum};
-use cnc_msgs::cdr::{self, CdrError};
-use cnc_msgs::chunk::ChunkError;
-use cnc_msgs::interface::Message;
-use compare::{Comparison, Difference};
+use compare::Comparison;
+use driver::Played;
+pub(crate) use error::ReplayError;
+use given::Given;
+use guard::{Contents, absent};
+use output::Output;
 use planner::Replanned;
 use recording::Recording;
-use run_recorder::bag_reader::{BagError, BagMessage};
-use run_recorder::bag_writer::{BagWriteError, BagWriter, ChannelSpec};
+use run_recorder::bag_reader::{LATE, Problem, RUN_RECORD};
 use run_recorder::files;
-use std::collections::BTreeMap;
-use std::fmt::Display;
 use std::path::{Path, PathBuf};
-
-/// Differences that are printed one by one.
-const SHOWN_MAX: usize = 20;
-/// Differences of a core that a page lists.
-const SHOWN_ON_PAGE_MAX: usize = 2000;
+use std::sync::Arc;
 
 /// What `kerf replay` takes.
 #[derive(Debug, Args)]
 pub(crate) struct ReplayArgs {
     /// Bag directories or .mcap files
-    #[arg(required = true)]
+    #[arg(required_unless_present = "tolerances")]
     bags: Vec<PathBuf>,
-    /// Only this core; all of them when left out
+    /// Only this core, or the whole stack; all cores when left out
     #[arg(long, value_enum)]
     level: Option<Level>,
+    /// Give each core what the one before it makes now, instead of what was recorded
+    #[arg(long)]
+    chain: bool,
     /// Write what the cores make now as a bag, NAME.mcap, into this directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Show what was and what is now on one page for a browser
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
+    /// Print every difference, not only the first of each core
+    #[arg(long)]
+    all: bool,
+    /// Print one JSON object with every difference instead of the report
+    #[arg(long, conflicts_with = "all")]
+    json: bool,
+    /// Show what is different, then write what the cores make now into the bag; its inputs
+    /// stay as they are
+    #[arg(long, conflicts_with_all = ["level", "json"])]
+    update: bool,
+    /// Print what counts as the same, field by field, and why
+    #[arg(long, exclusive = true)]
+    tolerances: bool,
+}
+
+impl ReplayArgs {
+    /// The levels that are replayed: in a chain, those before the one that is asked for too.
+    fn levels(&self) -> Vec<Level> {
+        let last = Level::ALL.iter().position(|level| Some(*level) == self.level);
+        match (last, self.level) {
+            (_, None) => Level::ALL.to_vec(),
+            (Some(last), Some(_)) if self.chain => Level::ALL[..=last].to_vec(),
+            (_, Some(level)) => vec![level],
+        }
+    }
 }
 
 /// A core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Level {
+pub(crate) enum Level {
     /// Program text to contour
     Loader,
     /// Contour and tool table to path
     Planner,
     /// Commands and received bytes to transmitted bytes
     Driver,
+    /// All nodes over DDS with the virtual controller; takes seconds
+    Stack,
 }
 
 impl Level {
+    /// All cores; the stack takes seconds and is only replayed when it is asked for.
     const ALL: [Self; 3] = [Self::Loader, Self::Planner, Self::Driver];
 
     const fn name(self) -> &'static str {
@@ -68,57 +106,8 @@ impl Level {
             Self::Loader => "loader",
             Self::Planner => "planner",
             Self::Driver => "driver",
+            Self::Stack => "stack",
         }
-    }
-}
-
-/// Why a bag cannot be replayed.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum ReplayError {
-    #[error(transparent)]
-    Bag(#[from] BagError),
-    #[error(transparent)]
-    Chunk(#[from] ChunkError),
-    #[error("{what} of {of} is not in the bag; it cannot be replayed")]
-    Incomplete { what: &'static str, of: String },
-    #[error("the input of {of} cannot be used: {reason}")]
-    Input { of: String, reason: String },
-    #[error("{topic}: {error}")]
-    Content { topic: String, error: String },
-    #[error(
-        "{type_name} was recorded with definition {recorded}; this build has {today} and knows no way between them"
-    )]
-    Definition { type_name: &'static str, recorded: String, today: &'static str },
-    #[error("the bag says it is not complete ({0}); the driver cannot be replayed from it")]
-    Gaps(String),
-    #[error("the output cannot be written: {0}")]
-    Write(#[from] BagWriteError),
-}
-
-impl ReplayError {
-    fn content(message: &BagMessage, error: impl Display) -> Self {
-        Self::Content { topic: message.channel.topic.clone(), error: error.to_string() }
-    }
-}
-
-impl From<CdrError> for ReplayError {
-    fn from(error: CdrError) -> Self {
-        Self::Content { topic: "a message".into(), error: error.to_string() }
-    }
-}
-
-/// One message that a core made.
-#[derive(Debug, Clone)]
-struct Output {
-    topic: &'static str,
-    type_name: &'static str,
-    log_time_ns: u64,
-    data: Vec<u8>,
-}
-
-impl Output {
-    fn new<M: Message>(topic: &'static str, log_time_ns: u64, message: &M) -> Self {
-        Self { topic, type_name: M::TYPE_NAME, log_time_ns, data: cdr::encapsulated(message) }
     }
 }
 
@@ -128,32 +117,56 @@ pub(crate) struct Verdict {
     /// By level.
     comparisons: Vec<(Level, Comparison)>,
     outputs: Vec<Output>,
-    recording: Recording,
+    given: Given,
     /// What the planner makes now; empty when it was not asked.
     plans: Vec<Replanned>,
+    /// What the driver makes now; `None` when it was not asked, or could not be.
+    played: Option<Played>,
 }
 
 /// Replays each bag and reports.
 pub(crate) fn run(args: &ReplayArgs) -> Outcome {
-    let levels = args.level.map_or_else(|| Level::ALL.to_vec(), |level| vec![level]);
+    if args.tolerances {
+        print!("{}", tolerances::table());
+        return Ok(());
+    }
+    let levels = args.levels();
+    if args.chain && levels == [Level::Stack] {
+        return Err(Failure::usage("--chain is for cores; the stack is a chain already"));
+    }
+    // The stack makes folders, and each of its bags has a name that is new.
+    let out = args.out.as_deref().filter(|_| levels != [Level::Stack]);
+    if let Some(directory) = out {
+        output::must_be_free(directory, &args.bags)
+            .map_err(|error| Failure::new(error.status(), error.to_string()))?;
+    }
     let mut differs = false;
     let mut page = Page::default();
+    let mut reports = Vec::new();
     for path in &args.bags {
-        let shown = path.display();
-        let of_bag = |error: ReplayError| match error.to_string() {
-            // It names the bag already.
-            error if error.contains(&shown.to_string()) => Failure::usage(error),
-            error => Failure::usage(format_args!("{shown}: {error}")),
-        };
-        let verdict = replay(path, &levels).map_err(of_bag)?;
-        if let Some(directory) = &args.out {
-            write(directory, path, &verdict.outputs).map_err(of_bag)?;
+        let shown = path.display().to_string();
+        let of_bag = |error: ReplayError| error.of(path);
+        let how = How { is_chain: args.chain || args.update, out: args.out.as_deref() };
+        let verdict = replay(path, &levels, how).map_err(of_bag)?;
+        if let Some(directory) = out {
+            output::write(directory, path, &verdict.outputs).map_err(of_bag)?;
         }
-        differs |= !verdict.is_reproduced();
+        differs |= !verdict.is_reproduced() && !args.update;
         if args.html.is_some() {
-            verdict.show(&mut page, &shown.to_string()).map_err(of_bag)?;
+            verdict.show(&mut page, &shown).map_err(of_bag)?;
         }
-        print!("{}", verdict.report(&shown.to_string()));
+        if args.json {
+            reports.push(verdict.to_json(&shown));
+        } else {
+            print!("{}", verdict.report(&shown, args.all));
+        }
+        if args.update {
+            let again = |path: &Path| replay(path, &levels, How::default());
+            println!("  {}", update::update(path, &verdict, again).map_err(of_bag)?);
+        }
+    }
+    if args.json {
+        println!("{}", serde_json::json!({ "reproduced": !differs, "bags": reports }));
     }
     if let Some(file) = &args.html {
         crate::files::write(file, &page.to_html())?;
@@ -165,131 +178,94 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
 pub(crate) fn report_page(path: &Path) -> Result<Page, ReplayError> {
     let mut bag = files::open_bag(path)?;
     let recording = Recording::read(&mut bag)?;
-    let problems: Vec<String> = bag.problems().iter().map(ToString::to_string).collect();
+    let mut problems: Vec<String> = bag.problems().iter().map(ToString::to_string).collect();
+    problems.extend(recording.missing.iter().map(ToString::to_string));
+    if recording.plans.is_empty() {
+        problems.push("no plan is in the bag".to_owned());
+    }
     let mut page = Page::default();
     of_recording(&mut page, &path.display().to_string(), &recording, &[], |sheet| {
         sheet.good = problems.is_empty();
         sheet.verdict = if sheet.good { "complete".into() } else { "not complete".into() };
         sheet.summary = problems.join("\n");
     })?;
+    if page.sheets.iter().all(|sheet| sheet.layers.is_empty() && sheet.run.is_none()) {
+        return Err(ReplayError::NothingToShow);
+    }
     Ok(page)
 }
 
 /// Whether a bag is reproduced at every level, and what is said of it.
 pub(crate) fn check(path: &Path) -> Result<(bool, String), ReplayError> {
-    let verdict = replay(path, &Level::ALL)?;
-    Ok((verdict.is_reproduced(), verdict.report(&path.display().to_string())))
+    let verdict = replay(path, &Level::ALL, How::default())?;
+    Ok((verdict.is_reproduced(), verdict.report(&path.display().to_string(), false)))
 }
 
-fn replay(path: &Path, levels: &[Level]) -> Result<Verdict, ReplayError> {
+/// How bags are replayed, beside the levels.
+#[derive(Debug, Clone, Copy, Default)]
+struct How<'a> {
+    /// Each core is given what the one before it makes now.
+    is_chain: bool,
+    /// Where the stack writes its bag.
+    out: Option<&'a Path>,
+}
+
+fn replay(path: &Path, levels: &[Level], how: How<'_>) -> Result<Verdict, ReplayError> {
     let mut bag = files::open_bag(path)?;
     let recording = Recording::read(&mut bag)?;
-    let gaps: Vec<String> = bag.problems().iter().map(ToString::to_string).collect();
-    let mut verdict =
-        Verdict { comparisons: Vec::new(), outputs: Vec::new(), recording, plans: Vec::new() };
+    let contents = Contents::new(bag.channels(), bag.metadata_named(RUN_RECORD));
+    let listed = |is_meant: &dyn Fn(&Problem) -> bool| -> Vec<String> {
+        bag.problems().iter().filter(|it| is_meant(it)).map(ToString::to_string).collect()
+    };
+    // Whatever is lost may have been an input of any level, or what it is compared with.
+    let damages = listed(&Problem::is_damage);
+    if !damages.is_empty() {
+        return Err(ReplayError::Damaged(damages.join("; ")));
+    }
+    // A whole file says what it holds, with and without metadata.yaml.
+    let remarks =
+        listed(&|it| matches!(it, Problem::NoMetadataFile | Problem::FileNotListed { .. }));
+    let gaps = listed(&|problem| match problem {
+        // A topic without definition is none of ours.
+        Problem::SchemaMissing { .. } => false,
+        Problem::NoMetadataFile | Problem::FileNotListed { .. } => false,
+        // What the cores are replayed from was had from the driver and the others.
+        Problem::RecorderSays { reason } => reason != LATE,
+        _ => true,
+    });
+    let definitions = Arc::new(recording.definitions.clone());
+    let given = Given::new(recording, how.is_chain);
+    let mut verdict = Verdict {
+        comparisons: Vec::new(),
+        outputs: Vec::new(),
+        given,
+        plans: Vec::new(),
+        played: None,
+    };
     for &level in levels {
-        let mut comparison = Comparison::default();
-        let Verdict { outputs, recording, plans, .. } = &mut verdict;
-        match level {
-            Level::Loader => loader::replay(recording, &mut comparison, outputs)?,
-            Level::Planner => *plans = planner::replay(recording, &mut comparison, outputs)?,
-            Level::Driver if gaps.is_empty() => {
-                driver::replay(recording, &mut comparison, outputs)?;
-            }
-            Level::Driver => return Err(ReplayError::Gaps(gaps.join("; "))),
+        absent(level, &contents, &verdict.given.recording)?;
+        let mut comparison = Comparison::new(Arc::clone(&definitions));
+        for text in remarks.iter().chain(&gaps) {
+            comparison.remark("bag", text.clone());
         }
-        if comparison.compared.is_empty() {
-            comparison.differs(
-                level.name(),
-                "nothing",
-                "nothing was compared: the bag holds nothing of this core",
-            );
+        let Verdict { outputs, given, plans, played, .. } = &mut verdict;
+        match level {
+            Level::Loader => loader::replay(given, &mut comparison, outputs)?,
+            Level::Planner => *plans = planner::replay(given, &mut comparison, outputs)?,
+            Level::Driver if gaps.is_empty() => {
+                *played = driver::replay(given, &mut comparison, outputs)?;
+            }
+            Level::Stack if gaps.is_empty() => {
+                stack::replay(&given.recording, path, how.out, &mut comparison)?;
+            }
+            Level::Driver | Level::Stack => {
+                return Err(ReplayError::Gaps { level: level.name(), gaps: gaps.join("; ") });
+            }
+        }
+        if comparison.has_seen_nothing() {
+            comparison.differs(level.name(), "nothing", "nothing was compared");
         }
         verdict.comparisons.push((level, comparison));
     }
     Ok(verdict)
-}
-
-impl Verdict {
-    fn is_reproduced(&self) -> bool {
-        self.comparisons.iter().all(|(_, comparison)| comparison.differences.is_empty())
-    }
-
-    /// Puts the plans of the bag on a page, with what they are now and what is different.
-    fn show(&self, page: &mut Page, bag: &str) -> Result<(), ReplayError> {
-        let differences = self.comparisons.iter().flat_map(|(level, comparison)| {
-            let shown = comparison.differences.iter().take(SHOWN_ON_PAGE_MAX);
-            shown.map(|it| [format!("{}: {}", level.name(), it.message), it.text.clone()])
-        });
-        let differences: Vec<[String; 2]> = differences.collect();
-        let report = self.report(bag);
-        let counts: Vec<&str> = report.lines().filter(|line| line.contains("compared")).collect();
-        of_recording(page, bag, &self.recording, &self.plans, |sheet| {
-            sheet.good = self.is_reproduced();
-            sheet.verdict = if sheet.good { "reproduced".into() } else { "DIFFERENT".into() };
-            sheet.summary = counts.iter().map(|line| line.trim()).collect::<Vec<_>>().join("\n");
-            sheet.differences.clone_from(&differences);
-        })
-    }
-
-    /// Counts first, then a row a field, then the first differences themselves.
-    fn report(&self, bag: &str) -> String {
-        let verdict = if self.is_reproduced() { "reproduced" } else { "DIFFERENT" };
-        let mut report = format!("{bag}: {verdict}\n");
-        for (level, comparison) in &self.comparisons {
-            let counts: Vec<String> =
-                comparison.compared.iter().map(|(what, count)| format!("{count} {what}")).collect();
-            report += &format!(
-                "  {}: {}; compared {}\n",
-                level.name(),
-                plural(comparison.differences.len(), "difference"),
-                if counts.is_empty() { "nothing".to_owned() } else { counts.join(", ") }
-            );
-            let mut fields: BTreeMap<&str, usize> = BTreeMap::new();
-            for difference in &comparison.differences {
-                *fields.entry(&difference.field).or_default() += 1;
-            }
-            for (field, count) in fields {
-                report += &format!("    {count} x {field}\n");
-            }
-            for Difference { message, text, .. } in comparison.differences.iter().take(SHOWN_MAX) {
-                report += &format!("    {message}: {text}\n");
-            }
-            if comparison.differences.len() > SHOWN_MAX {
-                let more = comparison.differences.len() - SHOWN_MAX;
-                report += &format!("    and {more} more\n");
-            }
-        }
-        report
-    }
-}
-
-/// Writes the outputs as a bag file; equal outputs give equal bytes.
-fn write(directory: &Path, bag: &Path, outputs: &[Output]) -> Result<(), ReplayError> {
-    let name = bag.file_stem().unwrap_or(bag.as_os_str()).to_string_lossy().into_owned();
-    std::fs::create_dir_all(directory).map_err(BagWriteError::Io)?;
-    let file = std::fs::File::create(directory.join(format!("{name}.mcap")));
-    let mut writer = BagWriter::new(std::io::BufWriter::new(file.map_err(BagWriteError::Io)?))?;
-    let mut channels = BTreeMap::new();
-    for output in outputs {
-        let channel = match channels.get(output.topic) {
-            Some(&channel) => channel,
-            None => {
-                let info = cnc_msgs::schema::lookup(output.type_name)
-                    .expect("every output is a message of ours");
-                let channel = writer.add_channel(&ChannelSpec {
-                    topic: format!("/{}", output.topic),
-                    type_name: output.type_name.to_owned(),
-                    schema_text: info.schema_text.to_owned(),
-                    type_hash: info.rihs01.to_owned(),
-                    qos: Vec::new(),
-                })?;
-                channels.insert(output.topic, channel);
-                channel
-            }
-        };
-        writer.write(channel, output.log_time_ns, output.log_time_ns, &output.data)?;
-    }
-    writer.finish(&format!("{name}.mcap"), &BTreeMap::new())?;
-    Ok(())
 }

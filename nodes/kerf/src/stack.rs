@@ -6,6 +6,8 @@
 //! Children leave by themselves when this process dies: their standard input
 //! is a pipe that nobody else holds.
 
+use std::collections::BTreeMap;
+use std::fs::File;
 use std::io;
 use std::path::PathBuf;
 use std::process::{ExitStatus, Stdio};
@@ -34,12 +36,25 @@ struct Node {
 pub(crate) struct Stack {
     binary: PathBuf,
     nodes: Vec<Node>,
+    apart: Option<Apart>,
+}
+
+/// What children have of their own that are to have nothing to do with anybody else.
+#[derive(Debug)]
+struct Apart {
+    variables: BTreeMap<String, String>,
+    log: File,
 }
 
 impl Stack {
     /// No children yet.
     pub(crate) fn new() -> io::Result<Self> {
-        Ok(Self { binary: std::env::current_exe()?, nodes: Vec::new() })
+        Ok(Self { binary: std::env::current_exe()?, nodes: Vec::new(), apart: None })
+    }
+
+    /// The same, for children that know these variables alone, and speak into a file.
+    pub(crate) fn apart(variables: BTreeMap<String, String>, log: File) -> io::Result<Self> {
+        Ok(Self { apart: Some(Apart { variables, log }), ..Self::new()? })
     }
 
     /// Starts `kerf node NAME ARGS...`. What is started first is stopped first.
@@ -50,7 +65,11 @@ impl Stack {
     }
 
     fn spawn(&self, name: &'static str, args: &[String]) -> io::Result<Node> {
-        let mut process = Command::new(&self.binary)
+        let mut command = Command::new(&self.binary);
+        if let Some(Apart { variables, log }) = &self.apart {
+            command.env_clear().envs(variables).stderr(log.try_clone()?);
+        }
+        let mut process = command
             .args(["node", "--leave-with-parent", name])
             .args(args)
             .stdin(Stdio::piped())

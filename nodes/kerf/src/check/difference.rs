@@ -25,7 +25,7 @@ pub(crate) struct Difference {
 }
 
 /// The chords of one block: from, to, and the end of the element for rapids.
-type Chord = (Position, Position);
+pub(crate) type Chord = (Position, Position);
 
 /// The largest distance between two paths in both directions.
 pub(crate) fn between(a: &CompensatedPath, b: &CompensatedPath) -> Difference {
@@ -93,7 +93,7 @@ fn nearest(point: Position, line: u32, blocks: &[Block], guess: usize) -> f64 {
     chords.map(|chord| from_chord(point, chord)).fold(f64::INFINITY, f64::min)
 }
 
-fn from_chord(point: Position, (from, to): &Chord) -> f64 {
+pub(crate) fn from_chord(point: Position, (from, to): &Chord) -> f64 {
     let along = [0, 1, 2].map(|axis| to[axis] - from[axis]);
     let out = [0, 1, 2].map(|axis| point[axis] - from[axis]);
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

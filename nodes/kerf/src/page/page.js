@@ -487,9 +487,10 @@ function show(number) {
   }));
   by("chart-box").className = run ? "" : "none";
   if (run) { span = [0, duration()]; drawChart(); }
-  choose(sheet.differences.length ? "differences" : sheet.pins.length ? "findings" : "program");
+  choose(sheet.differences.length ? "differences" : sheet.pins.length ? "findings" : run && !sheet.program.length ? "dialogue" : "program");
   fit();
-  const first = sheet.pins.find((pin) => pin.kind === "difference");
+  // Its whole text: a row of the list is cut where the window ends.
+  const first = ["difference", "alarm"].map((kind) => sheet.pins.find((pin) => pin.kind === kind)).find(Boolean);
   if (first) by("under").textContent = first.text;
 }
 

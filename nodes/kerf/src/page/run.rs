@@ -5,16 +5,19 @@ use super::{Layer, Page, Pin, PinKind, Sheet};
 use crate::picture::view::{Point, View};
 use crate::replay::ReplayError;
 use crate::replay::planner::Replanned;
-use crate::replay::recording::{RecordedPlan, RecordedProgram, Recording};
+use crate::replay::recording::{RecordedPlan, RecordedProgram, RecordedState, Recording};
 use axis_driver::journal::EntryKind;
+use axis_driver::link::realtime;
 use axis_driver::node::kind_from_wire;
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::geometry::Plane;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point};
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, TrafficEntry};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// What happened, by the seconds since it began.
 #[derive(Debug, Serialize)]
@@ -41,12 +44,12 @@ impl RunLog {
     fn new(recording: &Recording, view: View) -> Self {
         let stamps = recording.traffic.values().map(|(_, entry)| seconds(&entry.stamp));
         let stamps =
-            stamps.chain(recording.states.iter().map(|state| seconds(&state.header.stamp)));
+            stamps.chain(recording.states.iter().map(|it| seconds(&it.state.header.stamp)));
         let (begin, end) = stamps.fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), at| {
             (first.min(at), last.max(at))
         });
         let mut states: Vec<State> =
-            recording.states.iter().map(|it| state(it, begin, view)).collect();
+            recording.states.iter().map(|it| state(&it.state, begin, view)).collect();
         // The topic says each one several times.
         states.dedup_by(|next, before| {
             (next.state, &next.reason, next.feed, next.line, next.at)
@@ -116,26 +119,32 @@ fn lines(rest: &mut Vec<u8>, entry: &TrafficEntry, mut take: impl FnMut(String))
                 take(String::from_utf8_lossy(rest).trim_end().to_owned());
                 rest.clear();
             }
-            b'?' | b'!' | b'~' | 0x18 | 0x80..=0xff if is_sent => take(realtime(byte)),
+            _ if is_sent && realtime::is_named(byte) => take(name(byte)),
             _ => rest.push(byte),
         }
     }
 }
 
-fn realtime(byte: u8) -> String {
-    match byte {
-        b'!' => "! (feed hold)".into(),
-        b'~' => "~ (resume)".into(),
-        0x18 => "0x18 (soft reset)".into(),
-        0x84 => "0x84 (door)".into(),
-        0x85 => "0x85 (jog cancel)".into(),
-        b'?' => "?".into(),
-        byte => format!("{byte:#04x}"),
+/// What people call a byte that acts at once.
+fn name(byte: u8) -> String {
+    let name = match byte {
+        realtime::STATUS => return "?".into(),
+        realtime::FEED_HOLD => "feed hold",
+        realtime::RESUME => "resume",
+        realtime::SOFT_RESET => "soft reset",
+        realtime::SAFETY_DOOR => "door",
+        realtime::JOG_CANCEL => "jog cancel",
+        _ => return format!("{byte:#04x}"),
+    };
+    match byte.is_ascii_graphic() {
+        true => format!("{} ({name})", char::from(byte)),
+        false => format!("{byte:#04x} ({name})"),
     }
 }
 
-/// One sheet for each plan in a bag; those that were run first. `now` is empty when nothing
-/// was replayed.
+/// One sheet for each plan in a bag; those that were run first, and they alone have the run. A run
+/// whose plan is not in the bag has a sheet of its own, so that there always is one. `now` is
+/// empty when nothing was replayed.
 pub(crate) fn of_recording(
     page: &mut Page,
     name: &str,
@@ -143,7 +152,10 @@ pub(crate) fn of_recording(
     now: &[Replanned],
     finish: impl Fn(&mut Sheet),
 ) -> Result<(), ReplayError> {
-    let run_of = |revision| recording.states.iter().any(|state| state.path_revision == revision);
+    let run_of = |revision| recording.states.iter().any(|it| it.state.path_revision == revision);
+    let sheets_before = page.sheets.len();
+    // Plans of one program have one log: it is seen on the plane of the program.
+    let mut logs: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     let mut plans: Vec<(&u64, &RecordedPlan)> = recording.plans.iter().collect();
     plans.sort_by_key(|(revision, _)| !run_of(**revision));
     for (&revision, plan) in plans {
@@ -168,44 +180,105 @@ pub(crate) fn of_recording(
                 sheet.tell_apart(path, &now.path, view);
             }
         }
-        let log = RunLog::new(recording, view);
-        sheet.pins.extend(alarms(recording, view, &sheet.program));
-        if !log.states.is_empty() || !log.dialogue.is_empty() {
-            sheet.run = Some(page.runs.len());
-            page.runs.push(log);
+        if run_of(revision) {
+            let id = plan.report.program_id.as_str();
+            sheet.pins.extend(alarms(recording, view, Some(id), &sheet.program));
+            sheet.run = *logs.entry(id).or_insert_with(|| page.log(recording, view));
         }
         finish(&mut sheet);
         page.sheets.push(sheet);
     }
+    if logs.is_empty() {
+        let view = View { plane: Plane::default(), is_mirrored: false };
+        let is_alone = page.sheets.len() == sheets_before;
+        let title = if is_alone { name.to_owned() } else { format!("{name}, the run") };
+        let mut sheet = Sheet::new(title, view, b"");
+        sheet.pins = alarms(recording, view, None, &[]);
+        sheet.run = page.log(recording, view);
+        if is_alone || sheet.run.is_some() {
+            finish(&mut sheet);
+            page.sheets.push(sheet);
+        }
+    }
     Ok(())
 }
 
+impl Page {
+    /// Puts the run on the page, if there was one; its number.
+    fn log(&mut self, recording: &Recording, view: View) -> Option<usize> {
+        let log = RunLog::new(recording, view);
+        if log.states.is_empty() && log.dialogue.is_empty() {
+            return None;
+        }
+        self.runs.push(log);
+        Some(self.runs.len() - 1)
+    }
+}
+
 fn view(program: &RecordedProgram) -> Result<View, ReplayError> {
-    let profile = runtime::profile_from_yaml(&program.manifest.profile).map_err(|error| {
-        ReplayError::Input { of: program.manifest.program_id.clone(), reason: error.to_string() }
-    })?;
+    let profile = program.profile()?;
     Ok(View::of(&program.contour, &profile))
 }
 
-/// Where the machine went into an alarm, or stopped for good.
-fn alarms(recording: &Recording, view: View, program: &[String]) -> Vec<Pin> {
+/// Where the machine went into an alarm, stopped for good, or was not heard any more: while or
+/// after this program ran, or in all the time when there is none.
+fn alarms(
+    recording: &Recording,
+    view: View,
+    program_id: Option<&str>,
+    program: &[String],
+) -> Vec<Pin> {
     let mut pins: Vec<Pin> = Vec::new();
     let mut before = false;
-    for state in &recording.states {
-        let is_alarm = mode_from_wire(state.state) == Mode::Alarm || state.needs_reset;
-        if is_alarm && !before {
+    let mut at = None;
+    let mut ran = "";
+    for RecordedState { state, .. } in &recording.states {
+        if state.path_revision > 0 {
+            ran = &state.program_id;
+        }
+        // Out of reach it is where it was heard last.
+        at = place(state, view).or(at);
+        let is_alarm = mode_from_wire(state.state) == Mode::Alarm
+            || state.needs_reset
+            || state.motion_possible;
+        let is_meant = program_id.is_none_or(|id| ran.is_empty() || ran == id);
+        if is_alarm && !before && is_meant {
             let block = usize::try_from(state.line).ok().and_then(|line| line.checked_sub(1));
-            let block = block.and_then(|index| program.get(index)).map_or("", |text| text.trim());
+            let block = block.and_then(|index| program.get(index));
+            let block = block.map_or(String::new(), |text| format!(": {}", text.trim()));
             let mode = mode_from_wire(state.state).name();
             pins.push(Pin {
                 kind: PinKind::Alarm,
                 label: format!("{mode} line {}", state.line),
-                text: format!("{mode}: {} at line {}: {block}", state.reason, state.line),
+                text: format!("{mode}: {} at line {}{block}", state.reason, state.line),
                 line: state.line,
-                at: place(state, view),
+                at,
             });
         }
         before = is_alarm;
     }
     pins
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_become_lines_and_what_acts_at_once_is_named() {
+        let entry =
+            |kind, data: &[u8]| TrafficEntry { kind, data: data.to_vec(), ..Default::default() };
+        let mut rest = Vec::new();
+        let mut said = |entry: &TrafficEntry| {
+            let mut found = Vec::new();
+            lines(&mut rest, entry, |line| found.push(line));
+            found
+        };
+        let sent = TrafficEntry::KIND_TRANSMITTED;
+        assert_eq!(said(&entry(sent, b"G1X!1\nX2")), ["! (feed hold)", "G1X1"]);
+        assert_eq!(said(&entry(sent, b"?0\n\x18\x91")), ["?", "X20", "0x18 (soft reset)", "0x91"]);
+        // What the controller says has no such bytes.
+        let heard = TrafficEntry::KIND_RECEIVED;
+        assert_eq!(said(&entry(heard, b"[MSG:what?]\r\nok\r\n")), ["[MSG:what?]", "ok"]);
+    }
 }

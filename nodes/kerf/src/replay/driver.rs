@@ -1,30 +1,43 @@
 //! The driver's core on its recorded journal: the same inputs at the same times.
 
-use super::compare::Comparison;
-use super::recording::Recording;
-use super::{Output, ReplayError};
+use super::ReplayError;
+use super::compare::{Comparison, Place};
+use super::given::Given;
+use super::output::Output;
+use super::recording::{RecordedState, Recording, monotonic_ns, nanoseconds};
+use super::words::{self, OtherWord};
 use axis_driver::driver::Output as DriverOutput;
+use axis_driver::encoder::EncoderConfig;
 use axis_driver::journal::{CommandError, Entry, EntryKind, command_from_json, replay as play};
 use axis_driver::node::{driver_config, kind_from_wire};
-use cnc_msgs::convert::machine_state_to_wire;
+use cnc_msgs::convert::{machine_state_to_wire, mode_from_wire};
 use cnc_msgs::path::CompensatedPath;
-use cnc_msgs::wire::builtin_interfaces::msg::Time;
+use cnc_msgs::units::position_from_point;
 use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, MachineState, TrafficEntry};
 use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::parameters::ParameterValue;
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// How long a state may take from the driver to its topic on a busy computer, ns.
 const ON_ITS_WAY_NS: i64 = 500_000_000;
+/// How far the time of a report may be off the entry that brought it, ns.
+const STAMP_NS: i64 = 5_000_000;
 /// Bytes of one difference that are shown.
 const SHOWN_BYTES: usize = 60;
 
 /// Plays the journal again and compares every byte that goes to the machine.
+///
+/// In a chain the paths are those of today. Where one of them is sent in other lines, the
+/// answers that were recorded do not fit: then the lines are compared and nothing is played.
 pub(super) fn replay(
-    recording: &Recording,
+    given: &Given,
     comparison: &mut Comparison,
     outputs: &mut Vec<Output>,
-) -> Result<(), ReplayError> {
+) -> Result<Option<Played>, ReplayError> {
+    let recording = &given.recording;
     let of_driver = |reason: String| ReplayError::Input { of: "the driver".into(), reason };
     let Some(parameters) = recording.parameters.get("axis_driver") else {
         return Err(ReplayError::Incomplete { what: "the parameters", of: "axis_driver".into() });
@@ -35,16 +48,24 @@ pub(super) fn replay(
             // A parameter that did not exist then: any value of another type leaves the default.
             .unwrap_or(ParameterValue::BoolArray(Vec::new()))
     });
-    let paths = |program_id: &str, revision: u64| {
-        let plan = recording.plans.get(&revision)?;
-        (plan.report.program_id == program_id).then(|| plan.path.clone()).flatten()
+    // Which paths are run; in a chain they may be gone by now.
+    let used = RefCell::new(BTreeSet::new());
+    let recorded_paths = |program_id: &str, revision: u64| {
+        let path = recording.path(program_id, revision)?;
+        used.borrow_mut().insert((program_id.to_owned(), revision));
+        Some(path)
     };
-    let entries = entries(recording, &paths)?;
+    let entries = entries(recording, &recorded_paths)?;
+    for (program_id, revision) in used.borrow().iter().filter(|_| given.is_chain()) {
+        if !fits(given, program_id, *revision, config.encoder, comparison) {
+            return Ok(None);
+        }
+    }
+    let paths = |program_id: &str, revision: u64| given.path(program_id, revision);
     let played = play(&entries, &paths, config).map_err(|error| of_driver(error.to_string()))?;
 
     let recorded: Vec<&Entry> =
         entries.iter().filter(|entry| entry.kind == EntryKind::Tx).collect();
-    comparison.count("transmissions", recorded.len());
     if recorded.len() != played.transmitted.len() {
         comparison.differs(
             "transmissions",
@@ -52,27 +73,93 @@ pub(super) fn replay(
             format!("{} were recorded, {} are made now", recorded.len(), played.transmitted.len()),
         );
     }
-    for (index, (recorded, now)) in recorded.iter().zip(&played.transmitted).enumerate() {
-        if (recorded.monotonic_ns, &recorded.data) != (now.monotonic_ns, &now.data) {
-            comparison.differs(
-                &format!("transmission {index}"),
-                "data",
-                format!(
-                    "at {:.6} s {} became at {:.6} s {}",
-                    recorded.monotonic_ns as f64 / 1e9,
-                    shown(&recorded.data),
-                    now.monotonic_ns as f64 / 1e9,
-                    shown(&now.data)
-                ),
-            );
-            // What comes after a first wrong byte is wrong too.
-            break;
-        }
+    let mut pairs = recorded.iter().zip(&played.transmitted);
+    let differs = |(was, now): (&&Entry, &Entry)| {
+        (was.monotonic_ns, &was.data) != (now.monotonic_ns, &now.data)
+    };
+    let first = pairs.position(differs);
+    // What comes after a first wrong byte is wrong too, and answered as it was not.
+    let compared = first.map_or(recorded.len().min(played.transmitted.len()), |index| index + 1);
+    comparison.count("transmissions", compared);
+    if let Some(index) = first {
+        let (recorded, now) = (recorded[index], &played.transmitted[index]);
+        let text = format!(
+            "at {:.6} s {} became at {:.6} s {}",
+            recorded.monotonic_ns as f64 / 1e9,
+            shown(&recorded.data),
+            now.monotonic_ns as f64 / 1e9,
+            shown(&now.data)
+        );
+        let place = place_at(&played.outputs, recorded.monotonic_ns);
+        comparison.differs_at(&format!("transmission {index}"), "data", text, place);
     }
     let first = entries.first().map_or(0, |entry| entry.sequence);
     compare_states(recording, first, &played.outputs, comparison);
     outputs.extend(traffic(recording, &played.transmitted));
-    Ok(())
+    Ok(Some(Played { entries, played }))
+}
+
+/// The journal and what the core made of it now.
+#[derive(Debug)]
+pub(super) struct Played {
+    pub(super) entries: Vec<Entry>,
+    pub(super) played: axis_driver::journal::Replay,
+}
+
+/// Whether the answers to a recorded path are answers to the one of today as well.
+fn fits(
+    given: &Given,
+    program_id: &str,
+    revision: u64,
+    config: EncoderConfig,
+    comparison: &mut Comparison,
+) -> bool {
+    let Some(recorded) = given.recording.path(program_id, revision) else { return true };
+    let what = format!("path {revision}");
+    let Some(now) = given.path(program_id, revision) else {
+        let text = "it was run and is not made any more; nothing is sent";
+        comparison.differs(&what, "lines", text);
+        return false;
+    };
+    if recorded == now {
+        return true;
+    }
+    match words::compare(&recorded, &now, config) {
+        Ok(count) => {
+            comparison.count("lines of G-code", count);
+            comparison.remark(&what, "another path, and the same in every line that is sent");
+            true
+        }
+        Err(OtherWord { text, place }) => {
+            comparison.count("lines of G-code", 1);
+            let text = format!(
+                "{text}; the controller answered other lines, so bytes in time are not compared"
+            );
+            comparison.differs_at(&what, "lines", text, place);
+            false
+        }
+    }
+}
+
+/// What the machine was doing then.
+fn place_at(outputs: &[(Duration, DriverOutput)], monotonic_ns: u64) -> Place {
+    let now = Duration::from_nanos(monotonic_ns);
+    let before = outputs.iter().take_while(|(at, _)| *at <= now);
+    let states = before.filter_map(|(_, output)| match output {
+        DriverOutput::State(state) => Some(state),
+        _ => None,
+    });
+    states.last().map_or(Place::default(), |state| Place {
+        line: state.line,
+        position: state.work_position,
+        distance_mm: None,
+    })
+}
+
+/// The first entry of the journal that is played.
+pub(super) fn first_entry(recording: &Recording) -> Result<Option<u64>, ReplayError> {
+    let entries = entries(recording, &|program_id, revision| recording.path(program_id, revision))?;
+    Ok(entries.first().map(|entry| entry.sequence))
 }
 
 /// The path of a program and a revision, if the bag has it.
@@ -117,11 +204,6 @@ fn entries(recording: &Recording, paths: &Paths<'_>) -> Result<Vec<Entry>, Repla
     Ok(entries)
 }
 
-fn monotonic_ns(entry: &TrafficEntry) -> u64 {
-    u64::try_from(entry.monotonic.sec).unwrap_or(0) * 1_000_000_000
-        + u64::from(entry.monotonic.nanosec)
-}
-
 fn shown(bytes: &[u8]) -> String {
     let text = bytes.escape_ascii().to_string();
     match text.get(..SHOWN_BYTES) {
@@ -132,53 +214,86 @@ fn shown(bytes: &[u8]) -> String {
 
 /// Every state that was published must be one that the core goes through, in order.
 ///
-/// The topic repeats states and may drop some; both are left out of account. So is
-/// what was on its way to the topic when the journal begins: states are matched from
-/// the last one back, and those of the first [`ON_ITS_WAY_NS`] may be older ones.
+/// The topic repeats states and may drop some; both are left out of account. States are matched
+/// from the last one back. Two may be of an entry that is not in the journal: the first, when it
+/// was on its way to the topic as the journal began, and those that tell of a report from
+/// behind the journal's end.
 fn compare_states(
     recording: &Recording,
     first_sequence: u64,
-    outputs: &[(std::time::Duration, DriverOutput)],
+    outputs: &[(Duration, DriverOutput)],
     comparison: &mut Comparison,
 ) {
     let made: Vec<MachineState> = outputs
         .iter()
         .filter_map(|(_, output)| match output {
             DriverOutput::State(state) => {
-                Some(comparable(&machine_state_to_wire(Header::default(), state)))
+                let state = machine_state_to_wire(Header::default(), state);
+                Some(recording.definitions.forget(comparable(&state)))
             }
             _ => None,
         })
         .collect();
-    // What was said before the journal begins cannot be made again.
     let first = recording.traffic.get(&first_sequence);
+    let last = recording.traffic.values().next_back();
     let begin_ns = first.map_or(0, |(_, entry)| nanoseconds(&entry.stamp));
-    let mut recorded: Vec<(i64, MachineState)> = recording
+    let end_ns = last.map_or(i64::MAX, |(_, entry)| nanoseconds(&entry.stamp));
+    // What was said before the journal begins cannot be made again.
+    let mut recorded: Vec<Told> = recording
         .states
         .iter()
-        .map(|state| (nanoseconds(&state.header.stamp), comparable(state)))
-        .filter(|(at_ns, _)| *at_ns >= begin_ns)
+        .map(|RecordedState { state, published_ns, .. }| Told {
+            published_ns: *published_ns,
+            report_ns: nanoseconds(&state.header.stamp),
+            state: comparable(state),
+        })
+        .filter(|told| told.published_ns >= begin_ns)
         .collect();
-    recorded.dedup_by(|next, before| next.1 == before.1);
-    comparison.count("states", recorded.len());
+    recorded.dedup_by(|next, before| next.state == before.state);
     let mut rest = made.iter().rev();
-    for (index, (at_ns, state)) in recorded.iter().enumerate().rev() {
-        if !rest.any(|made| made == state) {
-            if *at_ns < begin_ns + ON_ITS_WAY_NS {
-                break;
-            }
-            comparison.differs(
-                &format!("state {index}"),
-                "state",
-                format!("{state:?} is not reached in this order"),
-            );
+    let mut matched = 0;
+    for (index, told) in recorded.iter().enumerate().rev() {
+        let before = rest.clone();
+        let Told { published_ns, report_ns, state } = told;
+        if rest.any(|made| made == state) {
+            matched += 1;
+            continue;
+        }
+        if *published_ns > end_ns && *report_ns > end_ns + STAMP_NS {
+            rest = before;
+            continue;
+        }
+        if index == 0 && *published_ns < begin_ns + ON_ITS_WAY_NS {
             break;
         }
+        let text = format!(
+            "{} \"{}\" of the report at {}.{:09} s is not reached in this order",
+            mode_from_wire(state.state).name(),
+            state.reason,
+            report_ns / 1_000_000_000,
+            report_ns % 1_000_000_000
+        );
+        let place = Place {
+            line: state.line,
+            position: state.position_known.then(|| position_from_point(&state.work_position)),
+            distance_mm: None,
+        };
+        comparison.differs_at(&format!("state {index}"), "state", text, place);
+        matched += 1;
+        break;
+    }
+    comparison.count("states", matched);
+    if matched == 0 {
+        comparison.differs("states", "count", "no state was told while the journal was written");
     }
 }
 
-fn nanoseconds(stamp: &Time) -> i64 {
-    i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec)
+/// A state on its topic.
+struct Told {
+    published_ns: i64,
+    /// When the report came that it tells of, as far as the driver's clock is that exact.
+    report_ns: i64,
+    state: MachineState,
 }
 
 /// A state without what depends on when it was published.

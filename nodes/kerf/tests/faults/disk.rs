@@ -75,6 +75,14 @@ fn a_run_goes_on_when_the_disk_of_the_recorder_is_full() {
     assert_ne!(ran.status, 0, "{ran:?}");
     assert!(!ran.out.contains("complete:    yes"), "{ran:?}");
     assert!(cell.machine.log().contains(&last.reason), "{}", cell.machine.log());
+    // What had room is had again, and the copy says that it is not all.
+    assert!(last.message_count > 0, "{last:?}");
+    let from = bag.to_str().expect("UTF-8");
+    let ran = cell.machine.kerf(&["bag", "recover", from, "mended"]).expect(0);
+    let count = ran.out.lines().next().and_then(|line| line.split_whitespace().rev().nth(1));
+    let count = count.and_then(|word| word.parse().ok());
+    assert!(count.is_some_and(|count: u64| count >= last.message_count), "{ran:?}, {last:?}");
+    cell.machine.kerf(&["bag", "info", "mended"]).expect(1).says(&["machine_state"]);
 }
 
 /// Fails unless this run is ended before anything was sent; returns why.

@@ -18,9 +18,16 @@ pub(crate) struct Host {
     holder: Child,
 }
 
+/// Says why there is no proof; where there has to be one, that is a failure.
+#[allow(clippy::print_stderr, reason = "why nothing was proved")]
+fn unproved(why: &str) -> Option<Host> {
+    assert!(std::env::var_os("KERF_MUST_PROVE").is_none(), "nothing is proved: {why}");
+    eprintln!("nothing is proved: {why}");
+    None
+}
+
 impl Host {
     /// A host without any connection; `None`, with a word, where the system refuses.
-    #[allow(clippy::print_stderr, reason = "why nothing was proved")]
     pub(crate) fn new() -> Option<Self> {
         // Without IPv6, which speaks by itself on each interface that comes up.
         let script = "echo 1 > /proc/sys/net/ipv6/conf/all/disable_ipv6 2>/dev/null; \
@@ -34,8 +41,7 @@ impl Host {
         let mut holder = match holder {
             Ok(holder) => holder,
             Err(error) => {
-                eprintln!("nothing is proved: unshare cannot be run: {error}");
-                return None;
+                return unproved(&format!("unshare cannot be run: {error}"));
             }
         };
         let mut said = String::new();
@@ -46,8 +52,7 @@ impl Host {
         }
         let ended = holder.wait_with_output().expect("it has ended");
         let why = String::from_utf8_lossy(&ended.stderr).into_owned();
-        eprintln!("nothing is proved: network namespaces are refused here: {}", why.trim());
-        None
+        unproved(&format!("network namespaces are refused here: {}", why.trim()))
     }
 
     /// Lets a command run on this host.

@@ -1,0 +1,338 @@
+//! From the definitions that a bag was recorded with to those of today.
+//!
+//! A bag carries the definition of every type in it. Where today's has more fields,
+//! [`MIGRATIONS`] says so, by the hash of the old one; they get the zero of their type, which
+//! every definition of ours reads as "not known". Replay then leaves them out of what it
+//! compares: see [`Definitions::forget`]. What a field means must not change under its name;
+//! one that does gets another name.
+
+use super::ReplayError;
+use cnc_msgs::cdr;
+use cnc_msgs::chunk::{Chunk, Collector};
+use cnc_msgs::interface::Message;
+use cnc_msgs::profile::Profile;
+use cnc_msgs::schema::TypeInfo;
+use run_recorder::bag_reader::{BagChannel, BagMessage};
+use run_recorder::decode;
+use run_recorder::encode::encode;
+use run_recorder::schema::{Arity, FieldType, MessageSchema, Primitive};
+use run_recorder::value::{FieldPath, MessageValue, Step, Value};
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::fmt;
+use std::sync::Arc;
+
+/// What has come to a definition since.
+struct Migration {
+    type_name: &'static str,
+    /// Hash of the old definition.
+    from: &'static str,
+    /// Fields of today that it did not have, as patterns.
+    added: &'static [&'static str],
+}
+
+/// One row for each definition that bags in the field may have.
+const MIGRATIONS: &[Migration] = &[
+    Migration {
+        type_name: "cnc_msgs/msg/ContourChunk",
+        from: "RIHS01_d103fdd8073408a5a27158f6882af36e841ade951dd3a7ce677accfbb506cb04",
+        added: &["events[*].direction"],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/MachineState",
+        from: "RIHS01_d8961b5863f3218ef7419e5dacc54f4c97305cd6947a9ac75f0b5b6291b347f2",
+        added: &[
+            "motion_possible",
+            "needs_reset",
+            "spindle",
+            "flood",
+            "mist",
+            "work_system",
+            "tool_wanted",
+        ],
+    },
+];
+
+/// What profiles of then said, and what says the same today.
+const PROFILE_CHANGES: &[(&str, &str)] = &[("contour: error", "react: alarm")];
+
+/// The profile that was recorded with a contour, whatever keys it had then.
+pub(crate) fn profile_of_then(text: &str) -> Result<Profile, String> {
+    let read = |text: &str| runtime::profile_from_yaml(text).map_err(|error| error.to_string());
+    read(text).or_else(|problem| {
+        let renamed = |line: &str| {
+            let (indent, words) = line.split_at(line.len() - line.trim_start().len());
+            let change = PROFILE_CHANGES.iter().find(|(was, _)| *was == words.trim_end());
+            format!("{indent}{}\n", change.map_or(words, |(_, is)| is))
+        };
+        let text_now: String = text.lines().map(renamed).collect();
+        // What is wrong beside that is told of the text as it is in the bag.
+        read(&text_now).map_err(|_| problem)
+    })
+}
+
+/// How messages of one type are read.
+#[derive(Debug, Clone)]
+enum Way {
+    /// Field for field as they lie there.
+    AsToday,
+    /// By the old definition, with what came since.
+    Migrated { old: Arc<MessageSchema>, today: Arc<MessageSchema>, added: Vec<FieldPath> },
+}
+
+/// The definitions of a bag beside those of today.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Definitions {
+    /// By type and channel: two channels of a type may have been defined at different times.
+    ways: BTreeMap<(&'static str, usize), Way>,
+}
+
+impl Definitions {
+    /// Decodes a message, whatever definition of its type it was recorded with.
+    ///
+    /// `number` counts the messages of its topic from 1.
+    pub(crate) fn decode<M: Message>(
+        &mut self,
+        message: &BagMessage,
+        number: u64,
+    ) -> Result<M, ReplayError> {
+        let way = match self.ways.entry((M::TYPE_NAME, message.channel_index)) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(way::<M>(&message.channel)?),
+        };
+        let content = |error: &dyn fmt::Display| ReplayError::content(message, number, error);
+        match way {
+            Way::AsToday => cdr::decode(&message.data).map_err(|error| content(&error)),
+            Way::Migrated { old, today, .. } => {
+                let was = decode::decode(old, &message.data).map_err(|error| content(&error))?;
+                from_value(&completed(today, &was), today).map_err(|error| content(&error))
+            }
+        }
+    }
+
+    /// The collector, which leaves checksums out of account where they are over other bytes.
+    pub(crate) fn sealed<C: Chunk + Message>(&self, collector: Collector<C>) -> Collector<C> {
+        if self.is_migrated(C::TYPE_NAME) { collector.without_checksums() } else { collector }
+    }
+
+    /// Whether messages of this type were of an older definition, on any channel.
+    pub(crate) fn is_migrated(&self, type_name: &str) -> bool {
+        self.of(type_name).any(|way| matches!(way, Way::Migrated { .. }))
+    }
+
+    /// How messages of one type are read, by channel.
+    fn of(&self, type_name: &str) -> impl Iterator<Item = &Way> {
+        self.ways.iter().filter(move |((known, _), _)| *known == type_name).map(|(_, way)| way)
+    }
+
+    /// The message without what the bag's definition of its type did not have.
+    pub(crate) fn forget<M: Message>(&self, message: M) -> M {
+        self.of(M::TYPE_NAME).fold(message, |message, way| {
+            let Way::Migrated { today, added, .. } = way else { return message };
+            let value = decode::decode(today, &cdr::encapsulated(&message))
+                .expect("a message fits the definition that its struct was made of");
+            let known = without(&value, &mut Vec::new(), added);
+            from_value(&completed(today, &known), today)
+                .expect("a message with zeros in it is a message still")
+        })
+    }
+}
+
+fn way<M: Message>(channel: &BagChannel) -> Result<Way, ReplayError> {
+    let today = TypeInfo::of::<M>();
+    let content = |error: &dyn fmt::Display| ReplayError::Content {
+        place: channel.topic.clone(),
+        error: error.to_string(),
+    };
+    let Some(recorded) = &channel.schema else {
+        return Err(content(&"it has no definition in the bag"));
+    };
+    let (written, defined) = (channel.message_encoding.as_str(), recorded.encoding.as_str());
+    if written != "cdr" {
+        return Err(content(&format_args!("its messages are written as \"{written}\", not cdr")));
+    }
+    if defined != "ros2msg" {
+        return Err(content(&format_args!("it is defined in \"{defined}\", not in ros2msg")));
+    }
+    let old = recorded.parse().map_err(|error| content(&error))?;
+    let new = MessageSchema::parse(M::TYPE_NAME, today.schema_text)
+        .expect("our own definitions are valid; a test in cnc_msgs reads them all");
+    let mut gaps = Vec::new();
+    compare(&old, &new, &mut Vec::new(), &mut gaps);
+    if gaps.is_empty() {
+        return Ok(Way::AsToday);
+    }
+    let refused = || ReplayError::Definition {
+        type_name: M::TYPE_NAME,
+        recorded: match channel.type_hash.as_str() {
+            "" => "a definition without hash".to_owned(),
+            hash if hash == today.rihs01 => format!("another definition than its hash {hash} says"),
+            hash => format!("definition {hash}"),
+        },
+        gaps: gaps.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+    };
+    // Recorders that know no hashes leave it empty; then the fields decide.
+    let rows = MIGRATIONS.iter().filter(|row| {
+        row.type_name == M::TYPE_NAME
+            && (channel.type_hash.is_empty() || channel.type_hash == row.from)
+    });
+    for row in rows {
+        let patterns: Vec<FieldPath> = row
+            .added
+            .iter()
+            .map(|path| path.parse().expect("the table holds valid paths"))
+            .collect();
+        let explains = |gap: &Gap| matches!(gap, Gap::Added(path) if patterns.contains(path));
+        if gaps.iter().all(explains) {
+            return Ok(Way::Migrated { old, today: new, added: patterns });
+        }
+    }
+    Err(refused())
+}
+
+/// One way in which two definitions are not the same.
+#[derive(Debug, PartialEq)]
+enum Gap {
+    /// Today has a field more.
+    Added(FieldPath),
+    /// Today has it no more.
+    Dropped(FieldPath),
+    /// Another type, number of elements, or place.
+    Changed(FieldPath),
+}
+
+impl fmt::Display for Gap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Added(path) => write!(f, "{path} has come"),
+            Self::Dropped(path) => write!(f, "{path} has gone"),
+            Self::Changed(path) => write!(f, "{path} is another"),
+        }
+    }
+}
+
+/// Lists the gaps, with `[*]` for the elements of lists.
+fn compare(old: &MessageSchema, today: &MessageSchema, path: &mut Vec<Step>, gaps: &mut Vec<Gap>) {
+    for field in &today.fields {
+        path.push(Step::Field(field.name.clone()));
+        match old.fields.iter().find(|known| known.name == field.name) {
+            None => gaps.push(Gap::Added(FieldPath(path.clone()))),
+            Some(known) if known.arity != field.arity => {
+                gaps.push(Gap::Changed(FieldPath(path.clone())));
+            }
+            Some(known) => match (&known.field_type, &field.field_type) {
+                (FieldType::Message(known), FieldType::Message(now)) => {
+                    let is_list = field.arity != Arity::One;
+                    if is_list {
+                        path.push(Step::AnyIndex);
+                    }
+                    compare(known, now, path, gaps);
+                    if is_list {
+                        path.pop();
+                    }
+                }
+                (known, now) if known == now => {}
+                _ => gaps.push(Gap::Changed(FieldPath(path.clone()))),
+            },
+        }
+        path.pop();
+    }
+    let is_of_today = |name: &str| today.fields.iter().any(|field| *field.name == *name);
+    let common: Vec<_> = old.fields.iter().filter(|field| is_of_today(&field.name)).collect();
+    for field in old.fields.iter().filter(|field| !is_of_today(&field.name)) {
+        path.push(Step::Field(field.name.clone()));
+        gaps.push(Gap::Dropped(FieldPath(path.clone())));
+        path.pop();
+    }
+    // The same fields in another order are other bytes.
+    let is_common = |name: &str| common.iter().any(|field| *field.name == *name);
+    let now = today.fields.iter().filter(|field| is_common(&field.name));
+    if let Some((_, moved)) = common.iter().zip(now).find(|(was, is)| was.name != is.name) {
+        path.push(Step::Field(moved.name.clone()));
+        gaps.push(Gap::Changed(FieldPath(path.clone())));
+        path.pop();
+    }
+}
+
+/// The message with every field of the definition: zero where it has none.
+fn completed(schema: &MessageSchema, message: &MessageValue) -> MessageValue {
+    let fields = schema.fields.iter().map(|field| {
+        let value = match (message.get(&field.name), &field.field_type) {
+            (Some(Value::Message(inner)), FieldType::Message(schema)) => {
+                Value::Message(completed(schema, inner))
+            }
+            (Some(Value::List(list)), FieldType::Message(schema)) => Value::List(
+                list.iter()
+                    .map(|element| match element {
+                        Value::Message(inner) => Value::Message(completed(schema, inner)),
+                        other => other.clone(),
+                    })
+                    .collect(),
+            ),
+            (Some(value), _) => value.clone(),
+            (None, field_type) => zero(field_type, field.arity),
+        };
+        (field.name.clone(), value)
+    });
+    MessageValue { type_name: schema.type_name.clone(), fields: fields.collect() }
+}
+
+fn zero(field_type: &FieldType, arity: Arity) -> Value {
+    let one = || match field_type {
+        FieldType::Message(schema) => {
+            let nothing = MessageValue { type_name: schema.type_name.clone(), fields: Vec::new() };
+            Value::Message(completed(schema, &nothing))
+        }
+        FieldType::Primitive(primitive) => match primitive {
+            Primitive::Bool => Value::Bool(false),
+            Primitive::F32 | Primitive::F64 => Value::Float(0.0),
+            Primitive::String | Primitive::WideString => Value::Text(String::new()),
+            _ => Value::Unsigned(0),
+        },
+    };
+    match arity {
+        Arity::One => one(),
+        Arity::Sequence => Value::List(Vec::new()),
+        Arity::Array(count) => Value::List(vec![one(); count]),
+    }
+}
+
+/// The message without the fields that a pattern names.
+fn without(message: &MessageValue, path: &mut Vec<Step>, patterns: &[FieldPath]) -> MessageValue {
+    let mut fields = Vec::with_capacity(message.fields.len());
+    for (name, value) in &message.fields {
+        path.push(Step::Field(name.clone()));
+        let here = FieldPath(path.clone());
+        if !patterns.iter().any(|pattern| pattern.matches(&here)) {
+            let value = match value {
+                Value::Message(inner) => Value::Message(without(inner, path, patterns)),
+                Value::List(list) => Value::List(
+                    list.iter()
+                        .enumerate()
+                        .map(|(index, element)| match element {
+                            Value::Message(inner) => {
+                                path.push(Step::Index(index));
+                                let inner = without(inner, path, patterns);
+                                path.pop();
+                                Value::Message(inner)
+                            }
+                            other => other.clone(),
+                        })
+                        .collect(),
+                ),
+                other => other.clone(),
+            };
+            fields.push((name.clone(), value));
+        }
+        path.pop();
+    }
+    MessageValue { type_name: message.type_name.clone(), fields }
+}
+
+fn from_value<M: Message>(value: &MessageValue, schema: &MessageSchema) -> Result<M, String> {
+    let bytes = encode(schema, value).map_err(|error| error.to_string())?;
+    cdr::decode(&bytes).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,274 @@
+//! The hands of a replay: it looks where the stack is, and does what a commander did.
+//!
+//! Plumbing, as the conductor. Every wait ends: when nothing has moved on for [`STILL`], with
+//! what was waited for and where the stack stood.
+
+use super::gate::{Gate, Machine};
+use super::place::Stand;
+use super::script::{Act, Cue, When};
+use crate::exit::{Failure, Status};
+use cnc_msgs::convert::mode_from_wire;
+use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramResult};
+use cnc_msgs::wire::cnc_msgs::msg::MachineState;
+use cnc_msgs::wire::cnc_msgs::srv::{SetOverrides, SetOverridesRequest, SetTool};
+use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolRequest, Trigger, TriggerRequest};
+use runtime::action::{GoalError, GoalHandle, Outcome};
+use runtime::{Client, Handle, Subscription};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::task::JoinHandle;
+use tokio::time::{Instant, sleep, timeout};
+
+/// Nothing of a run stands still for so long but a run that is stuck.
+const STILL: Duration = Duration::from_secs(60);
+/// How long a plan of what is left of a run may take.
+const PLAN_WITHIN: Duration = Duration::from_secs(300);
+/// How long the driver may take to tell what a machine does whose time stands still.
+const TOLD_WITHIN: Duration = Duration::from_secs(20);
+/// How often it is looked where the machine is.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// What the driver tells, gathered as it comes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Seen(Arc<Mutex<Told>>);
+
+#[derive(Debug, Default)]
+struct Told {
+    last: Option<MachineState>,
+    count: u64,
+    /// Revisions since the goal, each time another one came.
+    revisions: Vec<u64>,
+}
+
+impl Seen {
+    pub(super) fn follow(node: &Handle, mut states: Subscription<MachineState>) -> Self {
+        let seen = Self::default();
+        let shared = seen.clone();
+        node.spawn("states of the replay", async move {
+            loop {
+                let (state, _) = states.next().await;
+                let mut told = shared.lock();
+                if state.path_revision > 0 {
+                    told.revisions.push(state.path_revision);
+                    told.revisions.dedup();
+                }
+                told.count += 1;
+                told.last = Some(state);
+            }
+        });
+        seen
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Told> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn begin(&self) {
+        self.lock().revisions.clear();
+    }
+
+    pub(super) fn last(&self) -> Option<MachineState> {
+        self.lock().last.clone()
+    }
+
+    fn count(&self) -> u64 {
+        self.lock().count
+    }
+
+    fn paths(&self) -> usize {
+        self.lock().revisions.len()
+    }
+}
+
+/// Gives commands, and waits for their time.
+pub(super) struct Hands<'a> {
+    node: &'a Handle,
+    gate: &'a Gate,
+    pub(super) seen: Seen,
+    clients: BTreeMap<&'static str, Client<Trigger>>,
+}
+
+/// How a run ends, in a task of its own.
+pub(super) type Ending = JoinHandle<Result<(Outcome, RunProgramResult), GoalError>>;
+
+impl<'a> Hands<'a> {
+    pub(super) fn new(node: &'a Handle, gate: &'a Gate, seen: Seen) -> Self {
+        Self { node, gate, seen, clients: BTreeMap::new() }
+    }
+
+    /// Waits for a cue and gives its command; `false` when its place did not come.
+    pub(super) async fn give(
+        &mut self,
+        cue: &Cue,
+        goal: &GoalHandle<RunProgram>,
+        ending: &Ending,
+    ) -> Result<bool, Failure> {
+        let what = format!("{} (line {})", cue.act.name(), cue.line);
+        let gate = self.gate.clone();
+        match &cue.when {
+            When::Moving(watch) => {
+                gate.arm(watch.clone());
+                self.until(&what, || gate.machine().is_due || ending.is_finished()).await?;
+                if !gate.machine().is_due {
+                    gate.release();
+                    return Ok(false);
+                }
+                // Time stands still: the driver may as well hear where the machine is.
+                let old = self.seen.count();
+                let is_told = async {
+                    while self.seen.count() < old + 2
+                        || self.seen.last().is_none_or(|it| it.state != watch.state)
+                    {
+                        sleep(LOOK).await;
+                    }
+                };
+                if timeout(TOLD_WITHIN, is_told).await.is_err() {
+                    eprintln!("kerf: {what}: the driver takes the machine for something else");
+                }
+            }
+            When::Standing(stand) => {
+                // What was told before the last command is old.
+                let old = self.seen.count();
+                self.until(&what, || {
+                    self.stands(stand, old, gate.machine()) || ending.is_finished()
+                })
+                .await?;
+                if !self.stands(stand, old, gate.machine()) {
+                    return Ok(false);
+                }
+            }
+        }
+        let given = self.act(&cue.act, goal).await;
+        if given.is_ok() && cue.stops() {
+            // A cancel is answered before its byte is sent, and that lets time go on.
+            let has_come = async {
+                while gate.machine().is_due {
+                    sleep(LOOK).await;
+                }
+            };
+            // Whoever was told it was done and sent nothing is found out by what is compared.
+            let _ = timeout(TOLD_WITHIN, has_come).await;
+        }
+        gate.release();
+        if let Err(Failure { status: Status::NodeRefused, message }) = &given {
+            eprintln!("kerf: {what} is refused: {message}");
+            return Ok(true);
+        }
+        eprintln!("kerf: {what}");
+        given.map(|()| true)
+    }
+
+    fn stands(&self, wanted: &Stand, old: u64, machine: Machine) -> bool {
+        let Some(last) = self.seen.last().filter(|_| self.seen.count() > old) else { return false };
+        let seen = Stand {
+            state: last.state,
+            tool_wanted: last.tool_wanted,
+            answers: machine.answers,
+            paths: self.seen.paths(),
+        };
+        wanted.is_reached(&seen, machine.speed_mm_per_min)
+    }
+
+    pub(super) async fn until(
+        &self,
+        what: &str,
+        is_there: impl Fn() -> bool,
+    ) -> Result<(), Failure> {
+        until(what, STILL, &self.seen, self.gate, is_there).await
+    }
+
+    async fn act(&mut self, act: &Act, goal: &GoalHandle<RunProgram>) -> Result<(), Failure> {
+        match act {
+            Act::CancelGoal => goal.cancel().await.map(|_| ()).map_err(Failure::from),
+            Act::SetOverrides(wanted) => {
+                let bit = |value: Option<u8>, bit: u8| value.map_or(0, |_| bit);
+                let ratio = |value: Option<u8>| f64::from(value.unwrap_or(100)) / 100.0;
+                let request = SetOverridesRequest {
+                    which: bit(wanted.feed, 1) | bit(wanted.rapid, 2) | bit(wanted.spindle, 4),
+                    feed: ratio(wanted.feed),
+                    rapid: ratio(wanted.rapid),
+                    spindle: ratio(wanted.spindle),
+                };
+                let client = self.node.client::<SetOverrides>(act.name())?;
+                let answer = client.call(request).await?;
+                said(answer.success, answer.message)
+            }
+            Act::SetTool(request) => {
+                let client = self.node.client::<SetTool>(act.name())?;
+                let answer = client.call_within(request.clone(), PLAN_WITHIN).await?;
+                said(answer.success, answer.message)
+            }
+            Act::SetSingleBlock(on) => self.single_block(*on).await,
+            Act::FeedHold
+            | Act::DoorHold
+            | Act::Resume
+            | Act::SoftReset
+            | Act::ConfirmToolChange
+            | Act::Cancel => {
+                let name = act.name();
+                let client = match self.clients.get(name) {
+                    Some(client) => client.clone(),
+                    None => {
+                        let client = self.node.client::<Trigger>(name)?;
+                        self.clients.insert(name, client.clone());
+                        client
+                    }
+                };
+                let answer = client.call(TriggerRequest::default()).await?;
+                said(answer.success, answer.message)
+            }
+        }
+    }
+
+    pub(super) async fn single_block(&self, on: bool) -> Result<(), Failure> {
+        let client = self.node.client::<SetBool>("single_block")?;
+        let answer = client.call(SetBoolRequest { data: on }).await?;
+        said(answer.success, answer.message)
+    }
+}
+
+fn said(success: bool, message: String) -> Result<(), Failure> {
+    if success { Ok(()) } else { Err(Failure::new(Status::NodeRefused, message)) }
+}
+
+/// Waits until something holds, as long as anything moves on.
+pub(super) async fn until(
+    what: &str,
+    still: Duration,
+    seen: &Seen,
+    gate: &Gate,
+    is_there: impl Fn() -> bool,
+) -> Result<(), Failure> {
+    let now = || {
+        let Machine { answers, position, is_due, .. } = gate.machine();
+        let state = seen.last().map(|it| (it.state, it.tool_wanted, it.line));
+        (answers, position.map(f64::to_bits), is_due, state, seen.paths())
+    };
+    let mut last = (now(), Instant::now());
+    while !is_there() {
+        sleep(LOOK).await;
+        let now = now();
+        if now != last.0 {
+            last = (now, Instant::now());
+        } else if last.1.elapsed() > still {
+            return Err(Failure::new(Status::NoAnswer, stuck(what, still, seen, gate)));
+        }
+    }
+    Ok(())
+}
+
+fn stuck(what: &str, still: Duration, seen: &Seen, gate: &Gate) -> String {
+    let Machine { answers, position: [x, y, z], .. } = gate.machine();
+    let state = match seen.last() {
+        None => "no machine_state was heard".to_owned(),
+        Some(MachineState { state, reason, line, .. }) => {
+            format!("{} {reason} at line {line}", mode_from_wire(state).name())
+        }
+    };
+    format!(
+        "waited for {what}, and nothing has moved on for {} s: {state}; {answers} lines \
+         answered, machine at X{x:.3} Y{y:.3} Z{z:.3}",
+        still.as_secs()
+    )
+}

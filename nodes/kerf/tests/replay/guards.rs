@@ -1,0 +1,182 @@
+//! Nothing passes because nothing was looked at.
+
+use crate::bag::{Form, TestBag};
+use crate::replay;
+use crate::support::{Folder, Ran, kerf, run};
+use cnc_msgs::wire::cnc_msgs::msg as wire;
+
+const BAG: &str = "sinumerik_840c_contour";
+
+#[track_caller]
+fn after(change: impl FnOnce(&mut TestBag), form: Form, more: &[&str]) -> Ran {
+    let folder = Folder::new();
+    let path = folder.path().join("bag");
+    let mut bag = TestBag::golden(BAG);
+    change(&mut bag);
+    bag.write(&path, form);
+    replay(&path, more)
+}
+
+#[test]
+fn a_bag_that_is_written_again_replays() {
+    after(|_| {}, Form::OURS, &[]).expect(0).says(&["reproduced"]);
+}
+
+#[test]
+fn an_expected_topic_that_is_absent_or_silent_is_an_error_of_its_level() {
+    type Change = fn(&mut TestBag);
+    let table: [(&str, Change, &[&str]); 11] = [
+        ("loader", |bag| bag.forget::<wire::Program>(), &["no topic is of type", "msg/Program"]),
+        ("loader", |bag| bag.silence::<wire::ProgramChunk>(), &["/program/chunks has no message"]),
+        ("loader", |bag| bag.silence::<wire::ContourChunk>(), &["/programmed_contour/chunks"]),
+        ("planner", |bag| bag.silence::<wire::ProgrammedContour>(), &["/programmed_contour has"]),
+        ("planner", |bag| bag.forget::<wire::ToolTable>(), &["ToolTable", "usually tool_table"]),
+        ("planner", |bag| bag.silence::<wire::CompensationReport>(), &["/compensation_report"]),
+        ("planner", |bag| bag.silence::<wire::CompensatedPath>(), &["the path of revision"]),
+        ("driver", |bag| bag.silence::<wire::NodeParameters>(), &["/node_parameters has no"]),
+        ("driver", |bag| bag.silence::<wire::ControllerTraffic>(), &["/controller_traffic has no"]),
+        ("driver", |bag| bag.forget::<wire::MachineState>(), &["usually machine_state"]),
+        (
+            "driver",
+            |bag| bag.forget::<wire::CompensationReport>(),
+            &["no topic is of type", "usually compensation_report"],
+        ),
+    ];
+    for (level, change, says) in table {
+        let named = format!("the {level} cannot be replayed");
+        let all = [says, &[named.as_str()]].concat();
+        after(change, Form::OURS, &["--level", level]).expect(2).says(&all);
+        // Without a level everything has to be there.
+        after(change, Form::OURS, &[]).expect(2).says(says);
+    }
+}
+
+#[test]
+fn a_level_alone_needs_nothing_of_the_others() {
+    let only_planner = |bag: &mut TestBag| {
+        bag.forget::<wire::Program>();
+        bag.forget::<wire::ProgramChunk>();
+        bag.forget::<wire::ControllerTraffic>();
+        bag.forget::<wire::MachineState>();
+    };
+    after(only_planner, Form::OURS, &["--level", "planner"]).expect(0).says(&["reproduced"]);
+    let only_loader = |bag: &mut TestBag| {
+        bag.forget::<wire::CompensatedPath>();
+        bag.forget::<wire::PathChunk>();
+        bag.forget::<wire::CompensationReport>();
+    };
+    after(only_loader, Form::OURS, &["--level", "loader"]).expect(0).says(&["reproduced"]);
+}
+
+#[test]
+fn a_run_that_never_ran_proves_nothing_of_the_driver() {
+    let never = |bag: &mut TestBag| {
+        bag.change(|state: &mut wire::MachineState| {
+            state.state = wire::MachineState::STATE_IDLE;
+            true
+        });
+        bag.change(|traffic: &mut wire::ControllerTraffic| {
+            traffic.entries.retain(|entry| {
+                entry.kind != wire::TrafficEntry::KIND_TRANSMITTED
+                    || !entry.data.first().is_some_and(u8::is_ascii_uppercase)
+            });
+            true
+        });
+    };
+    after(never, Form::OURS, &["--level", "driver"]).expect(2).says(&["the run never ran"]);
+}
+
+#[test]
+fn a_bag_that_is_not_all_there_was_is_refused_by_the_level_that_was_asked_for() {
+    let lost = |bag: &mut TestBag| {
+        for (name, record) in &mut bag.records {
+            if name == "cnc_run_result" {
+                record.insert("complete".into(), "false".into());
+                record.insert("reasons".into(), "12 messages were lost".into());
+            }
+        }
+    };
+    for level in ["driver", "stack"] {
+        let named = format!("12 messages were lost); the {level} cannot be replayed from it");
+        after(lost, Form::OURS, &["--level", level]).expect(2).says(&[&named]);
+    }
+    let ran = after(lost, Form::OURS, &["--level", "planner"]).expect(0);
+    ran.says(&["reproduced", "remark: bag: ", "12 messages were lost"]);
+}
+
+#[test]
+fn a_whole_file_is_replayed_without_metadata_yaml_as_it_is_by_its_name() {
+    let folder = Folder::new();
+    let path = folder.path().join("bag");
+    TestBag::golden(BAG).write(&path, Form::OURS);
+    let listed = std::fs::read_to_string(path.join("metadata.yaml")).expect("it was written");
+    std::fs::remove_file(path.join("metadata.yaml")).expect("it is there");
+    replay(&path, &[]).expect(0).says(&["reproduced", "remark: bag: there is no metadata.yaml"]);
+    replay(&path.join("foreign_0.mcap"), &[]).expect(0).says(&["reproduced"]);
+    // Nor is it refused for a list that does not name it.
+    std::fs::write(path.join("metadata.yaml"), listed.replace("    - foreign_0.mcap\n", ""))
+        .expect("a file");
+    replay(&path, &[]).expect(0).says(&["reproduced"]);
+}
+
+#[test]
+fn an_error_names_the_bag_however_it_is_called() {
+    let folder = Folder::new();
+    let mut bag = TestBag::golden(BAG);
+    bag.write(&folder.path().join("whole"), Form::OURS);
+    bag.silence::<wire::ProgramChunk>();
+    bag.write(&folder.path().join("b"), Form::OURS);
+    for (bag, says) in [
+        ("b", "b: the loader cannot be replayed: /program/chunks has no message"),
+        ("a", "kerf: a is not there"),
+    ] {
+        let mut command = kerf();
+        command.args(["replay", "whole", bag, "--level", "loader"]).current_dir(folder.path());
+        let ran = run(&mut command).expect(2);
+        assert!(!ran.err.contains("a: a"), "{}", ran.err);
+        ran.says(&["whole: reproduced", says]);
+    }
+}
+
+#[test]
+fn a_bag_that_says_it_is_of_a_program_must_hold_it() {
+    let other = |bag: &mut TestBag| {
+        for (_, record) in &mut bag.records {
+            if let Some(id) = record.get_mut("program_id") {
+                *id = "0123456789abcdef".into();
+            }
+        }
+    };
+    after(other, Form::OURS, &[]).expect(2).says(&["program 0123456789abcdef, and holds nothing"]);
+}
+
+#[test]
+fn a_plan_that_was_refused_and_blocks_that_nobody_asked_for_are_different() {
+    // Refused then, and no path; accepted now.
+    let refused = |bag: &mut TestBag| {
+        bag.change(|report: &mut wire::CompensationReport| {
+            report.accepted = false;
+            report.error_count = 1;
+            true
+        });
+        bag.silence::<wire::CompensatedPath>();
+    };
+    let ran = after(refused, Form::OURS, &["--level", "planner"]).expect(1);
+    ran.says(&["DIFFERENT", "accepted: false became true"]);
+    // Blocks were sent that no command asks for.
+    let unasked = |bag: &mut TestBag| {
+        bag.change(|traffic: &mut wire::ControllerTraffic| {
+            traffic.entries.retain_mut(|entry| {
+                if entry.kind == wire::TrafficEntry::KIND_COMMAND {
+                    // What is numbered must stay numbered.
+                    entry.kind = wire::TrafficEntry::KIND_TIMER;
+                    entry.data.clear();
+                }
+                true
+            });
+            true
+        });
+    };
+    let ran = after(unasked, Form::OURS, &["--level", "driver"]).expect(1);
+    ran.says(&["DIFFERENT", "were recorded"]);
+}
