@@ -26,6 +26,7 @@ ARGUMENTS = (
     ('log_level', 'info', 'debug, info, warn, error or fatal'),
     ('port', '', "serial port of the controller; empty: the parameters' own"),
     ('tool_table', '', "YAML file of the tools; empty: the parameters' own"),
+    ('enclave', '', 'where the keys of the nodes are, /kerf for /kerf/axis_driver and so on'),
     ('virtual_controller', 'false', 'true: a virtual controller in place of the machine'),
     ('time_factor', '1', 'how many times faster than a real one it lives'),
 )
@@ -66,8 +67,13 @@ def start(context):
             package='kerf', executable='kerf', arguments=['node', name],
             namespace=given['namespace'],
             parameters=[given['params_file'], *([own[name]] if own[name] else [])],
-            ros_arguments=['--log-level', given['log_level']],
+            ros_arguments=['--log-level', given['log_level'], *keys(given['enclave'], name)],
             # Who told the driver to stop does not want it to come back by itself.
             output='screen', respawn=name != 'axis_driver', respawn_delay=1.0,
             sigterm_timeout=LEAVE_WITHIN_S, sigkill_timeout=LEAVE_WITHIN_S))
     return processes
+
+
+def keys(enclave, name):
+    """Each node has keys of its own, below what is named."""
+    return ['--enclave', f'{enclave.rstrip("/")}/{name}'] if enclave else []

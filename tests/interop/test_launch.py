@@ -36,6 +36,12 @@ def test_a_namespace_is_that_of_every_node():
         assert '__ns:=/cell/mill' in words
 
 
+def test_an_enclave_is_above_those_of_the_nodes():
+    for words in commands(enclave='/kerf'):
+        assert words[words.index('--enclave') + 1] == f'/kerf/{words[2]}'
+    assert not any('--enclave' in words for words in commands())
+
+
 def test_a_port_is_that_of_the_driver_and_counts_more_than_the_file():
     driver = commands(port='/dev/ttyACM3')[2]
     files = [after for word, after in zip(driver, driver[1:]) if word == '--params-file']

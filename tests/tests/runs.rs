@@ -252,9 +252,30 @@ fn with_require_recording_nothing_is_sent_before_the_bag_is_open() {
     line.start(straight(5, 5.0), 0);
     line.ask(word(true, "")).unwrap();
     line.until("it cuts", |line| line.state().line >= 2);
-    // The part is worth more than its record.
+    // It holds, once, and somebody decides whether the part is worth more than its record.
     line.ask(word(false, "No space left on device")).unwrap();
+    line.until("it stands", |line| line.mode() == Mode::Hold);
+    let reason = line.state().reason.clone();
+    assert!(reason.starts_with("RECORD_NOT_WHOLE") && reason.contains("No space left"), "{reason}");
+    line.wait(5.0);
+    assert_eq!(line.mode(), Mode::Hold, "nothing resumes by itself");
+    line.ask(Command::Resume).unwrap();
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+    assert!(line.log.iter().any(|text| text.contains("not whole: No space left")));
+}
+
+#[test]
+fn without_require_recording_the_part_is_worth_more_than_its_record() {
+    let build = Build::new(Settings::small_router());
+    let mut line = Line::new(DriverConfig::default(), build, &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    let then = line.now;
+    line.start(straight(5, 5.0), 0);
+    line.until("it cuts", |line| line.state().line >= 2);
+    let reason = "No space left on device".into();
+    line.ask(Command::Recorder { is_whole: false, reason }).unwrap();
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+    assert!(!line.said_since(then).contains('!'));
     assert!(line.log.iter().any(|text| text.contains("not whole: No space left")));
 }
 

@@ -1,6 +1,7 @@
 //! Fuzz targets: mutated programs through loader and planner, random contours through
 //! the planner; what a controller says, damaged, through the parser; lines, answers and
-//! commands in any order through the link, and through the driver as a whole.
+//! commands in any order through the link, and through the driver as a whole; bags that
+//! were hurt or lie, through the reader.
 //!
 //! A test run tries a fixed number of cases from a fixed seed. For longer:
 //!
@@ -12,6 +13,8 @@
 //! printed with the number that repeats it (`KERF_FUZZ_SEED` is then that number, and the
 //! first case is the one that failed).
 
+mod bag_mutate;
+mod bags;
 mod contours;
 mod controller;
 mod driver;
@@ -130,4 +133,39 @@ fn a_driver_answers_every_command_and_ends_every_goal() {
         accepted > cases && succeeded * 4 > cases,
         "{accepted} goals in {cases} cases, {succeeded} reached: too few to tell anything"
     );
+}
+
+#[test]
+fn hurt_bags_are_read_as_far_as_they_go_and_recovered() {
+    let corpus = bags::corpus();
+    let (mut open, mut problems, mut messages) = (0, 0, 0);
+    let cases = fuzz("bags", 3000, |random| {
+        let outcome = bags::check(&corpus, random);
+        open += u64::from(outcome.is_open);
+        problems += u64::from(outcome.has_problem);
+        messages += u64::from(outcome.has_message);
+    });
+    assert!(
+        open * 2 > cases && messages * 2 > cases && problems * 3 > cases,
+        "of {cases} bags {open} opened, {messages} had messages, {problems} were told to be \
+         hurt: too few to tell anything"
+    );
+    bags::check_memory();
+}
+
+#[test]
+fn random_bytes_are_no_bag_and_no_trouble() {
+    fuzz("bag bytes", 4000, bags::check_bytes);
+    bags::check_memory();
+}
+
+#[test]
+fn definitions_that_lie_are_refused_or_do_not_fit() {
+    let corpus = bags::corpus();
+    let mut parsed = 0;
+    let cases = fuzz("definitions", 1500, |random| {
+        parsed += u64::from(bags::check_definition(&corpus, random));
+    });
+    assert!(parsed * 5 > cases, "{parsed} of {cases} were definitions: too few to tell anything");
+    bags::check_memory();
 }
