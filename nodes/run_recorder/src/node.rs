@@ -342,13 +342,10 @@ impl Recorder {
 
     fn publish_progress(&self) {
         let now = self.node.now();
-        let message = {
+        self.publish_what(|| {
             let state = self.state();
             state.open.as_ref().filter(|open| open.is_decided()).map(|open| open.message(now))
-        };
-        if let Some(message) = message {
-            self.publish(message);
-        }
+        });
     }
 
     fn health(&self) -> runtime::Health {
@@ -356,9 +353,16 @@ impl Recorder {
     }
 
     fn publish(&self, message: Recording) {
-        // Together, so that what is kept is what went out last.
+        self.publish_what(|| Some(message));
+    }
+
+    /// Publishes what is so, as one step: no end of a run can come between, and what is kept
+    /// is what went out last.
+    fn publish_what(&self, what: impl FnOnce() -> Option<Recording>) {
         let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
-        newest.clone_from(&message);
-        self.recording.publish(message);
+        if let Some(message) = what() {
+            newest.clone_from(&message);
+            self.recording.publish(message);
+        }
     }
 }

@@ -1,4 +1,6 @@
-"""A node: one participant in a domain, with its topics, services and its place in the graph.
+"""A node, with its topics, services and its place in the graph.
+
+All nodes of a process share one participant a domain, as the nodes of an rcl context do.
 
 Everything is polled: whoever waits looks again every few milliseconds until what it wants
 is there or [PATIENCE] is over. Nothing runs in the background but Cyclone's own threads,
@@ -81,28 +83,56 @@ SENSOR = Qos(reliable=False, depth=5)
 SERVICES = Qos(depth=10)
 
 
-@functools.cache
-def _domain(domain_id):
-    """Cyclone's own state of a domain; one a process, before the first participant."""
-    return Domain(domain_id, LOCALHOST)
+class Context:
+    """A participant of this process, as `rmw_init` and the first node make it.
 
-
-_keepers = {}
-
-
-def _topic(participant, domain_id, name, kind):
-    """A DDS topic, of a type that Cyclone keeps from now on.
-
-    It forgets a type with the last topic that has it, and the library for Python crashes
-    when one comes back while that goes on in the background. One participant that stays
-    has a topic of each type.
+    It stays as long as the process. Cyclone forgets a type with the last topic that has it,
+    and the library for Python crashes when one comes back while that goes on in the
+    background: so a topic of each type stays too.
     """
-    if domain_id not in _keepers:
-        _keepers[domain_id] = DomainParticipant(domain_id), {}
-    keeper, kept = _keepers[domain_id]
-    if kind not in kept:
-        kept[kind] = Topic(keeper, f'kept_{len(kept)}', kind)
-    return Topic(participant, name, kind)
+
+    def __init__(self, domain_id):
+        self._domain = Domain(domain_id, LOCALHOST)
+        # rmw tells the enclave by the user data of the participant.
+        self.participant = DomainParticipant(
+            domain_id, qos=Policies(Policy.Userdata(b'enclave=/;')))
+        self._kept = {}
+        self._nodes = []
+        self._graph = DataWriter(
+            self.participant,
+            self.topic('ros_discovery_info',
+                       interfaces.message('rmw_dds_common/msg/ParticipantEntitiesInfo')),
+            qos=LATCHED.policies())
+
+    @classmethod
+    @functools.cache
+    def of(cls, domain_id):
+        """The one of a domain."""
+        return cls(domain_id)
+
+    def topic(self, name, kind):
+        """A DDS topic, of a type that Cyclone keeps from now on."""
+        if kind not in self._kept:
+            self._kept[kind] = Topic(self.participant, f'kept_{len(self._kept)}', kind)
+        return Topic(self.participant, name, kind)
+
+    def add(self, node):
+        self._nodes.append(node)
+        self.announce()
+
+    def remove(self, node):
+        self._nodes.remove(node)
+        self.announce()
+
+    def announce(self):
+        """Says which nodes there are and which endpoints are theirs, as rmw_dds_common does."""
+        self._graph.write(interfaces.message('rmw_dds_common/msg/ParticipantEntitiesInfo')(
+            gid=_gid(self.participant),
+            node_entities_info_seq=[node.entities() for node in self._nodes]))
+
+
+def _gid(entity):
+    return interfaces.message('rmw_dds_common/msg/Gid')(data=list(entity.get_guid().bytes))
 
 
 class Node:
@@ -111,19 +141,15 @@ class Node:
     def __init__(self, name, namespace='/', domain_id=None):
         self.name, self.namespace = name, namespace
         self.domain_id = int(os.environ['ROS_DOMAIN_ID']) if domain_id is None else domain_id
-        _domain(self.domain_id)
-        # rmw tells the enclave by the user data of the participant.
-        self.participant = DomainParticipant(
-            self.domain_id, qos=Policies(Policy.Userdata(b'enclave=/;')))
+        self._context = Context.of(self.domain_id)
+        self.participant = self._context.participant
         self._readers, self._writers = [], []
-        self._graph = self.writer(
-            'ros_discovery_info', interfaces.message('rmw_dds_common/msg/ParticipantEntitiesInfo'),
-            LATCHED)
-        self._announce()
+        self._context.add(self)
 
     def close(self):
-        """Leaves the domain in order, as `destroy_node` does."""
-        for entity in (*self._readers, *self._writers, self._graph, self.participant):
+        """Leaves the graph in order, as `destroy_node` does."""
+        self._context.remove(self)
+        for entity in (*self._readers, *self._writers):
             entity.__del__()
 
     def __enter__(self):
@@ -162,31 +188,26 @@ class Node:
 
     def writer(self, dds_topic, kind, qos):
         """A DDS writer that the graph knows as this node's."""
-        topic = _topic(self.participant, self.domain_id, dds_topic, kind)
+        topic = self._context.topic(dds_topic, kind)
         writer = DataWriter(self.participant, topic, qos=qos.policies())
-        if dds_topic != 'ros_discovery_info':
-            self._writers.append(writer)
-            self._announce()
+        self._writers.append(writer)
+        self._context.announce()
         return writer
 
     def reader(self, dds_topic, kind, qos):
         """A DDS reader that the graph knows as this node's."""
-        topic = _topic(self.participant, self.domain_id, dds_topic, kind)
+        topic = self._context.topic(dds_topic, kind)
         reader = DataReader(self.participant, topic, qos=qos.policies())
         self._readers.append(reader)
-        self._announce()
+        self._context.announce()
         return reader
 
-    def _announce(self):
-        """Says which endpoints are this node's, as rmw_dds_common does."""
-        def gid(entity):
-            return interfaces.message('rmw_dds_common/msg/Gid')(data=list(entity.get_guid().bytes))
-        info = interfaces.message('rmw_dds_common/msg/NodeEntitiesInfo')(
+    def entities(self):
+        """What the graph is told of this node."""
+        return interfaces.message('rmw_dds_common/msg/NodeEntitiesInfo')(
             node_namespace=self.namespace, node_name=self.name,
-            reader_gid_seq=[gid(reader) for reader in self._readers],
-            writer_gid_seq=[gid(writer) for writer in self._writers])
-        self._graph.write(interfaces.message('rmw_dds_common/msg/ParticipantEntitiesInfo')(
-            gid=gid(self.participant), node_entities_info_seq=[info]))
+            reader_gid_seq=[_gid(reader) for reader in self._readers],
+            writer_gid_seq=[_gid(writer) for writer in self._writers])
 
 
 class Publisher:
