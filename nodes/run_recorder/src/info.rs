@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{Read, Seek};
 
+use chrono::DateTime;
 use serde::Serialize;
 
 use crate::bag_reader::{Bag, RUN_RECORD};
@@ -133,25 +134,10 @@ impl fmt::Display for BagInfo {
 
 /// `2026-03-01 12:00:00.250`, from nanoseconds since the epoch.
 fn utc(time_ns: u64) -> String {
-    let milliseconds = time_ns / 1_000_000;
-    let seconds = milliseconds / 1000;
-    let of_day = seconds % 86_400;
-    // Days since 0000-03-01, so that the leap day is a year's last.
-    let days = seconds / 86_400 + 719_468;
-    let of_era = days % 146_097;
-    let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = (month_from_march + 2) % 12 + 1;
-    let year = year_of_era + days / 146_097 * 400 + u64::from(month <= 2);
-    format!(
-        "{year:04}-{month:02}-{day:02} {:02}:{:02}:{:02}.{:03}",
-        of_day / 3600,
-        of_day / 60 % 60,
-        of_day % 60,
-        milliseconds % 1000
-    )
+    let seconds = i64::try_from(time_ns / 1_000_000_000).unwrap_or(i64::MAX);
+    let nanoseconds = (time_ns % 1_000_000_000) as u32;
+    let date = DateTime::from_timestamp(seconds, nanoseconds).unwrap_or_default();
+    date.format("%Y-%m-%d %H:%M:%S%.3f").to_string()
 }
 
 #[cfg(test)]

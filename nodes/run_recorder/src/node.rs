@@ -107,8 +107,8 @@ struct Recorder {
     recording: Publisher<Recording>,
     /// What was told last.
     newest: Mutex<Recording>,
-    /// Bags that are to go and could not, with the reason.
-    stuck: Mutex<Vec<(PathBuf, String)>>,
+    /// What is to go and could not, a sentence each.
+    stuck: Mutex<Vec<String>>,
     /// Held while bags are removed.
     tidying: Mutex<()>,
     state: Mutex<State>,

@@ -5,6 +5,8 @@ use super::parameters;
 use crate::retention::Beyond;
 use crate::stored_bags::{Tidied, tidy};
 use runtime::{Health, HealthLevel};
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 
 const BYTES_PER_MB: f64 = 1e6;
@@ -26,39 +28,43 @@ impl Recorder {
             let now_ns = u64::try_from(runtime::RosTime::wall().as_nanos()).unwrap_or(0);
             let tidied = tidy(&shared.directory, keep, now_ns);
             drop(one_at_a_time);
-            if let Ok(tidied) = &tidied {
-                let mut stuck = shared.stuck.lock().unwrap_or_else(PoisonError::into_inner);
-                stuck.clone_from(&tidied.stuck);
-            }
+            *shared.stuck.lock().unwrap_or_else(PoisonError::into_inner) = match &tidied {
+                Ok(tidied) => tidied.stuck.iter().map(not_removed).collect(),
+                Err(error) => vec![not_listed(&shared.directory, error)],
+            };
             tidied
         });
         match tidied.await {
             Ok(Ok(tidied)) => log(&tidied),
-            Ok(Err(error)) => tracing::warn!(
-                "old bags in {} are not looked for: {error}",
-                self.directory.display()
-            ),
+            Ok(Err(error)) => tracing::warn!("{}", not_listed(&self.directory, &error)),
             Err(error) => tracing::error!("removing old bags failed: {error}"),
         }
     }
 
     /// Whether all bags went that were to go.
     pub(super) fn health_of_old_bags(&self) -> Health {
-        let stuck = self.stuck.lock().unwrap_or_else(PoisonError::into_inner);
-        let (level, message) = match stuck.first() {
-            None => (HealthLevel::Ok, "none is left that is not kept".to_owned()),
-            Some((path, why)) => {
-                let others = match stuck.len() - 1 {
-                    0 => String::new(),
-                    count => format!(", nor can {count} others"),
-                };
-                let path = path.display();
-                (HealthLevel::Warn, format!("{path} cannot be removed: {why}{others}"))
-            }
-        };
-        let values = vec![("not removed".to_owned(), stuck.len().to_string())];
-        Health { component: "old bags".into(), level, message, values, ..Health::default() }
+        health(&self.stuck.lock().unwrap_or_else(PoisonError::into_inner))
     }
+}
+
+fn health(stuck: &[String]) -> Health {
+    let (level, message) = match stuck {
+        [] => (HealthLevel::Ok, "none is left that is not kept".to_owned()),
+        [only] => (HealthLevel::Warn, only.clone()),
+        [first, others @ ..] => {
+            (HealthLevel::Warn, format!("{first}; nor can {} others", others.len()))
+        }
+    };
+    let values = vec![("not removed".to_owned(), stuck.len().to_string())];
+    Health { component: "old bags".into(), level, message, values, ..Health::default() }
+}
+
+fn not_removed((path, why): &(PathBuf, String)) -> String {
+    format!("{} is not kept any more and cannot be removed: {why}", path.display())
+}
+
+fn not_listed(directory: &Path, error: &io::Error) -> String {
+    format!("old bags in {} are not looked for: {error}", directory.display())
 }
 
 fn log(tidied: &Tidied) {
@@ -75,7 +81,33 @@ fn log(tidied: &Tidied) {
             ),
         }
     }
-    for (path, why) in &tidied.stuck {
-        tracing::warn!("{} is not kept any more and cannot be removed: {why}", path.display());
+    for stuck in &tidied.stuck {
+        tracing::warn!("{}", not_removed(stuck));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_of_old_bags_is_a_warning() {
+        let bag = |name: &str| not_removed(&(name.into(), "permission denied".to_owned()));
+        let listing = not_listed(Path::new("bags"), &io::ErrorKind::PermissionDenied.into());
+        let one = "a is not kept any more and cannot be removed: permission denied";
+        let table = [
+            (vec![], HealthLevel::Ok, "none is left that is not kept".to_owned()),
+            (vec![bag("a")], HealthLevel::Warn, one.to_owned()),
+            (
+                vec![bag("a"), bag("b"), bag("c")],
+                HealthLevel::Warn,
+                format!("{one}; nor can 2 others"),
+            ),
+            (vec![listing.clone()], HealthLevel::Warn, listing),
+        ];
+        for (stuck, level, message) in table {
+            let health = health(&stuck);
+            assert_eq!((health.level, health.message), (level, message));
+        }
     }
 }
