@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from machine import ROOT, Machine
+from machine import ROOT, Machine, die_with_parent
 from programs import MachineState, until_state
 from ros2 import Qos, until
 
@@ -57,7 +57,14 @@ def start(machine, program, *words):
         'ROS_DOMAIN_ID': str(machine.domain_id)}
     return subprocess.Popen(
         [sys.executable, '-B', path, *words, '--ros-args', '-r', f'__ns:={machine.namespace}'],
-        env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        preexec_fn=as_in_a_terminal)
+
+
+def as_in_a_terminal():
+    """Ctrl-C counts, also where the tests themselves were started to ignore it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    die_with_parent()
 
 
 def test_the_commander_of_the_guide_cuts_two_parts(machine, node):

@@ -40,6 +40,18 @@ def test_a_program_with_an_error_is_refused_with_its_place(node):
     assert (finding.line, finding.column, finding.code) == (2, 1, 'unknown_word')
 
 
+def test_a_program_with_a_tool_that_is_not_expected_is_refused(node):
+    program = 'G21 G90\nT2 M6\nG1 X5 F600\nT7 M6\nG1 X9\nM30\n'
+    client = node.client(LoadProgram.name, 'load_program')
+    answer = client.call(text=program, name='tools.ngc', expected_tools=[1, 2])
+    assert answer.error_code == LoadProgram.Response.PROGRAM_REFUSED
+    [finding] = answer.diagnostics
+    assert (finding.line, finding.code) == (4, 'unknown_tool')
+    assert 'T7' in finding.message and 'T1, T2' in finding.message
+    assert client.call(text=program, name='tools.ngc', expected_tools=[7, 2]).success
+    assert client.call(text=program, name='tools.ngc').success
+
+
 def test_a_file_that_is_not_there_is_refused(node):
     answer = node.client(LoadProgram.name, 'load_program').call(path='/no/such.ngc')
     assert not answer.success

@@ -37,7 +37,7 @@ pub mod upload;
 pub use bounds::Bounds;
 
 use block::Block;
-use cnc_msgs::contour::{ProgrammedContour, Source};
+use cnc_msgs::contour::{Action, ContourEventKind, ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
@@ -45,6 +45,7 @@ use findings::Findings;
 use interpreter::{Interpreter, code_in_tenths};
 use line::Line;
 use rules::Rules;
+use std::collections::BTreeMap;
 
 /// How a program is loaded.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -75,6 +76,36 @@ impl Loaded {
     /// Whether the program may go on to the planner.
     pub fn is_accepted(&self) -> bool {
         !self.diagnostics.iter().any(Diagnostic::is_error)
+    }
+
+    /// Refuses a program that selects a tool beside these; none stands for any.
+    pub fn allow_tools(&mut self, expected: &[u32]) {
+        if expected.is_empty() {
+            return;
+        }
+        let listed = expected.iter().map(|tool| format!("T{tool}")).collect::<Vec<_>>().join(", ");
+        let mut others = BTreeMap::new();
+        for event in &self.contour.events {
+            if let ContourEventKind::Action(
+                Action::SelectTool { tool } | Action::ChangeTool { tool },
+            ) = event.kind
+                && !expected.contains(&tool)
+            {
+                others.entry(tool).or_insert(event.source);
+            }
+        }
+        if others.is_empty() {
+            return;
+        }
+        self.diagnostics.extend(others.into_iter().map(|(tool, source)| {
+            let message = format!("T{tool} is not one of the tools that are expected: {listed}");
+            Diagnostic::error(Code::UnknownTool, source, message).help(
+                "load the program that belongs to this job, or name the tool beside the others",
+            )
+        }));
+        self.diagnostics.sort_by_key(|found| (found.source.line, found.source.column));
+        self.contour.events = Vec::new();
+        self.bounds = None;
     }
 }
 

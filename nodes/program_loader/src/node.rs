@@ -199,7 +199,8 @@ impl Loader {
                 .parse()
                 .or_else(|error: UnknownReaction| refuse(W::INVALID_REQUEST, error))?;
         }
-        let loaded = load(&text, &profile, &self.options);
+        let mut loaded = load(&text, &profile, &self.options);
+        loaded.allow_tools(&request.expected_tools);
         let (diagnostics, diagnostic_count) = first_findings(&loaded);
         if let Some(message) = refusal(&name, &loaded) {
             return Ok(LoadProgramResponse {

@@ -37,6 +37,37 @@ fn check_bad(control: &str, text: &str, expected: &[(&str, &str)]) {
 }
 
 #[test]
+fn a_tool_that_is_not_expected_refuses_the_program() {
+    let text = "T2 M6\nG0 X1\nT5 M6\nG0 X2\nT1 M6\nT5 M6\nM30";
+    for (expected, refused) in [
+        (&[][..], &[][..]),
+        (&[1, 2, 5], &[]),
+        (&[5, 2, 1, 9], &[]),
+        (&[2, 1], &[(3, "T5 is not one of the tools that are expected: T2, T1")]),
+        (
+            &[2],
+            &[
+                (3, "T5 is not one of the tools that are expected: T2"),
+                (5, "T1 is not one of the tools that are expected: T2"),
+            ],
+        ),
+    ] {
+        let mut loaded = load_as("rs274", text);
+        loaded.allow_tools(expected);
+        let found: Vec<(u32, &str)> =
+            loaded.diagnostics.iter().map(|it| (it.source.line, it.message.as_str())).collect();
+        assert_eq!(found, refused, "{expected:?}");
+        assert_eq!(loaded.is_accepted(), refused.is_empty());
+        assert_eq!(loaded.contour.events.is_empty(), !refused.is_empty());
+    }
+    // What is refused for its text stays so, and says no more.
+    let mut broken = load_as("rs274", "T5 M6\nG99.7\nM30");
+    let before = broken.clone();
+    broken.allow_tools(&[1]);
+    assert_eq!(broken, before);
+}
+
+#[test]
 fn a_block_is_executed_in_the_order_of_rs274_not_as_written() {
     check(
         "rs274",
