@@ -262,6 +262,13 @@ fn with_require_recording_nothing_is_sent_before_the_bag_is_open() {
     line.ask(Command::Resume).unwrap();
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);
     assert!(line.log.iter().any(|text| text.contains("not whole: No space left")));
+
+    // A block by hand has no bag: it waits for none, and is not held for that of another.
+    line.finished = None;
+    line.begin(Command::ExecuteMdi { path: Arc::new(straight(1, 5.0)) });
+    line.until("it runs", |line| line.mode() == Mode::Run);
+    line.ask(word(false, "No space left on device")).unwrap();
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
 }
 
 #[test]

@@ -119,6 +119,11 @@ impl RunRequest {
         let program_id = MDI.to_owned();
         Self { program_id, revision: 0, path, start_line: 0, check_only: false }
     }
+
+    /// Whether it has a bag: a block by hand has none.
+    pub(super) fn is_recorded(&self) -> bool {
+        self.program_id != MDI
+    }
 }
 
 impl Refusal {

@@ -71,7 +71,7 @@ impl Driver {
         if is_check {
             run.stage = Stage::Preparing { until: self.now + ANSWER };
             self.link.send_line("$C", LineKind::Slow, Origin::CheckMode);
-        } else if self.config.require_recording {
+        } else if self.config.require_recording && run.request.is_recorded() {
             run.stage = Stage::AwaitingRecorder { until: self.now + RECORDER };
         } else {
             self.send_preamble();
@@ -99,7 +99,9 @@ impl Driver {
                     false => self.refuse_unrecorded(reason),
                 }
             }
-            Phase::Running(_) if !is_whole => self.miss_record(reason),
+            Phase::Running(run) if !is_whole && run.request.is_recorded() => {
+                self.miss_record(reason);
+            }
             _ => {}
         }
         Some(Ok("heard".into()))
