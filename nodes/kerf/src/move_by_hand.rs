@@ -14,6 +14,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 use cnc_msgs::wire::geometry_msgs::msg::Point;
 use runtime::Handle;
 use std::time::Duration;
+use tokio::signal::unix::{SignalKind, signal};
 
 /// Nothing that is done by hand takes longer.
 const MOVE_WITHIN: Duration = Duration::from_secs(24 * 3_600);
@@ -133,6 +134,8 @@ async fn follow<A: Action + 'static>(
     name: &str,
     goal: A::Goal,
 ) -> Result<A::Result, Failure> {
+    // From before it begins, so that none is missed.
+    let mut interrupt = signal(SignalKind::interrupt()).map_err(Failure::usage)?;
     let handle = begin::<A>(node, name, goal).await?;
     let mut end = Box::pin(handle.result(MOVE_WITHIN));
     let mut interrupts = 0;
@@ -143,7 +146,7 @@ async fn follow<A: Action + 'static>(
                     ended.map_err(|error| Failure::new(Status::NodeRefused, error.to_string()))?;
                 return Ok(result);
             }
-            _ = tokio::signal::ctrl_c() => {
+            _ = interrupt.recv() => {
                 interrupts += 1;
                 if interrupts > 1 {
                     let text = "left; what was begun may not have ended";

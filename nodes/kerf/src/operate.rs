@@ -24,6 +24,7 @@ use runtime::{CallError, Handle, NodeError, Qos, Session, Subscription};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::time::timeout;
 
 /// How long a plan of a program that was loaded just now may take.
@@ -59,7 +60,7 @@ pub(crate) struct RunArgs {
     /// as the profile says when left out
     #[arg(long, value_name = "REACTION", default_value = "", requires = "file")]
     interference: String,
-    /// Everything but motion
+    /// Only check that this controller can be sent it; nothing moves
     #[arg(long)]
     check_only: bool,
     /// Begin at this line of the program
@@ -339,17 +340,30 @@ pub(crate) fn said(success: bool, message: String) -> Outcome {
     }
 }
 
-/// Sends a goal and follows it to its end; anything but success is a failure.
+/// Sends a goal and follows it to its end; anything but success is a failure. Ctrl-C cancels
+/// it, a second one leaves.
 pub(crate) async fn run_goal(
     node: &Handle,
     goal: RunProgramGoal,
     bar: &ProgressBar,
 ) -> Result<RunProgramResult, Failure> {
+    // From before it begins, so that none is missed.
+    let mut interrupt = signal(SignalKind::interrupt()).map_err(Failure::usage)?;
     let mut handle = begin::<RunProgram>(node, "run_program", goal).await?;
     let mut end = Box::pin(handle.result(RUN_WITHIN));
     let mut is_silent = false;
+    let mut is_canceled = false;
     let (_, result) = loop {
         tokio::select! {
+            _ = interrupt.recv() => {
+                if is_canceled {
+                    bar.abandon();
+                    let text = "left; the run may not have ended, `kerf status` tells";
+                    return Err(Failure::new(Status::NodeRefused, text));
+                }
+                is_canceled = true;
+                handle.cancel().await?;
+            }
             () = tokio::time::sleep(SILENCE), if !is_silent => {
                 // A driver that was started again knows nothing of the goal; it has to be asked.
                 is_silent = true;

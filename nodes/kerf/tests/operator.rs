@@ -7,6 +7,8 @@ mod machine;
 mod support;
 
 use machine::Machine;
+use rustix::process::{Pid, Signal, kill_process};
+use std::process::Stdio;
 use support::Folder;
 
 /// A machine with a tool table of its own, ten times faster than a real one.
@@ -42,6 +44,22 @@ fn a_tool_is_confirmed_only_when_the_path_was_made_with_it() {
     machine.kerf(&["tool", "T9", "--diameter", "3"]).expect(0);
     machine.kerf(&["confirm"]).expect(0);
     running.join().expect("it only runs a command").expect(0).says(&["done"]);
+}
+
+#[test]
+fn ctrl_c_at_the_command_cancels_its_run() {
+    let machine = Machine::virtual_one(4);
+    machine.folder.file("slow.ngc", "G21 G90 G94\nG1 X500 F300\nM30\n");
+    let mut command = machine.command(&["run", "slow.ngc"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    machine.until_state("RUN");
+    let pid = Pid::from_child(&child);
+    kill_process(pid, Signal::INT).expect("it is there");
+    let out = child.wait_with_output().expect("it ends by itself");
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(4), "{said}");
+    assert!(said.contains("error 313"), "{said}");
+    machine.until_state("IDLE");
 }
 
 #[test]

@@ -151,7 +151,7 @@ impl Machine {
         Self { up, namespace, domain: domain.to_owned(), folder, _turn: turn }
     }
 
-    fn command(&self, args: &[&str]) -> Command {
+    pub(crate) fn command(&self, args: &[&str]) -> Command {
         let mut command = kerf();
         command
             .env("ROS_DOMAIN_ID", &self.domain)
