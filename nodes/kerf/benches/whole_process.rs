@@ -2,10 +2,10 @@
 //! much memory it takes.
 //!
 //! ```text
-//! cargo bench -p kerf                        three programs of 1 M feed blocks
-//! cargo bench -p kerf -- --blocks 200000     shorter ones
-//! cargo bench -p kerf -- --keep FOLDER       and keep the programs, to profile with
-//! cargo bench -p kerf -- --test              each once, 2000 blocks
+//! cargo bench -p kerf --bench whole_process                      three programs of 1 M feed blocks
+//! cargo bench -p kerf --bench whole_process -- --blocks 200000   shorter ones
+//! cargo bench -p kerf --bench whole_process -- --keep FOLDER     and keep the programs, to profile with
+//! cargo bench -p kerf --bench whole_process -- --test            each once, 2000 blocks
 //! ```
 //!
 //! The process is bound to one processor with `taskset`. Time is from its start to

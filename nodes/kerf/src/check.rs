@@ -20,8 +20,8 @@ use std::path::PathBuf;
 pub(crate) struct CheckArgs {
     /// The part program
     file: PathBuf,
-    /// Every control that comes along
-    #[arg(long, required_unless_present = "controllers")]
+    /// Every control that comes along, also when no other is named
+    #[arg(long)]
     all_controllers: bool,
     /// A controller profile, built in or a YAML file; may be repeated
     #[arg(long = "controller", value_name = "NAME|FILE", id = "controllers")]
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &CheckArgs) -> Outcome {
     let text = files::read_program(&args.file)?;
     let tools = files::tool_table(args.tools.as_deref())?;
     let mut names: Vec<String> = Vec::new();
-    if args.all_controllers {
+    if args.all_controllers || args.controllers.is_empty() {
         names.extend(runtime::known_profiles().map(str::to_owned));
     }
     names.extend(args.controllers.iter().cloned());

@@ -1,6 +1,6 @@
 //! How the command ends.
 //!
-//! One meaning for each exit status, the same for every subcommand.
+//! One meaning for each exit status, the same for every subcommand that is not a node.
 
 use std::process::ExitCode;
 
@@ -35,6 +35,13 @@ impl Failure {
         Self::new(Status::Usage, message.to_string())
     }
 
+    /// Says what is left to say.
+    pub(crate) fn say(&self) {
+        if !self.message.is_empty() {
+            eprintln!("kerf: {}", self.message);
+        }
+    }
+
     /// A failure about which everything was said.
     pub(crate) fn said(status: Status) -> Self {
         Self::new(status, "")
@@ -49,9 +56,7 @@ pub(crate) fn conclude(outcome: Outcome) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            if !failure.message.is_empty() {
-                eprintln!("kerf: {}", failure.message);
-            }
+            failure.say();
             ExitCode::from(failure.status as u8)
         }
     }

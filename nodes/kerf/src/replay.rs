@@ -36,6 +36,7 @@ use planner::Replanned;
 use recording::Recording;
 use run_recorder::bag_reader::{LATE, Problem, RUN_RECORD};
 use run_recorder::files;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -141,37 +142,67 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
             .map_err(|error| Failure::new(error.status(), error.to_string()))?;
     }
     let mut differs = false;
+    let mut failed = None;
     let mut page = Page::default();
     let mut reports = Vec::new();
     for path in &args.bags {
-        let shown = path.display().to_string();
-        let of_bag = |error: ReplayError| error.of(path);
-        let how = How { is_chain: args.chain || args.update, out: args.out.as_deref() };
-        let verdict = replay(path, &levels, how).map_err(of_bag)?;
-        if let Some(directory) = out {
-            output::write(directory, path, &verdict.outputs).map_err(of_bag)?;
-        }
-        differs |= !verdict.is_reproduced() && !args.update;
-        if args.html.is_some() {
-            verdict.show(&mut page, &shown).map_err(of_bag)?;
-        }
-        if args.json {
-            reports.push(verdict.to_json(&shown));
-        } else {
-            print!("{}", verdict.report(&shown, args.all));
-        }
-        if args.update {
-            let again = |path: &Path| replay(path, &levels, How::default());
-            println!("  {}", update::update(path, &verdict, again).map_err(of_bag)?);
+        match replay_and_tell(args, path, &levels, out, &mut page) {
+            Ok((differs_now, report)) => {
+                differs |= differs_now;
+                reports.extend(report);
+            }
+            // One broken bag does not hide the others.
+            Err(failure) => {
+                failure.say();
+                reports
+                    .push(json!({ "bag": path.display().to_string(), "error": failure.message }));
+                failed.get_or_insert(failure.status);
+            }
         }
     }
     if args.json {
-        println!("{}", serde_json::json!({ "reproduced": !differs, "bags": reports }));
+        let is_reproduced = !differs && failed.is_none();
+        println!("{}", json!({ "reproduced": is_reproduced, "bags": reports }));
     }
-    if let Some(file) = &args.html {
+    if let Some(file) = args.html.as_ref().filter(|_| !page.sheets.is_empty()) {
         crate::files::write(file, &page.to_html())?;
     }
-    if differs { Err(Failure::said(Status::Refused)) } else { Ok(()) }
+    match failed {
+        Some(status) => Err(Failure::said(status)),
+        None if differs => Err(Failure::said(Status::Refused)),
+        None => Ok(()),
+    }
+}
+
+/// Replays one bag, writes what was asked for and prints the report, or returns it with
+/// `--json`; first whether it differs, and stays so.
+fn replay_and_tell(
+    args: &ReplayArgs,
+    path: &Path,
+    levels: &[Level],
+    out: Option<&Path>,
+    page: &mut Page,
+) -> Result<(bool, Option<Value>), Failure> {
+    let shown = path.display().to_string();
+    let of_bag = |error: ReplayError| error.of(path);
+    let how = How { is_chain: args.chain || args.update, out: args.out.as_deref() };
+    let verdict = replay(path, levels, how).map_err(of_bag)?;
+    if let Some(directory) = out {
+        output::write(directory, path, &verdict.outputs).map_err(of_bag)?;
+    }
+    if args.html.is_some() {
+        verdict.show(page, &shown).map_err(of_bag)?;
+    }
+    let differs = !verdict.is_reproduced() && !args.update;
+    if args.json {
+        return Ok((differs, Some(verdict.to_json(&shown))));
+    }
+    print!("{}", verdict.report(&shown, args.all));
+    if args.update {
+        let again = |path: &Path| replay(path, levels, How::default());
+        println!("  {}", update::update(path, &verdict, again).map_err(of_bag)?);
+    }
+    Ok((differs, None))
 }
 
 /// One page of a bag, as it was recorded: `kerf bag report`.

@@ -1,20 +1,22 @@
 //! Recorded runs on the whole stack again: processes, DDS, the virtual controller.
 
+#[path = "support/bag.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod bag;
 #[path = "support/machine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod machine;
 #[path = "stack_replay/port.rs"]
 mod port;
-#[path = "stack_replay/rewrite.rs"]
-mod rewrite;
 mod support;
 
+use bag::{Form, TestBag, golden};
 use cnc_msgs::wire::cnc_msgs::msg::{
     ControllerTraffic, MachineState, NodeParameters, Program, ProgramChunk, TrafficEntry,
 };
+use cnc_msgs::wire::rcl_interfaces::msg::ParameterValue;
 use machine::{Machine, processes, until};
 use port::SilentPort;
-use rewrite::{Bag, golden};
 use rustix::process::{Pid, Signal, kill_process};
 use std::process::{Child, Stdio};
 use std::time::Duration;
@@ -82,23 +84,44 @@ fn golden_bags_are_reproduced_one_after_the_other() {
     }
 }
 
+/// A bag that was recorded otherwise.
+fn altered(folder: &Folder, change: impl FnOnce(&mut TestBag)) -> String {
+    let mut bag = TestBag::golden("automation1_calls");
+    change(&mut bag);
+    let path = folder.path().join("altered");
+    bag.write(&path, Form::OURS);
+    path.display().to_string()
+}
+
+fn change_parameter(bag: &mut TestBag, name: &str, change: impl Fn(&mut ParameterValue)) {
+    bag.change(|node: &mut NodeParameters| {
+        node.parameters
+            .iter_mut()
+            .filter(|row| row.name == name)
+            .for_each(|it| change(&mut it.value));
+        true
+    });
+}
+
 #[test]
 fn another_program_is_different_and_told_with_its_place() {
     let folder = Folder::new();
-    let bag = Bag::read(&golden("automation1_calls"));
-    let text = bag.program_text();
-    let text = text.replace("X80", "X79");
-    assert_ne!(text, bag.program_text(), "the program goes to X80");
-    let altered = bag
-        .with::<Program>(|program| {
-            program.sha256 = cnc_msgs::chunk::sha256_hex(text.as_bytes());
-            program.size = text.len() as u64;
-        })
-        .with::<ProgramChunk>(|chunk| {
-            chunk.data = text.clone().into_bytes();
-            chunk.crc32 = cnc_msgs::chunk::crc32(&chunk.data);
+    let path = altered(&folder, |bag| {
+        let chunks: Vec<ProgramChunk> = bag.all();
+        let text = String::from_utf8(chunks[0].data.clone()).expect("a text");
+        let other = text.replace("X80", "X79");
+        assert_ne!(text, other, "the program goes to X80");
+        bag.change(|program: &mut Program| {
+            program.sha256 = cnc_msgs::chunk::sha256_hex(other.as_bytes());
+            program.size = other.len() as u64;
+            true
         });
-    let path = altered.write(&folder.path().join("altered.mcap"));
+        bag.change(|chunk: &mut ProgramChunk| {
+            chunk.data = other.clone().into_bytes();
+            chunk.crc32 = cnc_msgs::chunk::crc32(&chunk.data);
+            true
+        });
+    });
     replayed(&[&path]).expect(1).says(&[
         "DIFFERENT",
         "programmed_contour/chunks 0",
@@ -112,49 +135,50 @@ fn another_program_is_different_and_told_with_its_place() {
 #[test]
 fn another_parameter_of_the_driver_is_different_from_the_first_line_on() {
     let folder = Folder::new();
-    let altered = Bag::read(&golden("automation1_calls")).with::<NodeParameters>(|node| {
-        for row in node.parameters.iter_mut().filter(|row| row.name == "line_numbers") {
-            row.value.bool_value = true;
-        }
+    let path = altered(&folder, |bag| {
+        change_parameter(bag, "line_numbers", |value| value.bool_value = true);
     });
-    let path = altered.write(&folder.path().join("altered.mcap"));
     replayed(&[&path]).expect(1).says(&["DIFFERENT", "1 difference", "line 1 to the controller"]);
 }
 
 #[test]
 fn what_is_missing_or_cannot_be_played_is_told_by_name() {
     let folder = Folder::new();
-    let bag = Bag::read(&golden("automation1_calls"));
-    let path = |name: &str| folder.path().join(name);
-
-    let none = bag.without(&["/program", "/program/chunks"]).write(&path("no_program.mcap"));
-    replayed(&[&none]).expect(2).says(&["cnc_msgs/msg/Program ", "no_program.mcap"]);
+    let none = altered(&folder, |bag| {
+        bag.forget::<Program>();
+        bag.forget::<ProgramChunk>();
+    });
+    replayed(&[&none]).expect(2).says(&["cnc_msgs/msg/Program ", &none]);
 
     // What the controller says in the middle of the run.
-    for (name, heard, says) in [
-        ("alarm.mcap", "ALARM:1\r\n", "the bag holds an ALARM:1 at line "),
-        ("error.mcap", "error:20\r\n", "the bag holds an error:20 of the controller at line "),
-        ("door.mcap", "<Door:0|MPos:0,0,0|FS:0,0>\r\n", "the bag holds an opened door at line "),
-        ("restart.mcap", "\r\nGrbl 1.1h ['$' for help]\r\n", "the bag holds a controller that"),
+    for (heard, says) in [
+        ("ALARM:1\r\n", "the bag holds an ALARM:1 at line "),
+        ("error:20\r\n", "the bag holds an error:20 of the controller at line "),
+        ("<Door:0|MPos:0,0,0|FS:0,0>\r\n", "the bag holds an opened door at line "),
+        ("\r\nGrbl 1.1h ['$' for help]\r\n", "the bag holds a controller that"),
     ] {
         let report = |entry: &TrafficEntry| {
             entry.kind == TrafficEntry::KIND_RECEIVED && entry.data.starts_with(b"<Run")
         };
-        let altered = bag.with::<ControllerTraffic>(|traffic| {
-            for entry in traffic.entries.iter_mut().filter(|entry| report(entry)) {
-                entry.data = heard.into();
-            }
+        let altered = altered(&folder, |bag| {
+            bag.change(|traffic: &mut ControllerTraffic| {
+                for entry in traffic.entries.iter_mut().filter(|entry| report(entry)) {
+                    entry.data = heard.into();
+                }
+                true
+            });
         });
-        let altered = altered.write(&path(name));
         replayed(&[&altered]).expect(2).says(&[says, "which the stack level does not play"]);
     }
 
-    let lost = bag.with::<MachineState>(|state| {
-        if state.path_revision > 0 {
-            state.reason = "LINK_LOST: the controller does not answer".into();
-        }
+    let lost = altered(&folder, |bag| {
+        bag.change(|state: &mut MachineState| {
+            if state.path_revision > 0 {
+                state.reason = "LINK_LOST: the controller does not answer".into();
+            }
+            true
+        });
     });
-    let lost = lost.write(&path("lost.mcap"));
     replayed(&[&lost]).expect(2).says(&["the bag holds a lost link at line "]);
 }
 
@@ -163,12 +187,9 @@ fn the_port_of_the_recording_is_never_opened() {
     let folder = Folder::new();
     let mut port = SilentPort::open();
     let name = port.path().display().to_string();
-    let altered = Bag::read(&golden("automation1_calls")).with::<NodeParameters>(|node| {
-        for row in node.parameters.iter_mut().filter(|row| row.name == "port") {
-            row.value.string_value.clone_from(&name);
-        }
+    let path = altered(&folder, |bag| {
+        change_parameter(bag, "port", |value| value.string_value.clone_from(&name));
     });
-    let path = altered.write(&folder.path().join("other_port.mcap"));
     replayed(&[&path]).expect(0).says(&["reproduced"]);
     assert_eq!(port.openings(), 0, "somebody has opened the machine's port");
 }

@@ -34,7 +34,8 @@ pub(super) fn replay(
         };
         let options =
             LoadOptions { block_delete: block_delete(recording), ..LoadOptions::default() };
-        let loaded = load(request.text.as_bytes(), &profile, &options);
+        let mut loaded = load(request.text.as_bytes(), &profile, &options);
+        loaded.allow_tools(&request.expected_tools);
         comparison.count("refused programs", 1);
         let now = refusal(&request.name, &loaded);
         if now.as_ref() != Some(&command.message) {

@@ -3,6 +3,8 @@
 use super::said;
 use super::support::{CONTOUR, Folder, TOOLS};
 use serde_json::Value;
+use std::collections::BTreeSet;
+use std::path::Path;
 
 const REPORT_KEYS: &[&str] =
     &["controller", "accepted", "elements", "events", "diagnostics", "certificates", "uncut"];
@@ -227,4 +229,46 @@ fn a_refusal_has_its_loops_and_findings_with_numbers() {
     assert!((unreachable["available_mm"].as_f64().expect("a number") - 20.851449).abs() < 1e-5);
     check_point(&unreachable["position"]);
     assert!(unreachable["depth_mm"].is_null() || unreachable["depth_mm"].is_f64());
+}
+
+/// The names of all keys in it, but for those that are data themselves.
+fn names(value: &Value, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(object) => {
+            for (name, value) in object {
+                found.insert(name.clone());
+                if !["run", "compared"].contains(&name.as_str()) {
+                    names(value, found);
+                }
+            }
+        }
+        Value::Array(values) => values.iter().for_each(|value| names(value, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn the_page_on_json_names_all_that_is_printed() {
+    let folder = Folder::new();
+    folder.file("bad.ngc", "G99.7\n");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let bag = root.join("bags/rs274_older_definitions").display().to_string();
+    let none = folder.path().join("none").display().to_string();
+    let lists = [REPORT_KEYS, ELEMENT_KEYS, ARC_KEYS, EVENT_KEYS, DIAGNOSTIC_KEYS, ROLES, EVENTS];
+    let mut found: BTreeSet<String> = lists.concat().into_iter().map(str::to_owned).collect();
+    let part = [CONTOUR, "--controller", "sinumerik_840c", "--tools", TOOLS, "--json"];
+    for (arguments, status) in [
+        ([&["plan"][..], &part, &["--audit"]].concat(), 0),
+        (vec!["plan", "bad.ngc", "--json"], 1),
+        (vec!["check", CONTOUR, "--tools", TOOLS, "--json"], 0),
+        (vec!["replay", &bag, &none, "--json"], 2),
+        (vec!["bag", "info", &bag, "--json"], 0),
+    ] {
+        let out = said(&folder, &arguments).expect(status).out;
+        names(&serde_json::from_str(&out).expect("one JSON object"), &mut found);
+    }
+    let page = std::fs::read_to_string(root.join("docs/json.md")).expect("the page");
+    let missing: Vec<_> =
+        found.iter().filter(|name| !page.contains(&format!("`{name}`"))).collect();
+    assert!(missing.is_empty(), "docs/json.md does not name {missing:?}");
 }

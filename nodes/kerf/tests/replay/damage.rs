@@ -2,9 +2,10 @@
 
 use crate::bag::{Form, TestBag, definition, files, golden};
 use crate::replay;
-use crate::support::Folder;
+use crate::support::{Folder, kerf, run};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use mcap::records::op;
+use serde_json::Value;
 
 const BAG: &str = "nct_offsets";
 
@@ -176,6 +177,38 @@ fn a_file_that_breaks_off_or_is_spoilt_is_an_error_and_never_a_panic() {
             assert!((0..=2).contains(&ran.status), "byte {at}: {}{}", ran.out, ran.err);
         }
     }
+}
+
+#[test]
+fn a_broken_bag_does_not_hide_those_behind_it() {
+    let folder = Folder::new();
+    let page = folder.path().join("page.html");
+    let (none, whole) = (folder.path().join("none"), golden(BAG));
+    let all = |more: &[&str]| {
+        let page = page.as_os_str();
+        run(kerf()
+            .arg("replay")
+            .args([&none, &whole, &golden("masso_example")])
+            .args(more)
+            .arg("--html")
+            .arg(page))
+    };
+    let ran = all(&["--level", "loader"]).expect(2);
+    let said = ran.says(&[&none.display().to_string(), "reproduced"]);
+    assert_eq!(said.out.matches(": reproduced").count(), 2, "{}", said.out);
+    assert!(page.exists(), "what could be replayed is shown");
+
+    let json = all(&["--level", "loader", "--json"]).expect(2).out;
+    let json: Value = serde_json::from_str(&json).expect("one JSON object");
+    assert_eq!(json["reproduced"], false);
+    assert_eq!(json["bags"].as_array().map(Vec::len), Some(3));
+    assert_eq!(json["bags"][0]["bag"], none.display().to_string());
+    assert!(json["bags"][0]["error"].as_str().is_some_and(|it| it.contains("none")), "{json}");
+    assert!(json["bags"][1]["error"].is_null() && json["bags"][1]["levels"].is_array());
+    // Damage is worse than a difference, and the page of nothing is not written.
+    std::fs::remove_file(&page).expect("it was there");
+    let only = run(kerf().arg("replay").arg(&none).arg("--html").arg(&page)).expect(2);
+    assert!(only.out.is_empty() && !page.exists(), "{}", only.out);
 }
 
 /// Numbers as good as random, always the same.

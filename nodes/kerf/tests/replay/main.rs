@@ -1,5 +1,6 @@
 //! `kerf replay` on bags that are not as they were recorded: of others, changed, broken.
 
+#[path = "../support/bag.rs"]
 mod bag;
 mod chain;
 mod damage;
