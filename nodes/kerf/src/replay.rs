@@ -151,12 +151,16 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
                 differs |= differs_now;
                 reports.extend(report);
             }
-            // One broken bag does not hide the others.
             Err(failure) => {
                 failure.say();
                 reports
                     .push(json!({ "bag": path.display().to_string(), "error": failure.message }));
                 failed.get_or_insert(failure.status);
+                // One broken bag does not hide the others; a stack that failed, or was
+                // interrupted, will again.
+                if failure.status != Status::Usage {
+                    break;
+                }
             }
         }
     }
