@@ -4,7 +4,7 @@ use super::path::{Paths, Planned};
 use super::source::text_of;
 use super::{Driver, Reply};
 use crate::codes::error_code;
-use crate::driver::{Command, Refusal, RunOutcome, RunRequest, RunResult};
+use crate::driver::{Command, MDI, Refusal, RunOutcome, RunRequest, RunResult};
 use cnc_msgs::convert::mode_to_wire;
 use cnc_msgs::interface::Action;
 use cnc_msgs::wire::builtin_interfaces::msg::Duration as WireDuration;
@@ -54,7 +54,8 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
     let (sender, finished) = oneshot::channel();
     driver.waiting().runs.insert(id, sender);
-    driver.recorder.expect(&offer.id());
+    // What is only checked has no record; it may be checked while another runs.
+    let _expected = (!offer.goal().check_only).then(|| driver.recorder.expect(&offer.id()));
     let reply = begin(driver, paths, id, &offer).await;
     let (info, wanted) = (offer.info(), offer.goal().clone());
     let record = |reply: &Reply| {
@@ -97,6 +98,10 @@ async fn begin(driver: &Driver, paths: &Paths, id: u64, offer: &GoalOffer<RunPro
         return Err(Refusal { error_code: error_code::CANCELED, message });
     }
     let Planned { program_id, revision, path, .. } = planned.clone();
+    if program_id == MDI {
+        let message = format!("{MDI} is what a block by hand is called, not a program");
+        return Err(Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message });
+    }
     let request = RunRequest {
         program_id,
         revision,

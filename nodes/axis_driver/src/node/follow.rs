@@ -10,28 +10,48 @@ use cnc_msgs::wire::cnc_msgs::msg::Recording;
 use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::action::GoalId;
 use runtime::{Handle, NodeResult, Qos};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Time between two signs of life that are handed on; far below what a commander is given.
 const BEAT_PAUSE: Duration = Duration::from_millis(20);
 
-/// The goal whose record is waited for.
+/// The goals whose records matter: the one that runs, and those that may be about to.
 #[derive(Debug, Default)]
 pub(super) struct Recorder {
-    goal: Mutex<String>,
+    goals: Mutex<Vec<String>>,
+}
+
+/// Held as long as the record of a goal matters.
+#[derive(Debug)]
+pub(super) struct Expected<'a> {
+    recorder: &'a Recorder,
+    goal: String,
 }
 
 impl Recorder {
-    /// What is recorded from now on is judged by whether it is of this goal: the
-    /// recorder names a run by the beginning of its goal's id.
-    pub(super) fn expect(&self, goal: &GoalId) {
-        *self.goal.lock().unwrap_or_else(PoisonError::into_inner) = hex(&goal.0[..4]);
+    /// The recorder names a run by the beginning of its goal's id.
+    pub(super) fn expect(&self, goal: &GoalId) -> Expected<'_> {
+        let goal = hex(&goal.0[..4]);
+        self.goals().push(goal.clone());
+        Expected { recorder: self, goal }
+    }
+
+    fn goals(&self) -> MutexGuard<'_, Vec<String>> {
+        self.goals.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn is_of_goal(&self, run_id: &str) -> bool {
-        let goal = self.goal.lock().unwrap_or_else(PoisonError::into_inner);
-        !goal.is_empty() && run_id.ends_with(goal.as_str())
+        self.goals().iter().any(|goal| run_id.ends_with(goal))
+    }
+}
+
+impl Drop for Expected<'_> {
+    fn drop(&mut self) {
+        let mut goals = self.recorder.goals();
+        if let Some(place) = goals.iter().position(|goal| *goal == self.goal) {
+            goals.remove(place);
+        }
     }
 }
 
@@ -125,6 +145,21 @@ mod tests {
         assert_eq!(news("2_a", true, false), None);
         assert_eq!(news("2_a", false, false), None);
         assert_eq!(news("1_a", true, false), Some(false));
+    }
+
+    #[test]
+    fn another_goal_that_is_refused_does_not_hide_the_record_of_the_one_that_runs() {
+        let recorder = Recorder::default();
+        let goal = |byte| GoalId([byte; 16]);
+        let runs = recorder.expect(&goal(0xaa));
+        let refused = recorder.expect(&goal(0xbb));
+        let are_expected = ["run_1_aaaaaaaa", "run_1_bbbbbbbb", "run_1_cccccccc", ""];
+        let are = |recorder: &Recorder| are_expected.map(|run| recorder.is_of_goal(run));
+        assert_eq!(are(&recorder), [true, true, false, false]);
+        drop(refused);
+        assert_eq!(are(&recorder), [true, false, false, false]);
+        drop(runs);
+        assert_eq!(are(&recorder), [false; 4], "what comes late is not of the next run");
     }
 
     #[test]
