@@ -78,13 +78,13 @@ impl Loaded {
         !self.diagnostics.iter().any(Diagnostic::is_error)
     }
 
-    /// Refuses a program that selects a tool beside these; none stands for any.
+    /// Refuses a program that selects a tool beside these; an empty list stands for any, and
+    /// no tool in the spindle (0) is no tool.
     pub fn allow_tools(&mut self, expected: &[u32]) {
         if expected.is_empty() {
             return;
         }
-        let listed = expected.iter().map(|tool| format!("T{tool}")).collect::<Vec<_>>().join(", ");
-        let mut others = BTreeMap::new();
+        let mut others = BTreeMap::from([(0, Source::default())]);
         for event in &self.contour.events {
             if let ContourEventKind::Action(
                 Action::SelectTool { tool } | Action::ChangeTool { tool },
@@ -94,18 +94,39 @@ impl Loaded {
                 others.entry(tool).or_insert(event.source);
             }
         }
+        others.remove(&0);
         if others.is_empty() {
             return;
         }
+        let mut others: Vec<_> = others.into_iter().collect();
+        others.sort_by_key(|(_, source)| (source.line, source.column));
+        let listed = listed(expected);
+        let rest = others.split_off(others.len().min(limits::UNEXPECTED_TOOLS_MAX)).len();
         self.diagnostics.extend(others.into_iter().map(|(tool, source)| {
             let message = format!("T{tool} is not one of the tools that are expected: {listed}");
             Diagnostic::error(Code::UnknownTool, source, message).help(
                 "load the program that belongs to this job, or name the tool beside the others",
             )
         }));
-        self.diagnostics.sort_by_key(|found| (found.source.line, found.source.column));
+        // What has no place stays at the end.
+        let place = |found: &Diagnostic| (found.source.line.wrapping_sub(1), found.source.column);
+        self.diagnostics.sort_by_key(place);
+        if rest > 0 {
+            let message = format!("{rest} more tools are not expected");
+            self.diagnostics.push(Diagnostic::error(Code::Limit, Source::default(), message));
+        }
         self.contour.events = Vec::new();
         self.bounds = None;
+    }
+}
+
+/// `T1, T2`, and how many more.
+fn listed(tools: &[u32]) -> String {
+    let shown: Vec<_> =
+        tools.iter().take(limits::UNEXPECTED_TOOLS_MAX).map(|tool| format!("T{tool}")).collect();
+    match tools.len() - shown.len() {
+        0 => shown.join(", "),
+        more => format!("{} and {more} more", shown.join(", ")),
     }
 }
 

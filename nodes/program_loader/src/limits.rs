@@ -12,6 +12,8 @@ pub const BLOCK_WORDS_MAX: usize = 64;
 pub const DIAGNOSTICS_MAX: usize = 1000;
 /// Diagnostics of a block, so that a line of prose does not crowd out the rest.
 pub const BLOCK_DIAGNOSTICS_MAX: u32 = 8;
+/// Tools that are named where a program selects others than are expected.
+pub const UNEXPECTED_TOOLS_MAX: usize = 20;
 /// Magnitude of a coordinate, a centre or a radius, mm: one kilometre.
 pub const COORDINATE_MM_MAX: f64 = 1e6;
 /// Feed, mm/min: faster than any machine.

@@ -38,7 +38,7 @@ fn check_bad(control: &str, text: &str, expected: &[(&str, &str)]) {
 
 #[test]
 fn a_tool_that_is_not_expected_refuses_the_program() {
-    let text = "T2 M6\nG0 X1\nT5 M6\nG0 X2\nT1 M6\nT5 M6\nM30";
+    let text = "T2 M6\nG0 X1\nT5 M6\nG0 X2\nT1 M6\nT5 M6\nT0 M6\nM30";
     for (expected, refused) in [
         (&[][..], &[][..]),
         (&[1, 2, 5], &[]),
@@ -60,6 +60,14 @@ fn a_tool_that_is_not_expected_refuses_the_program() {
         assert_eq!(loaded.is_accepted(), refused.is_empty());
         assert_eq!(loaded.contour.events.is_empty(), !refused.is_empty());
     }
+    // However many there are, a screenful is told.
+    let many: String = (1..500).map(|tool| format!("T{tool}\n")).collect();
+    let mut many = load_as("rs274", &(many + "M30"));
+    many.allow_tools(&(600..700).collect::<Vec<_>>());
+    let told: Vec<&str> = many.diagnostics.iter().map(|it| it.message.as_str()).collect();
+    assert_eq!(told.len(), 21);
+    assert!(told[0].starts_with("T1 is not") && told[0].ends_with("T619 and 80 more"), "{told:?}");
+    assert_eq!(told[20], "479 more tools are not expected");
     // What is refused for its text stays so, and says no more.
     let mut broken = load_as("rs274", "T5 M6\nG99.7\nM30");
     let before = broken.clone();
