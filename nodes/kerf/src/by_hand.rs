@@ -1,12 +1,15 @@
 //! What an operator does beside running programs: a tool, a single block, blocks one
 //! at a time. Nothing is decided here; the nodes answer.
 
+use crate::ctrl_c::CtrlC;
 use crate::exit::Outcome;
 use crate::operate::{said, with_node};
 use clap::{Args, ValueEnum};
 use cnc_msgs::units::m_from_mm;
 use cnc_msgs::wire::cnc_msgs::srv::{ExecuteMdi, ExecuteMdiRequest, SetTool, SetToolRequest};
 use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolRequest, Trigger, TriggerRequest};
+use std::pin::pin;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// No single block takes longer.
@@ -74,13 +77,20 @@ pub(crate) fn mdi(args: &MdiArgs, ros_args: &[String]) -> Outcome {
         let client = node.client::<ExecuteMdi>("execute_mdi")?;
         let request =
             ExecuteMdiRequest { text: args.block.clone(), controller: args.controller.clone() };
-        let mut answer = Box::pin(client.call_within(request, BLOCK_WITHIN));
-        let answer = tokio::select! {
-            answer = &mut answer => answer?,
-            _ = tokio::signal::ctrl_c() => {
-                let cancel = node.client::<Trigger>("cancel")?;
-                cancel.call(TriggerRequest::default()).await?;
-                answer.await?
+        let cancel = Arc::new(node.client::<Trigger>("cancel")?);
+        let mut ctrl_c = CtrlC::listen()?;
+        let mut answer = pin!(client.call_within(request, BLOCK_WITHIN));
+        let answer = loop {
+            tokio::select! {
+                answer = &mut answer => break answer?,
+                asked = ctrl_c.next() => {
+                    asked?;
+                    let cancel = Arc::clone(&cancel);
+                    ctrl_c.cancel(async move {
+                        let answer = cancel.call(TriggerRequest::default()).await?;
+                        said(answer.success, answer.message)
+                    });
+                }
             }
         };
         said(answer.success, answer.message)

@@ -10,6 +10,7 @@ mod terminal;
 mod bag;
 mod by_hand;
 mod check;
+mod ctrl_c;
 mod demo;
 mod exit;
 mod files;

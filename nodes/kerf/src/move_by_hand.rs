@@ -1,8 +1,9 @@
 //! `kerf home`, `jog`, `probe`, `zero`, `override`: axes, offsets and overrides by hand.
 //! Millimetres and percent; nothing is decided here, the driver answers.
 
+use crate::ctrl_c::CtrlC;
 use crate::exit::{Failure, Outcome, Status};
-use crate::operate::{begin, said, with_node};
+use crate::operate::{begin, canceled, said, with_node};
 use clap::{Args, ValueEnum};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::interface::Action;
@@ -14,7 +15,6 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 use cnc_msgs::wire::geometry_msgs::msg::Point;
 use runtime::Handle;
 use std::time::Duration;
-use tokio::signal::unix::{SignalKind, signal};
 
 /// Nothing that is done by hand takes longer.
 const MOVE_WITHIN: Duration = Duration::from_secs(24 * 3_600);
@@ -134,11 +134,9 @@ async fn follow<A: Action + 'static>(
     name: &str,
     goal: A::Goal,
 ) -> Result<A::Result, Failure> {
-    // From before it begins, so that none is missed.
-    let mut interrupt = signal(SignalKind::interrupt()).map_err(Failure::usage)?;
+    let mut ctrl_c = CtrlC::listen()?;
     let handle = begin::<A>(node, name, goal).await?;
     let mut end = Box::pin(handle.result(MOVE_WITHIN));
-    let mut interrupts = 0;
     loop {
         tokio::select! {
             ended = &mut end => {
@@ -146,13 +144,9 @@ async fn follow<A: Action + 'static>(
                     ended.map_err(|error| Failure::new(Status::NodeRefused, error.to_string()))?;
                 return Ok(result);
             }
-            _ = interrupt.recv() => {
-                interrupts += 1;
-                if interrupts > 1 {
-                    let text = "left; what was begun may not have ended";
-                    return Err(Failure::new(Status::NodeRefused, text));
-                }
-                handle.cancel().await?;
+            asked = ctrl_c.next() => {
+                asked?;
+                ctrl_c.cancel(canceled(handle.cancel()));
             }
         }
     }

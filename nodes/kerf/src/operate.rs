@@ -4,6 +4,7 @@
 //! One short-lived node for each call. What the nodes answer is shown as it
 //! is; nothing is decided here.
 
+use crate::ctrl_c::CtrlC;
 use crate::exit::{Failure, Outcome, Status};
 use crate::files;
 use clap::Args;
@@ -24,7 +25,6 @@ use runtime::{CallError, Handle, NodeError, Qos, Session, Subscription};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use tokio::signal::unix::{SignalKind, signal};
 use tokio::time::timeout;
 
 /// How long a plan of a program that was loaded just now may take.
@@ -329,6 +329,19 @@ pub(crate) async fn begin<A: Action + 'static>(
     }
 }
 
+/// That a goal is being canceled, or has ended before.
+pub(crate) async fn canceled(
+    answer: impl Future<Output = Result<CancelAnswer, CallError>>,
+) -> Result<(), Failure> {
+    match answer.await? {
+        CancelAnswer::Canceling(_) | CancelAnswer::AlreadyEnded => Ok(()),
+        CancelAnswer::UnknownGoal => {
+            Err(Failure::new(Status::NodeRefused, "the driver knows nothing of it any more"))
+        }
+        CancelAnswer::Refused => Err(Failure::new(Status::NodeRefused, "the driver refused")),
+    }
+}
+
 /// What a node answered; a refusal is a failure.
 pub(crate) fn said(success: bool, message: String) -> Outcome {
     match success {
@@ -340,29 +353,21 @@ pub(crate) fn said(success: bool, message: String) -> Outcome {
     }
 }
 
-/// Sends a goal and follows it to its end; anything but success is a failure. Ctrl-C cancels
-/// it, a second one leaves.
+/// Sends a goal and follows it to its end; anything but success is a failure.
 pub(crate) async fn run_goal(
     node: &Handle,
     goal: RunProgramGoal,
     bar: &ProgressBar,
 ) -> Result<RunProgramResult, Failure> {
-    // From before it begins, so that none is missed.
-    let mut interrupt = signal(SignalKind::interrupt()).map_err(Failure::usage)?;
+    let mut ctrl_c = CtrlC::listen()?;
     let mut handle = begin::<RunProgram>(node, "run_program", goal).await?;
     let mut end = Box::pin(handle.result(RUN_WITHIN));
     let mut is_silent = false;
-    let mut is_canceled = false;
     let (_, result) = loop {
         tokio::select! {
-            _ = interrupt.recv() => {
-                if is_canceled {
-                    bar.abandon();
-                    let text = "left; the run may not have ended, `kerf status` tells";
-                    return Err(Failure::new(Status::NodeRefused, text));
-                }
-                is_canceled = true;
-                handle.cancel().await?;
+            asked = ctrl_c.next() => {
+                asked.inspect_err(|_| bar.abandon())?;
+                bar.suspend(|| ctrl_c.cancel(canceled(handle.cancel())));
             }
             () = tokio::time::sleep(SILENCE), if !is_silent => {
                 // A driver that was started again knows nothing of the goal; it has to be asked.

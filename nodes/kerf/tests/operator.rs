@@ -47,19 +47,25 @@ fn a_tool_is_confirmed_only_when_the_path_was_made_with_it() {
 }
 
 #[test]
-fn ctrl_c_at_the_command_cancels_its_run() {
+fn ctrl_c_at_the_command_cancels_what_it_began() {
     let machine = Machine::virtual_one(4);
     machine.folder.file("slow.ngc", "G21 G90 G94\nG1 X500 F300\nM30\n");
-    let mut command = machine.command(&["run", "slow.ngc"]);
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
-    machine.until_state("RUN");
-    let pid = Pid::from_child(&child);
-    kill_process(pid, Signal::INT).expect("it is there");
-    let out = child.wait_with_output().expect("it ends by itself");
-    let said = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(4), "{said}");
-    assert!(said.contains("error 313"), "{said}");
-    machine.until_state("IDLE");
+    for (arguments, state) in [
+        (&["run", "slow.ngc"][..], "RUN"),
+        (&["mdi", "G21 G91 G94 G1 X200 F300"], "RUN"),
+        (&["jog", "X200", "--feed", "300"], "JOG"),
+    ] {
+        let mut command = machine.command(arguments);
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        let child = child.expect("it starts");
+        machine.until_state(state);
+        kill_process(Pid::from_child(&child), Signal::INT).expect("it is there");
+        let out = child.wait_with_output().expect("it ends by itself");
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(4), "{arguments:?}: {said}");
+        assert!(said.contains("canceling;"), "{arguments:?}: {said}");
+        machine.until_state("IDLE");
+    }
 }
 
 #[test]

@@ -21,6 +21,8 @@ use tokio::sync::mpsc;
 
 /// How long the answer to a goal, and to a request to cancel it, may take.
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+/// How long a goal whose answer did not come is tried to be canceled.
+const UNFOLLOWED_WITHIN: Duration = Duration::from_secs(1);
 /// Feedback that may wait unread; what is newer is dropped.
 const FEEDBACK_MAX: usize = 256;
 /// When a result is asked for again, in case the server was another meanwhile:
@@ -110,8 +112,12 @@ impl<A: Action + 'static> ActionClient<A> {
         lock(&self.shared.listeners).insert(id, sender);
         let handle = GoalHandle { id, feedback, shared: Arc::clone(&self.shared) };
         let request = SendGoalRequest { goal_id: UUID { uuid: id.0 }, goal };
-        let response = self.shared.send_goal.call_idempotent(&request, ANSWER_WITHIN).await?;
-        if response.accepted {
+        let answer = self.shared.send_goal.call_idempotent(&request, ANSWER_WITHIN).await;
+        if answer.is_err() {
+            // It may have been taken up, and nobody would follow it.
+            let _ = tokio::time::timeout(UNFOLLOWED_WITHIN, self.shared.cancel(id)).await;
+        }
+        if answer?.accepted {
             Ok(handle)
         } else {
             Err(GoalError::Rejected { action: self.shared.name.clone() })
@@ -167,8 +173,9 @@ impl<A: Action + 'static> GoalHandle<A> {
     ///
     /// # Errors
     /// See [`CallError`].
-    pub async fn cancel(&self) -> Result<CancelAnswer, CallError> {
-        self.shared.cancel(self.id).await
+    pub fn cancel(&self) -> impl Future<Output = Result<CancelAnswer, CallError>> + Send + use<A> {
+        let (id, shared) = (self.id, Arc::clone(&self.shared));
+        async move { shared.cancel(id).await }
     }
 }
 

@@ -1,0 +1,67 @@
+//! Ctrl-C at a command that moves the machine.
+//!
+//! The first one cancels what was begun; the command waits for its end all the same. A
+//! second one leaves. One that could not be canceled can be canceled again.
+
+use crate::exit::{Failure, Status};
+use std::future::{Future, pending};
+use std::pin::Pin;
+use tokio::signal::unix::{Signal, SignalKind, signal};
+
+type Canceling = Pin<Box<dyn Future<Output = Result<(), Failure>>>>;
+
+/// The key, and what was made of it so far.
+pub(crate) struct CtrlC {
+    interrupt: Signal,
+    is_asked: bool,
+    /// Asks the machine's node to cancel.
+    canceling: Option<Canceling>,
+}
+
+impl CtrlC {
+    /// From before anything is begun, so that none is missed.
+    pub(crate) fn listen() -> Result<Self, Failure> {
+        let interrupt = signal(SignalKind::interrupt()).map_err(Failure::usage)?;
+        Ok(Self { interrupt, is_asked: false, canceling: None })
+    }
+
+    /// Waits until it is time to [`Self::cancel`]. May be dropped while it waits.
+    ///
+    /// # Errors
+    /// It is time to leave.
+    pub(crate) async fn next(&mut self) -> Result<(), Failure> {
+        loop {
+            let answer = async {
+                match &mut self.canceling {
+                    Some(canceling) => canceling.await,
+                    None => pending().await,
+                }
+            };
+            tokio::select! {
+                _ = self.interrupt.recv() => {
+                    if std::mem::replace(&mut self.is_asked, true) {
+                        let text = "left; what was begun may go on: `kerf status` tells";
+                        return Err(Failure::new(Status::NodeRefused, text));
+                    }
+                    return Ok(());
+                }
+                answer = answer => {
+                    self.canceling = None;
+                    if let Err(Failure { message, .. }) = answer {
+                        eprintln!("kerf: NOT CANCELED, it goes on: {message}; Ctrl-C tries again");
+                        self.is_asked = false;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Cancels, while the end is waited for.
+    pub(crate) fn cancel(
+        &mut self,
+        canceling: impl Future<Output = Result<(), Failure>> + 'static,
+    ) {
+        eprintln!("kerf: canceling; Ctrl-C once more leaves the machine to itself");
+        self.canceling = Some(Box::pin(canceling));
+    }
+}
