@@ -141,72 +141,79 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
         output::must_be_free(directory, &args.bags)
             .map_err(|error| Failure::new(error.status(), error.to_string()))?;
     }
-    let mut differs = false;
+    let mut told = Told::default();
     let mut failed = None;
-    let mut page = Page::default();
-    let mut reports = Vec::new();
     for path in &args.bags {
-        match replay_and_tell(args, path, &levels, out, &mut page) {
-            Ok((differs_now, report)) => {
-                differs |= differs_now;
-                reports.extend(report);
-            }
-            Err(failure) => {
-                failure.say();
-                reports
-                    .push(json!({ "bag": path.display().to_string(), "error": failure.message }));
-                failed.get_or_insert(failure.status);
-                // One broken bag does not hide the others; a stack that failed, or was
-                // interrupted, will again.
-                if failure.status != Status::Usage {
-                    break;
-                }
-            }
+        let count = told.reports.len();
+        let Err(failure) = told.replay(args, path, &levels, out) else { continue };
+        failure.say();
+        if told.reports.len() == count {
+            let bag = path.display().to_string();
+            told.reports.push(json!({ "bag": bag, "error": failure.message }));
         }
+        // One broken bag does not hide the others; where the stack failed, or was
+        // interrupted, no other is begun.
+        if failure.status != Status::Usage {
+            failed = Some(failure.status);
+            break;
+        }
+        failed = Some(failed.unwrap_or(failure.status));
     }
     if args.json {
-        let is_reproduced = !differs && failed.is_none();
-        println!("{}", json!({ "reproduced": is_reproduced, "bags": reports }));
+        let is_reproduced = !told.differs && failed.is_none();
+        println!("{}", json!({ "reproduced": is_reproduced, "bags": told.reports }));
     }
-    if let Some(file) = args.html.as_ref().filter(|_| !page.sheets.is_empty()) {
-        crate::files::write(file, &page.to_html())?;
+    if let Some(file) = args.html.as_ref().filter(|_| !told.page.sheets.is_empty()) {
+        crate::files::write(file, &told.page.to_html())?;
     }
     match failed {
         Some(status) => Err(Failure::said(status)),
-        None if differs => Err(Failure::said(Status::Refused)),
+        None if told.differs => Err(Failure::said(Status::Refused)),
         None => Ok(()),
     }
 }
 
-/// Replays one bag, writes what was asked for and prints the report, or returns it with
-/// `--json`; first whether it differs, and stays so.
-fn replay_and_tell(
-    args: &ReplayArgs,
-    path: &Path,
-    levels: &[Level],
-    out: Option<&Path>,
-    page: &mut Page,
-) -> Result<(bool, Option<Value>), Failure> {
-    let shown = path.display().to_string();
-    let of_bag = |error: ReplayError| error.of(path);
-    let how = How { is_chain: args.chain || args.update, out: args.out.as_deref() };
-    let verdict = replay(path, levels, how).map_err(of_bag)?;
-    if let Some(directory) = out {
-        output::write(directory, path, &verdict.outputs).map_err(of_bag)?;
+/// What came of the bags so far.
+#[derive(Default)]
+struct Told {
+    /// One is DIFFERENT, and stays so.
+    differs: bool,
+    page: Page,
+    /// With `--json`, an object for each bag.
+    reports: Vec<Value>,
+}
+
+impl Told {
+    /// Replays one bag: first the report, then what is written of it.
+    fn replay(
+        &mut self,
+        args: &ReplayArgs,
+        path: &Path,
+        levels: &[Level],
+        out: Option<&Path>,
+    ) -> Result<(), Failure> {
+        let shown = path.display().to_string();
+        let of_bag = |error: ReplayError| error.of(path);
+        let how = How { is_chain: args.chain || args.update, out: args.out.as_deref() };
+        let verdict = replay(path, levels, how).map_err(of_bag)?;
+        self.differs |= !verdict.is_reproduced() && !args.update;
+        if args.json {
+            self.reports.push(verdict.to_json(&shown));
+        } else {
+            print!("{}", verdict.report(&shown, args.all));
+        }
+        if let Some(directory) = out {
+            output::write(directory, path, &verdict.outputs).map_err(of_bag)?;
+        }
+        if args.html.is_some() {
+            verdict.show(&mut self.page, &shown).map_err(of_bag)?;
+        }
+        if args.update {
+            let again = |path: &Path| replay(path, levels, How::default());
+            println!("  {}", update::update(path, &verdict, again).map_err(of_bag)?);
+        }
+        Ok(())
     }
-    if args.html.is_some() {
-        verdict.show(page, &shown).map_err(of_bag)?;
-    }
-    let differs = !verdict.is_reproduced() && !args.update;
-    if args.json {
-        return Ok((differs, Some(verdict.to_json(&shown))));
-    }
-    print!("{}", verdict.report(&shown, args.all));
-    if args.update {
-        let again = |path: &Path| replay(path, levels, How::default());
-        println!("  {}", update::update(path, &verdict, again).map_err(of_bag)?);
-    }
-    Ok((differs, None))
 }
 
 /// One page of a bag, as it was recorded: `kerf bag report`.

@@ -134,9 +134,9 @@ impl fmt::Display for BagInfo {
 
 /// `2026-03-01 12:00:00.250`, from nanoseconds since the epoch.
 fn utc(time_ns: u64) -> String {
-    let seconds = i64::try_from(time_ns / 1_000_000_000).unwrap_or(i64::MAX);
-    let nanoseconds = (time_ns % 1_000_000_000) as u32;
-    let date = DateTime::from_timestamp(seconds, nanoseconds).unwrap_or_default();
+    let (seconds, rest) = (time_ns / 1_000_000_000, time_ns % 1_000_000_000);
+    let date = DateTime::from_timestamp(seconds as i64, rest as u32);
+    let date = date.expect("nanoseconds end in the year 2554");
     date.format("%Y-%m-%d %H:%M:%S%.3f").to_string()
 }
 

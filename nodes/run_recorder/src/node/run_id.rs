@@ -6,7 +6,7 @@ use runtime::RosTime;
 /// `run_20261121_004500_1a2b3c4d`: UTC and the beginning of the goal's id.
 pub(super) fn run_id(now: RosTime, goal: [u8; 16]) -> String {
     let (sec, nanosec) = now.parts();
-    let date = DateTime::from_timestamp(sec.into(), nanosec).unwrap_or_default();
+    let date = DateTime::from_timestamp(sec.into(), nanosec).expect("32 bits of seconds");
     format!("run_{}_{}", date.format("%Y%m%d_%H%M%S"), cnc_msgs::chunk::hex(&goal[..4]))
 }
 

@@ -27,11 +27,11 @@ impl Recorder {
             // By the clock of the disk, not that of the run.
             let now_ns = u64::try_from(runtime::RosTime::wall().as_nanos()).unwrap_or(0);
             let tidied = tidy(&shared.directory, keep, now_ns);
-            drop(one_at_a_time);
             *shared.stuck.lock().unwrap_or_else(PoisonError::into_inner) = match &tidied {
                 Ok(tidied) => tidied.stuck.iter().map(not_removed).collect(),
                 Err(error) => vec![not_listed(&shared.directory, error)],
             };
+            drop(one_at_a_time);
             tidied
         });
         match tidied.await {
@@ -51,11 +51,9 @@ fn health(stuck: &[String]) -> Health {
     let (level, message) = match stuck {
         [] => (HealthLevel::Ok, "none is left that is not kept".to_owned()),
         [only] => (HealthLevel::Warn, only.clone()),
-        [first, others @ ..] => {
-            (HealthLevel::Warn, format!("{first}; nor can {} others", others.len()))
-        }
+        [first, others @ ..] => (HealthLevel::Warn, format!("{first}; and {} more", others.len())),
     };
-    let values = vec![("not removed".to_owned(), stuck.len().to_string())];
+    let values = vec![("problems".to_owned(), stuck.len().to_string())];
     Health { component: "old bags".into(), level, message, values, ..Health::default() }
 }
 
@@ -98,11 +96,7 @@ mod tests {
         let table = [
             (vec![], HealthLevel::Ok, "none is left that is not kept".to_owned()),
             (vec![bag("a")], HealthLevel::Warn, one.to_owned()),
-            (
-                vec![bag("a"), bag("b"), bag("c")],
-                HealthLevel::Warn,
-                format!("{one}; nor can 2 others"),
-            ),
+            (vec![bag("a"), bag("b"), bag("c")], HealthLevel::Warn, format!("{one}; and 2 more")),
             (vec![listing.clone()], HealthLevel::Warn, listing),
         ];
         for (stuck, level, message) in table {
