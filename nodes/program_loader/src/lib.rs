@@ -45,7 +45,7 @@ use findings::Findings;
 use interpreter::{Interpreter, code_in_tenths};
 use line::Line;
 use rules::Rules;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// How a program is loaded.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -84,17 +84,17 @@ impl Loaded {
         if expected.is_empty() {
             return;
         }
-        let mut others = BTreeMap::from([(0, Source::default())]);
+        let allowed: BTreeSet<u32> = expected.iter().copied().chain([0]).collect();
+        let mut others = BTreeMap::new();
         for event in &self.contour.events {
             if let ContourEventKind::Action(
                 Action::SelectTool { tool } | Action::ChangeTool { tool },
             ) = event.kind
-                && !expected.contains(&tool)
+                && !allowed.contains(&tool)
             {
                 others.entry(tool).or_insert(event.source);
             }
         }
-        others.remove(&0);
         if others.is_empty() {
             return;
         }

@@ -363,6 +363,8 @@ list.addEventListener("scroll", renderRows);
 // ---- state and feed against time
 
 const chart = by("chart"), ink = chart.getContext("2d");
+// Room for the numbers at the left, pixels.
+const CHART_LEFT = 58;
 
 // The last row at or before a time.
 function before(rows, t, time) {
@@ -375,7 +377,7 @@ const duration = () => run.end || 1e-3;
 
 function drawChart() {
   if (!run) return;
-  const box = size(chart, ink), [from, to] = span, left = 46, bottom = 18;
+  const box = size(chart, ink), [from, to] = span, left = CHART_LEFT, bottom = 18;
   const x = (t) => left + (t - from) / (to - from) * (box.width - left), height = box.height - bottom;
   const most = Math.max(1, ...run.states.map((state) => state.feed)), y = (feed) => height - feed / most * (height - 26);
   ink.font = "11px system-ui, sans-serif";
@@ -436,14 +438,14 @@ function pointAt(t) {
 
 const timeOf = (event) => {
   const box = chart.getBoundingClientRect();
-  const part = (event.clientX - box.left - 46) / (box.width - 46);
+  const part = (event.clientX - box.left - CHART_LEFT) / (box.width - CHART_LEFT);
   return span[0] + Math.max(0, Math.min(1, part)) * (span[1] - span[0]);
 };
 let pull = null;
 chart.addEventListener("pointerdown", (event) => { pull = { x: event.clientX, span: [...span], moved: false }; chart.setPointerCapture(event.pointerId); });
 chart.addEventListener("pointermove", (event) => {
   if (!pull) { pointAt(timeOf(event)); return; }
-  const width = chart.getBoundingClientRect().width - 46, shift = (pull.x - event.clientX) / width * (pull.span[1] - pull.span[0]);
+  const width = chart.getBoundingClientRect().width - CHART_LEFT, shift = (pull.x - event.clientX) / width * (pull.span[1] - pull.span[0]);
   pull.moved ||= Math.abs(event.clientX - pull.x) > 3;
   span = pull.span.map((t) => t + shift);
   drawChart();
