@@ -243,7 +243,8 @@ impl Driver {
         };
         let leaving = self.leaving.as_ref().map(|leaving| leaving.until);
         let commander = self.commander_deadline();
-        [proving, link, phase, leaving, commander].into_iter().flatten().min()
+        let overrides = self.overrides.as_ref().map(|watch| watch.until);
+        [proving, link, phase, leaving, commander, overrides].into_iter().flatten().min()
     }
 
     /// What is known of the machine now.
@@ -285,6 +286,9 @@ impl Driver {
             }
             Phase::Running(_) => self.on_run_time(),
             _ => {}
+        }
+        if self.overrides.as_ref().is_some_and(|watch| self.now >= watch.until) {
+            self.on_overrides_timeout();
         }
         self.watch_commander();
         self.step_check();

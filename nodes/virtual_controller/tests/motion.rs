@@ -116,11 +116,11 @@ fn a_feed_override_takes_effect_in_motion() {
     let mut bench = Bench::new(&[]);
     bench.say("G1X100F1200");
     bench.wait(1.0);
-    bench.send(&[0x91, 0x91, 0x93]);
+    bench.send_spaced(&[0x91, 0x91, 0x93]);
     bench.wait(1.0);
     assert!((bench.controller.speed_mm_per_min() - 1452.0).abs() < 1e-6);
-    bench.send(&[0x90]);
-    bench.send(&[0x92; 30]);
+    bench.send_spaced(&[0x90]);
+    bench.send_spaced(&[0x92; 30]);
     bench.wait(1.0);
     assert!((bench.controller.speed_mm_per_min() - 120.0).abs() < 1e-6, "clamped at 10 %");
     let mut reports = bench.send(b"?") + &bench.send(b"?");

@@ -176,7 +176,7 @@ impl Driver {
                 Command::Jog(request) => self.jog(id, request),
                 Command::Probe(request) => self.probe(id, request),
                 Command::SetWorkOffset(request) => self.set_work_offset(id, request),
-                Command::SetOverrides(wanted) => self.set_overrides(wanted),
+                Command::SetOverrides(wanted) => self.set_overrides(id, wanted),
                 Command::DoorHold => self.door_hold(),
                 Command::Sleep => self.sleep(id),
                 Command::Heartbeat => self.hear_commander(),

@@ -94,7 +94,6 @@ impl Driver {
         self.link = Link::new(self.config.link(), self.now);
         self.machine.on_port();
         self.hold = None;
-        self.overrides = None;
         self.phase = Phase::Connecting(Connecting::new(Step::Listening, self.now + LISTEN, None));
     }
 
@@ -111,6 +110,7 @@ impl Driver {
             false => reason.to_owned(),
         };
         self.hold = None;
+        self.drop_overrides("the line is gone");
         let code = error_code::LINK_LOST;
         let closed = Phase::Closed { reason: reason.clone() };
         match std::mem::replace(&mut self.phase, closed) {
@@ -141,7 +141,7 @@ impl Driver {
     pub(super) fn begin_reset(&mut self, reply: Option<u64>) {
         self.link.send_reset(self.now);
         self.hold = None;
-        self.overrides = None;
+        self.drop_overrides("the controller is being reset");
         self.phase =
             Phase::Connecting(Connecting::new(Step::AwaitingBanner, self.now + ANSWER, reply));
     }

@@ -17,7 +17,7 @@ impl Driver {
             LinkEvent::Alarm(code) => self.on_alarm(code),
             LinkEvent::Banner { firmware, text } => {
                 self.machine.on_restart(firmware);
-                self.overrides = None;
+                self.drop_overrides("the controller has restarted");
                 self.on_banner(&text);
             }
             LinkEvent::Status(report) => {

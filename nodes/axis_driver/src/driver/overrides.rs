@@ -1,14 +1,18 @@
 //! Faster and slower than programmed.
 //!
-//! The controller knows steps only, and takes each as a byte that acts at once and
-//! is not answered: what it made of them shows in a later report, and is asked for
-//! again when a byte was lost.
+//! The controller knows steps only, and takes each as a byte that acts at once and is not
+//! answered: `Ov:` in a later report shows what it made of them. grbl 1.1h keeps a bit for
+//! each kind of byte, so that equal bytes count once until its main loop comes by. The bytes
+//! therefore go in rounds, no kind more often than the firmware counts it, and the next round
+//! begins where a report shows the last one ended. Reports are asked for faster meanwhile.
 
 use super::command::{Answer, refused};
-use super::{Driver, LogLevel, Phase};
+use super::{Driver, LogLevel, Phase, Refusal};
 use crate::codes::error_code;
 use crate::link::realtime;
+use crate::report::Firmware;
 use serde::{Deserialize, Serialize};
+use std::time::Duration;
 
 /// Percent of the programmed values; `None` leaves one as it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -20,56 +24,141 @@ pub struct Overrides {
 
 /// What a controller takes of feed and spindle, percent.
 const PERCENT: std::ops::RangeInclusive<u8> = 10..=200;
-/// How often it is asked for again.
-const TRIES_MAX: u32 = 3;
-/// Reports with overrides that may be older than the bytes.
+/// The steps that there are bytes for, percent.
+const COARSE: i16 = 10;
+const FINE: i16 = 1;
+/// grbl 1.1h counts in eight bits: what falls below zero becomes 200 %. With a value lower than
+/// this, two steps down never go in one round, in case the value is not the last one.
+const TWO_STEPS_DOWN_MIN: i16 = 40;
+/// Bytes of a kind in a round, where the firmware queues them. The queue of grblHAL takes 15,
+/// rapids among them.
+const QUEUED_MAX: i16 = 6;
+/// Until a request has shown in a report.
+const WITHIN: Duration = Duration::from_secs(3);
+/// From the bytes of a round to the request for the report that shows them.
+const PAUSE: Duration = Duration::from_millis(10);
+/// Reports that may be older than the bytes.
 const OLD_REPORTS: u32 = 1;
+/// A change shows in one of this many reports, else there was none: a byte was lost.
+const REPORTS_OF_A_CHANGE: u32 = 4;
 
 /// Overrides that have not shown in a report yet.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct OverrideWatch {
     wanted: Overrides,
+    /// What the bytes of this round lead to.
+    #[serde(default)]
+    expected: [u8; 3],
+    /// Since the bytes of this round.
     reports: u32,
-    tries: u32,
+    #[serde(default)]
+    pub(super) until: Duration,
+    /// The commands that wait for it, each with what it named.
+    #[serde(default)]
+    requests: Vec<(u64, Overrides)>,
 }
 
-/// The bytes that lead from these percentages (feed, rapid, spindle) to those wanted.
-fn steps(now: [u8; 3], wanted: Overrides) -> Vec<u8> {
-    let mut bytes = Vec::new();
+impl Overrides {
+    fn values(self) -> [Option<u8>; 3] {
+        [self.feed, self.rapid, self.spindle]
+    }
+
+    fn or(self, other: Self) -> Self {
+        Self {
+            feed: self.feed.or(other.feed),
+            rapid: self.rapid.or(other.rapid),
+            spindle: self.spindle.or(other.spindle),
+        }
+    }
+
+    /// Whether these percentages are what is named.
+    fn are(self, percents: [u8; 3]) -> bool {
+        self.values().iter().zip(percents).all(|(wanted, is)| wanted.is_none_or(|w| w == is))
+    }
+
+    /// `feed 57 %, rapid 25 %`
+    fn describe(self) -> String {
+        let named = ["feed", "rapid", "spindle"].into_iter().zip(self.values());
+        let named = named.filter_map(|(name, percent)| Some(format!("{name} {} %", percent?)));
+        named.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// All three, as a report shows them.
+fn describe([feed, rapid, spindle]: [u8; 3]) -> String {
+    Overrides { feed: Some(feed), rapid: Some(rapid), spindle: Some(spindle) }.describe()
+}
+
+/// The bytes of one round from these percentages (feed, rapid, spindle; 0 is not known) to
+/// those wanted, and where it ends. No kind of byte comes more than `equal_max` times.
+fn round(now: [u8; 3], wanted: Overrides, equal_max: i16) -> (Vec<u8>, [u8; 3]) {
+    let (mut bytes, mut ends) = (Vec::new(), now);
     let feed = [realtime::FEED_100, realtime::FEED_PLUS_10, realtime::FEED_PLUS_1];
     let spindle = [realtime::SPINDLE_100, realtime::SPINDLE_PLUS_10, realtime::SPINDLE_PLUS_1];
     if let Some(percent) = wanted.feed {
-        climb(&mut bytes, now[0], percent, feed);
+        ends[0] = climb(&mut bytes, now[0], percent, equal_max, feed);
     }
-    match wanted.rapid {
-        Some(100) => bytes.push(realtime::RAPID_100),
-        Some(50) => bytes.push(realtime::RAPID_50),
-        Some(25) => bytes.push(realtime::RAPID_25),
-        _ => {}
+    if let Some(percent) = wanted.rapid.filter(|percent| *percent != now[1]) {
+        bytes.push(match percent {
+            25 => realtime::RAPID_25,
+            50 => realtime::RAPID_50,
+            _ => realtime::RAPID_100,
+        });
+        ends[1] = percent;
     }
     if let Some(percent) = wanted.spindle {
-        climb(&mut bytes, now[2], percent, spindle);
+        ends[2] = climb(&mut bytes, now[2], percent, equal_max, spindle);
     }
-    bytes
+    (bytes, ends)
 }
 
-/// Tens first, then ones. The byte of a step down follows that of the step up.
-fn climb(bytes: &mut Vec<u8>, from: u8, to: u8, [hundred, ten, one]: [u8; 3]) {
-    if to == 100 {
-        return bytes.push(hundred);
+/// One round of feed or spindle; gives where it ends. The byte of a step down follows that of
+/// the step up. The order is that in which grbl 1.1h executes its bits.
+fn climb(bytes: &mut Vec<u8>, from: u8, to: u8, equal_max: i16, kinds: [u8; 3]) -> u8 {
+    let [hundred, coarse, fine] = kinds;
+    if from == to {
+        return to;
     }
-    let mut left = i16::from(to) - i16::from(from);
-    for (size, up) in [(10, ten), (1, one)] {
-        let byte = if left > 0 { up } else { up + 1 };
-        while left.abs() >= size {
-            left -= size * left.signum();
-            bytes.push(byte);
-        }
+    let (from, to) = (i16::from(from), i16::from(to));
+    let rounds =
+        |(tens, ones): (i16, i16)| (tens.abs().max(ones.abs()) + equal_max - 1) / equal_max;
+    let from_hundred = steps(100, to);
+    let direct = steps(from, to);
+    let is_reset = from == 0 || rounds(from_hundred) < rounds(direct);
+    let (from, (tens, ones)) = if is_reset { (100, from_hundred) } else { (from, direct) };
+    let mut at = from;
+    if is_reset {
+        bytes.push(hundred);
     }
+    let is_low = tens < 0 && ones < 0 && from < TWO_STEPS_DOWN_MIN;
+    let ones = if is_low { 0 } else { ones };
+    for (count, size, up) in [(tens, COARSE, coarse), (ones, FINE, fine)] {
+        let count = count.clamp(-equal_max, equal_max);
+        let byte = if count > 0 { up } else { up + 1 };
+        bytes.extend(std::iter::repeat_n(byte, usize::from(count.unsigned_abs())));
+        at += count * size;
+    }
+    // Within 10 and 200, as `steps` has it.
+    u8::try_from(at).unwrap_or(100)
+}
+
+/// Coarse and fine steps from one value to another: as few of the more frequent as can be,
+/// then as few as can be. The coarse ones do not leave the range.
+fn steps(from: i16, to: i16) -> (i16, i16) {
+    let way = to - from;
+    let range = i16::from(*PERCENT.start())..=i16::from(*PERCENT.end());
+    let tens = [way / COARSE - 1, way / COARSE, way / COARSE + 1].into_iter();
+    let choices = tens.map(|tens| (tens, way - tens * COARSE));
+    let choices = choices.filter(|(tens, _)| *tens == 0 || range.contains(&(from + tens * COARSE)));
+    let cost = |(tens, ones): &(i16, i16)| {
+        let (tens, ones) = (tens.abs(), ones.abs());
+        (tens.max(ones), tens + ones)
+    };
+    choices.min_by_key(cost).unwrap_or((0, way))
 }
 
 impl Driver {
-    pub(super) fn set_overrides(&mut self, wanted: Overrides) -> Answer {
+    pub(super) fn set_overrides(&mut self, id: u64, wanted: Overrides) -> Answer {
         match &self.phase {
             Phase::Ready | Phase::Running(_) | Phase::Errand(_) => {}
             _ => return self.obstacle().map(Err),
@@ -90,27 +179,50 @@ impl Driver {
                 "nothing is named: which has bit 0 for feed, bit 1 for rapid, bit 2 for spindle";
             return refused(error_code::INVALID_REQUEST, text);
         }
-        // What was sent and has not shown yet counts as done.
-        let sent = self.overrides.as_ref().map(|watch| watch.wanted).unwrap_or_default();
-        let reported = self.machine.overrides_percent;
-        let now = [
-            sent.feed.unwrap_or(reported[0]),
-            sent.rapid.unwrap_or(reported[1]),
-            sent.spindle.unwrap_or(reported[2]),
-        ];
-        for byte in steps(now, wanted) {
-            self.link.send_realtime(byte);
-        }
-        let wanted = Overrides {
-            feed: wanted.feed.or(sent.feed),
-            rapid: wanted.rapid.or(sent.rapid),
-            spindle: wanted.spindle.or(sent.spindle),
+        let until = self.now + WITHIN;
+        let Some(mut watch) = self.overrides.take() else {
+            let reported = self.machine.overrides_percent;
+            if wanted.are(reported) {
+                return Some(Ok(shown(reported)));
+            }
+            let requests = vec![(id, wanted)];
+            let watch = OverrideWatch { wanted, expected: reported, reports: 0, until, requests };
+            self.begin_round(watch, reported);
+            return None;
         };
-        self.overrides = Some(OverrideWatch { wanted, reports: 0, tries: 0 });
-        Some(Ok("sent; machine_state shows what the controller makes of it".into()))
+        // The bytes of the round that is under way count first.
+        watch.wanted = wanted.or(watch.wanted);
+        watch.until = until;
+        let kept = watch.wanted;
+        let is_kept = |of: &Overrides| of.or(kept) == kept;
+        let (kept_requests, replaced) = watch.requests.into_iter().partition(|(_, of)| is_kept(of));
+        watch.requests = kept_requests;
+        watch.requests.push((id, wanted));
+        self.overrides = Some(watch);
+        for (id, of) in replaced {
+            let text =
+                format!("{} was replaced by a later request: {}", of.describe(), wanted.describe());
+            self.reply(id, Err(Refusal::new(error_code::CANCELED, text)));
+        }
+        None
     }
 
-    /// Looks for overrides that were asked for in a report that tells of them.
+    /// Sends the bytes of the next round, from what a report has shown.
+    fn begin_round(&mut self, mut watch: OverrideWatch, from: [u8; 3]) {
+        let equal_max = match self.machine.firmware {
+            Firmware::Grbl => 1,
+            Firmware::GrblHal | Firmware::FluidNc => QUEUED_MAX,
+        };
+        let (bytes, expected) = round(from, watch.wanted, equal_max);
+        for byte in bytes {
+            self.link.send_realtime(byte);
+        }
+        (watch.expected, watch.reports) = (expected, 0);
+        self.overrides = Some(watch);
+        self.link.ask_status(self.now + PAUSE);
+    }
+
+    /// Looks for overrides that were asked for in each report.
     pub(super) fn watch_overrides(&mut self, told: Option<[u8; 3]>) {
         let is_listening = match &self.phase {
             Phase::Running(run) => !run.is_resetting(),
@@ -118,43 +230,72 @@ impl Driver {
             _ => false,
         };
         if !is_listening {
-            // A reset sets them all to 100 %, and another board was never asked.
-            self.overrides = None;
+            self.drop_overrides("the controller was stopped or reset before a report showed it");
         }
-        let (Some(told), Some(watch)) = (told, &mut self.overrides) else { return };
-        let Overrides { feed, rapid, spindle } = watch.wanted;
-        let is_as_wanted = [feed, rapid, spindle]
-            .iter()
-            .zip(told)
-            .all(|(wanted, told)| wanted.is_none_or(|w| w == told));
-        if is_as_wanted {
-            self.overrides = None;
-            return;
-        }
+        let Some(mut watch) = self.overrides.take() else { return };
         watch.reports += 1;
-        if watch.reports <= OLD_REPORTS {
-            return;
-        }
-        (watch.reports, watch.tries) = (0, watch.tries + 1);
-        let (wanted, tries) = (watch.wanted, watch.tries);
-        if tries > TRIES_MAX {
-            self.overrides = None;
-            let text = format!(
-                "the controller has overrides of {told:?} % (feed, rapid, spindle) and does not take those asked for"
-            );
-            return self.log(LogLevel::Warn, text);
-        }
-        for byte in steps(told, wanted) {
-            self.link.send_realtime(byte);
+        let is_new = |told: &[u8; 3]| *told == watch.expected || watch.reports > OLD_REPORTS;
+        match told.filter(is_new) {
+            Some(told) if watch.wanted.are(told) => {
+                for (id, _) in watch.requests {
+                    self.reply(id, Ok(shown(told)));
+                }
+            }
+            Some(told) => self.begin_round(watch, told),
+            None if watch.reports >= REPORTS_OF_A_CHANGE => {
+                let reported = self.machine.overrides_percent;
+                self.begin_round(watch, reported);
+            }
+            None => {
+                self.overrides = Some(watch);
+                self.link.ask_status(self.now + PAUSE);
+            }
         }
     }
+
+    /// No report has shown them in time.
+    pub(super) fn on_overrides_timeout(&mut self) {
+        let Some(watch) = self.overrides.take() else { return };
+        let text = format!(
+            "the controller was asked for {} and reports {} after {} s; it takes no overrides \
+             while it homes or is locked, nor where the program has switched them off",
+            watch.wanted.describe(),
+            describe(self.machine.overrides_percent),
+            WITHIN.as_secs()
+        );
+        self.log(LogLevel::Warn, text.clone());
+        for (id, _) in watch.requests {
+            self.reply(id, Err(Refusal::new(error_code::NO_ANSWER, text.clone())));
+        }
+    }
+
+    /// Forgets those that have not shown: a reset sets them all to 100 %, and another board
+    /// was never asked.
+    pub(super) fn drop_overrides(&mut self, why: &str) {
+        for (id, wanted) in self.overrides.take().into_iter().flat_map(|watch| watch.requests) {
+            let text = format!("{}: {why}", wanted.describe());
+            self.reply(id, Err(Refusal::new(error_code::NEEDS_RESET, text)));
+        }
+    }
+}
+
+fn shown(percents: [u8; 3]) -> String {
+    format!("the controller reports {}", describe(percents))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// What the firmware makes of the bytes.
+    /// What grbl 1.1h makes of the bytes when it looks at them at once.
+    fn look(at: [u8; 3], bytes: &[u8]) -> [u8; 3] {
+        let mut flags = bytes.to_vec();
+        flags.sort_unstable();
+        flags.dedup();
+        play(at, &flags)
+    }
+
+    /// What a firmware that queues them makes of the bytes.
     fn play(mut at: [u8; 3], bytes: &[u8]) -> [u8; 3] {
         for byte in bytes {
             let (slot, by) = match byte {
@@ -174,20 +315,44 @@ mod tests {
                 }
                 _ => panic!("{byte:#x} is no override"),
             };
-            let value = by.map_or(100, |by: i16| (i16::from(at[slot]) + by).clamp(10, 200));
+            let value = by.map_or(100, |by: i16| i16::from(at[slot]) + by);
+            assert!((10..=200).contains(&value), "{at:?} and {byte:#x} leave the range");
             at[slot] = u8::try_from(value).unwrap();
         }
         at
     }
 
     #[test]
-    fn every_override_is_reached_from_every_other() {
+    fn every_override_is_reached_from_every_other_in_eleven_rounds_of_flags() {
         for from in 10..=200u8 {
             for to in 10..=200u8 {
                 let wanted = Overrides { feed: Some(to), rapid: Some(50), spindle: Some(from) };
-                let bytes = steps([from, 100, to], wanted);
-                assert_eq!(play([from, 100, to], &bytes), [to, 50, from], "{from} to {to}");
-                assert!(bytes.len() <= 60, "{from} to {to}: {} bytes", bytes.len());
+                let mut at = [from, 100, to];
+                let mut rounds = 0;
+                while !wanted.are(at) {
+                    let (bytes, expected) = round(at, wanted, 1);
+                    at = look(at, &bytes);
+                    assert_eq!(at, expected, "{from} to {to}");
+                    rounds += 1;
+                    assert!(rounds <= 11, "{from} to {to}: at {at:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_queue_is_never_overfilled() {
+        for from in std::iter::once(0).chain(10..=200u8) {
+            for to in 10..=200u8 {
+                let wanted = Overrides { feed: Some(to), rapid: Some(25), spindle: None };
+                let mut at = [from, 100, 100];
+                for _ in 0..3 {
+                    let (bytes, expected) = round(at, wanted, QUEUED_MAX);
+                    assert!(bytes.len() <= 15, "{from} to {to}: {bytes:x?}");
+                    at = play(at, &bytes);
+                    assert_eq!(at, expected, "{from} to {to}");
+                }
+                assert!(wanted.are(at), "{from} to {to}: {at:?}");
             }
         }
     }
@@ -195,6 +360,13 @@ mod tests {
     #[test]
     fn what_is_not_named_is_left_alone() {
         let only_rapid = Overrides { rapid: Some(25), ..Overrides::default() };
-        assert_eq!(steps([80, 100, 120], only_rapid), [realtime::RAPID_25]);
+        assert_eq!(round([80, 100, 120], only_rapid, 1), (vec![realtime::RAPID_25], [80, 25, 120]));
+    }
+
+    #[test]
+    fn two_steps_down_never_go_together_where_they_could_fall_below_zero() {
+        let feed = |percent| Overrides { feed: Some(percent), ..Overrides::default() };
+        let (bytes, ends) = round([39, 100, 100], feed(15), 1);
+        assert_eq!((bytes, ends[0]), (vec![realtime::FEED_MINUS_10], 29));
     }
 }

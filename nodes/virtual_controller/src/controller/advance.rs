@@ -17,12 +17,22 @@ enum Obstacle {
 impl Controller {
     /// Brings the controller to `now`; a time in the past changes nothing.
     pub fn advance(&mut self, now: Duration) {
-        while let Some(due) = self.report_due.filter(|due| *due <= now) {
+        while let Some(due) = self.clock_due().filter(|due| *due <= now) {
             self.advance_to(due);
-            self.report_due = self.report_interval.map(|interval| due + interval);
-            self.report_status();
+            if self.override_flags.due == Some(due) {
+                self.look_at_overrides();
+            }
+            if self.report_due == Some(due) {
+                self.report_due = self.report_interval.map(|interval| due + interval);
+                self.report_status();
+            }
         }
         self.advance_to(now);
+    }
+
+    /// When the clock alone makes something happen.
+    fn clock_due(&self) -> Option<Duration> {
+        self.report_due.into_iter().chain(self.override_flags.due).min()
     }
 
     fn advance_to(&mut self, now: Duration) {
@@ -57,16 +67,16 @@ impl Controller {
                 self.state,
                 State::Homing(_) | State::SoftLimit | State::Stopping | State::Starting { .. }
             );
-        let report = self.report_due.map(|due| due.max(now));
+        let clock = self.clock_due().map(|due| due.max(now));
         if !is_awaited || !self.is_busy() {
-            return report;
+            return clock;
         }
         // Rounded up, so that the event is due when the time has come.
         let event = self.seconds_to_next().map(|seconds| {
             let seconds = Duration::from_secs_f64(seconds.min(1e6)) + Duration::from_nanos(1);
             (self.now + seconds).max(now)
         });
-        event.into_iter().chain(report).min()
+        event.into_iter().chain(clock).min()
     }
 
     /// Is anything going on that takes time?

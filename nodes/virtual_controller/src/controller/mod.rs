@@ -6,6 +6,7 @@
 //!
 //! - `state`: what it may be doing
 //! - `realtime`: what single bytes do
+//! - `overrides`: what those for overrides add up to
 //! - `reset`: resets, alarms and switching on
 //! - `foreground`: reads lines and decides who answers them
 //! - `action`: works off what lines ask for
@@ -19,6 +20,7 @@ mod action;
 mod advance;
 mod block;
 mod foreground;
+mod overrides;
 mod parking;
 mod realtime;
 mod report;
@@ -41,6 +43,7 @@ use crate::receive::{ReceiveBuffer, TRANSMIT_BUFFER_BYTES};
 use crate::settings::Settings;
 
 use action::Action;
+use overrides::OverrideFlags;
 use parking::Parking;
 use report::Cadence;
 use state::{Door, Probing, State};
@@ -136,6 +139,7 @@ pub struct Controller {
     /// 0x9E in a hold.
     is_spindle_stopped: bool,
     spindle_percent: u8,
+    override_flags: OverrideFlags,
     coolant: Coolant,
     cadence: Cadence,
     /// The parser state as it was last told after a report.
@@ -203,6 +207,7 @@ impl Controller {
             spindle_rpm: 0.0,
             is_spindle_stopped: false,
             spindle_percent: 100,
+            override_flags: OverrideFlags::default(),
             coolant: Coolant::default(),
             cadence: Cadence::new(traits),
             reported_parser_state: String::new(),

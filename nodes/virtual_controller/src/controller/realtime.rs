@@ -4,7 +4,7 @@ use super::{Controller, Door, State};
 use crate::codes::Alarm;
 use crate::firmware::{Feedback, Flush, Hearing};
 use crate::gcode::{Coolant, Motion, Spindle};
-use crate::receive::{OverrideChange, Realtime};
+use crate::receive::Realtime;
 
 /// Until the spindle is up to speed after a door, seconds.
 const DOOR_SPINDLE_S: f64 = 4.0;
@@ -42,7 +42,7 @@ impl Controller {
             Realtime::FeedHold => self.feed_hold(),
             Realtime::SafetyDoor => self.open_door(),
             Realtime::JogCancel => self.cancel_jog(),
-            Realtime::Override(change) => self.change_override(change),
+            Realtime::Override(change) => self.ask_override(change),
             Realtime::SpindleStop => {
                 if matches!(self.state, State::Hold { is_stopped: true }) {
                     self.is_spindle_stopped = !self.is_spindle_stopped;
@@ -63,26 +63,6 @@ impl Controller {
             *flag = !*flag;
             self.parser.modal.coolant = self.coolant;
             self.cadence.accessories_changed();
-        }
-    }
-
-    fn change_override(&mut self, change: OverrideChange) {
-        let by = |percent: u8, by: i16| (i16::from(percent) + by).clamp(10, 200) as u8;
-        let mut overrides = self.planner.overrides();
-        let mut spindle = self.spindle_percent;
-        match change {
-            OverrideChange::FeedReset => overrides.feed_percent = 100,
-            OverrideChange::FeedBy(step) => {
-                overrides.feed_percent = by(overrides.feed_percent, step);
-            }
-            OverrideChange::Rapid(percent) => overrides.rapid_percent = percent,
-            OverrideChange::SpindleReset => spindle = 100,
-            OverrideChange::SpindleBy(step) => spindle = by(spindle, step),
-        }
-        if overrides != self.planner.overrides() || spindle != self.spindle_percent {
-            self.planner.set_overrides(overrides);
-            self.spindle_percent = spindle;
-            self.cadence.overrides_changed();
         }
     }
 

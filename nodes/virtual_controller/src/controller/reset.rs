@@ -1,5 +1,6 @@
 //! Beginning again: resets, alarms, switching on.
 
+use super::overrides::OverrideFlags;
 use super::report::Cadence;
 use super::{Controller, Door, State};
 use crate::codes::Alarm;
@@ -163,6 +164,7 @@ impl Controller {
         self.switch_off();
         self.spindle_rpm = 0.0;
         self.spindle_percent = 100;
+        self.override_flags = OverrideFlags::default();
         self.is_spindle_stopped = false;
         self.held_feed = 0.0;
         self.cadence = Cadence::new(self.traits());

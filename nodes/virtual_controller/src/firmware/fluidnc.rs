@@ -35,6 +35,7 @@ pub(super) static TRAITS: Traits = Traits {
     build_info,
     has_long_listings: false,
     reports_accessories_alone: false,
+    override_pass: None,
     reports_overrides_first: false,
     line_number_lingers: false,
     hold_shows_feed: false,

@@ -5,6 +5,10 @@ use crate::codes::ErrorCode;
 use crate::line::{Beyond, LineEnds, LineRules};
 use crate::receive::realtime;
 use crate::settings::Settings;
+use std::time::Duration;
+
+/// A pass of the main loop that reads a line and plans it, at 16 MHz.
+const MAIN_LOOP: Duration = Duration::from_millis(2);
 
 /// As on an Arduino Uno.
 pub(super) static TRAITS: Traits = Traits {
@@ -27,6 +31,7 @@ pub(super) static TRAITS: Traits = Traits {
     build_info,
     has_long_listings: false,
     reports_accessories_alone: false,
+    override_pass: Some(MAIN_LOOP),
     reports_overrides_first: false,
     line_number_lingers: false,
     hold_shows_feed: false,

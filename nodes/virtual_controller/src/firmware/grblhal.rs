@@ -36,6 +36,7 @@ pub(super) static TRAITS: Traits = Traits {
     build_info,
     has_long_listings: true,
     reports_accessories_alone: true,
+    override_pass: None,
     reports_overrides_first: true,
     line_number_lingers: true,
     hold_shows_feed: true,

@@ -10,6 +10,7 @@ mod grblhal;
 
 use std::fmt;
 use std::str::FromStr;
+use std::time::Duration;
 
 use crate::codes::{Alarm, ErrorCode};
 use crate::line::LineRules;
@@ -99,6 +100,9 @@ pub(crate) struct Traits {
     pub(crate) reports_accessories_alone: bool,
     /// Overrides come first after a reset, offsets second.
     pub(crate) reports_overrides_first: bool,
+    /// Time between two looks at the overrides, where equal bytes between them count once;
+    /// `None`: every byte counts.
+    pub(crate) override_pass: Option<Duration>,
     /// The last line number stays in reports when the machine stands.
     pub(crate) line_number_lingers: bool,
     /// In a finished hold the feed is the one from before it.

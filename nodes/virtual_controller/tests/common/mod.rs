@@ -57,6 +57,14 @@ impl Bench {
         self.heard()
     }
 
+    /// Sends bytes so far apart that the main loop looks at each.
+    pub(crate) fn send_spaced(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.send(&[*byte]);
+            self.wait(0.01);
+        }
+    }
+
     /// Sends a line and returns what comes back at once.
     pub(crate) fn say(&mut self, line: &str) -> String {
         self.send(format!("{line}\n").as_bytes())

@@ -93,6 +93,7 @@ fn spindle_and_coolant_show_beside_the_overrides() {
         ^?
         M8
         ^9A
+        wait 0.01
         ^?
         ^A0
         ^?
@@ -114,6 +115,7 @@ fn spindle_and_coolant_show_beside_the_overrides() {
         ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,600|Ov:100,100,100|A:S>
         M8                       ok
         ^9A
+        wait 0.01
         ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,660|Ov:100,100,110|A:SF>
         ^A0
         ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,660|Ov:100,100,110|A:S>
@@ -151,6 +153,106 @@ fn line_numbers_are_a_compile_option() {
         ^?                       <Run|MPos:4.500,0.000,0.000|Bf:14,128|Ln:120|FS:600,0|WCO:0.000,0.000,0.000>
         wait 3
         ^?                       <Idle|MPos:10.000,0.000,0.000|Bf:15,128|FS:0,0|Ov:100,100,100>
+    "#]],
+    );
+}
+
+// Source: serial.c and protocol_exec_rt_system; the bytes are bits.
+#[test]
+fn equal_override_bytes_between_two_passes_count_once_and_act_in_an_order_of_their_own() {
+    let script = r"
+        ^?
+        ^?
+        bytes \x91\x91\x91\x91\x91\x91\x91\x91\x91
+        ^?
+        wait 0.01
+        ^?
+        bytes \x93\x91\x94\x90\x9d\x9a\x95\x97
+        wait 0.01
+        ^?
+        bytes \x91
+        wait 0.01
+        bytes \x91\x93
+        wait 0.01
+        ^?
+    ";
+    check(
+        plain(&[]),
+        script,
+        expect![[r#"
+        ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>
+        ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0|Ov:100,100,100>
+        bytes \x91\x91\x91\x91\x91\x91\x91\x91\x91
+        ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0>
+        wait 0.01
+        ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0|Ov:110,100,100>
+        bytes \x93\x91\x94\x90\x9d\x9a\x95\x97
+        wait 0.01
+        ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0|Ov:110,25,109>
+        bytes \x91
+        wait 0.01
+        bytes \x91\x93
+        wait 0.01
+        ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0|Ov:131,25,109>
+    "#]],
+    );
+}
+
+// Eight bits: 10 - 10 - 1 is 255, which is cut to 200.
+#[test]
+fn two_steps_down_at_the_lower_limit_end_at_the_upper_one() {
+    let script = r"
+        ^?
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        ^?
+        bytes \x92\x94
+        wait 0.01
+        ^?
+    ";
+    check(
+        plain(&[]),
+        script,
+        expect![[r#"
+        ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        bytes \x92
+        wait 0.01
+        ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0|Ov:10,100,100>
+        bytes \x92\x94
+        wait 0.01
+        ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0|Ov:200,100,100>
     "#]],
     );
 }
