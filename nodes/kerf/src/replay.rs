@@ -18,6 +18,7 @@ pub(crate) mod recording;
 mod refused_loads;
 mod report;
 mod stack;
+mod states;
 mod tolerances;
 pub(crate) mod trim;
 mod update;

@@ -4,27 +4,21 @@ use super::ReplayError;
 use super::compare::{Comparison, Place};
 use super::given::Given;
 use super::output::Output;
-use super::recording::{RecordedState, Recording, monotonic_ns, nanoseconds};
+use super::recording::{Recording, monotonic_ns};
+use super::states::States;
 use super::words::{self, OtherWord};
 use axis_driver::driver::Output as DriverOutput;
 use axis_driver::encoder::EncoderConfig;
 use axis_driver::journal::{CommandError, Entry, EntryKind, command_from_json, replay as play};
 use axis_driver::node::{driver_config, kind_from_wire};
-use cnc_msgs::convert::{machine_state_to_wire, mode_from_wire};
 use cnc_msgs::path::CompensatedPath;
-use cnc_msgs::units::position_from_point;
-use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, MachineState, TrafficEntry};
-use cnc_msgs::wire::std_msgs::msg::Header;
+use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, TrafficEntry};
 use runtime::parameters::ParameterValue;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How long a state may take from the driver to its topic on a busy computer, ns.
-const ON_ITS_WAY_NS: i64 = 500_000_000;
-/// How far the time of a report may be off the entry that brought it, ns.
-const STAMP_NS: i64 = 5_000_000;
 /// Bytes of one difference that are shown.
 const SHOWN_BYTES: usize = 60;
 
@@ -93,8 +87,9 @@ pub(super) fn replay(
         let place = place_at(&played.outputs, recorded.monotonic_ns);
         comparison.differs_at(&format!("transmission {index}"), "data", text, place);
     }
-    let first = entries.first().map_or(0, |entry| entry.sequence);
-    compare_states(recording, first, &played.outputs, comparison);
+    if let Some(states) = States::of(recording, &entries, &played.outputs) {
+        states.compare(comparison);
+    }
     outputs.extend(traffic(recording, &played.transmitted));
     Ok(Some(Played { entries, played }))
 }
@@ -210,95 +205,6 @@ fn shown(bytes: &[u8]) -> String {
         Some(start) if text.len() > SHOWN_BYTES => format!("\"{start}...\""),
         _ => format!("\"{text}\""),
     }
-}
-
-/// Every state that was published must be one that the core goes through, in order.
-///
-/// The topic repeats states and may drop some; both are left out of account. States are matched
-/// from the last one back. Two may be of an entry that is not in the journal: the first, when it
-/// was on its way to the topic as the journal began, and those that tell of a report from
-/// behind the journal's end.
-fn compare_states(
-    recording: &Recording,
-    first_sequence: u64,
-    outputs: &[(Duration, DriverOutput)],
-    comparison: &mut Comparison,
-) {
-    let made: Vec<MachineState> = outputs
-        .iter()
-        .filter_map(|(_, output)| match output {
-            DriverOutput::State(state) => {
-                let state = machine_state_to_wire(Header::default(), state);
-                Some(recording.definitions.forget(comparable(&state)))
-            }
-            _ => None,
-        })
-        .collect();
-    let first = recording.traffic.get(&first_sequence);
-    let last = recording.traffic.values().next_back();
-    let begin_ns = first.map_or(0, |(_, entry)| nanoseconds(&entry.stamp));
-    let end_ns = last.map_or(i64::MAX, |(_, entry)| nanoseconds(&entry.stamp));
-    // What was said before the journal begins cannot be made again.
-    let mut recorded: Vec<Told> = recording
-        .states
-        .iter()
-        .map(|RecordedState { state, published_ns, .. }| Told {
-            published_ns: *published_ns,
-            report_ns: nanoseconds(&state.header.stamp),
-            state: comparable(state),
-        })
-        .filter(|told| told.published_ns >= begin_ns)
-        .collect();
-    recorded.dedup_by(|next, before| next.state == before.state);
-    let mut rest = made.iter().rev();
-    let mut matched = 0;
-    for (index, told) in recorded.iter().enumerate().rev() {
-        let before = rest.clone();
-        let Told { published_ns, report_ns, state } = told;
-        if rest.any(|made| made == state) {
-            matched += 1;
-            continue;
-        }
-        if *published_ns > end_ns && *report_ns > end_ns + STAMP_NS {
-            rest = before;
-            continue;
-        }
-        if index == 0 && *published_ns < begin_ns + ON_ITS_WAY_NS {
-            break;
-        }
-        let text = format!(
-            "{} \"{}\" of the report at {}.{:09} s is not reached in this order",
-            mode_from_wire(state.state).name(),
-            state.reason,
-            report_ns / 1_000_000_000,
-            report_ns % 1_000_000_000
-        );
-        let place = Place {
-            line: state.line,
-            position: state.position_known.then(|| position_from_point(&state.work_position)),
-            distance_mm: None,
-        };
-        comparison.differs_at(&format!("state {index}"), "state", text, place);
-        matched += 1;
-        break;
-    }
-    comparison.count("states", matched);
-    if matched == 0 {
-        comparison.differs("states", "count", "no state was told while the journal was written");
-    }
-}
-
-/// A state on its topic.
-struct Told {
-    published_ns: i64,
-    /// When the report came that it tells of, as far as the driver's clock is that exact.
-    report_ns: i64,
-    state: MachineState,
-}
-
-/// A state without what depends on when it was published.
-fn comparable(state: &MachineState) -> MachineState {
-    MachineState { header: Header::default(), link_age: 0.0, ..state.clone() }
 }
 
 /// What the core transmits now, as messages.

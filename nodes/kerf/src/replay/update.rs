@@ -217,16 +217,20 @@ impl Now {
             wire::MachineState::TYPE_NAME => {
                 let recorded: wire::MachineState = cdr::decode(data).ok()?;
                 let at = i64::try_from(message.publish_time_ns).unwrap_or(i64::MAX);
-                let count = self.states.partition_point(|(wall, _)| *wall <= at);
-                let count = count.max(self.told.get());
+                let told = self.told.get();
+                let count = self.states.partition_point(|(wall, _)| *wall <= at).max(told);
                 self.told.set(count);
-                let (_, state) = self.states.get(count.checked_sub(1)?)?;
-                let state = wire::MachineState {
-                    header: recorded.header,
-                    link_age: recorded.link_age,
-                    ..state.clone()
-                };
-                Some(vec![cdr::encapsulated(&state)])
+                // All that there were since the last message; the newest again if none.
+                let range = told.min(count.saturating_sub(1))..count;
+                let states = self.states.get(range).filter(|states| !states.is_empty())?;
+                let made = states.iter().map(|(_, state)| {
+                    cdr::encapsulated(&wire::MachineState {
+                        header: recorded.header.clone(),
+                        link_age: recorded.link_age,
+                        ..state.clone()
+                    })
+                });
+                Some(made.collect())
             }
             _ => None,
         }

@@ -180,3 +180,45 @@ fn a_plan_that_was_refused_and_blocks_that_nobody_asked_for_are_different() {
     let ran = after(unasked, Form::OURS, &["--level", "driver"]).expect(1);
     ran.says(&["DIFFERENT", "were recorded"]);
 }
+
+/// Messages of a type that are left in a bag: those that `keeps` is true for, with their place.
+fn thin<M: cnc_msgs::interface::Message>(bag: &mut TestBag, keeps: impl Fn(usize, &M) -> bool) {
+    let mut index = 0;
+    bag.change(|message: &mut M| {
+        index += 1;
+        keeps(index - 1, message)
+    });
+}
+
+#[test]
+fn a_state_that_the_driver_goes_through_is_missed_and_can_be_blessed() {
+    type State = wire::MachineState;
+    let without = |mode: u8| move |_: usize, state: &State| state.state != mode;
+    for name in ["rs274_hold_and_tool_change", "sinumerik_840c_wear_correction", "alarm_door"] {
+        let golden = TestBag::golden(name);
+        let middle = golden.all::<State>().len() / 2;
+        let one = |index: usize, _: &State| index == middle;
+        let cases: [(&str, &dyn Fn(usize, &State) -> bool); 4] = [
+            ("all but one", &one),
+            ("HOLD", &without(State::STATE_HOLD)),
+            ("TOOL_CHANGE", &without(State::STATE_TOOL_CHANGE)),
+            ("DOOR", &without(State::STATE_DOOR)),
+        ];
+        for (what, keeps) in cases {
+            let folder = Folder::new();
+            let path = folder.path().join("bag");
+            let mut bag = golden.clone();
+            thin(&mut bag, keeps);
+            bag.write(&path, Form::JAZZY);
+            if bag.messages.len() == golden.messages.len() {
+                replay(&path, &[]).expect(0);
+                continue;
+            }
+            let ran = replay(&path, &[]).expect(1);
+            ran.says(&["DIFFERENT", "the driver goes through", "does not have that state"]);
+            if what != "all but one" {
+                replay(&path, &["--update"]).expect(0).says(&["updated; it is reproduced now"]);
+            }
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! The driver's states in a bag, compared with those that its core goes through now.
+//!
+//! Finds both lists and words what is different; what counts as different is said in [`order`].
+
+mod order;
+
+use super::compare::{Comparison, Place};
+use super::recording::{Recording, nanoseconds};
+use axis_driver::driver::Output as DriverOutput;
+use axis_driver::journal::{Entry, EntryKind};
+use cnc_msgs::convert::{machine_state_to_wire, mode_from_wire};
+use cnc_msgs::units::position_from_point;
+use cnc_msgs::wire::cnc_msgs::msg::MachineState;
+use cnc_msgs::wire::std_msgs::msg::Header;
+use order::{Difference, Made, Published, Span};
+use std::time::Duration;
+
+/// The states of a record: those that were published and those that the core goes through.
+pub(super) struct States {
+    published: Vec<Published>,
+    made: Vec<Made>,
+    span: Span,
+}
+
+impl States {
+    /// `None` without a journal.
+    pub(super) fn of(
+        recording: &Recording,
+        entries: &[Entry],
+        outputs: &[(Duration, DriverOutput)],
+    ) -> Option<Self> {
+        let (zero_ns, span) = span(recording, entries)?;
+        let made = outputs.iter().filter_map(|(at, output)| match output {
+            DriverOutput::State(state) => {
+                let state = machine_state_to_wire(Header::default(), state);
+                let state = recording.definitions.forget(comparable(&state));
+                let since_ns = i64::try_from(at.as_nanos()).unwrap_or(i64::MAX);
+                Some(Made { at_ns: zero_ns.saturating_add(since_ns), state })
+            }
+            _ => None,
+        });
+        let published = recording.states.iter().map(|told| Published {
+            published_ns: told.published_ns,
+            report_ns: nanoseconds(&told.state.header.stamp),
+            state: comparable(&told.state),
+        });
+        Some(Self { published: published.collect(), made: made.collect(), span })
+    }
+
+    /// Every state that was published is one that the core goes through, and the other way
+    /// around.
+    pub(super) fn compare(&self, comparison: &mut Comparison) {
+        let Self { published, made, span } = self;
+        let (equal, differences) = order::compare(published, made, *span);
+        comparison.count("states", equal + differences.len());
+        for difference in differences {
+            let (message, text, state) = match &difference {
+                Difference::NotMade(index, Published { report_ns, state, .. }) => {
+                    let text = format!(
+                        "{} of the report at {} is not reached in this order",
+                        named(state),
+                        seconds(*report_ns)
+                    );
+                    (format!("state {index}"), text, state)
+                }
+                Difference::NotPublished(index, Made { at_ns, state }) => {
+                    let text = format!(
+                        "the driver goes through {} at {}, and the bag does not have that state in \
+                         this place",
+                        named(state),
+                        seconds(*at_ns)
+                    );
+                    (format!("state of now {index}"), text, state)
+                }
+            };
+            let place = Place {
+                line: state.line,
+                position: state.position_known.then(|| position_from_point(&state.work_position)),
+                distance_mm: None,
+            };
+            comparison.differs_at(&message, "state", text, place);
+        }
+        if equal == 0 {
+            comparison.differs(
+                "states",
+                "count",
+                "no state was told while the journal was written",
+            );
+        }
+    }
+}
+
+/// The wall time at which the driver's clock showed zero, and what the record covers.
+fn span(recording: &Recording, entries: &[Entry]) -> Option<(i64, Span)> {
+    let (first, last) = (entries.first()?, entries.last()?);
+    let (_, begin) = recording.traffic.get(&first.sequence)?;
+    let clock_ns = |entry: &Entry| i64::try_from(entry.monotonic_ns).unwrap_or(i64::MAX);
+    let batches = batches(recording, first.sequence);
+    let jump_ns = jump_ns(&batches);
+    let zero_ns = nanoseconds(&begin.stamp).saturating_sub(clock_ns(first)).saturating_add(jump_ns);
+    let live = batches.iter().filter(|batch| batch.is_live()).map(|batch| batch.logged_ns);
+    let heard = live.chain(recording.states.iter().map(|it| it.at_ns));
+    let span = Span {
+        begin_ns: zero_ns.saturating_add(clock_ns(first)),
+        begins_at_checkpoint: first.kind == EntryKind::Checkpoint,
+        end_ns: zero_ns.saturating_add(clock_ns(last)),
+        heard_ns: heard.max().unwrap_or(i64::MIN),
+    };
+    Some((zero_ns, span))
+}
+
+/// Entries that came together; times are nanoseconds since the epoch.
+struct Batch {
+    /// When the recorder heard of it; of what it fetched later, when the first was written.
+    logged_ns: i64,
+    oldest_ns: i64,
+    newest_ns: i64,
+}
+
+impl Batch {
+    fn is_live(&self) -> bool {
+        self.logged_ns != self.oldest_ns
+    }
+}
+
+/// The journal from an entry on, by the messages that it came in.
+fn batches(recording: &Recording, first: u64) -> Vec<Batch> {
+    let mut batches: Vec<Batch> = Vec::new();
+    for (logged_ns, entry) in recording.traffic.range(first..).map(|(_, row)| row) {
+        let logged_ns = i64::try_from(*logged_ns).unwrap_or(i64::MAX);
+        let at_ns = nanoseconds(&entry.stamp);
+        match batches.last_mut() {
+            Some(batch) if batch.logged_ns == logged_ns => batch.newest_ns = at_ns,
+            _ => batches.push(Batch { logged_ns, oldest_ns: at_ns, newest_ns: at_ns }),
+        }
+    }
+    batches
+}
+
+/// How far the wall clock was set between the driver's start and the record: entries are stamped
+/// by the clock of then.
+fn jump_ns(batches: &[Batch]) -> i64 {
+    /// A batch is on its way for less.
+    const JUMP_NS: u64 = 1_000_000_000;
+    let first = batches.iter().find(|batch| batch.is_live());
+    let behind_ns = first.map_or(0, |batch| batch.logged_ns.saturating_sub(batch.newest_ns));
+    if behind_ns.unsigned_abs() > JUMP_NS { behind_ns } else { 0 }
+}
+
+/// `HOLD "FEED_HOLD"`.
+fn named(state: &MachineState) -> String {
+    format!("{} \"{}\"", mode_from_wire(state.state).name(), state.reason)
+}
+
+/// `123.000000004 s`.
+fn seconds(ns: i64) -> String {
+    format!("{}.{:09} s", ns.div_euclid(1_000_000_000), ns.rem_euclid(1_000_000_000))
+}
+
+/// A state without what depends on when it was published.
+fn comparable(state: &MachineState) -> MachineState {
+    MachineState { header: Header::default(), link_age: 0.0, ..state.clone() }
+}
+
+#[cfg(test)]
+mod tests;
