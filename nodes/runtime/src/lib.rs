@@ -96,6 +96,7 @@ mod service;
 mod session;
 mod sockets;
 mod subscription;
+pub mod supervision;
 mod tasks;
 mod throttle;
 mod time;

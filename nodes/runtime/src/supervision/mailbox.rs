@@ -1,0 +1,113 @@
+//! The socket on which a supervisor hears one child.
+//!
+//! It lies in a folder that nobody but this user can enter: nobody else can speak for the child,
+//! or fill the queue so that the child is not heard.
+
+use std::fs::{DirBuilder, remove_dir, remove_file};
+use std::io;
+use std::os::unix::fs::DirBuilderExt;
+use std::os::unix::net::UnixDatagram;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Folders of this process so far.
+static FOLDERS: AtomicU32 = AtomicU32::new(0);
+/// A longer text is cut; the longest of ours is a status line.
+const TEXT_MAX: usize = 4_096;
+/// A child that sends more between two looks is heard the rest of the next time.
+const TEXTS_MAX: usize = 1_000;
+
+/// What a child said since the last look.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Heard {
+    pub(crate) ready: bool,
+    pub(crate) alive: bool,
+    pub(crate) stopping: bool,
+}
+
+impl Heard {
+    /// Reads one text, a `NAME=value` a line; names that are not known are passed over.
+    pub(crate) fn take(&mut self, text: &[u8]) {
+        for line in text.split(|byte| *byte == b'\n') {
+            match line {
+                b"READY=1" => self.ready = true,
+                b"WATCHDOG=1" => self.alive = true,
+                b"STOPPING=1" => self.stopping = true,
+                _ => {}
+            }
+        }
+    }
+}
+
+/// A bound socket and its folder; both are removed with it.
+#[derive(Debug)]
+pub(crate) struct Mailbox {
+    socket: UnixDatagram,
+    folder: PathBuf,
+}
+
+impl Mailbox {
+    /// Binds a socket in a folder of its own.
+    pub(crate) fn new() -> io::Result<Self> {
+        let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+        let places =
+            [runtime, Some(std::env::temp_dir()), Some("/tmp".into()), Some("/dev/shm".into())];
+        let mut last = io::Error::other("there is no folder for sockets");
+        // One may be missing, read-only, or too long a path for a socket.
+        for place in places.into_iter().flatten().filter(|place| place.is_absolute()) {
+            match Self::below(&place) {
+                Ok(mailbox) => return Ok(mailbox),
+                Err(error) => {
+                    last = io::Error::new(error.kind(), format!("{}: {error}", place.display()));
+                }
+            }
+        }
+        Err(last)
+    }
+
+    fn below(place: &Path) -> io::Result<Self> {
+        loop {
+            let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
+            let folder = place.join(format!("kerf-watch-{}-{number}", std::process::id()));
+            match DirBuilder::new().mode(0o700).create(&folder) {
+                Ok(()) => {}
+                // One that was left by a process with the same number.
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => continue,
+                Err(error) => return Err(error),
+            }
+            let bound = UnixDatagram::bind(folder.join("notify"))
+                .and_then(|socket| socket.set_nonblocking(true).map(|()| socket));
+            return match bound {
+                Ok(socket) => Ok(Self { socket, folder }),
+                Err(error) => {
+                    let _ = remove_dir(&folder);
+                    Err(error)
+                }
+            };
+        }
+    }
+
+    /// What `NOTIFY_SOCKET` is for the child.
+    pub(crate) fn path(&self) -> PathBuf {
+        self.folder.join("notify")
+    }
+
+    /// All that came since the last look.
+    pub(crate) fn look(&self) -> Heard {
+        let (mut heard, mut text) = (Heard::default(), [0; TEXT_MAX]);
+        for _ in 0..TEXTS_MAX {
+            // Nothing there, or nothing that can be read: the child is silent.
+            let Ok(length) = self.socket.recv(&mut text) else { break };
+            heard.take(&text[..length]);
+        }
+        heard
+    }
+}
+
+impl Drop for Mailbox {
+    fn drop(&mut self) {
+        // Somebody may have tidied up already.
+        let _ = remove_file(self.path());
+        let _ = remove_dir(&self.folder);
+    }
+}

@@ -1,0 +1,213 @@
+//! When a child counts as silent, and when it is started again.
+//!
+//! A pure core: it is given the time and what was heard. Time in which the supervisor itself did
+//! not run (it was stopped, or the computer is overloaded) is no silence of the child.
+
+use super::mailbox::Heard;
+use std::time::{Duration, Instant};
+
+/// The most that counts as silence between two looks of the supervisor.
+const COUNTED_MAX: Duration = Duration::from_millis(500);
+
+/// What a supervisor puts up with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// The longest silence of a child that was ready; the child learns it as `WATCHDOG_USEC`.
+    pub silence_max: Duration,
+    /// The longest that a child takes from its start to `READY=1`.
+    pub start_max: Duration,
+    /// The pause before a child that ended soon is started again; it doubles each time.
+    pub pause_min: Duration,
+    /// The longest such pause.
+    pub pause_max: Duration,
+    /// A child that was ready and lived this long is started again at once when it ends.
+    pub settled_after: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            silence_max: Duration::from_secs(5),
+            start_max: Duration::from_secs(60),
+            pause_min: Duration::from_millis(250),
+            pause_max: Duration::from_secs(10),
+            settled_after: Duration::from_secs(5),
+        }
+    }
+}
+
+/// The life of a child as the core sees it.
+#[derive(Debug)]
+pub(super) struct Patience {
+    limits: Limits,
+    phase: Phase,
+    /// Silence so far.
+    silence: Duration,
+    looked: Instant,
+    started: Instant,
+    /// The next pause, unless the child settles.
+    pause: Duration,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    Starting,
+    Ready,
+    /// It ends by itself; whoever asked it to counts the time.
+    Stopping,
+}
+
+impl Patience {
+    pub(super) fn new(limits: Limits, now: Instant) -> Self {
+        Self {
+            limits,
+            phase: Phase::Starting,
+            silence: Duration::ZERO,
+            looked: now,
+            started: now,
+            pause: Duration::ZERO,
+        }
+    }
+
+    /// A child was started, the first one or another.
+    pub(super) fn started(&mut self, now: Instant) {
+        (self.phase, self.silence) = (Phase::Starting, Duration::ZERO);
+        (self.looked, self.started) = (now, now);
+    }
+
+    /// Takes what was heard until now; true when the child has just become ready.
+    pub(super) fn hear(&mut self, heard: Heard, now: Instant) -> bool {
+        self.silence += now.saturating_duration_since(self.looked).min(COUNTED_MAX);
+        self.looked = now;
+        if heard.alive || heard.ready {
+            self.silence = Duration::ZERO;
+        }
+        let becomes_ready = heard.ready && self.phase == Phase::Starting;
+        if becomes_ready {
+            self.phase = Phase::Ready;
+        }
+        if heard.stopping {
+            self.phase = Phase::Stopping;
+        }
+        becomes_ready
+    }
+
+    /// How long the child has been silent, when that is too long.
+    pub(super) fn silent_for(&self) -> Option<Duration> {
+        let limit = match self.phase {
+            Phase::Starting => self.limits.start_max,
+            Phase::Ready => self.limits.silence_max,
+            Phase::Stopping => return None,
+        };
+        (self.silence > limit).then_some(self.silence)
+    }
+
+    pub(super) fn is_ready(&self) -> bool {
+        self.phase == Phase::Ready
+    }
+
+    /// The child ended or could not be started: how long until the next one is started.
+    pub(super) fn pause(&mut self, now: Instant) -> Duration {
+        let lived = now.saturating_duration_since(self.started);
+        let has_settled = self.phase != Phase::Starting && lived >= self.limits.settled_after;
+        if has_settled {
+            self.pause = Duration::ZERO;
+        }
+        let pause = self.pause;
+        self.pause = (2 * pause).clamp(self.limits.pause_min, self.limits.pause_max);
+        pause
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: Limits = Limits {
+        silence_max: Duration::from_secs(5),
+        start_max: Duration::from_secs(30),
+        pause_min: Duration::from_millis(250),
+        pause_max: Duration::from_secs(2),
+        settled_after: Duration::from_secs(5),
+    };
+    const NOTHING: Heard = Heard { ready: false, alive: false, stopping: false };
+    const READY: Heard = Heard { ready: true, ..NOTHING };
+    const ALIVE: Heard = Heard { alive: true, ..NOTHING };
+    const STOPPING: Heard = Heard { stopping: true, ..NOTHING };
+
+    /// Looks every 100 ms for so long, hearing the same each time.
+    fn look(patience: &mut Patience, now: &mut Instant, seconds: f64, heard: Heard) {
+        for _ in 0..(seconds * 10.0).round() as usize {
+            *now += Duration::from_millis(100);
+            patience.hear(heard, *now);
+        }
+    }
+
+    #[test]
+    fn a_child_that_was_ready_may_be_silent_for_so_long_and_no_longer() {
+        let mut now = Instant::now();
+        let mut patience = Patience::new(LIMITS, now);
+        assert!(patience.hear(READY, now) && patience.is_ready());
+        look(&mut patience, &mut now, 60.0, ALIVE);
+        assert_eq!(patience.silent_for(), None);
+        look(&mut patience, &mut now, 5.0, NOTHING);
+        assert_eq!(patience.silent_for(), None);
+        look(&mut patience, &mut now, 0.1, NOTHING);
+        assert_eq!(patience.silent_for(), Some(Duration::from_millis(5_100)));
+    }
+
+    #[test]
+    fn a_child_that_starts_has_longer() {
+        let mut now = Instant::now();
+        let mut patience = Patience::new(LIMITS, now);
+        look(&mut patience, &mut now, 30.0, NOTHING);
+        assert_eq!(patience.silent_for(), None);
+        look(&mut patience, &mut now, 0.1, NOTHING);
+        assert!(patience.silent_for().is_some());
+    }
+
+    #[test]
+    fn a_minute_in_which_the_supervisor_was_stopped_is_no_silence() {
+        let mut now = Instant::now();
+        let mut patience = Patience::new(LIMITS, now);
+        patience.hear(READY, now);
+        look(&mut patience, &mut now, 4.0, NOTHING);
+        now += Duration::from_secs(60);
+        patience.hear(NOTHING, now);
+        assert_eq!(patience.silent_for(), None);
+        look(&mut patience, &mut now, 0.6, NOTHING);
+        assert!(patience.silent_for().is_some(), "the child really is silent");
+    }
+
+    #[test]
+    fn a_child_that_ends_in_its_own_order_is_not_silent() {
+        let mut now = Instant::now();
+        let mut patience = Patience::new(LIMITS, now);
+        patience.hear(READY, now);
+        patience.hear(STOPPING, now);
+        look(&mut patience, &mut now, 60.0, NOTHING);
+        assert_eq!(patience.silent_for(), None);
+    }
+
+    #[test]
+    fn pauses_double_until_a_child_settles() {
+        let mut now = Instant::now();
+        let mut patience = Patience::new(LIMITS, now);
+        let mut pauses = Vec::new();
+        for _ in 0..6 {
+            now += Duration::from_secs(1);
+            pauses.push(patience.pause(now).as_millis());
+            patience.started(now);
+        }
+        assert_eq!(pauses, [0, 250, 500, 1_000, 2_000, 2_000]);
+        // One that never was ready has not settled.
+        now += Duration::from_secs(60);
+        assert_eq!(patience.pause(now).as_millis(), 2_000);
+        patience.started(now);
+        patience.hear(READY, now);
+        now += Duration::from_secs(60);
+        assert_eq!(patience.pause(now).as_millis(), 0);
+        patience.started(now);
+        assert_eq!(patience.pause(now).as_millis(), 250);
+    }
+}
