@@ -17,6 +17,7 @@ pub(crate) mod planner;
 pub(crate) mod recording;
 mod refused_loads;
 mod report;
+mod run_end;
 mod stack;
 mod states;
 mod tolerances;
@@ -297,6 +298,10 @@ fn replay(path: &Path, levels: &[Level], how: How<'_>) -> Result<Verdict, Replay
             Level::Planner => *plans = planner::replay(given, &mut comparison, outputs)?,
             Level::Driver if gaps.is_empty() => {
                 *played = driver::replay(given, &mut comparison, outputs)?;
+                if let Some(played) = played {
+                    let goal = contents.goal_id.as_deref();
+                    run_end::compare(&given.recording, goal, played, &mut comparison)?;
+                }
             }
             Level::Stack if gaps.is_empty() => {
                 stack::replay(&given.recording, path, how.out, &mut comparison)?;

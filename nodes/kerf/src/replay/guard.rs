@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// How a bag comes by all that replay needs.
-const HELP: &str = "run_recorder records it by itself; a bag of `ros2 bag record -s mcap --all` \
-                    holds it when that was started before the program was loaded";
+pub(super) const HELP: &str = "run_recorder records it by itself; a bag of `ros2 bag record -s mcap --all` holds it when \
+     that was started before the program was loaded, and stopped after the run";
 
 /// What the channels of a bag say, apart from their messages.
 #[derive(Debug, Default)]
@@ -23,6 +23,8 @@ pub(crate) struct Contents {
     types: BTreeMap<String, BTreeMap<String, u64>>,
     /// The program that the bag says it is of.
     program_id: Option<String>,
+    /// The goal that the bag says it is of, as hexadecimal digits.
+    pub(super) goal_id: Option<String>,
 }
 
 impl Contents {
@@ -35,8 +37,9 @@ impl Contents {
             let topics = contents.types.entry(channel.type_name().to_owned()).or_default();
             *topics.entry(channel.topic.clone()).or_default() += channel.message_count;
         }
-        let id = run.and_then(|run| run.get("program_id"));
-        contents.program_id = id.filter(|id| !id.is_empty()).cloned();
+        let id = |key: &str| run?.get(key).filter(|id| !id.is_empty()).cloned();
+        contents.program_id = id("program_id");
+        contents.goal_id = id("goal_id");
         contents
     }
 

@@ -1,8 +1,9 @@
 //! Nothing passes because nothing was looked at.
 
-use crate::bag::{Form, TestBag};
+use crate::bag::{Form, TestBag, golden};
 use crate::replay;
 use crate::support::{Folder, Ran, kerf, run};
+use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 
 const BAG: &str = "sinumerik_840c_contour";
@@ -181,6 +182,49 @@ fn a_plan_that_was_refused_and_blocks_that_nobody_asked_for_are_different() {
     ran.says(&["DIFFERENT", "were recorded"]);
 }
 
+#[test]
+fn a_record_that_stops_in_mid_run_is_refused_whatever_it_says_of_itself() {
+    for folder in std::fs::read_dir(golden("")).expect("bags/") {
+        let folder = folder.expect("an entry").path();
+        if !folder.is_dir() || folder.ends_with("rs274_older_definitions") {
+            continue;
+        }
+        let whole = TestBag::read(&folder);
+        let is_end = |status: &GoalStatusArray| {
+            status
+                .status_list
+                .last()
+                .is_some_and(|goal| goal.status >= GoalStatus::STATUS_SUCCEEDED)
+        };
+        let topic = whole.goals();
+        let of_goals = whole.messages.iter().filter(|it| it.topic == topic);
+        let end = of_goals
+            .filter(|it| is_end(&cnc_msgs::cdr::decode(&it.data).expect("a status")))
+            .map(|it| it.log_time)
+            .max()
+            .expect("the goal ended");
+        let times = whole.messages.iter().map(|it| it.log_time);
+        let begin = times.min().expect("messages");
+        for (part, form) in [(2, Form::OURS), (9, Form::OURS), (5, Form::JAZZY)] {
+            let until = begin + (end - begin) * part / 10;
+            let mut bag = whole.clone();
+            bag.messages.retain(|it| it.log_time < until);
+            let place = Folder::new();
+            let path = place.path().join("bag");
+            bag.write(&path, form);
+            let ran = replay(&path, &[]);
+            assert_eq!(ran.status, 2, "{}, {part}/10: {}", folder.display(), ran.out);
+        }
+        // All but what became of the goal.
+        let mut bag = whole.clone();
+        bag.messages.retain(|it| it.topic != topic);
+        let place = Folder::new();
+        let path = place.path().join("bag");
+        bag.write(&path, Form::OURS);
+        replay(&path, &[]).expect(2).says(&["the result of goal", "run_program/_action/status"]);
+    }
+}
+
 /// Messages of a type that are left in a bag: those that `keeps` is true for, with their place.
 fn thin<M: cnc_msgs::interface::Message>(bag: &mut TestBag, keeps: impl Fn(usize, &M) -> bool) {
     let mut index = 0;
@@ -198,7 +242,8 @@ fn a_state_that_the_driver_goes_through_is_missed_and_can_be_blessed() {
         let golden = TestBag::golden(name);
         let middle = golden.all::<State>().len() / 2;
         let one = |index: usize, _: &State| index == middle;
-        let cases: [(&str, &dyn Fn(usize, &State) -> bool); 4] = [
+        type Keeps<'a> = &'a dyn Fn(usize, &State) -> bool;
+        let cases: [(&str, Keeps<'_>); 4] = [
             ("all but one", &one),
             ("HOLD", &without(State::STATE_HOLD)),
             ("TOOL_CHANGE", &without(State::STATE_TOOL_CHANGE)),

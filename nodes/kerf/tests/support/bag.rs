@@ -139,6 +139,12 @@ impl TestBag {
         self.topics.iter().position(is_of).expect("a run has this topic")
     }
 
+    /// The place of the topic that tells what becomes of goals of `run_program`.
+    pub(crate) fn goals(&self) -> usize {
+        let is_of = |topic: &Topic| topic.name.ends_with("run_program/_action/status");
+        self.topics.iter().position(is_of).expect("a run has this topic")
+    }
+
     /// Leaves out the messages of a type; the topic stays, and is silent.
     pub(crate) fn silence<M: Message>(&mut self) {
         let topic = self.topic::<M>();

@@ -10,8 +10,6 @@ use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 /// How much later than others of the driver's messages a state may be on its topic, or entries
 /// of the journal on theirs, ns. It is some milliseconds on a computer that is not busy.
 const LATE_NS: i64 = 200_000_000;
-/// How far the time of a report may be off the entry that brought it, ns.
-const STAMP_NS: i64 = 5_000_000;
 /// Differences after which no more are looked for.
 const DIFFERENCES_MAX: usize = 1000;
 
@@ -99,11 +97,9 @@ pub(super) fn compare(
     let is_missed = |it: &&&Made| it.at_ns + LATE_NS <= span.heard_ns;
     let missed = made[is..].iter().take_while(|it| is_missed(it)).count();
     differences.extend(not_published(&made, is..is + missed));
-    // A report from behind the journal's end brings what its last entries do not.
-    let is_later = |it: &Published| {
-        let since_ns = it.published_ns - span.end_ns;
-        0 < since_ns && since_ns <= LATE_NS && it.report_ns > span.end_ns + STAMP_NS
-    };
+    // The entries of a state that is the last to be heard may not have been.
+    let is_later =
+        |it: &Published| it.report_ns > span.end_ns && it.published_ns + LATE_NS > span.heard_ns;
     let unmade = published[was..].iter().filter(|it| !is_later(it)).count();
     differences.extend(not_made(&published, was..was + unmade));
     (equal, differences)

@@ -198,7 +198,13 @@ fn the_ends_of_a_record_are_judged_by_what_was_heard_there() {
         ("one more there", &[(1000, 0), (2000, 1)], &[(1100, 9), (2000, 1)], 0, 1),
         ("one more later", &[(1000, 0), (2000, 1)], &[(1300, 9), (1310, 0), (2000, 1)], 0, 2),
         ("a report after the journal", &[(1000, 0), (2000, 1)], &[(2000, 1), (5100, 2)], 0, 0),
-        ("long after the journal", &[(1000, 0), (2000, 1)], &[(2000, 1), (5300, 2)], 0, 1),
+        (
+            "said until long after the journal",
+            &[(1000, 0), (2000, 1)],
+            &[(2000, 1), (5300, 2), (5500, 2)],
+            0,
+            1,
+        ),
         ("in the journal's time", &[(1000, 0), (2000, 1)], &[(2000, 1), (4900, 2)], 0, 1),
         ("not heard any more", &[(1000, 0), (2000, 1), (4900, 2)], &[(2000, 1)], 0, 0),
         ("heard, and not recorded", &[(1000, 0), (2000, 1), (4800, 2)], &[(2000, 1)], 1, 0),
@@ -206,7 +212,9 @@ fn the_ends_of_a_record_are_judged_by_what_was_heard_there() {
     ];
     for (what, is, was, is_missed, was_missed) in cases {
         let (is, was) = lists(is, was);
-        let (_, differences) = compare(&was, &is, span);
+        let heard = was.iter().map(|it| it.published_ns);
+        let heard_ns = heard.chain([span.heard_ns]).max().expect("two times");
+        let (_, differences) = compare(&was, &is, Span { heard_ns, ..span });
         let of_now = |it: &&Difference| matches!(it, Difference::NotPublished(..));
         let count = differences.iter().filter(of_now).count();
         assert_eq!((count, differences.len() - count), (is_missed, was_missed), "{what}");

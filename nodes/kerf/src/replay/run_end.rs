@@ -1,0 +1,105 @@
+//! Whether a record goes on to the end of its run, and how that ended.
+//!
+//! A journal that stops in mid-run plays as well as a whole one, as far as it goes; nothing
+//! behind it is compared. So the end has to be there: the driver's core ends each run that it
+//! began, and the goal that the bag is of has a result, the same that the core comes to now.
+
+use super::compare::Comparison;
+use super::driver::Played;
+use super::guard::HELP;
+use super::recording::Recording;
+use super::{Level, ReplayError};
+use axis_driver::driver::{Output, RunOutcome};
+use axis_driver::journal::EntryKind;
+use cnc_msgs::chunk::hex;
+use cnc_msgs::wire::action_msgs::msg::GoalStatus;
+use serde::Deserialize;
+
+/// What a run was begun with.
+#[derive(Deserialize)]
+struct Asked {
+    id: u64,
+    command: String,
+}
+
+/// Compares how the run ended; refuses a record that stops before.
+pub(super) fn compare(
+    recording: &Recording,
+    goal: Option<&str>,
+    played: &Played,
+    comparison: &mut Comparison,
+) -> Result<(), ReplayError> {
+    let outcomes = outcomes(played);
+    // Where it goes other ways now, that is what is to be told.
+    if comparison.differences.is_empty()
+        && outcomes.iter().any(Option::is_none)
+        && let Some(last) = played.entries.last()
+    {
+        return absent(format!(
+            "the journal stops in the middle of a run, with entry {} at {:.3} s of the driver's \
+             clock",
+            last.sequence,
+            last.monotonic_ns as f64 / 1e9
+        ));
+    }
+    let Some(goal) = goal else { return Ok(()) };
+    let Some(status) = result(recording, goal) else {
+        return absent(format!("the result of goal {goal} (usually run_program/_action/status)"));
+    };
+    // Of several nobody knows which was of the goal.
+    if let [Some(outcome)] = outcomes[..]
+        && status_of(outcome) != status
+    {
+        let text = format!("{} became {}", word(status), word(status_of(outcome)));
+        comparison.differs("result of the goal", "status", text);
+    }
+    Ok(())
+}
+
+fn absent(missing: String) -> Result<(), ReplayError> {
+    Err(ReplayError::Absent { level: Level::Driver.name(), missing, help: HELP })
+}
+
+/// How each run ended that was begun and not refused; `None` for one that goes on.
+fn outcomes(played: &Played) -> Vec<Option<RunOutcome>> {
+    let outputs = || played.played.outputs.iter().map(|(_, output)| output);
+    let asked = played.entries.iter().filter(|entry| entry.kind == EntryKind::Command);
+    let asked = asked.filter_map(|entry| serde_json::from_slice::<Asked>(&entry.data).ok());
+    let ids = asked.filter(|asked| asked.command == "run_program").map(|asked| asked.id);
+    let is_refused = |id: &u64| {
+        outputs().any(|it| matches!(it, Output::Reply { id: of, result: Err(_) } if of == id))
+    };
+    let outcome = |id: u64| {
+        outputs().find_map(|it| match it {
+            Output::RunFinished(result) if result.id == id => Some(result.outcome),
+            _ => None,
+        })
+    };
+    ids.filter(|id| !is_refused(id)).map(outcome).collect()
+}
+
+/// The last status of a goal, if that is an end.
+fn result(recording: &Recording, goal: &str) -> Option<i8> {
+    let rows = recording.goals.iter().flat_map(|array| &array.status_list);
+    let of_goal = rows.filter(|row| hex(&row.goal_info.goal_id.uuid) == goal);
+    of_goal.map(|row| row.status).next_back().filter(|status| {
+        [GoalStatus::STATUS_SUCCEEDED, GoalStatus::STATUS_CANCELED, GoalStatus::STATUS_ABORTED]
+            .contains(status)
+    })
+}
+
+const fn status_of(outcome: RunOutcome) -> i8 {
+    match outcome {
+        RunOutcome::Succeeded => GoalStatus::STATUS_SUCCEEDED,
+        RunOutcome::Canceled => GoalStatus::STATUS_CANCELED,
+        RunOutcome::Aborted => GoalStatus::STATUS_ABORTED,
+    }
+}
+
+const fn word(status: i8) -> &'static str {
+    match status {
+        GoalStatus::STATUS_SUCCEEDED => "SUCCEEDED",
+        GoalStatus::STATUS_CANCELED => "CANCELED",
+        _ => "ABORTED",
+    }
+}
