@@ -34,7 +34,7 @@ mod tolerances;
 
 pub use axes::{AXES, AXIS_LETTERS, Vector};
 pub use codes::ErrorCode;
-pub use controller::{Build, Controller};
+pub use controller::{Build, Controller, Drawn};
 pub use counts::Counts;
 pub use fault::{Direction, Fault, FaultAction, FaultError, FaultInjector, Spoil, Trigger};
 pub use firmware::{Firmware, UnknownFirmware};

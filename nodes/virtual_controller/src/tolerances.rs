@@ -13,16 +13,16 @@ pub(crate) const NEGLIGIBLE_SHARE: f64 = 1e-12;
 pub(crate) const STRAIGHT: f64 = 1e-6;
 
 /// The end of an arc may miss its circle by this, mm; the firmware's rule for error 33.
-pub(crate) const RADIUS_MISMATCH_MM: f64 = 0.005;
+pub(crate) const RADIUS_MISMATCH_MM: f32 = 0.005;
 
 /// It never may miss it by more than this, mm; the same rule.
-pub(crate) const RADIUS_MISMATCH_MM_MAX: f64 = 0.5;
+pub(crate) const RADIUS_MISMATCH_MM_MAX: f32 = 0.5;
 
 /// Between both, by this share of the radius; the same rule.
-pub(crate) const RADIUS_MISMATCH_SHARE: f64 = 0.001;
+pub(crate) const RADIUS_MISMATCH_SHARE: f32 = 0.001;
 
 /// A sweep below this is a full circle, radians; the firmware's.
-pub(crate) const FULL_CIRCLE_RAD: f64 = 5e-7;
+pub(crate) const FULL_CIRCLE_RAD: f32 = 5e-7;
 
 /// Chords are never finer than for this deviation, mm, whatever `$12` says: it may be zero.
 pub(crate) const CHORD_MM_MIN: f64 = 1e-4;

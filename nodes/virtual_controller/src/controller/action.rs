@@ -3,7 +3,7 @@
 //! An action that cannot go on yet keeps its place, and everything behind it
 //! waits: that is how `ok` is withheld.
 
-use super::{Controller, Probing, State};
+use super::{Controller, Drawn, Probing, State};
 use crate::codes::{Alarm, ErrorCode};
 use crate::counts::UNDERRUN_S;
 use crate::firmware::Feedback;
@@ -33,6 +33,8 @@ pub(super) enum Action {
         left_s: f64,
     },
     Spindle(Spindle),
+    /// The power of a laser from the next block on, without a stop.
+    Power,
     Coolant(Coolant),
     SelectSystem(usize),
     SetWorkOffset {
@@ -103,6 +105,7 @@ impl Controller {
                     }
                     self.plan(&motion);
                 }
+                self.note_drawn(&motion);
             }
             Action::Chords { mut chords, pace, line_number } => {
                 if self.planner.is_full() {
@@ -151,7 +154,8 @@ impl Controller {
                 self.coolant = coolant;
                 self.cadence.accessories_changed();
             }
-            Action::Spindle(_) | Action::Coolant(_) => {}
+            Action::Power if !is_check => self.spindle_rpm = self.parser.spindle_rpm,
+            Action::Spindle(_) | Action::Coolant(_) | Action::Power => {}
             Action::SelectSystem(system) => {
                 self.parser.modal.coordinate_system = system;
                 self.cadence.offsets_changed();
@@ -208,6 +212,20 @@ impl Controller {
             }
         }
         None
+    }
+
+    fn note_drawn(&mut self, motion: &Move) {
+        if let Some(drawn) = &mut self.drawn {
+            drawn.push(Drawn {
+                end_in_machine: motion.target_in_machine,
+                spindle_rpm: self.parser.spindle_rpm,
+                spindle: match self.parser.modal.spindle {
+                    Spindle::Off => 5,
+                    Spindle::Clockwise => 3,
+                    Spindle::Counterclockwise => 4,
+                },
+            });
+        }
     }
 
     /// Queues a move.
@@ -297,7 +315,7 @@ impl Controller {
     pub(super) fn sync_parser(&mut self) {
         let settings = &self.memory.settings;
         let at = mm_from_steps(self.planner.position_steps(settings), settings);
-        self.parser.position_in_machine = at;
+        self.parser.position_in_machine = at.map(|coordinate| f64::from(coordinate as f32));
     }
 
     /// M2 and M30.

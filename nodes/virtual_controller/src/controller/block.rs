@@ -4,7 +4,7 @@ use super::action::Action;
 use super::{Controller, State};
 use crate::axes::Vector;
 use crate::codes::ErrorCode;
-use crate::gcode::{Checked, Effect, FeedMode, Flow, Kind, NonModal, check};
+use crate::gcode::{Checked, Effect, FeedMode, Flow, Kind, NonModal, Spindle, check};
 use crate::motion::{Move, Pace};
 
 impl Controller {
@@ -62,10 +62,19 @@ impl Controller {
     }
 
     fn queue_accessories(&mut self, block: &Checked) {
-        let is_spindle_changed = block.modal.spindle != self.parser.modal.spindle
-            || (block.spindle_rpm != self.parser.spindle_rpm
-                && block.modal.spindle != crate::gcode::Spindle::Off);
-        if is_spindle_changed {
+        let is_on = self.parser.modal.spindle != Spindle::Off;
+        let is_new_speed = block.spindle_rpm != self.parser.spindle_rpm;
+        if is_on && (is_new_speed || self.must_set_laser(block)) {
+            // A laser takes its power from the block that is being cut.
+            let is_in_motion = self.memory.settings.is_laser() && block.moves_axes();
+            if is_in_motion {
+                self.script.push_back(Action::Power);
+            } else {
+                self.script
+                    .extend([Action::Synchronize, Action::Spindle(self.parser.modal.spindle)]);
+            }
+        }
+        if block.modal.spindle != self.parser.modal.spindle {
             self.script.extend([Action::Synchronize, Action::Spindle(block.modal.spindle)]);
         }
         if block.modal.coolant != self.parser.modal.coolant {
@@ -74,6 +83,16 @@ impl Controller {
         if let Some(left_s) = block.dwell_s {
             self.script.extend([Action::Synchronize, Action::Dwell { left_s }]);
         }
+    }
+
+    /// Does a constant-power laser (M3) go on or off because a line without axes changes
+    /// between cutting and rapid?
+    fn must_set_laser(&self, block: &Checked) -> bool {
+        let before = &self.parser.modal;
+        self.memory.settings.is_laser()
+            && before.spindle == Spindle::Clockwise
+            && !block.moves_axes()
+            && before.motion.cuts() != block.modal.motion.cuts()
     }
 
     fn queue_offsets(&mut self, block: &Checked) {
@@ -106,6 +125,7 @@ impl Controller {
     }
 
     fn queue_motion(&mut self, block: &Checked) {
+        let vocabulary = self.vocabulary();
         let pace = match block.modal.feed_mode {
             FeedMode::UnitsPerMinute => Pace::Feed(block.feed),
             FeedMode::InverseTime => Pace::InverseTime(block.feed),
@@ -117,7 +137,8 @@ impl Controller {
             Effect::Line(target) => self.queue_line(*target, pace, line_number),
             Effect::Arc(arc) => {
                 self.parser.position_in_machine = arc.end;
-                let chords = arc.clone().chords(self.memory.settings.arc_tolerance_mm());
+                let tolerance_mm = self.memory.settings.arc_tolerance_mm();
+                let chords = arc.clone().chords(tolerance_mm, vocabulary.arc_precision);
                 let pace = match pace {
                     Pace::InverseTime(per_min) => {
                         Pace::InverseTime(per_min * f64::from(chords.count))

@@ -97,6 +97,17 @@ impl Build {
     }
 }
 
+/// A straight piece of what programs draw, as it goes to the planner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drawn {
+    /// Where it ends, mm; 32 bit numbers.
+    pub end_in_machine: Vector,
+    /// S in force.
+    pub spindle_rpm: f64,
+    /// M in force: 3, 4 or 5.
+    pub spindle: u8,
+}
+
 /// What outlives a reset and a power cycle.
 #[derive(Debug, Clone)]
 struct Memory {
@@ -157,6 +168,8 @@ pub struct Controller {
     /// When the planner ran empty though nothing asked for a stop, s.
     ran_empty_at_s: Option<f64>,
     counts: Counts,
+    /// What was drawn, where somebody wants to know.
+    drawn: Option<Vec<Drawn>>,
 }
 
 impl Controller {
@@ -219,6 +232,7 @@ impl Controller {
             instant_s: 0.0,
             ran_empty_at_s: None,
             counts: Counts::default(),
+            drawn: None,
         };
         controller.boot();
         controller
@@ -311,6 +325,16 @@ impl Controller {
             machine_time: self.now,
             ..self.counts
         }
+    }
+
+    /// From now on, keeps what programs draw; in check mode (`$C`) too, where nothing moves.
+    pub fn keep_drawn(&mut self) {
+        self.drawn = Some(Vec::new());
+    }
+
+    /// Gives what was drawn since it was last asked.
+    pub fn take_drawn(&mut self) -> Vec<Drawn> {
+        self.drawn.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// Received bytes lost to a full receive buffer since power-up.

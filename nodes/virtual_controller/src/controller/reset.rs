@@ -171,7 +171,7 @@ impl Controller {
         self.has_pending_report = false;
         self.has_pending_hold = false;
         self.parser = ParserState::default();
-        self.parser.position_in_machine = at;
+        self.parser.position_in_machine = at.map(|coordinate| f64::from(coordinate as f32));
         self.print("\r\n");
         self.line_out(self.traits().banner);
         self.check_machine();

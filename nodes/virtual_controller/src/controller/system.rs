@@ -4,7 +4,7 @@ use super::action::Action;
 use super::{Controller, State};
 use crate::codes::ErrorCode;
 use crate::firmware::Feedback;
-use crate::gcode::{CoordinateSystems, read_number};
+use crate::gcode::{CoordinateSystems, Digits, read_number};
 use crate::homing::Homing;
 use crate::settings::Settings;
 
@@ -140,7 +140,7 @@ impl Controller {
         if !command.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) {
             return Err(self.traits().unknown_command);
         }
-        let (number, value) = parse_setting(command)?;
+        let (number, value) = parse_setting(command, self.vocabulary().digits)?;
         let steps_before = self.memory.settings.steps_per_mm();
         self.memory.settings.set(number, value)?;
         if self.memory.settings.steps_per_mm() != steps_before {
@@ -155,7 +155,8 @@ impl Controller {
         if self.state != State::Idle {
             return Err(ErrorCode::NotIdle);
         }
-        let (number, rest) = read_number(command).ok_or(ErrorCode::BadNumber)?;
+        let (number, rest) =
+            read_number(command, self.vocabulary().digits).ok_or(ErrorCode::BadNumber)?;
         let text = rest.strip_prefix('=').ok_or(ErrorCode::InvalidStatement)?;
         let index = match number.trunc() as i64 {
             0 => 0,
@@ -195,10 +196,10 @@ fn stored(text: &str) -> Result<String, ErrorCode> {
 }
 
 /// Reads `n=v`.
-fn parse_setting(text: &str) -> Result<(u16, f64), ErrorCode> {
-    let (number, rest) = read_number(text).ok_or(ErrorCode::BadNumber)?;
+fn parse_setting(text: &str, digits: Digits) -> Result<(u16, f64), ErrorCode> {
+    let (number, rest) = read_number(text, digits).ok_or(ErrorCode::BadNumber)?;
     let value = rest.strip_prefix('=').ok_or(ErrorCode::InvalidStatement)?;
-    let (value, rest) = read_number(value).ok_or(ErrorCode::BadNumber)?;
+    let (value, rest) = read_number(value, digits).ok_or(ErrorCode::BadNumber)?;
     if !rest.is_empty() || !(0.0..=65535.0).contains(&number) {
         return Err(ErrorCode::InvalidStatement);
     }
@@ -210,7 +211,8 @@ impl Settings {
     pub fn set_line(&mut self, line: &str) -> Result<(), ErrorCode> {
         let line: String = line.chars().filter(|c| !c.is_whitespace()).collect();
         let text = line.strip_prefix('$').ok_or(ErrorCode::InvalidStatement)?;
-        let (number, value) = parse_setting(text)?;
+        let digits = self.firmware().traits().vocabulary.digits;
+        let (number, value) = parse_setting(text, digits)?;
         self.set(number, value)
     }
 }

@@ -74,6 +74,11 @@ impl FaultInjector {
         &self.controller
     }
 
+    /// The same, to change it.
+    pub fn controller_mut(&mut self) -> &mut Controller {
+        &mut self.controller
+    }
+
     /// Has the cable been pulled for good?
     pub fn is_closed(&self) -> bool {
         self.cable == Cable::Gone

@@ -2,6 +2,7 @@
 
 use super::{Boot, BuildFacts, Feedback, Fields, Flush, Hearing, Traits, Vocabulary};
 use crate::codes::ErrorCode;
+use crate::gcode::{ArcPrecision, Digits};
 use crate::line::{Beyond, LineEnds, LineRules};
 use crate::receive::realtime;
 use crate::settings::Settings;
@@ -62,6 +63,8 @@ pub(super) const VOCABULARY: Vocabulary = Vocabulary {
     has_optional_stop: false,
     has_mist: false,
     has_bare_circles: false,
+    digits: Digits::All,
+    arc_precision: ArcPrecision::Single,
 };
 
 pub(super) fn feedback(feedback: Feedback) -> &'static str {

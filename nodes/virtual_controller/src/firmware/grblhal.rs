@@ -3,6 +3,7 @@
 use super::grbl::feedback;
 use super::{Boot, BuildFacts, Fields, Flush, Hearing, Traits, Vocabulary};
 use crate::codes::ErrorCode;
+use crate::gcode::{ArcPrecision, Digits};
 use crate::line::{Beyond, LineEnds, LineRules};
 use crate::receive::{Realtime, realtime as common};
 use crate::settings::Settings;
@@ -30,6 +31,8 @@ pub(super) static TRAITS: Traits = Traits {
         has_optional_stop: true,
         has_mist: true,
         has_bare_circles: true,
+        digits: Digits::Significant,
+        arc_precision: ArcPrecision::Double,
     },
     feedback,
     fields,

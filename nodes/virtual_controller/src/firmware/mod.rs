@@ -13,6 +13,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use crate::codes::{Alarm, ErrorCode};
+use crate::gcode::{ArcPrecision, Digits};
 use crate::line::LineRules;
 use crate::receive::Realtime;
 use crate::settings::Settings;
@@ -167,6 +168,10 @@ pub(crate) struct Vocabulary {
     pub(crate) has_mist: bool,
     /// G2 and G3 with a centre alone are a full circle.
     pub(crate) has_bare_circles: bool,
+    /// Which digits of a number are read.
+    pub(crate) digits: Digits,
+    /// How exactly an arc is computed.
+    pub(crate) arc_precision: ArcPrecision,
 }
 
 /// What a feedback message is about.

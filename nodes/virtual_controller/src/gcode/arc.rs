@@ -1,6 +1,9 @@
-//! Arcs: from words to a centre, from a centre to chords.
+//! Arcs: from words to a centre, from a centre to chords, as the firmware computes them.
 //!
-//! Knows geometry in one plane plus the third axis.
+//! grbl and FluidNC compute in 32 bits, and so does this: `mc_arc` of grbl 1.1h with its
+//! angle, its small-angle rotation and its corrections, operation for operation. A full
+//! circle whose centre rounds the wrong way has an angle of almost nothing there, and is
+//! not cut. grblHAL keeps centre and radius vector in 64 bits, and cuts it.
 
 use crate::axes::Vector;
 use crate::codes::ErrorCode;
@@ -9,15 +12,26 @@ use crate::tolerances::{
     FULL_CIRCLE_RAD, RADIUS_MISMATCH_MM, RADIUS_MISMATCH_MM_MAX, RADIUS_MISMATCH_SHARE,
 };
 
-/// An arc whose words are checked.
+/// Chords between two exact ones; the firmware's `N_ARC_CORRECTION`.
+const CHORDS_PER_CORRECTION: u8 = 12;
+
+/// In how many bits a family keeps the centre of an arc and the vector from it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ArcPrecision {
+    Single,
+    Double,
+}
+
+/// An arc whose words are checked; all in 32 bits, mm.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Arc {
-    pub(crate) plane: Plane,
-    pub(crate) start: Vector,
+    plane: Plane,
+    start: [f32; 3],
     pub(crate) end: Vector,
-    /// Of the two axes of the plane, the third is not used.
-    pub(crate) center: Vector,
-    pub(crate) clockwise: bool,
+    /// Of the centre from the start, in the two axes of the plane.
+    offset: [f32; 2],
+    radius: f32,
+    clockwise: bool,
 }
 
 impl Arc {
@@ -30,18 +44,17 @@ impl Arc {
         clockwise: bool,
     ) -> Result<Self, ErrorCode> {
         let (a, b, _) = plane.axes();
-        let mut center = start;
-        center[a] += offset[a];
-        center[b] += offset[b];
-        let radius = offset[a].hypot(offset[b]);
-        let end_radius = (end[a] - center[a]).hypot(end[b] - center[b]);
+        let (from, to) = (single(start), single(end));
+        let offset = [offset[a] as f32, offset[b] as f32];
+        let radius = hypotenuse(offset[0], offset[1]);
+        let end_radius = hypotenuse(to[a] - from[a] - offset[0], to[b] - from[b] - offset[1]);
         let mismatch = (end_radius - radius).abs();
         if mismatch > RADIUS_MISMATCH_MM
             && (mismatch > RADIUS_MISMATCH_MM_MAX || mismatch > RADIUS_MISMATCH_SHARE * radius)
         {
             return Err(ErrorCode::InvalidTarget);
         }
-        Ok(Self { plane, start, end, center, clockwise })
+        Ok(Self { plane, start: from, end, offset, radius, clockwise })
     }
 
     /// Builds an arc from its radius; a negative one asks for the long way round.
@@ -53,48 +66,67 @@ impl Arc {
         clockwise: bool,
     ) -> Result<Self, ErrorCode> {
         let (a, b, _) = plane.axes();
-        let chord = [end[a] - start[a], end[b] - start[b]];
-        let chord_length = chord[0].hypot(chord[1]);
-        if end == start || chord_length == 0.0 {
+        let (from, to, radius) = (single(start), single(end), radius as f32);
+        let (x, y) = (to[a] - from[a], to[b] - from[b]);
+        if to == from || (x == 0.0 && y == 0.0) {
             return Err(ErrorCode::InvalidTarget);
         }
-        let height_squared = radius * radius - chord_length * chord_length / 4.0;
+        let height_squared = 4.0 * radius * radius - x * x - y * y;
         if height_squared < 0.0 {
             return Err(ErrorCode::ArcRadius);
         }
         // The centre is left of the chord for a short counterclockwise arc.
         let side = if clockwise == (radius < 0.0) { 1.0 } else { -1.0 };
-        let height = side * height_squared.sqrt() / chord_length;
-        let mut center = start;
-        center[a] += chord[0] / 2.0 - height * chord[1];
-        center[b] += chord[1] / 2.0 + height * chord[0];
-        Ok(Self { plane, start, end, center, clockwise })
+        let height = side * height_squared.sqrt() / hypotenuse(x, y);
+        let offset = [0.5 * (x - y * height), 0.5 * (y + x * height)];
+        Ok(Self { plane, start: from, end, offset, radius: radius.abs(), clockwise })
     }
 
-    /// Returns the ends of the chords, none farther than `tolerance_mm` from the circle.
-    pub(crate) fn chords(self, tolerance_mm: f64) -> Chords {
+    /// Returns the ends of the chords that the firmware makes of it with this `$12`, mm.
+    pub(crate) fn chords(self, tolerance_mm: f64, precision: ArcPrecision) -> Chords {
         let (a, b, c) = self.plane.axes();
-        let from = [self.start[a] - self.center[a], self.start[b] - self.center[b]];
-        let to = [self.end[a] - self.center[a], self.end[b] - self.center[b]];
-        let radius = from[0].hypot(from[1]);
-        let cross = from[0] * to[1] - from[1] * to[0];
-        let mut sweep = cross.atan2(from[0] * to[0] + from[1] * to[1]);
-        if self.clockwise && sweep >= -FULL_CIRCLE_RAD {
-            sweep -= std::f64::consts::TAU;
-        } else if !self.clockwise && sweep <= FULL_CIRCLE_RAD {
-            sweep += std::f64::consts::TAU;
-        }
-        let tolerance = tolerance_mm.min(radius);
-        let half_chord = (tolerance * (2.0 * radius - tolerance)).max(0.0).sqrt();
-        let count =
-            if half_chord > 0.0 { (sweep.abs() * radius / 2.0 / half_chord).floor() } else { 0.0 };
+        let to = single(self.end);
+        let towards = [-self.offset[0], -self.offset[1]];
+        let sweep = match precision {
+            ArcPrecision::Single => {
+                let center = [self.start[a] + self.offset[0], self.start[b] + self.offset[1]];
+                let last = [to[a] - center[0], to[b] - center[1]];
+                let cross = towards[0] * last[1] - towards[1] * last[0];
+                cross.atan2(towards[0] * last[0] + towards[1] * last[1])
+            }
+            ArcPrecision::Double => {
+                let from = towards.map(f64::from);
+                let center =
+                    [f64::from(self.start[a]) - from[0], f64::from(self.start[b]) - from[1]];
+                let last = [f64::from(to[a]) - center[0], f64::from(to[b]) - center[1]];
+                let cross = from[0] * last[1] - from[1] * last[0];
+                cross.atan2(from[0] * last[0] + from[1] * last[1]) as f32
+            }
+        };
+        let sweep = match self.clockwise {
+            true if sweep >= -FULL_CIRCLE_RAD => sweep - std::f32::consts::TAU,
+            false if sweep <= FULL_CIRCLE_RAD => sweep + std::f32::consts::TAU,
+            _ => sweep,
+        };
+        let tolerance = tolerance_mm as f32;
+        let half_chord = (tolerance * (2.0 * self.radius - tolerance)).sqrt();
+        // No number where the whole circle is within the tolerance: no chord between.
+        let count = ((0.5 * sweep * self.radius).abs() / half_chord).floor();
+        let count = if count.is_finite() { count as u32 & 0xFFFF } else { 0 };
+        let share = |of: f32| if count > 0 { of / count as f32 } else { 0.0 };
+        let angle = share(sweep);
+        let cosine = 2.0 - angle * angle;
+        let sine = angle * 0.166_666_67 * (cosine + 4.0);
         Chords {
-            rise: self.end[c] - self.start[c],
-            start_angle: from[1].atan2(from[0]),
-            count: (count as u32).max(1),
+            count: count.max(1),
             next: 1,
-            radius,
-            sweep,
+            corrected: 0,
+            towards: towards.map(f64::from),
+            angle,
+            rotation: [cosine * 0.5, sine],
+            rise: share(to[c] - self.start[c]),
+            height: self.start[c],
+            precision,
             arc: self,
         }
     }
@@ -104,18 +136,48 @@ impl Arc {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Chords {
     arc: Arc,
-    radius: f64,
-    start_angle: f64,
-    sweep: f64,
-    rise: f64,
+    precision: ArcPrecision,
+    /// From the centre to the end of the last chord.
+    towards: [f64; 2],
+    /// Of one chord, rad.
+    angle: f32,
+    /// Its cosine and sine, near enough.
+    rotation: [f32; 2],
+    rise: f32,
+    height: f32,
     pub(crate) count: u32,
     next: u32,
+    /// Chords since the last exact one.
+    corrected: u8,
 }
 
 impl Chords {
     /// Have all of them been handed out?
     pub(crate) fn is_done(&self) -> bool {
         self.next > self.count
+    }
+
+    fn turn(&mut self) {
+        let [i, j] = self.arc.offset;
+        if self.corrected >= CHORDS_PER_CORRECTION {
+            let (sine, cosine) = (self.next as f32 * self.angle).sin_cos();
+            self.towards = [-i * cosine + j * sine, -i * sine - j * cosine].map(f64::from);
+            self.corrected = 0;
+            return;
+        }
+        self.corrected += 1;
+        let [cosine, sine] = self.rotation;
+        self.towards = match self.precision {
+            ArcPrecision::Single => {
+                let [x, y] = self.towards.map(|component| component as f32);
+                [x * cosine - y * sine, x * sine + y * cosine].map(f64::from)
+            }
+            ArcPrecision::Double => {
+                let ([x, y], cosine, sine) = (self.towards, f64::from(cosine), f64::from(sine));
+                // The second component passes through a 32 bit variable.
+                [x * cosine - y * sine, f64::from((x * sine + y * cosine) as f32)]
+            }
+        };
     }
 }
 
@@ -126,19 +188,37 @@ impl Iterator for Chords {
         if self.next > self.count {
             return None;
         }
-        let share = f64::from(self.next) / f64::from(self.count);
-        self.next += 1;
-        if self.next > self.count {
+        if self.next == self.count {
+            self.next += 1;
             return Some(self.arc.end);
         }
+        self.turn();
+        self.next += 1;
+        self.height += self.rise;
         let (a, b, c) = self.arc.plane.axes();
-        let angle = self.start_angle + self.sweep * share;
-        let mut point = self.arc.center;
-        point[a] += self.radius * angle.cos();
-        point[b] += self.radius * angle.sin();
-        point[c] = self.arc.start[c] + self.rise * share;
+        let mut point = self.arc.end;
+        for (at, axis) in [a, b].into_iter().enumerate() {
+            let (start, offset) = (self.arc.start[axis], self.arc.offset[at]);
+            point[axis] = match self.precision {
+                ArcPrecision::Single => f64::from((start + offset) + self.towards[at] as f32),
+                ArcPrecision::Double => {
+                    let center = f64::from(start) + f64::from(offset);
+                    f64::from((center + self.towards[at]) as f32)
+                }
+            };
+        }
+        point[c] = f64::from(self.height);
         Some(point)
     }
+}
+
+fn single(position: Vector) -> [f32; 3] {
+    position.map(|coordinate| coordinate as f32)
+}
+
+/// As the firmware has it: squares and a root.
+fn hypotenuse(x: f32, y: f32) -> f32 {
+    (x * x + y * y).sqrt()
 }
 
 #[cfg(test)]
@@ -148,7 +228,7 @@ mod tests {
     fn middle(radius: f64, clockwise: bool) -> Vector {
         let arc =
             Arc::from_radius(Plane::Xy, [0.0; 3], [10.0, 0.0, 0.0], radius, clockwise).unwrap();
-        let chords: Vec<_> = arc.chords(1e-3).collect();
+        let chords: Vec<_> = arc.chords(1e-3, ArcPrecision::Single).collect();
         chords[chords.len() / 2 - 1]
     }
 
@@ -171,15 +251,31 @@ mod tests {
         ] {
             let arc = Arc::from_offsets(plane, [0.0; 3], [0.0; 3], offset, true).unwrap();
             let (a, b, _) = plane.axes();
-            let center = arc.center;
-            let mut last = arc.start;
-            for point in arc.chords(0.002) {
+            let mut last = [0.0; 3];
+            for point in arc.chords(0.002, ArcPrecision::Single) {
                 let mid: Vector = std::array::from_fn(|i| (last[i] + point[i]) / 2.0);
-                let radius = (mid[a] - center[a]).hypot(mid[b] - center[b]);
+                let radius = (mid[a] - offset[a]).hypot(mid[b] - offset[b]);
                 assert!((5.0 - radius) <= 0.0021, "{plane:?}: chord {} mm inside", 5.0 - radius);
                 last = point;
             }
             assert_eq!(last, [0.0; 3]);
         }
+    }
+
+    #[test]
+    fn a_full_circle_is_drawn_or_not_as_its_centre_rounds() {
+        // In 32 bits 12.7 + 0.1 - 0.1 is not 12.7: the ends are a hair apart, and which way
+        // they are decides whether a circle is drawn or nothing.
+        let chords = |start: f32, offset: f32, precision| {
+            let start = [f64::from(start), 0.0, 0.0];
+            let offset = [f64::from(offset), f64::from(0.3f32), 0.0];
+            let arc = Arc::from_offsets(Plane::Xy, start, start, offset, false).unwrap();
+            arc.chords(0.002, precision).count
+        };
+        let starts = (0..1000u32).map(|index| index as f32 * 0.137);
+        let missing =
+            |precision| starts.clone().filter(|start| chords(*start, 0.7, precision) <= 2).count();
+        assert!(missing(ArcPrecision::Single) > 50, "{}", missing(ArcPrecision::Single));
+        assert_eq!(missing(ArcPrecision::Double), 0);
     }
 }

@@ -7,6 +7,7 @@ use crate::axes::{AXES, Vector};
 use crate::codes::ErrorCode;
 use crate::firmware::Vocabulary;
 use crate::gcode::arc::Arc;
+use crate::gcode::single::{minus, plus, times};
 use crate::gcode::sort::{AxisCommand, GROUPS_OF_JOGS, ToolLength, Words, ZeroGroup, index, sort};
 use crate::gcode::{CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserState, Units};
 
@@ -38,6 +39,13 @@ pub(crate) struct Checked {
     pub(crate) flow: Option<Flow>,
     /// M6.
     pub(crate) changes_tool: bool,
+}
+
+impl Checked {
+    /// Is it a motion with axis words?
+    pub(crate) fn moves_axes(&self) -> bool {
+        self.effect != Effect::None
+    }
 }
 
 /// Motion of a block.
@@ -120,7 +128,7 @@ pub(crate) fn check(
             if w.axis(0).is_some() || w.axis(1).is_some() || w.axis(2).is_none() {
                 return Err(ErrorCode::DynamicOffsetAxis);
             }
-            tool_length = w.axis(2).unwrap_or(0.0) * mm;
+            tool_length = times(w.axis(2).unwrap_or(0.0), mm);
         }
         Some(ToolLength::Cancel) => tool_length = 0.0,
         None => {}
@@ -182,7 +190,7 @@ fn feed(
             }
         }
         FeedMode::UnitsPerMinute => Ok(match given {
-            Some(feed) => feed * mm,
+            Some(feed) => times(feed, mm),
             None if kind == Kind::Jog => 0.0,
             None if state.modal.feed_mode == FeedMode::UnitsPerMinute => state.feed,
             None => 0.0,
@@ -192,14 +200,17 @@ fn feed(
 
 /// Returns where the axis words point, in machine coordinates.
 fn target(w: &Words, after: &ParserState, systems: &CoordinateSystems, mm: f64) -> Vector {
-    let offset = after.work_offset(systems);
+    let work = systems.work[after.modal.coordinate_system];
     let is_machine = w.zero == Some(ZeroGroup::MachineCoordinates);
     std::array::from_fn(|axis| match w.axis(axis) {
         None => after.position_in_machine[axis],
-        Some(value) if is_machine => value * mm,
+        Some(value) if is_machine => times(value, mm),
         Some(value) => match after.modal.distance {
-            Distance::Absolute => value * mm + offset[axis],
-            Distance::Incremental => value * mm + after.position_in_machine[axis],
+            Distance::Absolute => {
+                let place = plus(times(value, mm), plus(work[axis], after.g92[axis]));
+                if axis == 2 { plus(place, after.tool_length) } else { place }
+            }
+            Distance::Incremental => plus(times(value, mm), after.position_in_machine[axis]),
         },
     })
 }
@@ -238,8 +249,11 @@ fn non_modal(
             for (axis, offset) in offset.iter_mut().enumerate() {
                 if let Some(value) = w.axis(axis) {
                     *offset = match from_position {
-                        true => position[axis] - after.g92[axis] - along_z(axis) - value * mm,
-                        false => value * mm,
+                        true => {
+                            let from = minus(position[axis], after.g92[axis]);
+                            minus(minus(from, along_z(axis)), times(value, mm))
+                        }
+                        false => times(value, mm),
                     };
                 }
             }
@@ -251,7 +265,10 @@ fn non_modal(
             }
             let work = systems.work[after.modal.coordinate_system];
             Some(NonModal::SetG92(std::array::from_fn(|axis| match w.axis(axis) {
-                Some(value) => position[axis] - work[axis] - along_z(axis) - value * mm,
+                Some(value) => {
+                    let from = minus(position[axis], work[axis]);
+                    minus(minus(from, along_z(axis)), times(value, mm))
+                }
                 None => after.g92[axis],
             })))
         }
@@ -306,14 +323,14 @@ fn motion(w: &mut Words, ask: &Ask<'_>, state: &ParserState) -> Result<Effect, E
                 return Err(ErrorCode::NoAxisWordsInPlane);
             }
             if let Some(radius) = w.take('R') {
-                let radius = radius * mm;
+                let radius = times(radius, mm);
                 return Arc::from_radius(modal.plane, start, target, radius, clockwise)
                     .map(Effect::Arc);
             }
             if !has_center {
                 return Err(ErrorCode::NoOffsetsInPlane);
             }
-            let offset = letters.map(|letter| w.take(letter).unwrap_or(0.0) * mm);
+            let offset = letters.map(|letter| times(w.take(letter).unwrap_or(0.0), mm));
             Arc::from_offsets(modal.plane, start, target, offset, clockwise).map(Effect::Arc)
         }
         Motion::Probe { away, miss_is_fine } => {

@@ -6,12 +6,14 @@
 pub(crate) mod arc;
 mod check;
 mod modal;
+pub(crate) mod single;
 mod sort;
 mod words;
 
+pub(crate) use arc::ArcPrecision;
 pub(crate) use check::{Checked, Effect, Flow, Kind, NonModal, check};
 pub(crate) use modal::{
     Coolant, CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserState, Plane, Spindle,
     Units, system_name,
 };
-pub(crate) use words::read_number;
+pub(crate) use words::{Digits, read_number};

@@ -25,6 +25,13 @@ pub(crate) enum Motion {
     None,
 }
 
+impl Motion {
+    /// Is a laser on along this?
+    pub(crate) fn cuts(self) -> bool {
+        matches!(self, Self::Line | Self::ArcClockwise | Self::ArcCounterclockwise)
+    }
+}
+
 /// Group 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum Plane {

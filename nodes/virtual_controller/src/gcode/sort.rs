@@ -99,7 +99,7 @@ pub(super) fn sort(
     modal: &mut Modal,
 ) -> Result<Words, ErrorCode> {
     let mut w = Words::default();
-    for word in words(line, vocabulary.stray_letter) {
+    for word in words(line, vocabulary.stray_letter, vocabulary.digits) {
         let (letter, value) = word?;
         // Codes are read in hundredths: G38.2 is 3820.
         let hundredths = (value * 100.0).round() as i64;

@@ -5,21 +5,31 @@ use crate::codes::ErrorCode;
 /// Digits of a number that count; more are cut off.
 const DIGITS_MAX: usize = 8;
 
+/// Which digits are among those that count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Digits {
+    /// All of them, zeros in front included: grbl and FluidNC.
+    All,
+    /// From the first that is no zero on: grblHAL.
+    Significant,
+}
+
 /// Reads a number at the start of `text` and returns it with the rest.
 ///
-/// Sign, digits and one point; no exponent. Eight digits count and the value
-/// has the precision of a 32-bit float, as in the firmware; one beyond it is none.
-pub(crate) fn read_number(text: &str) -> Option<(f64, &str)> {
+/// Sign, digits and one point; no exponent. Eight digits count, and the point is moved by
+/// multiplications in 32 bits, as the firmware does; a value beyond them is none.
+pub(crate) fn read_number(text: &str, which: Digits) -> Option<(f64, &str)> {
     let unsigned = text.strip_prefix(['-', '+']).unwrap_or(text);
-    let (mut value, mut exponent, mut digits, mut seen, mut point) = (0.0f64, 0i32, 0, 0, false);
+    let (mut whole, mut exponent, mut digits, mut seen, mut point) = (0u32, 0i32, 0, 0, false);
     let mut used = 0;
     for byte in unsigned.bytes() {
         match byte {
             b'0'..=b'9' => {
                 seen += 1;
-                if digits < DIGITS_MAX {
-                    digits += usize::from(digits > 0 || byte != b'0');
-                    value = value * 10.0 + f64::from(byte - b'0');
+                let counts = which == Digits::All || byte != b'0' || whole != 0;
+                digits += usize::from(counts);
+                if digits <= DIGITS_MAX {
+                    whole = whole * 10 + u32::from(byte - b'0');
                     exponent -= i32::from(point);
                 } else {
                     exponent += i32::from(!point);
@@ -33,17 +43,37 @@ pub(crate) fn read_number(text: &str) -> Option<(f64, &str)> {
     if seen == 0 {
         return None;
     }
-    let value = f64::from((value * 10f64.powi(exponent)) as f32);
+    let value = f64::from(move_point(whole as f32, exponent));
     if !value.is_finite() {
         return None;
     }
     Some((if text.starts_with('-') { -value } else { value }, &unsigned[used..]))
 }
 
+/// Moves the decimal point, two places at a time to the left.
+fn move_point(mut value: f32, mut exponent: i32) -> f32 {
+    if value == 0.0 {
+        return value;
+    }
+    while exponent <= -2 && value > 0.0 {
+        value *= 0.01;
+        exponent += 2;
+    }
+    if exponent == -1 {
+        value *= 0.1;
+    }
+    while exponent > 0 && value.is_finite() {
+        value *= 10.0;
+        exponent -= 1;
+    }
+    value
+}
+
 /// Splits a line without blanks into words; `more_letter` may begin one, too.
 pub(super) fn words(
     mut text: &str,
     more_letter: Option<char>,
+    digits: Digits,
 ) -> impl Iterator<Item = Result<(char, f64), ErrorCode>> + '_ {
     std::iter::from_fn(move || {
         let letter = text.chars().next()?;
@@ -51,7 +81,7 @@ pub(super) fn words(
             text = "";
             return Some(Err(ErrorCode::ExpectedLetter));
         }
-        match read_number(&text[1..]) {
+        match read_number(&text[1..], digits) {
             Some((value, rest)) => {
                 text = rest;
                 Some(Ok((letter, value)))
@@ -75,13 +105,21 @@ mod tests {
             ("+12.", Some((12.0, ""))),
             ("1E3", Some((1.0, "E3"))),
             ("1.2.3", Some((1.2f32.into(), ".3"))),
-            ("1.23456789", Some((1.234_567_8_f32.into(), ""))),
-            ("123456789012", Some((123_456_780_000f64 as f32 as f64, ""))),
+            ("1.23456789", Some(((12_345_678f32 * 0.01 * 0.01 * 0.01 * 0.1).into(), ""))),
+            ("123456789012", Some((123_456_780_000f32.into(), ""))),
             ("-", None),
             (".", None),
         ];
         for (text, expected) in cases {
-            assert_eq!(read_number(text), expected, "{text}");
+            assert_eq!(read_number(text, Digits::All), expected, "{text}");
         }
+    }
+
+    #[test]
+    fn the_point_is_moved_in_32_bits_and_zeros_in_front_may_cost_digits() {
+        // The nearest 32 bit number is one place up.
+        assert_eq!(read_number("12.7", Digits::All), Some(((127f32 * 0.1).into(), "")));
+        assert_eq!(read_number("0000001.25", Digits::All), Some(((12f32 * 0.1).into(), "")));
+        assert_eq!(read_number("0000001.25", Digits::Significant), Some((1.25, "")));
     }
 }

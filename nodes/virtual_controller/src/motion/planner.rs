@@ -7,6 +7,7 @@
 use std::collections::VecDeque;
 
 use crate::axes::{self, Vector};
+use crate::gcode::single::times;
 use crate::motion::junction::junction_speed;
 use crate::motion::ramp::{Ramp, braking_ramp, next_ramp};
 use crate::settings::Settings;
@@ -221,7 +222,11 @@ impl Planner {
     /// Appends a move; one of less than a step is left out.
     pub(crate) fn push(&mut self, motion: &Move, settings: &Settings) -> Pushed {
         let start_steps = self.queue.back().map_or(self.rest_steps, |block| block.end_steps);
-        let end_steps = steps_from_mm(motion.target_in_machine, settings);
+        let steps_per_mm = settings.steps_per_mm();
+        // In 32 bits, as the firmware rounds to steps.
+        let end_steps = std::array::from_fn(|i| {
+            times(motion.target_in_machine[i], steps_per_mm[i]).round() as i64
+        });
         if start_steps == end_steps {
             return Pushed::LeftOut;
         }

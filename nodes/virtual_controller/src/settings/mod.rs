@@ -194,6 +194,11 @@ impl Settings {
         self.value(31)
     }
 
+    /// `$32`: is the spindle a laser?
+    pub fn is_laser(&self) -> bool {
+        self.value(32) == 1.0
+    }
+
     /// `$100` to `$102`, steps per millimetre.
     pub fn steps_per_mm(&self) -> Vector {
         self.axes(100)

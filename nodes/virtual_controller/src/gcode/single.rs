@@ -1,0 +1,19 @@
+//! Arithmetic in 32 bits, as the firmware's parser does it.
+//!
+//! Positions are kept in 64 bits here and are 32 bit numbers all the same: every sum and
+//! product of the parser goes through these.
+
+/// A sum, rounded to 32 bits.
+pub(crate) fn plus(a: f64, b: f64) -> f64 {
+    f64::from(a as f32 + b as f32)
+}
+
+/// A difference, rounded to 32 bits.
+pub(crate) fn minus(a: f64, b: f64) -> f64 {
+    f64::from(a as f32 - b as f32)
+}
+
+/// A product, rounded to 32 bits.
+pub(crate) fn times(a: f64, b: f64) -> f64 {
+    f64::from(a as f32 * b as f32)
+}
