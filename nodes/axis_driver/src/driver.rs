@@ -9,6 +9,7 @@
 //! None of this is a safety function.
 
 mod block;
+mod board;
 mod buttons;
 mod by_hand;
 mod checkpoint;

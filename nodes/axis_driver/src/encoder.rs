@@ -9,6 +9,7 @@
 mod action;
 mod arc;
 mod config;
+mod firmware_arc;
 mod problem;
 mod restart;
 pub(crate) mod words;
@@ -17,11 +18,12 @@ use crate::link::LineKind;
 use cnc_msgs::contour::{Source, SpindleMode};
 use cnc_msgs::geometry::{AXIS_LETTERS, Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
+use firmware_arc::{Place, last_place};
 use std::collections::VecDeque;
 use std::sync;
 use words::{to_grid, write_word};
 
-pub use config::{EncoderConfig, Homing};
+pub use config::{Board, EncoderConfig, Homing};
 pub use problem::{EncodeError, EncodeProblem};
 pub use restart::{StartProblem, start_at};
 
@@ -78,6 +80,7 @@ struct Modal {
     work_system: u8,
     /// The word of the tool length in force; empty when there is none.
     tool_length: String,
+    tool_length_mm: f64,
     ended_at: Option<Source>,
 }
 
@@ -169,8 +172,10 @@ impl Encoder {
         self.refuse_after_end("motion")?;
         let start = self.path.start_of(index);
         for axis in 0..3 {
-            self.checked_position(AXIS_LETTERS[axis], element.end[axis])?;
-            self.checked_position(AXIS_LETTERS[axis], start[axis])?;
+            for value in [element.end[axis], start[axis]] {
+                self.checked_position(AXIS_LETTERS[axis], value)?;
+                self.refuse_coarse(axis, value)?;
+            }
         }
         match element.shape {
             Shape::Line => self.encode_line(index, element, start, element.end),
@@ -200,7 +205,7 @@ impl Encoder {
             });
         }
         let impossible = EncodeProblem::Arc { start, end: element.end, center: arc.center };
-        let pieces = arc::pieces(start, element.end, arc).ok_or(impossible)?;
+        let pieces = arc::pieces(start, element.end, arc, &self.place()).ok_or(impossible)?;
         let mut from = start;
         for piece in pieces {
             match piece {
@@ -251,14 +256,8 @@ impl Encoder {
         }
         self.write_motion(&mut text, if arc.clockwise { 2 } else { 3 });
         let [first, second, _] = arc.plane.axes();
-        let (axes, mut words) = axis_words(element.axes, start, end);
-        if !axes.contains(first) && !axes.contains(second) {
-            // A full circle still needs a word of its plane.
-            words.clear();
-            let in_plane = AxisSet::NONE.with(first).with(second);
-            words += &axis_words(element.axes.union(in_plane), start, end).1;
-        }
-        text += &words;
+        // Its ends are apart in the plane, or it would not have passed as drawn.
+        text += &axis_words(element.axes, start, end).1;
         for axis in [0, 1, 2].into_iter().filter(|axis| [first, second].contains(axis)) {
             let offset = to_grid(arc.center[axis]) - to_grid(start[axis]);
             if offset != 0 {
@@ -311,6 +310,25 @@ impl Encoder {
         Err(EncodeProblem::Position { letter, value, max })
     }
 
+    /// Where the lines are drawn that come now.
+    fn place(&self) -> Place {
+        let Board { arc_tolerance_mm, work_offsets, .. } = self.config.board;
+        let system = usize::from(self.modal.work_system.clamp(1, 6)) - 1;
+        let mut offset_mm = work_offsets[system];
+        offset_mm[2] += self.modal.tool_length_mm;
+        Place { offset_mm, tolerance_mm: arc_tolerance_mm }
+    }
+
+    /// Refuses a coordinate that the controller cannot tell from those beside it.
+    fn refuse_coarse(&self, axis: usize, value: f64) -> Result<(), EncodeProblem> {
+        let in_machine = value + self.place().offset_mm[axis];
+        let step = f64::from(last_place(in_machine as f32));
+        if step <= STEP_MM_MAX {
+            return Ok(());
+        }
+        Err(EncodeProblem::Resolution { letter: AXIS_LETTERS[axis], value, in_machine, step })
+    }
+
     fn refuse_after_end(&self, word: &str) -> Result<(), EncodeProblem> {
         match self.modal.ended_at {
             Some(source) => {
@@ -351,6 +369,8 @@ pub fn line_number(element: usize) -> usize {
     element % LINE_NUMBERS + 1
 }
 
+/// The controller's numbers are no farther apart than this where it is sent, mm.
+const STEP_MM_MAX: f64 = 0.005;
 /// The firmware takes no more.
 const LINE_NUMBERS: usize = 9_999_999;
 

@@ -206,6 +206,7 @@ impl Driver {
         let config = EncoderConfig {
             has_mist: self.config.encoder.has_mist || self.machine.has_mist,
             homing: self.machine.homing(),
+            board: self.machine.board(),
             // A height means nothing before the axes are home.
             approach_z_mm: self.config.encoder.approach_z_mm.filter(|_| self.machine.is_homed),
             ..self.config.encoder

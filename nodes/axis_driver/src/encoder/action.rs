@@ -41,6 +41,7 @@ impl Encoder {
                     None => "G49".into(),
                 };
                 self.modal.tool_length = offset.map(|_| text.clone()).unwrap_or_default();
+                self.modal.tool_length_mm = if offset.is_some() { length_mm } else { 0.0 };
                 self.push_action(text, LineKind::Motion, false, source)
             }
             Action::WorkOffset { system } => {
@@ -108,7 +109,8 @@ impl Encoder {
         }
         let work_system = self.modal.work_system.max(1);
         let tool_length = std::mem::take(&mut self.modal.tool_length);
-        self.modal = Modal { work_system, tool_length, ..Modal::default() };
+        let tool_length_mm = self.modal.tool_length_mm;
+        self.modal = Modal { work_system, tool_length, tool_length_mm, ..Modal::default() };
         self.modal.forget(axes, &word);
         let words = format!("G21G90G94G17G40G{}", 53 + u32::from(work_system));
         self.push_action(words, LineKind::Motion, true, source)?;

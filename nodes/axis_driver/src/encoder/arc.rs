@@ -1,27 +1,36 @@
 //! An arc as pieces that grbl draws as they are meant.
 //!
-//! grbl works out the angle of an arc from its ends in 32 bit floats: an arc that is
-//! almost nothing becomes a full circle and the reverse. So a full circle is sent
-//! with equal ends, an arc that is almost one in two halves, and what is flat, tiny
-//! or ragged as lines.
+//! grbl works out the angle of an arc from its ends in 32 bit numbers. Where both ends
+//! are one point, or nearly, it hangs on the last place of a coordinate whether it draws
+//! a full circle or nothing. So a full circle is sent in two halves, and what is flat,
+//! tiny or ragged as lines; and every arc is drawn here as the firmware will draw it
+//! before it is sent ([`super::firmware_arc`]). One that would be off is cut into more
+//! pieces, or into lines.
 
-use super::words::{GRID_PER_MM, from_grid, to_grid};
+use super::firmware_arc::{ArcWords, Place, PlannedArc, deviation};
+use super::words::{GRID_PER_MM, to_grid};
 use cnc_msgs::geometry::{Arc, Position};
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
-/// The radii at both ends of a piece differ by at most this, mm. grbl refuses from
+/// The radii at both ends of an arc differ by at most this, mm. grbl refuses from
 /// 0.005 mm on (`error:33`).
 const RADIUS_MISMATCH_MM_MAX: f64 = 0.004;
 /// An arc no higher than this over its chord is a line, mm: one step of the grid.
 const FLAT_SAGITTA_MM: f64 = 1.0 / GRID_PER_MM;
 /// A line of a polyline is off its arc by at most this, mm: half of grbl's own default.
 const CHORD_TOLERANCE_MM: f64 = 0.001;
+/// What the firmware draws is off what was planned by at most this, mm, and by twice what
+/// `$12` lets it be: so much grbl itself says that its chords may be off.
+const DRAWN_MM_MAX: f64 = 0.005;
+const CHORD_TOLERANCES: f64 = 2.0;
 /// Below this radius the grid makes the angles of an arc too coarse, mm.
 const RADIUS_MM_MIN: f64 = 0.01;
 /// Above this radius 32 bit floats make the points of an arc too coarse, mm.
 const RADIUS_MM_MAX: f64 = 5_000.0;
-/// An arc that turns further than this is sent in two halves, rad.
+/// A piece turns no further than this, rad.
 const SWEEP_MAX: f64 = 1.5 * PI;
+/// How often pieces that would be drawn wrongly are halved before they become lines.
+const HALVINGS_MAX: u32 = 7;
 /// Ends nearer than this in the plane count as one point, mm.
 const SAME_POINT_MM: f64 = 1e-6;
 /// With such ends and no whole turn, less than this is a point and more than a circle
@@ -63,51 +72,28 @@ struct Polar<'a> {
 }
 
 /// Cuts an arc into pieces; `None` when it cannot be drawn.
-pub(super) fn pieces(start: Position, end: Position, arc: &Arc) -> Option<Vec<Piece>> {
+pub(super) fn pieces(
+    start: Position,
+    end: Position,
+    arc: &Arc,
+    place: &Place,
+) -> Option<Vec<Piece>> {
     let polar = Polar::new(start, end, arc)?;
     let radius = polar.start_radius;
     let is_smooth = (polar.start_radius - polar.end_radius).abs() <= RADIUS_MISMATCH_MM_MAX
         && (RADIUS_MM_MIN..=RADIUS_MM_MAX).contains(&radius);
     if !is_smooth {
-        return polar.lines(0.0, polar.sweep);
+        return polar.lines();
     }
-    let mut pieces = Vec::new();
-    let mut done = 0.0;
-    for _ in 0..arc.turns {
-        // The last turn may be all there is left.
-        done += TAU;
-        pieces.push(Piece::Arc { end: polar.point_after_turns(done) });
+    let sweep = polar.sweep;
+    if sweep < PI && radius * (1.0 - (sweep / 2.0).cos()) <= FLAT_SAGITTA_MM {
+        return Some(vec![Piece::Line { end }]);
     }
-    let rest = polar.sweep - done;
-    let middle = done + rest / 2.0;
-    if rest <= 0.0 {
-        // In the plane it ends on the very step of the grid where it starts: one step
-        // further, and the firmware draws that step and not the circle.
-        set_height(&mut pieces, end, arc.plane.axes()[2]);
-    } else if rest < PI && radius * (1.0 - (rest / 2.0).cos()) <= FLAT_SAGITTA_MM {
-        pieces.push(Piece::Line { end });
-    } else if rest > SWEEP_MAX {
-        pieces.push(Piece::Arc { end: polar.point(middle) });
-        pieces.push(Piece::Arc { end });
-    } else {
-        pieces.push(Piece::Arc { end });
-    }
-    // What the grid makes of it is what counts.
-    let mut from = start;
-    for piece in &pieces {
-        let is_arc = matches!(piece, Piece::Arc { .. });
-        if is_arc && mismatch_on_grid(from, piece.end(), arc) > RADIUS_MISMATCH_MM_MAX {
-            return polar.lines(0.0, polar.sweep);
-        }
-        from = piece.end();
-    }
-    Some(pieces)
-}
-
-fn set_height(pieces: &mut [Piece], end: Position, normal: usize) {
-    if let Some(Piece::Line { end: last } | Piece::Arc { end: last }) = pieces.last_mut() {
-        last[normal] = end[normal];
-    }
+    let least = (sweep / SWEEP_MAX).ceil().max(1.0) as u32;
+    (0..=HALVINGS_MAX)
+        .map(|halvings| polar.arcs(least << halvings))
+        .find(|arcs| polar.are_drawn(arcs, place))
+        .or_else(|| polar.lines())
 }
 
 impl<'a> Polar<'a> {
@@ -148,40 +134,47 @@ impl<'a> Polar<'a> {
         point
     }
 
-    /// The point after whole turns: exactly above the start.
-    fn point_after_turns(&self, swept: f64) -> Position {
-        let [a, b, _] = self.arc.plane.axes();
-        let mut point = self.point(swept);
-        point[a] = self.start[a];
-        point[b] = self.start[b];
-        point
+    /// The ends of so many equal parts of the sweep.
+    fn ends(&self, count: u32) -> impl Iterator<Item = Position> {
+        let inner =
+            (1..count).map(move |step| self.point(self.sweep * f64::from(step) / f64::from(count)));
+        inner.chain([self.end])
     }
 
-    fn lines(&self, from: f64, to: f64) -> Option<Vec<Piece>> {
+    fn arcs(&self, count: u32) -> Vec<Piece> {
+        self.ends(count).map(|end| Piece::Arc { end }).collect()
+    }
+
+    /// Whether the firmware draws these as they are meant.
+    fn are_drawn(&self, arcs: &[Piece], place: &Place) -> bool {
+        let [a, b, _] = self.arc.plane.axes();
+        let most = DRAWN_MM_MAX + CHORD_TOLERANCES * place.tolerance_mm;
+        let center = self.arc.center;
+        let sweep = self.sweep / arcs.len() as f64;
+        let mut start = self.start;
+        arcs.iter().all(|piece| {
+            let end = piece.end();
+            let planned = PlannedArc { start, end, sweep, center: [center[a], center[b]] };
+            let words = ArcWords {
+                plane: self.arc.plane,
+                clockwise: self.arc.clockwise,
+                start: start.map(to_grid),
+                end: end.map(to_grid),
+                offset: [a, b].map(|axis| to_grid(center[axis]) - to_grid(start[axis])),
+            };
+            start = end;
+            deviation(&words, &planned, place).is_some_and(|off| off <= most)
+        })
+    }
+
+    fn lines(&self) -> Option<Vec<Piece>> {
         let radius = self.start_radius.max(self.end_radius);
         let half = (1.0 - CHORD_TOLERANCE_MM / radius).clamp(-1.0, 1.0).acos();
-        let count = ((to - from) / (2.0 * half).min(FRAC_PI_4)).ceil().max(1.0);
+        let count = (self.sweep / (2.0 * half).min(FRAC_PI_4)).ceil().max(1.0);
         // Numbers that are none end here too.
         if count.is_nan() || count > LINES_MAX {
             return None;
         }
-        let count = count as u32;
-        let mut pieces = Vec::new();
-        for step in 1..count {
-            let swept = from + (to - from) * f64::from(step) / f64::from(count);
-            pieces.push(Piece::Line { end: self.point(swept) });
-        }
-        pieces.push(Piece::Line { end: self.end });
-        Some(pieces)
+        Some(self.ends(count as u32).map(|end| Piece::Line { end }).collect())
     }
-}
-
-/// How much the radii at both ends differ once everything stands on the grid, mm.
-fn mismatch_on_grid(start: Position, end: Position, arc: &Arc) -> f64 {
-    let [a, b, _] = arc.plane.axes();
-    let radius = |point: Position| {
-        let offset = |axis: usize| from_grid(to_grid(point[axis]) - to_grid(arc.center[axis]));
-        offset(a).hypot(offset(b))
-    };
-    (radius(start) - radius(end)).abs()
 }

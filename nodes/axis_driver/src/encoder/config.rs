@@ -1,5 +1,6 @@
 //! What a controller takes, as far as lines depend on it.
 
+use cnc_msgs::geometry::Position;
 use serde::{Deserialize, Serialize};
 
 /// What the controller takes.
@@ -27,6 +28,27 @@ pub struct EncoderConfig {
     /// What the controller can home; it tells.
     #[serde(default)]
     pub homing: Homing,
+    /// What the controller said of itself, as far as it decides how arcs are drawn.
+    #[serde(default)]
+    pub board: Board,
+}
+
+/// How a controller is set up.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Board {
+    /// `$12`, mm.
+    pub arc_tolerance_mm: f64,
+    /// `$32`: S in the line of a move does not stop the machine.
+    pub is_laser: bool,
+    /// G54 to G59, each with G92, in the machine frame, mm; zero where unknown.
+    pub work_offsets: [Position; 6],
+}
+
+impl Default for Board {
+    fn default() -> Self {
+        // As grbl is delivered.
+        Self { arc_tolerance_mm: 0.002, is_laser: false, work_offsets: [[0.0; 3]; 6] }
+    }
 }
 
 /// Which axes a controller homes on demand.
@@ -54,6 +76,7 @@ impl Default for EncoderConfig {
             line_numbers: false,
             approach_z_mm: None,
             homing: Homing::default(),
+            board: Board::default(),
         }
     }
 }

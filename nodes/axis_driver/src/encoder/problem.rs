@@ -27,6 +27,10 @@ pub enum EncodeProblem {
     RapidArc,
     #[error("the arc from {start:?} to {end:?} about {center:?} cannot be drawn")]
     Arc { start: Position, end: Position, center: Position },
+    #[error(
+        "{letter}{value} is at {in_machine} mm in the machine frame, where the controller's 32 bit numbers are {step} mm apart: move the work offset nearer to the machine zero"
+    )]
+    Resolution { letter: char, value: f64, in_machine: f64, step: f64 },
     #[error("an arc starts where {axes} has not been given since {since}: move {axes} there first")]
     UnknownStart { axes: String, since: String },
     #[error("work system {system} does not exist: 1 to 6 are G54 to G59")]

@@ -109,23 +109,42 @@ fn arcs_give_the_centre_from_their_start_in_every_plane() {
 }
 
 #[test]
-fn a_full_circle_has_equal_ends_and_a_word_of_its_plane() {
+fn a_full_circle_goes_in_two_halves_and_more_turns_in_pieces_that_are_no_circles() {
     let circle = |turns| {
         let shape = arc([0.0, 0.0, 0.0], Plane::Xy, true, turns);
         element(shape, [10.0, 0.0, 0.0], Some(300.0), 1)
     };
-    assert_eq!(encode(path([10.0, 0.0, 0.0], vec![circle(1)])), ["G2X10Y0I-10F300"]);
+    assert_eq!(encode(path([10.0, 0.0, 0.0], vec![circle(1)])), ["G2X-10I-10F300", "X10I10"]);
     let three = encode(path([10.0, 0.0, 0.0], vec![circle(3)]));
-    assert_eq!(three, ["G2X10Y0I-10F300", "X10Y0I-10", "X10Y0I-10"]);
+    assert_eq!(three, ["G2X0Y10I-10F300", "X-10Y0J-10", "X0Y-10I10", "X10Y0J10"]);
 }
 
 #[test]
-fn a_helix_of_several_turns_goes_down_turn_by_turn() {
+fn a_helix_of_several_turns_goes_down_evenly() {
     let shape = arc([0.0, 0.0, 0.0], Plane::Xy, false, 2);
     let helix = element(shape, [0.0, 10.0, -9.0], Some(300.0), 1);
     assert_eq!(
         encode(path([10.0, 0.0, 0.0], vec![helix])),
-        ["G3X10Y0Z-4I-10F300", "X10Y0Z-8I-10", "X0Y10Z-9I-10"]
+        ["G3X0Y-10Z-3I-10F300", "X-10Y0Z-6J10", "X0Y10Z-9I10"]
+    );
+}
+
+#[test]
+fn an_arc_that_would_be_drawn_wrongly_is_cut_up_and_a_place_that_is_too_coarse_refused() {
+    let half = |offset| {
+        let shape = arc([0.0, 0.0, 0.0], Plane::Xy, false, 0);
+        let path = path([10.0, 0.0, 0.0], vec![element(shape, [-10.0, 0.0, 0.0], Some(9.0), 4)]);
+        let mut config = EncoderConfig::default();
+        config.board.work_offsets[0] = [offset, 0.0, 0.0];
+        steps_with(path, config).map(|steps| steps.iter().map(text_of).collect::<Vec<_>>())
+    };
+    assert_eq!(half(-300.0).unwrap(), ["G3X-10I-10F9"]);
+    // There the numbers are 4 µm apart: too coarse for an arc, not for lines.
+    let lines = half(40_000.0).unwrap();
+    assert!(lines.len() > 50 && lines.iter().all(|line| !line.contains('I')), "{lines:?}");
+    assert_eq!(
+        half(70_000.0).unwrap_err().to_string(),
+        "line 4: X-10 is at 69990 mm in the machine frame, where the controller's 32 bit numbers are 0.0078125 mm apart: move the work offset nearer to the machine zero"
     );
 }
 
@@ -167,7 +186,7 @@ fn a_full_circle_is_one_wherever_its_ends_fall_on_the_grid() {
     let circle =
         element(arc([0.0; 3], Plane::Xy, false, 1), [10.000_05 + 1e-10, 0.0, 2.0], Some(300.0), 1);
     let lines = encode(path(start, vec![circle]));
-    assert_eq!(lines, ["G3X10Y0Z2I-10F300"]);
+    assert_eq!(lines, ["G3X-10.0001Z1I-10F300", "X10.0001Z2I10.0001"]);
 }
 
 #[test]

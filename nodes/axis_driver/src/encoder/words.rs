@@ -6,16 +6,13 @@
 /// Steps of the grid in one millimetre: four decimals, finer than any stepper and as
 /// much as the firmware's 32 bit floats hold within a metre.
 pub(super) const GRID_PER_MM: f64 = 10_000.0;
+/// The same as decimals.
+pub(super) const GRID_DECIMALS: u32 = 4;
 
 /// The nearest step of the grid. The value has been checked to be within range.
 pub(crate) fn to_grid(value: f64) -> i64 {
     // A cast saturates; range checks come before it.
     (value * GRID_PER_MM).round() as i64
-}
-
-/// The value of a step of the grid.
-pub(super) fn from_grid(steps: i64) -> f64 {
-    steps as f64 / GRID_PER_MM
 }
 
 /// Writes a word in the fewest characters: `X10`, `Y-.5`, `Z0`.
