@@ -2,6 +2,7 @@
 //! and a driver on a line with a controller.
 
 pub mod line;
+pub mod plain;
 pub mod rows;
 
 use std::path::{Path, PathBuf};

@@ -94,6 +94,15 @@ pub struct Encoder {
     modal: Modal,
     pending: VecDeque<Step>,
     start_axes: AxisSet,
+    /// S that waits for the line of the next move.
+    speed: Option<HeldSpeed>,
+}
+
+/// A spindle speed or laser power that is not sent yet.
+#[derive(Debug, Clone)]
+struct HeldSpeed {
+    word: String,
+    source: Source,
 }
 
 /// The words that every run begins with: millimetres, absolute, feed per minute, no
@@ -114,6 +123,7 @@ impl Encoder {
             modal: Modal::default(),
             pending: VecDeque::new(),
             start_axes: AxisSet::NONE,
+            speed: None,
         }
     }
 
@@ -160,7 +170,10 @@ impl Encoder {
                     self.next_element += 1;
                     (element.source, self.encode_element(index, &element))
                 }
-                (_, None) => return None,
+                (_, None) => match self.speed.as_ref().map(|speed| speed.source) {
+                    Some(source) => (source, self.push_speed()),
+                    None => return None,
+                },
             };
             if let Err(problem) = outcome {
                 return Some(Err(EncodeError { source_place: source, problem }));
@@ -234,7 +247,8 @@ impl Encoder {
         text += &words;
         self.write_feed(&mut text, element.feed_mm_per_min)?;
         self.modal.unknown = self.modal.unknown.without(axes);
-        self.push_motion(text, index, element)
+        let kind = self.write_speed(&mut text);
+        self.push_motion(text, kind, index, element)
     }
 
     fn encode_arc_piece(
@@ -265,7 +279,8 @@ impl Encoder {
             }
         }
         self.write_feed(&mut text, element.feed_mm_per_min)?;
-        self.push_motion(text, index, element)
+        let kind = self.write_speed(&mut text);
+        self.push_motion(text, kind, index, element)
     }
 
     /// The beginning of a line that cuts this element.
@@ -292,6 +307,14 @@ impl Encoder {
             write_word(text, 'F', to_grid(value));
         }
         Ok(())
+    }
+
+    /// Writes the speed that waits for a move into its line. On a line of its own the
+    /// firmware stops for it; with a laser (`$32=1`) it does not stop for it here.
+    fn write_speed(&mut self, text: &mut String) -> LineKind {
+        let Some(HeldSpeed { word, .. }) = self.speed.take() else { return LineKind::Motion };
+        *text += &word;
+        if self.config.board.is_laser { LineKind::Motion } else { LineKind::Slow }
     }
 
     fn checked_feed(&self, value: f64) -> Result<i64, EncodeProblem> {
@@ -341,12 +364,13 @@ impl Encoder {
     fn push_motion(
         &mut self,
         text: String,
+        kind: LineKind,
         index: usize,
         element: &PathElement,
     ) -> Result<(), EncodeProblem> {
         self.push(EncodedLine {
             text,
-            kind: LineKind::Motion,
+            kind,
             is_alone: false,
             element: Some(index),
             source_line: element.source.line,

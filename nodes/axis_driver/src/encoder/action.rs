@@ -1,7 +1,7 @@
 //! All that is not motion of the contour, as grbl says it or cannot.
 
 use super::words::{to_grid, write_word};
-use super::{EncodeProblem, EncodedLine, Encoder, Homing, Modal, Step, spindle_word};
+use super::{EncodeProblem, EncodedLine, Encoder, HeldSpeed, Homing, Modal, Step, spindle_word};
 use crate::link::LineKind;
 use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
@@ -14,13 +14,17 @@ impl Encoder {
     pub(super) fn encode_action(&mut self, event: &PathEvent) -> Result<(), EncodeProblem> {
         let source = event.source;
         self.refuse_after_end(&event.action.text())?;
+        if !matches!(event.action, Action::SelectTool { .. }) {
+            self.push_speed()?;
+        }
         match event.action {
             Action::SpindleSpeed { rpm } => {
                 let max = self.config.spindle_rpm_max;
                 if !(0.0..=max).contains(&rpm) {
                     return Err(EncodeProblem::SpindleSpeed { value: rpm, max });
                 }
-                self.push_action(word('S', rpm), LineKind::Slow, false, source)
+                self.speed = Some(HeldSpeed { word: word('S', rpm), source });
+                Ok(())
             }
             Action::Spindle(mode) => {
                 self.push_action(spindle_word(mode).into(), LineKind::Slow, false, source)
@@ -86,6 +90,16 @@ impl Encoder {
             Action::Auxiliary { .. } => {
                 Err(EncodeProblem::Unsupported { word: event.action.text() })
             }
+        }
+    }
+
+    /// Sends a speed that waits for a move on a line of its own: something else comes first.
+    pub(super) fn push_speed(&mut self) -> Result<(), EncodeProblem> {
+        match self.speed.take() {
+            Some(HeldSpeed { word, source }) => {
+                self.push_action(word, LineKind::Slow, false, source)
+            }
+            None => Ok(()),
         }
     }
 
@@ -188,6 +202,7 @@ impl Encoder {
         for event in actions {
             self.encode_action(event)?;
         }
+        self.push_speed()?;
         let mut words = [String::new(), String::new()];
         for axis in (0..3).filter(|&axis| given.contains(axis)) {
             let steps = self.checked_position(AXIS_LETTERS[axis], start[axis])?;
@@ -242,6 +257,7 @@ impl Encoder {
                 self.pending.push_back(Step::CheckStart);
             }
         }
+        self.push_speed()?;
         // The tool stands where the path says; that was asked of the operator.
         self.modal.unknown = AxisSet::NONE;
         Ok(())

@@ -258,6 +258,56 @@ fn actions_are_the_words_of_grbl() {
 }
 
 #[test]
+fn a_speed_goes_in_the_line_of_the_next_move_and_alone_only_before_something_else() {
+    let line = |x: f64, feed, line| element(Shape::Line, [x, 0.0, 0.0], feed, line);
+    let half = arc([1.5, 0.0, 0.0], Plane::Xy, true, 0);
+    let mut path = path(
+        [0.0; 3],
+        vec![
+            line(0.1, Some(1500.0), 1),
+            line(0.1, Some(1500.0), 2),
+            line(1.0, None, 3),
+            element(half, [2.0, 0.0, 0.0], Some(900.0), 4),
+        ],
+    );
+    let speed = |rpm| Action::SpindleSpeed { rpm };
+    for (at_element, action) in [
+        (0, speed(0.0)),
+        (0, Action::Spindle(SpindleMode::CounterClockwise)),
+        (0, speed(1.0)),
+        (0, speed(100.0)),
+        // Waits over a move that goes nowhere.
+        (1, speed(200.0)),
+        (3, speed(300.0)),
+        (4, speed(400.0)),
+        (4, Action::Dwell { seconds: 1.0 }),
+        (4, speed(500.0)),
+    ] {
+        path.events.push(PathEvent { at_element, action, source: source(9) });
+    }
+    let steps = |is_laser| {
+        let mut config = EncoderConfig::default();
+        config.board.is_laser = is_laser;
+        steps_with(path.clone(), config).expect("a path that can be encoded")
+    };
+    let lines: Vec<_> = steps(true).iter().map(text_of).collect();
+    assert_eq!(
+        lines,
+        ["S0", "M4", "S1", "G1X.1F1500S100", "G0X1S200", "G2X2I.5F900S300", "S400", "G4P1", "S500",]
+    );
+    // Without a laser the firmware waits there until the spindle has its speed.
+    let kinds = |is_laser| -> Vec<_> {
+        let lines = steps(is_laser).into_iter().filter_map(|step| match step {
+            Step::Line(line) if line.element.is_some() => Some(line.kind),
+            _ => None,
+        });
+        lines.collect()
+    };
+    assert_eq!(kinds(true), [LineKind::Motion; 3]);
+    assert_eq!(kinds(false), [LineKind::Slow; 3]);
+}
+
+#[test]
 fn lines_that_read_the_eeprom_go_alone() {
     let path = actions(&[
         Action::WorkOffset { system: 2 },
