@@ -8,6 +8,7 @@
 use axis_driver::driver::{Command, DriverConfig, RunOutcome, RunRequest};
 use cnc_msgs::path::CompensatedPath;
 use kerf_tests::line::{Line, short_segments};
+use kerf_tests::plain::{count_characters, switched_on};
 use std::sync::Arc;
 use std::time::Duration;
 use virtual_controller::{Build, Firmware, Settings};
@@ -53,6 +54,71 @@ fn rate(path: CompensatedPath) -> (f64, f64) {
 fn short_segments_get_99_percent_of_the_line() {
     let (rate, line) = rate(short_segments(6_000, 0.4));
     assert!(rate >= 0.99 * line, "{rate:.0} of {line} bytes a second");
+}
+
+/// Seconds from the first segment to each, as the driver and as a plain character counter
+/// send them to two controllers of the same sort; and the driver's window.
+fn side_by_side(firmware: Firmware, report: u16) -> (Vec<f64>, Vec<f64>, usize) {
+    let build = || {
+        let mut settings = Settings::small_router_of(firmware);
+        for axis in 0..3 {
+            settings.set_line(&format!("$11{axis}=30000")).unwrap();
+            settings.set_line(&format!("$12{axis}=20000")).unwrap();
+        }
+        settings.set_line(&format!("$10={report}")).unwrap();
+        Build::new(settings)
+    };
+    let mut line = Line::connected(build());
+    // A few reports at rest say how large the buffer is.
+    line.wait(2.0);
+    let begun = line.now;
+    assert_eq!(line.run(short_segments(4_000, 0.4)).outcome, RunOutcome::Succeeded);
+    let window = line.driver.window();
+    // One write may hold several lines, and requests for status.
+    let mut lines = Vec::new();
+    let mut unfinished = Vec::new();
+    for (at, bytes) in line.written.iter().filter(|(at, _)| *at >= begun) {
+        for &byte in bytes.iter().filter(|byte| !matches!(byte, b'?' | 0x80..)) {
+            if byte != b'\n' {
+                unfinished.push(byte);
+                continue;
+            }
+            let text = String::from_utf8(std::mem::take(&mut unfinished)).expect("G-code");
+            if text.contains(['X', 'Y']) {
+                lines.push((*at, text));
+            }
+        }
+    }
+    let (driven, text): (Vec<Duration>, Vec<String>) = lines.into_iter().unzip();
+    let (mut controller, now) = switched_on(build());
+    let plain = count_characters(&mut controller, now, &text, window);
+    let since_first = |times: Vec<Duration>| -> Vec<f64> {
+        times.iter().map(|at| (*at - times[0]).as_secs_f64()).collect()
+    };
+    (since_first(driven), since_first(plain), window)
+}
+
+#[test]
+fn no_line_is_sent_later_than_a_plain_character_counter_sends_it() {
+    for (firmware, report, window) in [
+        // grbl's own `stream.py` stays below 127.
+        (Firmware::Grbl, 3, 127),
+        (Firmware::Grbl, 1, 127),
+        // Bounded by the hold latency: 20 ms of 115 200 Bd.
+        (Firmware::GrblHal, 511, 230),
+        (Firmware::FluidNc, 3, 127),
+    ] {
+        let (driven, plain, is) = side_by_side(firmware, report);
+        assert_eq!((is, driven.len()), (window, plain.len()), "{firmware}");
+        // The requests for status come at other moments: a byte each, and a report that an
+        // answer may have to wait for.
+        let late = driven.iter().zip(&plain).map(|(driven, plain)| driven - plain);
+        let latest = late.fold(f64::MIN, f64::max);
+        let seconds = plain[plain.len() - 1];
+        println!("{firmware}: {latest:.4} s at most of {seconds:.2} s");
+        assert!(latest < 0.02, "{firmware}: {latest} s after a plain counter");
+        assert!(driven[driven.len() - 1] <= seconds * 1.001, "{firmware}: slower on the whole");
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The shell around the driver: the port, the threads, the clock.
 //!
-//! One thread owns the driver. A reader hands it bytes, a writer takes what the system
-//! does not take at once, so that neither a controller that does not read nor a consumer
+//! One thread owns the driver and reads the port; a writer takes what the system does not
+//! take at once, so that neither a controller that does not read nor a consumer
 //! that does not listen ever stops it. Commands go in and outputs and journal entries come out through bounded
 //! queues; what is telemetry is dropped and counted rather than waited for. A port
 //! that is opened again is a new port: nothing is resumed. Knows no ROS.
@@ -70,7 +70,7 @@ impl Serial {
         events: SyncSender<Event>,
         journal: SyncSender<Entry>,
     ) -> io::Result<Self> {
-        let inbox = Arc::new(Inbox::default());
+        let inbox = Arc::new(Inbox::new()?);
         let counters = Arc::new(Counters::default());
         let epoch = Instant::now();
         let outbox = outbox::Outbox::new(events, journal, counters.clone());

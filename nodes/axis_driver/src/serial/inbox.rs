@@ -1,14 +1,17 @@
-//! What the owner waits for: commands, bytes, the end.
+//! What comes to the owner from other threads: commands, a writer's failure, the end.
+//!
+//! The owner waits for this and for its port at once, so each push rings a bell that can
+//! be polled. Bytes from the controller do not come this way: the owner reads them itself.
 
 use crate::driver::Command;
+use rustix::event::{EventfdFlags, eventfd};
+use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::collections::VecDeque;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::io;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Commands that wait, at most.
 const CONTROLS_MAX: usize = 256;
-/// Reads that wait, at most; then the system's own buffer fills.
-const READS_MAX: usize = 256;
 
 /// The driver has more commands than it can take; try again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -22,38 +25,35 @@ pub(super) enum Control {
     Command { id: u64, command: Command },
 }
 
-/// What a reader or writer says. `port` counts ports, so that the words of one that is
-/// gone are not taken for those of the next.
+/// Why a writer ended. `port` counts ports, so that the word of one that is gone is not
+/// taken for that of the next.
 #[derive(Debug)]
-pub(super) struct FromPort {
+pub(super) struct WriterFailed {
     pub(super) port: u64,
-    pub(super) what: Result<Vec<u8>, String>,
-}
-
-#[derive(Debug, Default)]
-struct Waiting {
-    controls: VecDeque<Control>,
-    reads: VecDeque<FromPort>,
-    is_stopped: bool,
+    pub(super) reason: String,
 }
 
 /// All that has come in since the last time.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     pub(super) controls: VecDeque<Control>,
-    pub(super) reads: VecDeque<FromPort>,
+    pub(super) failed: Option<WriterFailed>,
     pub(super) is_stopped: bool,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Inbox {
-    waiting: Mutex<Waiting>,
-    came: Condvar,
-    taken: Condvar,
+    waiting: Mutex<Batch>,
+    bell: OwnedFd,
 }
 
 impl Inbox {
-    fn lock(&self) -> MutexGuard<'_, Waiting> {
+    pub(super) fn new() -> io::Result<Self> {
+        let bell = eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?;
+        Ok(Self { waiting: Mutex::default(), bell })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Batch> {
         // Nothing in here is left half done by a panic.
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -64,37 +64,35 @@ impl Inbox {
             return Err(Full);
         }
         waiting.controls.push_back(control);
-        self.came.notify_one();
+        self.ring();
         Ok(())
     }
 
-    /// Hands over what was read; waits while the owner is busy, up to `patience`.
-    pub(super) fn push_read(&self, read: FromPort, patience: Duration) {
-        let is_full = |waiting: &mut Waiting| waiting.reads.len() >= READS_MAX;
-        let waiting = self.taken.wait_timeout_while(self.lock(), patience, is_full);
-        let (mut waiting, _) = waiting.unwrap_or_else(PoisonError::into_inner);
-        waiting.reads.push_back(read);
-        self.came.notify_one();
+    pub(super) fn push_failure(&self, failed: WriterFailed) {
+        self.lock().failed = Some(failed);
+        self.ring();
     }
 
     pub(super) fn stop(&self) {
         self.lock().is_stopped = true;
-        self.came.notify_one();
+        self.ring();
     }
 
-    /// Waits until something comes or the time is over.
-    pub(super) fn take(&self, patience: Duration) -> Batch {
-        let is_empty = |waiting: &mut Waiting| {
-            waiting.controls.is_empty() && waiting.reads.is_empty() && !waiting.is_stopped
-        };
-        let waiting = self.came.wait_timeout_while(self.lock(), patience, is_empty);
-        let (mut waiting, _) = waiting.unwrap_or_else(PoisonError::into_inner);
-        let batch = Batch {
-            controls: std::mem::take(&mut waiting.controls),
-            reads: std::mem::take(&mut waiting.reads),
-            is_stopped: waiting.is_stopped,
-        };
-        self.taken.notify_all();
-        batch
+    fn ring(&self) {
+        // A bell that is full rings.
+        let _ = rustix::io::write(&self.bell, &1u64.to_ne_bytes());
+    }
+
+    /// Can be read when something has come.
+    pub(super) fn bell(&self) -> BorrowedFd<'_> {
+        self.bell.as_fd()
+    }
+
+    /// Takes what has come; never waits.
+    pub(super) fn take(&self) -> Batch {
+        let mut waiting = self.lock();
+        let _ = rustix::io::read(&self.bell, &mut [0; 8]);
+        let is_stopped = waiting.is_stopped;
+        Batch { is_stopped, ..std::mem::take(&mut *waiting) }
     }
 }

@@ -1,11 +1,12 @@
 //! The thread that owns the driver.
 
-use super::inbox::{Batch, Control, FromPort, Inbox};
+use super::inbox::{Batch, Control, Inbox};
 use super::outbox::{Event, Outbox};
 use super::port::Port;
 use super::{Reopen, SerialConfig};
 use crate::driver::{Command, Driver, Input, Output};
 use crate::journal::Journal;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -54,15 +55,19 @@ impl Owner {
 
     pub(super) fn run(mut self) {
         loop {
-            let Batch { controls, reads, is_stopped } = self.inbox.take(self.patience());
+            let has_bytes = self.wait();
+            let Batch { controls, failed, is_stopped } = self.inbox.take();
             for control in controls {
                 self.on_control(control);
             }
-            for FromPort { port, what } in reads {
-                if port != self.port_number || self.port.is_none() {
-                    continue;
-                }
-                match what {
+            if let Some(failed) = failed.filter(|failed| failed.port == self.port_number)
+                && self.port.is_some()
+            {
+                self.lose_port(&failed.reason);
+            }
+            if has_bytes && let Some(read) = self.port.as_ref().map(Port::read) {
+                match read {
+                    Ok(bytes) if bytes.is_empty() => {}
                     Ok(bytes) => self.handle(Input::Received(bytes)),
                     Err(reason) => self.lose_port(&reason),
                 }
@@ -80,6 +85,21 @@ impl Owner {
                 self.handle(Input::Timer);
             }
             self.outbox.flush();
+        }
+    }
+
+    /// Waits for bytes, for the inbox or for the time; whether the port has something to say.
+    ///
+    /// The thread that owns the driver reads by itself: an answer that has to wake one thread
+    /// to be read and another to be understood waits for a processor twice.
+    fn wait(&self) -> bool {
+        let mut fds = vec![PollFd::from_borrowed_fd(self.inbox.bell(), PollFlags::IN)];
+        fds.extend(self.port.as_ref().map(|port| PollFd::new(port, PollFlags::IN)));
+        let timeout = Timespec::try_from(self.patience()).ok();
+        match poll(&mut fds, timeout.as_ref()) {
+            Ok(_) => fds.get(1).is_some_and(|port| !port.revents().is_empty()),
+            // A signal, or the process was stopped and continued.
+            Err(_) => false,
         }
     }
 
@@ -165,8 +185,9 @@ impl Owner {
             let entry = self.journal.checkpoint(now, checkpoint);
             self.outbox.record(entry);
         }
-        let entry = self.journal.input(now, &input);
-        self.outbox.record(entry);
+        // What is written goes first: who records it or shows it wakes up after that.
+        let mut entries = vec![self.journal.input(now, &input)];
+        let mut events = Vec::new();
         self.driver.handle(now, input);
         self.outbox.hear(self.driver.heard_at());
         let mut failure = None;
@@ -174,8 +195,7 @@ impl Owner {
         while let Some(output) = self.driver.poll_output() {
             match output {
                 Output::Transmit(bytes) => {
-                    let entry = self.journal.transmitted(now, &bytes);
-                    self.outbox.record(entry);
+                    entries.push(self.journal.transmitted(now, &bytes));
                     let port = self.port.as_ref();
                     if let Some(Err(reason)) = port.map(|port| port.write(bytes)) {
                         failure = Some(reason);
@@ -183,10 +203,12 @@ impl Owner {
                 }
                 output => {
                     is_over |= output == Output::ReadyToClose;
-                    self.outbox.push(Event { at: now, output });
+                    events.push(Event { at: now, output });
                 }
             }
         }
+        entries.into_iter().for_each(|entry| self.outbox.record(entry));
+        events.into_iter().for_each(|event| self.outbox.push(event));
         if let Some(reason) = failure {
             self.lose_port(&reason);
         } else if is_over {

@@ -1,43 +1,44 @@
-//! One opened port: its settings, its reader, its writer.
+//! One opened port: its settings, what is read from it, and its writer.
 
 use super::SerialConfig;
-use super::inbox::{FromPort, Inbox};
-use rustix::fd::OwnedFd;
+use super::inbox::{Inbox, WriterFailed};
+use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 use serialport::{ClearBuffer, DataBits, FlowControl, Parity, SerialPort, StopBits, TTYPort};
-use std::io::{ErrorKind, Read, Write};
+use std::io::{ErrorKind, Write};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How often a reader looks whether it is still wanted.
-const READ_PATIENCE: Duration = Duration::from_millis(50);
+/// Bytes that are read in one go.
+const READ_BYTES_MAX: usize = 4096;
 /// How long the system may refuse to take bytes.
 const WRITE_PATIENCE: Duration = Duration::from_millis(500);
 /// Writes that wait; the link keeps far less than this under way.
 const WRITES_MAX: usize = 64;
-/// How long the end of the threads is waited for before they are left alone.
+/// How long the end of the writer is waited for before it is left alone.
 const END_PATIENCE: Duration = Duration::from_millis(300);
 
 /// A port that is open. Dropping it closes it.
 #[derive(Debug)]
 pub(super) struct Port {
-    /// The same port, for writes that wait for nothing.
+    /// The same port, for reads and writes that wait for nothing.
     at_once: OwnedFd,
+    /// Keeps the port for this process alone.
+    _exclusive: TTYPort,
     writes: Option<SyncSender<Vec<u8>>>,
     /// Writes that the writer has not finished.
     waiting: Arc<AtomicUsize>,
-    is_over: Arc<AtomicBool>,
-    threads: Vec<JoinHandle<()>>,
+    writer: Option<JoinHandle<()>>,
 }
 
 impl Port {
-    /// Opens the port for this process alone, 8N1, raw, without flow control, and
-    /// starts its reader and writer. The error is for people.
+    /// Opens the port for this process alone, 8N1, raw, without flow control, and starts
+    /// its writer. The error is for people.
     pub(super) fn open(
         config: &SerialConfig,
         number: u64,
@@ -45,27 +46,34 @@ impl Port {
     ) -> Result<Self, String> {
         let problem =
             |error: &dyn std::fmt::Display| format!("cannot open {}: {error}", config.path);
-        let (mut port, at_once) = open_tty(config).map_err(|error| problem(&error))?;
+        let (port, at_once) = open_tty(config).map_err(|error| problem(&error))?;
         let mut writer = port.try_clone_native().map_err(|error| problem(&error))?;
         // What came before belongs to nobody. A pseudo-terminal may not know this.
         let _ = port.clear(ClearBuffer::All);
-        let is_over = Arc::new(AtomicBool::new(false));
         let (writes, wanted) = sync_channel(WRITES_MAX);
-        let _ = port.set_timeout(READ_PATIENCE);
         let _ = writer.set_timeout(WRITE_PATIENCE);
-        let (writes, waiting) = (Some(writes), Arc::default());
-        let mut opened = Self { at_once, writes, waiting, is_over, threads: Vec::new() };
-        let (over, to) = (opened.is_over.clone(), inbox.clone());
-        opened.spawn("axis-driver-rx", move || read(port, number, &to, &over))?;
-        let (to, waiting) = (inbox.clone(), opened.waiting.clone());
-        opened.spawn("axis-driver-tx", move || write(writer, number, &to, &wanted, &waiting))?;
-        Ok(opened)
+        let waiting = Arc::<AtomicUsize>::default();
+        let (to, left) = (inbox.clone(), waiting.clone());
+        let writer = std::thread::Builder::new()
+            .name("axis-driver-tx".into())
+            .spawn(move || write(writer, number, &to, &wanted, &left))
+            .map_err(|error| format!("cannot start axis-driver-tx: {error}"))?;
+        let (writes, writer) = (Some(writes), Some(writer));
+        Ok(Self { at_once, _exclusive: port, writes, waiting, writer })
     }
 
-    fn spawn(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), String> {
-        let thread = std::thread::Builder::new().name(name.into()).spawn(work);
-        self.threads.push(thread.map_err(|error| format!("cannot start {name}: {error}"))?);
-        Ok(())
+    /// Reads what has come; nothing when nothing has.
+    pub(super) fn read(&self) -> Result<Vec<u8>, String> {
+        let mut bytes = vec![0; READ_BYTES_MAX];
+        match rustix::io::read(&self.at_once, &mut bytes) {
+            Ok(0) => Err("unplugged: the port has ended".into()),
+            Ok(count) => {
+                bytes.truncate(count);
+                Ok(bytes)
+            }
+            Err(Errno::AGAIN | Errno::INTR) => Ok(Vec::new()),
+            Err(error) => Err(format!("unplugged: {}", std::io::Error::from(error))),
+        }
     }
 
     /// Writes bytes, or hands what the system does not take now to the writer; never waits.
@@ -93,14 +101,19 @@ impl Port {
     }
 }
 
+impl AsFd for Port {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.at_once.as_fd()
+    }
+}
+
 impl Drop for Port {
     fn drop(&mut self) {
-        self.is_over.store(true, Ordering::Relaxed);
         self.writes = None;
-        // The port can be opened again when both have let go of it. A writer that the
+        // The port can be opened again when the writer has let go of it. One that the
         // system holds is left: it ends with the device.
         let patience = Instant::now();
-        while self.threads.iter().any(|thread| !thread.is_finished())
+        while self.writer.as_ref().is_some_and(|writer| !writer.is_finished())
             && patience.elapsed() < END_PATIENCE
         {
             std::thread::sleep(Duration::from_millis(2));
@@ -140,25 +153,6 @@ fn open_tty(config: &SerialConfig) -> serialport::Result<(TTYPort, OwnedFd)> {
     Ok((port, at_once))
 }
 
-fn read(mut port: TTYPort, number: u64, inbox: &Inbox, is_over: &AtomicBool) {
-    let mut buffer = [0; 4096];
-    while !is_over.load(Ordering::Relaxed) {
-        let what = match port.read(&mut buffer) {
-            Ok(0) => Err("unplugged: the port has ended".to_owned()),
-            Ok(count) => Ok(buffer[..count].to_vec()),
-            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {
-                continue;
-            }
-            Err(error) => Err(format!("unplugged: {error}")),
-        };
-        let is_end = what.is_err();
-        inbox.push_read(FromPort { port: number, what }, WRITE_PATIENCE);
-        if is_end {
-            return;
-        }
-    }
-}
-
 fn write(
     mut port: TTYPort,
     number: u64,
@@ -168,11 +162,11 @@ fn write(
 ) {
     for bytes in wanted {
         if let Err(error) = port.write_all(&bytes) {
-            let what = Err(match error.kind() {
+            let reason = match error.kind() {
                 ErrorKind::TimedOut => "the controller does not read".to_owned(),
                 _ => format!("unplugged: {error}"),
-            });
-            inbox.push_read(FromPort { port: number, what }, WRITE_PATIENCE);
+            };
+            inbox.push_failure(WriterFailed { port: number, reason });
             return;
         }
         waiting.fetch_sub(1, Ordering::Release);
