@@ -6,6 +6,7 @@
 use crate::interface::Message;
 use byteorder::{BigEndian, LittleEndian};
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 /// The encapsulation of plain CDR, little-endian.
 pub const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
@@ -30,6 +31,20 @@ pub enum CdrError {
 pub fn body<T: Serialize>(value: &T) -> Vec<u8> {
     cdr_encoding::to_vec::<T, LittleEndian>(value)
         .expect("a struct of numbers, strings and sequences always has a CDR form")
+}
+
+/// Reads what [`body`] wrote, to its last byte.
+///
+/// # Errors
+/// It is not a `T`, or is followed by other bytes.
+pub fn from_body<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, CdrError> {
+    let type_name = std::any::type_name::<T>();
+    let (value, used) = cdr_encoding::from_bytes::<T, LittleEndian>(bytes)
+        .map_err(|error| CdrError::Body { type_name, reason: error.to_string() })?;
+    match bytes.len().saturating_sub(used) {
+        0 => Ok(value),
+        count => Err(CdrError::LeftOver { type_name, count }),
+    }
 }
 
 /// The message as it lies in a bag: little-endian, with its encapsulation.

@@ -4,13 +4,14 @@
 
 use crate::contour::{CutterSide, SpindleMode};
 use crate::geometry::Position;
+use serde::{Deserialize, Serialize};
 
 /// What the reason of a [`MachineState`] begins with while the driver has sent nothing yet of a
 /// run that is to be recorded.
 pub const WAITING_FOR_RECORDER: &str = "WAITING_FOR_RECORDER";
 
 /// What the machine does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 pub enum Mode {
     /// Not known: the link is lost or nothing was heard yet.
     #[default]
@@ -50,7 +51,7 @@ impl Mode {
 }
 
 /// The state of the machine as last heard.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct MachineState {
     pub mode: Mode,
     /// Why it is in this mode, where that is not obvious: `LINK_LOST`, `FEED_HOLD`, an alarm's text.

@@ -25,6 +25,7 @@ mod machine;
 mod overrides;
 mod proof;
 mod rest;
+mod ros_loss;
 mod run;
 mod stop;
 mod stream;
@@ -37,6 +38,7 @@ pub use errand::MoveResult;
 pub use machine::{ControllerSettings, Offset};
 pub use overrides::Overrides;
 pub use rest::RestRequest;
+pub use ros_loss::{OnRosLoss, ROS_LOST};
 
 use crate::link::Link;
 use cnc_msgs::geometry::Position;
@@ -46,6 +48,7 @@ use errand::Errand;
 use machine::Machine;
 use proof::Check;
 use run::Run;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -65,7 +68,7 @@ pub enum Input {
 }
 
 /// What to do outside, in order.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Output {
     /// Write these bytes now.
     Transmit(Vec<u8>),
@@ -88,7 +91,7 @@ pub enum Output {
 }
 
 /// How a run ended.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
     /// The command that began it.
     pub id: u64,
@@ -103,14 +106,14 @@ pub struct RunResult {
     pub blamed_line: u32,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RunOutcome {
     Succeeded,
     Canceled,
     Aborted,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LogLevel {
     Info,
     Warn,
@@ -175,6 +178,8 @@ pub struct Driver {
     is_single_block: bool,
     /// Whether it begins what it is asked for.
     is_active: bool,
+    /// Nobody can be reached over ROS.
+    ros_loss: Option<ros_loss::RosLoss>,
     leaving: Option<leave::Leaving>,
     outputs: VecDeque<Output>,
     published: Option<MachineState>,
@@ -197,6 +202,7 @@ impl Driver {
             commander_heard: None,
             is_single_block: false,
             is_active: true,
+            ros_loss: None,
             leaving: None,
             outputs: VecDeque::new(),
             published: None,
@@ -243,9 +249,9 @@ impl Driver {
             _ => None,
         };
         let leaving = self.leaving.as_ref().map(|leaving| leaving.until);
-        let commander = self.commander_deadline();
+        let (commander, ros) = (self.commander_deadline(), self.ros_deadline());
         let overrides = self.overrides.as_ref().map(|watch| watch.until);
-        [proving, link, phase, leaving, commander, overrides].into_iter().flatten().min()
+        [proving, link, phase, leaving, commander, ros, overrides].into_iter().flatten().min()
     }
 
     /// What is known of the machine now.
@@ -292,6 +298,7 @@ impl Driver {
             self.on_overrides_timeout();
         }
         self.watch_commander();
+        self.watch_ros();
         self.step_check();
         self.step_rest();
         self.step_leaving();

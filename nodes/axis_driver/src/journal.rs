@@ -6,17 +6,24 @@
 //! shell's business.
 
 mod command;
+mod kind;
 mod mdi;
+mod ring;
 
-pub use command::{CommandError, command_from_json, command_to_json};
+pub use command::{
+    CommandError, Order, RunOrder, TakeRestOrder, command_from_json, command_to_json, order_to_json,
+};
+pub use kind::{kind_from_wire, kind_to_wire};
+pub use ring::Ring;
 
 use crate::driver::{Driver, DriverConfig, Input, Output};
 use cnc_msgs::path::CompensatedPath;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 
 /// What an entry is about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum EntryKind {
     /// Bytes from the controller.
     Rx,
@@ -35,12 +42,13 @@ pub enum EntryKind {
 }
 
 /// One entry; sequences begin at 1 and have no gaps.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Entry {
     pub sequence: u64,
     /// The time handed to the driver, ns from any zero.
     pub monotonic_ns: u64,
     pub kind: EntryKind,
+    #[serde(with = "serde_bytes")]
     pub data: Vec<u8>,
 }
 

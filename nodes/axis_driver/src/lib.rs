@@ -6,7 +6,8 @@
 //! and what is known of the machine; [`journal`] writes its inputs down and plays
 //! them again. All of that is a function of inputs and of the time that comes with
 //! them. `serial` (feature `node`) is the shell with the port, the threads and the
-//! clock. Nothing in here knows ROS.
+//! clock; nothing in all of that knows ROS. `motion` is the process around it, and `node`
+//! its ROS face, another process; [`protocol`] is what they say to each other.
 //!
 //! None of this is a safety function; an emergency stop is wired.
 
@@ -17,7 +18,10 @@ pub mod estimate;
 pub mod journal;
 pub mod link;
 #[cfg(feature = "node")]
+pub mod motion;
+#[cfg(feature = "node")]
 pub mod node;
+pub mod protocol;
 pub mod report;
 #[cfg(feature = "node")]
 pub mod serial;

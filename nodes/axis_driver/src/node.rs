@@ -1,7 +1,7 @@
 //! The ROS shell of the driver: commands in, state and traffic out.
 //!
 //! Everything that matters to the machine happens on the serial thread, which
-//! does not know that ROS exists. This file carries commands to it and what it
+//! does not know that ROS exists, in another process. This file carries commands to it and what it
 //! says to the world; if all of it stood still, the machine would not notice.
 
 mod actions;
@@ -10,93 +10,113 @@ mod edges;
 mod follow;
 mod lifecycle;
 mod mdi;
+mod motion_link;
 mod parameters;
 mod path;
-mod ring;
 mod services;
 mod source;
 mod traffic;
 mod viewers;
 
+pub use crate::journal::kind_from_wire;
 pub use parameters::driver_config;
-pub use traffic::kind_from_wire;
+pub(crate) use parameters::{declared, serial_config};
 
 use crate::driver::{
-    COMMANDER_LOST, Command, ControllerSettings, LogLevel, MoveResult, Output, Refusal,
-    RestRequest, RunResult,
+    COMMANDER_LOST, ControllerSettings, LogLevel, MoveResult, Output, ROS_LOST, Refusal, RunResult,
 };
-use crate::journal::Entry;
-use crate::serial::{Event, Serial};
-use cnc_msgs::machine::MachineState;
+use crate::journal::{Order, TakeRestOrder};
+use crate::motion::{self, FACE_VARIABLE};
+use crate::serial::Event;
+use cnc_msgs::machine::{MachineState, Mode};
 use cnc_msgs::wire::cnc_msgs::srv::{GetProgramChunks, GetTraffic};
-use path::{Paths, Planned};
+use motion_link::{Before, FromMotion, MotionLink};
+use path::{Answers, Paths, Planned};
 use runtime::commands::CommandLog;
-use runtime::{Client, Handle, Health, HealthLevel, Qos, RosTime};
+use runtime::{Client, Handle, Health, HealthLevel, Memory, Qos, RosTime};
+use rustix::process::Signal;
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tokio::sync::{mpsc, oneshot, watch};
 use traffic::Traffic;
 use viewers::{Viewers, firmware_name};
 
-/// Events and entries that may wait for this shell.
+/// Events that may wait for this shell.
 const WAITING_MAX: usize = 16_384;
-/// Time over which traffic is gathered into one message.
-const BATCH: Duration = Duration::from_millis(20);
 /// How often the state goes out when nothing changes.
 const STATE_PERIOD: Duration = Duration::from_millis(200);
+/// How often the motion process hears that this one lives.
+const ALIVE_PERIOD: Duration = Duration::from_millis(100);
+/// The motion process speaks ten times a second; so long it is held up by no busy computer.
+const MOTION_SILENT: Duration = Duration::from_secs(2);
+/// What the reason of a state begins with that is not known because of that.
+const MOTION_LOST: &str = "MOTION_LOST";
 /// Two status requests of the slowest kind without an answer, and a bit, s.
 const STALE_S: f64 = 2.5;
 /// How long a hold, a resume or an unlock may take to be answered.
 const REPLY_WITHIN: Duration = Duration::from_secs(10);
-/// Runs the node until it is told to stop.
-pub fn main(args: Vec<String>) -> ExitCode {
-    runtime::run_managed("axis_driver", parameters::declared(), &args, start)
+
+/// Runs the node until it is told to stop: the motion process, which starts this executable
+/// once more for its ROS face. `program` are the words that make it this node.
+pub fn main(program: &[&str], args: Vec<String>) -> ExitCode {
+    if std::env::var_os(FACE_VARIABLE).is_some() {
+        // Also one that is stopped; where this cannot be, the end of the connection ends it.
+        let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
+        return runtime::run_managed("axis_driver", declared(), &args, start);
+    }
+    motion::main(program, &args)
 }
 
 async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
-    let config = parameters::serial_config(&node);
-    let has_port = !config.path.is_empty();
-    let (event_sender, events) = sync_channel(WAITING_MAX);
-    let (entry_sender, entries) = sync_channel(WAITING_MAX);
-    let serial = Serial::start(config, event_sender, entry_sender)?;
-    let zero = RosTime::from_nanos(
-        RosTime::wall().as_nanos()
-            - i64::try_from(serial.epoch().elapsed().as_nanos()).unwrap_or(0),
-    );
-    let traffic = Traffic::new(node.publisher("controller_traffic", Qos::EVENTS)?, zero);
+    let has_port = !node.parameter::<String>("port").is_empty();
+    let (motion, incoming, Before { welcome, kept, events }) = MotionLink::connect()?;
+    let keeper = Arc::clone(&motion);
+    node.remember_in(Memory::new(kept, move |name, value| keeper.keep(name, value)));
+    let zero = RosTime::from_nanos(welcome.zero_wall_ns);
+    let publisher = node.publisher("controller_traffic", Qos::EVENTS)?;
+    let traffic = Traffic::new(publisher, zero, welcome.publish_from);
     let driver = Arc::new(Driver {
         node: node.clone(),
-        serial,
-        next_id: AtomicU64::new(1),
+        motion: Arc::clone(&motion),
+        next_id: AtomicU64::new(welcome.next_id),
         state: watch::Sender::new(not_heard(has_port)),
         progress: watch::Sender::new(Progress::default()),
         hardware: watch::Sender::default(),
-        waiting: Mutex::default(),
+        waiting: Mutex::new(Waiting::with(&events)),
         commands: CommandLog::new(&node)?,
         recorder: follow::Recorder::default(),
         programs: node.client("program/get_chunks")?,
     });
-
-    let shared = traffic.clone();
-    std::thread::Builder::new()
-        .name("traffic".into())
-        .spawn(move || gather(&entries, |batch| shared.push(batch)))?;
-    let (relay, mut relayed) = mpsc::channel(WAITING_MAX);
-    std::thread::Builder::new().name("driver events".into()).spawn(move || {
-        while let Ok(event) = events.recv() {
-            if relay.blocking_send(event).is_err() {
-                break;
-            }
-        }
-    })?;
     let viewers = Viewers::new(&node)?;
+    for event in events {
+        driver.take(event, node.now(), &viewers);
+    }
+
+    let (relay, mut relayed) = mpsc::channel(WAITING_MAX);
+    let (shared, out, answers) =
+        (traffic.clone(), Arc::clone(&motion), Arc::new(Answers::default()));
+    let path_answers = Arc::clone(&answers);
+    std::thread::Builder::new().name("from the motion process".into()).spawn(move || {
+        out.listen(incoming, |message| match message {
+            // Where nobody takes it any more the node is being taken down.
+            FromMotion::Event(event) => drop(relay.blocking_send(event)),
+            FromMotion::Entries(entries) => {
+                if let Some(newest) = shared.push(entries) {
+                    out.say_published(newest);
+                }
+            }
+            FromMotion::Path { program_id, revision, taken } => {
+                path_answers.give(program_id, revision, taken);
+            }
+        });
+    })?;
     let (handle, shared) = (node.clone(), Arc::clone(&driver));
     node.spawn("driver events", async move {
         let mut ticks = tokio::time::interval(STATE_PERIOD);
+        let mut beats = tokio::time::interval(ALIVE_PERIOD);
         loop {
             tokio::select! {
                 event = relayed.recv() => match event {
@@ -104,6 +124,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
                     None => break,
                 },
                 _ = ticks.tick() => shared.publish_again(handle.now(), &viewers),
+                _ = beats.tick() => shared.motion.say_alive(),
             }
         }
     });
@@ -116,21 +137,20 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         std::future::ready(shared.answer(&request))
     })?;
     let (handle, shared) = (node.clone(), Arc::clone(&driver));
-    let paths = Paths::follow(&node, move |paths, of, planned| {
+    let here = path::Here { motion, answers, paths: welcome.paths };
+    let paths = Paths::follow(&node, here, move |paths, of, planned| {
         let (driver, paths) = (Arc::clone(&shared), paths.clone());
         handle.spawn("rest of a run", async move { driver.take_rest(&paths, of, planned).await });
     })?;
     services::offer_tool_change(&node, &driver, &paths)?;
     follow::follow(&node, &driver)?;
     actions::offer(&node, &driver, paths)?;
-    // The core would begin at once what it is asked for.
-    driver.begin(Command::Deactivate);
+    driver.motion.say_ready();
     Ok(lifecycle::Shell { driver, has_port })
 }
 
 /// The state before the driver has said anything.
 fn not_heard(has_port: bool) -> MachineState {
-    use cnc_msgs::machine::Mode;
     let (mode, reason) = match has_port {
         true => (Mode::Unknown, "the driver starts"),
         false => (Mode::Disconnected, "no port is set"),
@@ -141,24 +161,6 @@ fn not_heard(has_port: bool) -> MachineState {
         link_age_s: f64::INFINITY,
         overrides_percent: [100; 3],
         ..MachineState::default()
-    }
-}
-
-/// Hands on what has gathered, every [`BATCH`]; ends with the driver.
-fn gather(entries: &Receiver<Entry>, push: impl Fn(Vec<Entry>)) {
-    while let Ok(first) = entries.recv() {
-        let (mut batch, end) = (vec![first], Instant::now() + BATCH);
-        let is_over = loop {
-            match entries.recv_timeout(end.saturating_duration_since(Instant::now())) {
-                Ok(entry) => batch.push(entry),
-                Err(RecvTimeoutError::Timeout) => break false,
-                Err(RecvTimeoutError::Disconnected) => break true,
-            }
-        };
-        push(batch);
-        if is_over {
-            break;
-        }
     }
 }
 
@@ -173,10 +175,17 @@ struct Progress {
 /// The answer to a command: what was done, or why not.
 type Reply = Result<String, Refusal>;
 
-/// A command that was sent, or not when too many wait already.
+/// An order that was sent.
 struct Asked {
     id: u64,
-    reply: Option<oneshot::Receiver<Reply>>,
+    reply: oneshot::Receiver<Reply>,
+}
+
+/// How often somebody wanted the machine to stop: over ROS, and without it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Stops {
+    over_ros: u64,
+    local: u64,
 }
 
 /// Who waits for what.
@@ -185,15 +194,74 @@ struct Waiting {
     replies: BTreeMap<u64, oneshot::Sender<Reply>>,
     runs: BTreeMap<u64, oneshot::Sender<RunResult>>,
     moves: BTreeMap<u64, oneshot::Sender<MoveResult>>,
+    /// What came before this face was there to wait for it, for goals of the face before.
+    replies_before: BTreeMap<u64, Reply>,
+    runs_before: BTreeMap<u64, RunResult>,
+    moves_before: BTreeMap<u64, MoveResult>,
     leave: Option<oneshot::Sender<()>>,
     /// Counts the wishes to stop.
     stops: u64,
 }
 
-/// The serial driver as this shell sees it.
+impl Waiting {
+    /// With what has ended before.
+    fn with(events: &[Event]) -> Self {
+        let mut waiting = Self::default();
+        for event in events {
+            match &event.output {
+                Output::Reply { id, result } => {
+                    waiting.replies_before.insert(*id, result.clone());
+                }
+                Output::RunFinished(result) => {
+                    waiting.runs_before.insert(result.id, result.clone());
+                }
+                Output::MoveFinished(result) => {
+                    waiting.moves_before.insert(result.id, result.clone());
+                }
+                _ => {}
+            }
+        }
+        waiting
+    }
+
+    /// The end of a run: of one that has ended before, too.
+    fn run(&mut self, id: u64) -> oneshot::Receiver<RunResult> {
+        let (sender, finished) = oneshot::channel();
+        match self.runs_before.remove(&id) {
+            // The receiver is here.
+            Some(result) => drop(sender.send(result)),
+            None => drop(self.runs.insert(id, sender)),
+        }
+        finished
+    }
+
+    /// The same of a jog or a probe.
+    fn motion(&mut self, id: u64) -> oneshot::Receiver<MoveResult> {
+        let (sender, finished) = oneshot::channel();
+        match self.moves_before.remove(&id) {
+            // The receiver is here.
+            Some(result) => drop(sender.send(result)),
+            None => drop(self.moves.insert(id, sender)),
+        }
+        finished
+    }
+
+    /// The same of the answer to a command.
+    fn reply(&mut self, id: u64) -> oneshot::Receiver<Reply> {
+        let (sender, reply) = oneshot::channel();
+        match self.replies_before.remove(&id) {
+            // The receiver is here.
+            Some(result) => drop(sender.send(result)),
+            None => drop(self.replies.insert(id, sender)),
+        }
+        reply
+    }
+}
+
+/// The driver in the motion process as this shell sees it.
 struct Driver {
     node: Handle,
-    serial: Serial,
+    motion: Arc<MotionLink>,
     next_id: AtomicU64,
     /// The newest state.
     state: watch::Sender<MachineState>,
@@ -215,7 +283,24 @@ impl Driver {
     /// The state, with the age of what was heard.
     fn state_now(&self) -> MachineState {
         let state = self.state.borrow().clone();
-        MachineState { link_age_s: self.serial.link_age_s(), ..state }
+        let link_age_s = self.motion.link_age_s();
+        let silence = self.motion.silence();
+        if silence < MOTION_SILENT {
+            return MachineState { link_age_s, ..state };
+        }
+        let reason = format!(
+            "{MOTION_LOST}: the motion process has said nothing for {:.1} s; is it stopped?",
+            silence.as_secs_f64()
+        );
+        MachineState {
+            mode: Mode::Unknown,
+            reason,
+            motion_possible: true,
+            machine_position: None,
+            work_position: None,
+            link_age_s,
+            ..state
+        }
     }
 
     /// The newest state once more, of the time at which it was heard.
@@ -279,78 +364,85 @@ impl Driver {
         self.node.require_active().map_err(refuse)
     }
 
-    /// Sends a command and waits for its answer.
-    async fn ask(&self, command: Command, within: Duration) -> Reply {
-        let asked = self.begin(command);
+    /// Whether the driver has taken up what the face before this one gave it under this id.
+    fn was_taken_up(&self, id: u64) -> bool {
+        matches!(self.waiting().replies_before.get(&id), Some(Ok(_)))
+    }
+
+    /// Sends an order and waits for its answer.
+    async fn ask(&self, order: impl Into<Order>, within: Duration) -> Reply {
+        let asked = self.begin(order);
         self.answer(asked, within).await
     }
 
-    async fn ask_as(&self, id: u64, command: Command, within: Duration) -> Reply {
-        let asked = self.begin_as(id, command);
+    async fn ask_as(&self, id: u64, order: impl Into<Order>, within: Duration) -> Reply {
+        let asked = self.begin_as(id, order);
         self.answer(asked, within).await
     }
 
     /// How many wishes to stop there were.
-    fn stops(&self) -> u64 {
-        self.waiting().stops
+    fn stops(&self) -> Stops {
+        Stops { over_ros: self.waiting().stops, local: self.motion.local_stops() }
     }
 
     /// The same, unless somebody wanted the machine to stop since there were so many wishes:
     /// what was still being prepared then does not begin behind it.
     async fn ask_unless_stopped(
         &self,
-        stops: u64,
+        stops: Stops,
         id: u64,
-        command: Command,
+        order: impl Into<Order>,
         within: Duration,
     ) -> Reply {
         let asked = {
             let mut waiting = self.waiting();
-            if waiting.stops != stops {
+            if waiting.stops != stops.over_ros {
                 let message = "somebody stopped the machine before it began: ask again".into();
                 return Err(Refusal { error_code: crate::codes::error_code::CANCELED, message });
             }
-            self.hand_over(&mut waiting, id, command)
+            self.hand_over(&mut waiting, id, order.into(), Some(stops.local))
         };
         self.answer(asked, within).await
     }
 
-    /// Sends a command now; [`Self::answer`] waits for its answer.
-    fn begin(&self, command: Command) -> Asked {
-        self.begin_as(self.next_id.fetch_add(1, Ordering::Relaxed), command)
+    /// Sends an order now; [`Self::answer`] waits for its answer.
+    fn begin(&self, order: impl Into<Order>) -> Asked {
+        self.begin_as(self.next_id.fetch_add(1, Ordering::Relaxed), order)
     }
 
-    fn begin_as(&self, id: u64, command: Command) -> Asked {
-        self.hand_over(&mut self.waiting(), id, command)
+    fn begin_as(&self, id: u64, order: impl Into<Order>) -> Asked {
+        self.hand_over(&mut self.waiting(), id, order.into(), None)
     }
 
-    /// Hands a command to the driver, one after the other.
-    fn hand_over(&self, waiting: &mut Waiting, id: u64, command: Command) -> Asked {
-        waiting.stops += u64::from(command.stops_whatever_moves());
-        let (sender, reply) = oneshot::channel();
-        waiting.replies.insert(id, sender);
-        let is_sent = self.serial.command(id, command).is_ok();
-        Asked { id, reply: is_sent.then_some(reply) }
+    /// Hands an order to the driver, one after the other.
+    fn hand_over(
+        &self,
+        waiting: &mut Waiting,
+        id: u64,
+        order: Order,
+        local_stops: Option<u64>,
+    ) -> Asked {
+        waiting.stops += u64::from(order.stops_whatever_moves());
+        let reply = waiting.reply(id);
+        self.motion.order(id, &order, local_stops);
+        Asked { id, reply }
     }
 
     async fn answer(&self, asked: Asked, within: Duration) -> Reply {
         let Asked { id, reply } = asked;
-        let message = match reply {
-            None => "too many commands wait for the driver".to_owned(),
-            Some(reply) => match tokio::time::timeout(within, reply).await {
-                Ok(Ok(reply)) => return reply,
-                _ => format!("the driver did not answer within {} s", within.as_secs_f64()),
-            },
-        };
+        if let Ok(Ok(reply)) = tokio::time::timeout(within, reply).await {
+            return reply;
+        }
         self.waiting().replies.remove(&id);
+        let message = format!("the driver did not answer within {} s", within.as_secs_f64());
         Err(Refusal { error_code: crate::codes::error_code::NO_ANSWER, message })
     }
 
     /// Offers the core another path for what is left of its run.
     async fn take_rest(&self, paths: &Paths, of: u64, planned: Planned) {
-        let Planned { program_id, revision, path, .. } = planned.clone();
-        let request = RestRequest { program_id, of, revision, path };
-        match self.ask(Command::TakeRest(request), REPLY_WITHIN).await {
+        let Planned { program_id, revision, .. } = planned.clone();
+        let order = Order::TakeRest(TakeRestOrder { program_id, of, revision });
+        match self.ask(order, REPLY_WITHIN).await {
             Ok(message) => {
                 paths.begin(&planned);
                 tracing::info!("{message}");
@@ -360,15 +452,18 @@ impl Driver {
     }
 
     fn health(&self) -> Health {
-        use cnc_msgs::machine::Mode;
         let state = self.state_now();
-        let dropped = self.serial.dropped();
+        let dropped = self.motion.dropped();
         Health {
             component: "serial link".into(),
             level: match state.mode {
                 Mode::Unknown | Mode::Alarm => HealthLevel::Error,
                 Mode::Disconnected => HealthLevel::Warn,
-                _ if state.needs_reset || state.reason.starts_with(COMMANDER_LOST) => {
+                _ if state.needs_reset
+                    || [COMMANDER_LOST, ROS_LOST]
+                        .iter()
+                        .any(|lost| state.reason.starts_with(lost)) =>
+                {
                     HealthLevel::Warn
                 }
                 // While it homes a controller reports nothing.

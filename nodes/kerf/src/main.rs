@@ -14,6 +14,7 @@ mod ctrl_c;
 mod demo;
 mod exit;
 mod files;
+mod local;
 mod move_by_hand;
 mod node;
 mod operate;

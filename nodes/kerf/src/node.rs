@@ -12,7 +12,7 @@ type Entry = fn(Vec<String>) -> ExitCode;
 const NODES: [(&str, Entry); 5] = [
     ("program_loader", program_loader::node::main),
     ("compensation_planner", compensation_planner::node::main),
-    ("axis_driver", axis_driver::node::main),
+    ("axis_driver", |args| axis_driver::node::main(&["node", "axis_driver"], args)),
     ("run_recorder", run_recorder::node::main),
     ("virtual_controller", |args| {
         virtual_controller::cli(std::iter::once("virtual_controller".to_owned()).chain(args))

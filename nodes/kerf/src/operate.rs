@@ -7,6 +7,8 @@
 use crate::ctrl_c::CtrlC;
 use crate::exit::{Failure, Outcome, Status};
 use crate::files;
+use crate::local;
+use axis_driver::protocol::Wish;
 use clap::Args;
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::diagnostic::Diagnostic;
@@ -92,6 +94,15 @@ impl Button {
             Self::Sleep => "sleep",
         }
     }
+
+    /// What stops a machine can be asked for without ROS.
+    const fn local_wish(self) -> Option<Wish> {
+        match self {
+            Self::Hold => Some(Wish::FeedHold),
+            Self::Reset => Some(Wish::SoftReset),
+            Self::Resume | Self::Confirm | Self::Unlock | Self::DoorHold | Self::Sleep => None,
+        }
+    }
 }
 
 impl From<CallError> for Failure {
@@ -154,16 +165,20 @@ pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
 
 /// `kerf hold`, `resume`, `confirm`, `unlock`, `reset`, `door-hold`, `sleep`
 pub(crate) fn press(button: Button, ros_args: &[String]) -> Outcome {
-    with_node(ros_args, async |node| {
+    let over_ros = async |node: &Handle| {
         let client = node.client::<Trigger>(button.service())?;
         let answer = client.call(TriggerRequest::default()).await?;
         said(answer.success, answer.message)
-    })
+    };
+    match button.local_wish() {
+        Some(wish) => local::over_ros_or_locally(ros_args, wish, over_ros, local::say),
+        None => with_node(ros_args, over_ros),
+    }
 }
 
 /// `kerf abort`
 pub(crate) fn abort(ros_args: &[String]) -> Outcome {
-    with_node(ros_args, async |node| {
+    let over_ros = async |node: &Handle| {
         let client: ActionClient<RunProgram> = node.action_client("run_program")?;
         let answer = client.cancel_all().await?;
         match answer {
@@ -178,7 +193,8 @@ pub(crate) fn abort(ros_args: &[String]) -> Outcome {
                 said(answer.success, answer.message)
             }
         }
-    })
+    };
+    local::over_ros_or_locally(ros_args, Wish::Cancel, over_ros, local::say)
 }
 
 /// Loads a file by its text, waits for the plan, and shows all findings.

@@ -1,11 +1,13 @@
 //! `kerf status`: what the machine does, as the driver says it.
 
 use crate::exit::{Failure, Outcome, Status};
-use crate::operate::with_node;
-use cnc_msgs::convert::mode_from_wire;
+use crate::local::over_ros_or_locally;
+use axis_driver::protocol::Wish;
+use cnc_msgs::convert::{machine_state_to_wire, mode_from_wire};
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
-use runtime::{Qos, Subscription};
+use cnc_msgs::wire::std_msgs::msg::Header;
+use runtime::{Handle, Qos, Subscription};
 use std::time::Duration;
 use tokio::time::timeout;
 
@@ -16,7 +18,7 @@ const STATE_SETTLES: Duration = Duration::from_millis(500);
 
 /// `kerf status`
 pub(crate) fn run(ros_args: &[String]) -> Outcome {
-    with_node(ros_args, async |node| {
+    let over_ros = async |node: &Handle| {
         let mut states: Subscription<MachineState> =
             node.subscription("machine_state", Qos::LATCHED)?;
         let (mut state, _) = timeout(LATCHED_WITHIN, states.next()).await.map_err(|_| {
@@ -38,6 +40,10 @@ pub(crate) fn run(ros_args: &[String]) -> Outcome {
             }
         }
         print!("{}", describe(&state));
+        Ok(())
+    };
+    over_ros_or_locally(ros_args, Wish::State, over_ros, |answer| {
+        print!("{}", describe(&machine_state_to_wire(Header::default(), &answer.state)));
         Ok(())
     })
 }

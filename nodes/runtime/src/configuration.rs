@@ -42,6 +42,8 @@ pub enum ConfigurationError {
     Name(#[from] NameError),
     #[error(transparent)]
     File(#[from] FileError),
+    #[error("argument \"{0}\" is not known; see --ros-args")]
+    Word(String),
     /// All parameters that do not fit, one a line.
     #[error("{}", lines(.0))]
     Parameters(Vec<ParameterError>),
@@ -86,6 +88,27 @@ impl Configuration {
         warnings.extend(parameters.apply(&overrides).map_err(Self::refused)?);
         let logs = LogSettings::new(&arguments, &names);
         Ok(Self { names, environment, parameters, logs, enclave, rest: arguments.rest, warnings })
+    }
+
+    /// The configuration of a managed node from the environment of this process.
+    ///
+    /// # Errors
+    /// As [`Self::read`]; or a word is not for ROS.
+    pub fn of_process(
+        name: &str,
+        mut declared: Vec<Declared>,
+        words: &[String],
+    ) -> Result<Self, ConfigurationError> {
+        declared.push(crate::lifecycle::autostart());
+        // Variables that are not UTF-8 are not ours.
+        let variables = std::env::vars_os()
+            .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
+            .collect();
+        let configuration = Self::read(name, declared, words, &variables)?;
+        match configuration.rest.first() {
+            Some(word) => Err(ConfigurationError::Word(word.clone())),
+            None => Ok(configuration),
+        }
     }
 
     fn refused(errors: Vec<ParameterError>) -> ConfigurationError {

@@ -80,6 +80,7 @@ mod live_parameters;
 mod log_levels;
 mod logger_services;
 mod logging;
+mod memory;
 pub mod names;
 mod node;
 mod pace;
@@ -117,6 +118,7 @@ pub use documents::{
 pub use graph::LOOPBACK_PARTICIPANTS_MAX;
 pub use lifecycle::{Managed, Step, Trouble};
 pub use logging::LogSettings;
+pub use memory::Memory;
 pub use node::{Handle, NodeError};
 pub use parameter_services::from_wire as parameter_from_wire;
 pub use parameters::Declared;

@@ -27,6 +27,9 @@ use tokio::sync::{Mutex, watch};
 /// Declared by every managed node: whether it makes itself active.
 pub const AUTOSTART: &str = "autostart";
 
+/// Under this name the state is kept, where the node has a memory.
+const KEPT_STATE: &str = "lifecycle";
+
 /// What came of a step: done, or why not.
 pub type Step = Result<(), Trouble>;
 
@@ -77,6 +80,13 @@ pub trait Managed: Send + Sync + 'static {
         ready(Ok(()))
     }
 
+    /// Goes on in a state in which the process before this one was; see [`crate::Memory`].
+    /// What the state needs is there already.
+    fn go_on(&self, state: State) -> impl Future<Output = Step> + Send {
+        let _ = state;
+        ready(Ok(()))
+    }
+
     /// How the parts of the node do; asked once a second.
     fn health(&self) -> Vec<Health> {
         Vec::new()
@@ -102,6 +112,10 @@ impl<M: Managed> Managed for Arc<M> {
 
     fn shutdown(&self) -> impl Future<Output = Step> + Send {
         (**self).shutdown()
+    }
+
+    fn go_on(&self, state: State) -> impl Future<Output = Step> + Send {
+        (**self).go_on(state)
     }
 
     fn health(&self) -> Vec<Health> {
@@ -200,8 +214,18 @@ impl<M: Managed> Lifecycle<M> {
         Ok(lifecycle)
     }
 
-    /// Makes the node active, with `autostart`.
+    /// Goes on in the state of the process before; else makes the node active, with `autostart`.
     async fn start(&self) -> crate::NodeResult {
+        if let Some(state) = self.state_before() {
+            let _alone = self.step.lock().await;
+            self.node.inner.lifecycle.send_replace(Some(state));
+            tracing::info!("{}, as before", state.label());
+            if state == State::Finalized {
+                self.node.shutdown().request("it was shut down");
+                return Ok(());
+            }
+            return Ok(self.managed.go_on(state).await?);
+        }
         if !self.node.parameter::<bool>(AUTOSTART) {
             tracing::info!(
                 "unconfigured: {AUTOSTART} is false, so others configure and activate it"
@@ -275,6 +299,13 @@ impl<M: Managed> Lifecycle<M> {
         went.map_err(|trouble| trouble.to_string())
     }
 
+    /// The last state in which the process before this one rested.
+    fn state_before(&self) -> Option<State> {
+        let kept = self.node.memory()?.get(KEPT_STATE)?;
+        let [id] = kept.as_slice() else { return None };
+        machine::STATES.into_iter().find(|state| state.id() == *id && !state.is_transitional())
+    }
+
     fn state(&self) -> State {
         self.node.lifecycle_state().unwrap_or(State::Unknown)
     }
@@ -283,6 +314,9 @@ impl<M: Managed> Lifecycle<M> {
         self.node.inner.lifecycle.send_replace(Some(way.goal));
         if !way.goal.is_transitional() {
             tracing::info!("{}", way.goal.label());
+            if let Some(memory) = self.node.memory() {
+                memory.keep(KEPT_STATE, vec![way.goal.id()]);
+            }
         }
         self.events.publish(services::event(self.node.now(), way));
     }

@@ -52,6 +52,11 @@ impl LogSettings {
         }
     }
 
+    /// Makes this the log of a process that is no node itself: nothing goes to `/rosout`.
+    pub fn install_console(&self) {
+        drop(Self { to_rosout: false, ..self.clone() }.install());
+    }
+
     /// Makes this the log of the process; the first one stays. Returns the
     /// lines for `/rosout`.
     pub(crate) fn install(&self) -> Lines {

@@ -12,6 +12,7 @@ use crate::environment::Environment;
 use crate::graph::Graph;
 use crate::interface::{Message, Service};
 use crate::live_parameters::LiveParameters;
+use crate::memory::Memory;
 use crate::names::{NameError, Names, Scope};
 use crate::pace::Pace;
 use crate::publisher::{LastWords, Publisher};
@@ -25,7 +26,7 @@ use rustdds::policy::ResourceLimits;
 use rustdds::{DomainParticipant, QosPolicies, QosPolicyBuilder, Topic, TopicKind};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use tokio::task::JoinSet;
 
 /// Why a node or an endpoint cannot be had.
@@ -66,6 +67,7 @@ pub(crate) struct Inner {
     pub(crate) shutdown: Shutdown,
     pub(crate) last_words: LastWords,
     pub(crate) tasks: Mutex<JoinSet<()>>,
+    pub(crate) memory: OnceLock<Memory>,
 }
 
 /// The two endpoints of a client or a server.
@@ -168,15 +170,18 @@ impl Handle {
         F: Fn(S::Request, RequestInfo) -> Fut + Send + 'static,
         Fut: Future<Output = S::Response> + Send + 'static,
     {
-        self.concurrent_service_of::<S, F, Fut>(name, S::TYPE_NAME, Crowd::Waits, handler)
+        let (crowd, earlier) = (Crowd::Waits, Vec::new());
+        self.concurrent_service_of::<S, F, Fut>(name, S::TYPE_NAME, crowd, earlier, handler)
     }
 
-    /// The same for a type whose name is only known at run time.
+    /// The same for a type whose name is only known at run time. `earlier` requests came to the
+    /// process before this one, which had not answered them.
     pub(crate) fn concurrent_service_of<S, F, Fut>(
         &self,
         name: &str,
         type_name: &str,
         crowd: Crowd,
+        earlier: Vec<(S::Request, RequestInfo)>,
         handler: F,
     ) -> Result<(), NodeError>
     where
@@ -185,7 +190,8 @@ impl Handle {
         Fut: Future<Output = S::Response> + Send + 'static,
     {
         let server = self.server::<S>(name, type_name)?;
-        self.spawn(&format!("service {name}"), server.serve_concurrently(crowd, handler));
+        let serving = server.serve_concurrently(crowd, earlier, handler);
+        self.spawn(&format!("service {name}"), serving);
         Ok(())
     }
 

@@ -88,16 +88,24 @@ impl<S: Service + 'static> Server<S> {
         }
     }
 
-    /// Answers each request by itself, for ever.
-    pub(crate) async fn serve_concurrently<F, Fut>(mut self, crowd: Crowd, handler: F)
-    where
+    /// Answers each request by itself, for ever; those that came earlier first.
+    pub(crate) async fn serve_concurrently<F, Fut>(
+        mut self,
+        crowd: Crowd,
+        earlier: Vec<(S::Request, RequestInfo)>,
+        handler: F,
+    ) where
         F: Fn(S::Request, RequestInfo) -> Fut,
         Fut: Future<Output = S::Response> + Send + 'static,
     {
         let mut making = JoinSet::new();
         let mut oldest_first: VecDeque<AbortHandle> = VecDeque::new();
+        let mut earlier = earlier.into_iter();
         loop {
-            let (request, info) = self.next().await;
+            let (request, info) = match earlier.next() {
+                Some(request) => request,
+                None => self.next().await,
+            };
             while making.try_join_next().is_some() {}
             match crowd {
                 Crowd::Waits if making.len() >= CONCURRENT_MAX => drop(making.join_next().await),

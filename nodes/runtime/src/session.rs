@@ -73,6 +73,7 @@ impl Session {
             shutdown,
             last_words,
             tasks: Mutex::default(),
+            memory: std::sync::OnceLock::new(),
         };
         let handle = Handle { inner: Arc::new(inner) };
         handle.spawn("graph", Arc::clone(&handle.inner.graph).follow(participant.clone()));

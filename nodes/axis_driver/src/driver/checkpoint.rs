@@ -6,6 +6,7 @@
 
 use super::machine::Machine;
 use super::overrides::OverrideWatch;
+use super::ros_loss::RosLoss;
 use super::stop::HoldWatch;
 use super::{Driver, DriverConfig, Phase};
 use crate::link::{Link, LinkAtRest};
@@ -28,6 +29,8 @@ struct Checkpoint {
     is_single_block: bool,
     #[serde(default = "active")]
     is_active: bool,
+    #[serde(default)]
+    ros_loss: Option<RosLoss>,
 }
 
 /// Records of before could not say otherwise.
@@ -47,6 +50,8 @@ struct CheckpointRef<'a> {
     commander_heard: Option<Duration>,
     is_single_block: bool,
     is_active: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ros_loss: Option<RosLoss>,
 }
 
 impl Driver {
@@ -68,6 +73,7 @@ impl Driver {
             commander_heard: self.commander_heard,
             is_single_block: self.is_single_block,
             is_active: self.is_active,
+            ros_loss: self.ros_loss,
         };
         let text = serde_json::to_string(&checkpoint);
         Some(text.expect("a struct of numbers and texts is always JSON"))
@@ -85,6 +91,7 @@ impl Driver {
             commander_heard,
             is_single_block,
             is_active,
+            ros_loss,
         } = serde_json::from_slice(json)?;
         let mut driver = Self {
             link: Link::from_rest(config.link(), link),
@@ -99,6 +106,7 @@ impl Driver {
             commander_heard,
             is_single_block,
             is_active,
+            ros_loss,
             leaving: None,
             outputs: VecDeque::new(),
             published: None,

@@ -13,6 +13,7 @@ use crate::encoder::{EncoderConfig, StartProblem, start_at};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::CompensatedPath;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A request.
@@ -69,6 +70,8 @@ pub enum Command {
     Deactivate,
     /// Brings everything to a stop as a cancel does; then the port may be closed.
     Shutdown,
+    /// Whether the driver can be reached over ROS.
+    RosFace { is_there: bool },
 }
 
 impl Command {
@@ -105,7 +108,7 @@ pub struct RunRequest {
 }
 
 /// Why a command was not followed.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 #[error("{message}")]
 pub struct Refusal {
     /// See [`error_code`].
@@ -188,6 +191,7 @@ impl Driver {
                 Command::Activate => self.activate(),
                 Command::Deactivate => self.deactivate(id),
                 Command::Shutdown => self.shut_down(id),
+                Command::RosFace { is_there } => self.hear_ros_face(is_there),
             }
         };
         if let Some(result) = answer {

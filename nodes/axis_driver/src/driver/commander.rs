@@ -49,7 +49,7 @@ impl Driver {
     /// When the commander counts as lost.
     pub(super) fn commander_deadline(&self) -> Option<Duration> {
         let patience = Duration::from_millis(u64::from(self.config.commander_timeout_ms));
-        let heard = self.commander_heard?;
+        let heard = self.commander_heard.filter(|_| !self.excuses_commander())?;
         matches!(self.phase, Phase::Running(_) | Phase::Errand(_)).then_some(heard + patience)
     }
 
@@ -67,14 +67,21 @@ impl Driver {
             (OnCommanderLoss::HoldThenAbort, Phase::Running(_)) => {
                 self.stop_run(RunOutcome::Aborted, error_code::COMMANDER_LOST, text);
             }
-            (_, Phase::Running(run)) if run.is_stopping() => {}
+            _ => self.hold_unattended(error_code::COMMANDER_LOST, &text),
+        }
+    }
+
+    /// Holds what moves, because nobody is there to watch it.
+    pub(super) fn hold_unattended(&mut self, error_code: u16, text: &str) {
+        match &mut self.phase {
+            Phase::Running(run) if run.is_stopping() => {}
             // Nothing was sent yet, and nobody waits for it any more.
-            (_, Phase::Running(run)) if !run.has_begun() => {
-                self.stop_run(RunOutcome::Aborted, error_code::COMMANDER_LOST, text);
+            Phase::Running(run) if !run.has_begun() => {
+                self.stop_run(RunOutcome::Aborted, error_code, text.to_owned());
             }
-            (_, Phase::Running(_)) => self.hold_run(&text),
+            Phase::Running(_) => self.hold_run(text),
             // A hold ends a jog; homing does not listen to it.
-            (_, Phase::Errand(errand)) if errand.task.moves() => self.send_hold(),
+            Phase::Errand(errand) if errand.task.moves() => self.send_hold(),
             _ => {}
         }
     }

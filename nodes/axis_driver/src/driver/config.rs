@@ -1,6 +1,7 @@
 //! What the driver can be told, and how long it waits.
 
 use super::commander::OnCommanderLoss;
+use super::ros_loss::OnRosLoss;
 use crate::encoder::EncoderConfig;
 use crate::link::LinkConfig;
 use serde::{Deserialize, Serialize};
@@ -38,6 +39,16 @@ pub struct DriverConfig {
     /// After this long a commander that gave signs of life counts as lost, ms.
     #[serde(default = "commander_timeout_ms")]
     pub commander_timeout_ms: u32,
+    /// What is done while nobody can be reached over ROS.
+    #[serde(default)]
+    pub on_ros_loss: OnRosLoss,
+    /// After this long without ROS the machine holds, where that is wanted, ms.
+    #[serde(default = "ros_loss_timeout_ms")]
+    pub ros_loss_timeout_ms: u32,
+}
+
+const fn ros_loss_timeout_ms() -> u32 {
+    5_000
 }
 
 const fn commander_timeout_ms() -> u32 {
@@ -58,6 +69,8 @@ impl Default for DriverConfig {
             require_recording: false,
             on_commander_loss: OnCommanderLoss::default(),
             commander_timeout_ms: commander_timeout_ms(),
+            on_ros_loss: OnRosLoss::default(),
+            ros_loss_timeout_ms: ros_loss_timeout_ms(),
         }
     }
 }

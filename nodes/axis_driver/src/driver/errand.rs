@@ -11,6 +11,7 @@ use crate::link::{LineKind, realtime};
 use crate::report::{ControllerState, Firmware};
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use cnc_msgs::machine::Mode;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -66,7 +67,7 @@ enum Step {
 }
 
 /// How a jog or a probe ended.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MoveResult {
     /// The command that began it.
     pub id: u64,

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 const PLANNER_BLOCKS_DEFAULT: u16 = 15;
 
 /// What a controller says of itself.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ControllerSettings {
     pub firmware: Firmware,
     /// As it words them.

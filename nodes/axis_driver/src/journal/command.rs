@@ -11,6 +11,63 @@ use cnc_msgs::path::CompensatedPath;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+/// A command, where whoever gives it need not have the path.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Order {
+    Command(Command),
+    Run(RunOrder),
+    TakeRest(TakeRestOrder),
+}
+
+/// [`RunRequest`] without its path.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunOrder {
+    pub program_id: String,
+    pub revision: u64,
+    pub start_line: u32,
+    pub check_only: bool,
+}
+
+/// [`RestRequest`] without its path.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TakeRestOrder {
+    pub program_id: String,
+    pub of: u64,
+    pub revision: u64,
+}
+
+impl From<Command> for Order {
+    fn from(command: Command) -> Self {
+        Self::Command(command)
+    }
+}
+
+impl Order {
+    /// Whether it is somebody's wish that nothing moves on.
+    pub fn stops_whatever_moves(&self) -> bool {
+        matches!(self, Self::Command(command) if command.stops_whatever_moves())
+    }
+}
+
+/// Writes an order in the form of [`command_to_json`].
+pub fn order_to_json(id: u64, order: &Order) -> String {
+    let command = match order {
+        Order::Command(command) => return command_to_json(id, command),
+        Order::Run(order) => CommandForm::RunProgram {
+            program_id: order.program_id.clone(),
+            revision: order.revision,
+            start_line: order.start_line,
+            check_only: order.check_only,
+        },
+        Order::TakeRest(order) => CommandForm::TakeRest {
+            program_id: order.program_id.clone(),
+            of: order.of,
+            revision: order.revision,
+        },
+    };
+    written(id, command)
+}
+
 /// A command as it stands in an entry.
 #[derive(Debug, Serialize, Deserialize)]
 struct CommandRecord {
@@ -65,6 +122,9 @@ enum CommandForm {
     Activate,
     Deactivate,
     Shutdown,
+    RosFace {
+        is_there: bool,
+    },
 }
 
 /// Writes a command: `{"id":7,"command":"feed_hold"}`.
@@ -105,7 +165,12 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
         Command::Activate => CommandForm::Activate,
         Command::Deactivate => CommandForm::Deactivate,
         Command::Shutdown => CommandForm::Shutdown,
+        Command::RosFace { is_there } => CommandForm::RosFace { is_there: *is_there },
     };
+    written(id, command)
+}
+
+fn written(id: u64, command: CommandForm) -> String {
     serde_json::to_string(&CommandRecord { id, command })
         .expect("a struct of numbers and texts is always JSON")
 }
@@ -149,6 +214,7 @@ pub fn command_from_json(
         CommandForm::Activate => Command::Activate,
         CommandForm::Deactivate => Command::Deactivate,
         CommandForm::Shutdown => Command::Shutdown,
+        CommandForm::RosFace { is_there } => Command::RosFace { is_there },
     };
     Ok((record.id, command))
 }

@@ -4,12 +4,13 @@ use super::path::{Paths, Planned};
 use super::source::text_of;
 use super::{Driver, Reply};
 use crate::codes::error_code;
-use crate::driver::{Command, MDI, Refusal, RunOutcome, RunRequest, RunResult};
+use crate::driver::{Command, MDI, Refusal, RunOutcome, RunResult};
+use crate::journal::{Order, RunOrder};
 use cnc_msgs::convert::mode_to_wire;
 use cnc_msgs::interface::Action;
 use cnc_msgs::wire::builtin_interfaces::msg::Duration as WireDuration;
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramFeedback, RunProgramResult};
-use runtime::action::{Goal, GoalOffer, Outcome};
+use runtime::action::{Goal, GoalOffer, Outcome, Unfinished};
 use runtime::commands::Answer;
 use runtime::{Handle, NodeError};
 use std::sync::Arc;
@@ -29,6 +30,10 @@ pub(super) const FEEDBACK_PERIOD: Duration = Duration::from_millis(100);
 /// Offers `run_program`.
 pub(super) fn offer(node: &Handle, driver: &Arc<Driver>, paths: Paths) -> Result<(), NodeError> {
     let mut runs = node.action_server::<RunProgram>("run_program")?;
+    for unfinished in runs.take_unfinished() {
+        let shared = Arc::clone(driver);
+        node.spawn("run of a program", async move { go_on(&shared, unfinished).await });
+    }
     let (handle, shared) = (node.clone(), Arc::clone(driver));
     node.spawn("run_program", async move {
         while let Some(offer) = runs.next_goal().await {
@@ -38,6 +43,29 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>, paths: Paths) -> Result
         }
     });
     Ok(())
+}
+
+/// Goes on with a goal of the face before this one, where the driver took it up.
+async fn go_on(driver: &Arc<Driver>, unfinished: Unfinished<RunProgram>) {
+    let goal = match unfinished {
+        Unfinished::Goal(goal) => goal,
+        Unfinished::Offer(offer) => match (offer.kept_tag(), driver.was_taken_up(offer.kept_tag()))
+        {
+            (1.., true) => match offer.accept() {
+                Some(goal) => goal,
+                None => return,
+            },
+            (id, _) => {
+                // It may be taken up yet, and nobody would know of it.
+                let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
+                return offer.reject("the driver had not taken it up when its ROS side ended");
+            }
+        },
+    };
+    let id = goal.kept_tag();
+    let finished = driver.waiting().run(id);
+    let _expected = (!goal.goal().check_only).then(|| driver.recorder.expect(&goal.id()));
+    follow(driver, id, goal, finished).await;
 }
 
 pub(super) fn answer(reply: &Reply) -> Answer<'_> {
@@ -52,8 +80,8 @@ pub(super) fn answer(reply: &Reply) -> Answer<'_> {
 /// Accepts a goal when the driver does, and follows it to its end.
 async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram>) {
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
-    let (sender, finished) = oneshot::channel();
-    driver.waiting().runs.insert(id, sender);
+    offer.tag(id);
+    let finished = driver.waiting().run(id);
     // What is only checked has no record; it may be checked while another runs.
     let _expected = (!offer.goal().check_only).then(|| driver.recorder.expect(&offer.id()));
     let reply = begin(driver, paths, id, &offer).await;
@@ -97,20 +125,14 @@ async fn begin(driver: &Driver, paths: &Paths, id: u64, offer: &GoalOffer<RunPro
         let message = "it was canceled before it began".into();
         return Err(Refusal { error_code: error_code::CANCELED, message });
     }
-    let Planned { program_id, revision, path, .. } = planned.clone();
+    let Planned { program_id, revision, .. } = planned.clone();
     if program_id == MDI {
         let message = format!("{MDI} is what a block by hand is called, not a program");
         return Err(Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message });
     }
-    let request = RunRequest {
-        program_id,
-        revision,
-        path,
-        start_line: goal.start_line,
-        check_only: goal.check_only,
-    };
-    let reply =
-        driver.ask_unless_stopped(stops, id, Command::RunProgram(request), PROVE_WITHIN).await;
+    let (start_line, check_only) = (goal.start_line, goal.check_only);
+    let order = Order::Run(RunOrder { program_id, revision, start_line, check_only });
+    let reply = driver.ask_unless_stopped(stops, id, order, PROVE_WITHIN).await;
     if reply.is_ok() && !goal.check_only {
         paths.begin(&planned);
     }

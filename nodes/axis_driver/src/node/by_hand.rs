@@ -4,7 +4,7 @@
 //! the machine the core judges.
 
 use super::actions::{CANCEL_WITHIN, FEEDBACK_PERIOD, answer, ended};
-use super::{Driver, REPLY_WITHIN, told};
+use super::{Asked, Driver, REPLY_WITHIN, told};
 use crate::codes::error_code;
 use crate::driver::{
     Command, JogFrame, JogRequest, MoveResult, OffsetRequest, Overrides, ProbeRequest, Refusal,
@@ -23,7 +23,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
     SetWorkOffsetResponse,
 };
 use cnc_msgs::wire::geometry_msgs::msg::Point;
-use runtime::action::{Goal, GoalOffer, Outcome};
+use runtime::action::{Goal, GoalOffer, Outcome, Unfinished};
 use runtime::commands::Answer;
 use runtime::{Handle, NodeResult, RequestInfo};
 use std::sync::Arc;
@@ -37,6 +37,15 @@ const HOME_WITHIN: Duration = Duration::from_secs(2 * 3_600);
 /// Offers all of it.
 pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
     let mut homes = node.action_server::<Home>("home")?;
+    for unfinished in homes.take_unfinished() {
+        let driver = Arc::clone(driver);
+        // One that was not accepted was not begun.
+        if let Unfinished::Goal(goal) = unfinished {
+            let id = goal.kept_tag();
+            let asked = Asked { id, reply: driver.waiting().reply(id) };
+            node.spawn("homing", async move { follow_home(&driver, goal, asked).await });
+        }
+    }
     let (handle, shared) = (node.clone(), Arc::clone(driver));
     node.spawn("home", async move {
         while let Some(offer) = homes.next_goal().await {
@@ -57,8 +66,16 @@ async fn home(driver: &Arc<Driver>, offer: GoalOffer<Home>) {
         driver.commands.record("home", Home::TYPE_NAME, &info, &asked, answer(&Err(refusal)));
         return offer.reject(&message);
     }
+    let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
+    offer.tag(id);
     let Some(goal) = offer.accept() else { return };
-    let mut homed = std::pin::pin!(driver.ask(Command::Home, HOME_WITHIN));
+    let asked = driver.begin_as(id, Command::Home);
+    follow_home(driver, goal, asked).await;
+}
+
+/// Follows homing to its end.
+async fn follow_home(driver: &Driver, goal: Goal<Home>, asked: Asked) {
+    let mut homed = std::pin::pin!(driver.answer(asked, HOME_WITHIN));
     let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
     let mut is_canceling = false;
     let reply = loop {
@@ -74,7 +91,7 @@ async fn home(driver: &Arc<Driver>, offer: GoalOffer<Home>) {
             }
         }
     };
-    driver.commands.record("home", Home::TYPE_NAME, &info, &asked, answer(&reply));
+    driver.commands.record("home", Home::TYPE_NAME, &goal.info(), goal.goal(), answer(&reply));
     let (outcome, result) = match reply {
         Ok(message) => (Outcome::Succeeded, HomeResult { success: true, error_code: 0, message }),
         Err(Refusal { error_code, message }) => (
@@ -149,6 +166,10 @@ fn offer_move<M: Move + 'static>(
     name: &'static str,
 ) -> NodeResult {
     let mut goals = node.action_server::<M>(name)?;
+    for unfinished in goals.take_unfinished() {
+        let driver = Arc::clone(driver);
+        node.spawn(name, async move { go_on(&driver, unfinished).await });
+    }
     let (handle, shared) = (node.clone(), Arc::clone(driver));
     node.spawn(name, async move {
         while let Some(offer) = goals.next_goal().await {
@@ -159,11 +180,33 @@ fn offer_move<M: Move + 'static>(
     Ok(())
 }
 
+/// Goes on with a goal of the face before this one, where the driver took it up.
+async fn go_on<M: Move>(driver: &Arc<Driver>, unfinished: Unfinished<M>) {
+    let goal = match unfinished {
+        Unfinished::Goal(goal) => Some(goal),
+        Unfinished::Offer(offer) => {
+            let id = offer.kept_tag();
+            if id > 0 && driver.was_taken_up(id) {
+                offer.accept()
+            } else {
+                // It may be taken up yet, and nobody would know of it.
+                let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
+                return offer.reject("the driver had not taken it up when its ROS side ended");
+            }
+        }
+    };
+    if let Some(goal) = goal {
+        let id = goal.kept_tag();
+        let finished = driver.waiting().motion(id);
+        follow(driver, id, goal, finished).await;
+    }
+}
+
 /// Accepts a goal when the driver does, and follows it to its end.
 async fn decide<M: Move>(driver: &Arc<Driver>, name: &str, offer: GoalOffer<M>) {
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
-    let (sender, finished) = oneshot::channel();
-    driver.waiting().moves.insert(id, sender);
+    offer.tag(id);
+    let finished = driver.waiting().motion(id);
     let reply = match M::command(offer.goal()) {
         Ok(command) => driver.ask_as(id, command, REPLY_WITHIN).await,
         Err(refusal) => Err(refusal),

@@ -7,9 +7,9 @@
 use super::Driver;
 use crate::driver::Command;
 use cnc_msgs::machine::{MachineState, Mode};
+use runtime::lifecycle::State;
 use runtime::{Health, Managed, Step, Trouble};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 use tokio::sync::oneshot;
 
@@ -38,7 +38,7 @@ impl Managed for Shell {
             return Ok(());
         }
         let states = self.driver.state.subscribe();
-        self.driver.serial.open().map_err(Trouble::failure)?;
+        self.driver.motion.open();
         let is_told = |state: &MachineState| state.mode != Mode::Unknown;
         if !changes_to(states, HEARD_WITHIN, is_told).await {
             tracing::warn!("the controller has not told what it is; machine_state says more");
@@ -68,7 +68,7 @@ impl Managed for Shell {
 
     async fn cleanup(&self) -> Step {
         let states = self.driver.state.subscribe();
-        self.driver.serial.close().map_err(Trouble::failure)?;
+        self.driver.motion.close();
         let is_closed = |state: &MachineState| matches!(state.mode, Mode::Disconnected);
         let was_closed = is_closed(&states.borrow());
         if self.has_port && !was_closed && !changes_to(states, CLOSE_WITHIN, is_closed).await {
@@ -81,14 +81,23 @@ impl Managed for Shell {
     async fn shutdown(&self) -> Step {
         let (sender, ready) = oneshot::channel();
         self.driver.waiting().leave = Some(sender);
-        let id = self.driver.next_id.fetch_add(1, Ordering::Relaxed);
-        if self.driver.serial.command(id, Command::Shutdown).is_err()
-            || tokio::time::timeout(STOP_WITHIN, ready).await.is_err()
-        {
+        drop(self.driver.begin(Command::Shutdown));
+        if tokio::time::timeout(STOP_WITHIN, ready).await.is_err() {
             tracing::error!("the machine was not brought to a stop; it may still move");
         }
         // The last traffic and the results of goals are on their way.
         tokio::time::sleep(Duration::from_millis(300)).await;
+        Ok(())
+    }
+
+    /// The driver is in another process, and has gone on meanwhile.
+    async fn go_on(&self, state: State) -> Step {
+        if state == State::Active
+            && let Err(refusal) = self.driver.ask(Command::Activate, REPLY_WITHIN).await
+        {
+            // Nothing is stopped for that: machine_state says if it begins nothing.
+            tracing::warn!("the driver is not active as before: {}", refusal.message);
+        }
         Ok(())
     }
 

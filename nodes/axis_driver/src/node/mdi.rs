@@ -22,7 +22,6 @@ use runtime::{CallError, Client, Handle, NodeResult, RequestInfo};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
-use tokio::sync::oneshot;
 
 /// How long loader and planner may take for one block.
 const ASK_WITHIN: Duration = Duration::from_secs(5);
@@ -88,8 +87,7 @@ async fn execute(driver: &Driver, advisers: &Advisers, request: &ExecuteMdiReque
         return Ok(format!("there is nothing to do{message}"));
     }
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
-    let (sender, finished) = oneshot::channel();
-    driver.waiting().runs.insert(id, sender);
+    let finished = driver.waiting().run(id);
     let command = Command::ExecuteMdi { path: Arc::new(path) };
     if let Err(refusal) = driver.ask_unless_stopped(stops, id, command, PROVE_WITHIN).await {
         if refusal.error_code == error_code::NO_ANSWER {

@@ -1,9 +1,8 @@
 //! The driver's parameters and what they make of the driver.
 
-use crate::driver::{DriverConfig, OnCommanderLoss};
+use crate::driver::{DriverConfig, OnCommanderLoss, OnRosLoss};
 use crate::encoder::EncoderConfig;
 use crate::serial::{Reopen, SerialConfig};
-use runtime::Handle;
 use runtime::parameters::{Declared, ParameterValue};
 use std::time::Duration;
 
@@ -12,7 +11,7 @@ const REOPEN: Reopen =
     Reopen::Backoff { first: Duration::from_millis(500), most: Duration::from_secs(5) };
 
 /// All of them; none changes while the node runs.
-pub(super) fn declared() -> Vec<Declared> {
+pub(crate) fn declared() -> Vec<Declared> {
     let config = DriverConfig::default();
     let encoder = EncoderConfig::default();
     let integer = |value: u32| i64::from(value);
@@ -88,6 +87,18 @@ pub(super) fn declared() -> Vec<Declared> {
         )
         .integer_within(100, 60_000),
         Declared::new(
+            "on_ros_loss",
+            "as_commander",
+            "what is done while the ROS side of the driver is restarted: as_commander, finish or hold",
+        )
+        .one_of(&OnRosLoss::WORDS.map(|(word, _)| word)),
+        Declared::new(
+            "ros_loss_timeout_ms",
+            integer(config.ros_loss_timeout_ms),
+            "after this long without ROS the machine holds, with on_ros_loss hold, ms",
+        )
+        .integer_within(100, 600_000),
+        Declared::new(
             "line_numbers",
             encoder.line_numbers,
             "whether lines carry N words, for controllers that report Ln; costs some 6 bytes a line",
@@ -113,21 +124,21 @@ pub(super) fn declared() -> Vec<Declared> {
 }
 
 /// The serial shell's configuration, from the node's parameters.
-pub(super) fn serial_config(node: &Handle) -> SerialConfig {
-    SerialConfig {
-        path: node.parameter("port"),
-        dtr: level(&node.parameter::<String>("dtr")),
-        rts: level(&node.parameter::<String>("rts")),
-        reopen: REOPEN,
-        driver: driver_config(|name| node.parameter(name)),
-    }
-}
-
-fn level(word: &str) -> Option<bool> {
-    match word {
-        "set" => Some(true),
-        "clear" => Some(false),
+pub(crate) fn serial_config(get: impl Fn(&str) -> ParameterValue) -> SerialConfig {
+    let level = |name| match get(name) {
+        ParameterValue::String(word) if word == "set" => Some(true),
+        ParameterValue::String(word) if word == "clear" => Some(false),
         _ => None,
+    };
+    SerialConfig {
+        path: match get("port") {
+            ParameterValue::String(path) => path,
+            _ => String::new(),
+        },
+        dtr: level("dtr"),
+        rts: level("rts"),
+        reopen: REOPEN,
+        driver: driver_config(&get),
     }
 }
 
@@ -169,6 +180,14 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
             _ => default.on_commander_loss,
         },
         commander_timeout_ms: integer("commander_timeout_ms", default.commander_timeout_ms),
+        on_ros_loss: match get("on_ros_loss") {
+            ParameterValue::String(word) => {
+                let found = OnRosLoss::WORDS.iter().find(|(name, _)| *name == word);
+                found.map_or(default.on_ros_loss, |(_, policy)| *policy)
+            }
+            _ => default.on_ros_loss,
+        },
+        ros_loss_timeout_ms: integer("ros_loss_timeout_ms", default.ros_loss_timeout_ms),
         encoder: EncoderConfig {
             position_mm_max: double("position_mm_max", default.encoder.position_mm_max),
             feed_mm_per_min_max: double("feed_mm_per_min_max", default.encoder.feed_mm_per_min_max),

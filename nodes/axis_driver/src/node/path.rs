@@ -1,8 +1,12 @@
 //! The path that a run would take: the newest that the planner accepted.
+//!
+//! It is fetched here and handed on to the motion process, which checks and keeps it; this
+//! process keeps its name.
 
+use super::motion_link::MotionLink;
 use crate::tool_check::objection;
+use cnc_msgs::cdr;
 use cnc_msgs::chunk::Collector;
-use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{GetPathChunks, GetPathChunksRequest};
@@ -10,16 +14,54 @@ use runtime::chunks::pull;
 use runtime::{Client, Complaints, Handle, NodeError, Qos};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use tokio::sync::Notify;
+use tokio::sync::{Notify, oneshot};
 
-/// A path that is here as a whole.
+/// How long the motion process may take to check a path.
+const TAKEN_WITHIN: Duration = Duration::from_secs(60);
+/// Under this name the tools of the path that is run are kept for the face after this one.
+const KEPT_TOOLS: &str = "running tools";
+
+/// A path that the motion process has as a whole.
 #[derive(Debug, Clone)]
 pub(super) struct Planned {
     pub(super) program_id: String,
     pub(super) revision: u64,
     /// The tool table it was planned with.
     tool_table_revision: u64,
-    pub(super) path: Arc<CompensatedPath>,
+    element_count: u64,
+}
+
+/// Who waits to hear that the motion process has a path; one at a time.
+#[derive(Debug, Default)]
+pub(super) struct Answers {
+    waiting: Mutex<Option<(String, u64, oneshot::Sender<Result<(), String>>)>>,
+}
+
+impl Answers {
+    fn wait(&self, program_id: &str, revision: u64) -> oneshot::Receiver<Result<(), String>> {
+        let (sender, answer) = oneshot::channel();
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        *waiting = Some((program_id.to_owned(), revision, sender));
+        answer
+    }
+
+    /// The motion process says whether it has this one.
+    pub(super) fn give(&self, program_id: String, revision: u64, taken: Result<(), String>) {
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_meant = |(id, of, _): &mut (String, u64, _)| *id == program_id && *of == revision;
+        if let Some((.., sender)) = waiting.take_if(is_meant) {
+            // Whoever waited may have given up.
+            let _ = sender.send(taken);
+        }
+    }
+}
+
+/// The way to the motion process, and what it has already.
+pub(super) struct Here {
+    pub(super) motion: Arc<MotionLink>,
+    pub(super) answers: Arc<Answers>,
+    /// By program, revision and checksum.
+    pub(super) paths: Vec<(String, u64, String)>,
 }
 
 /// What the planner said last.
@@ -55,8 +97,9 @@ impl Newest {
 }
 
 /// Follows the planner; clones see the same.
-#[derive(Debug, Clone, Default)]
+#[derive(Clone)]
 pub(super) struct Paths {
+    node: Handle,
     newest: Arc<Mutex<Newest>>,
     arrived: Arc<Notify>,
 }
@@ -66,9 +109,16 @@ impl Paths {
     /// What is meant for the rest of a run goes to `on_rest`, with the revision that runs.
     pub(super) fn follow(
         node: &Handle,
+        here: Here,
         on_rest: impl Fn(&Self, u64, Planned) + Send + 'static,
     ) -> Result<Self, NodeError> {
-        let paths = Self::default();
+        let kept = node.memory().and_then(|memory| memory.get(KEPT_TOOLS));
+        let running_tools = kept
+            .and_then(|kept| cdr::from_body::<wire::ToolTable>(&kept).ok())
+            .and_then(|table| ToolTable::try_from(&table).ok());
+        let newest = Newest { running_tools, ..Newest::default() };
+        let newest = Arc::new(Mutex::new(newest));
+        let paths = Self { node: node.clone(), newest, arrived: Arc::default() };
         let mut manifests =
             node.subscription::<wire::CompensatedPath>("compensated_path", Qos::LATCHED)?;
         let client = node.client::<GetPathChunks>("compensated_path/get_chunks")?;
@@ -79,7 +129,7 @@ impl Paths {
                 // Of several that waited only a planner's newest matters.
                 for (manifest, info) in manifests.newest_of_each().await {
                     let of = manifest.continues_revision;
-                    match fetch(&client, &manifest).await {
+                    match fetch(&client, &here, &manifest).await {
                         // It is for a run that stands in a hold; no run can begin with it.
                         Ok(planned) if of > 0 => on_rest(&shared, of, planned),
                         Ok(planned) => shared.take(planned),
@@ -141,6 +191,11 @@ impl Paths {
     pub(super) fn begin(&self, planned: &Planned) {
         let mut newest = self.newest();
         newest.running_tools = newest.table_of(planned).or_else(|| newest.planned_tools.clone());
+        let Some(memory) = self.node.memory() else { return };
+        match &newest.running_tools {
+            Some(tools) => memory.keep(KEPT_TOOLS, cdr::body(&wire::ToolTable::from(tools))),
+            None => memory.forget(KEPT_TOOLS),
+        }
     }
 
     /// Why the path that is run must not go on with this tool.
@@ -155,7 +210,7 @@ impl Paths {
             "path of {} (revision {}) is here: {} elements",
             planned.program_id,
             planned.revision,
-            planned.path.elements.len()
+            planned.element_count
         );
         let mut newest = self.newest();
         newest.planned_tools = newest.table_of(&planned);
@@ -219,16 +274,32 @@ impl Paths {
 
 async fn fetch(
     client: &Client<GetPathChunks>,
+    here: &Here,
     manifest: &wire::CompensatedPath,
 ) -> Result<Planned, runtime::Error> {
-    let mut collector = Collector::for_path(manifest)?;
     let (program_id, revision) = (manifest.program_id.clone(), manifest.revision);
+    let planned = Planned {
+        program_id: program_id.clone(),
+        revision,
+        tool_table_revision: manifest.tool_table_revision,
+        element_count: manifest.element_count,
+    };
+    let is_here = |(id, of, sum): &(String, u64, String)| {
+        (id, *of, sum) == (&program_id, revision, &manifest.sha256)
+    };
+    if here.paths.iter().any(is_here) {
+        return Ok(planned);
+    }
+    let mut collector = Collector::for_path(manifest)?;
     let request = |first| GetPathChunksRequest { program_id: program_id.clone(), revision, first };
     pull(client, &mut collector, request, |response| {
         if response.success { Ok(response.chunks) } else { Err(response.message) }
     })
     .await?;
-    let (manifest, tool_table_revision) = (manifest.clone(), manifest.tool_table_revision);
-    let path = tokio::task::spawn_blocking(move || collector.finish(&manifest)).await??;
-    Ok(Planned { program_id, revision, tool_table_revision, path: Arc::new(path) })
+    let taken = here.answers.wait(&program_id, revision);
+    let (motion, manifest) = (Arc::clone(&here.motion), manifest.clone());
+    tokio::task::spawn_blocking(move || motion.send_path(&manifest, &collector.into_chunks()))
+        .await?;
+    tokio::time::timeout(TAKEN_WITHIN, taken).await???;
+    Ok(planned)
 }

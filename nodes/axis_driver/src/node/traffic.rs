@@ -1,8 +1,7 @@
 //! The journal on its way out: in batches on a topic, and by service for whoever missed
 //! some.
 
-use super::ring::Ring;
-use crate::journal::{Entry, EntryKind};
+use crate::journal::{Entry, Ring, kind_to_wire};
 use cnc_msgs::wire::builtin_interfaces::msg::{Duration as WireDuration, Time};
 use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, TrafficEntry};
 use cnc_msgs::wire::cnc_msgs::srv::{GetTrafficRequest, GetTrafficResponse};
@@ -21,25 +20,37 @@ pub(super) struct Traffic {
     publisher: Arc<Publisher<ControllerTraffic>>,
     /// Wall time of the zero of the driver's clock, ns since the epoch.
     zero_ns: i64,
+    /// Entries before this one have gone out already.
+    publish_from: u64,
 }
 
 impl Traffic {
-    /// `zero` is the wall time at which the driver's clock showed zero.
-    pub(super) fn new(publisher: Publisher<ControllerTraffic>, zero: RosTime) -> Self {
-        Self { ring: Arc::default(), publisher: Arc::new(publisher), zero_ns: zero.as_nanos() }
+    /// `zero` is the wall time at which the driver's clock showed zero; what comes before
+    /// `publish_from` is kept, and not published again.
+    pub(super) fn new(
+        publisher: Publisher<ControllerTraffic>,
+        zero: RosTime,
+        publish_from: u64,
+    ) -> Self {
+        let (ring, publisher) = (Arc::default(), Arc::new(publisher));
+        Self { ring, publisher, zero_ns: zero.as_nanos(), publish_from }
     }
 
     fn ring(&self) -> MutexGuard<'_, Ring> {
         self.ring.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Keeps a batch and publishes it.
-    pub(super) fn push(&self, batch: Vec<Entry>) {
+    /// Keeps a batch and publishes it; the number of the newest entry that went out.
+    pub(super) fn push(&self, batch: Vec<Entry>) -> Option<u64> {
+        let newest = batch.last().map(|entry| entry.sequence);
         let mut messages = vec![ControllerTraffic::default()];
         let mut bytes = 0;
         let mut ring = self.ring();
         for entry in batch {
             ring.push(&entry);
+            if entry.sequence < self.publish_from {
+                continue;
+            }
             let entry = self.message(entry);
             let size = ENTRY_BYTES + entry.data.len();
             if bytes + size > MESSAGE_BYTES_MAX && bytes > 0 {
@@ -55,6 +66,7 @@ impl Traffic {
         for message in messages.into_iter().filter(|message| !message.entries.is_empty()) {
             self.publisher.publish(message);
         }
+        newest.filter(|newest| *newest >= self.publish_from)
     }
 
     fn message(&self, entry: Entry) -> TrafficEntry {
@@ -98,32 +110,4 @@ impl Traffic {
         }
         response
     }
-}
-
-/// The constants of `TrafficEntry`.
-pub(super) const fn kind_to_wire(kind: EntryKind) -> u8 {
-    match kind {
-        EntryKind::Tx => TrafficEntry::KIND_TRANSMITTED,
-        EntryKind::Rx => TrafficEntry::KIND_RECEIVED,
-        EntryKind::Opened => TrafficEntry::KIND_OPENED,
-        EntryKind::Closed => TrafficEntry::KIND_CLOSED,
-        EntryKind::Timer => TrafficEntry::KIND_TIMER,
-        EntryKind::Command => TrafficEntry::KIND_COMMAND,
-        EntryKind::Checkpoint => TrafficEntry::KIND_CHECKPOINT,
-    }
-}
-
-/// The kind of an entry as it was recorded.
-pub fn kind_from_wire(kind: u8) -> Option<EntryKind> {
-    [
-        EntryKind::Tx,
-        EntryKind::Rx,
-        EntryKind::Opened,
-        EntryKind::Closed,
-        EntryKind::Timer,
-        EntryKind::Command,
-        EntryKind::Checkpoint,
-    ]
-    .into_iter()
-    .find(|&known| kind_to_wire(known) == kind)
 }

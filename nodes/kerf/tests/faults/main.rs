@@ -29,4 +29,5 @@ mod disk;
 mod lifecycle;
 mod nodes;
 mod restart;
+mod ros_face;
 mod vanish;

@@ -222,9 +222,21 @@ impl Machine {
     /// The process of one node.
     #[track_caller]
     pub(crate) fn node(&self, name: &str) -> Pid {
-        let nodes = self.nodes();
+        self.nodes_named(name, false)[0]
+    }
+
+    /// The process of the driver's ROS face.
+    pub(crate) fn face(&self) -> Option<Pid> {
+        self.nodes_named("axis_driver", true).first().copied()
+    }
+
+    fn nodes_named(&self, name: &str, is_face: bool) -> Vec<Pid> {
         let name = format!(" {name} ");
-        nodes.iter().find(|(_, line)| line.contains(&name)).expect("the node runs").0
+        let nodes = self.nodes().into_iter();
+        let is_meant = |(_, line): &(Pid, String)| {
+            line.contains(&name) && line.starts_with("axis_driver-ros ") == is_face
+        };
+        nodes.filter(is_meant).map(|(id, _)| id).collect()
     }
 
     /// Where `kerf up` puts the port of the virtual controller.

@@ -5,10 +5,14 @@
 
 use super::GoalId;
 use crate::time::RosTime;
+use cnc_msgs::cdr;
 use cnc_msgs::wire::action_msgs::msg::{GoalInfo, GoalStatus};
 use cnc_msgs::wire::action_msgs::srv::CancelGoalResponse;
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_bytes::ByteBuf;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -78,6 +82,21 @@ enum State<R> {
     },
 }
 
+/// A goal as it is kept.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct GoalRecord {
+    id: [u8; 16],
+    state: RecordState,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+enum RecordState {
+    Offered { is_canceling: bool },
+    Rejected,
+    Active { accepted_ns: i64, is_canceling: bool },
+    Ended { accepted_ns: i64, status: i8, result: ByteBuf },
+}
+
 /// What a goal request is to be answered.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Offer {
@@ -139,6 +158,11 @@ impl<R: Clone> Goals<R> {
     /// Whether the node still has to decide on the goal.
     pub(super) fn is_undecided(&self, id: GoalId) -> bool {
         matches!(self.goals.get(&id), Some(State::Offered { .. }))
+    }
+
+    /// Whether the goal has neither ended nor been refused.
+    pub(super) fn is_unfinished(&self, id: GoalId) -> bool {
+        matches!(self.goals.get(&id), Some(State::Offered { .. } | State::Active { .. }))
     }
 
     /// Whether somebody wants the goal to end, or not to begin.
@@ -220,6 +244,57 @@ impl<R: Clone> Goals<R> {
             Some(GoalStatus { goal_info: goal_info(*id, *accepted), status })
         };
         self.goals.iter().filter_map(entry).collect()
+    }
+
+    /// All goals, to be kept; how old an end or a refusal is, is not.
+    pub(super) fn records(&self) -> Vec<GoalRecord>
+    where
+        R: Serialize,
+    {
+        let record = |(id, state): (&GoalId, &State<R>)| {
+            let state = match state {
+                State::Offered { is_canceling } => {
+                    RecordState::Offered { is_canceling: *is_canceling }
+                }
+                State::Rejected { .. } => RecordState::Rejected,
+                State::Active { accepted, is_canceling } => RecordState::Active {
+                    accepted_ns: accepted.as_nanos(),
+                    is_canceling: *is_canceling,
+                },
+                State::Ended { accepted, outcome, result, .. } => RecordState::Ended {
+                    accepted_ns: accepted.as_nanos(),
+                    status: outcome.status(),
+                    result: cdr::body(result).into(),
+                },
+            };
+            GoalRecord { id: id.0, state }
+        };
+        self.goals.iter().map(record).collect()
+    }
+
+    /// A table from records; `None` when one is not understood. Ends and refusals are of now.
+    pub(super) fn from_records(records: Vec<GoalRecord>) -> Option<Self>
+    where
+        R: DeserializeOwned,
+    {
+        let (mut goals, at) = (BTreeMap::new(), Duration::ZERO);
+        for GoalRecord { id, state } in records {
+            let state = match state {
+                RecordState::Offered { is_canceling } => State::Offered { is_canceling },
+                RecordState::Rejected => State::Rejected { at },
+                RecordState::Active { accepted_ns, is_canceling } => {
+                    State::Active { accepted: RosTime::from_nanos(accepted_ns), is_canceling }
+                }
+                RecordState::Ended { accepted_ns, status, result } => State::Ended {
+                    accepted: RosTime::from_nanos(accepted_ns),
+                    outcome: Outcome::from_status(status)?,
+                    result: cdr::from_body(&result).ok()?,
+                    at,
+                },
+            };
+            goals.insert(GoalId(id), state);
+        }
+        Some(Self { goals })
     }
 
     /// Drops results that are older than [`KEEP_RESULT`] or too many, and refusals.

@@ -1,19 +1,21 @@
 //! Actions: goals that take time, can be watched and canceled.
 //!
 //! An action is three services and two topics. The table of goals
-//! (`goals`, pure) knows what each request is to be answered; `server` and
+//! (`goals`, pure) knows what each request is to be answered, `kept` (pure) how it outlives the
+//! process; `server` and
 //! `client` carry it. Written here because the action server of ros2-client
 //! blocks when two results wait, forgets results, and answers cancel requests
 //! with the wrong codes.
 
 mod client;
 mod goals;
+mod kept;
 mod messages;
 mod server;
 
 pub use client::{ActionClient, GoalError, GoalHandle};
 pub use goals::Outcome;
-pub use server::{ActionServer, Goal, GoalOffer};
+pub use server::{ActionServer, Goal, GoalOffer, Unfinished};
 
 /// Names one goal; the client chooses it at random.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]

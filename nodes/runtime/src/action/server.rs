@@ -7,8 +7,10 @@
 
 use super::GoalId;
 use super::goals::{Answer, Goals, Offer, Outcome};
+use super::kept::{self, Ledger};
 use super::messages::{
-    ActionNames, FeedbackMessage, GetResult, GetResultResponse, SendGoal, SendGoalResponse,
+    ActionNames, FeedbackMessage, GetResult, GetResultRequest, GetResultResponse, SendGoal,
+    SendGoalRequest, SendGoalResponse,
 };
 use crate::interface::Action;
 use crate::node::{Handle, NodeError};
@@ -16,6 +18,7 @@ use crate::publisher::Publisher;
 use crate::qos::Qos;
 use crate::service::{Crowd, RequestInfo};
 use crate::time::RosTime;
+use cnc_msgs::cdr;
 use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::action_msgs::srv::CancelGoal;
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
@@ -32,6 +35,16 @@ const DECIDE_WITHIN: Duration = Duration::from_secs(4);
 /// The server of action `A`, as its node sees it.
 pub struct ActionServer<A: Action> {
     offers: mpsc::Receiver<GoalOffer<A>>,
+    unfinished: Vec<Unfinished<A>>,
+}
+
+/// What the process before this one had not brought to an end; see [`crate::Memory`].
+#[derive(Debug)]
+pub enum Unfinished<A: Action> {
+    /// It had not decided on it, or nobody was told.
+    Offer(GoalOffer<A>),
+    /// It was working on it.
+    Goal(Goal<A>),
 }
 
 /// Takes when the goal was accepted, or that it was not.
@@ -42,8 +55,9 @@ pub struct GoalOffer<A: Action> {
     goal: A::Goal,
     id: GoalId,
     info: RequestInfo,
-    /// Taken when the decision falls.
-    pending: Option<(Arc<Shared<A>>, Decision)>,
+    /// Taken when the decision falls. Nobody in this process waits for that of an offer from the
+    /// process before.
+    pending: Option<(Arc<Shared<A>>, Option<Decision>)>,
 }
 
 /// A goal that is being worked on.
@@ -59,6 +73,8 @@ pub struct Goal<A: Action> {
 struct Shared<A: Action> {
     name: String,
     goals: Mutex<Goals<A::Result>>,
+    /// Only where the node has a memory.
+    ledger: Mutex<Ledger>,
     changes: watch::Sender<u64>,
     feedback: Publisher<FeedbackMessage<A::Feedback>>,
     status: Publisher<GoalStatusArray>,
@@ -78,9 +94,19 @@ impl Handle {
     {
         let name = self.names().resolve(name)?;
         let names = ActionNames::new::<A>(&name);
+        let kept = self.memory().and_then(|memory| memory.get(&kept_name(&name)));
+        let (goals, ledger) = match kept.map(|kept| kept::read(&kept)) {
+            Some(Some(found)) => found,
+            Some(None) => {
+                tracing::error!("{name}: the goals of the process before are not understood");
+                (Goals::new(), Ledger::default())
+            }
+            None => (Goals::new(), Ledger::default()),
+        };
         let shared = Arc::new(Shared::<A> {
             name,
-            goals: Mutex::new(Goals::new()),
+            goals: Mutex::new(goals),
+            ledger: Mutex::new(ledger),
             changes: watch::Sender::new(0),
             feedback: self.publisher_of(&names.feedback.0, &names.feedback.1, Qos::DEFAULT)?,
             status: self.publisher(&names.status, Qos::LATCHED)?,
@@ -88,12 +114,14 @@ impl Handle {
             start: Instant::now(),
         });
         let (sender, offers) = mpsc::channel(OFFERS_MAX);
+        let (unfinished, goals_asked, results_asked) = shared.unfinished();
 
         let state = Arc::clone(&shared);
         self.concurrent_service_of::<SendGoal<A>, _, _>(
             &names.send_goal.0,
             &names.send_goal.1,
             Crowd::Waits,
+            goals_asked,
             move |request, info| {
                 let (state, sender) = (Arc::clone(&state), sender.clone());
                 async move {
@@ -124,17 +152,33 @@ impl Handle {
             &names.get_result.0,
             &names.get_result.1,
             Crowd::GivesUpOldest,
-            move |request, _| {
+            results_asked,
+            move |request, info| {
                 let state = Arc::clone(&state);
-                async move { state.result(GoalId(request.goal_id.uuid)).await }
+                async move {
+                    let id = GoalId(request.goal_id.uuid);
+                    let _waiting = Waiting::new(&state, id, info);
+                    state.result(id).await
+                }
             },
         )?;
         shared.changed();
-        Ok(ActionServer { offers })
+        Ok(ActionServer { offers, unfinished })
     }
 }
 
+/// Under this name the goals of an action are kept.
+fn kept_name(action: &str) -> String {
+    format!("action {action}")
+}
+
 impl<A: Action> ActionServer<A> {
+    /// What the process before this one had not brought to an end; to be taken up before
+    /// [`Self::next_goal`]. What is dropped is rejected or aborted.
+    pub fn take_unfinished(&mut self) -> Vec<Unfinished<A>> {
+        std::mem::take(&mut self.unfinished)
+    }
+
     /// The next goal that somebody wants; may be dropped while it waits.
     /// `None` when the node stops. It must be decided within 4 s.
     pub async fn next_goal(&mut self) -> Option<GoalOffer<A>> {
@@ -163,6 +207,18 @@ impl<A: Action> GoalOffer<A> {
         self.pending.as_ref().is_some_and(|(shared, _)| shared.goals().is_canceling(self.id))
     }
 
+    /// Keeps the node's own number for the goal, for the process after this one.
+    pub fn tag(&self, tag: u64) {
+        if let Some((shared, _)) = &self.pending {
+            shared.tag(self.id, tag);
+        }
+    }
+
+    /// The number that [`Self::tag`] was given, in this process or the one before; 0: none.
+    pub fn kept_tag(&self) -> u64 {
+        self.pending.as_ref().map_or(0, |(shared, _)| shared.kept_tag(self.id))
+    }
+
     /// Takes the goal on: from now on it is executing.
     ///
     /// `None` when that took too long, or somebody has canceled it meanwhile: the client
@@ -178,13 +234,15 @@ impl<A: Action> GoalOffer<A> {
         if goals.is_canceling(self.id) {
             goals.reject(self.id, shared.start.elapsed());
             drop(goals);
-            // Its client may have been told already.
-            let _ = decision.send(None);
+            if let Some(decision) = decision {
+                // Its client may have been told already.
+                let _ = decision.send(None);
+            }
             tracing::warn!("{}: goal {} was canceled before it began", shared.name, self.id);
             shared.changed();
             return None;
         }
-        if decision.send(Some(now)).is_err() {
+        if decision.is_some_and(|decision| decision.send(Some(now)).is_err()) {
             return None;
         }
         goals.accept(self.id, now);
@@ -202,7 +260,7 @@ impl<A: Action> GoalOffer<A> {
     fn refuse(&mut self, reason: &str) {
         if let Some((shared, decision)) = self.pending.take() {
             let mut goals = shared.goals();
-            if decision.send(None).is_ok() {
+            if decision.is_none_or(|decision| decision.send(None).is_ok()) {
                 goals.reject(self.id, shared.start.elapsed());
                 drop(goals);
                 tracing::warn!("{}: goal {} is rejected: {reason}", shared.name, self.id);
@@ -232,6 +290,11 @@ impl<A: Action> Goal<A> {
     /// Who wanted it.
     pub fn info(&self) -> RequestInfo {
         self.info
+    }
+
+    /// The number that [`GoalOffer::tag`] was given, in this process or the one before; 0: none.
+    pub fn kept_tag(&self) -> u64 {
+        self.shared.kept_tag(self.id)
     }
 
     /// Tells how far it is; dropped when the transport is full.
@@ -279,9 +342,81 @@ impl<A: Action> Shared<A> {
     fn changed(&self) {
         // Under the lock, so that statuses go out in the order of the changes.
         let goals = self.goals();
+        self.keep(&goals);
         self.status.publish(GoalStatusArray { status_list: goals.statuses() });
         drop(goals);
         self.changes.send_modify(|count| *count = count.wrapping_add(1));
+    }
+
+    /// Keeps the goals for the process after this one, where the node has a memory.
+    fn keep(&self, goals: &Goals<A::Result>) {
+        let Some(memory) = self.handle.memory() else { return };
+        let mut ledger = self.ledger();
+        ledger.unfinished.retain(|id, _| goals.is_unfinished(*id));
+        memory.keep(&kept_name(&self.name), kept::write(goals, &ledger));
+    }
+
+    fn ledger(&self) -> MutexGuard<'_, Ledger> {
+        self.ledger.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Changes what is kept besides the goals.
+    fn note(&self, change: impl FnOnce(&mut Ledger)) {
+        if self.handle.memory().is_some() {
+            let goals = self.goals();
+            change(&mut self.ledger());
+            self.keep(&goals);
+        }
+    }
+
+    fn tag(&self, id: GoalId, tag: u64) {
+        self.note(|ledger| {
+            if let Some(unfinished) = ledger.unfinished.get_mut(&id) {
+                unfinished.tag = tag;
+            }
+        });
+    }
+
+    fn kept_tag(&self, id: GoalId) -> u64 {
+        self.ledger().unfinished.get(&id).map_or(0, |unfinished| unfinished.tag)
+    }
+
+    /// What the process before had not brought to an end, and the requests that it had not
+    /// answered: for a goal, and for a result.
+    #[allow(clippy::type_complexity, reason = "three lists, named where they are taken apart")]
+    fn unfinished(
+        self: &Arc<Self>,
+    ) -> (
+        Vec<Unfinished<A>>,
+        Vec<(SendGoalRequest<A::Goal>, RequestInfo)>,
+        Vec<(GetResultRequest, RequestInfo)>,
+    )
+    where
+        A::Result: Default,
+    {
+        let goals = self.goals();
+        let mut ledger = self.ledger();
+        let (mut unfinished, mut goals_asked) = (Vec::new(), Vec::new());
+        for (id, kept) in &ledger.unfinished {
+            let (id, info) = (*id, kept.info);
+            let Ok(goal) = cdr::from_body::<A::Goal>(&kept.goal) else { continue };
+            if goals.is_undecided(id) {
+                let goal_id = UUID { uuid: id.0 };
+                goals_asked.push((SendGoalRequest { goal_id, goal: goal.clone() }, info));
+                let pending = Some((Arc::clone(self), None));
+                unfinished.push(Unfinished::Offer(GoalOffer { goal, id, info, pending }));
+            } else {
+                let (shared, fallback) = (Arc::clone(self), Some(A::Result::default()));
+                unfinished.push(Unfinished::Goal(Goal { goal, id, info, shared, fallback }));
+            }
+        }
+        let asked = |(id, info): (GoalId, RequestInfo)| {
+            (GetResultRequest { goal_id: UUID { uuid: id.0 } }, info)
+        };
+        let results_asked: Vec<_> = ledger.waiting().map(asked).collect();
+        // They come in again as if they had just been sent.
+        results_asked.iter().for_each(|(_, info)| ledger.answered(info));
+        (unfinished, goals_asked, results_asked)
     }
 
     fn end(&self, id: GoalId, outcome: Outcome, result: A::Result) {
@@ -310,7 +445,9 @@ impl<A: Action> Shared<A> {
             }
             Offer::New => {
                 let (sender, mut decision) = oneshot::channel();
-                let pending = Some((Arc::clone(self), sender));
+                let pending = Some((Arc::clone(self), Some(sender)));
+                let unfinished = kept::Unfinished { goal: cdr::body(&goal), info, tag: 0 };
+                self.note(|ledger| drop(ledger.unfinished.insert(id, unfinished)));
                 // An offer that finds no room is dropped, and with it rejected.
                 drop(offers.try_send(GoalOffer { goal, id, info, pending }));
                 if let Ok(decided) = tokio::time::timeout(DECIDE_WITHIN, &mut decision).await {
@@ -351,6 +488,25 @@ impl<A: Action> Shared<A> {
                 Answer::NotYet => drop(changes.changed().await),
             }
         }
+    }
+}
+
+/// A client that waits for a result, as long as it does.
+struct Waiting<A: Action> {
+    shared: Arc<Shared<A>>,
+    info: RequestInfo,
+}
+
+impl<A: Action> Waiting<A> {
+    fn new(shared: &Arc<Shared<A>>, id: GoalId, info: RequestInfo) -> Self {
+        shared.note(|ledger| ledger.wait(id, info));
+        Self { shared: Arc::clone(shared), info }
+    }
+}
+
+impl<A: Action> Drop for Waiting<A> {
+    fn drop(&mut self) {
+        self.shared.note(|ledger| ledger.answered(&self.info));
     }
 }
 

@@ -2,8 +2,7 @@
 //!
 //! Bounded in bytes, of which none is held beside them: the oldest go first.
 
-use super::traffic::{kind_from_wire, kind_to_wire};
-use crate::journal::{Entry, EntryKind};
+use super::{Entry, EntryKind, kind_from_wire, kind_to_wire};
 use std::collections::VecDeque;
 
 /// What the ring may hold, bytes: some half a million lines with their answers.
@@ -15,7 +14,7 @@ const HEADER_BYTES: usize = 1 + 8 + 4;
 
 /// The newest entries.
 #[derive(Debug, Default)]
-pub(super) struct Ring {
+pub struct Ring {
     blocks: VecDeque<Block>,
     /// What the blocks have taken, used or not.
     bytes: usize,
@@ -58,7 +57,7 @@ impl Block {
 
 impl Ring {
     /// Keeps an entry, whose number is larger than those before.
-    pub(super) fn push(&mut self, entry: &Entry) {
+    pub fn push(&mut self, entry: &Entry) {
         if entry.kind == EntryKind::Checkpoint {
             self.checkpoint = entry.sequence;
         }
@@ -88,22 +87,22 @@ impl Ring {
     }
 
     /// Number of the newest checkpoint; 0 when there was none.
-    pub(super) fn checkpoint(&self) -> u64 {
+    pub fn checkpoint(&self) -> u64 {
         self.checkpoint
     }
 
     /// Number of the oldest entry; 0 when there is none.
-    pub(super) fn oldest(&self) -> u64 {
+    pub fn oldest(&self) -> u64 {
         self.blocks.front().map_or(0, |block| block.first)
     }
 
     /// Number of the newest entry; 0 when there is none.
-    pub(super) fn newest(&self) -> u64 {
+    pub fn newest(&self) -> u64 {
         self.blocks.back().map_or(0, |block| block.end() - 1)
     }
 
     /// The entries from a number on, as far as they are there.
-    pub(super) fn from(&self, first: u64) -> impl Iterator<Item = Entry> {
+    pub fn from(&self, first: u64) -> impl Iterator<Item = Entry> {
         let skipped = self.blocks.partition_point(|block| block.end() <= first);
         let blocks = self.blocks.iter().skip(skipped);
         blocks.flat_map(Block::entries).skip_while(move |entry| entry.sequence < first)

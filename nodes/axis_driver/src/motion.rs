@@ -1,0 +1,153 @@
+//! The motion process: it owns the serial line, the driver and its journal.
+//!
+//! It speaks no DDS, opens no connection but the one to the controller, and reads no file that
+//! a peer names. Its ROS face is a child process, which may die, hang or be stopped: then it is
+//! started again, and goes on where the last one was, while the line is served. A local
+//! operator can stop the machine and read its state over a socket with a name, without ROS.
+
+// This is where the clock, the threads and the processes are.
+#![allow(clippy::disallowed_methods, clippy::disallowed_types)]
+
+mod connection;
+mod face;
+mod hub;
+mod memory;
+mod operator;
+
+pub(crate) use face::FACE_VARIABLE;
+pub use operator::{OperatorError, ask_operator};
+
+use crate::driver::Command;
+use crate::node::{declared, serial_config};
+use crate::serial::Serial;
+use face::{Ended, Face};
+use hub::Hub;
+use runtime::configuration::Configuration;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use std::io::Write;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::sync_channel;
+use std::time::{Duration, Instant};
+
+/// Events and entries that may wait for the hub.
+const WAITING_MAX: usize = 16_384;
+/// How often the face is looked after.
+const TICK: Duration = Duration::from_millis(50);
+/// How long the face may take to bring everything to an end, and then this process without it.
+const END_WITHIN: Duration = Duration::from_secs(30);
+
+/// Runs the driver until it is told to stop.
+///
+/// `program` are the words with which this executable becomes this node: none for a program
+/// of its own, `node axis_driver` for `kerf`.
+pub fn main(program: &[&str], args: &[String]) -> ExitCode {
+    let configuration = match Configuration::of_process("axis_driver", declared(), args) {
+        Ok(configuration) => configuration,
+        Err(error) => return complain(&error, 2),
+    };
+    // What it says goes to the console; the face has a topic for what it says itself.
+    configuration.logs.install_console();
+    let signals = Arc::new(AtomicUsize::new(0));
+    for signal in [SIGTERM, SIGINT, SIGHUP] {
+        if let Err(error) = count_signal(signal, &signals) {
+            return complain(&error, 1);
+        }
+    }
+    let config = serial_config(|name| {
+        configuration
+            .parameters
+            .get(name)
+            .cloned()
+            .expect("every parameter that is asked for is declared")
+    });
+    let (event_sender, events) = sync_channel(WAITING_MAX);
+    let (entry_sender, entries) = sync_channel(WAITING_MAX);
+    let hub = Serial::start(config, event_sender, entry_sender)
+        .and_then(|serial| Hub::start(serial, events, entries));
+    let hub = match hub {
+        Ok(hub) => hub,
+        Err(error) => return complain(&error, 1),
+    };
+    // The core would begin at once what it is asked for; the lifecycle activates it.
+    hub.order(&Command::Deactivate);
+    if let Err(error) = operator::listen(&hub, &configuration) {
+        tracing::warn!("a local operator cannot stop the machine without ROS: {error}");
+    }
+    let words: Vec<String> =
+        program.iter().map(|word| (*word).to_owned()).chain(args.iter().cloned()).collect();
+    let code = supervise(&hub, &words, &signals);
+    operator::forget(&configuration);
+    ExitCode::from(code)
+}
+
+/// Keeps a face alive until it is time to stop; the exit status of this process.
+fn supervise(hub: &Arc<Hub>, words: &[String], signals: &AtomicUsize) -> u8 {
+    let mut face = Face::new(words.to_vec());
+    let mut stopping: Option<Instant> = None;
+    let mut last_tick = Instant::now();
+    loop {
+        std::thread::sleep(TICK);
+        // A tick that came late says that this process was held up, not the face.
+        let is_on_time = last_tick.elapsed() < TICK * 4;
+        last_tick = Instant::now();
+        let asked = signals.load(Ordering::Relaxed);
+        if asked > 1 {
+            face.kill();
+            return 130;
+        }
+        if asked > 0 && stopping.is_none() {
+            stopping = Some(Instant::now());
+            face.terminate();
+        }
+        match face.look(hub, is_on_time, stopping.is_some()) {
+            Ended::No => {}
+            Ended::AsAsked(code) => {
+                return if shut_down(hub) { code } else { 1 };
+            }
+        }
+        if stopping.is_some_and(|since| since.elapsed() > END_WITHIN) {
+            tracing::error!("the ROS face did not end within {} s", END_WITHIN.as_secs());
+            face.kill();
+            return if shut_down(hub) { 1 } else { 130 };
+        }
+    }
+}
+
+/// Brings the machine to a stop, where the face has not.
+fn shut_down(hub: &Hub) -> bool {
+    if hub.is_closed() {
+        return true;
+    }
+    hub.order(&Command::Shutdown);
+    let end = Instant::now() + END_WITHIN;
+    while Instant::now() < end {
+        if hub.is_closed() {
+            return true;
+        }
+        std::thread::sleep(TICK);
+    }
+    tracing::error!("the machine was not brought to a stop; it may still move");
+    false
+}
+
+fn count_signal(signal: i32, count: &Arc<AtomicUsize>) -> std::io::Result<()> {
+    let (receiver, sender) = std::os::unix::net::UnixStream::pair()?;
+    signal_hook::low_level::pipe::register(signal, sender)?;
+    let count = Arc::clone(count);
+    std::thread::Builder::new().name("signals".into()).spawn(move || {
+        let mut byte = [0];
+        while std::io::Read::read(&mut &receiver, &mut byte).is_ok_and(|read| read > 0) {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+    })?;
+    Ok(())
+}
+
+/// Before there is a log.
+fn complain(error: &dyn std::fmt::Display, code: u8) -> ExitCode {
+    let text = format!("axis_driver: {error}\n");
+    drop(std::io::stderr().lock().write_all(text.as_bytes()));
+    ExitCode::from(code)
+}

@@ -1,0 +1,303 @@
+//! What outlives a ROS face, so that the next one goes on as if nothing had been.
+//!
+//! Pure, and bounded in everything: what a face has asked to keep, how runs, moves and
+//! commands ended, the newest state and settings, the paths.
+
+use crate::driver::{Command, ControllerSettings, Output};
+use crate::serial::Event;
+use cnc_msgs::chunk::Collector;
+use cnc_msgs::machine::MachineState;
+use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::wire::cnc_msgs::msg as wire;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// All values that are kept, bytes.
+const KEPT_BYTES_MAX: usize = 4 << 20;
+/// Ends of runs and moves, and answers to what began them, that are kept.
+const ENDS_MAX: usize = 256;
+/// Paths that are here: the one that runs, the newest, and one for the rest of a run.
+const PATHS_MAX: usize = 3;
+
+/// A face wants more kept than there is room for.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{key}: {bytes} bytes are more than what is left of {KEPT_BYTES_MAX}")]
+pub(super) struct NoRoom {
+    key: String,
+    bytes: usize,
+}
+
+/// All of it.
+#[derive(Debug, Default)]
+pub(super) struct Memory {
+    kept: BTreeMap<String, Vec<u8>>,
+    state: Option<(Duration, MachineState)>,
+    settings: Option<(Duration, ControllerSettings)>,
+    ends: VecDeque<Event>,
+    /// Commands whose answer the next face needs, not answered yet.
+    followed: BTreeSet<u64>,
+    /// Entries up to this one have gone out on the topic.
+    pub(super) published: u64,
+    /// The largest id that a face has used.
+    id_max: u64,
+}
+
+impl Memory {
+    /// Keeps or forgets a value.
+    pub(super) fn keep(&mut self, key: String, value: Option<Vec<u8>>) -> Result<(), NoRoom> {
+        let Some(value) = value else {
+            self.kept.remove(&key);
+            return Ok(());
+        };
+        let others: usize = self
+            .kept
+            .iter()
+            .filter(|(other, _)| **other != key)
+            .map(|(other, value)| other.len() + value.len())
+            .sum();
+        let bytes = key.len() + value.len();
+        if others + bytes > KEPT_BYTES_MAX {
+            return Err(NoRoom { key, bytes });
+        }
+        self.kept.insert(key, value);
+        Ok(())
+    }
+
+    pub(super) fn kept(&self) -> impl Iterator<Item = (&String, &Vec<u8>)> {
+        self.kept.iter()
+    }
+
+    /// A face has given this command.
+    pub(super) fn note(&mut self, id: u64, command: &Command) {
+        self.id_max = self.id_max.max(id);
+        let is_goal = matches!(
+            command,
+            Command::RunProgram(_) | Command::Home | Command::Jog(_) | Command::Probe(_)
+        );
+        if is_goal && self.followed.len() < ENDS_MAX {
+            self.followed.insert(id);
+        }
+    }
+
+    pub(super) fn next_id(&self) -> u64 {
+        self.id_max + 1
+    }
+
+    /// Remembers what of an event matters later.
+    pub(super) fn hear(&mut self, event: &Event) {
+        match &event.output {
+            Output::State(state) => self.state = Some((event.at, state.clone())),
+            Output::Settings(settings) => self.settings = Some((event.at, settings.clone())),
+            Output::Reply { id, .. } => {
+                if self.followed.remove(id) {
+                    self.keep_end(event);
+                }
+            }
+            Output::RunFinished(_) | Output::MoveFinished(_) => self.keep_end(event),
+            Output::Transmit(_)
+            | Output::Progress { .. }
+            | Output::ReadyToClose
+            | Output::Log { .. } => {}
+        }
+    }
+
+    fn keep_end(&mut self, event: &Event) {
+        if self.ends.len() >= ENDS_MAX {
+            self.ends.pop_front();
+        }
+        self.ends.push_back(event.clone());
+    }
+
+    pub(super) fn state(&self) -> Option<&MachineState> {
+        self.state.as_ref().map(|(_, state)| state)
+    }
+
+    /// What a new face hears first, oldest first.
+    pub(super) fn events(&self) -> Vec<Event> {
+        let settings = self.settings.iter();
+        let settings =
+            settings.map(|(at, told)| Event { at: *at, output: Output::Settings(told.clone()) });
+        let state = self.state.iter();
+        let state =
+            state.map(|(at, state)| Event { at: *at, output: Output::State(state.clone()) });
+        settings.chain(self.ends.iter().cloned()).chain(state).collect()
+    }
+}
+
+/// The paths that can be run.
+#[derive(Debug, Default)]
+pub(super) struct Paths {
+    newest_last: VecDeque<Held>,
+    collecting: Option<(wire::CompensatedPath, Collector<wire::PathChunk>)>,
+}
+
+#[derive(Debug)]
+struct Held {
+    program_id: String,
+    revision: u64,
+    sha256: String,
+    path: Arc<CompensatedPath>,
+}
+
+/// Why a path was not taken.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct PathRefusal {
+    pub(super) program_id: String,
+    pub(super) revision: u64,
+    pub(super) message: String,
+}
+
+impl Paths {
+    /// Begins to collect; what was being collected is dropped.
+    pub(super) fn begin(&mut self, manifest: wire::CompensatedPath) -> Result<(), PathRefusal> {
+        self.collecting = None;
+        let collector =
+            Collector::for_path(&manifest).map_err(|error| refusal(&manifest, &error))?;
+        self.collecting = Some((manifest, collector));
+        Ok(())
+    }
+
+    /// Adds a chunk to what is being collected.
+    pub(super) fn add(&mut self, chunk: wire::PathChunk) -> Result<(), PathRefusal> {
+        let Some((manifest, collector)) = &mut self.collecting else { return Ok(()) };
+        let added = collector.add(chunk).map_err(|error| refusal(manifest, &error));
+        if added.is_err() {
+            self.collecting = None;
+        }
+        added
+    }
+
+    /// Takes what was collected out, to be [`Self::check`]ed without holding anything up.
+    pub(super) fn end(&mut self) -> Option<(wire::CompensatedPath, Collector<wire::PathChunk>)> {
+        self.collecting.take()
+    }
+
+    /// Puts a path in, in the place of one of the same program and revision.
+    pub(super) fn put(&mut self, manifest: &wire::CompensatedPath, path: Arc<CompensatedPath>) {
+        let (program_id, revision) = (manifest.program_id.clone(), manifest.revision);
+        self.newest_last
+            .retain(|held| (&held.program_id, held.revision) != (&program_id, revision));
+        if self.newest_last.len() >= PATHS_MAX {
+            self.newest_last.pop_front();
+        }
+        let sha256 = manifest.sha256.clone();
+        self.newest_last.push_back(Held { program_id, revision, sha256, path });
+    }
+
+    pub(super) fn get(&self, program_id: &str, revision: u64) -> Option<Arc<CompensatedPath>> {
+        let mut newest_first = self.newest_last.iter().rev();
+        let is_meant = |held: &&Held| held.program_id == program_id && held.revision == revision;
+        newest_first.find(is_meant).map(|held| Arc::clone(&held.path))
+    }
+
+    /// By program, revision and checksum.
+    pub(super) fn list(&self) -> Vec<(String, u64, String)> {
+        let name = |held: &Held| (held.program_id.clone(), held.revision, held.sha256.clone());
+        self.newest_last.iter().map(name).collect()
+    }
+}
+
+/// Makes a path of what was collected.
+pub(super) fn checked(
+    manifest: &wire::CompensatedPath,
+    collector: Collector<wire::PathChunk>,
+) -> Result<Arc<CompensatedPath>, PathRefusal> {
+    collector.finish(manifest).map(Arc::new).map_err(|error| refusal(manifest, &error))
+}
+
+fn refusal(manifest: &wire::CompensatedPath, error: &dyn std::fmt::Display) -> PathRefusal {
+    PathRefusal {
+        program_id: manifest.program_id.clone(),
+        revision: manifest.revision,
+        message: error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::driver::{Refusal, RunOutcome, RunResult};
+    use cnc_msgs::chunk::PathChunks;
+    use cnc_msgs::machine::Mode;
+
+    fn event(at: u64, output: Output) -> Event {
+        Event { at: Duration::from_secs(at), output }
+    }
+
+    fn state(mode: Mode) -> Output {
+        Output::State(MachineState { mode, ..MachineState::default() })
+    }
+
+    #[test]
+    fn a_new_face_hears_the_newest_state_and_how_everything_ended() {
+        let mut memory = Memory::default();
+        let end = Output::RunFinished(RunResult {
+            id: 3,
+            outcome: RunOutcome::Succeeded,
+            error_code: 0,
+            message: "done".into(),
+            last_line: 9,
+            blamed_line: 0,
+        });
+        let reply = |id| Output::Reply { id, result: Ok("done".into()) };
+        memory.note(3, &Command::Home);
+        memory.note(2, &Command::Heartbeat);
+        for heard in [
+            event(1, state(Mode::Idle)),
+            // Of what has no end nobody asks later.
+            event(1, reply(2)),
+            event(2, reply(3)),
+            event(3, Output::Progress { line: 1, fraction: 0.1, time_left_s: 2.0 }),
+            event(4, state(Mode::Run)),
+            event(5, end.clone()),
+        ] {
+            memory.hear(&heard);
+        }
+        let expected = [event(2, reply(3)), event(5, end), event(4, state(Mode::Run))];
+        assert_eq!(memory.events(), expected);
+        assert_eq!(memory.next_id(), 4);
+    }
+
+    #[test]
+    fn what_is_kept_has_a_bound_and_a_value_can_be_replaced_and_forgotten() {
+        let mut memory = Memory::default();
+        let half = vec![0; KEPT_BYTES_MAX / 2];
+        memory.keep("a".into(), Some(half.clone())).expect("room");
+        assert!(memory.keep("b".into(), Some(half.clone())).is_err());
+        memory.keep("a".into(), Some(half.clone())).expect("in its own place");
+        memory.keep("a".into(), None).expect("nothing");
+        memory.keep("b".into(), Some(half)).expect("room again");
+        assert_eq!(memory.kept().map(|(key, _)| key.as_str()).collect::<Vec<_>>(), ["b"]);
+        for id in 0..1000 {
+            let refusal = Refusal { error_code: 1, message: String::new() };
+            memory.note(id, &Command::Home);
+            memory.hear(&event(id, Output::Reply { id, result: Err(refusal) }));
+        }
+        assert_eq!(memory.events().len(), ENDS_MAX);
+    }
+
+    #[test]
+    fn a_path_is_found_by_program_and_revision_and_few_are_held() {
+        let mut paths = Paths::default();
+        let send = |paths: &mut Paths, revision: u64| {
+            let path = Arc::new(CompensatedPath::default());
+            let chunks = PathChunks::new("p".into(), revision, path);
+            paths.begin(chunks.manifest()).expect("a manifest");
+            for index in 0..chunks.count() {
+                paths.add(chunks.chunk(index).expect("a chunk")).expect("of this path");
+            }
+            let (manifest, collector) = paths.end().expect("collected");
+            let path = checked(&manifest, collector).expect("whole");
+            paths.put(&manifest, path);
+        };
+        for revision in 1..=4 {
+            send(&mut paths, revision);
+        }
+        send(&mut paths, 4);
+        let found = [1, 2, 3, 4, 5].map(|revision| paths.get("p", revision).is_some());
+        assert_eq!(found, [false, true, true, true, false]);
+        assert!(paths.get("q", 4).is_none());
+        assert_eq!(paths.list().len(), PATHS_MAX);
+    }
+}

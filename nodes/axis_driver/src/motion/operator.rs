@@ -1,0 +1,225 @@
+//! The way to the machine without ROS, for who sits at its own computer.
+//!
+//! A socket with a name made of the ROS domain and the node, in a folder that nobody else may
+//! enter: whoever may open it may stop the machine. It takes wishes to stop and to know, and
+//! nothing that moves.
+
+use super::hub::Hub;
+use crate::driver::{Command, Refusal};
+use crate::protocol::{Answer, Deframer, OperatorRequest, ProtocolError, VERSION, Wish, frame};
+use runtime::configuration::Configuration;
+use runtime::environment::Environment;
+use runtime::names::Names;
+use std::io::{self, Read, Write};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+/// The folder of the sockets, where it is not that of the user.
+const FOLDER_VARIABLE: &str = "KERF_RUNTIME_DIR";
+/// Operators that are served at a time.
+const OPERATORS_MAX: usize = 8;
+/// How long an operator may take to say what it wishes, and to take the answer.
+const SPEAK_WITHIN: Duration = Duration::from_secs(2);
+/// How long the driver may take: a cancel waits for nothing, a reset for the banner.
+const ANSWER_WITHIN: Duration = Duration::from_secs(10);
+/// How long an operator waits for all of that.
+const OPERATOR_WITHIN: Duration = Duration::from_secs(15);
+
+/// Why the machine cannot be spoken to.
+#[derive(Debug, thiserror::Error)]
+pub enum OperatorError {
+    #[error("no driver of this computer listens at {path}: {problem}")]
+    Nobody { path: PathBuf, problem: io::Error },
+    #[error("the driver at {path} does not answer: {problem}")]
+    Silent { path: PathBuf, problem: io::Error },
+    #[error("the driver at {path}: {problem}")]
+    Protocol { path: PathBuf, problem: ProtocolError },
+}
+
+/// Asks the driver of this computer with these names.
+///
+/// # Errors
+/// There is none, or it does not answer.
+pub fn ask_operator(
+    environment: &Environment,
+    names: &Names,
+    wish: Wish,
+) -> Result<Answer, OperatorError> {
+    let path = socket_path(&folder(), environment.domain_id, &names.fully_qualified());
+    let nobody = |problem| OperatorError::Nobody { path: path.clone(), problem };
+    let silent = |problem| OperatorError::Silent { path: path.clone(), problem };
+    let mut stream = UnixStream::connect(&path).map_err(nobody)?;
+    stream.set_read_timeout(Some(OPERATOR_WITHIN)).map_err(silent)?;
+    stream.set_write_timeout(Some(SPEAK_WITHIN)).map_err(silent)?;
+    let protocol = |problem| OperatorError::Protocol { path: path.clone(), problem };
+    let request = frame(&OperatorRequest { version: VERSION, wish }).map_err(protocol)?;
+    stream.write_all(&request).map_err(silent)?;
+    match receive(&mut stream) {
+        Ok(answer) => Ok(answer),
+        Err(Trouble::Io(problem)) => Err(silent(problem)),
+        Err(Trouble::Protocol(problem)) => Err(protocol(problem)),
+    }
+}
+
+/// Listens for operators as long as the process lives.
+pub(super) fn listen(hub: &Arc<Hub>, configuration: &Configuration) -> io::Result<()> {
+    let folder = folder();
+    own(&folder)?;
+    let path = socket_of(configuration);
+    // One that nobody listens at is left from a process that was killed.
+    if path.exists() && UnixStream::connect(&path).is_err() {
+        std::fs::remove_file(&path)?;
+    }
+    let listener = UnixListener::bind(&path)
+        .map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", path.display())))?;
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o660))?;
+    let hub = Arc::clone(hub);
+    std::thread::Builder::new().name("operators".into()).spawn(move || {
+        let served = Arc::new(AtomicUsize::new(0));
+        for stream in listener.incoming().flatten() {
+            if served.load(Ordering::Relaxed) >= OPERATORS_MAX {
+                continue;
+            }
+            served.fetch_add(1, Ordering::Relaxed);
+            let (hub, place) = (Arc::clone(&hub), Arc::clone(&served));
+            let serving = std::thread::Builder::new().name("operator".into()).spawn(move || {
+                if let Err(error) = serve(&hub, stream) {
+                    tracing::warn!("a local operator: {error}");
+                }
+                place.fetch_sub(1, Ordering::Relaxed);
+            });
+            if serving.is_err() {
+                served.fetch_sub(1, Ordering::Relaxed);
+            }
+        }
+    })?;
+    Ok(())
+}
+
+/// Removes the name of the socket.
+pub(super) fn forget(configuration: &Configuration) {
+    // Whoever comes next would remove it too.
+    let _ = std::fs::remove_file(socket_of(configuration));
+}
+
+fn socket_of(configuration: &Configuration) -> PathBuf {
+    let Configuration { environment, names, .. } = configuration;
+    socket_path(&folder(), environment.domain_id, &names.fully_qualified())
+}
+
+fn serve(hub: &Hub, mut stream: UnixStream) -> Result<(), Trouble> {
+    stream.set_read_timeout(Some(SPEAK_WITHIN))?;
+    stream.set_write_timeout(Some(SPEAK_WITHIN))?;
+    let OperatorRequest { version, wish } = receive(&mut stream)?;
+    if version != VERSION {
+        return Err(ProtocolError::Version { found: version }.into());
+    }
+    let command = match wish {
+        Wish::FeedHold => Some(Command::FeedHold),
+        Wish::Cancel => Some(Command::CancelRun { run: None }),
+        Wish::SoftReset => Some(Command::SoftReset),
+        Wish::State => None,
+    };
+    let result: Result<String, Refusal> = match command {
+        Some(command) => {
+            tracing::info!("a local operator asks for {wish:?}");
+            hub.ask(command, ANSWER_WITHIN)
+        }
+        None => Ok(String::new()),
+    };
+    let answer = Answer { result, state: hub.machine_state(), has_face: hub.has_face() };
+    stream.write_all(&frame(&answer)?)?;
+    Ok(())
+}
+
+#[derive(Debug, thiserror::Error)]
+enum Trouble {
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    #[error(transparent)]
+    Protocol(#[from] ProtocolError),
+}
+
+fn receive<T: serde::de::DeserializeOwned>(stream: &mut UnixStream) -> Result<T, Trouble> {
+    let (mut deframer, mut buffer) = (Deframer::default(), [0; 4_096]);
+    loop {
+        if let Some(message) = deframer.take()? {
+            return Ok(message);
+        }
+        match stream.read(&mut buffer)? {
+            0 => return Err(io::Error::from(io::ErrorKind::UnexpectedEof).into()),
+            count => deframer.push(&buffer[..count]),
+        }
+    }
+}
+
+/// Where the sockets of this user are.
+fn folder() -> PathBuf {
+    let from = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+    match (from(FOLDER_VARIABLE), from("XDG_RUNTIME_DIR")) {
+        (Some(folder), _) => folder.into(),
+        (None, Some(folder)) => Path::new(&folder).join("kerf"),
+        (None, None) => {
+            let user = rustix::process::getuid().as_raw();
+            std::env::temp_dir().join(format!("kerf-{user}"))
+        }
+    }
+}
+
+/// A name in the folder that says which machine it is; names of sockets are short.
+fn socket_path(folder: &Path, domain_id: u16, node: &str) -> PathBuf {
+    const NAME_CHARS_MAX: usize = 60;
+    let name = node.trim_start_matches('/').replace('/', ".");
+    let name = match name.len() <= NAME_CHARS_MAX {
+        true => name,
+        false => cnc_msgs::chunk::sha256_hex(name.as_bytes())[..32].to_owned(),
+    };
+    folder.join(format!("{domain_id}.{name}.sock"))
+}
+
+/// Makes the folder, or makes sure that it is nobody else's.
+fn own(folder: &Path) -> io::Result<()> {
+    std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
+    let found = std::fs::symlink_metadata(folder)?;
+    let user = rustix::process::getuid().as_raw();
+    let is_ours = found.is_dir() && found.uid() == user;
+    if !is_ours || found.mode() & 0o002 != 0 {
+        let text = format!(
+            "{} belongs to somebody else or can be written by everybody; set {FOLDER_VARIABLE} \
+             to a folder of the user that runs the driver",
+            folder.display()
+        );
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, text));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_machine_has_a_socket_of_its_own_with_a_name_that_fits() {
+        let folder = Path::new("/run/user/1000/kerf");
+        let path = |domain, node: &str| socket_path(folder, domain, node);
+        assert_eq!(path(7, "/cell/mill/axis_driver"), folder.join("7.cell.mill.axis_driver.sock"));
+        let long = format!("/{}/axis_driver", "a".repeat(300));
+        let longer = format!("/{}/axis_driver", "a".repeat(301));
+        assert!(path(0, &long).as_os_str().len() < 100);
+        assert_ne!(path(0, &long), path(0, &longer));
+    }
+
+    #[test]
+    fn a_folder_of_others_is_not_taken() {
+        let place = std::env::temp_dir().join(format!("kerf-operator-{}", std::process::id()));
+        own(&place).expect("made");
+        assert_eq!(std::fs::metadata(&place).expect("there").mode() & 0o777, 0o700);
+        std::fs::set_permissions(&place, std::fs::Permissions::from_mode(0o777)).expect("ours");
+        assert!(own(&place).is_err());
+        std::fs::remove_dir(&place).expect("empty");
+    }
+}

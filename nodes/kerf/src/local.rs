@@ -1,0 +1,89 @@
+//! Stopping a machine, and its state, when its driver does not answer over ROS.
+//!
+//! On the machine's own computer the driver's motion process listens on a local socket. ROS is
+//! asked first, since it reaches every computer; where it does not answer soon, the socket is.
+
+use crate::exit::{Failure, Outcome, Status};
+use crate::operate::with_node;
+use axis_driver::motion::{OperatorError, ask_operator};
+use axis_driver::protocol::{Answer, Wish};
+use runtime::Handle;
+use runtime::arguments::Arguments;
+use runtime::environment::Environment;
+use runtime::names::Names;
+use std::time::Duration;
+
+/// How long ROS has before the socket is asked: a driver that lives answers in less.
+const HEAD_START: Duration = Duration::from_millis(2_500);
+
+/// Does something over ROS, or over the local socket when ROS does not answer; `show` is given
+/// what the driver says there.
+pub(crate) fn over_ros_or_locally<F>(
+    ros_args: &[String],
+    wish: Wish,
+    over_ros: F,
+    show: impl FnOnce(Answer) -> Outcome,
+) -> Outcome
+where
+    F: AsyncFnOnce(&Handle) -> Outcome,
+{
+    let mut answer = None;
+    let outcome = with_node(ros_args, async |node| {
+        let mut exchange = std::pin::pin!(over_ros(node));
+        let outcome = tokio::time::timeout(HEAD_START, &mut exchange).await;
+        let failure = match outcome {
+            Ok(Err(failure)) if failure.status == Status::NoAnswer => Some(failure),
+            Ok(outcome) => return outcome,
+            Err(_) => None,
+        };
+        match (ask_locally(ros_args, wish), failure) {
+            (Ok(local), _) => {
+                answer = Some(local);
+                Ok(())
+            }
+            (Err(_), Some(failure)) => Err(failure),
+            (Err(Failure { message, .. }), None) => exchange.await.map_err(|failure| {
+                let message = format!("{}; {message}", failure.message);
+                Failure::new(failure.status, message)
+            }),
+        }
+    });
+    match answer {
+        Some(answer) => {
+            eprintln!(
+                "kerf: the driver does not answer over ROS{}; this is over its local socket",
+                if answer.has_face { "" } else { " (its ROS side is being restarted)" }
+            );
+            show(answer)
+        }
+        None => outcome,
+    }
+}
+
+/// Asks the driver of this computer that has the names which the arguments give.
+fn ask_locally(ros_args: &[String], wish: Wish) -> Result<Answer, Failure> {
+    let arguments = Arguments::parse(ros_args).map_err(Failure::usage)?;
+    let variables = std::env::vars_os()
+        .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
+        .collect();
+    let environment = Environment::read(&variables).map_err(Failure::usage)?;
+    let names = Names::new("axis_driver", &arguments.remaps).map_err(Failure::usage)?;
+    ask_operator(&environment, &names, wish).map_err(|error| {
+        let status = match error {
+            OperatorError::Nobody { .. } | OperatorError::Silent { .. } => Status::NoAnswer,
+            OperatorError::Protocol { .. } => Status::Usage,
+        };
+        Failure::new(status, error.to_string())
+    })
+}
+
+/// Says what the driver answered; a refusal is a failure.
+pub(crate) fn say(answer: Answer) -> Outcome {
+    match answer.result {
+        Ok(message) => {
+            println!("{message}");
+            Ok(())
+        }
+        Err(refusal) => Err(Failure::new(Status::NodeRefused, refusal.message)),
+    }
+}
