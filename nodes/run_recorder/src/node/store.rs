@@ -127,8 +127,8 @@ pub(super) struct OpenRun {
     pub(super) has_inputs: bool,
     /// Whether the serial traffic is there from where it can be replayed.
     pub(super) has_beginning: bool,
-    /// The driver whose traffic is counted.
-    driver: Option<[u8; 16]>,
+    /// The clock of the driver whose traffic is counted: wall time of its zero, ns.
+    driver_zero_ns: Option<i64>,
     /// Another driver was heard: its numbers begin anew.
     pub(super) driver_restarted: bool,
     /// The goal was not seen to begin, and it is not known yet what that costs.
@@ -173,7 +173,7 @@ impl OpenRun {
             numbers: Numbers::default(),
             has_inputs: false,
             has_beginning: false,
-            driver: None,
+            driver_zero_ns: None,
             driver_restarted: false,
             is_beginning_unclear: false,
             channels: BTreeMap::new(),
@@ -214,20 +214,29 @@ impl OpenRun {
 
     fn write(&mut self, index: usize, type_name: &str, kept: Kept) {
         let Some(&channel) = self.channels.get(&index) else { return };
-        if is_traffic(type_name) && *self.driver.get_or_insert(kept.publisher) != kept.publisher {
-            self.driver_restarted = true;
-            self.bag.note_incomplete("the driver was started again in the middle of the run");
-        } else if is_traffic(type_name) {
+        if is_traffic(type_name) {
             match cdr::decode::<wire::ControllerTraffic>(&kept.bytes) {
-                Ok(traffic) => {
-                    for entry in &traffic.entries {
-                        self.numbers.add(entry.sequence);
-                    }
-                }
+                Ok(traffic) => self.take_numbers(&traffic),
                 Err(error) => self.bag.note_incomplete(error.to_string()),
             }
         }
         self.bag.write(channel, kept.log_time_ns, kept.publish_time_ns, kept.bytes);
+    }
+
+    /// Notes which entries are there, of the driver that is heard first.
+    ///
+    /// A driver whose ROS face is another goes on numbering, on the same clock.
+    fn take_numbers(&mut self, traffic: &wire::ControllerTraffic) {
+        let Some(first) = traffic.entries.first() else { return };
+        let zero_ns = zero_of_clock_ns(first);
+        if *self.driver_zero_ns.get_or_insert(zero_ns) != zero_ns {
+            self.driver_restarted = true;
+            self.bag.note_incomplete("the driver was started again in the middle of the run");
+            return;
+        }
+        for entry in &traffic.entries {
+            self.numbers.add(entry.sequence);
+        }
     }
 
     /// Whether what was fetched may be written: it waits for the disk, so that what comes
@@ -240,9 +249,7 @@ impl OpenRun {
     pub(super) fn add_traffic(&mut self, store: &Store, traffic: &wire::ControllerTraffic) {
         let Some(first) = traffic.entries.first() else { return };
         let at_ns = nanoseconds(&first.stamp);
-        for entry in &traffic.entries {
-            self.numbers.add(entry.sequence);
-        }
+        self.take_numbers(traffic);
         self.write_ours(store, at_ns, traffic);
     }
 
@@ -307,6 +314,13 @@ pub(super) fn recording_message(
         size: status.bytes_written,
         lost_count: status.messages_lost,
     }
+}
+
+/// Wall time at which the driver's clock showed zero, ns: each driver has another.
+fn zero_of_clock_ns(entry: &wire::TrafficEntry) -> i64 {
+    let wire::TrafficEntry { stamp, monotonic, .. } = entry;
+    let ns = |sec: i32, nanosec: u32| i64::from(sec) * 1_000_000_000 + i64::from(nanosec);
+    ns(stamp.sec, stamp.nanosec) - ns(monotonic.sec, monotonic.nanosec)
 }
 
 fn nanoseconds(stamp: &Time) -> u64 {
