@@ -45,7 +45,7 @@ fn check(blow: Blow) {
     blow.strike(face);
     let next = until("another face", || cell.machine.face().filter(|next| *next != face));
     // A button finds the new face, and the machine obeys.
-    cell.commander.press("feed_hold").expect("the driver holds");
+    cell.commander.press_again("feed_hold").expect("the driver holds");
     let held = cell.commander.until_mode("HOLD");
     assert!(!held.program_id.is_empty() && held.line > 0, "{held:?}");
     cell.commander.press("resume").expect("and goes on");

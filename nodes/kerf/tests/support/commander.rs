@@ -170,6 +170,15 @@ impl Commander {
         if answer.success { Ok(answer.message) } else { Err(answer.message) }
     }
 
+    /// Presses a button again until the driver answers: what was asked of a process that has
+    /// died since is lost.
+    pub(crate) fn press_again(&self, button: &str) -> Result<String, String> {
+        let client = &self.buttons[button];
+        let answer = self.wait(client.call_idempotent(&TriggerRequest::default(), PATIENCE));
+        let answer = answer.expect("the driver answers");
+        if answer.success { Ok(answer.message) } else { Err(answer.message) }
+    }
+
     /// Begins a run of what is loaded; the error is why the driver refuses.
     pub(crate) fn run(&self) -> Result<Running, String> {
         let known = self.heard().commands.len();
