@@ -283,11 +283,8 @@ mod tests {
         let send = |paths: &mut Paths, revision: u64| {
             let path = Arc::new(CompensatedPath::default());
             let chunks = PathChunks::new("p".into(), revision, path);
-            let manifest = wire::CompensatedPath {
-                program_id: "p".into(),
-                revision,
-                ..chunks.manifest()
-            };
+            let manifest =
+                wire::CompensatedPath { program_id: "p".into(), revision, ..chunks.manifest() };
             paths.begin(manifest).expect("a manifest");
             for index in 0..chunks.count() {
                 paths.add(chunks.chunk(index).expect("a chunk")).expect("of this path");
