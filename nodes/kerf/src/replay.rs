@@ -257,22 +257,25 @@ struct How<'a> {
 fn replay(path: &Path, levels: &[Level], how: How<'_>) -> Result<Verdict, ReplayError> {
     let mut bag = files::open_bag(path)?;
     let recording = Recording::read(&mut bag)?;
+    bag.verify_indexes()?;
     let contents = Contents::new(bag.channels(), bag.metadata_named(RUN_RECORD));
     let listed = |is_meant: &dyn Fn(&Problem) -> bool| -> Vec<String> {
         bag.problems().iter().filter(|it| is_meant(it)).map(ToString::to_string).collect()
     };
     // Whatever is lost may have been an input of any level, or what it is compared with.
-    let damages = listed(&Problem::is_damage);
+    let damages = listed(&|it| it.is_damage() && !it.is_of_index());
     if !damages.is_empty() {
         return Err(ReplayError::Damaged(damages.join("; ")));
     }
-    // A whole file says what it holds, with and without metadata.yaml.
-    let remarks =
-        listed(&|it| matches!(it, Problem::NoMetadataFile | Problem::FileNotListed { .. }));
+    // A whole file says what it holds, with and without metadata.yaml and its indexes.
+    let is_beside = |it: &Problem| {
+        it.is_of_index() || matches!(it, Problem::NoMetadataFile | Problem::FileNotListed { .. })
+    };
+    let remarks = listed(&is_beside);
     let gaps = listed(&|problem| match problem {
         // A topic without definition is none of ours.
         Problem::SchemaMissing { .. } => false,
-        Problem::NoMetadataFile | Problem::FileNotListed { .. } => false,
+        problem if is_beside(problem) => false,
         // What the cores are replayed from was had from the driver and the others.
         Problem::RecorderSays { reason } => reason != LATE,
         _ => true,

@@ -58,6 +58,10 @@ pub enum Problem {
     DamagedChunk { file: String, at: u64, why: String },
     #[error("{file}: the record at byte {at} is damaged: {why}")]
     DamagedRecord { file: String, at: u64, why: String },
+    #[error("{file}: the record at byte {at} is damaged, and no message with it: {why}")]
+    DamagedIndex { file: String, at: u64, why: String },
+    #[error("{directory}/metadata.yaml says {why}")]
+    MetadataDiffers { directory: String, why: String },
     #[error("topic {topic} has no schema, so its messages cannot be decoded")]
     SchemaMissing { topic: String },
     #[error(
@@ -89,6 +93,8 @@ impl Problem {
             | Self::CutRecord { .. }
             | Self::DamagedChunk { .. }
             | Self::DamagedRecord { .. }
+            | Self::DamagedIndex { .. }
+            | Self::MetadataDiffers { .. }
             | Self::UnknownChannel { .. }
             | Self::AfterFooter { .. }
             | Self::MessagesMissing { .. } => true,
@@ -98,5 +104,10 @@ impl Problem {
             | Self::OrderNotKept { .. }
             | Self::RecorderSays { .. } => false,
         }
+    }
+
+    /// Whether it is damage of what only repeats the rest: nothing is lost, and a copy is whole.
+    pub fn is_of_index(&self) -> bool {
+        matches!(self, Self::DamagedIndex { .. } | Self::MetadataDiffers { .. })
     }
 }

@@ -15,13 +15,14 @@ pub use crate::bag_messages::{BagMessage, MessageFilter, Messages, WINDOW_BYTES}
 pub use crate::bag_problem::{BagError, Problem};
 use crate::bag_writer::{QOS_KEY, TYPE_HASH_KEY};
 use crate::joined::{PartsRead, scan_all};
-use crate::metadata::{BagSummary, TopicSummary};
+use crate::metadata::{BagSummary, Claims, TopicSummary};
 use crate::outline::Outline;
 use crate::qos::{QosProfile, profiles_from_yaml};
 pub use crate::records::RECORD_SIZE_MAX;
 use crate::records::{FRAME, parse_body};
 use crate::scan::{AttachmentPlace, Stretch, read_bytes};
 use crate::schema::{MessageSchema, SchemaError};
+use crate::verify::{Facts, verify};
 
 /// The metadata record a run begins with.
 pub const RUN_RECORD: &str = "cnc_run";
@@ -115,6 +116,8 @@ pub struct Bag<R> {
     time_range_ns: Option<(u64, u64)>,
     library: String,
     is_finished: bool,
+    /// What metadata.yaml says, and in which directory it is.
+    pub(crate) claims: Option<(String, Claims)>,
 }
 
 impl<R: Read + Seek> Bag<R> {
@@ -194,6 +197,7 @@ impl<R: Read + Seek> Bag<R> {
             time_range_ns,
             library,
             is_finished,
+            claims: None,
         };
         if is_outlined {
             bag.take_back(&repeated, &mut outline)?;
@@ -300,6 +304,34 @@ impl<R: Read + Seek> Bag<R> {
         }
         if found != promised {
             self.add_problem(Problem::MessagesMissing { promised, found });
+        }
+        self.verify_indexes()
+    }
+
+    /// Compares all that the files say of themselves, and metadata.yaml of them, with what is
+    /// in them. Finds what is wrong with it where [`Bag::messages`] does not look.
+    pub fn verify_indexes(&mut self) -> Result<(), BagError> {
+        // What breaks off has no indexes, and what is said of it is not true any more.
+        if !self.is_finished {
+            return Ok(());
+        }
+        let mut facts = Vec::new();
+        for index in 0..self.sources.len() {
+            let BagSource { name, reader } = &mut self.sources[index];
+            let verified = verify(name, reader);
+            let (found, problems) =
+                verified.map_err(|cause| BagError::Io { file: name.clone(), cause })?;
+            facts.push(found);
+            problems.into_iter().for_each(|problem| self.add_problem(problem));
+        }
+        let facts: Vec<&Facts> = facts.iter().collect();
+        if let Some((directory, claims)) = &self.claims
+            && facts.iter().all(|it| !it.is_part)
+        {
+            let directory = directory.clone();
+            for why in claims.differences(&facts) {
+                self.add_problem(Problem::MetadataDiffers { directory: directory.clone(), why });
+            }
         }
         Ok(())
     }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::bag_reader::{Bag, BagError, BagSource, Problem, RUN_RECORD};
 use crate::bag_writer::BagWriteError;
 use crate::compressed::{is_compressed, unpack};
-use crate::metadata::{file_names, metadata_yaml};
+use crate::metadata::{Claims, file_names, metadata_yaml};
 use crate::parts::PartFile;
 use crate::recover::{RECOVERED_FROM, RecoverError, Recovered, Selection, TRIMMED_FROM, recover};
 use crate::split::part_file_name;
@@ -52,6 +52,18 @@ pub fn open_bag(path: &Path) -> Result<FileBag, BagError> {
     let mut bag = Bag::from_sources(sources.collect::<Result<_, _>>()?)?;
     for problem in problems {
         bag.add_problem(problem);
+    }
+    if let Ok(text) = read_metadata_file(path) {
+        let directory = path.display().to_string();
+        match Claims::of_file(&text) {
+            Ok(claims) => bag.claims = Some((directory, claims)),
+            // It names the files all the same, or it was told of above.
+            Err(why) if file_names(&text).is_ok() => {
+                let why = format!("what cannot be read: {why}");
+                bag.add_problem(Problem::MetadataDiffers { directory, why });
+            }
+            Err(_) => {}
+        }
     }
     Ok(bag)
 }

@@ -40,6 +40,7 @@ pub mod split;
 #[cfg(feature = "std-fs")]
 pub mod stored_bags;
 pub mod value;
+mod verify;
 #[cfg(feature = "std-fs")]
 mod write_queue;
 #[cfg(feature = "std-fs")]

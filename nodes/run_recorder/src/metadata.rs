@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::qos::QosProfile;
+use crate::verify::Facts;
 
 /// The version of the form written here.
 const VERSION: u32 = 9;
@@ -126,6 +127,97 @@ pub fn custom_data(text: &str) -> Result<BTreeMap<String, String>, serde_yaml::E
     Ok(file.information.custom_data.unwrap_or_default())
 }
 
+/// The figures that metadata.yaml or the record of rosbag2 tells, as far as it does.
+#[derive(Debug, Default, Deserialize)]
+pub(crate) struct Claims {
+    #[serde(default)]
+    message_count: Option<u64>,
+    #[serde(default)]
+    starting_time: Option<SinceEpoch>,
+    #[serde(default)]
+    duration: Option<Nanoseconds>,
+    #[serde(default)]
+    topics_with_message_count: Option<Vec<TopicClaim>>,
+    #[serde(default)]
+    files: Option<Vec<FileClaim>>,
+}
+
+#[derive(Debug, Deserialize)]
+struct TopicClaim {
+    topic_metadata: TopicName,
+    message_count: u64,
+}
+
+#[derive(Debug, Deserialize)]
+struct TopicName {
+    name: String,
+}
+
+#[derive(Debug, Deserialize)]
+struct FileClaim {
+    path: String,
+    message_count: u64,
+}
+
+#[derive(Deserialize)]
+struct ClaimsFile {
+    #[serde(rename = "rosbag2_bagfile_information")]
+    information: Claims,
+}
+
+impl Claims {
+    /// Of metadata.yaml.
+    pub(crate) fn of_file(text: &str) -> Result<Self, serde_yaml::Error> {
+        Ok(serde_yaml::from_str::<ClaimsFile>(text)?.information)
+    }
+
+    /// Of the record, which has no outermost key.
+    pub(crate) fn of_record(text: &str) -> Result<Self, serde_yaml::Error> {
+        serde_yaml::from_str(text)
+    }
+
+    /// What is not as in the files of the bag, a clause each.
+    pub(crate) fn differences(&self, files: &[&Facts]) -> Vec<String> {
+        let mut wrong = Vec::new();
+        let mut compare = |what: &str, told: Option<u64>, found: u64| {
+            if let Some(told) = told.filter(|told| *told != found) {
+                wrong.push(format!("{told} {what}, and there are {found}"));
+            }
+        };
+        compare("messages", self.message_count, files.iter().map(|it| it.message_count).sum());
+        // Others round them, or take them by another clock.
+        if files.iter().all(|it| it.is_ours) {
+            let start = files.iter().filter_map(|it| it.range_ns).map(|(start, _)| start).min();
+            let end = files.iter().filter_map(|it| it.range_ns).map(|(_, end)| end).max();
+            let (start, end) = (start.unwrap_or(0), end.unwrap_or(0));
+            let told = self.starting_time.map(|it| it.nanoseconds_since_epoch);
+            compare("ns at the first message", told, start);
+            let told = self.duration.map(|it| it.nanoseconds);
+            compare("ns from the first to the last message", told, end.saturating_sub(start));
+        }
+        let count_of =
+            |topic: &str| -> u64 { files.iter().filter_map(|it| it.counts.get(topic)).sum() };
+        if let Some(topics) = &self.topics_with_message_count {
+            for topic in topics {
+                let name = &topic.topic_metadata.name;
+                compare(&format!("messages on {name}"), Some(topic.message_count), count_of(name));
+            }
+            let names = files.iter().flat_map(|it| it.counts.keys());
+            let names: std::collections::BTreeSet<_> = names.collect();
+            let is_told = |name: &str| topics.iter().any(|it| it.topic_metadata.name == name);
+            for name in names.into_iter().filter(|name| !is_told(name)) {
+                compare(&format!("messages on {name}"), Some(0), count_of(name));
+            }
+        }
+        let told = self.files.iter().filter(|told| told.len() == files.len()).flatten();
+        for (told, found) in told.zip(files) {
+            let what = format!("messages in {}", told.path);
+            compare(&what, Some(told.message_count), found.message_count);
+        }
+        wrong
+    }
+}
+
 #[derive(Deserialize)]
 struct OwnData {
     #[serde(rename = "rosbag2_bagfile_information")]
@@ -172,12 +264,12 @@ struct Information<'a> {
     ros_distro: &'static str,
 }
 
-#[derive(Serialize, Clone, Copy)]
+#[derive(Debug, Serialize, Deserialize, Clone, Copy)]
 struct Nanoseconds {
     nanoseconds: u64,
 }
 
-#[derive(Serialize, Clone, Copy)]
+#[derive(Debug, Serialize, Deserialize, Clone, Copy)]
 struct SinceEpoch {
     nanoseconds_since_epoch: u64,
 }

@@ -147,17 +147,17 @@ pub fn recover<R: Read + Seek, W: Write>(
             }
         }
     }
-    let problems: Vec<String> = bag
-        .problems()
-        .iter()
-        .map(|problem| match problem {
-            // Its words, so that a copy of a copy says the same.
-            Problem::RecorderSays { reason } => reason.clone(),
-            problem => problem.to_string(),
-        })
-        .collect();
-    if !bag.is_complete() || !left_out.is_empty() {
-        let mut reasons = problems.clone();
+    bag.verify_indexes()?;
+    let words = |problem: &Problem| match problem {
+        // Its words, so that a copy of a copy says the same.
+        Problem::RecorderSays { reason } => reason.clone(),
+        problem => problem.to_string(),
+    };
+    let problems: Vec<String> = bag.problems().iter().map(words).collect();
+    // The copy has indexes of its own.
+    let lasting = bag.problems().iter().filter(|problem| !problem.is_of_index());
+    let mut reasons: Vec<String> = lasting.map(words).collect();
+    if !reasons.is_empty() || !left_out.is_empty() {
         reasons.extend(
             left_out.iter().map(|(topic, reason)| format!("topic {topic} is left out: {reason}")),
         );

@@ -180,6 +180,47 @@ fn a_file_that_breaks_off_or_is_spoilt_is_an_error_and_never_a_panic() {
 }
 
 #[test]
+fn damage_beside_the_messages_is_told_by_info_and_by_replay() {
+    let folder = Folder::new();
+    let path = folder.path().join("bag");
+    std::fs::create_dir(&path).expect("a folder");
+    let file = files(&golden(BAG)).remove(0);
+    let (bytes, name) = (std::fs::read(&file).expect("a bag"), file.file_name().expect("a name"));
+    let yaml = std::fs::read_to_string(golden(BAG).join("metadata.yaml")).expect("metadata.yaml");
+    let info = |bytes: &[u8], yaml: &str| {
+        std::fs::write(path.join(name), bytes).expect("a file");
+        std::fs::write(path.join("metadata.yaml"), yaml).expect("a file");
+        run(kerf().args(["bag", "info"]).arg(&path))
+    };
+    info(&bytes, &yaml).expect(0).says(&["complete:    yes"]);
+    let mut at = mcap::MAGIC.len();
+    let mut kinds = std::collections::BTreeSet::new();
+    while at + mcap::MAGIC.len() < bytes.len() {
+        let length: [u8; 8] = bytes[at + 1..at + 9].try_into().expect("eight bytes");
+        let length = usize::try_from(u64::from_le_bytes(length)).expect("a length");
+        for within in [length / 3, length - 1] {
+            let mut spoilt = bytes.clone();
+            spoilt[at + 9 + within] ^= 1;
+            let kind = bytes[at];
+            let said = info(&spoilt, &yaml);
+            assert!([1, 2].contains(&said.status), "kind {kind} at {at}: {}", said.out);
+            assert!(!said.out.contains("complete:    yes"), "kind {kind} at {at}: {}", said.out);
+            let ran = replay(&path, &["--level", "loader"]);
+            let is_told = ran.status == 2 || ran.out.contains("remark: bag:");
+            assert!(is_told, "kind {kind} at {at}: {}{}", ran.out, ran.err);
+            kinds.insert(kind);
+        }
+        at += 9 + length;
+    }
+    assert!(kinds.contains(&op::MESSAGE_INDEX) && kinds.contains(&op::METADATA), "{kinds:?}");
+    // What metadata.yaml says is told as well; the bag replays all the same.
+    let count = yaml.lines().find(|line| line.contains("message_count")).expect("a count");
+    let said = info(&bytes, &yaml.replace(count, "  message_count: 7")).expect(2);
+    said.says(&["metadata.yaml says 7 messages, and there are "]);
+    replay(&path, &[]).expect(0).says(&["reproduced", "remark: bag:", "says 7 messages"]);
+}
+
+#[test]
 fn a_broken_bag_does_not_hide_those_behind_it() {
     let folder = Folder::new();
     let page = folder.path().join("page.html");

@@ -231,7 +231,9 @@ impl TestBag {
             .create(&mut bytes)
             .expect("a bag can be begun");
         let rosbag2 = || {
-            let text = "version: 9\nmessage_count: 0\n".to_owned();
+            // Others write it at the beginning too, when nothing is counted.
+            let count = if form.is_ours { messages.len() } else { 0 };
+            let text = format!("version: 9\nmessage_count: {count}\n");
             Metadata {
                 name: "rosbag2".into(),
                 metadata: BTreeMap::from([("serialized_metadata".to_owned(), text)]),
@@ -339,7 +341,7 @@ fn add_silent_channel(bytes: &mut Vec<u8>, id: u16, topic: &Topic) {
     while bytes[at] != op::FOOTER {
         if bytes[at] == op::SUMMARY_OFFSET {
             let start = word(bytes, at + 10);
-            if start > summary as u64 {
+            if start >= summary as u64 {
                 bytes[at + 10..at + 18].copy_from_slice(&(start + grown).to_le_bytes());
             }
         }
