@@ -11,7 +11,9 @@ mod machine;
 mod path;
 mod tool_table;
 
-pub use machine::{machine_state_to_wire, mode_from_wire, mode_to_wire};
+pub use machine::{
+    link_watch_from_wire, link_watch_to_wire, machine_state_to_wire, mode_from_wire, mode_to_wire,
+};
 pub use path::path_element_to_wire;
 
 use crate::contour::Source;

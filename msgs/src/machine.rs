@@ -50,6 +50,38 @@ impl Mode {
     }
 }
 
+/// How well it is noticed in a run that a line or an answer was lost or came twice. The
+/// times are those of an undelayed line at the default intervals; docs/faults.md has the
+/// measured bounds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
+pub enum LinkWatch {
+    /// Not known: no controller is connected.
+    #[default]
+    Unknown,
+    /// When the machine next stands still, at the latest at the end of the program.
+    Standstill,
+    /// What is lost: half a second after it shows in the receive buffer. What comes twice:
+    /// as [`Self::Standstill`].
+    Buffer,
+    /// When the lines that were under way have been read, and half a second more.
+    Lines,
+    /// As [`Self::Lines`], and what is lost as [`Self::Buffer`], whichever is first.
+    LinesAndBuffer,
+}
+
+impl LinkWatch {
+    /// What `kerf status` says of it.
+    pub const fn describe(self) -> &'static str {
+        match self {
+            Self::Unknown => "unknown",
+            Self::Standstill => "lost or doubled lines and answers show at standstill only",
+            Self::Buffer => "receive buffer compared with every report",
+            Self::Lines => "checks among the lines",
+            Self::LinesAndBuffer => "checks among the lines, receive buffer in every report",
+        }
+    }
+}
+
 /// The state of the machine as last heard.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct MachineState {
@@ -92,6 +124,8 @@ pub struct MachineState {
     pub compensation: Option<CutterSide>,
     /// Seconds since the last status report; infinite when there was none.
     pub link_age_s: f64,
+    /// How well lost and doubled lines and answers are noticed.
+    pub link_watch: LinkWatch,
     /// Feed, rapid and spindle override, percent.
     pub overrides_percent: [u8; 3],
     /// Input pins that are active, as the firmware letters them: `XZP`.

@@ -55,7 +55,8 @@ SERVICES = {
         'compensated_path/get_chunks': 'GetPathChunks', 'plan_block': 'PlanBlock'},
     'axis_driver': {
         'set_overrides': 'SetOverrides', 'set_work_offset': 'SetWorkOffset',
-        'execute_mdi': 'ExecuteMdi', 'get_traffic': 'GetTraffic'},
+        'execute_mdi': 'ExecuteMdi', 'get_traffic': 'GetTraffic',
+        'configure_controller': 'ConfigureController'},
     'run_recorder': {},
 }
 # Of every node, below its name.

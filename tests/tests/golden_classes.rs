@@ -12,7 +12,9 @@ use cnc_msgs::wire::cnc_msgs::msg::{
 };
 use kerf_tests::root;
 use run_recorder::bag_reader::BagMessage;
+use run_recorder::decode::decode;
 use run_recorder::files::open_bag;
+use run_recorder::value::Value;
 use std::collections::BTreeSet;
 
 /// Codes that no program alone brings about.
@@ -71,8 +73,8 @@ fn hear(said: &mut BTreeSet<(In, String)>, message: &BagMessage) {
             }
         }
         MachineState::TYPE_NAME => {
-            let Some(state) = of::<MachineState>(message) else { return };
-            let name = match state.state {
+            let (state, reason) = state_of(message);
+            let name = match state {
                 MachineState::STATE_HOLD => "HOLD",
                 MachineState::STATE_ALARM => "ALARM",
                 MachineState::STATE_DOOR => "DOOR",
@@ -81,7 +83,7 @@ fn hear(said: &mut BTreeSet<(In, String)>, message: &BagMessage) {
                 MachineState::STATE_UNKNOWN => "UNKNOWN",
                 _ => "",
             };
-            said.insert((In::State, format!("{name} {}", state.reason)));
+            said.insert((In::State, format!("{name} {reason}")));
         }
         Command::TYPE_NAME => {
             let Some(command) = of::<Command>(message) else { return };
@@ -108,6 +110,15 @@ fn hear(said: &mut BTreeSet<(In, String)>, message: &BagMessage) {
         }
         _ => {}
     }
+}
+
+/// State and reason of a machine, by the definition in the bag: later ones have more fields.
+fn state_of(message: &BagMessage) -> (u8, String) {
+    let schema = message.channel.schema.as_ref().expect("a definition").parse().expect("it is one");
+    let state = decode(&schema, &message.data).expect("a message of its type");
+    let number = state.get("state").and_then(Value::as_u64).expect("a state");
+    let reason = state.get("reason").and_then(Value::as_str).expect("a reason");
+    (u8::try_from(number).expect("a state fits"), reason.to_owned())
 }
 
 /// What has to be there: a word, and where.

@@ -1,7 +1,7 @@
 //! The state of the machine.
 
 use crate::contour::{CutterSide, SpindleMode};
-use crate::machine::{MachineState, Mode};
+use crate::machine::{LinkWatch, MachineState, Mode};
 use crate::units::{m_per_s_from_mm_per_min, point_from_position, rad_per_s_from_rpm};
 use crate::wire::cnc_msgs::msg as wire;
 use crate::wire::std_msgs::msg::Header;
@@ -44,6 +44,30 @@ pub fn mode_from_wire(state: u8) -> Mode {
     MODES.into_iter().find(|&mode| mode_to_wire(mode) == state).unwrap_or_default()
 }
 
+/// The constant of a watch in `MachineState`.
+pub const fn link_watch_to_wire(watch: LinkWatch) -> u8 {
+    type W = wire::MachineState;
+    match watch {
+        LinkWatch::Unknown => W::LINK_WATCH_UNKNOWN,
+        LinkWatch::Standstill => W::LINK_WATCH_STANDSTILL,
+        LinkWatch::Buffer => W::LINK_WATCH_BUFFER,
+        LinkWatch::Lines => W::LINK_WATCH_LINES,
+        LinkWatch::LinesAndBuffer => W::LINK_WATCH_LINES_AND_BUFFER,
+    }
+}
+
+/// The watch of a constant; one that is not known is [`LinkWatch::Unknown`].
+pub fn link_watch_from_wire(watch: u8) -> LinkWatch {
+    const WATCHES: [LinkWatch; 5] = [
+        LinkWatch::Unknown,
+        LinkWatch::Standstill,
+        LinkWatch::Buffer,
+        LinkWatch::Lines,
+        LinkWatch::LinesAndBuffer,
+    ];
+    WATCHES.into_iter().find(|&known| link_watch_to_wire(known) == watch).unwrap_or_default()
+}
+
 /// The state as a message; the header says when it was heard and in which frame it is.
 pub fn machine_state_to_wire(header: Header, state: &MachineState) -> wire::MachineState {
     let [feed, rapid, spindle] = state.overrides_percent.map(|percent| f64::from(percent) / 100.0);
@@ -77,6 +101,7 @@ pub fn machine_state_to_wire(header: Header, state: &MachineState) -> wire::Mach
         cutter_radius_active_left: state.compensation == Some(CutterSide::Left),
         cutter_radius_active_right: state.compensation == Some(CutterSide::Right),
         link_age: state.link_age_s,
+        link_watch: link_watch_to_wire(state.link_watch),
         feed_override: feed,
         rapid_override: rapid,
         spindle_override: spindle,

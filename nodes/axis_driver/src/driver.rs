@@ -16,6 +16,7 @@ mod checkpoint;
 mod command;
 mod commander;
 mod config;
+mod configure;
 mod connect;
 mod course;
 mod errand;

@@ -7,20 +7,25 @@
 //! [`crate::driver`]. `T` is whatever the caller wants back with a line's answer.
 
 mod buffer;
+mod check;
 mod event;
 mod framing;
 mod health;
 pub mod realtime;
+mod watch;
 
 pub use event::{LinkEvent, LinkFault};
 
-use crate::report::{self, Report, ReportUnits, StatusReport};
+use crate::report::{self, Message, Report, ReportUnits, StatusReport};
 use buffer::{Buffer, Counted};
+use check::{CHECK, LineCheck};
+use cnc_msgs::machine::LinkWatch;
 use framing::Framer;
 use health::Health;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::Duration;
+use watch::Means;
 
 /// The receive buffer of grbl 1.1 on an ATmega328, bytes; what is not told is this.
 const RECEIVE_BYTES_DEFAULT: u16 = 128;
@@ -32,6 +37,11 @@ const REPORT_BYTES_MAX: u64 = 100;
 const REPORT_LATENCY_MS: u64 = 40;
 /// A start, eight data and a stop bit.
 const BITS_PER_BYTE: u64 = 10;
+/// Reports take at most this part of what the line carries: one in so many bytes.
+const REPORT_SHARE: u64 = 10;
+/// More answers than these between two reports, and the line is left to lines: checks among
+/// them notice what a report would.
+const FEW_ANSWERS: u32 = 10;
 
 /// What the line is like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,9 +55,25 @@ pub struct LinkConfig {
     pub receive_buffer_bytes: Option<u16>,
     /// Time between two status requests, ms.
     pub poll_interval_ms: u32,
+    /// The same while lines are under way, ms; 0: the same.
+    pub busy_poll_interval_ms: u32,
+    /// Time between two checks among the lines of a stream, ms; 0: there are none.
+    pub line_check_interval_ms: u32,
 }
 
 impl LinkConfig {
+    /// Time between two status requests while lines are under way: as configured, as the line
+    /// carries it, and never longer than at rest.
+    fn busy_poll_interval(&self) -> Duration {
+        let at_rest = u64::from(self.poll_interval_ms);
+        let wanted = match self.busy_poll_interval_ms {
+            0 => at_rest,
+            ms => u64::from(ms),
+        };
+        let report_ms = REPORT_BYTES_MAX * BITS_PER_BYTE * 1000 / u64::from(self.baud.max(1));
+        Duration::from_millis(wanted.max(report_ms * REPORT_SHARE).min(at_rest))
+    }
+
     /// Whether the report to a request comes long before the next request, where nothing
     /// else is under way.
     fn is_prompt(&self) -> bool {
@@ -75,7 +101,8 @@ struct Sent<T> {
     /// What was written for it, with its line end.
     bytes: usize,
     kind: LineKind,
-    tag: T,
+    /// `None`: a check.
+    tag: Option<T>,
 }
 
 /// A link on which nothing is under way, written down.
@@ -104,6 +131,9 @@ pub struct Link<T> {
     is_forgiving: bool,
     health: Health,
     buffer: Buffer,
+    check: LineCheck,
+    /// Answers since the last report.
+    answers: u32,
     urgent: Vec<u8>,
     lines: Vec<u8>,
     events: VecDeque<LinkEvent<T>>,
@@ -139,6 +169,8 @@ impl<T> Link<T> {
             is_forgiving,
             health,
             buffer,
+            check: LineCheck::new(config.line_check_interval_ms),
+            answers: 0,
             urgent: Vec::new(),
             lines: Vec::new(),
             events: VecDeque::new(),
@@ -157,6 +189,8 @@ impl<T> Link<T> {
             is_forgiving: true,
             health: Health::new(config.poll_interval_ms, now),
             buffer: Buffer::default(),
+            check: LineCheck::new(config.line_check_interval_ms),
+            answers: 0,
             urgent: Vec::new(),
             lines: Vec::new(),
             events: VecDeque::new(),
@@ -209,7 +243,32 @@ impl<T> Link<T> {
 
     /// What the caller gave with the oldest line that is not answered.
     pub fn oldest(&self) -> Option<&T> {
-        self.in_flight.front().map(|sent| &sent.tag)
+        self.in_flight.iter().find_map(|sent| sent.tag.as_ref())
+    }
+
+    /// How well it is noticed that a line or an answer was lost or came twice, where reports
+    /// say how full the receive buffer is or do not.
+    pub fn watch(&self, reports_buffer: bool) -> LinkWatch {
+        watch::watch(Means {
+            has_checks: self.config.line_check_interval_ms > 0,
+            has_buffer: reports_buffer && self.buffer.has_size(),
+        })
+    }
+
+    /// A stream of lines begins: checks go among them from now on.
+    pub fn begin_stream(&mut self, now: Duration) {
+        self.check.begin(now);
+        self.answers = 0;
+    }
+
+    /// Sends a check if it is time for one and there is room; the caller sends lines and
+    /// has none under way that must be alone.
+    pub fn check_lines(&mut self, now: Duration) {
+        // Its answer and a report are not to delay the answers to lines together.
+        if self.check.is_due(now) && !self.health.is_asked() && self.has_room(CHECK.len()) {
+            self.check.on_sent(now);
+            self.send(CHECK, LineKind::Motion, None);
+        }
     }
 
     /// Sends a line; the caller has asked [`Self::has_room`].
@@ -217,6 +276,11 @@ impl<T> Link<T> {
     /// # Panics
     /// When the text could act on the machine other than as one line.
     pub fn send_line(&mut self, text: &str, kind: LineKind, tag: T) {
+        self.send(text, kind, Some(tag));
+        self.check.on_line_sent();
+    }
+
+    fn send(&mut self, text: &str, kind: LineKind, tag: Option<T>) {
         let is_plain =
             text.bytes().all(|byte| matches!(byte, b' '..=b'}') && !b"!?".contains(&byte));
         assert!(is_plain, "not a line for a controller: {text:?}");
@@ -320,7 +384,12 @@ impl<T> Link<T> {
                 self.events.push_back(LinkEvent::Banner { firmware, text });
             }
             Report::Status(status) => self.on_status(now, status),
-            Report::Message(message) => self.events.push_back(LinkEvent::Message(message)),
+            Report::Message(message) => {
+                if matches!(message, Message::ParserState(_)) {
+                    self.check.on_words();
+                }
+                self.events.push_back(LinkEvent::Message(message));
+            }
             Report::Setting { number, value } => {
                 self.events.push_back(LinkEvent::Setting { number, value });
             }
@@ -346,6 +415,10 @@ impl<T> Link<T> {
         let disagreement = self.buffer.on_status(&status, counted, self.receive_bytes);
         let kind = oldest.map(|sent| sent.kind);
         let fault = self.health.on_status(now, &status, kind, self.in_flight.len());
+        if oldest.is_some() && self.answers <= FEW_ANSWERS {
+            self.health.ask_again_within(self.config.busy_poll_interval());
+        }
+        self.answers = 0;
         self.events.push_back(LinkEvent::Status(status));
         if let Some(fault) = fault.or(disagreement).filter(|_| !self.is_forgiving) {
             self.events.push_back(LinkEvent::Fault(fault));
@@ -354,11 +427,18 @@ impl<T> Link<T> {
 
     fn on_answer(&mut self, error: Option<u16>) {
         self.health.on_answer();
+        self.answers = self.answers.saturating_add(1);
         match self.in_flight.pop_front() {
             Some(Sent { bytes, tag, .. }) => {
                 self.in_flight_bytes -= bytes;
                 self.buffer.on_answer(bytes);
-                self.events.push_back(LinkEvent::Answer { tag, error });
+                let fault = self.check.on_answer(tag.is_none(), error);
+                if let Some(tag) = tag {
+                    self.events.push_back(LinkEvent::Answer { tag, error });
+                }
+                if let Some(fault) = fault.filter(|_| !self.is_forgiving) {
+                    self.events.push_back(LinkEvent::Fault(fault));
+                }
             }
             // A line that was under way may still be answered before the banner.
             None if self.is_forgiving => {}
@@ -375,6 +455,7 @@ impl<T> Link<T> {
         self.in_flight.clear();
         self.in_flight_bytes = 0;
         self.lines.clear();
+        self.check.forget();
     }
 
     /// Passes over answers to lines that it does not know of, until the next banner.

@@ -6,6 +6,7 @@
 
 mod actions;
 mod by_hand;
+mod configure;
 mod edges;
 mod follow;
 mod lifecycle;
@@ -132,6 +133,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     services::offer(&node, &driver)?;
     by_hand::offer(&node, &driver)?;
     mdi::offer(&node, &driver)?;
+    configure::offer(&node, &driver)?;
     let shared = traffic.clone();
     node.service::<GetTraffic, _, _>("get_traffic", move |request, _| {
         std::future::ready(shared.answer(&request))

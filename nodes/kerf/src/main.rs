@@ -10,6 +10,7 @@ mod terminal;
 mod bag;
 mod by_hand;
 mod check;
+mod controller;
 mod ctrl_c;
 mod demo;
 mod exit;
@@ -91,6 +92,9 @@ enum Command {
     Mdi(by_hand::MdiArgs),
     /// Change one tool or offset register: kerf tool T1 --wear -0.5
     Tool(by_hand::ToolArgs),
+    /// Settings of the controller itself
+    #[command(subcommand)]
+    Controller(controller::ControllerCommand),
     /// What the machine does
     Status,
     /// Run today's cores on recorded runs and compare
@@ -134,6 +138,7 @@ fn run(command: Command, ros_args: &[String]) -> Outcome {
         Command::SingleBlock(args) => by_hand::single_block(&args, ros_args),
         Command::Mdi(args) => by_hand::mdi(&args, ros_args),
         Command::Tool(args) => by_hand::tool(&args, ros_args),
+        Command::Controller(command) => controller::run(&command, ros_args),
         Command::Status => status::run(ros_args),
         Command::Replay(args) => replay::run(&args),
         Command::Bag(command) => bag::run(&command),

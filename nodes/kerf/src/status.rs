@@ -3,7 +3,8 @@
 use crate::exit::{Failure, Outcome, Status};
 use crate::local::over_ros_or_locally;
 use axis_driver::protocol::Wish;
-use cnc_msgs::convert::{machine_state_to_wire, mode_from_wire};
+use cnc_msgs::convert::{link_watch_from_wire, machine_state_to_wire, mode_from_wire};
+use cnc_msgs::machine::LinkWatch;
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 use cnc_msgs::wire::std_msgs::msg::Header;
@@ -111,5 +112,9 @@ fn describe(state: &MachineState) -> String {
         age if age.is_finite() => format!("last report {age:.1} s ago"),
         _ => "no report was heard".to_owned(),
     };
-    text + &format!("  {}, {report}\n", if state.is_homed { "homed" } else { "not homed" })
+    let watch = match link_watch_from_wire(state.link_watch) {
+        LinkWatch::Unknown => String::new(),
+        watch => format!("  link: {}\n", watch.describe()),
+    };
+    text + &watch + &format!("  {}, {report}\n", if state.is_homed { "homed" } else { "not homed" })
 }

@@ -159,6 +159,8 @@ fn config(traits: &Traits, random: &mut Random) -> LinkConfig {
         hold_latency_ms_max: *random.of(&[5, 20, 20, 200]),
         receive_buffer_bytes: configured,
         poll_interval_ms: *random.of(&[100, 200, 500]),
+        busy_poll_interval_ms: *random.of(&[0, 50, 100]),
+        line_check_interval_ms: 0,
     }
 }
 

@@ -76,6 +76,8 @@ const CONFIG: LinkConfig = LinkConfig {
     hold_latency_ms_max: 20,
     receive_buffer_bytes: None,
     poll_interval_ms: 200,
+    busy_poll_interval_ms: 0,
+    line_check_interval_ms: 0,
 };
 
 /// What a stream of bytes comes to.

@@ -59,7 +59,7 @@ const G92: u8 = 92;
 
 impl Driver {
     /// Why nothing can be done by hand now.
-    fn hand_obstacle(&self) -> Option<Refusal> {
+    pub(super) fn hand_obstacle(&self) -> Option<Refusal> {
         match self.check {
             Some(_) => Some(Refusal::new(error_code::BUSY, "a program is being checked")),
             None => self.obstacle(),

@@ -41,6 +41,9 @@ pub enum Command {
     Probe(ProbeRequest),
     /// Says what a place is called.
     SetWorkOffset(OffsetRequest),
+    /// Says which setting of the controller would improve the watch over the link, or
+    /// writes it and reads it back.
+    Configure { write: bool },
     /// Faster or slower than programmed.
     SetOverrides(Overrides),
     /// Holds as an opened door does: spindle and coolant are switched off, and on again
@@ -157,6 +160,7 @@ impl Driver {
                 | Command::Jog(_)
                 | Command::Probe(_)
                 | Command::SetWorkOffset(_)
+                | Command::Configure { write: true }
                 | Command::Sleep
         );
         if is_start {
@@ -180,6 +184,7 @@ impl Driver {
                 Command::Probe(request) => self.probe(id, request),
                 Command::SetWorkOffset(request) => self.set_work_offset(id, request),
                 Command::SetOverrides(wanted) => self.set_overrides(id, wanted),
+                Command::Configure { write } => self.configure(id, write),
                 Command::DoorHold => self.door_hold(),
                 Command::Sleep => self.sleep(id),
                 Command::Heartbeat => self.hear_commander(),

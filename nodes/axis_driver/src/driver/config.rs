@@ -19,6 +19,12 @@ pub struct DriverConfig {
     pub receive_buffer_bytes: Option<u16>,
     /// Time between two status requests, ms.
     pub poll_interval_ms: u32,
+    /// The same while lines are under way, ms; 0: the same.
+    #[serde(default)]
+    pub busy_poll_interval_ms: u32,
+    /// Time between two checks among the lines of a run, ms; 0: there are none.
+    #[serde(default)]
+    pub line_check_interval_ms: u32,
     /// Whether a controller that stands still is reset when the port is opened.
     pub reset_on_connect: bool,
     /// What may be sent. `has_mist` is told by the controller.
@@ -62,6 +68,8 @@ impl Default for DriverConfig {
             hold_latency_ms_max: 20,
             receive_buffer_bytes: None,
             poll_interval_ms: 200,
+            busy_poll_interval_ms: 100,
+            line_check_interval_ms: 500,
             reset_on_connect: true,
             encoder: EncoderConfig::default(),
             homing_s_max: 180,
@@ -82,6 +90,8 @@ impl DriverConfig {
             hold_latency_ms_max: self.hold_latency_ms_max,
             receive_buffer_bytes: self.receive_buffer_bytes,
             poll_interval_ms: self.poll_interval_ms,
+            busy_poll_interval_ms: self.busy_poll_interval_ms,
+            line_check_interval_ms: self.line_check_interval_ms,
         }
     }
 }

@@ -87,6 +87,7 @@ impl Driver {
         run.stage = Stage::Preparing { until: self.now + ANSWER };
         self.machine.work_system = None;
         self.machine.has_tool_length = None;
+        self.link.begin_stream(self.now);
         self.link.send_line(PREAMBLE, LineKind::Slow, Origin::Preamble);
     }
 

@@ -47,6 +47,11 @@ pub(super) enum Task {
     SetWorkOffset {
         done: String,
     },
+    /// The mask of the report that was written, and what that gives.
+    Configure {
+        wanted: u32,
+        done: String,
+    },
     /// To here, machine frame, mm.
     Jog {
         target: Position,
@@ -94,6 +99,7 @@ impl Task {
             Self::Unlock => "an unlock",
             Self::Sleep => "going to sleep",
             Self::SetWorkOffset { .. } => "setting an offset",
+            Self::Configure { .. } => "configuring the controller",
             Self::Jog { .. } => "a jog",
             Self::Probe { .. } => "a probe",
         }
@@ -257,6 +263,11 @@ impl Driver {
                 let done = done.clone();
                 self.publish_settings();
                 Ok(done)
+            }
+            Task::Configure { wanted, done } => {
+                let (wanted, done) = (*wanted, done.clone());
+                self.publish_settings();
+                self.judge_mask(wanted, &done)
             }
             Task::Jog { target } => {
                 let at = at.unwrap_or(*target);

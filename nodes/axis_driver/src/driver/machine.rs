@@ -8,7 +8,7 @@ use crate::encoder::Homing;
 use crate::estimate::Rates;
 use crate::report::{Accessories, ControllerState, Firmware, Message, ModalWords, StatusReport};
 use cnc_msgs::geometry::Position;
-use cnc_msgs::machine::{MachineState, Mode};
+use cnc_msgs::machine::{LinkWatch, MachineState, Mode};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -189,6 +189,11 @@ impl Machine {
         }
     }
 
+    /// A setting that is a mask, as it was reported.
+    pub(super) fn mask(&self, number: u16) -> Option<u32> {
+        self.told.get(&number)?.trim().parse().ok()
+    }
+
     pub(super) fn reports_in_inches(&self) -> bool {
         self.settings.get(&13).is_some_and(|value| *value > 0.5)
     }
@@ -215,6 +220,11 @@ impl Machine {
     pub(super) fn blocks_in_use(&self) -> Option<usize> {
         let (free, _) = self.status.as_ref()?.free?;
         Some(usize::from(self.planner_blocks().saturating_sub(free)))
+    }
+
+    /// Whether reports say how full planner and receive buffer are.
+    pub(super) fn reports_buffer(&self) -> bool {
+        self.status.as_ref().is_some_and(|status| status.free.is_some())
     }
 
     pub(super) fn rates(&self) -> Rates {
@@ -325,6 +335,10 @@ impl Driver {
             state.mode = Mode::Unknown;
         }
         state.motion_possible = self.machine.is_silent || self.machine.is_lost;
+        state.link_watch = match &self.phase {
+            Phase::Closed { .. } | Phase::Connecting(_) => LinkWatch::Unknown,
+            _ => self.link.watch(self.machine.reports_buffer()),
+        };
         match &self.phase {
             Phase::Closed { reason } => {
                 state.mode = if self.machine.is_lost { Mode::Unknown } else { Mode::Disconnected };

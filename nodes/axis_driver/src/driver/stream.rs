@@ -21,6 +21,9 @@ impl Driver {
             return;
         }
         loop {
+            if run.has_sent && !run.is_check() && matches!(run.stage, Stage::Streaming) {
+                self.link.check_lines(self.now);
+            }
             if run.next.is_none() && matches!(run.stage, Stage::Streaming) {
                 let resumed = run.next_block.take();
                 let step = match resumed {

@@ -81,6 +81,11 @@ impl Buffer {
         self.free_at_rest
     }
 
+    /// Whether the controller has reported a size: only then is a lost answer looked for.
+    pub(super) fn has_size(&self) -> bool {
+        self.told.is_some()
+    }
+
     /// A request goes out behind so many unanswered bytes, and before so many. `is_alone`
     /// when the report to the last one has come, and so soon that it can be no other.
     pub(super) fn on_request(&mut self, sent_before: usize, behind: usize, is_alone: bool) {

@@ -42,6 +42,15 @@ pub enum LinkFault {
     UnexpectedAnswer,
     #[error("the controller is idle but {lines} lines have no answer: an answer was lost")]
     LostAnswer { lines: usize },
+    #[error(
+        "a check among the lines was not answered in its turn: a line or an answer was lost or \
+         came twice"
+    )]
+    OutOfStep,
+    #[error(
+        "the controller refused a check among the lines (error:{code}): it was damaged on its way"
+    )]
+    CheckRefused { code: u16 },
     #[error("a damaged line was received: {text:?}")]
     Damaged { text: String },
     #[error("the controller holds {held} bytes, {sent} were counted: an answer came twice")]

@@ -25,6 +25,8 @@ pub(super) struct Health {
     missed: u32,
     last_status_at: Option<Duration>,
     idle_since: Option<Duration>,
+    #[serde(default)]
+    asked_at: Option<Duration>,
 }
 
 impl Health {
@@ -37,6 +39,7 @@ impl Health {
             missed: 0,
             last_status_at: None,
             idle_since: None,
+            asked_at: None,
         }
     }
 
@@ -57,6 +60,14 @@ impl Health {
     pub(super) fn ask_at(&mut self, now: Duration) {
         if !self.is_asked {
             self.next_poll_at = self.next_poll_at.min(now);
+        }
+    }
+
+    /// A report has come and lines are under way: asks again so long after the last request.
+    /// A request that stays without its report is repeated at the rate of before.
+    pub(super) fn ask_again_within(&mut self, interval: Duration) {
+        if let Some(asked_at) = self.asked_at {
+            self.next_poll_at = self.next_poll_at.min(asked_at + interval);
         }
     }
 
@@ -94,6 +105,7 @@ impl Health {
         }
         self.missed = if self.is_asked { self.missed.saturating_add(1) } else { 0 };
         self.is_asked = true;
+        self.asked_at = Some(now);
         true
     }
 

@@ -47,6 +47,18 @@ pub(crate) fn declared() -> Vec<Declared> {
         )
         .integer_within(50, 1_000),
         Declared::new(
+            "busy_poll_interval_ms",
+            integer(config.busy_poll_interval_ms),
+            "the same while lines are under way; never more than a tenth of what the line carries; 0: poll_interval_ms",
+        )
+        .integer_within(0, 1_000),
+        Declared::new(
+            "line_check_interval_ms",
+            integer(config.line_check_interval_ms),
+            "time between two checks ($G) among the lines of a run, which notice lost and doubled lines and answers, ms; 0: none",
+        )
+        .integer_within(0, 10_000),
+        Declared::new(
             "homing_s_max",
             integer(config.homing_s_max),
             "the longest that homing takes, s",
@@ -168,6 +180,9 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
             bytes => Some(u16::try_from(bytes).unwrap_or(u16::MAX)),
         },
         poll_interval_ms: integer("poll_interval_ms", default.poll_interval_ms),
+        // A node of before, whose parameters are in a bag, had neither.
+        busy_poll_interval_ms: integer("busy_poll_interval_ms", 0),
+        line_check_interval_ms: integer("line_check_interval_ms", 0),
         reset_on_connect: bool("reset_on_connect", default.reset_on_connect),
         homing_s_max: integer("homing_s_max", default.homing_s_max),
         check_in_controller: bool("check_in_controller", default.check_in_controller),

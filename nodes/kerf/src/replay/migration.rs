@@ -49,7 +49,13 @@ const MIGRATIONS: &[Migration] = &[
             "mist",
             "work_system",
             "tool_wanted",
+            "link_watch",
         ],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/MachineState",
+        from: "RIHS01_86e6ac950541fb4a7fce264c9d93bccf60a25ad0010a09bba5a0df2419896034",
+        added: &["link_watch"],
     },
 ];
 

@@ -5,6 +5,7 @@
 //! | `rx-drop` `rx-duplicate` `rx-corrupt` | loses, doubles or changes a byte to the controller |
 //! | `tx-drop` `tx-duplicate` `tx-corrupt` | the same for a byte from the controller |
 //! | `lose-ok` `extra-ok` | loses an answer, sends one more |
+//! | `lose-line` `extra-line` | loses a whole line to the controller, passes one on twice |
 //! | `rx-delay:SECONDS` `tx-delay:SECONDS` | the line stalls so long, then all comes, in order |
 //! | `silent` `silent:SECONDS` | sends nothing any more, or for some seconds |
 //! | `push:TEXT` | a line of its own accord, not asked for |
@@ -18,7 +19,7 @@
 //!
 //! | trigger | when |
 //! |---|---|
-//! | `line=N` | the Nth answer (`ok` or `error:`) since power-up is sent |
+//! | `line=N` | the Nth answer (`ok` or `error:`) since power-up is sent; of `lose-line` and `extra-line`: the Nth line to the controller begins |
 //! | `byte=N` | the Nth byte passes: of its direction, else to the controller |
 //! | `time=S` | S seconds of the controller's time after power-up |
 //! | `rate=P` | each time with probability P; bytes and answers only |
@@ -64,6 +65,10 @@ pub enum FaultAction {
     LoseOk,
     /// An `ok` is sent that answers nothing.
     ExtraOk,
+    /// A line never reaches the controller; real-time bytes do.
+    LoseLine,
+    /// A line reaches the controller twice.
+    ExtraLine,
     /// Nothing is sent, for some seconds or for ever.
     Silent {
         /// `None`: for ever.
@@ -128,7 +133,7 @@ pub enum FaultError {
     #[error(
         "unknown fault action `{0}`; there are rx-drop, rx-duplicate, rx-corrupt, tx-drop, \
          tx-duplicate, tx-corrupt, rx-delay:SECONDS, tx-delay:SECONDS, lose-ok, extra-ok, \
-         silent[:SECONDS], push:TEXT, alarm:N, reset, limit:AXIS, release:AXIS, cut:AXIS, door, \
+         lose-line, extra-line, silent[:SECONDS], push:TEXT, alarm:N, reset, limit:AXIS, release:AXIS, cut:AXIS, door, \
          close-door, close, vanish:SECONDS and unplug:SECONDS"
     )]
     Action(String),
@@ -142,7 +147,9 @@ pub enum FaultError {
     #[error("`{0}` cannot happen at a rate; give it a line, byte or time")]
     RateOfAction(String),
     /// An answer is spoilt when it is sent, a byte when it passes.
-    #[error("`{0}` cannot use this trigger; answers take line or rate, bytes take byte or rate")]
+    #[error(
+        "`{0}` cannot use this trigger; answers and lines take line or rate, bytes take byte or rate"
+    )]
     TriggerOfAction(String),
 }
 
@@ -182,6 +189,8 @@ impl FromStr for FaultAction {
             "tx-delay" => delay(Direction::FromController),
             "lose-ok" => Ok(Self::LoseOk),
             "extra-ok" => Ok(Self::ExtraOk),
+            "lose-line" => Ok(Self::LoseLine),
+            "extra-line" => Ok(Self::ExtraLine),
             "silent" => match argument.map(seconds) {
                 None => Ok(Self::Silent { seconds: None }),
                 Some(Some(seconds)) => Ok(Self::Silent { seconds: Some(seconds) }),
@@ -232,10 +241,20 @@ impl FromStr for Fault {
         };
         let fits = match (&action, trigger) {
             (FaultAction::Byte(..), Trigger::Byte(_) | Trigger::Rate(_)) => true,
-            (FaultAction::LoseOk | FaultAction::ExtraOk, Trigger::Line(_) | Trigger::Rate(_)) => {
-                true
-            }
-            (FaultAction::Byte(..) | FaultAction::LoseOk, _) => false,
+            (
+                FaultAction::LoseOk
+                | FaultAction::ExtraOk
+                | FaultAction::LoseLine
+                | FaultAction::ExtraLine,
+                Trigger::Line(_) | Trigger::Rate(_),
+            ) => true,
+            (
+                FaultAction::Byte(..)
+                | FaultAction::LoseOk
+                | FaultAction::LoseLine
+                | FaultAction::ExtraLine,
+                _,
+            ) => false,
             (FaultAction::ExtraOk, trigger) => matches!(trigger, Trigger::Time(_)),
             (_, Trigger::Rate(_)) => {
                 return Err(FaultError::RateOfAction(action_text.to_string()));

@@ -19,6 +19,7 @@ pub struct FaultInjector {
     received: u64,
     sent: u64,
     answers: u64,
+    incoming: Incoming,
     silent_until: Option<Duration>,
     cable: Cable,
     pulls: u64,
@@ -28,6 +29,15 @@ pub struct FaultInjector {
     /// What happens to the line itself, stalls on the way out aside.
     line_events: LineEvents,
     now: Duration,
+}
+
+/// The line that comes in: which one, what becomes of it, its bytes so far.
+#[derive(Debug, Default)]
+struct Incoming {
+    /// Lines that have ended.
+    lines: u64,
+    fate: Option<FaultAction>,
+    bytes: Vec<u8>,
 }
 
 /// Something on its way out.
@@ -59,6 +69,7 @@ impl FaultInjector {
             received: 0,
             sent: 0,
             answers: 0,
+            incoming: Incoming::default(),
             silent_until: None,
             cable: Cable::Plugged,
             pulls: 0,
@@ -108,6 +119,11 @@ impl FaultInjector {
             FaultAction::Byte(Direction::ToController, _) => Trigger::Byte(self.received + 1),
             FaultAction::Byte(Direction::FromController, _) => Trigger::Byte(self.sent + 1),
             FaultAction::LoseOk => Trigger::Line(self.answers + 1),
+            FaultAction::LoseLine | FaultAction::ExtraLine => {
+                // One that has begun goes its way.
+                let begun = u64::from(!self.incoming.bytes.is_empty());
+                Trigger::Line(self.incoming.lines + begun + 1)
+            }
             _ => return self.happen(action),
         };
         self.faults.push((Fault { action, trigger }, false));
@@ -138,7 +154,10 @@ impl FaultInjector {
                 self.pull(Cable::Pulled { back_at, loses_power });
             }
             // These happen to what passes.
-            FaultAction::Byte(..) | FaultAction::LoseOk => {}
+            FaultAction::Byte(..)
+            | FaultAction::LoseOk
+            | FaultAction::LoseLine
+            | FaultAction::ExtraLine => {}
         }
     }
 
@@ -218,6 +237,38 @@ impl FaultInjector {
         bytes
     }
 
+    /// What of a byte to the controller gets there, where whole lines are lost or doubled.
+    fn gather(&mut self, byte: u8) -> Vec<u8> {
+        let is_realtime = matches!(byte, b'?' | b'!' | b'~' | 0x18 | 0x80..);
+        if is_realtime {
+            return vec![byte];
+        }
+        if self.incoming.bytes.is_empty() {
+            let number = self.incoming.lines + 1;
+            let fate = self.due(|fault, chance| match (&fault.action, fault.trigger) {
+                (FaultAction::LoseLine | FaultAction::ExtraLine, Trigger::Line(at)) => at == number,
+                (FaultAction::LoseLine | FaultAction::ExtraLine, Trigger::Rate(rate)) => {
+                    chance.hits(rate)
+                }
+                _ => false,
+            });
+            self.incoming.fate = fate.into_iter().next();
+        }
+        self.incoming.bytes.push(byte);
+        let line = match byte {
+            b'\n' => {
+                self.incoming.lines += 1;
+                std::mem::take(&mut self.incoming.bytes)
+            }
+            _ => Vec::new(),
+        };
+        match self.incoming.fate {
+            Some(FaultAction::LoseLine) => Vec::new(),
+            Some(FaultAction::ExtraLine) => [vec![byte], line].concat(),
+            _ => vec![byte],
+        }
+    }
+
     fn send(&mut self, bytes: &[u8]) {
         let is_silent = self.silent_until.is_some_and(|until| self.now < until);
         if is_silent || !self.is_plugged() {
@@ -246,6 +297,7 @@ impl FaultInjector {
         self.answers += 1;
         let number = self.answers;
         let due = self.due(|fault, chance| match (&fault.action, fault.trigger) {
+            (FaultAction::LoseLine | FaultAction::ExtraLine, _) => false,
             (_, Trigger::Line(at)) => at == number,
             (FaultAction::LoseOk | FaultAction::ExtraOk, Trigger::Rate(rate)) => chance.hits(rate),
             _ => false,
@@ -278,7 +330,8 @@ impl Device for FaultInjector {
             self.received += 1;
             let number = self.received;
             let spoilt = self.spoil(Direction::ToController, byte, number);
-            self.controller.receive(now, &spoilt);
+            let passed: Vec<u8> = spoilt.into_iter().flat_map(|byte| self.gather(byte)).collect();
+            self.controller.receive(now, &passed);
             let due = self.due(|fault, _| {
                 !matches!(fault.action, FaultAction::Byte(..))
                     && !is_tx_delay(&fault.action)

@@ -1,0 +1,152 @@
+//! Which setting of the controller decides how well the link is watched, and to what it
+//! is to be set.
+//!
+//! That is the mask of the status report, `$10`, and nothing else is ever written. The
+//! decision is a function of firmware and mask; writing it is an errand.
+
+use super::command::{Answer, done, refused};
+use super::errand::Task;
+use super::{Driver, Refusal};
+use crate::codes::error_code;
+use crate::link::LineKind;
+use crate::report::Firmware;
+
+/// The mask of the status report.
+const REPORT_MASK: u16 = 10;
+/// Asks for all settings.
+const SETTINGS: &str = "$$";
+
+/// A field of the report, and what the driver does with it.
+struct Field {
+    bit: u32,
+    gives: &'static str,
+}
+
+const BUFFER: Field = Field {
+    bit: 1,
+    gives: "Bf (planner and receive buffer): a lost line or answer is noticed within half a \
+            second, however long the lines are",
+};
+
+/// What the driver uses of the reports of grblHAL; all are on as it is delivered.
+const OF_GRBLHAL: [Field; 5] = [
+    BUFFER,
+    Field { bit: 3, gives: "FS (feed and spindle): the actual feed rate is known" },
+    Field { bit: 4, gives: "Pn (inputs): closed switches are known" },
+    Field { bit: 5, gives: "WCO (offsets): both positions are known, machine and work frame" },
+    Field { bit: 6, gives: "Ov (overrides): overrides, spindle and coolant are known" },
+];
+
+const LINE_NUMBER: Field = Field {
+    bit: 2,
+    gives: "Ln (line numbers): with line_numbers the controller says what it cuts",
+};
+
+/// What is to be written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Change {
+    from: u32,
+    to: u32,
+    gives: Vec<&'static str>,
+}
+
+/// `None` when the mask has all that the driver can use.
+fn change(firmware: Firmware, mask: u32, line_numbers: bool) -> Option<Change> {
+    let fields: Vec<Field> = match firmware {
+        Firmware::Grbl => vec![BUFFER],
+        Firmware::GrblHal if line_numbers => OF_GRBLHAL.into_iter().chain([LINE_NUMBER]).collect(),
+        Firmware::GrblHal => OF_GRBLHAL.into(),
+        // It reports no size that its field could be compared with.
+        Firmware::FluidNc => Vec::new(),
+    };
+    let missing = fields.iter().filter(|field| mask & (1 << field.bit) == 0);
+    let (to, gives) = missing.fold((mask, Vec::new()), |(to, mut gives), field| {
+        gives.push(field.gives);
+        (to | 1 << field.bit, gives)
+    });
+    (to != mask).then_some(Change { from: mask, to, gives })
+}
+
+impl Change {
+    /// `$10=3, was $10=1: adds Bf ...`
+    fn describe(&self) -> String {
+        let Self { from, to, gives } = self;
+        format!("${REPORT_MASK}={to}, was ${REPORT_MASK}={from}: adds {}", gives.join("; "))
+    }
+}
+
+impl Driver {
+    /// Says what would be written, or writes it and reads it back.
+    pub(super) fn configure(&mut self, id: u64, write: bool) -> Answer {
+        if let Some(refusal) = self.hand_obstacle() {
+            return Some(Err(refusal));
+        }
+        let firmware = self.machine.firmware;
+        let Some(mask) = self.machine.mask(REPORT_MASK) else {
+            let text =
+                format!("the controller did not report ${REPORT_MASK}: soft_reset asks again");
+            return refused(error_code::CONNECTING, text);
+        };
+        let Some(change) = change(firmware, mask, self.config.encoder.line_numbers) else {
+            let text = match firmware {
+                Firmware::FluidNc => {
+                    "nothing to write: FluidNC reports no size of its receive buffer, so no field \
+                     of its report would improve the watch"
+                        .to_owned()
+                }
+                _ => format!(
+                    "nothing to write: with ${REPORT_MASK}={mask} reports have all that is used"
+                ),
+            };
+            return refused(error_code::NOTHING_TO_DO, text);
+        };
+        if !write {
+            return done(&format!("would write {}", change.describe()));
+        }
+        let line = format!("${REPORT_MASK}={}", change.to);
+        let task = Task::Configure { wanted: change.to, done: change.describe() };
+        self.begin_errand(id, task, LineKind::Slow, [line, SETTINGS.to_owned()]);
+        None
+    }
+
+    /// Whether the controller reports the mask that was written.
+    pub(super) fn judge_mask(&self, wanted: u32, done: &str) -> Result<String, Refusal> {
+        match self.machine.mask(REPORT_MASK) {
+            Some(mask) if mask == wanted => Ok(format!("written and read back: {done}")),
+            read => {
+                let read =
+                    read.map_or("nothing".to_owned(), |mask| format!("${REPORT_MASK}={mask}"));
+                let text = format!(
+                    "the controller took ${REPORT_MASK}={wanted} and reports {read}: its settings \
+                     may be write-protected"
+                );
+                Err(Refusal::new(error_code::CONTROLLER_ERROR, text))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_bits_are_added_and_only_those_that_are_used() {
+        for (firmware, mask, line_numbers, wanted) in [
+            (Firmware::Grbl, 0, false, Some(2)),
+            (Firmware::Grbl, 1, false, Some(3)),
+            (Firmware::Grbl, 3, false, None),
+            (Firmware::GrblHal, 511, true, None),
+            (Firmware::GrblHal, 0, false, Some(0b111_1010)),
+            (Firmware::GrblHal, 0, true, Some(0b111_1110)),
+            // What others have switched on stays.
+            (Firmware::GrblHal, 8192 | 1, false, Some(8192 | 0b111_1011)),
+            (Firmware::FluidNc, 1, false, None),
+        ] {
+            let to = change(firmware, mask, line_numbers).map(|change| change.to);
+            assert_eq!(to, wanted, "{firmware:?} {mask}");
+        }
+        let change = change(Firmware::Grbl, 1, false).unwrap();
+        assert!(change.describe().starts_with("$10=3, was $10=1: adds Bf"), "{change:?}");
+    }
+}
