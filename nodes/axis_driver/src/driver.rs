@@ -30,6 +30,7 @@ mod ros_loss;
 mod run;
 mod stop;
 mod stream;
+mod tool_change;
 
 pub use by_hand::{JogFrame, JogRequest, OffsetRequest, ProbeRequest};
 pub use command::{Command, MDI, Refusal, RunRequest};
@@ -52,6 +53,7 @@ use run::Run;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::Duration;
+use tool_change::Paused;
 
 /// What happened outside.
 #[derive(Debug, Clone, PartialEq)]
@@ -169,6 +171,8 @@ pub struct Driver {
     phase: Phase,
     machine: Machine,
     check: Option<Check>,
+    /// A run that waits for its tool while something is done by hand.
+    paused: Option<Paused>,
     hold: Option<stop::HoldWatch>,
     overrides: Option<overrides::OverrideWatch>,
     /// What G92 shifted by before a reset.
@@ -197,6 +201,7 @@ impl Driver {
             phase: Phase::Closed { reason: "no port was opened yet".into() },
             machine: Machine::default(),
             check: None,
+            paused: None,
             hold: None,
             overrides: None,
             shift_before: [0.0; 3],
@@ -227,6 +232,7 @@ impl Driver {
             self.on_event(event);
         }
         self.on_time();
+        self.settle_paused();
         self.feed();
         self.publish();
     }

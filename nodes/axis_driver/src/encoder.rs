@@ -12,6 +12,7 @@ mod config;
 mod firmware_arc;
 mod problem;
 mod restart;
+mod resume;
 pub(crate) mod words;
 
 use crate::link::LineKind;
@@ -54,6 +55,12 @@ pub enum Step {
         tool: u32,
         source_line: u32,
     },
+    /// The controller was asked to change the tool (`M6T2`): it does so, or waits until a
+    /// cycle start says that it was done, and the program goes on.
+    ControllerChange {
+        tool: u32,
+        source_line: u32,
+    },
     /// Motion ends, these axes are homed by this line, and the program goes on.
     Home {
         text: String,
@@ -63,6 +70,10 @@ pub enum Step {
     /// The frame in which the path is written is in force from here on: whether the
     /// tool is where the path begins can be seen now and not before.
     CheckStart,
+    /// The tool is back at this place of the machine frame, where the run stopped: is it?
+    CheckReturn {
+        stood: Position,
+    },
 }
 
 /// The words in force.
@@ -108,6 +119,8 @@ struct HeldSpeed {
 /// The words that every run begins with: millimetres, absolute, feed per minute, no
 /// compensation, no tool length offset, first work system.
 pub const PREAMBLE: &str = "G21G90G94G17G40G49G54";
+/// The same for a block in the frame that is in force: its work system and tool length stay.
+pub const PREAMBLE_IN_FRAME: &str = "G21G90G94G17G40";
 /// A dwell that is answered when all motion before it has ended.
 pub const SYNC: &str = "G4P0.01";
 

@@ -62,6 +62,7 @@ impl Driver {
     pub(super) fn hand_obstacle(&self) -> Option<Refusal> {
         match self.check {
             Some(_) => Some(Refusal::new(error_code::BUSY, "a program is being checked")),
+            None if self.is_tool_awaited() => None,
             None => self.obstacle(),
         }
     }
@@ -146,6 +147,9 @@ impl Driver {
         };
         let lines = [line, OFFSETS.to_owned()];
         self.begin_errand(id, Task::SetWorkOffset { done }, LineKind::Slow, lines);
+        if let Some(paused) = &mut self.paused {
+            paused.frame = axes;
+        }
         None
     }
 

@@ -100,6 +100,7 @@ impl Driver {
             phase: Phase::Ready,
             machine,
             check: None,
+            paused: None,
             hold,
             overrides,
             shift_before: [0.0; 3],

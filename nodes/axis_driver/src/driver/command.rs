@@ -10,8 +10,8 @@ use super::run::Run;
 use super::{Driver, Phase, RunOutcome};
 use crate::codes::error_code;
 use crate::encoder::{EncoderConfig, StartProblem, start_at};
+use crate::report::Firmware;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
-use cnc_msgs::machine::Mode;
 use cnc_msgs::path::CompensatedPath;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -209,13 +209,23 @@ impl Driver {
             return refused(error_code::BUSY, "another program is being checked");
         }
         let is_only_encoded = request.check_only && !self.config.check_in_controller;
-        if !is_only_encoded && let Some(refusal) = self.obstacle() {
+        let is_in_change = request.is_by_hand() && self.is_tool_awaited();
+        if is_in_change && let Err(refusal) = Self::check_block(&request.path) {
+            return Some(Err(refusal));
+        }
+        if !is_only_encoded
+            && !is_in_change
+            && let Some(refusal) = self.obstacle()
+        {
             return Some(Err(refusal));
         }
         let config = EncoderConfig {
             has_mist: self.config.encoder.has_mist || self.machine.has_mist,
             homing: self.machine.homing(),
             board: self.machine.board(),
+            // The others have no M6: the driver waits for the tool.
+            controller_changes_tools: self.config.encoder.controller_changes_tools
+                && self.machine.firmware == Firmware::GrblHal,
             // A height means nothing before the axes are home.
             approach_z_mm: self.config.encoder.approach_z_mm.filter(|_| self.machine.is_homed),
             ..self.config.encoder
@@ -236,7 +246,8 @@ impl Driver {
         // Where the words in force are those that the run begins with, this can be said at
         // once; else it is looked at again when they have been sent.
         let run = Run::new(id, request, encoder, first_element, proof, &self.machine);
-        if !run.encoder.checks_start()
+        if !is_in_change
+            && !run.encoder.checks_start()
             && self.machine.work_system == Some(1)
             && self.machine.has_tool_length == Some(false)
             && let Some(at) = self.machine.work_position()
@@ -244,11 +255,15 @@ impl Driver {
         {
             return Some(Err(refusal));
         }
+        self.pause_run();
         self.phase = Phase::Running(Box::new(run));
         None
     }
 
     fn cancel_run(&mut self, run: Option<u64>) -> Answer {
+        if let Some(answer) = self.cancel_paused(run) {
+            return answer;
+        }
         let is_meant = |id: u64| run.is_none_or(|run| run == id);
         let check = self.check.take_if(|check| is_meant(check.id));
         if let Some(check) = &check {
@@ -266,28 +281,6 @@ impl Driver {
         }
         self.stop_run(RunOutcome::Canceled, error_code::CANCELED, "canceled".into());
         done("the run is being stopped")
-    }
-
-    fn confirm_tool_change(&mut self, objection: Option<String>) -> Answer {
-        let mode = self.machine.mode();
-        match &mut self.phase {
-            Phase::Running(run) if run.is_changing_tool() => {
-                if mode != Mode::Idle || run.is_held() {
-                    let text = format!("the machine is in {}: resume first", mode.name());
-                    return refused(error_code::BUSY, text);
-                }
-                if run.rest.is_some() {
-                    let text = "the rest of the program is being checked: try again";
-                    return refused(error_code::BUSY, text);
-                }
-                if let Some(objection) = objection {
-                    return refused(error_code::TOOL, objection);
-                }
-                run.go_on();
-                done("the run goes on")
-            }
-            _ => refused(error_code::NOTHING_TO_DO, "no tool change was asked for"),
-        }
     }
 
     fn set_single_block(&mut self, is_on: bool) -> Answer {

@@ -39,6 +39,10 @@ pub struct DriverConfig {
     /// misses something.
     #[serde(default)]
     pub require_recording: bool,
+    /// Whether the tool is brought back to where the run stopped when a tool change is
+    /// confirmed somewhere else; else the confirmation is refused.
+    #[serde(default)]
+    pub tool_change_return: bool,
     /// What is done when a commander's signs of life stay away during a run.
     #[serde(default)]
     pub on_commander_loss: OnCommanderLoss,
@@ -75,6 +79,7 @@ impl Default for DriverConfig {
             homing_s_max: 180,
             check_in_controller: false,
             require_recording: false,
+            tool_change_return: false,
             on_commander_loss: OnCommanderLoss::default(),
             commander_timeout_ms: commander_timeout_ms(),
             on_ros_loss: OnRosLoss::default(),
@@ -96,6 +101,9 @@ impl DriverConfig {
     }
 }
 
+/// How far the tool may be from where the run stopped for a tool change, mm: steps, and
+/// three decimals.
+pub(super) const RETURN_TOLERANCE_MM: f64 = 0.02;
 /// How far the tool may be from where a path begins, mm.
 pub(super) const START_TOLERANCE_MM: f64 = 0.01;
 /// A board that was reset by opening the port has said something by then.

@@ -78,7 +78,7 @@ impl Change {
 impl Driver {
     /// Says what would be written, or writes it and reads it back.
     pub(super) fn configure(&mut self, id: u64, write: bool) -> Answer {
-        if let Some(refusal) = self.hand_obstacle() {
+        if let Some(refusal) = self.obstacle() {
             return Some(Err(refusal));
         }
         let firmware = self.machine.firmware;

@@ -5,18 +5,20 @@ use super::config::{ANSWER, RECORDER, SETTLED, WORK_POSITION};
 use super::proof::Proven;
 use super::run::{Stage, Then};
 use super::stop::{Stopping, Verdict};
+use super::tool_change::ToolChange;
 use super::{Driver, LogLevel, Origin, Output, Phase, Refusal, RunOutcome, RunResult};
 use crate::codes::{self, error_code};
-use crate::encoder::{PREAMBLE, SYNC};
+use crate::encoder::{PREAMBLE, PREAMBLE_IN_FRAME, SYNC};
 use crate::link::LineKind;
 use crate::report::ControllerState;
 use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
+use cnc_msgs::path::PathEvent;
 use std::time::Duration;
 
 /// How the reason of a hold begins that is due to the record.
-const RECORD_NOT_WHOLE: &str = "RECORD_NOT_WHOLE";
+pub(super) const RECORD_NOT_WHOLE: &str = "RECORD_NOT_WHOLE";
 
 impl Driver {
     pub(super) fn on_run_time(&mut self) {
@@ -65,8 +67,10 @@ impl Driver {
             return self.end_run(RunOutcome::Aborted, error_code::BUSY, text, Phase::Ready);
         }
         run.total_s = seconds;
-        self.machine.program_id.clone_from(&run.request.program_id);
-        self.machine.line = 0;
+        if self.paused.is_none() {
+            self.machine.program_id.clone_from(&run.request.program_id);
+            self.machine.line = 0;
+        }
         let (id, is_check) = (run.id, run.is_check());
         if is_check {
             run.stage = Stage::Preparing { until: self.now + ANSWER };
@@ -78,21 +82,31 @@ impl Driver {
         }
         self.reply(id, Ok(format!("{lines} lines, about {seconds:.0} s")));
         let time_left_s = seconds / self.machine.feed_override();
-        self.outputs.push_back(Output::Progress { line: 0, fraction: 0.0, time_left_s });
+        if self.paused.is_none() {
+            self.outputs.push_back(Output::Progress { line: 0, fraction: 0.0, time_left_s });
+        }
     }
 
     /// Sends the first words of a run.
     fn send_preamble(&mut self) {
         let Phase::Running(run) = &mut self.phase else { return };
         run.stage = Stage::Preparing { until: self.now + ANSWER };
+        self.link.begin_stream(self.now);
+        // A block during a tool change moves in the frame of the program that waits.
+        if self.paused.is_some() {
+            return self.link.send_line(PREAMBLE_IN_FRAME, LineKind::Slow, Origin::Preamble);
+        }
         self.machine.work_system = None;
         self.machine.has_tool_length = None;
-        self.link.begin_stream(self.now);
         self.link.send_line(PREAMBLE, LineKind::Slow, Origin::Preamble);
     }
 
     /// What the recorder says of the run that is waiting for it, or under way.
     pub(super) fn hear_recorder(&mut self, is_whole: bool, reason: &str) -> Answer {
+        if !is_whole && self.paused.is_some() {
+            self.miss_record_of_paused(reason);
+            return Some(Ok("heard".into()));
+        }
         match &self.phase {
             Phase::Running(run) if matches!(run.stage, Stage::AwaitingRecorder { .. }) => {
                 match is_whole {
@@ -154,7 +168,7 @@ impl Driver {
             return self.stop_run(RunOutcome::Aborted, error_code::CONTROLLER_ERROR, message);
         }
         let said = match &origin {
-            Origin::Preamble => Some(PREAMBLE),
+            Origin::Preamble if self.paused.is_none() => Some(PREAMBLE),
             Origin::Program { text, .. } => Some(text.as_str()),
             _ => None,
         };
@@ -218,7 +232,8 @@ impl Driver {
                     }
                 }
             }
-            Stage::Settling { then: Then::GoOn, .. } if !is_idle => {}
+            Stage::Settling { then: Then::GoOn | Then::ControllerChange { .. }, .. }
+                if !is_idle => {}
             Stage::Settling { .. } if is_moving => {
                 let text = "the controller has answered every line and still moves: an answer \
                             came twice";
@@ -231,14 +246,22 @@ impl Driver {
                 self.machine.line = run.line();
                 match then {
                     Then::ToolChange { tool, source_line } => {
-                        run.stage = Stage::ToolChange { tool, source_line };
+                        let stood_at = self.machine.machine_position();
+                        let change = ToolChange { tool, source_line, stood_at, is_touched: false };
+                        run.stage = Stage::ToolChange(change);
+                    }
+                    Then::CheckReturn { stood } => {
+                        self.check_return(stood);
+                        if !matches!(self.phase, Phase::Running(_)) {
+                            return;
+                        }
                     }
                     Then::CheckStart => {
                         run.stage = Stage::Positioning { until: self.now + WORK_POSITION };
                         self.link.ask_status(self.now);
                     }
                     Then::BlockEnd(block) => run.stage = Stage::BlockEnd(block),
-                    Then::GoOn => run.stage = Stage::Streaming,
+                    Then::GoOn | Then::ControllerChange { .. } => run.stage = Stage::Streaming,
                     Then::Home { text, axes, source_line } => {
                         let is_homed_after = axes == AxisSet::ALL || self.machine.is_homed;
                         let limit = Duration::from_secs(u64::from(self.config.homing_s_max));
@@ -268,11 +291,14 @@ impl Driver {
         if matches!(events.last().map(|event| event.action), Some(Action::ProgramEnd { .. })) {
             self.machine.work_system = Some(1);
         }
-        if !events.iter().any(|event| matches!(event.action, Action::ToolLength { .. })) {
+        let sets_length = |event: &PathEvent| matches!(event.action, Action::ToolLength { .. });
+        if self.paused.is_none() && !events.iter().any(sets_length) {
             self.machine.has_tool_length = Some(false);
         }
-        let last = Output::Progress { line: run.line(), fraction: 1.0, time_left_s: 0.0 };
-        self.outputs.push_back(last);
+        if self.paused.is_none() {
+            let last = Output::Progress { line: run.line(), fraction: 1.0, time_left_s: 0.0 };
+            self.outputs.push_back(last);
+        }
         self.end_run(RunOutcome::Succeeded, 0, "done".into(), Phase::Ready);
     }
 
@@ -313,7 +339,8 @@ impl Driver {
     fn report_progress(&mut self) {
         let faster = self.machine.feed_override();
         let Phase::Running(run) = &mut self.phase else { return };
-        if !run.has_sent {
+        // The progress of a run that stands aside is its own.
+        if !run.has_sent || self.paused.is_some() {
             return;
         }
         let done = run.estimate.advance_to(&run.request.path, run.tracker.element());
@@ -341,6 +368,14 @@ impl Driver {
             return self.reply(run.id, Err(Refusal { error_code, message }));
         }
         let (id, last_line, blamed_line) = (run.id, run.line(), run.blamed_line);
+        match outcome {
+            RunOutcome::Succeeded => {
+                if let Some(paused) = &mut self.paused {
+                    paused.run.encoder.take_tool_length(&run.request.path);
+                }
+            }
+            _ => self.end_paused_with(Some((error_code, &message))),
+        }
         if let Some(rest) = &run.rest {
             self.reply(rest.id, Err(Refusal::new(error_code, message.clone())));
         }

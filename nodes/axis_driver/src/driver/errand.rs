@@ -149,6 +149,7 @@ impl Driver {
             Task::Jog { .. } | Task::Probe { .. } => None,
             _ => Some(self.now + ANSWER),
         };
+        self.pause_run();
         let lines = lines.into_iter().collect();
         let errand =
             Errand { id, task, lines, kind, step: Step::Asked, until, stop: None, refused: None };
@@ -345,6 +346,8 @@ impl Driver {
             panic!("only an errand can end");
         };
         let Errand { id, task, .. } = *errand;
+        let refusal = result.as_ref().err().map(|it| (it.error_code, it.message.clone()));
+        self.end_paused_with(refusal.as_ref().map(|(code, text)| (*code, text.as_str())));
         if !task.moves() {
             return self.reply(id, result);
         }

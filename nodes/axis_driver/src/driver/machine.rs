@@ -358,6 +358,7 @@ impl Driver {
             Phase::Running(run) => run.compose_mode(state, self.machine.is_held()),
             Phase::Ready => {}
         }
+        self.compose_paused(state);
         if !state.reason.is_empty() {
             return;
         }

@@ -44,7 +44,13 @@ impl Proof {
         for _ in 0..LINES_PER_SLICE {
             match self.encoder.next_step() {
                 Some(Ok(Step::Line(_))) => self.lines += 1,
-                Some(Ok(Step::ToolChange { .. } | Step::Home { .. } | Step::CheckStart)) => {}
+                Some(Ok(
+                    Step::ToolChange { .. }
+                    | Step::Home { .. }
+                    | Step::ControllerChange { .. }
+                    | Step::CheckStart
+                    | Step::CheckReturn { .. },
+                )) => {}
                 Some(Err(problem)) => return Proven::Not(problem),
                 None => {
                     let seconds = self.estimate.advance_to(path, path.elements.len());

@@ -40,7 +40,7 @@ impl Run {
     pub(super) fn settled(&self, is_machine_held: bool) -> Option<u64> {
         let stands = match self.stage {
             Stage::Streaming => is_machine_held,
-            Stage::BlockEnd(_) | Stage::ToolChange { .. } => true,
+            Stage::BlockEnd(_) | Stage::ToolChange(_) => true,
             _ => false,
         };
         stands.then(|| self.encoder.next_element() as u64).filter(|count| *count > 0)

@@ -8,6 +8,7 @@ use super::machine::Machine;
 use super::proof::Proof;
 use super::rest::NewRest;
 use super::stop::Stopping;
+use super::tool_change::ToolChange;
 use crate::encoder::{EncodedLine, Encoder};
 use crate::estimate::Estimate;
 use crate::tracker::Tracker;
@@ -79,10 +80,7 @@ pub(super) enum Stage {
         then: Then,
         from: Duration,
     },
-    ToolChange {
-        tool: u32,
-        source_line: u32,
-    },
+    ToolChange(ToolChange),
     /// The axes go to their switches.
     Homing {
         until: Duration,
@@ -107,12 +105,21 @@ pub(super) enum Then {
         axes: AxisSet,
         source_line: u32,
     },
+    /// The controller changes the tool, or waits until it is changed, and answers then.
+    ControllerChange {
+        tool: u32,
+        source_line: u32,
+    },
     /// The axes are home.
     GoOn,
     /// Wait for a resume.
     BlockEnd(BlockOfLine),
     /// The frame of the path is in force: is the tool where it begins?
     CheckStart,
+    /// Is the tool back where the run stopped for a tool change? Machine frame.
+    CheckReturn {
+        stood: Position,
+    },
 }
 
 impl Run {
@@ -202,7 +209,7 @@ impl Run {
     }
 
     pub(super) fn is_changing_tool(&self) -> bool {
-        matches!(self.stage, Stage::ToolChange { .. })
+        matches!(self.stage, Stage::ToolChange(_))
     }
 
     pub(super) fn is_homing(&self) -> bool {
@@ -258,10 +265,17 @@ impl Run {
         state.path_revision = self.request.revision;
         state.settled_elements = self.settled(is_machine_held).unwrap_or(0);
         match &self.stage {
-            Stage::ToolChange { tool, source_line } if state.mode == Mode::Idle => {
+            Stage::ToolChange(ToolChange { tool, source_line, .. }) if state.mode == Mode::Idle => {
                 state.mode = Mode::ToolChange;
                 state.tool_wanted = *tool;
                 state.reason = format!("TOOL_CHANGE: put in T{tool} (line {source_line})");
+            }
+            Stage::Draining(Then::ControllerChange { tool, source_line })
+                if state.mode == Mode::ToolChange =>
+            {
+                state.tool_wanted = *tool;
+                state.reason =
+                    format!("TOOL_CHANGE: the controller waits for T{tool} (line {source_line})");
             }
             Stage::BlockEnd(block) if state.mode == Mode::Idle => {
                 state.mode = Mode::Hold;

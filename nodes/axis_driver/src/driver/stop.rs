@@ -157,7 +157,7 @@ impl Driver {
 
     /// Resets at once, in the middle of a run.
     pub(super) fn reset_run(&mut self, id: u64) {
-        let stands = [ControllerState::Idle, ControllerState::Check];
+        let stands = [ControllerState::Idle, ControllerState::Check, ControllerState::Tool];
         let stands = stands.iter().any(|state| self.machine.is_state(state));
         let is_moving = !self.machine.is_held() && !stands;
         let Phase::Running(run) = &mut self.phase else { return };
@@ -207,7 +207,8 @@ impl Driver {
                 return self.end_with_verdict(Phase::Adrift { reason });
             }
             // Some builds do not hold when nothing moves.
-            ControllerState::Idle => {
+            // A controller that waits for a tool stands, and hears nothing but a reset.
+            ControllerState::Idle | ControllerState::Tool => {
                 *idle_reports += 1;
                 *idle_reports >= REPORTS_PER_HOLD
             }
@@ -223,7 +224,8 @@ impl Driver {
         }
         // Decelerating is what was asked for.
         let is_obeying = is_moving && state == ControllerState::Hold;
-        if state != ControllerState::Idle && !is_obeying {
+        let is_idle = matches!(state, ControllerState::Idle | ControllerState::Tool);
+        if !is_idle && !is_obeying {
             *idle_reports = 0;
             *reports += 1;
             if *reports % REPORTS_PER_HOLD == 0 {

@@ -48,9 +48,12 @@ impl Driver {
                         }
                     }
                     // Nothing moves in check mode, and nobody changes a tool.
-                    Some(Ok(Step::Home { .. } | Step::ToolChange { .. } | Step::CheckStart))
-                        if run.is_check() =>
-                    {
+                    Some(Ok(
+                        Step::Home { .. }
+                        | Step::ToolChange { .. }
+                        | Step::ControllerChange { .. }
+                        | Step::CheckStart,
+                    )) if run.is_check() => {
                         continue;
                     }
                     Some(Ok(Step::Home { text, axes, source_line })) => {
@@ -61,7 +64,12 @@ impl Driver {
                         run.block = None;
                         Then::ToolChange { tool, source_line }
                     }
+                    Some(Ok(Step::ControllerChange { tool, source_line })) => {
+                        run.block = None;
+                        Then::ControllerChange { tool, source_line }
+                    }
                     Some(Ok(Step::CheckStart)) => Then::CheckStart,
+                    Some(Ok(Step::CheckReturn { stood })) => Then::CheckReturn { stood },
                     None => Then::End,
                     Some(Err(problem)) => {
                         let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());

@@ -34,7 +34,15 @@ impl Encoder {
             Action::SelectTool { .. } => Ok(()),
             Action::ChangeTool { tool } => {
                 self.push_action("M5".into(), LineKind::Slow, false, source)?;
-                self.pending.push_back(Step::ToolChange { tool, source_line: source.line });
+                let source_line = source.line;
+                if self.config.controller_changes_tools {
+                    // It may measure the tool and set its length.
+                    self.modal.forget(AxisSet::from_bits(0b100), "M6");
+                    self.push_action(format!("M6T{tool}"), LineKind::Slow, true, source)?;
+                    self.pending.push_back(Step::ControllerChange { tool, source_line });
+                    return Ok(());
+                }
+                self.pending.push_back(Step::ToolChange { tool, source_line });
                 Ok(())
             }
             Action::ToolLength { offset, length_mm } => {
@@ -165,7 +173,7 @@ impl Encoder {
         self.push_action("G90".into(), LineKind::Motion, false, source)
     }
 
-    fn encode_machine_move(
+    pub(super) fn encode_machine_move(
         &mut self,
         target: Position,
         axes: AxisSet,
@@ -230,7 +238,7 @@ impl Encoder {
         Ok(())
     }
 
-    fn push_action(
+    pub(super) fn push_action(
         &mut self,
         text: String,
         kind: LineKind,
@@ -270,7 +278,7 @@ fn word(letter: char, value: f64) -> String {
 }
 
 /// `G4P.5`
-fn word_after(prefix: &str, letter: char, value: f64) -> String {
+pub(super) fn word_after(prefix: &str, letter: char, value: f64) -> String {
     let mut text = prefix.to_owned();
     write_word(&mut text, letter, to_grid(value));
     text

@@ -25,6 +25,9 @@ pub struct EncoderConfig {
     /// a start in the middle goes there by itself. `None`: the tool has to be there.
     #[serde(default)]
     pub approach_z_mm: Option<f64>,
+    /// Whether the controller changes tools itself (`M6`), where it can.
+    #[serde(default)]
+    pub controller_changes_tools: bool,
     /// What the controller can home; it tells.
     #[serde(default)]
     pub homing: Homing,
@@ -75,6 +78,7 @@ impl Default for EncoderConfig {
             optional_stop: false,
             line_numbers: false,
             approach_z_mm: None,
+            controller_changes_tools: false,
             homing: Homing::default(),
             board: Board::default(),
         }

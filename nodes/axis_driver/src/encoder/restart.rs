@@ -182,7 +182,7 @@ fn nearest(before: u32, after: Option<u32>) -> String {
 }
 
 /// The words that are still in force after these events, in the order to send them.
-fn in_force(events: &[PathEvent]) -> Vec<PathEvent> {
+pub(super) fn in_force(events: &[PathEvent]) -> Vec<PathEvent> {
     let mut slots: [Option<PathEvent>; 7] = [None; 7];
     for event in events {
         match event.action {

@@ -45,6 +45,8 @@ fn text_of(step: &Step) -> String {
         Step::Line(line) => line.text.clone(),
         Step::ToolChange { tool, .. } => format!("(T{tool})"),
         Step::CheckStart => "(start)".into(),
+        Step::ControllerChange { tool, .. } => format!("(T{tool} by the controller)"),
+        Step::CheckReturn { .. } => "(return)".into(),
         Step::Home { text, .. } => format!("({text})"),
     }
 }

@@ -70,7 +70,7 @@ async fn execute(driver: &Driver, advisers: &Advisers, request: &ExecuteMdiReque
     let stops = driver.stops();
     let state = driver.state_now();
     // The core looks again; this spares the others a block that cannot run.
-    if state.mode != Mode::Idle {
+    if !matches!(state.mode, Mode::Idle | Mode::ToolChange) {
         let reason = if state.reason.is_empty() { state.mode.name() } else { &state.reason };
         return refuse(error_code::BUSY, format!("the machine is not idle: {reason}"));
     }

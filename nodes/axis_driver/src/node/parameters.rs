@@ -87,6 +87,17 @@ pub(crate) fn declared() -> Vec<Declared> {
             "whether a run begins only when the recorder has opened its bag, and holds when that misses something",
         ),
         Declared::new(
+            "tool_change",
+            "driver",
+            "who waits for a tool: driver, on any firmware; controller, the M6 of grblHAL with its $341 or an automatic changer",
+        )
+        .one_of(&["driver", "controller"]),
+        Declared::new(
+            "tool_change_return",
+            config.tool_change_return,
+            "whether the tool goes back to where the run stopped when a tool change is confirmed elsewhere, Z last if it is above; else that is refused",
+        ),
+        Declared::new(
             "on_commander_loss",
             "hold",
             "what is done when commander_heartbeat stays away in a run: continue, hold or hold_then_abort",
@@ -187,6 +198,7 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
         homing_s_max: integer("homing_s_max", default.homing_s_max),
         check_in_controller: bool("check_in_controller", default.check_in_controller),
         require_recording: bool("require_recording", default.require_recording),
+        tool_change_return: bool("tool_change_return", default.tool_change_return),
         on_commander_loss: match get("on_commander_loss") {
             ParameterValue::String(word) => {
                 let found = OnCommanderLoss::WORDS.iter().find(|(name, _)| *name == word);
@@ -208,6 +220,10 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
             feed_mm_per_min_max: double("feed_mm_per_min_max", default.encoder.feed_mm_per_min_max),
             optional_stop: bool("optional_stop", default.encoder.optional_stop),
             line_numbers: bool("line_numbers", default.encoder.line_numbers),
+            controller_changes_tools: matches!(
+                get("tool_change"),
+                ParameterValue::String(word) if word == "controller"
+            ),
             approach_z_mm: match get("approach") {
                 ParameterValue::String(word) if word == "lift" => {
                     Some(double("approach_z_mm", 0.0))

@@ -199,10 +199,12 @@ impl Paths {
     }
 
     /// Why the path that is run must not go on with this tool.
-    pub(super) fn objection(&self, tool: u32) -> Option<String> {
+    pub(super) fn objection(&self, tool: u32, is_by_hand: bool) -> Option<String> {
         let newest = self.newest();
         let now = newest.tool_table.as_ref().map(|(_, table)| table);
-        objection(tool, newest.running_tools.as_ref(), now)
+        // No path was made with the tool of a block by hand; it has to be in the table.
+        let planned = if is_by_hand { now } else { newest.running_tools.as_ref() };
+        objection(tool, planned, now)
     }
 
     fn take(&self, planned: Planned) {

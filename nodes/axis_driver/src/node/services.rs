@@ -3,7 +3,7 @@
 use super::edges::Edges;
 use super::path::Paths;
 use super::{Driver, REPLY_WITHIN, told};
-use crate::driver::Command;
+use crate::driver::{Command, MDI};
 use cnc_msgs::interface::{Message, Service};
 use cnc_msgs::wire::std_msgs::msg::Bool;
 use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
@@ -24,8 +24,12 @@ pub(super) fn offer_tool_change(node: &Handle, driver: &Arc<Driver>, paths: &Pat
     node.concurrent_service::<Trigger, _, _>(NAME, move |request, info: RequestInfo| {
         let (driver, paths) = (Arc::clone(&driver), paths.clone());
         async move {
-            let wanted = driver.state.borrow().tool_wanted;
-            let command = Command::ConfirmToolChange { objection: paths.objection(wanted) };
+            let (wanted, is_by_hand) = {
+                let state = driver.state.borrow();
+                (state.tool_wanted, state.program_id == MDI)
+            };
+            let objection = paths.objection(wanted, is_by_hand);
+            let command = Command::ConfirmToolChange { objection };
             let (success, error_code, message) = told(driver.ask(command, REPLY_WITHIN).await);
             let answer = Answer { success, error_code, message: &message };
             driver.commands.record(NAME, Trigger::TYPE_NAME, &info, &request, answer);

@@ -55,8 +55,12 @@ impl Iterator for Lines {
             Ok(Step::ToolChange { tool, source_line }) => {
                 (format!("tool change to T{tool}"), source_line)
             }
+            Ok(Step::ControllerChange { tool, source_line }) => {
+                (format!("tool change to T{tool} by the controller"), source_line)
+            }
             Ok(Step::Home { text, source_line, .. }) => (text, source_line),
             Ok(Step::CheckStart) => ("check of the start".to_owned(), 0),
+            Ok(Step::CheckReturn { .. }) => ("check of the way back".to_owned(), 0),
             Err(error) => {
                 self.0 = None;
                 (error.to_string(), 0)
