@@ -90,7 +90,6 @@ fn a_raster_takes_no_longer_than_with_a_plain_sender_and_an_s_of_its_own_stops()
     for firmware in Firmware::ALL {
         let (inline, alone) = (plain(firmware, false), plain(firmware, true));
         let (driven, _) = driven(firmware, SpindleMode::CounterClockwise);
-        println!("{firmware}: plain {inline:.2} s, driver {driven:.2} s, S alone {alone:.2} s");
         // The controller makes the difference that real firmware makes: 7.0 s instead of 1.7 s.
         assert!(alone > 3.0 * inline, "{firmware}: {alone} s with S alone, {inline} s inline");
         assert!(driven <= 1.1 * inline, "{firmware}: {driven} s, a plain sender {inline} s");

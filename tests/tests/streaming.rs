@@ -115,7 +115,6 @@ fn no_line_is_sent_later_than_a_plain_character_counter_sends_it() {
         let late = driven.iter().zip(&plain).map(|(driven, plain)| driven - plain);
         let latest = late.fold(f64::MIN, f64::max);
         let seconds = plain[plain.len() - 1];
-        println!("{firmware}: {latest:.4} s at most of {seconds:.2} s");
         assert!(latest < 0.02, "{firmware}: {latest} s after a plain counter");
         assert!(driven[driven.len() - 1] <= seconds * 1.001, "{firmware}: slower on the whole");
     }
