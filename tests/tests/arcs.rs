@@ -4,10 +4,12 @@
 //! as their firmware does: grbl and FluidNC in 32 bits, grblHAL with its centre in 64. Check
 //! mode draws without moving, so that the whole of it takes seconds.
 
+use axis_driver::driver::RunOutcome;
 use axis_driver::encoder::{Board, Encoder, EncoderConfig, PREAMBLE, Step};
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
+use kerf_tests::line::Line;
 use std::f64::consts::TAU;
 use std::time::Duration;
 use virtual_controller::{Build, Controller, Firmware, Settings};
@@ -274,28 +276,76 @@ fn ten_thousand_arcs_are_drawn_as_planned_by_every_firmware() {
     assert!(more <= 1.01, "{lines} lines where {least} would do without a check");
 }
 
+/// Circles as one would post them: start and centre from it, three decimals.
+fn posted_circle(numbers: &mut Numbers) -> [f64; 4] {
+    let mut posted = |most: f64| (numbers.between(-most, most) * 1e3).round() / 1e3;
+    [posted(200.0), posted(200.0), posted(10.0), posted(10.0)]
+}
+
+/// Whether what is drawn of it goes round.
+fn is_cut([x, y, i, j]: [f64; 4], drawn: &[Position]) -> bool {
+    let farthest = drawn.iter().map(|p| (p[0] - x).hypot(p[1] - y)).fold(0f64, f64::max);
+    farthest > i.hypot(j)
+}
+
 #[test]
 fn a_full_circle_with_equal_ends_is_often_not_cut_in_32_bits_and_always_in_64() {
-    for (firmware, least, most) in
-        [(Firmware::Grbl, 60, 130), (Firmware::FluidNc, 60, 130), (Firmware::GrblHal, 0, 0)]
+    // Of real firmware 91 of 1000 were measured.
+    for (firmware, expected) in
+        [(Firmware::Grbl, 60..140), (Firmware::FluidNc, 60..140), (Firmware::GrblHal, 0..1)]
     {
         let mut numbers = Numbers(0x9E37_79B9_7F4A_7C15);
         let mut board = DrawingBoard::new(firmware, [0.0; 3]);
         let mut missing = 0;
         for _ in 0..1_000 {
-            // As one would post them: three decimals, the radius up to a hundred.
-            let mut posted = |least, most| (numbers.between(least, most) * 1e3).round() / 1e3;
-            let [x, y, i, j] = [
-                posted(-200.0, 200.0),
-                posted(-200.0, 200.0),
-                posted(-10.0, 10.0),
-                posted(-10.0, 10.0),
-            ];
+            let circle @ [x, y, i, j] = posted_circle(&mut numbers);
             board.say(&format!("G1X{x}Y{y}F1000"));
             let drawn = board.say(&format!("G2X{x}Y{y}I{i}J{j}"));
-            let length = drawn.iter().map(|p| (p[0] - x).hypot(p[1] - y)).fold(0f64, f64::max);
-            missing += u32::from(length < i.hypot(j));
+            missing += u32::from(!is_cut(circle, &drawn));
         }
-        assert!((least..=most).contains(&missing), "{firmware}: {missing} of 1000");
+        assert!(expected.contains(&missing), "{firmware}: {missing} of 1000");
+    }
+}
+
+#[test]
+fn the_circles_that_are_not_cut_so_are_cut_in_a_run() {
+    let mut numbers = Numbers(0x9E37_79B9_7F4A_7C15);
+    let mut board = DrawingBoard::new(Firmware::Grbl, [0.0; 3]);
+    let is_missing = |circle: &[f64; 4]| {
+        let [x, y, i, j] = *circle;
+        board.say(&format!("G1X{x}Y{y}F1000"));
+        !is_cut(*circle, &board.say(&format!("G2X{x}Y{y}I{i}J{j}")))
+    };
+    let circles: Vec<_> = std::iter::repeat_with(|| posted_circle(&mut numbers))
+        .filter(is_missing)
+        .take(10)
+        .collect();
+    let mut path = CompensatedPath::default();
+    for (line, &[x, y, i, j]) in (1..).zip(&circles) {
+        let center = [x + i, y + j, 0.0];
+        let circle = Arc { center, plane: Plane::Xy, clockwise: true, turns: 1 };
+        for shape in [Shape::Line, Shape::Arc(circle)] {
+            path.elements.push(PathElement {
+                side: None,
+                shape,
+                end: [x, y, 0.0],
+                feed_mm_per_min: Some(3_000.0),
+                role: Role::None,
+                axes: AxisSet::from_bits(0b011),
+                source: Source { line, ..Source::default() },
+            });
+        }
+    }
+    let mut line = Line::connected(Build::new(Settings::small_router()));
+    line.controller.device_mut().controller_mut().keep_drawn();
+    assert_eq!(line.run(path).outcome, RunOutcome::Succeeded);
+    let drawn = line.controller.device_mut().controller_mut().take_drawn();
+    let drawn: Vec<Position> = drawn.iter().map(|one| one.end_in_machine).collect();
+    for circle in circles {
+        let [x, y, i, j] = circle;
+        // The points between its end and its start, which are one.
+        let is_on = |p: &&Position| ((p[0] - x - i).hypot(p[1] - y - j) - i.hypot(j)).abs() < 0.01;
+        let on: Vec<Position> = drawn.iter().filter(is_on).copied().collect();
+        assert!(is_cut(circle, &on), "{circle:?}");
     }
 }

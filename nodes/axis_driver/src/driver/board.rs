@@ -26,3 +26,26 @@ impl Machine {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::Message;
+
+    #[test]
+    fn a_board_is_what_the_settings_and_offsets_say_and_usual_where_they_say_nothing() {
+        let mut machine = Machine::default();
+        assert_eq!(machine.board(), Board::default());
+        machine.on_setting(12, "0.010");
+        machine.on_setting(32, "1");
+        for (name, position) in [("G55", [-300.0, -200.5, -40.0]), ("G92", [0.0, 0.5, 10.0])] {
+            machine.on_message(&Message::Offset { name: name.into(), position });
+        }
+        let shift = [0.0, 0.5, 10.0];
+        let work_offsets = [shift, [-300.0, -200.0, -30.0], shift, shift, shift, shift];
+        let told = Board { arc_tolerance_mm: 0.01, is_laser: true, work_offsets };
+        assert_eq!(machine.board(), told);
+        machine.on_setting(12, "0");
+        assert_eq!(machine.board().arc_tolerance_mm, Board::default().arc_tolerance_mm);
+    }
+}
