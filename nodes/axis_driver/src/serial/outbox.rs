@@ -10,6 +10,10 @@ use std::time::Duration;
 
 /// Outputs that wait for a slow consumer, at most.
 const WAITING_MAX: usize = 1024;
+/// Entries that are handed out together, at most.
+const TOGETHER_MAX: usize = 64;
+/// How long an entry waits for others.
+const TOGETHER_WITHIN: Duration = Duration::from_millis(10);
 
 /// An output of the driver and the time of the input that caused it, since
 /// [`super::Serial::epoch`]. Bytes to the controller are in the journal only.
@@ -53,6 +57,9 @@ pub(super) struct Outbox {
     journal: SyncSender<Entry>,
     counters: Arc<Counters>,
     waiting: VecDeque<Event>,
+    /// Entries that are not handed out yet, and when they are at the latest.
+    entries: Vec<Entry>,
+    due: Option<Duration>,
 }
 
 impl Outbox {
@@ -61,10 +68,13 @@ impl Outbox {
         journal: SyncSender<Entry>,
         counters: Arc<Counters>,
     ) -> Self {
-        Self { events, journal, counters, waiting: VecDeque::new() }
+        let (waiting, entries) = (VecDeque::new(), Vec::new());
+        Self { events, journal, counters, waiting, entries, due: None }
     }
 
+    /// Events come after the entries that led to them.
     pub(super) fn push(&mut self, event: Event) {
+        self.hand_out();
         self.waiting.push_back(event);
         if self.waiting.len() > WAITING_MAX {
             // The oldest telemetry goes first; the last state is still to come or there.
@@ -105,10 +115,28 @@ impl Outbox {
         self.counters.heard.store(ns, Ordering::Relaxed);
     }
 
+    /// Keeps an entry for a moment. Each that is handed out alone wakes whoever records, while
+    /// the next answer of the controller waits for a processor.
+    pub(super) fn record(&mut self, now: Duration, entry: Entry) {
+        self.entries.push(entry);
+        self.due.get_or_insert(now + TOGETHER_WITHIN);
+        if self.entries.len() >= TOGETHER_MAX {
+            self.hand_out();
+        }
+    }
+
+    /// When entries are to be handed out.
+    pub(super) fn due(&self) -> Option<Duration> {
+        self.due
+    }
+
     /// Entries carry numbers: who misses one can see it.
-    pub(super) fn record(&mut self, entry: Entry) {
-        if self.journal.try_send(entry).is_err() {
-            self.counters.entries.fetch_add(1, Ordering::Relaxed);
+    pub(super) fn hand_out(&mut self) {
+        self.due = None;
+        for entry in self.entries.drain(..) {
+            if self.journal.try_send(entry).is_err() {
+                self.counters.entries.fetch_add(1, Ordering::Relaxed);
+            }
         }
     }
 }
@@ -117,6 +145,7 @@ impl Outbox {
 mod tests {
     use super::*;
     use crate::driver::{LogLevel, Refusal};
+    use crate::journal::Journal;
     use std::sync::mpsc::sync_channel;
 
     #[test]
@@ -149,5 +178,26 @@ mod tests {
         }
         assert_eq!(replies, 10);
         assert_eq!(counters.read().events, 10_010 - 4 - WAITING_MAX as u64);
+    }
+
+    #[test]
+    fn entries_are_handed_out_together_and_before_the_events_they_led_to() {
+        let (events, _heard) = sync_channel(4);
+        let (journal, recorder) = sync_channel(256);
+        let mut outbox = Outbox::new(events, journal, Arc::default());
+        let handed_out = || recorder.try_iter().count();
+        let mut entries = Journal::default();
+        let mut record = |outbox: &mut Outbox, ms| {
+            let now = Duration::from_millis(ms);
+            outbox.record(now, entries.transmitted(now, b"?"));
+        };
+        record(&mut outbox, 5);
+        record(&mut outbox, 9);
+        assert_eq!((handed_out(), outbox.due()), (0, Some(Duration::from_millis(15))));
+        let log = Output::Log { level: LogLevel::Info, message: String::new() };
+        outbox.push(Event { at: Duration::ZERO, output: log });
+        assert_eq!((handed_out(), outbox.due()), (2, None));
+        (0..TOGETHER_MAX).for_each(|_| record(&mut outbox, 20));
+        assert_eq!((handed_out(), outbox.due()), (TOGETHER_MAX, None));
     }
 }

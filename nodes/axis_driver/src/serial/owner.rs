@@ -74,6 +74,7 @@ impl Owner {
             }
             if is_stopped {
                 self.port = None;
+                self.outbox.hand_out();
                 self.outbox.flush();
                 return;
             }
@@ -83,6 +84,9 @@ impl Owner {
             }
             if self.driver.next_deadline().is_some_and(|deadline| now >= deadline) {
                 self.handle(Input::Timer);
+            }
+            if self.outbox.due().is_some_and(|due| now >= due) {
+                self.outbox.hand_out();
             }
             self.outbox.flush();
         }
@@ -106,7 +110,8 @@ impl Owner {
     fn patience(&self) -> Duration {
         let now = self.epoch.elapsed();
         let reopen = self.reopen.map(|(at, _)| at);
-        let next = self.driver.next_deadline().into_iter().chain(reopen).min();
+        let deadlines = [self.driver.next_deadline(), reopen, self.outbox.due()];
+        let next = deadlines.into_iter().flatten().min();
         let next = next.map_or(SLEEP_MAX, |deadline| deadline.saturating_sub(now));
         let most = if self.outbox.is_waiting() { SLOW_CONSUMER } else { SLEEP_MAX };
         next.min(most)
@@ -183,8 +188,9 @@ impl Owner {
         {
             // Whoever records the run can begin here.
             let entry = self.journal.checkpoint(now, checkpoint);
-            self.outbox.record(entry);
+            self.outbox.record(now, entry);
         }
+        let is_command = matches!(input, Input::Command { .. });
         // What is written goes first: who records it or shows it wakes up after that.
         let mut entries = vec![self.journal.input(now, &input)];
         let mut events = Vec::new();
@@ -207,7 +213,10 @@ impl Owner {
                 }
             }
         }
-        entries.into_iter().for_each(|entry| self.outbox.record(entry));
+        entries.into_iter().for_each(|entry| self.outbox.record(now, entry));
+        if is_command {
+            self.outbox.hand_out();
+        }
         events.into_iter().for_each(|event| self.outbox.push(event));
         if let Some(reason) = failure {
             self.lose_port(&reason);
