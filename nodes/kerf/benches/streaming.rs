@@ -3,6 +3,7 @@
 //! ```text
 //! cargo bench -p kerf --bench streaming                      10 000 segments, grbl and grblHAL
 //! cargo bench -p kerf --bench streaming -- --lines 50000     more of them
+//! cargo bench -p kerf --bench streaming -- --runs 5          five of each, in turn
 //! cargo bench -p kerf --bench streaming -- --test            300
 //! ```
 //!
@@ -50,6 +51,7 @@ const LENGTH_MM: f64 = 0.4;
 fn main() {
     let arguments = Arguments::read();
     let lines: u32 = arguments.value("--lines", 10_000, 300);
+    let runs: u32 = arguments.value("--runs", 1, 1);
     let slow = LENGTH_MM / BLOCK.as_secs_f64() * 60.0;
     println!("{lines} segments of {LENGTH_MM} mm; {}", rig::load());
     for (what, feed_mm_per_min, lines_per_s) in [
@@ -62,14 +64,18 @@ fn main() {
             let row = |method: &str, sent: &Sent, controller: InThread| {
                 print(&format!("{firmware}: {method}"), sent, lines_per_s, controller);
             };
-            let controller = InThread::start(fast(firmware));
-            let (window, sent) = with_driver(&controller.port, path(lines, feed_mm_per_min));
-            row(&format!("driver, {window} B under way"), &sent, controller);
-            let text: Vec<Vec<u8>> = sent.into_iter().map(|(_, line)| line).collect();
-            for (method, window) in [("counting, one thread", window), ("send and wait", 0)] {
+            for run in 0..runs {
                 let controller = InThread::start(fast(firmware));
-                let sent = by_hand(&controller.port, &text, window);
-                row(method, &sent, controller);
+                let (window, sent) = with_driver(&controller.port, path(lines, feed_mm_per_min));
+                row(&format!("driver, {window} B under way"), &sent, controller);
+                let text: Vec<Vec<u8>> = sent.into_iter().map(|(_, line)| line).collect();
+                // Waiting for each answer is slower every time; once is enough to show it.
+                let peers = [("counting, one thread", window), ("send and wait", 0)];
+                for (method, window) in &peers[..if run == 0 { 2 } else { 1 }] {
+                    let controller = InThread::start(fast(firmware));
+                    let sent = by_hand(&controller.port, &text, *window);
+                    row(method, &sent, controller);
+                }
             }
         }
     }
