@@ -26,6 +26,10 @@ ARGUMENTS = (
     ('log_level', 'info', 'debug, info, warn, error or fatal'),
     ('port', '', "serial port of the controller; empty: the parameters' own"),
     ('tool_table', '', "YAML file of the tools; empty: the parameters' own"),
+    ('program_directories', '',
+     "folders of programs that are loaded by path, with : between; empty: the parameters' own"),
+    ('control_directories', '',
+     "folders of profiles that requests name, with : between; empty: the parameters' own"),
     ('enclave', '', 'where the keys of the nodes are, /kerf for /kerf/axis_driver and so on'),
     ('virtual_controller', 'false', 'true: a virtual controller in place of the machine'),
     ('time_factor', '1', 'how many times faster than a real one it lives'),
@@ -50,6 +54,10 @@ def start(context):
     own = {name: {} for name in NODES}
     if given['tool_table']:
         own['compensation_planner']['tool_table'] = os.path.abspath(given['tool_table'])
+    for name in ('program_directories', 'control_directories'):
+        if given[name]:
+            own['program_loader'][name] = [
+                os.path.abspath(folder) for folder in given[name].split(':')]
     processes = []
     if given['virtual_controller'] == 'true':
         link = os.path.join(tempfile.gettempdir(), f'kerf-launch-{os.getpid()}-controller')

@@ -1,5 +1,5 @@
 //! The node as a program of its own.
 
 fn main() -> std::process::ExitCode {
-    compensation_planner::node::main(std::env::args().skip(1).collect())
+    runtime::main_with("compensation_planner", compensation_planner::node::main)
 }

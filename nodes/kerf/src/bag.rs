@@ -1,6 +1,7 @@
 //! `kerf bag`: looks into bags and mends them.
 
 use crate::exit::{Failure, Outcome, Status};
+use crate::output_file::OutputFile;
 use crate::replay::trim::trim;
 use clap::Subcommand;
 use run_recorder::files::{FileBag, open_bag, recover_bag};
@@ -103,8 +104,9 @@ pub(crate) fn run(command: &BagCommand) -> Outcome {
             Ok(())
         }
         BagCommand::Report { bag, html } => {
+            let file = OutputFile::claim(html, &[bag])?;
             let page = crate::replay::report_page(bag).map_err(|error| error.of(bag))?;
-            crate::files::write(html, &page.to_html())?;
+            file.write(&page.to_html())?;
             // The page says it too; a script that made it may look at the status alone.
             let mut bag = open_bag(bag).map_err(Failure::usage)?;
             bag.verify().map_err(Failure::usage)?;

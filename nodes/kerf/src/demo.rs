@@ -6,6 +6,7 @@
 //! what a user would do, with the same commands.
 
 use crate::exit::{Failure, Outcome, Status};
+use crate::output_file::OutputFile;
 use crate::plan::Planned;
 use crate::stack::{Stack, remove_dead_link, wait_for_file};
 use crate::up::STOP_ORDER;
@@ -67,8 +68,8 @@ fn prepare(out: &Path) -> Result<PathBuf, Failure> {
     std::fs::create_dir_all(out)
         .map_err(|error| Failure::usage(format_args!("cannot make {}: {error}", out.display())))?;
     let out = std::path::absolute(out).map_err(Failure::usage)?;
-    files::write(&out.join("contour.mpf"), PROGRAM)?;
-    files::write(&out.join("tools.yaml"), TOOLS)?;
+    files::place(&out.join("contour.mpf"), PROGRAM)?;
+    files::place(&out.join("tools.yaml"), TOOLS)?;
     Ok(out)
 }
 
@@ -226,5 +227,5 @@ fn draw(path: &Path) -> Result<(), Failure> {
         &LoadOptions::default(),
         compensation_planner::plan,
     );
-    files::write(path, &planned.svg("contour.mpf, G41, radius 5 mm", &profile))
+    OutputFile::claim(path, &[])?.write(&planned.svg("contour.mpf, G41, radius 5 mm", &profile))
 }

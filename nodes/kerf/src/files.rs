@@ -3,18 +3,20 @@
 use crate::exit::Failure;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
-use run_recorder::files::is_bag_file;
+use program_loader::limits::PROGRAM_BYTES_MAX;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 /// The bytes of a part program.
 pub(crate) fn read_program(path: &Path) -> Result<Vec<u8>, Failure> {
-    std::fs::read(path)
+    intake::file::read(path, PROGRAM_BYTES_MAX as u64)
         .map_err(|error| Failure::usage(format_args!("cannot read {}: {error}", path.display())))
 }
 
-/// The last component of a path, for people.
+/// The last component of a path, for people: in one line, and nothing but letters.
 pub(crate) fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+    intake::text::one_line(&path.file_name().unwrap_or(path.as_os_str()).to_string_lossy())
+        .into_owned()
 }
 
 /// A controller profile by name, or from a file.
@@ -30,19 +32,39 @@ pub(crate) fn tool_table(path: Option<&Path>) -> Result<ToolTable, Failure> {
     }
 }
 
-/// Writes a file whole: readers see the old one or the new one. Never over a bag.
-pub(crate) fn write(path: &Path, content: &str) -> Result<(), Failure> {
-    if is_bag_file(path) {
-        let path = path.display();
-        return Err(Failure::usage(format_args!("{path} is a bag; nothing is written over it")));
+/// The files that a command reads, which it must not write over.
+pub(crate) fn inputs<'a>(
+    files: impl IntoIterator<Item = Option<&'a Path>>,
+    controller: &'a str,
+) -> Vec<&'a Path> {
+    files.into_iter().flatten().chain([Path::new(controller)]).collect()
+}
+
+/// A controller as the loader finds it: it runs in another folder, so a file of this one is
+/// named from the root.
+pub(crate) fn as_loader_finds_it(name: &str) -> String {
+    let is_built_in = runtime::known_profiles().any(|known| known == name);
+    match Path::new(name).canonicalize() {
+        Ok(path) if !is_built_in && !name.is_empty() => path.display().to_string(),
+        // A file of the loader's computer.
+        _ => name.to_owned(),
     }
-    let failed = |error| Failure::usage(format_args!("cannot write {}: {error}", path.display()));
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
-    std::fs::write(&partial, content).map_err(failed)?;
-    std::fs::rename(&partial, path).map_err(|error| {
-        // The partial file is of no use to anybody.
-        let _ = std::fs::remove_file(&partial);
-        failed(error)
-    })
+}
+
+/// Puts an example where it is free; one that is there already stays.
+pub(crate) fn place(path: &Path, content: &str) -> Result<(), Failure> {
+    let failed = |error: &dyn std::fmt::Display| {
+        Failure::usage(format_args!("cannot write {}: {error}", path.display()))
+    };
+    match std::fs::File::create_new(path) {
+        Ok(mut file) => file.write_all(content.as_bytes()).map_err(|error| failed(&error)),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+            let there = intake::file::read(path, content.len() as u64);
+            match there {
+                Ok(there) if there == content.as_bytes() => Ok(()),
+                _ => Err(failed(&"another file is there; remove it, or name another folder")),
+            }
+        }
+        Err(error) => Err(failed(&error)),
+    }
 }

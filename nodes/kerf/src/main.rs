@@ -19,6 +19,7 @@ mod local;
 mod move_by_hand;
 mod node;
 mod operate;
+mod output_file;
 mod page;
 mod picture;
 mod plan;
@@ -29,7 +30,7 @@ mod status;
 mod up;
 
 use clap::{Parser, Subcommand};
-use exit::{Outcome, conclude};
+use exit::{Failure, Outcome, conclude};
 use operate::Button;
 use std::process::ExitCode;
 
@@ -105,8 +106,12 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let (args, ros_args) = split_ros_args(std::env::args().collect());
-    let cli = Cli::parse_from(args);
+    let words = match intake::arguments::words() {
+        Ok(words) => words,
+        Err(error) => return conclude(Err(Failure::usage(error))),
+    };
+    let (args, ros_args) = split_ros_args(words);
+    let cli = Cli::parse_from(std::iter::once("kerf".to_owned()).chain(args));
     if let Command::Node(args) = cli.command {
         return node::run(&args, ros_args);
     }

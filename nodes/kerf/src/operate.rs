@@ -8,6 +8,7 @@ use crate::ctrl_c::CtrlC;
 use crate::exit::{Failure, Outcome, Status};
 use crate::files;
 use crate::local;
+use crate::terminal::show_findings;
 use axis_driver::protocol::Wish;
 use clap::Args;
 use cnc_msgs::convert::mode_from_wire;
@@ -270,7 +271,7 @@ pub(crate) async fn send_program(
     let load = node.client::<LoadProgram>("load_program")?;
     let mut request = LoadProgramRequest {
         name: name.to_owned(),
-        controller: controller.to_owned(),
+        controller: files::as_loader_finds_it(controller),
         interference: interference.to_owned(),
         ..LoadProgramRequest::default()
     };
@@ -307,7 +308,7 @@ fn show(name: &str, text: &[u8], findings: &[cnc_msgs::wire::cnc_msgs::msg::Diag
         findings.iter().filter_map(|finding| finding.try_into().ok()).collect();
     let text = String::from_utf8_lossy(text);
     let color = std::io::stderr().is_terminal();
-    eprint!("{}", program_loader::render::render(name, &text, &findings, color));
+    show_findings(&program_loader::render::render(name, &text, &findings, color));
 }
 
 /// The bar that shows how far a run is.

@@ -418,6 +418,11 @@ fn round_step(least: f64) -> f64 {
         .unwrap_or(10.0 * power)
 }
 
+/// A text inside an element of XML. Characters that XML 1.0 has no way to write are replaced.
 pub(crate) fn escape(text: &str) -> String {
+    let is_xml =
+        |letter: char| matches!(letter, '\t' | '\n' | '\r' | ' '..='\u{fffd}' | '\u{10000}'..);
+    let text: String =
+        text.chars().map(|letter| if is_xml(letter) { letter } else { '\u{fffd}' }).collect();
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

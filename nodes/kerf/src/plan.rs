@@ -1,9 +1,11 @@
 //! `kerf plan`: a program in, a verdict and a path out. No ROS.
 
 use crate::exit::{Failure, Outcome, Status};
+use crate::output_file::OutputFile;
 use crate::page::{Layer, Page, Sheet};
 use crate::picture::view::View;
 use crate::plan_json::PlanReport;
+use crate::terminal::show_findings;
 use crate::{files, picture};
 use clap::Args;
 use cnc_msgs::contour::{CutterSide, ProgrammedContour};
@@ -57,6 +59,10 @@ pub(crate) struct PlanArgs {
 
 /// Loads and plans, prints, and says whether the program was accepted.
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
+    let inputs =
+        files::inputs([Some(args.file.as_path()), args.tools.as_deref()], &args.controller);
+    let svg = OutputFile::claim_if(args.svg.as_deref(), &inputs)?;
+    let html = OutputFile::claim_if(args.html.as_deref(), &inputs)?;
     let text = files::read_program(&args.file)?;
     let mut profile = files::profile(&args.controller)?;
     profile.interference.react = args.interference.unwrap_or(profile.interference.react);
@@ -73,11 +79,11 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
         planned.audit(&profile, &tools);
     }
 
-    if let Some(path) = &args.svg {
-        files::write(path, &planned.svg(&name, &profile))?;
+    if let Some(file) = svg {
+        file.write(&planned.svg(&name, &profile))?;
     }
-    if let Some(path) = &args.html {
-        files::write(path, &planned.page(&name, &text, &profile).to_html())?;
+    if let Some(file) = html {
+        file.write(&planned.page(&name, &text, &profile).to_html())?;
     }
     if args.json {
         println!("{:#}", planned.report(&profile.name).to_json());
@@ -91,7 +97,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
         if !shown.is_empty() {
             let text = String::from_utf8_lossy(&text);
             let color = std::io::stderr().is_terminal();
-            eprint!("{}", program_loader::render::render(&name, &text, &shown, color));
+            show_findings(&program_loader::render::render(&name, &text, &shown, color));
         }
         if !args.quiet {
             println!("{}", planned.summary(&name, &profile.name));

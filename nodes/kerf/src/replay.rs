@@ -26,6 +26,7 @@ mod update;
 mod words;
 
 use crate::exit::{Failure, Outcome, Status};
+use crate::output_file::OutputFile;
 use crate::page::{Page, of_recording};
 use clap::{Args, ValueEnum};
 use compare::Comparison;
@@ -143,6 +144,8 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
         output::must_be_free(directory, &args.bags)
             .map_err(|error| Failure::new(error.status(), error.to_string()))?;
     }
+    let bags: Vec<&Path> = args.bags.iter().map(PathBuf::as_path).collect();
+    let html = OutputFile::claim_if(args.html.as_deref(), &bags)?;
     let mut told = Told::default();
     let mut failed = None;
     for path in &args.bags {
@@ -165,8 +168,8 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
         let is_reproduced = !told.differs && failed.is_none();
         println!("{}", json!({ "reproduced": is_reproduced, "bags": told.reports }));
     }
-    if let Some(file) = args.html.as_ref().filter(|_| !told.page.sheets.is_empty()) {
-        crate::files::write(file, &told.page.to_html())?;
+    if let Some(file) = html.filter(|_| !told.page.sheets.is_empty()) {
+        file.write(&told.page.to_html())?;
     }
     match failed {
         Some(status) => Err(Failure::said(status)),

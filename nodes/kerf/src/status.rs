@@ -52,7 +52,8 @@ pub(crate) fn run(ros_args: &[String]) -> Outcome {
 /// The state for people: millimetres, and nothing that is not known.
 fn describe(state: &MachineState) -> String {
     let mode = mode_from_wire(state.state).name();
-    let mut text = match state.reason.as_str() {
+    let reason = intake::text::one_line(&state.reason);
+    let mut text = match reason.as_ref() {
         "" => format!("{mode}\n"),
         reason if reason.starts_with(mode) => format!("{reason}\n"),
         reason => format!("{mode}: {reason}\n"),

@@ -5,6 +5,8 @@
 use crate::limits::{BLOCK_DIAGNOSTICS_MAX, DIAGNOSTICS_MAX};
 use cnc_msgs::contour::Source;
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use intake::text::one_line;
+use std::borrow::Cow;
 
 #[derive(Debug, Default)]
 pub(crate) struct Findings {
@@ -21,7 +23,13 @@ impl Findings {
         self.in_block = 0;
     }
 
-    pub(crate) fn push(&mut self, diagnostic: Diagnostic) {
+    pub(crate) fn push(&mut self, mut diagnostic: Diagnostic) {
+        // Both quote the program.
+        for text in [&mut diagnostic.message, &mut diagnostic.help] {
+            if let Cow::Owned(shown) = one_line(text) {
+                *text = shown;
+            }
+        }
         self.in_block += 1;
         if self.list.len() >= DIAGNOSTICS_MAX || self.in_block > BLOCK_DIAGNOSTICS_MAX {
             self.dropped += 1;

@@ -23,9 +23,12 @@ use cnc_msgs::wire::cnc_msgs::srv::{
     ReadBlock, ReadBlockRequest, ReadBlockResponse,
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
+use intake::file::ReadError;
+use intake::folders::{Folders, LookupError};
+use intake::text::one_line;
 use runtime::chunks::{ChunkTopic, Cut, page};
 use runtime::commands::{Answer, CommandLog};
-use runtime::{Declared, Handle, Publisher, Qos, RequestInfo};
+use runtime::{Declared, Handle, ProfileError, Publisher, Qos, RequestInfo};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -50,6 +53,19 @@ pub fn parameters() -> Vec<Declared> {
         Declared::new("frame_id", "work", "frame of the programmed contour").read_only(),
         Declared::new("block_delete", false, "whether blocks that begin with / are skipped")
             .read_only(),
+        Declared::new(
+            "program_directories",
+            Vec::<String>::new(),
+            "folders in which `path` of load_program is looked up; empty: none, programs come as \
+             text or upload",
+        )
+        .read_only(),
+        Declared::new(
+            "control_directories",
+            Vec::<String>::new(),
+            "folders in which a YAML file that a request names as its `controller` is looked up",
+        )
+        .read_only(),
     ]
 }
 
@@ -79,8 +95,16 @@ async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
         }
     })?;
     let shared = Arc::clone(&loader);
-    node.service::<ReadBlock, _, _>("read_block", move |request, _| {
-        std::future::ready(shared.read_block(&request))
+    node.service::<ReadBlock, _, _>("read_block", move |request: ReadBlockRequest, _| {
+        let loader = Arc::clone(&shared);
+        async move {
+            // The profile may be a file.
+            let read = tokio::task::spawn_blocking(move || loader.read_block(&request)).await;
+            read.unwrap_or_else(|error| ReadBlockResponse {
+                message: format!("the loader failed: {error}"),
+                ..ReadBlockResponse::default()
+            })
+        }
     })?;
     let (shared, log) = (Arc::clone(&loader), commands);
     node.service::<PutProgramChunk, _, _>(
@@ -111,6 +135,9 @@ async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
 struct Loader {
     node: Handle,
     controller: String,
+    /// Where the files are that peers may name.
+    programs: Folders,
+    controls: Folders,
     frame_id: String,
     options: LoadOptions,
     program: Publisher<Program>,
@@ -156,6 +183,14 @@ impl Loader {
         Ok(Self {
             node: node.clone(),
             controller,
+            programs: Folders::new(
+                node.parameter::<Vec<String>>("program_directories"),
+                "program_directories",
+            ),
+            controls: Folders::new(
+                node.parameter::<Vec<String>>("control_directories"),
+                "control_directories",
+            ),
             frame_id: node.parameter("frame_id"),
             options,
             program: node.publisher("program", Qos::LATCHED)?,
@@ -189,9 +224,8 @@ impl Loader {
         type W = LoadProgramResponse;
         self.node.require_active().or_else(|why| refuse(W::NOT_ACTIVE, why))?;
         let (text, name) = self.text_of(&request)?;
-        let controller =
-            if request.controller.is_empty() { &self.controller } else { &request.controller };
-        let mut profile = runtime::load_profile(controller)
+        let mut profile = self
+            .profile(&request.controller)
             .or_else(|error| refuse(W::UNKNOWN_CONTROLLER, error))?;
         if !request.interference.is_empty() {
             profile.interference.react = request
@@ -232,13 +266,11 @@ impl Loader {
     /// Reads a single block; the loaded program stays.
     fn read_block(&self, request: &ReadBlockRequest) -> ReadBlockResponse {
         type W = ReadBlockResponse;
-        let controller =
-            if request.controller.is_empty() { &self.controller } else { &request.controller };
         let refused = |error_code, message| W { error_code, message, ..W::default() };
         if let Err(why) = self.node.require_active() {
             return refused(W::NOT_ACTIVE, why);
         }
-        let profile = match runtime::load_profile(controller) {
+        let profile = match self.profile(&request.controller) {
             Ok(profile) => profile,
             Err(error) => return refused(W::UNKNOWN_CONTROLLER, error.to_string()),
         };
@@ -270,32 +302,40 @@ impl Loader {
         }
     }
 
+    /// The profile that a request names; the operator's own where it names none.
+    fn profile(&self, named: &str) -> Result<Profile, ProfileError> {
+        if named.is_empty() || named == self.controller {
+            runtime::load_profile(&self.controller)
+        } else {
+            runtime::load_foreign_profile(named, &self.controls)
+        }
+    }
+
     /// The text and a name for it, from the one source that the request names.
     fn text_of(&self, request: &LoadProgramRequest) -> Result<(Vec<u8>, String), Refusal> {
         type W = LoadProgramResponse;
+        // The name goes to logs, terminals and pages, and may come from anybody.
         let named = |fallback: &str| {
-            if request.name.is_empty() { fallback.to_owned() } else { request.name.clone() }
+            let name = if request.name.is_empty() { fallback } else { &request.name };
+            one_line(name).into_owned()
         };
         let sources = [&request.path, &request.text, &request.upload_id];
         match sources.map(|source| !source.is_empty()) {
             [true, false, false] => {
                 let path = Path::new(&request.path);
                 let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-                let unreadable = |error: std::io::Error| Refusal {
-                    code: W::FILE_UNREADABLE,
-                    message: format!("cannot read {}: {error}", request.path),
-                };
-                let size = std::fs::metadata(path).map_err(unreadable)?.len();
-                if size > PROGRAM_BYTES_MAX as u64 {
-                    return refuse(
-                        W::TOO_LARGE,
-                        format_args!(
-                            "{} has {size} bytes; at most {PROGRAM_BYTES_MAX} are taken",
-                            request.path
-                        ),
-                    );
-                }
-                Ok((std::fs::read(path).map_err(unreadable)?, named(&name)))
+                let text = self.programs.read(&request.path, PROGRAM_BYTES_MAX as u64);
+                let text = text.map_err(|error| Refusal {
+                    code: match error {
+                        LookupError::Read {
+                            error: ReadError::TooLarge { .. } | ReadError::Grew { .. },
+                            ..
+                        } => W::TOO_LARGE,
+                        _ => W::FILE_UNREADABLE,
+                    },
+                    message: error.to_string(),
+                });
+                Ok((text?, named(&name)))
             }
             [false, true, false] => Ok((request.text.clone().into_bytes(), named("program"))),
             [false, false, true] => {

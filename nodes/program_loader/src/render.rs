@@ -6,6 +6,7 @@
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use cnc_msgs::contour::Source;
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use intake::text::one_line;
 
 /// Characters of a line that are shown around a finding.
 const LINE_SHOWN: usize = 120;
@@ -18,6 +19,7 @@ const LEAD_SHOWN: usize = 40;
 /// not UTF-8. Without `color` the result is plain text.
 pub fn render(name: &str, text: &str, diagnostics: &[Diagnostic], color: bool) -> String {
     let renderer = if color { Renderer::styled() } else { Renderer::plain() };
+    let name = &printable(name);
     let lines = lines_of(text, diagnostics);
     let mut drawn = String::new();
     for diagnostic in diagnostics {
@@ -162,7 +164,7 @@ impl Shown {
 
 /// A text in one line.
 fn printable(text: &str) -> String {
-    text.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect()
+    one_line(text).into_owned()
 }
 
 #[cfg(test)]

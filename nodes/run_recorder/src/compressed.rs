@@ -25,7 +25,7 @@ pub(crate) fn unpack(path: &Path) -> io::Result<File> {
 
 fn unpack_at_most(path: &Path, most: u64) -> io::Result<File> {
     let mut unpacked = nameless()?;
-    let mut content = zstd::Decoder::new(File::open(path)?)?.take(most + 1);
+    let mut content = zstd::Decoder::new(crate::files::open(path)?)?.take(most + 1);
     if io::copy(&mut content, &mut unpacked)? > most {
         return Err(io::Error::other(format!("it unpacks to more than {most} bytes")));
     }

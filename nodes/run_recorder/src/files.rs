@@ -2,6 +2,7 @@
 //!
 //! Decides nothing about what is in a bag; see [`crate::bag_reader`].
 
+use intake::file::ReadError;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufReader, BufWriter, Read, Write};
@@ -23,7 +24,7 @@ pub(crate) const METADATA_FILE: &str = "metadata.yaml";
 /// What it is called until it is whole.
 pub(crate) const METADATA_TEMPORARY: &str = "metadata.yaml.tmp";
 /// A metadata.yaml that is larger is none.
-const METADATA_SIZE_MAX: u64 = 16 * 1024 * 1024;
+const METADATA_SIZE_MAX: u64 = intake::yaml::Limits::FILE.bytes as u64;
 const READ_BUFFER: usize = 256 * 1024;
 
 /// Opens a bag directory or a bare `.mcap` file, finished or not.
@@ -66,13 +67,6 @@ pub fn open_bag(path: &Path) -> Result<FileBag, BagError> {
         }
     }
     Ok(bag)
-}
-
-/// Whether a file that is there begins as one of a bag does.
-pub fn is_bag_file(path: &Path) -> bool {
-    let mut begin = vec![0; mcap::MAGIC.len()];
-    let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
-    read.is_ok() && begin == mcap::MAGIC
 }
 
 /// The files of a bag directory, in their order, and what is wrong with the list of them.
@@ -170,7 +164,7 @@ fn by_number(file: &Path) -> (usize, PathBuf) {
 }
 
 pub(crate) fn read_metadata_file(directory: &Path) -> io::Result<String> {
-    let file = File::open(directory.join(METADATA_FILE))?;
+    let file = open(&directory.join(METADATA_FILE))?;
     let mut text = String::new();
     file.take(METADATA_SIZE_MAX + 1).read_to_string(&mut text)?;
     if text.len() as u64 > METADATA_SIZE_MAX {
@@ -180,9 +174,17 @@ pub(crate) fn read_metadata_file(directory: &Path) -> io::Result<String> {
     Ok(text)
 }
 
+/// Opens a regular file: a pipe that is named like one of a bag would block.
+pub(crate) fn open(path: &Path) -> io::Result<File> {
+    intake::file::open(path).map_err(|error| match error {
+        ReadError::Io(error) => error,
+        other => io::Error::new(io::ErrorKind::InvalidInput, other.to_string()),
+    })
+}
+
 fn open_source(path: &Path) -> Result<BagSource<BufReader<File>>, BagError> {
     let name = path.display().to_string();
-    let opened = if is_compressed(path) { unpack(path) } else { File::open(path) };
+    let opened = if is_compressed(path) { unpack(path) } else { open(path) };
     match opened {
         Ok(file) => Ok(BagSource { name, reader: BufReader::with_capacity(READ_BUFFER, file) }),
         Err(cause) => Err(BagError::Io { file: name, cause }),

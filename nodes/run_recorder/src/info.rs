@@ -1,5 +1,6 @@
 //! What a bag holds, as a value and as text for `kerf bag info`.
 
+use intake::text::one_line;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{Read, Seek};
@@ -91,12 +92,12 @@ impl BagInfo {
 
 impl fmt::Display for BagInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "bag:         {}", self.bag)?;
-        writeln!(f, "written by:  {}", self.library)?;
+        writeln!(f, "bag:         {}", one_line(&self.bag))?;
+        writeln!(f, "written by:  {}", one_line(&self.library))?;
         let complete = if self.complete { "yes" } else { "no" };
         writeln!(f, "complete:    {complete}")?;
         for problem in &self.problems {
-            writeln!(f, "             {problem}")?;
+            writeln!(f, "             {}", one_line(problem))?;
         }
         match self.kept.as_deref() {
             None => {}
@@ -112,11 +113,16 @@ impl fmt::Display for BagInfo {
         writeln!(f, "duration:    {:.3} s", self.duration_ns as f64 / 1e9)?;
         writeln!(f, "messages:    {}", self.message_count)?;
         for (key, value) in &self.run {
-            writeln!(f, "run:         {key} = {value}")?;
+            writeln!(f, "run:         {} = {}", one_line(key), one_line(value))?;
         }
         for attachment in &self.attachments {
             let AttachmentInfo { name, media_type, size } = attachment;
-            writeln!(f, "attachment:  {name} ({media_type}, {size} bytes)")?;
+            writeln!(
+                f,
+                "attachment:  {} ({}, {size} bytes)",
+                one_line(name),
+                one_line(media_type)
+            )?;
         }
         let width = |text: fn(&TopicInfo) -> usize| self.topics.iter().map(text).max().unwrap_or(0);
         let topic_width = width(|topic| topic.topic.len());
@@ -125,7 +131,9 @@ impl fmt::Display for BagInfo {
             writeln!(
                 f,
                 "topic:       {:topic_width$}  {:type_width$}  {:>9}",
-                topic.topic, topic.type_name, topic.message_count
+                one_line(&topic.topic),
+                one_line(&topic.type_name),
+                topic.message_count
             )?;
         }
         Ok(())

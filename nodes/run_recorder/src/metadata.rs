@@ -3,6 +3,7 @@
 //! This file knows the form; the figures come from [`BagSummary`], which the
 //! writer and the reader both make. Writing the file is for [`crate::files`].
 
+use intake::yaml::{Limits, YamlError, from_str};
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
@@ -116,14 +117,14 @@ pub fn serialized_metadata(
 }
 
 /// Reads the names of a bag's files out of metadata.yaml, in their order.
-pub fn file_names(text: &str) -> Result<Vec<String>, serde_yaml::Error> {
-    let file: FileList = serde_yaml::from_str(text)?;
+pub fn file_names(text: &str) -> Result<Vec<String>, YamlError> {
+    let file: FileList = from_str(text, &Limits::FILE)?;
     Ok(file.information.relative_file_paths)
 }
 
 /// Reads the free keys and values out of metadata.yaml.
-pub fn custom_data(text: &str) -> Result<BTreeMap<String, String>, serde_yaml::Error> {
-    let file: OwnData = serde_yaml::from_str(text)?;
+pub fn custom_data(text: &str) -> Result<BTreeMap<String, String>, YamlError> {
+    let file: OwnData = from_str(text, &Limits::FILE)?;
     Ok(file.information.custom_data.unwrap_or_default())
 }
 

@@ -5,6 +5,7 @@
 //! the YAML of bag version 9 and reads the integers of older versions. What a
 //! publisher really offered is for the shell to know.
 
+use intake::yaml::{Limits, YamlError, from_str};
 use serde::{Deserialize, Deserializer, Serialize, de::Error};
 
 /// How many samples a publisher keeps.
@@ -160,11 +161,11 @@ pub fn profiles_to_yaml(profiles: &[QosProfile]) -> String {
 }
 
 /// Reads the YAML text of a channel's `offered_qos_profiles`; empty text means none.
-pub fn profiles_from_yaml(text: &str) -> Result<Vec<QosProfile>, serde_yaml::Error> {
+pub fn profiles_from_yaml(text: &str) -> Result<Vec<QosProfile>, YamlError> {
     if text.trim().is_empty() {
         return Ok(Vec::new());
     }
-    serde_yaml::from_str(text)
+    from_str(text, &Limits::MESSAGE)
 }
 
 #[cfg(test)]

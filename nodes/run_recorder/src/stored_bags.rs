@@ -115,7 +115,7 @@ pub fn mark_of(bag: &Path) -> Option<String> {
     fs::symlink_metadata(&path).ok()?;
     // One that cannot be read marks all the same.
     let mut text = Vec::new();
-    if let Ok(file) = File::open(&path) {
+    if let Ok(file) = crate::files::open(&path) {
         let _ = file.take(REASON_MAX).read_to_end(&mut text);
     }
     Some(String::from_utf8_lossy(&text).trim().to_owned())
@@ -208,7 +208,7 @@ fn part_number(bag: &str, file_name: &str) -> Option<usize> {
 /// Whether the first file says that it is the run of the folder's name, recorded by us.
 fn is_run(content: &Content) -> io::Result<bool> {
     let Some((0, first)) = content.parts.first() else { return Ok(false) };
-    let mut reader = BufReader::new(File::open(first)?);
+    let mut reader = BufReader::new(crate::files::open(first)?);
     let Some((library, run)) = run_of(&mut reader)? else { return Ok(false) };
     let is_ours = library.split(' ').next() == Some(PRODUCT);
     Ok(is_ours && run.get("run_id") == Some(&content.name))
@@ -216,7 +216,7 @@ fn is_run(content: &Content) -> io::Result<bool> {
 
 /// Whether somebody writes to a file, or nobody can say.
 fn is_in_use(part: &Path) -> bool {
-    match File::open(part).map(|file| file.try_lock()) {
+    match crate::files::open(part).map(|file| file.try_lock()) {
         Ok(Ok(())) => false,
         Ok(Err(TryLockError::WouldBlock | TryLockError::Error(_))) | Err(_) => true,
     }

@@ -4,7 +4,7 @@
 //! it, so that planner and replay apply the same rules, built in or not.
 
 use crate::parameter_file::line_of;
-use crate::yaml::{FileError, from_yaml_str, read_text};
+use crate::yaml::{FileError, from_foreign_yaml, from_yaml_str, read_text};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::{ToolTable, ToolTableError};
 use std::path::Path;
@@ -74,9 +74,9 @@ pub fn profile_to_yaml(profile: &Profile) -> String {
 /// A profile that has travelled.
 ///
 /// # Errors
-/// It is not a profile, or not one that this build knows.
+/// It is not a profile, or not one that this build knows. The reason does not quote it.
 pub fn profile_from_yaml(text: &str) -> Result<Profile, FileError> {
-    from_yaml_str(text, "the profile that came with the contour")
+    from_foreign_yaml(text, "the profile that came with the contour")
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ use crate::qos::Qos;
 use crate::throttle::Throttle;
 use crate::time::RosTime;
 use cnc_msgs::wire::rcl_interfaces::msg::Log;
+use intake::text::one_line;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::sync::{Arc, Mutex};
@@ -113,7 +114,8 @@ impl<S: Subscriber> Layer<S> for RosLog {
         let Some(left_out) = lock(&self.throttle).admit(place, Instant::now()) else { return };
         let mut text = Text::default();
         event.record(&mut text);
-        let mut text = text.finish();
+        // Names and texts of others are in it: none of them writes a line of its own.
+        let mut text = one_line(&text.finish()).into_owned();
         if left_out > 0 {
             // Writing to a string does not fail.
             let _ = write!(text, " ({left_out} lines like this were left out)");

@@ -4,17 +4,22 @@
 //! beside its value; what they mean is in `cnc_msgs::profile`.
 
 use crate::parameter_file::line_of;
-use crate::yaml::{FileError, from_yaml_str, read_text};
+use crate::yaml::{FileError, from_foreign_yaml, from_yaml_str, read_text, utf8};
 use cnc_msgs::profile::{Profile, ProfileFault};
+use intake::folders::{Folders, LookupError};
+use intake::text::one_line;
+use intake::yaml::Limits;
 use std::path::Path;
 
 include!(concat!(env!("OUT_DIR"), "/profiles.rs"));
 
 /// Why there is no such profile.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
     #[error("there is no controller \"{name}\"; known are {known}, or the path of a YAML file")]
     Unknown { name: String, known: String },
+    #[error(transparent)]
+    Lookup(#[from] LookupError),
     #[error(transparent)]
     File(#[from] FileError),
     #[error("{file}{}: {fault}", line.map(|line| format!(":{line}")).unwrap_or_default())]
@@ -31,27 +36,50 @@ pub fn known_profiles() -> impl Iterator<Item = &'static str> {
     BUILT_IN.iter().map(|(name, _)| *name)
 }
 
-/// Loads the profile of a known name, or from a file if the word looks like a
-/// path: with a slash in it or `.yaml` at its end.
+/// Loads the profile that the operator named: a known name, or a file if the word looks
+/// like a path, with a slash in it or `.yaml` at its end.
 ///
 /// # Errors
 /// Neither, or the file is not a consistent profile.
 pub fn load_profile(name_or_path: &str) -> Result<Profile, ProfileError> {
-    if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
-        let file = format!("config/controllers/{name}.yaml");
-        return read(text, &file);
+    match built_in(name_or_path)? {
+        Some(profile) => Ok(profile),
+        None => checked(&read_text(Path::new(name_or_path))?, name_or_path, from_yaml_str),
     }
-    let is_path = name_or_path.contains('/')
-        || [".yaml", ".yml"].iter().any(|end| name_or_path.ends_with(end));
-    if is_path {
-        return read(&read_text(Path::new(name_or_path))?, name_or_path);
-    }
-    let known = known_profiles().collect::<Vec<_>>().join(", ");
-    Err(ProfileError::Unknown { name: name_or_path.to_owned(), known })
 }
 
-fn read(text: &str, file: &str) -> Result<Profile, ProfileError> {
-    let profile: Profile = from_yaml_str(text, file)?;
+/// Loads the profile that a peer named: a known name, or a file in one of the folders.
+///
+/// # Errors
+/// Neither, or the file is not a consistent profile. The reason quotes nothing of the file.
+pub fn load_foreign_profile(name: &str, folders: &Folders) -> Result<Profile, ProfileError> {
+    if let Some(profile) = built_in(name)? {
+        return Ok(profile);
+    }
+    let bytes = folders.read(name, Limits::MESSAGE.bytes as u64)?;
+    let shown = one_line(name);
+    checked(&utf8(bytes, &shown)?, &shown, from_foreign_yaml)
+}
+
+/// `None` for a word that looks like a path.
+fn built_in(name: &str) -> Result<Option<Profile>, ProfileError> {
+    if let Some((name, text)) = BUILT_IN.iter().find(|(known, _)| *known == name) {
+        let file = format!("config/controllers/{name}.yaml");
+        return checked(text, &file, from_yaml_str).map(Some);
+    }
+    if name.contains('/') || [".yaml", ".yml"].iter().any(|end| name.ends_with(end)) {
+        return Ok(None);
+    }
+    let known = known_profiles().collect::<Vec<_>>().join(", ");
+    Err(ProfileError::Unknown { name: one_line(name).into_owned(), known })
+}
+
+fn checked(
+    text: &str,
+    file: &str,
+    read: impl Fn(&str, &str) -> Result<Profile, FileError>,
+) -> Result<Profile, ProfileError> {
+    let profile = read(text, file)?;
     profile.check().map_err(|fault| {
         let path: Vec<String> = fault.path.iter().map(|&key| key.to_owned()).collect();
         ProfileError::Inconsistent { file: file.to_owned(), line: line_of(text, &path), fault }
@@ -99,6 +127,39 @@ mod tests {
             std::fs::write(&path, good.replacen(from, to, 1)).expect("written");
             let text = load_profile(&path.display().to_string()).expect_err(to).to_string();
             assert!(text.contains(part), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_a_peer_names_is_looked_up_in_the_folders_and_not_quoted() {
+        let good = BUILT_IN.iter().find(|(name, _)| *name == "rs274").expect("there").1;
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name).display().to_string();
+        std::fs::create_dir(at("controls")).expect("made");
+        let word = "hunter2";
+        for (name, text) in [
+            ("controls/mine.yaml", good.replacen("name: rs274", "name: mine", 1)),
+            ("controls/notes.yaml", format!("{word}:x:0:0:root:/root:/bin/bash\nmore\n")),
+            ("controls/keys.yaml", format!("{word}: 1\n")),
+            ("controls/list.yaml", format!("- {word}\n- {word}\n")),
+            ("controls/broken.yaml", format!("name: [{word}\n\t{word}: \"\n")),
+            ("controls/wrong.yaml", good.replacen("name: rs274", &format!("name: [{word}]"), 1)),
+            ("outside.yaml", good.to_owned()),
+        ] {
+            std::fs::write(at(name), text).expect("written");
+        }
+        let folders = Folders::new([at("controls")], "control_directories");
+        for name in ["rs274", "mine.yaml", &at("controls/mine.yaml")] {
+            assert!(load_foreign_profile(name, &folders).is_ok(), "{name}");
+        }
+        let outside = at("outside.yaml");
+        for name in [&outside, "../outside.yaml", "/etc/passwd", "/etc/../etc/passwd"] {
+            let error = load_foreign_profile(name, &folders).expect_err(name).to_string();
+            assert!(error.contains("control_directories"), "{error}");
+        }
+        for name in ["notes.yaml", "keys.yaml", "list.yaml", "broken.yaml", "wrong.yaml"] {
+            let error = load_foreign_profile(name, &folders).expect_err(name).to_string();
+            assert!(!error.contains(word) && error.starts_with(name), "{error}");
         }
     }
 }

@@ -15,6 +15,7 @@ use crate::node::Handle;
 use crate::parameters::Declared;
 use crate::session::Session;
 use futures::FutureExt;
+use intake::text::lines;
 use std::fmt::Display;
 use std::io::Write;
 use std::panic::AssertUnwindSafe;
@@ -35,8 +36,20 @@ where
     Fut: Future<Output = Result<(), E>>,
     E: Display,
 {
-    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
-    run_with(name, declared, &words.collect::<Vec<_>>(), node)
+    main_with(name, |words| run_with(name, declared, &words, node))
+}
+
+/// Calls `main` with the words of the command line; all that the `main` of a node does.
+///
+/// A word that is not UTF-8 ends the process with status 2.
+pub fn main_with(name: &str, main: impl FnOnce(Vec<String>) -> ExitCode) -> ExitCode {
+    match intake::arguments::words() {
+        Ok(words) => main(words),
+        Err(error) => {
+            complain(name, &error);
+            ExitCode::from(2)
+        }
+    }
 }
 
 /// As [`run`], with words that come from elsewhere.
@@ -192,5 +205,5 @@ fn obey_signals(handle: &Handle) -> std::io::Result<()> {
 /// Before there is a log.
 fn complain(name: &str, error: &dyn Display) {
     let text = format!("{name}: {error}\n");
-    drop(std::io::stderr().lock().write_all(text.as_bytes()));
+    drop(std::io::stderr().lock().write_all(lines(&text).as_bytes()));
 }

@@ -17,6 +17,8 @@ pub const ENCLAVE_FILES: [&str; 6] = [
 ];
 /// The list of certificates that are not valid any more, which the DDS layer does not read.
 const REVOKED: &str = "crl.pem";
+/// Bytes of a signed governance file; one has 4 kB.
+const GOVERNANCE_BYTES_MAX: u64 = 1 << 20;
 
 /// What `ROS_SECURITY_*` ask for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -68,7 +70,7 @@ impl SecurityRequest {
         let folder = self.keystore.join("enclaves").join(relative(name)?);
         for file in ENCLAVE_FILES {
             let path = folder.join(file);
-            match std::fs::File::open(&path) {
+            match intake::file::open(&path) {
                 Ok(_) => {}
                 Err(_) if !self.is_enforced => return Ok(None),
                 Err(error) => {
@@ -81,7 +83,7 @@ impl SecurityRequest {
             return Err(SecurityError::Revoked(folder.join(REVOKED)));
         }
         let path = folder.join("governance.p7s");
-        let read = std::fs::read(&path);
+        let read = intake::file::read(&path, GOVERNANCE_BYTES_MAX);
         let problem = match read {
             Ok(bytes) => governance_problem(&String::from_utf8_lossy(&bytes)),
             Err(error) => Some(error.to_string()),

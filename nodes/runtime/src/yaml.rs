@@ -1,13 +1,11 @@
 //! YAML files with errors that say where.
 //!
-//! For tool tables, profiles and parameter files. Knows files and places;
-//! what the content means is the reader's business.
+//! For tool tables, profiles and parameter files. Knows files and places; what the content
+//! means is the reader's business, and what a text may cost that of `intake`.
 
+use intake::yaml::{Limits, YamlError};
 use serde::de::DeserializeOwned;
 use std::path::Path;
-
-/// Files over this size are refused unread: 16 MiB.
-const FILE_MAX: u64 = 16 * 1024 * 1024;
 
 /// What is wrong with a file, and where.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -31,26 +29,32 @@ impl FileError {
     }
 }
 
-/// Reads a value from YAML text; `file` names it in errors.
+impl FileError {
+    fn of(error: YamlError, file: &str) -> Self {
+        let YamlError { line, column, reason } = error;
+        Self { file: file.to_owned(), line, column, reason }
+    }
+}
+
+/// Reads a value from YAML text of the operator; `file` names it in errors.
 ///
 /// # Errors
-/// Not YAML, or not of the form of `T`.
+/// Not YAML, not of the form of `T`, or more of it than any real file has.
 pub fn from_yaml_str<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, FileError> {
-    serde_yaml::from_str(text).map_err(|error| {
-        let location = error.location();
-        let message = error.to_string();
-        // The place is told in front, where editors find it.
-        let reason = match message.rfind(" at line ") {
-            Some(end) if location.is_some() => message[..end].to_owned(),
-            _ => message,
-        };
-        FileError {
-            file: file.to_owned(),
-            line: location.as_ref().map(serde_yaml::Location::line),
-            column: location.as_ref().map(serde_yaml::Location::column),
-            reason,
-        }
-    })
+    intake::yaml::from_str(text, &Limits::FILE).map_err(|error| FileError::of(error, file))
+}
+
+/// Reads a value from YAML text of a peer, or of a file that a peer named.
+///
+/// # Errors
+/// As [`from_yaml_str`], with limits for what travels. The reason quotes nothing of the
+/// text: whoever asks may have no right to read it.
+pub(crate) fn from_foreign_yaml<T: DeserializeOwned>(
+    text: &str,
+    file: &str,
+) -> Result<T, FileError> {
+    intake::yaml::from_str(text, &Limits::MESSAGE)
+        .map_err(|error| FileError::of(error.without_content(), file))
 }
 
 /// Reads a value from a YAML file.
@@ -61,23 +65,22 @@ pub fn from_yaml_file<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> 
     from_yaml_str(&read_text(path)?, &path.display().to_string())
 }
 
-/// Reads a text file of at most 16 MiB.
+/// Reads a text file, as long as YAML of the operator may be.
 ///
 /// # Errors
-/// The file cannot be read, is too long, or is not UTF-8.
+/// It is no regular file, cannot be read, is too long, or is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, FileError> {
     let name = path.display().to_string();
-    let told = |error: std::io::Error| FileError::new(&name, None, error.to_string());
-    let size = std::fs::metadata(path).map_err(told)?.len();
-    if size > FILE_MAX {
-        let reason = format!("{size} bytes; at most {FILE_MAX} are read");
-        return Err(FileError::new(&name, None, reason));
-    }
-    let bytes = std::fs::read(path).map_err(told)?;
+    let bytes = intake::file::read(path, Limits::FILE.bytes as u64)
+        .map_err(|error| FileError::new(&name, None, error.to_string()))?;
+    utf8(bytes, &name)
+}
+
+pub(crate) fn utf8(bytes: Vec<u8>, name: &str) -> Result<String, FileError> {
     String::from_utf8(bytes).map_err(|error| {
         let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + good.iter().filter(|byte| **byte == b'\n').count();
-        FileError::new(&name, Some(line), "a byte here is not UTF-8")
+        FileError::new(name, Some(line), "a byte here is not UTF-8")
     })
 }
 

@@ -1,6 +1,7 @@
 //! The command line: exit status and what is said, for good input and bad.
 
 mod bags;
+mod outside;
 mod plan_json;
 #[path = "../support/mod.rs"]
 mod support;
@@ -109,7 +110,7 @@ fn what_cannot_be_read_or_understood_as_arguments_ends_with_2() {
     std::fs::create_dir(folder.path().join("there")).expect("a folder");
     let table: &[(&[&str], &[&str])] = &[
         (&["plan", "none.ngc"], &["cannot read none.ngc: No such file"]),
-        (&["plan", "there"], &["cannot read there: Is a directory"]),
+        (&["plan", "there"], &["cannot read there: it is a folder"]),
         (&["plan"], &["<FILE>", "Usage"]),
         (&["plan", "ok.ngc", "--json", "--quiet"], &["--quiet"]),
         (
@@ -133,7 +134,7 @@ fn what_cannot_be_read_or_understood_as_arguments_ends_with_2() {
         (&["plan", "ok.ngc", "--tools", "nan.yaml"], &["nan.yaml:3: radius_mm of D3 is NaN"]),
         (&["plan", "ok.ngc", "--tools", "list.yaml"], &["list.yaml:1:1"]),
         (&["plan", "ok.ngc", "--tools", "no.yaml"], &["no.yaml: No such file"]),
-        (&["plan", "ok.ngc", "--tools", "there"], &["there: Is a directory"]),
+        (&["plan", "ok.ngc", "--tools", "there"], &["there: it is a folder"]),
         (&["plan", "ok.ngc", "--start", "1,2"], &["\"1,2\" is not three numbers X,Y,Z"]),
         (&["plan", "ok.ngc", "--start", "a,b,c"], &["\"a,b,c\" is not three numbers"]),
         (&["plan", "ok.ngc", "--start", "nan,0,0"], &["\"nan,0,0\" is not three numbers"]),

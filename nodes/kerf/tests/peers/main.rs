@@ -12,6 +12,7 @@ mod machine;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod files;
 mod hanging;
 mod planner;
 mod storms;

@@ -109,7 +109,9 @@ fn no_page_is_written_over_a_bag() {
     let file = crate::bag::files(&golden("nct_offsets")).remove(0);
     let bytes = std::fs::read(file).expect("a golden bag");
     let bag = folder.file("bag.mcap", &bytes);
-    report(&bag, &bag).expect(2).says(&["bag.mcap is a bag; nothing is written over it"]);
+    report(&bag, &bag)
+        .expect(2)
+        .says(&["bag.mcap is an input of this command; nothing is written"]);
     crate::replay(&bag, &["--html", &bag.display().to_string()]).expect(2);
     assert!(std::fs::read(&bag).expect("it is still there") == bytes);
 }

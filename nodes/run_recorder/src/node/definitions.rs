@@ -89,6 +89,9 @@ fn time(ns: i64) -> QosTime {
     QosTime { sec: ns / 1_000_000_000, nsec: ns % 1_000_000_000 }
 }
 
+/// Bytes of a file with the definition of a message; the longest of ROS has 20 kB.
+const DEFINITION_BYTES_MAX: u64 = 256 << 10;
+
 /// A definition and all that it needs, from an ROS installation.
 fn installed(type_name: &str) -> Option<String> {
     let prefixes: Vec<PathBuf> =
@@ -96,8 +99,15 @@ fn installed(type_name: &str) -> Option<String> {
     let read = |name: &str| {
         let (package, rest) = name.split_once('/')?;
         let name = rest.rsplit('/').next()?;
+        // Whoever announces a topic names its type: it is a name, never a way elsewhere.
+        let is_name =
+            |part: &str| part.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
+        if !is_name(package) || !is_name(name) {
+            return None;
+        }
         prefixes.iter().find_map(|prefix| {
-            std::fs::read_to_string(prefix.join(format!("share/{package}/msg/{name}.msg"))).ok()
+            let path = prefix.join(format!("share/{package}/msg/{name}.msg"));
+            String::from_utf8(intake::file::read(&path, DEFINITION_BYTES_MAX).ok()?).ok()
         })
     };
     let mut text = read(type_name)?;

@@ -1,7 +1,7 @@
 //! The command line of the virtual controller.
 
+use intake::yaml::Limits;
 use std::ffi::OsString;
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -167,7 +167,9 @@ fn options(arguments: Arguments) -> Result<ServeOptions, String> {
 }
 
 fn read(path: &Path) -> Result<String, String> {
-    fs::read_to_string(path).map_err(|error| format!("cannot read {}: {error}", path.display()))
+    let failed = |why: &dyn std::fmt::Display| format!("cannot read {}: {why}", path.display());
+    let bytes = intake::file::read(path, Limits::FILE.bytes as u64).map_err(|why| failed(&why))?;
+    String::from_utf8(bytes).map_err(|why| failed(&why))
 }
 
 /// What is given on the command line counts more; faults are added.

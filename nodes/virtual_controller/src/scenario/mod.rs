@@ -8,6 +8,7 @@ mod form;
 #[cfg(test)]
 mod tests;
 
+use intake::yaml::{Limits, from_str};
 use std::str::FromStr;
 
 use serde::Deserialize;
@@ -126,15 +127,10 @@ fn place(at: Option<(usize, usize)>) -> String {
 impl Scenario {
     /// Reads a scenario. An empty text is the usual controller without faults.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
-        let scenario: Option<Self> = serde_yaml::from_str(text).map_err(|error| {
-            let at = error.location().map(|at| (at.line(), at.column()));
+        let scenario: Option<Self> = from_str(text, &Limits::FILE).map_err(|error| {
             // The place is told in front, where editors find it.
-            let told = at.map(|(line, column)| format!(" at line {line} column {column}"));
-            let reason = match told {
-                Some(told) => error.to_string().replace(&told, ""),
-                None => error.to_string(),
-            };
-            ScenarioError::Form { at, reason }
+            let at = error.line.zip(error.column);
+            ScenarioError::Form { at, reason: error.reason }
         })?;
         let scenario = scenario.unwrap_or_default();
         scenario.settings()?;

@@ -1,0 +1,114 @@
+//! YAML with bounded work: the only way from a text to a value.
+//!
+//! The parser below spends memory on each token (400 bytes) and, in brackets, time on each
+//! level they are nested in. So a text is measured first, in one pass and without memory
+//! of its own, and refused when it is larger than any real one. [`measure`] is the pass.
+
+mod scanner;
+
+use serde::de::DeserializeOwned;
+
+/// What a text may cost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    pub bytes: usize,
+    /// Lists and maps within each other.
+    pub depth: usize,
+    /// Values, keys and punctuation marks.
+    pub tokens: usize,
+    /// `*aliases`, which repeat what was written before, and `%directives`.
+    pub aliases: usize,
+}
+
+impl Limits {
+    /// A file that the operator names: a tool table of 4000 full rows, the parameters of a
+    /// hundred nodes, the metadata of a bag with 2000 topics.
+    pub const FILE: Self = Self { bytes: 4 << 20, depth: 48, tokens: 200_000, aliases: 10 };
+    /// A text out of a message or a bag: a profile of ours has 4 kB and 400 tokens.
+    pub const MESSAGE: Self = Self { bytes: 64 << 10, depth: 24, tokens: 8_000, aliases: 0 };
+}
+
+/// What a text would cost the parser.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Cost {
+    pub depth: usize,
+    pub tokens: usize,
+    pub aliases: usize,
+}
+
+/// Why a text is not read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{reason}")]
+pub struct YamlError {
+    /// 1-based, where known.
+    pub line: Option<usize>,
+    /// 1-based, where known.
+    pub column: Option<usize>,
+    pub reason: String,
+}
+
+/// Measures a text up to the place where it passes a limit.
+///
+/// # Errors
+/// What is too large, and where.
+pub fn measure(text: &str, limits: &Limits) -> Result<Cost, YamlError> {
+    if text.len() > limits.bytes {
+        let reason =
+            format!("the text has {} bytes; at most {} are read", text.len(), limits.bytes);
+        return Err(YamlError { line: None, column: None, reason });
+    }
+    scanner::Scanner::new(text, limits).run()
+}
+
+/// Reads a value from a text within limits.
+///
+/// # Errors
+/// The text is too large, is not YAML, or is not of the form of `T`. The reason may quote it.
+pub fn from_str<T: DeserializeOwned>(text: &str, limits: &Limits) -> Result<T, YamlError> {
+    measure(text, limits)?;
+    serde_yaml::from_str(text).map_err(|error| {
+        let location = error.location();
+        let message = error.to_string();
+        // The place has fields of its own.
+        let reason = match message.rfind(" at line ") {
+            Some(end) if location.is_some() => message[..end].to_owned(),
+            _ => message,
+        };
+        YamlError {
+            line: location.as_ref().map(serde_yaml::Location::line),
+            column: location.as_ref().map(serde_yaml::Location::column),
+            reason,
+        }
+    })
+}
+
+impl YamlError {
+    /// The same error without a word of the text: whoever asked may not be allowed to read it.
+    #[must_use]
+    pub fn without_content(self) -> Self {
+        const KINDS: [&str; 8] = [
+            "invalid type",
+            "invalid value",
+            "invalid length",
+            "unknown field",
+            "unknown variant",
+            "missing field",
+            "duplicate field",
+            "duplicate entry",
+        ];
+        // A path in the struct may stand before the kind; its keys are text too.
+        let kind = KINDS.iter().filter_map(|kind| Some((self.reason.find(kind)?, *kind))).min();
+        let Some((_, kind)) = kind else {
+            return Self { reason: "not YAML of the expected form".to_owned(), ..self };
+        };
+        // What is expected is a word of ours; the text stands before it.
+        let expected = match self.reason.rfind(", expected ") {
+            Some(start) => &self.reason[start..],
+            None => "",
+        };
+        Self { reason: format!("{kind}{expected}"), ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests;
