@@ -71,6 +71,11 @@ pub fn main(program: &[&str], args: Vec<String>) -> ExitCode {
     motion::main(program, &args)
 }
 
+/// The node's parameters.
+pub fn parameters() -> Vec<runtime::Declared> {
+    parameters::declared()
+}
+
 async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let has_port = !node.parameter::<String>("port").is_empty();
     let (motion, incoming, Before { welcome, kept, events }) = MotionLink::connect()?;

@@ -19,6 +19,17 @@ const NODES: [(&str, Entry); 5] = [
     }),
 ];
 
+/// The parameters of a node that speaks ROS.
+pub(crate) fn parameters_of(name: &str) -> Vec<runtime::Declared> {
+    match name {
+        "program_loader" => program_loader::node::parameters(),
+        "compensation_planner" => compensation_planner::node::parameters(),
+        "axis_driver" => axis_driver::node::parameters(),
+        "run_recorder" => run_recorder::node::parameters(),
+        other => panic!("{other} is no node of the stack"),
+    }
+}
+
 /// What `kerf node` takes.
 #[derive(Debug, Args)]
 pub(crate) struct NodeArgs {

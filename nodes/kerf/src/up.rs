@@ -1,9 +1,11 @@
 //! `kerf up`: every node, supervised, until Ctrl-C.
 
 use crate::exit::{Failure, Outcome, Status};
+use crate::node::parameters_of;
 use crate::stack::{Stack, remove_dead_link, wait_for_file};
 use clap::Args;
 use runtime::arguments::Arguments;
+use runtime::stack_parameters::StackParameters;
 use std::path::PathBuf;
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -29,6 +31,29 @@ pub(crate) struct UpArgs {
     /// A scenario of the virtual controller: its build, its settings, its faults
     #[arg(long, value_name = "FILE", requires = "virtual_controller")]
     scenario: Option<PathBuf>,
+}
+
+/// The loader reads files that peers name from here too: a command that was typed in this
+/// folder names its files so.
+fn folders(read: &StackParameters) -> Vec<String> {
+    let Some(here) =
+        std::env::current_dir().ok().and_then(|here| here.into_os_string().into_string().ok())
+    else {
+        // Nobody could name a file of it over ROS.
+        return Vec::new();
+    };
+    let mut words = vec!["--ros-args".to_owned()];
+    for name in ["program_directories", "control_directories"] {
+        let given = read.nodes["program_loader"].get(name).cloned();
+        let mut all: Vec<String> =
+            given.and_then(|folders| folders.try_into().ok()).unwrap_or_default();
+        all.push(here.clone());
+        words.push("-p".to_owned());
+        // JSON is YAML.
+        words.push(format!("program_loader:{name}:={}", serde_json::json!(all)));
+    }
+    words.push("--".to_owned());
+    words
 }
 
 /// What the virtual controller takes.
@@ -85,6 +110,12 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
             ["--ros-args", "-p", &format!("axis_driver:port:={port}"), "--"].map(String::from),
         );
     }
+    let declared = STOP_ORDER.map(|name| (name, parameters_of(name)));
+    let read = StackParameters::read(declared.into(), &node_args).map_err(Failure::usage)?;
+    for warning in &read.warnings {
+        eprintln!("kerf: {warning}");
+    }
+    node_args.extend(folders(&read));
     let enclave = Arguments::parse(ros_args).map_err(Failure::usage)?.enclave;
     for name in STOP_ORDER {
         let mut args = node_args.clone();
@@ -109,5 +140,24 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
         Some(trouble) => Err(Failure::new(Status::Usage, trouble)),
         None if troubles.is_empty() => Ok(()),
         None => Err(Failure::new(Status::NodeRefused, troubles.join("; "))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_loader_reads_from_the_folders_of_its_parameters_and_from_this_one() {
+        let words = ["--ros-args", "-p", "program_loader:program_directories:=[/parts]"];
+        let words: Vec<String> = words.map(str::to_owned).into();
+        let declared = || STOP_ORDER.map(|name| (name, parameters_of(name))).into();
+        let read = StackParameters::read(declared(), &words).expect("valid");
+        let read = StackParameters::read(declared(), &[words, folders(&read)].concat());
+        let here = std::env::current_dir().expect("a folder").display().to_string();
+        let loader = &read.expect("valid").nodes["program_loader"];
+        let expected = vec!["/parts".to_owned(), here.clone()];
+        assert_eq!(loader.get("program_directories"), Some(&expected.into()));
+        assert_eq!(loader.get("control_directories"), Some(&vec![here].into()));
     }
 }

@@ -82,7 +82,7 @@ impl Configuration {
         let mut overrides = Vec::new();
         for file in &arguments.parameter_files {
             let text = read_text(Path::new(file))?;
-            overrides.extend(parameter_file::read(&text, file, &names)?);
+            overrides.extend(parameter_file::read(&text, file, &names, name)?.overrides);
         }
         overrides.extend(parameter_file::from_arguments(&arguments.parameters, &names, name)?);
         warnings.extend(parameters.apply(&overrides).map_err(Self::refused)?);

@@ -96,6 +96,7 @@ pub mod security;
 mod service;
 mod session;
 mod sockets;
+pub mod stack_parameters;
 mod subscription;
 pub mod supervision;
 mod tasks;

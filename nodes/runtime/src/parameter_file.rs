@@ -9,15 +9,31 @@ use crate::arguments::ParameterArgument;
 use crate::names::Names;
 use crate::parameters::{Origin, Override, ParameterValue};
 use crate::yaml::{FileError, from_yaml_str};
+use intake::nearest::nearest;
 use serde_yaml::Value;
 
-/// The values that a parameter file has for the node of `names`, in order.
+/// What a parameter file has for a node.
+#[derive(Debug, Default)]
+pub(crate) struct Found {
+    /// In order.
+    pub(crate) overrides: Vec<Override>,
+    /// Where sections of other nodes are, with their names.
+    pub(crate) others: Vec<(Origin, String)>,
+}
+
+/// The values that a parameter file has for the node of `names`, which is a `default_node`.
 ///
 /// # Errors
-/// Not a parameter file, or a value that no parameter can have.
-pub(crate) fn read(text: &str, file: &str, names: &Names) -> Result<Vec<Override>, FileError> {
+/// Not a parameter file, a value that no parameter can have, or a section of a node whose
+/// name is almost that of this one.
+pub(crate) fn read(
+    text: &str,
+    file: &str,
+    names: &Names,
+    default_node: &str,
+) -> Result<Found, FileError> {
     let root: Value = from_yaml_str(text, file)?;
-    let mut reader = Reader { text, file, node: names.fully_qualified(), found: Vec::new() };
+    let mut reader = Reader { text, file, names, default_node, found: Found::default() };
     match &root {
         Value::Null => {}
         Value::Mapping(_) => reader.sections(&root, &mut Vec::new())?,
@@ -58,8 +74,9 @@ pub(crate) fn from_arguments(
 struct Reader<'a> {
     text: &'a str,
     file: &'a str,
-    node: String,
-    found: Vec<Override>,
+    names: &'a Names,
+    default_node: &'a str,
+    found: Found,
 }
 
 impl Reader<'_> {
@@ -75,9 +92,11 @@ impl Reader<'_> {
             path.push(key.clone());
             if key == "ros__parameters" {
                 let section = &path[..path.len() - 1];
-                if matches(section, &self.node) {
+                let name = section.last().and_then(|key| key.rsplit('/').next());
+                if !matches(section, &self.names.fully_qualified()) {
+                    self.other(section, name.unwrap_or_default())?;
+                } else {
                     // `/**/driver` says where the node may be, but not which one it is.
-                    let name = section.last().and_then(|key| key.rsplit('/').next());
                     let is_shared = name.is_some_and(|name| name.contains('*'));
                     match value {
                         Value::Null => {}
@@ -91,6 +110,26 @@ impl Reader<'_> {
             path.pop();
         }
         Ok(())
+    }
+
+    /// Passes over the section of another node, if it is one.
+    fn other(&mut self, section: &[String], name: &str) -> Result<(), FileError> {
+        let (node, default_node) = (self.names.node(), self.default_node);
+        // `axis_driver_left` is a name of its own, and so is what the node is called now.
+        let is_own = name.starts_with(default_node) || name == node || name.contains('*');
+        if !is_own && nearest(name, [default_node]).is_some() {
+            let why = format!("there is no node \"{name}\"; did you mean \"{default_node}\"?");
+            return Err(self.error(section, &why));
+        }
+        self.found.others.push((self.origin(section), section.join("/")));
+        Ok(())
+    }
+
+    fn origin(&self, path: &[String]) -> Origin {
+        match line_of(self.text, path) {
+            Some(line) => Origin(format!("{}:{line}", self.file)),
+            None => Origin(self.file.to_owned()),
+        }
     }
 
     /// Takes parameters; groups become a prefix with a dot.
@@ -113,11 +152,8 @@ impl Reader<'_> {
             } else {
                 let value = value_of(value)
                     .map_err(|why| self.error(path, &format!("parameter \"{name}\": {why}")))?;
-                let origin = match line_of(self.text, path) {
-                    Some(line) => Origin(format!("{}:{line}", self.file)),
-                    None => Origin(self.file.to_owned()),
-                };
-                self.found.push(Override { name, value, origin, is_shared });
+                let origin = self.origin(path);
+                self.found.overrides.push(Override { name, value, origin, is_shared });
             }
             path.pop();
         }
@@ -223,8 +259,8 @@ mod tests {
     }
 
     fn found(text: &str) -> Vec<(String, Option<ParameterValue>, String)> {
-        let found = read(text, "f.yaml", &names()).expect("valid");
-        found.into_iter().map(|one| (one.name, one.value, one.origin.0)).collect()
+        let found = read(text, "f.yaml", &names(), "driver").expect("valid");
+        found.overrides.into_iter().map(|one| (one.name, one.value, one.origin.0)).collect()
     }
 
     #[test]
@@ -300,9 +336,10 @@ cell:
             ("/**:\n  ros__parameters:\n    a: 1\n    a: 2\n", "f.yaml:"),
             ("/**:\n  ros__parameters:\n    a: 18446744073709551615\n", "f.yaml:3: "),
             ("a: [\n", "f.yaml:"),
+            ("/cell/mill/diver:\n  ros__parameters:\n    a: 1\n", "f.yaml:1: there is no node"),
         ];
         for (text, start) in table {
-            let error = read(text, "f.yaml", &names()).expect_err(text).to_string();
+            let error = read(text, "f.yaml", &names(), "driver").expect_err(text).to_string();
             assert!(error.starts_with(start), "{text}: {error}");
         }
         assert_eq!(found(""), []);

@@ -18,6 +18,11 @@ pub enum ParameterError {
     Value { origin: Origin, name: String, reason: String },
     #[error("{origin}parameter \"{name}\" is not one of this node's: {known}")]
     Unknown { origin: Origin, name: String, known: String },
+    #[error(
+        "{origin}parameter \"{name}\" is of no node{}",
+        meant.as_ref().map(|meant| format!("; did you mean \"{meant}\"?")).unwrap_or_default()
+    )]
+    OfNoNode { origin: Origin, name: String, meant: Option<String> },
     #[error("parameter \"{name}\" is read-only: it is set at the start of the node")]
     ReadOnly { name: String },
     #[error("parameter \"{name}\" is declared twice")]
@@ -86,9 +91,7 @@ impl Parameters {
         let mut taken = self.entries.clone();
         for found in overrides {
             let Some((declared, value)) = taken.get_mut(&found.name) else {
-                let is_of_ros = found.name.starts_with("qos_overrides.")
-                    || found.name == "start_type_description_service";
-                if found.is_shared || is_of_ros {
+                if found.is_shared || Self::is_of_ros(&found.name) {
                     let (origin, name) = (&found.origin, &found.name);
                     warnings.push(format!("{origin}parameter \"{name}\" has no effect here"));
                 } else {
@@ -115,6 +118,11 @@ impl Parameters {
         } else {
             Err(errors)
         }
+    }
+
+    /// Whether nodes of ROS have a parameter of this name, without a meaning here.
+    pub(crate) fn is_of_ros(name: &str) -> bool {
+        name.starts_with("qos_overrides.") || name == "start_type_description_service"
     }
 
     /// Whether a running node may be given these values, all together.

@@ -1,3 +1,5 @@
+//! What is counted, and that nothing hides from the count.
+
 use super::*;
 use proptest::prelude::*;
 use serde::Deserialize;
