@@ -51,11 +51,13 @@ pub enum Code {
     SuspiciousValue,
     /// A path that is not what its program asks for: found by the audit of a path.
     PathMismatch,
+    /// The planner and the audit of its path disagree: a defect of Kerf.
+    InternalError,
 }
 
 impl Code {
     /// Every code, in the order of declaration.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 31] = [
         Self::Syntax,
         Self::UnknownWord,
         Self::ModalConflict,
@@ -86,6 +88,7 @@ impl Code {
         Self::Restart,
         Self::SuspiciousValue,
         Self::PathMismatch,
+        Self::InternalError,
     ];
 
     /// The name in JSON and messages.
@@ -121,6 +124,7 @@ impl Code {
             Self::Restart => "restart",
             Self::SuspiciousValue => "suspicious_value",
             Self::PathMismatch => "path_mismatch",
+            Self::InternalError => "internal_error",
         }
     }
 }

@@ -18,11 +18,13 @@ use run_recorder::value::Value;
 use std::collections::BTreeSet;
 
 /// Codes that no program alone brings about.
-const NOT_OF_A_PROGRAM: [Code; 2] = [
+const NOT_OF_A_PROGRAM: [Code; 3] = [
     // Of the place where a run is to begin.
     Code::Restart,
     // A fault of the planner itself, found by its audit.
     Code::PathMismatch,
+    // The planner and its audit disagree.
+    Code::InternalError,
 ];
 
 /// Where a word is looked for.

@@ -28,16 +28,15 @@ mod spans;
 mod strip;
 mod way;
 
-use crate::Plan;
 use cnc_msgs::contour::ProgrammedContour;
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{CompensatedPath, Role};
-use cnc_msgs::profile::{OutputPoint, Profile};
+use cnc_msgs::profile::{OutputPoint, Profile, Reaction};
 use cnc_msgs::tool_table::ToolTable;
 use pieces::Chains;
 use report::Report;
-use spans::Spans;
+use spans::{Span, Spans};
 use way::Way;
 
 /// What an audit found, and how much it looked at.
@@ -50,6 +49,8 @@ pub struct Audit {
     pub events: usize,
     /// The least distance from a wall that is nearer than the radius, mm; `None`: no wall is.
     pub nearest_mm: Option<f64>,
+    /// First and last line of each span, with its leads.
+    span_lines: Vec<(u32, u32)>,
 }
 
 impl Audit {
@@ -59,11 +60,49 @@ impl Audit {
     }
 
     /// The same without what has been said before: the same code about one of the same blocks.
+    ///
+    /// Where the profile takes it for a warning that the tool does not fit a contour, and that
+    /// has been said, the rest about the same contour is a warning too: the control runs it,
+    /// and what it runs there is no path beside the contour.
     #[must_use]
-    pub fn beside(mut self, said: &[Diagnostic]) -> Self {
+    pub fn beside(mut self, said: &[Diagnostic], profile: &Profile) -> Self {
         self.findings.retain(|finding| !said.iter().any(|other| is_same(finding, other)));
+        if runs_what_does_not_fit(profile) {
+            let misfits = said.iter().filter(|said| !said.is_error() && is_misfit(said.code));
+            let lines: Vec<u32> = misfits.map(|said| said.source.line).collect();
+            let is_in = |line: u32, span: &(u32, u32)| (span.0..=span.1).contains(&line);
+            let spans = self.span_lines.iter();
+            let misfit = spans.filter(|span| lines.iter().any(|&line| is_in(line, span)));
+            let misfit: Vec<_> = misfit.copied().collect();
+            for finding in &mut self.findings {
+                let is_of_path = is_misfit(finding.code) || finding.code == Code::PathMismatch;
+                let line = finding.source.line;
+                if is_of_path && misfit.iter().any(|span| is_in(line, span)) {
+                    finding.severity = Severity::Warning;
+                }
+            }
+        }
         self
     }
+}
+
+/// Whether a contour may be run although the tool does not fit it: because that is ignored, or
+/// because the control looks too few blocks ahead to see it.
+fn runs_what_does_not_fit(profile: &Profile) -> bool {
+    let lookahead = &profile.lookahead;
+    match profile.interference.react {
+        Reaction::Ignore => true,
+        Reaction::Alarm => {
+            lookahead.blocks.is_some() && lookahead.strictness.severity() == Severity::Warning
+        }
+        // What does not fit has been left out.
+        Reaction::Trim => false,
+    }
+}
+
+/// What is said of a contour that the tool does not fit.
+const fn is_misfit(code: Code) -> bool {
+    matches!(code, Code::Gouge | Code::Unreachable | Code::ArcOver360)
 }
 
 fn is_same(a: &Diagnostic, b: &Diagnostic) -> bool {
@@ -71,26 +110,6 @@ fn is_same(a: &Diagnostic, b: &Diagnostic) -> bool {
         |finding: &Diagnostic| [Some(finding.source.line), finding.other.map(|other| other.line)];
     let (of_a, of_b) = (lines(a), lines(b));
     a.code == b.code && of_a.iter().flatten().any(|line| of_b.contains(&Some(*line)))
-}
-
-/// Audits a plan before anybody runs it: what the planner has said already is not said again,
-/// and what is an error refuses the plan, with its findings.
-pub fn veto(
-    plan: &mut Plan,
-    contour: &ProgrammedContour,
-    profile: &Profile,
-    tools: &ToolTable,
-) -> Audit {
-    if !plan.accepted() {
-        return Audit::default();
-    }
-    let audit = audit(contour, &plan.path, profile, tools).beside(&plan.diagnostics);
-    if audit.refuses() {
-        plan.diagnostics.extend(audit.findings.iter().filter(|f| f.is_error()).cloned());
-        plan.diagnostics.sort_by_key(|finding| finding.source.line);
-        plan.refused = std::mem::take(&mut plan.path).elements;
-    }
-    audit
 }
 
 /// Audits any path of a contour.
@@ -117,6 +136,9 @@ pub fn audit(
         events::check(&way, tools, &mut report);
         let Spans { spans, legs } = Spans::of(&way);
         result.spans = spans.len();
+        let line = |block: u32| way.program.source(block).line;
+        let lines = |span: &Span| (line(span.blocks.start), line(span.blocks.end - 1));
+        result.span_lines = spans.iter().map(lines).collect();
         let chains: Vec<Chains<'_>> =
             spans.iter().map(|span| Chains::of(&way, span, &legs)).collect();
         for chains in &chains {

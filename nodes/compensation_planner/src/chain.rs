@@ -9,7 +9,7 @@
 use crate::distance::distance_to;
 use crate::element::{Element, Vec2, cross, left};
 use crate::intersect::{Meeting, meet, meet_across};
-use crate::tolerance::{LENGTH_MM, SHORT_CORNER_MM, SMALL_TURN_RAD, TANGENT_RAD};
+use crate::tolerance::{FLAT_MM, LENGTH_MM, SHORT_CORNER_MM, SMALL_TURN_RAD, TANGENT_RAD};
 
 /// What a link of the chain stands for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,7 +71,13 @@ pub(crate) fn turn(a: &Element, b: &Element, d_mm: f64) -> Turn {
         if sine.abs() < TANGENT_RAD {
             return Turn::Tangent;
         }
-        if sine < 0.0 && -sine < SMALL_TURN_RAD && -sine * d_mm.abs() < SHORT_CORNER_MM {
+        let gap_mm = -sine * d_mm.abs();
+        if sine < 0.0
+            && -sine < SMALL_TURN_RAD
+            && gap_mm < SHORT_CORNER_MM
+            && is_flat(a, d_mm, gap_mm)
+            && is_flat(b, d_mm, gap_mm)
+        {
             return Turn::Tangent;
         }
     } else if sine.abs() < TANGENT_RAD {
@@ -80,6 +86,16 @@ pub(crate) fn turn(a: &Element, b: &Element, d_mm: f64) -> Turn {
         return if bend < 0.0 { Turn::Inside } else { Turn::Outside };
     }
     if sine > 0.0 { Turn::Inside } else { Turn::Outside }
+}
+
+/// Whether the offset of an element bends so little that half of a short corner is on it.
+///
+/// Where the tool just fits into a fillet hardly a circle is left of it.
+fn is_flat(element: &Element, d_mm: f64, gap_mm: f64) -> bool {
+    match element {
+        Element::Line(_) => true,
+        Element::Arc(arc) => gap_mm * gap_mm <= 8.0 * FLAT_MM * (arc.radius - d_mm * arc.turn),
+    }
 }
 
 /// Where the offsets of two lines through a corner meet, given their tangents there.

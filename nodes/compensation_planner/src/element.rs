@@ -5,7 +5,7 @@
 //! An element may be one point: an arc of radius 0 is a corner that the tool
 //! goes around. What joins two elements is the business of `intersect`.
 
-use crate::tolerance::{ARC_RADIUS_REL, CENTER_SHIFT_REL, LENGTH_MM};
+use crate::tolerance::{ARC_RADIUS_REL, CENTER_SHIFT_REL, LENGTH_MM, SHORT_ARC_SHIFT_REL};
 use std::f64::consts::TAU;
 
 /// A point or vector in the plane, mm.
@@ -87,7 +87,9 @@ impl Element {
             let chord = end - start;
             let length = chord.norm();
             let shift = difference * (at_end + at_start) / (2.0 * length);
-            if shift.abs() <= CENTER_SHIFT_REL * at_start {
+            let is_minor = turns == 0 && cross(start - center, end - center) * turn > 0.0;
+            let most = if is_minor { SHORT_ARC_SHIFT_REL } else { CENTER_SHIFT_REL };
+            if shift.abs() <= most * at_start {
                 center += chord * (shift / length);
             }
         }
@@ -259,6 +261,15 @@ impl Element {
     /// Whether it ends where it starts.
     pub(crate) fn is_closed(&self) -> bool {
         !self.is_line() && (self.end() - self.start()).norm() <= LENGTH_MM
+    }
+
+    /// How far beside its circle an arc was programmed to end, mm: 0 where its centre could be
+    /// moved to where both ends are equally far.
+    pub(crate) fn unevenness(&self, programmed_end: Vec2) -> f64 {
+        match self {
+            Self::Line(_) => 0.0,
+            Self::Arc(arc) => ((programmed_end - arc.center).norm() - arc.radius).abs(),
+        }
     }
 
     /// Whether it is a line.

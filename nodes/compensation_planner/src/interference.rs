@@ -223,9 +223,11 @@ fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
     });
     let mut kept: Vec<Place> = Vec::new();
     for place in places {
+        // What is only a warning must not hide what is an error.
         let is_other_side = |other: &Place| {
-            overlap(place.on, other.into) && overlap(place.into, other.on)
-                || overlap(place.on, other.on) && overlap(place.into, other.into)
+            other.deepest.is_other_pass == place.deepest.is_other_pass
+                && (overlap(place.on, other.into) && overlap(place.into, other.on)
+                    || overlap(place.on, other.on) && overlap(place.into, other.into))
         };
         if kept.len() < 1000 && !kept.iter().any(is_other_side) {
             kept.push(place);

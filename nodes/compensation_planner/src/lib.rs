@@ -1,7 +1,8 @@
 //! Programmed contour and tool table to compensated path.
 //!
-//! [`plan`] is the whole interface: a contour, the rules of a control and the
-//! tools go in; the path of the tool centre or the reasons against it come out.
+//! [`judge`] is the whole interface: a contour, the rules of a control and the
+//! tools go in; the path of the tool centre, proved by [`audit`], or the reasons against it
+//! come out.
 //! It does not read programs.
 //!
 //! The way of an event: `walk` gathers what lies between a lead-on and a
@@ -50,6 +51,7 @@ pub mod tool_file;
 mod tree;
 mod trim;
 mod uncut;
+pub mod verdict;
 mod walk;
 mod walls;
 mod write;
@@ -57,6 +59,7 @@ mod write;
 pub use certificate::{Certificate, CertificateLimit};
 pub use restart::{Restart, restart};
 pub use uncut::{OutlinePiece, UncutRegion};
+pub use verdict::{Verdict, judge};
 
 use cnc_msgs::contour::{CutterSide, ProgrammedContour};
 use cnc_msgs::diagnostic::Diagnostic;
@@ -104,7 +107,7 @@ impl Plan {
     }
 }
 
-/// Compensates a contour by the rules of a control.
+/// Compensates a contour by the rules of a control; [`judge`] proves the path too.
 ///
 /// Never panics; a contour that cannot be compensated gives findings and no path.
 /// The time is linear in the number of events but for the sorting of boxes.

@@ -3,7 +3,7 @@
 //! A lead-on needs the block behind it, and there is none: whatever the words of
 //! a single block select, it runs as it is programmed, or not at all (N09, C20).
 
-use crate::{Plan, plan};
+use crate::{Plan, Planning, judge};
 use cnc_msgs::contour::{ContourEventKind, CutterSide, ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::profile::{MdiMode, Profile};
@@ -17,7 +17,7 @@ pub fn plan_block(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTa
     });
     let mut uncompensated = contour.clone();
     uncompensated.events.retain(|event| !is_about_compensation(&event.kind));
-    let mut planned = plan(&uncompensated, profile, tools);
+    let mut planned = judge(&uncompensated, profile, tools, Planning::default()).plan;
     if let Some((side, source)) = selection {
         planned.diagnostics.insert(0, selected(side, source, profile));
         if !planned.accepted() {

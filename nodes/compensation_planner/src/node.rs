@@ -4,6 +4,7 @@
 //! again when either changes. What the path is, [`plan`](crate::plan) decides.
 
 mod block;
+pub mod disagreement;
 mod health;
 mod lifecycle;
 mod live;
@@ -11,9 +12,8 @@ mod report;
 pub mod threads;
 mod tool_file;
 
-use crate::audit::veto;
 use crate::set_tool::{self, LoadedProgram, Refusal};
-use crate::{Planning, plan_with, preview};
+use crate::{Planning, Verdict as Judged, judge, plan_with, preview};
 use cnc_msgs::chunk::{Collector, PathChunks};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::interface::Service;
@@ -22,8 +22,8 @@ use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{
     GetContourChunks, GetContourChunksRequest, GetFindings, GetPathChunks, GetPathChunksRequest,
-    GetPathChunksResponse, GetTools, GetToolsResponse, PlanBlock, SetTool, SetToolRequest,
-    SetToolResponse,
+    GetPathChunksResponse, GetProgramChunks, GetTools, GetToolsResponse, PlanBlock, SetTool,
+    SetToolRequest, SetToolResponse,
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
 use cnc_msgs::wire::{nav_msgs, visualization_msgs};
@@ -34,6 +34,7 @@ pub use report::{certify, manifest_of, report_of};
 use runtime::chunks::{ChunkTopic, Cut, page, pull};
 use runtime::commands::{Answer, CommandLog};
 use runtime::{Client, Complaints, Declared, Handle, Publisher, Qos, RosTime};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -53,6 +54,12 @@ pub fn parameters() -> Vec<Declared> {
             "tool_table",
             "",
             "YAML file with tools and offsets, millimetres; set_tool writes it; empty: no tools",
+        )
+        .read_only(),
+        Declared::new(
+            "report_directory",
+            disagreement::FOLDER,
+            "where a program is kept on which the planner and its audit disagree, for a report",
         )
         .read_only(),
         Declared::new("preview_chord_error_mm", 0.05, "how far the preview may be from an arc")
@@ -178,6 +185,10 @@ struct Planner {
     node: Handle,
     replan: watch::Sender<()>,
     chord_error_mm: f64,
+    /// Where programs are kept on which planner and audit disagree.
+    report_directory: PathBuf,
+    /// Asks the loader for the text of one.
+    programs: Client<GetProgramChunks>,
     tool_table: Publisher<wire::ToolTable>,
     path: Publisher<wire::CompensatedPath>,
     path_topic: ChunkTopic<wire::PathChunk>,
@@ -239,6 +250,8 @@ impl Planner {
             node: node.clone(),
             replan,
             chord_error_mm: node.parameter("preview_chord_error_mm"),
+            report_directory: PathBuf::from(node.parameter::<String>("report_directory")),
+            programs: node.client("program/get_chunks")?,
             tool_table: node.publisher("tool_table", Qos::LATCHED)?,
             path: node.publisher("compensated_path", Qos::LATCHED)?,
             path_topic: ChunkTopic::new(node, "compensated_path/chunks")?,
@@ -342,8 +355,11 @@ impl Planner {
         };
         let threads = Threads::all();
         let mut planning = Planning { certifies: false, workers: &threads };
-        let mut planned = plan_with(&input.contour, &input.profile, &tools, planning);
-        veto(&mut planned, &input.contour, &input.profile, &tools);
+        let judged = judge(&input.contour, &input.profile, &tools, planning);
+        let Judged { plan: planned, disagreement, .. } = judged;
+        if let Some(disagreement) = disagreement {
+            self.keep(&disagreement, &input, &tools, &planned.diagnostics);
+        }
         let stamp = self.node.now();
         let accepted = planned.accepted();
         let mut report = self.report(&input, (revision, tools_revision), stamp, &planned);

@@ -9,6 +9,7 @@ use crate::frame::in_plane;
 use crate::radius::resolve;
 use crate::set_tool::{LoadedProgram, told};
 use crate::tolerance::MERGE_MM;
+use crate::verdict::prove;
 use crate::{Plan, plan};
 use cnc_msgs::contour::{ContourEvent, ContourEventKind, ProgrammedContour, RadiusSource};
 use cnc_msgs::geometry::{Arc, Plane, Position, Shape};
@@ -72,6 +73,10 @@ pub fn plan_rest(
         return Err("what has been sent would be cut otherwise".into());
     };
     plan.path.elements[..settled].copy_from_slice(sent);
+    let plan = prove(plan, &changed, profile, &tools).plan;
+    if let Some(finding) = plan.diagnostics.iter().find(|finding| finding.is_error()) {
+        return Err(told(finding));
+    }
     Ok(Rest { contour: changed, tools, plan, from_line })
 }
 

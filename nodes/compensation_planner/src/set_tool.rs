@@ -4,7 +4,7 @@
 //! can still be cut. The file of the table is `tool_file`'s; publishing is the
 //! shell's.
 
-use crate::{Plan, plan};
+use crate::{Plan, Planning, judge};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::profile::Profile;
@@ -199,7 +199,8 @@ pub fn still_cuts(
     before: &ToolTable,
     change: &Change,
 ) -> Result<(), Refusal> {
-    let planned = |tools| plan(program.contour, program.profile, tools);
+    let LoadedProgram { contour, profile, .. } = program;
+    let planned = |tools| judge(contour, profile, tools, Planning::default()).plan;
     let after = planned(&change.tools);
     if after.accepted() || !planned(before).accepted() {
         return Ok(());

@@ -22,6 +22,10 @@ pub(crate) const SHORT_CORNER_MM: f64 = 1e-4;
 /// See [`SHORT_CORNER_MM`]; keeps the intersection within 1e-7 mm of the arc.
 pub(crate) const SMALL_TURN_RAD: f64 = 1e-3;
 
+/// How far the middle of such a corner may be off the circle beside it, mm; where it is
+/// farther, because the circle is nearly a point, the tool goes around the corner.
+pub(crate) const FLAT_MM: f64 = 1e-7;
+
 /// Sine below which two lines do not meet, rad: 1 nm of offset would move the
 /// meeting point by a metre.
 pub(crate) const PARALLEL_RAD: f64 = 1e-9;
@@ -61,6 +65,10 @@ pub(crate) const ARC_RADIUS_REL: f64 = 1e-12;
 /// Largest move of an arc's centre to where both ends are equally far, as a part
 /// of the radius. Beyond, the chord is too short to tell where the centre is.
 pub(crate) const CENTER_SHIFT_REL: f64 = 0.05;
+
+/// The same for arcs of less than half a turn: their ends say where they are, and the centre of
+/// a short one, posted with two decimals, may be anywhere.
+pub(crate) const SHORT_ARC_SHIFT_REL: f64 = 0.5;
 
 /// Radii that differ by less are the same offset, mm.
 pub(crate) const RADIUS_MM: f64 = 1e-9;

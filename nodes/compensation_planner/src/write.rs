@@ -16,7 +16,7 @@ use crate::span::{ItemKind, Lead, Leg, Run, Span};
 use crate::tolerance::{FAR_CORNER_RADII, LENGTH_MM};
 use cnc_msgs::contour::{Motion, OutsideCorner, Source};
 use cnc_msgs::diagnostic::Diagnostic;
-use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::geometry::{AxisSet, Shape};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{Anchor, Profile, Strictness};
 use std::f64::consts::TAU;
@@ -61,11 +61,19 @@ impl Writer<'_> {
     }
 
     /// A radius of 0: the contour as it is programmed.
+    ///
+    /// Of arcs the ends are trusted, as with any other radius: the centre goes to where both are
+    /// equally far.
     pub(crate) fn as_programmed(&mut self) {
+        let plane = self.span.plane;
         for (index, leg) in self.span.legs.iter().enumerate() {
             self.items_before(index, false);
-            let axes = axes_of(leg, self.span);
-            let motion = Motion { axes, ..*leg.motion };
+            let mut motion = Motion { axes: axes_of(leg, self.span), ..*leg.motion };
+            if let (Shape::Arc(shape), Some(Element::Arc(arc))) =
+                (&mut motion.shape, leg.element(plane))
+            {
+                shape.center = in_work(plane, arc.center, height(plane, shape.center));
+            }
             self.out.programmed(&motion, leg.source, Role::Contour);
         }
     }

@@ -357,7 +357,7 @@ fn what_every_control_accepts_is_sound() {
                     let plan = plan_of(&contour, &profile, &tools);
                     assert!(plan.accepted(), "{name} {radius}: {}", findings(&plan));
                     let audit = audit(&contour, &plan.path, &profile, &tools);
-                    let new = audit.beside(&plan.diagnostics).findings;
+                    let new = audit.beside(&plan.diagnostics, &profile).findings;
                     assert_eq!(new, [], "{name} {radius} {output:?} {tip}");
                 }
             }

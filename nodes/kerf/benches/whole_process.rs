@@ -1,4 +1,4 @@
-//! How fast `kerf plan --quiet` is as a process, with and without `--audit`, and how
+//! How fast `kerf plan --quiet` is as a process, and how
 //! much memory it takes.
 //!
 //! ```text
@@ -61,17 +61,15 @@ fn main() {
     for (name, program) in programs {
         let path = folder.join(format!("{name}.ngc"));
         std::fs::write(&path, program(arguments.blocks)).expect("a program can be written");
-        for (audit, words) in [("", &["--quiet"][..]), (" --audit", &["--quiet", "--audit"])] {
-            let times = (0..arguments.runs).map(|_| time(&path, words));
-            let seconds = times.min().expect("at least one run").as_secs_f64();
-            let blocks = arguments.blocks as f64;
-            println!(
-                "{:<24} {seconds:>10.3} {:>12.2} {:>14.0}",
-                format!("{name}{audit}"),
-                blocks / seconds / 1e6,
-                peak_bytes(&path, words) as f64 / blocks
-            );
-        }
+        let words = &["--quiet"];
+        let times = (0..arguments.runs).map(|_| time(&path, words));
+        let seconds = times.min().expect("at least one run").as_secs_f64();
+        let blocks = arguments.blocks as f64;
+        println!(
+            "{name:<24} {seconds:>10.3} {:>12.2} {:>14.0}",
+            blocks / seconds / 1e6,
+            peak_bytes(&path, words) as f64 / blocks
+        );
     }
 }
 

@@ -9,7 +9,7 @@ use crate::plan_json;
 use clap::Args;
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
 use cnc_msgs::profile::Profile;
-use compensation_planner::plan;
+use compensation_planner::Planning;
 use difference::{Difference, between};
 use program_loader::LoadOptions;
 use serde_json::{Value, json};
@@ -82,7 +82,8 @@ pub(crate) fn run(args: &CheckArgs) -> Outcome {
     let mut answers = Vec::new();
     for name in names {
         let profile = files::profile(&name)?;
-        let planned = Planned::new(&text, &profile, &tools, &options, plan);
+        let planned = Planned::new(&text, &profile, &tools, &options, Planning::default());
+        planned.keep_disagreement(&files::file_name(&args.file), &text, &profile, &tools);
         answers.push(Answer { profile, planned });
     }
     let pairs = pairs(&answers);

@@ -225,7 +225,7 @@ fn draw(path: &Path) -> Result<(), Failure> {
         &profile,
         &tools,
         &LoadOptions::default(),
-        compensation_planner::plan,
+        compensation_planner::Planning::default(),
     );
     OutputFile::claim(path, &[])?.write(&planned.svg("contour.mpf, G41, radius 5 mm", &profile))
 }

@@ -8,19 +8,20 @@ use crate::plan_json::PlanReport;
 use crate::terminal::show_findings;
 use crate::{files, picture};
 use clap::Args;
-use cnc_msgs::contour::{CutterSide, ProgrammedContour};
+use cnc_msgs::contour::CutterSide;
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::profile::{Profile, Reaction};
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::audit::{Audit, veto};
+use compensation_planner::audit::Audit;
+use compensation_planner::node::disagreement;
 use compensation_planner::node::threads::Threads;
-use compensation_planner::{Certificate, Plan, Planning, UncutRegion, plan_with};
+use compensation_planner::{Certificate, Planning, UncutRegion, Verdict, judge};
 use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::{LoadOptions, Loaded};
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What `kerf plan` takes.
 #[derive(Debug, Args)]
@@ -52,8 +53,8 @@ pub(crate) struct PlanArgs {
     /// Print nothing but errors
     #[arg(long)]
     quiet: bool,
-    /// Prove the path by a second algorithm, and refuse what it refuses
-    #[arg(long)]
+    /// Has no effect: the path is always proved by a second algorithm
+    #[arg(long, hide = true)]
     audit: bool,
 }
 
@@ -72,12 +73,8 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
     // Nobody reads certificates of a quiet plan, and they cost more than the plan.
     let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
-    let mut planned = Planned::new(&text, &profile, &tools, &options, |contour, profile, tools| {
-        plan_with(contour, profile, tools, planning)
-    });
-    if args.audit {
-        planned.audit(&profile, &tools);
-    }
+    let planned = Planned::new(&text, &profile, &tools, &options, planning);
+    planned.keep_disagreement(&name, &text, &profile, &tools);
 
     if let Some(file) = svg {
         file.write(&planned.svg(&name, &profile))?;
@@ -122,40 +119,49 @@ pub(crate) fn position(text: &str) -> Result<[f64; 3], String> {
 #[derive(Debug)]
 pub(crate) struct Planned {
     pub(crate) loaded: Loaded,
-    plan: Plan,
-    /// If it was asked for and there is a path.
-    audit: Option<Audit>,
-    /// Of the loader, then of the planner, then of the audit.
+    verdict: Verdict,
+    /// Of the loader, then of the planner and its audit.
     pub(crate) diagnostics: Vec<Diagnostic>,
 }
 
 impl Planned {
-    /// Loads and, when nothing was refused, plans.
+    /// Loads and, when nothing was refused, plans and audits.
     pub(crate) fn new(
         text: &[u8],
         profile: &Profile,
         tools: &ToolTable,
         options: &LoadOptions,
-        plan: impl Fn(&ProgrammedContour, &Profile, &ToolTable) -> Plan,
+        planning: Planning<'_>,
     ) -> Self {
         let loaded = program_loader::load(text, profile, options);
         let mut diagnostics = loaded.diagnostics.clone();
-        let mut planned = Plan::default();
+        let mut verdict = Verdict::default();
         if !diagnostics.iter().any(Diagnostic::is_error) {
-            planned = plan(&loaded.contour, profile, tools);
-            diagnostics.extend(planned.diagnostics.iter().cloned());
+            verdict = judge(&loaded.contour, profile, tools, planning);
+            diagnostics.extend(verdict.plan.diagnostics.iter().cloned());
         }
-        Self { loaded, plan: planned, audit: None, diagnostics }
+        Self { loaded, verdict, diagnostics }
     }
 
-    /// Has the path audited, and refuses it if the audit does.
-    fn audit(&mut self, profile: &Profile, tools: &ToolTable) {
-        if !self.accepted() {
-            return;
+    /// Keeps a program on which the planner and its audit disagree, and says where.
+    pub(crate) fn keep_disagreement(
+        &self,
+        name: &str,
+        text: &[u8],
+        profile: &Profile,
+        tools: &ToolTable,
+    ) {
+        let Some(found) = &self.verdict.disagreement else { return };
+        let (contour, findings) = (&self.loaded.contour, &self.verdict.plan.diagnostics[..]);
+        let judged = disagreement::Judged { name, text, contour, profile, tools, findings };
+        match disagreement::keep(Path::new(disagreement::FOLDER), found, &judged) {
+            Ok(path) => eprintln!("kerf: the program is kept for a report: {}", path.display()),
+            Err(error) => eprintln!(
+                "kerf: cannot keep the program in {}/{}: {error}",
+                disagreement::FOLDER,
+                found.file_name
+            ),
         }
-        let audit = veto(&mut self.plan, &self.loaded.contour, profile, tools);
-        self.diagnostics.extend(audit.findings.iter().cloned());
-        self.audit = Some(audit);
     }
 
     pub(crate) fn accepted(&self) -> bool {
@@ -164,7 +170,7 @@ impl Planned {
 
     /// The path; empty when refused.
     pub(crate) fn path(&self) -> &CompensatedPath {
-        &self.plan.path
+        &self.verdict.plan.path
     }
 
     fn start(&self) -> Position {
@@ -178,17 +184,18 @@ impl Planned {
             start: self.start(),
             elements: &self.path().elements,
             events: &self.path().events,
-            refused_elements: &self.plan.refused,
+            refused_elements: &self.verdict.plan.refused,
             diagnostics: &self.diagnostics,
-            certificates: &self.plan.certificates,
-            uncut: &self.plan.uncut,
-            audit: self.audit.as_ref(),
+            certificates: &self.verdict.plan.certificates,
+            uncut: &self.verdict.plan.uncut,
+            audit: self.verdict.audit.as_ref(),
         }
     }
 
     /// The picture, of what was refused too.
     pub(crate) fn svg(&self, title: &str, profile: &Profile) -> String {
-        let elements = if self.accepted() { &self.path().elements } else { &self.plan.refused };
+        let elements =
+            if self.accepted() { &self.path().elements } else { &self.verdict.plan.refused };
         picture::draw(&picture::Picture {
             title,
             contour: &self.loaded.contour,
@@ -196,7 +203,7 @@ impl Planned {
             elements,
             accepted: self.accepted(),
             diagnostics: &self.diagnostics,
-            uncut: &self.plan.uncut,
+            uncut: &self.verdict.plan.uncut,
             profile,
         })
     }
@@ -207,7 +214,7 @@ impl Planned {
         let mut sheet = Sheet::new(name.to_owned(), view, text);
         let (layer, elements) = match self.accepted() {
             true => ("compensated", &self.path().elements),
-            false => ("refused", &self.plan.refused),
+            false => ("refused", &self.verdict.plan.refused),
         };
         sheet.good = self.accepted();
         sheet.verdict = if sheet.good { "accepted".into() } else { "refused".into() };
@@ -217,7 +224,7 @@ impl Planned {
             Layer::compensated(layer, self.start(), elements, view),
         ];
         sheet.find(&self.diagnostics, view);
-        sheet.fill(&self.plan.uncut, view);
+        sheet.fill(&self.verdict.plan.uncut, view);
         Page { sheets: vec![sheet], runs: Vec::new() }
     }
 
@@ -245,14 +252,14 @@ impl Planned {
         let fits = !self.diagnostics.iter().any(|finding| {
             finding.is_error() || matches!(finding.code, Code::Unreachable | Code::Gouge)
         });
-        if let Some(audit) = &self.audit {
+        if let Some(audit) = &self.verdict.audit {
             summary += &format!("\n  {}", audit_text(audit));
         }
-        for certificate in &self.plan.certificates {
+        for certificate in &self.verdict.plan.certificates {
             summary += &format!("\n  {}", certificate_text(certificate, fits));
         }
-        if !self.plan.uncut.is_empty() {
-            summary += &uncut_text(&self.plan.uncut);
+        if !self.verdict.plan.uncut.is_empty() {
+            summary += &uncut_text(&self.verdict.plan.uncut);
         }
         summary
     }

@@ -25,7 +25,7 @@ pub(crate) struct PlanReport<'a> {
     pub(crate) diagnostics: &'a [Diagnostic],
     pub(crate) certificates: &'a [Certificate],
     pub(crate) uncut: &'a [UncutRegion],
-    /// If it was asked for.
+    /// `None`: there was no path to audit.
     pub(crate) audit: Option<&'a Audit>,
 }
 

@@ -24,8 +24,7 @@ use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::Plan;
-use compensation_planner::audit::veto;
+use compensation_planner::{Plan, Planning, judge};
 use program_loader::LoadOptions;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -119,11 +118,12 @@ impl Run {
         let mut diagnostics = loaded.diagnostics;
         let mut plan = Plan::default();
         if !diagnostics.iter().any(Diagnostic::is_error) {
-            plan = compensation_planner::plan_certified(&loaded.contour, &profile, table);
+            let planning = Planning { certifies: true, ..Planning::default() };
+            let verdict = judge(&loaded.contour, &profile, table, planning);
+            let (program, found) = (&case.program, &verdict.audit);
+            assert_eq!(verdict.disagreement, None, "of the path of\n{program}\n{found:#?}");
+            plan = verdict.plan;
             diagnostics.extend(plan.diagnostics.iter().cloned());
-            let audit = veto(&mut plan, &loaded.contour, &profile, table);
-            let (program, found) = (&case.program, &audit.findings);
-            assert!(!audit.refuses(), "the audit refuses the path of\n{program}\n{found:#?}");
         }
         let mut path = plan.path.clone();
         if !plan.accepted() {

@@ -5,7 +5,8 @@
 //! the profile accepts.
 
 use super::follow::{
-    Follow, MERGE_MM, PLACE_MM, is_beside_short, joint, off_circle, one, reaches, runs_on,
+    Follow, MERGE_MM, PLACE_MM, is_beside_short, joint, meets_lead, off_circle, one, reaches,
+    runs_on, unevenness,
 };
 use super::pieces::Chains;
 use super::planar::{Piece, Point, cross};
@@ -93,7 +94,7 @@ impl Check<'_> {
         if self.leg_at(self.next) != Some(block) {
             return;
         }
-        let offset = way.program.offset(block);
+        let offset = *way.program.offset(block);
         let mut now = Follow {
             element,
             block,
@@ -104,7 +105,13 @@ impl Check<'_> {
             d_out: offset.d_out,
             is_open: self.has_corner,
             is_loose: false,
+            is_behind_merged: false,
+            uneven_mm: self.uneven(way, self.next, report).max(self.uneven_before(way, report)),
         };
+        if now.uneven_mm > PLACE_MM {
+            let block = &mut way.program.blocks[block as usize];
+            block.slack_mm = block.slack_mm.max(now.uneven_mm as f32);
+        }
         let is_joined = offset.is_joined || self.span.from_side;
         let mut opens = self.has_corner;
         match self.before.take() {
@@ -114,6 +121,7 @@ impl Check<'_> {
                 if runs_on || !left_out.is_empty() {
                     (before.is_loose, now.is_loose) = (true, true);
                 }
+                now.is_behind_merged = before.is_loose && !before.way.is_line();
                 self.left_out(way, left_out, (Some(&before), Some(&now)), report);
                 if !self.has_corner && !runs_on {
                     opens = joint(way, &before, &now, report);
@@ -162,6 +170,41 @@ impl Check<'_> {
         lead.map(|element| way.of[element])
     }
 
+    /// Where the tool is when the lead-on ends, or when the lead-off begins.
+    fn lead_stand(&self, way: &Way<'_>, is_first: bool) -> Option<Point> {
+        let on = self.span.lead_on.map(|element| way.end(element));
+        let off = self.span.lead_off.map(|element| way.start(element));
+        let at = if is_first { on.or(off) } else { off.or(on) };
+        at.or_else(|| {
+            // Leads without a length are not put out: it is where it was before.
+            let is_before = |block: &u32| *block != NONE && *block < self.span.blocks.start;
+            way.of.iter().rposition(is_before).map(|element| way.end(element))
+        })
+    }
+
+    /// Whether the contour may begin or end anywhere along its first or last leg: where it meets
+    /// the offset of its lead.
+    fn is_joined_at(&self, way: &Way<'_>, at: Point, is_first: bool) -> bool {
+        let index = if is_first { self.span.legs.start } else { self.span.legs.end - 1 };
+        let offset = way.program.offset(self.legs[index]);
+        let d_mm = if is_first { offset.d_in } else { offset.d_out };
+        let is_free =
+            if is_first { offset.is_joined || self.span.from_side } else { self.span.to_side };
+        is_free || meets_lead(way, self.lead(way, is_first), at, d_mm, PLACE_MM)
+    }
+
+    /// How far beside its circle a leg was programmed to end, mm, as far as that is noise.
+    fn uneven(&self, way: &Way<'_>, index: usize, report: &Report<'_>) -> f64 {
+        let off = unevenness(&self.chains.leg(way, index));
+        if off <= report.profile.accept_tolerance_mm.max(MERGE_MM) { off } else { 0.0 }
+    }
+
+    /// The same of the leg before.
+    fn uneven_before(&self, way: &Way<'_>, report: &Report<'_>) -> f64 {
+        let before = self.next.checked_sub(1).filter(|before| self.span.legs.contains(before));
+        before.map_or(0.0, |before| self.uneven(way, before, report))
+    }
+
     /// Whether nothing is left in the path of the leg before a block, or of its own.
     fn is_between_lost(&self, way: &Way<'_>) -> bool {
         let is_lost = |leg: u32| way.program.blocks[leg as usize].element == NONE;
@@ -187,6 +230,7 @@ impl Check<'_> {
         } else {
             PLACE_MM
         };
+        let place_mm = place_mm + self.uneven_before(way, report);
         let piece = self.chains.element(element);
         self.stands.push(Stand { leg: self.next, from: piece.from, to: piece.to });
         let path_element = &way.path.elements[element];
@@ -229,15 +273,44 @@ impl Check<'_> {
         report: &mut Report<'_>,
     ) {
         let mut begin = left_out.start;
-        let mut from = Neighbour { follow: before, at: before.map(|follow| follow.way.to) };
+        let at = before.map(|follow| follow.way.to).or_else(|| self.lead_stand(way, true));
+        let mut from = Neighbour { follow: before, at };
         for stand in &self.stands {
             let end = stand.leg.clamp(begin, left_out.end);
             let to = Neighbour { follow: after, at: Some(stand.from) };
             self.between(way, begin..end, [from, to], report);
             (begin, from.at) = (end, Some(stand.to));
         }
-        let to = Neighbour { follow: after, at: after.map(|follow| follow.way.from) };
+        let at = after.map(|follow| follow.way.from).or_else(|| self.lead_stand(way, false));
+        let to = Neighbour { follow: after, at };
         self.between(way, begin..left_out.end, [from, to], report);
+    }
+
+    /// The line that a leg is part of, with those of some legs that run on in each other.
+    fn whole_line(
+        &self,
+        way: &Way<'_>,
+        index: usize,
+        among: &std::ops::Range<usize>,
+    ) -> (std::ops::Range<usize>, Piece) {
+        const LEGS_MAX: usize = 64;
+        let leg = |index: usize| self.chains.leg(way, index);
+        let (mut all, mut whole) = (index..index + 1, leg(index));
+        if !whole.is_line() {
+            return (all, whole);
+        }
+        while all.start > among.start
+            && all.len() < LEGS_MAX
+            && runs_on(&leg(all.start - 1), &whole)
+        {
+            all.start -= 1;
+            whole = Piece::line(leg(all.start).from, whole.to);
+        }
+        while all.end < among.end && all.len() < LEGS_MAX && runs_on(&whole, &leg(all.end)) {
+            whole = Piece::line(whole.from, leg(all.end).to);
+            all.end += 1;
+        }
+        (all, whole)
     }
 
     /// Legs that the path leaves out lie beside their neighbours, lengthened.
@@ -255,7 +328,7 @@ impl Check<'_> {
         let run_before = before.map(|follow| run(way, follow, self.chains, true));
         let run_after = after.map(|follow| run(way, follow, self.chains, false));
         let d_mm = after.map(|follow| follow.d_in).or(before.map(|follow| follow.d_out));
-        let d_mm = d_mm.unwrap_or(f64::INFINITY);
+        let d_mm = d_mm.unwrap_or(way.program.offset(self.legs[left_out.start]).d_in);
         let off = |point: Point| {
             let of = |run: &Option<(Piece, f64)>| {
                 run.as_ref().map_or(f64::INFINITY, |(run, d_mm)| off_run(run, point, *d_mm))
@@ -269,14 +342,20 @@ impl Check<'_> {
         for index in left_out.clone() {
             let leg = self.chains.leg(way, index);
             let length = leg.length();
-            // Without a neighbour there the tool has to come to the very end.
-            let least = if to.at.is_none() { length - PLACE_MM } else { -PLACE_MM };
-            let most = if from.at.is_none() { PLACE_MM } else { length + PLACE_MM };
-            if [from.at, to.at]
-                .into_iter()
-                .flatten()
-                .any(|at| is_touched(&leg, at, d_mm, least..=most))
-            {
+            // What is one line is touched in one place.
+            let (all, whole) = self.whole_line(way, index, &left_out);
+            let (is_first, is_last) =
+                (all.start == self.span.legs.start, all.end == self.span.legs.end);
+            let touches = |at: Point| {
+                let (leg, length) = (&whole, whole.length());
+                // At a free end the tool has to come to the very end.
+                let is_short = is_last && !self.is_joined_at(way, at, false);
+                let least = if is_short { length - PLACE_MM } else { -PLACE_MM };
+                let is_late = is_first && !self.is_joined_at(way, at, true);
+                let most = if is_late { PLACE_MM } else { length + PLACE_MM };
+                least <= most && is_touched(leg, at, d_mm, least..=most)
+            };
+            if [from.at, to.at].into_iter().flatten().any(touches) {
                 // Its joints leave one point of it, and the tool is there.
                 continue;
             }
@@ -308,17 +387,21 @@ impl Check<'_> {
             off if off <= PLACE_MM => 0.0,
             off => (off + MERGE_MM) as f32,
         };
+        // What is trimmed away bounds the tool as before, but for what is accepted beside it.
+        let is_trimmed = is_lost && report.profile.interference.react == Reaction::Trim;
+        let slack = match is_lost {
+            true if is_trimmed => report.profile.accept_tolerance_mm as f32,
+            true => 0.0,
+            false => slack,
+        };
         for index in left_out.clone() {
             let block = &mut way.program.blocks[self.legs[index] as usize];
-            // What is trimmed away bounds the tool as before.
-            block.is_lost = is_lost && report.profile.interference.react != Reaction::Trim;
-            if !is_lost {
-                block.slack_mm = block.slack_mm.max(slack);
-            }
+            block.is_lost = is_lost && !is_trimmed;
+            block.slack_mm = block.slack_mm.max(slack);
         }
         for follow in [before, after].into_iter().flatten() {
             let block = &mut way.program.blocks[follow.block as usize];
-            block.slack_mm = block.slack_mm.max(if is_lost { 0.0 } else { slack });
+            block.slack_mm = block.slack_mm.max(slack);
         }
         if is_lost {
             let source = |index: usize| way.program.source(self.legs[index]);

@@ -3,7 +3,7 @@
 use super::apart;
 use super::bounds::Bounds;
 use super::pieces::{Chains, Pieces};
-use super::planar::{Near, Piece, nearest};
+use super::planar::{Near, Piece, Point, cross, nearest};
 use super::program::{Kind, NONE};
 use super::report::{self, Cut, Report};
 use super::spans::Span;
@@ -12,6 +12,7 @@ use super::way::Way;
 use cnc_msgs::diagnostic::Code;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
+use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
 /// How much nearer than its radius the tool may be, mm.
@@ -200,16 +201,56 @@ impl Search<'_> {
     /// The exact distance.
     #[cold]
     fn measure(&mut self, piece: &Piece, (element, tool): (usize, &Tool), leg: usize, limit: f64) {
+        let role = self.way.roles[element];
+        let is_lead = !matches!(role, Role::Contour | Role::Corner);
+        let [before, inner, after] = match role {
+            Role::Contour => self.without_leads(piece, tool),
+            _ => [None, Some(*piece), None],
+        };
+        if let Some(inner) = inner {
+            self.near(&inner, (element, tool), leg, (limit, is_lead));
+        }
+        for outer in [before, after].into_iter().flatten() {
+            self.near(&outer, (element, tool), leg, (limit, true));
+        }
+    }
+
+    /// An element between what it is lengthened by at outside corners with the leads: that is
+    /// part of them.
+    fn without_leads(&self, piece: &Piece, tool: &Tool) -> [Option<Piece>; 3] {
+        let own = tool.own as usize;
+        let is_first = own == 0 && self.span.lead_on.is_some() && !self.span.from_side;
+        let is_last =
+            own + 1 == self.legs.len() && self.span.lead_off.is_some() && !self.span.to_side;
+        if tool.own == NONE || !piece.is_line() || !(is_first || is_last) {
+            return [None, Some(*piece), None];
+        }
+        let (leg, length) = (self.walls.piece(own), piece.length());
+        let begin = if is_first { piece.along(leg.from) } else { 0.0 };
+        let end = if is_last { piece.along(leg.to) } else { length };
+        let (begin, end) = (begin.clamp(0.0, length), end.clamp(0.0, length));
+        let part = |from: f64, to: f64| (to - from > GOUGE_MM).then(|| piece.part(from, to));
+        if begin <= GOUGE_MM && end >= length - GOUGE_MM {
+            return [None, Some(*piece), None];
+        }
+        [part(0.0, begin), part(begin, end), part(end, length)]
+    }
+
+    fn near(
+        &mut self,
+        piece: &Piece,
+        (element, tool): (usize, &Tool),
+        leg: usize,
+        (limit, is_lead): (f64, bool),
+    ) {
         let whole = self.walls.piece(leg);
         let mut near = nearest(piece, &whole);
         if near.distance >= limit {
             return;
         }
         let on = tool.on as usize;
-        let role = self.way.roles[element];
-        let is_lead = !matches!(role, Role::Contour | Role::Corner);
         if !self.bounds.is_whole(leg) {
-            let foot = self.walls.piece(on).along(piece.nearest(near.on_b));
+            let foot = foot(&self.walls.piece(on), piece, piece.nearest(near.on_b));
             let beside = (!is_lead).then_some((on, foot));
             let Some(wall) = self.bounds.wall(beside, leg, &whole) else { return };
             near = nearest(piece, &wall);
@@ -246,7 +287,7 @@ impl Search<'_> {
             Role::Link => Code::LinkGouge,
             _ if kind == Kind::Link => Code::LinkGouge,
             Role::LeadOn | Role::LeadOff => Code::LeadGouge,
-            _ if is_before => Code::LeadGouge,
+            _ if is_before || found.is_lead => Code::LeadGouge,
             _ if found.is_other_pass => Code::CutsOtherPass,
             _ => Code::Gouge,
         };
@@ -290,6 +331,21 @@ impl Search<'_> {
             && high <= last
             && is_straight(first, low)
             && is_straight(high, last)
+    }
+}
+
+/// How far along its leg the tool is at a place of an element, mm: of arcs that go around more
+/// than once counted from where the element begins.
+fn foot(leg: &Piece, element: &Piece, at: Point) -> f64 {
+    match (&leg.round, &element.round) {
+        (Some(of_leg), Some(round)) if of_leg.sweep * round.sweep > 0.0 && round.radius > 0.0 => {
+            // It begins late on its leg, or is lengthened by less than a quarter of a turn.
+            let (a, b) = (leg.from - of_leg.center, element.from - of_leg.center);
+            let begin = cross(a, b).atan2(a.dot(&b)) * of_leg.sweep.signum();
+            let begin = if begin < -FRAC_PI_2 { begin + TAU } else { begin };
+            (begin + element.along(at) / round.radius) * of_leg.radius
+        }
+        _ => leg.along(at),
     }
 }
 

@@ -12,6 +12,8 @@ pub(super) const PLACE_MM: f64 = 5e-6;
 pub(super) const MERGE_MM: f64 = 1e-4;
 /// Shorter elements say nothing of a direction, mm.
 const SHORT_MM: f64 = 1e-3;
+/// Offsets below this are none, mm.
+const ZERO_MM: f64 = 1e-9;
 /// Turns below this may be none, rad.
 const STRAIGHT_RAD: f64 = 1.1e-3;
 
@@ -30,6 +32,10 @@ pub(super) struct Follow {
     pub is_open: bool,
     /// It is merged with a neighbour, or legs beside it are left out.
     pub is_loose: bool,
+    /// It begins where an arc ends that is merged with another: beside its own start.
+    pub is_behind_merged: bool,
+    /// How far beside its circle it, or the one before it, was programmed to end, mm.
+    pub uneven_mm: f64,
 }
 
 /// Whether two elements are one line or circle.
@@ -73,10 +79,14 @@ pub(super) fn one(
     let is_short = leg.length() <= 1.01 * MERGE_MM;
     let coarse = report.profile.accept_tolerance_mm.max(MERGE_MM) + PLACE_MM;
     let mut place_mm = if follow.is_loose || is_short { coarse } else { PLACE_MM };
+    place_mm += follow.uneven_mm + rounding(leg);
     if let Some(round) = &piece.round {
         let radii = (round.radius, (piece.to - round.center).norm());
         let is_merged = follow.is_loose || is_beside_short(way, follow.leg_index, chains);
         let even_mm = if is_merged { coarse } else { 2.0 * PLACE_MM };
+        // Without an offset the arc is the programmed one, as the program has it.
+        let is_programmed = d_in.abs().max(d_out.abs()) < ZERO_MM;
+        let even_mm = even_mm + if is_programmed { unevenness(leg) } else { 0.0 };
         if (radii.0 - radii.1).abs() > even_mm.max(1e-6 * radii.0) {
             report.push(report::uneven(element, radii));
             return;
@@ -115,8 +125,9 @@ pub(super) fn one(
         report.push(report::astray(element, "is a line beside an arc, or turns the other way"));
         return;
     }
-    if off > place_mm && is_beside_short(way, follow.leg_index, chains) {
-        // What is so short is merged with it.
+    if off > place_mm && (follow.is_behind_merged || is_beside_short(way, follow.leg_index, chains))
+    {
+        // What is so short is merged with it; what an arc was merged with ends beside it.
         place_mm = place_mm.max(1.01 * MERGE_MM);
     }
     if off > place_mm {
@@ -133,6 +144,18 @@ pub(super) fn one(
     {
         report.push(report::astray(element, what));
     }
+}
+
+/// What the digits of coordinates far away are worth where offsets meet at a small angle, mm.
+fn rounding(leg: &Piece) -> f64 {
+    const PART: f64 = 1e-11;
+    PART * leg.from.amax().max(leg.to.amax())
+}
+
+/// How much the programmed ends of an arc differ in their distance from its centre, mm: where
+/// they are too near to each other to say where the centre is, it stays where it is programmed.
+pub(super) fn unevenness(leg: &Piece) -> f64 {
+    leg.round.map_or(0.0, |round| ((leg.to - round.center).norm() - round.radius).abs())
 }
 
 /// Whether a leg or one beside it is so short that it is merged.
@@ -249,16 +272,26 @@ pub(super) fn reaches(
     }
     // Where it is joined with the offset of the lead it begins or ends in between.
     let d_mm = if is_first { follow.d_in } else { follow.d_out };
-    let meets_lead = lead.is_some_and(|lead| {
-        let lead = way.leg(lead);
-        let off = cross(lead.tangent(lead.from), end - lead.from);
-        lead.is_line() && lead.length() > 0.0 && (off - d_mm).abs() <= place_mm
-    });
-    if !meets_lead {
+    if !meets_lead(way, lead, end, d_mm, place_mm) {
         let element = &way.path.elements[follow.element];
         let what = if is_first { "begins behind its start" } else { "ends before its end" };
         report.push(report::astray(element, what));
     }
+}
+
+/// Whether a place is on the offset of a lead, as joints with it are.
+pub(super) fn meets_lead(
+    way: &Way<'_>,
+    lead: Option<u32>,
+    at: Point,
+    d_mm: f64,
+    place_mm: f64,
+) -> bool {
+    lead.is_some_and(|lead| {
+        let lead = way.leg(lead);
+        let off = cross(lead.tangent(lead.from), at - lead.from);
+        lead.is_line() && lead.length() > 0.0 && (off - d_mm).abs() <= place_mm
+    })
 }
 
 /// Where two elements meet without a corner: turning to the tool they meet within both legs;

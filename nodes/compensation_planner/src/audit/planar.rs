@@ -31,8 +31,10 @@ pub(super) struct Near {
     pub distance: f64,
 }
 
-/// The part of a radius by which a programmed centre may be corrected.
+/// The part of a radius by which a programmed centre may be corrected; of less than half a turn,
+/// where the ends say where the arc is.
 const CENTER_MOVES_MAX: f64 = 0.05;
+const CENTER_OF_SHORT_MOVES_MAX: f64 = 0.5;
 /// A full circle may end so much before its start, mm.
 const CLOSES_MM: f64 = 1e-6;
 
@@ -87,9 +89,15 @@ impl Piece {
         if squared > 0.0 {
             let middle = (self.from + self.to) / 2.0;
             let shift = chord * ((middle - round.center).dot(&chord) / squared);
-            if shift.norm() <= CENTER_MOVES_MAX * round.radius {
+            let is_short = round.sweep.abs() < std::f64::consts::PI;
+            let most = if is_short { CENTER_OF_SHORT_MOVES_MAX } else { CENTER_MOVES_MAX };
+            if shift.norm() <= most * round.radius {
                 round.center += shift;
                 round.radius = (self.from - round.center).norm();
+                let (a, b) = (self.from - round.center, self.to - round.center);
+                if is_short {
+                    round.sweep = cross(a, b).abs().atan2(a.dot(&b)) * round.sweep.signum();
+                }
             }
         }
         self

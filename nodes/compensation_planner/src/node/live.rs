@@ -6,7 +6,6 @@
 //! values that it began with.
 
 use super::{Current, Input, Planner};
-use crate::audit::audit;
 use crate::rest::{Rest, plan_rest};
 use crate::set_tool::LoadedProgram;
 use cnc_msgs::path::CompensatedPath;
@@ -100,10 +99,6 @@ impl Planner {
             Ok(rest) => rest,
             Err(why) => return keeps(&why),
         };
-        let found = audit(&contour, &plan.path, profile, &tools).beside(&plan.diagnostics);
-        if let Some(error) = found.findings.iter().find(|finding| finding.is_error()) {
-            return keeps(&format!("the audit refuses the rest of the path: {}", error.message));
-        }
         let revision = {
             let mut state = self.state();
             state.revision += 1;

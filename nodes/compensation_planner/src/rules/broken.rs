@@ -2,9 +2,9 @@
 //! the profile that it obeys.
 
 use super::of;
-use crate::element::Element;
+use crate::element::{Element, Vec2};
 use crate::finding::block_name;
-use crate::tolerance::RADIUS_MM;
+use crate::tolerance::{MERGE_MM, RADIUS_MM};
 use cnc_msgs::contour::{Motion, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{Direction, Plane, Shape};
@@ -138,6 +138,36 @@ pub(crate) fn inside_arc(
     .help(format!("use a nose radius of at most {:.3} mm", arc.radius / 2.0));
     finding.needed_mm = Some(needed_mm);
     finding.available_mm = Some(arc.radius);
+    Some(finding)
+}
+
+/// An arc whose programmed ends are not on one circle, and too near to each other to say which.
+///
+/// Without an offset it runs as it is programmed.
+pub(crate) fn uneven_arc(
+    source: Source,
+    element: &Element,
+    end: Vec2,
+    d_mm: f64,
+    profile: &Profile,
+) -> Option<Diagnostic> {
+    let Element::Arc(arc) = element else { return None };
+    let off_mm = element.unevenness(end);
+    if d_mm.abs() < RADIUS_MM || off_mm <= profile.accept_tolerance_mm.max(MERGE_MM) {
+        return None;
+    }
+    let at_end = (end - arc.center).norm();
+    let mut finding = Diagnostic::error(
+        Code::ArcRadius,
+        source,
+        format!(
+            "the arc begins {:.4} mm and ends {at_end:.4} mm from its centre, and its ends are too near to each other to correct that; at most {} mm are accepted under compensation",
+            arc.radius, profile.accept_tolerance_mm
+        ),
+    )
+    .help("write the end or the centre with more decimals, or split the arc");
+    finding.needed_mm = Some(arc.radius);
+    finding.available_mm = Some(at_end);
     Some(finding)
 }
 

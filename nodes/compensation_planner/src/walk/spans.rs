@@ -63,6 +63,9 @@ impl<'a> Walk<'a> {
         self.verdict.diagnostics.extend(slow_corner(active, motion, source));
         active.span.d_out_mm = d_out_mm;
         self.verdict.diagnostics.extend(rules::inside_arc(source, element, d_out_mm, self.profile));
+        let end = in_plane(active.span.plane, motion.end);
+        let uneven = rules::uneven_arc(source, element, end, d_out_mm, self.profile);
+        self.verdict.diagnostics.extend(uneven);
         active.span.legs.push(Leg {
             motion,
             source,

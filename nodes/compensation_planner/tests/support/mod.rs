@@ -17,7 +17,7 @@ use cnc_msgs::contour::{
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::PathElement;
-use cnc_msgs::profile::{Dialect, Profile, Reaction};
+use cnc_msgs::profile::{Dialect, Profile};
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use compensation_planner::Plan;
 
@@ -61,8 +61,7 @@ pub fn plan_of(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable
     plan
 }
 
-/// The audit refuses no plan that is accepted; where the profile ignores that the tool does
-/// not fit, the path may be anything.
+/// The audit refuses no plan that is accepted.
 #[track_caller]
 pub fn assert_sound(
     contour: &ProgrammedContour,
@@ -70,15 +69,11 @@ pub fn assert_sound(
     profile: &Profile,
     tools: &ToolTable,
 ) {
-    let ignores = profile.interference.react == Reaction::Ignore
-        && codes(plan).iter().any(|code| {
-            matches!(code, Code::Gouge | Code::CutsOtherPass | Code::Unreachable | Code::ArcOver360)
-        });
-    if !plan.accepted() || ignores {
+    if !plan.accepted() {
         return;
     }
     let audit = compensation_planner::audit::audit(contour, &plan.path, profile, tools);
-    let said: Vec<String> = (audit.beside(&plan.diagnostics).findings.iter())
+    let said: Vec<String> = (audit.beside(&plan.diagnostics, profile).findings.iter())
         .filter(|finding| finding.is_error())
         .map(|finding| {
             let (line, other) = (finding.source.line, finding.other.map(|other| other.line));

@@ -12,10 +12,11 @@ use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::{
     CompensatedPath as CompensatedPathMessage, CompensationReport, PathChunk, PathEvent,
 };
-use compensation_planner::audit::{audit, veto};
+use compensation_planner::audit::audit;
 use compensation_planner::node::{certify, manifest_of, report_of};
 use compensation_planner::rest::{Rest, plan_rest};
 use compensation_planner::set_tool::LoadedProgram;
+use compensation_planner::verdict::prove;
 use compensation_planner::{UncutRegion, plan, plan_certified};
 use std::sync::Arc;
 
@@ -90,9 +91,8 @@ fn replan(
     };
     let mut now = match &rest {
         Some(rest) => rest.plan.clone(),
-        None => plan(contour, &profile, tools),
+        None => prove(plan(contour, &profile, tools), contour, &profile, tools).plan,
     };
-    veto(&mut now, contour, &profile, tools);
     let mut report_now = CompensationReport {
         header: report.header.clone(),
         program_id: report.program_id.clone(),
@@ -124,7 +124,9 @@ fn replan(
         let found = match is_same {
             // The same curve was proved just now, or it would not be accepted.
             true => Vec::new(),
-            false => audit(contour, path, &profile, tools).beside(&now.diagnostics).findings,
+            false => {
+                audit(contour, path, &profile, tools).beside(&now.diagnostics, &profile).findings
+            }
         };
         for error in found.iter().filter(|finding| finding.is_error()) {
             let of = format!("audit of revision {revision}");

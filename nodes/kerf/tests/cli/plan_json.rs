@@ -258,7 +258,7 @@ fn the_page_on_json_names_all_that_is_printed() {
     let mut found: BTreeSet<String> = lists.concat().into_iter().map(str::to_owned).collect();
     let part = [CONTOUR, "--controller", "sinumerik_840c", "--tools", TOOLS, "--json"];
     for (arguments, status) in [
-        ([&["plan"][..], &part, &["--audit"]].concat(), 0),
+        ([&["plan"][..], &part].concat(), 0),
         (vec!["plan", "bad.ngc", "--json"], 1),
         (vec!["check", CONTOUR, "--tools", TOOLS, "--json"], 0),
         (vec!["replay", &bag, &none, "--json"], 2),

@@ -1,0 +1,229 @@
+//! One verdict: programs on which the planner and the audit of its path once disagreed, or on
+//! which a gouge was hidden.
+//!
+//! `tests/tests/fuzz` looks for more of them.
+
+mod support;
+
+use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::path::{PathElement, Role};
+use cnc_msgs::profile::{Profile, Reaction};
+use compensation_planner::verdict::prove;
+use compensation_planner::{Planning, Verdict, judge};
+use support::*;
+
+fn verdict(text: &str, profile: &Profile, radius_mm: f64) -> Verdict {
+    let contour = contour(text, profile);
+    judge(&contour, profile, &tool(radius_mm), Planning::default())
+}
+
+/// Accepted by both; the path.
+#[track_caller]
+fn accepted(text: &str, profile: &Profile, radius_mm: f64) -> Vec<PathElement> {
+    let Verdict { plan, audit, disagreement } = verdict(text, profile, radius_mm);
+    assert_eq!(disagreement, None, "{}", findings(&plan));
+    assert!(plan.accepted(), "{}", findings(&plan));
+    assert!(audit.is_some_and(|audit| !audit.refuses()));
+    plan.path.elements
+}
+
+/// Refused by the planner itself, with this code at this line.
+#[track_caller]
+fn refused(text: &str, profile: &Profile, radius_mm: f64, code: Code, line: u32) {
+    let Verdict { plan, disagreement, .. } = verdict(text, profile, radius_mm);
+    assert_eq!(disagreement, None, "{}", findings(&plan));
+    let is_meant = |it: &&cnc_msgs::diagnostic::Diagnostic| it.is_error() && it.code == code;
+    let found = plan.diagnostics.iter().find(is_meant);
+    assert_eq!(found.map(|it| it.source.line), Some(line), "{}", findings(&plan));
+}
+
+const POCKET: &str = "
+    N1 G0 X10 Y10
+    N2 G41 D1 G1 X10 Y0 F100
+    N3 X20 Y0
+    N4 Y20
+    N5 X0
+    N6 Y0
+    N7 X10
+    N8 G40 X10 Y10";
+
+#[test]
+fn a_tool_as_wide_as_a_pocket_stands_in_its_middle() {
+    for profile in [sinumerik(), profile("nct")] {
+        for radius_mm in [10.0, 10.0 - 1e-9, 10.0 - 1e-7] {
+            let path = accepted(POCKET, &profile, radius_mm);
+            assert!(path.iter().all(|it| near_xy(it, [10.0, 10.0])), "{}", listing(&path));
+        }
+        refused(POCKET, &profile, 10.01, Code::Unreachable, 3);
+    }
+}
+
+fn near_xy(element: &PathElement, at: [f64; 2]) -> bool {
+    (element.end[0] - at[0]).hypot(element.end[1] - at[1]) < 1e-5
+}
+
+#[test]
+fn a_tool_as_wide_as_a_step_before_its_contour_begins_at_its_corner() {
+    // Nothing is left of N3 and N4: from the lead-on the tool touches both.
+    let text = "
+        N1 G0 X-25 Y25
+        N2 G42 D1 G456 G1 X0 Y0 F100
+        N3 Y10
+        N4 X10
+        N5 Y30
+        N6 X40
+        N7 G40 X60 Y45";
+    let path = accepted(text, &sinumerik(), 10.0);
+    assert!(path.iter().all(|it| it.role != Role::Contour || it.source.line > 4));
+}
+
+#[test]
+fn a_fillet_as_large_as_the_tool_is_a_point_of_the_path() {
+    // With radii of 5 to four decimals some 1e-5 mm are left of it.
+    let text = "
+        N1 G0 X-10 Y10
+        N2 G41 D1 G1 X0 Y0 F100
+        N3 X24.3845
+        N4 G3 X29.3845 Y5 I0 J5
+        N5 G1 X29.3849 Y30
+        N6 G40 X20 Y40";
+    let rounded = "
+        N1 G0 X1.4213 Y1.4213
+        N2 G42 D1 G1 X0 Y0 F100
+        N3 X-2.4648 Y0
+        N4 G2 X-3.2969 Y0.4453 I0 J1
+        N5 G1 X-4.3234 Y1.9851
+        N6 G3 X-5.8625 Y2.1375 I-0.832 J-0.5547
+        N7 G1 X-9 Y-1
+        N8 G40 X-11.01 Y-1";
+    for off_mm in [0.0, 1e-9, -1e-9, -1e-6, -1e-4] {
+        accepted(text, &sinumerik(), 5.0 + off_mm);
+        accepted(rounded, &profile("nct"), 1.0 + off_mm);
+    }
+}
+
+#[test]
+fn without_an_offset_an_arc_with_two_decimals_ends_where_it_is_programmed() {
+    let text = "
+        N1 G0 X0 Y20
+        N2 G41 D1 G1 X0 Y0 F100
+        N3 X14.44
+        N4 G2 X15.42 Y-0.6 I0 J-2.5
+        N5 G1 X40 Y-30
+        N6 G40 X40 Y0";
+    let path = accepted(text, &sinumerik(), 0.0);
+    let arc = path.iter().position(|it| it.source.line == 4).unwrap();
+    let cnc_msgs::geometry::Shape::Arc(shape) = path[arc].shape else { panic!("no arc") };
+    let out = |p: [f64; 3]| (p[0] - shape.center[0]).hypot(p[1] - shape.center[1]);
+    assert_eq!(path[arc].end, [15.42, -0.6, 0.0]);
+    assert!((out(path[arc - 1].end) - out(path[arc].end)).abs() < 1e-9, "{:?}", path[arc]);
+}
+
+#[test]
+fn a_gouge_is_not_hidden_behind_a_cut_into_another_pass() {
+    // N9 comes back to where N4 ended: another pass begins, and is cut into, which is a
+    // warning. N7 is of the first pass, and the tool on N4 cuts 0.9 mm into it.
+    let text = "
+        N1 G0 X21.92 Y21.92
+        N2 G41 G450 D1 G1 X0 Y0 F100
+        N4 X-3
+        N5 X-2.406
+        N6 G2 X-1.615 Y-0.128 I0 J-2.5
+        N7 G1 X1 Y-1
+        N8 X-3 Y0
+        N9 X-2 Y1
+        N10 X0 Y0
+        N11 G40 X0 Y31";
+    let Verdict { plan, disagreement, .. } = verdict(text, &sinumerik(), 10.0);
+    assert_eq!(disagreement, None, "{}", findings(&plan));
+    let gouge = finding(&plan, Code::Gouge);
+    assert_eq!(gouge.severity, Severity::Error);
+    assert!(gouge.depth_mm.unwrap() > 0.9, "{gouge:?}");
+}
+
+#[test]
+fn an_arc_whose_ends_are_on_no_common_circle_is_refused() {
+    // Nearly a whole turn; its end is 10 micrometres beside its circle, and 35 from its start.
+    let text = |end: &str| {
+        format!(
+            "
+            N1 G0 X0 Y30
+            N2 G41 G450 G456 D1 G1 X0 Y0 F100
+            N3 X50
+            N4 G2 X49.965094496 Y{end} I-0.174530710 J-19.999238461
+            N5 G1 X99.958926120 Y-0.785091713
+            N6 G40 G456 X100.430145639 Y29.211207262"
+        )
+    };
+    let mut ignores = sinumerik();
+    ignores.interference.react = Reaction::Ignore;
+    for profile in [sinumerik(), ignores] {
+        for radius_mm in [0.5, 10.0] {
+            refused(&text("0.0103"), &profile, radius_mm, Code::ArcRadius, 4);
+        }
+    }
+}
+
+#[test]
+fn a_line_that_is_lengthened_to_its_lead_is_judged_with_the_lead() {
+    // Both halves of the lower side are one line but for their third decimal.
+    let text = "
+        N1 G0 X14.919 Y17.557
+        N2 G41 G451 D1 G1 X14.919 Y1.557 F100
+        N3 X0 Y0
+        N4 G2 X8.908 Y10.984 I9.946 J1.038
+        N5 G1 X28.8 Y13.059
+        N6 X29.838 Y3.113
+        N7 X14.919 Y1.557
+        N8 G40 X14.919 Y-14.444";
+    let Verdict { plan, disagreement, .. } = verdict(text, &sinumerik(), 10.0001);
+    assert_eq!(disagreement, None, "{}", findings(&plan));
+}
+
+#[test]
+fn contours_that_cross_themselves_get_one_verdict() {
+    let crossing = "
+        N1 G0 X15 Y45
+        N2 G41 D1 G1 X15 Y25 F100
+        N3 X28.8 Y6.6
+        N4 G3 X32 Y5 I3.2 J2.4
+        N5 G1 X40
+        N6 Y30
+        N7 X0 Y0
+        N8 X40 Y-10
+        N9 G40 X60 Y-10";
+    for name in ["nct", "sinumerik_840c", "rs274"] {
+        for radius_mm in [0.0, 1.0, 3.999999, 4.0, 4.000001, 8.0] {
+            let profile = profile(name);
+            let Verdict { plan, disagreement, .. } = verdict(crossing, &profile, radius_mm);
+            assert_eq!(disagreement, None, "{name} {radius_mm} {}", findings(&plan));
+        }
+    }
+}
+
+#[test]
+fn a_disagreement_is_an_error_of_kerf_and_has_the_same_name_everywhere() {
+    let text = "
+        N1 G0 X0 Y20
+        N2 G41 D1 G1 X0 Y0 F100
+        N3 X50
+        N4 G40 X50 Y20";
+    let (profile, tools) = (sinumerik(), tool(5.0));
+    let contour = contour(text, &profile);
+    let mut wrong = compensation_planner::plan(&contour, &profile, &tools);
+    assert!(wrong.accepted());
+    // As if the planner had gone a tenth too near.
+    for element in &mut wrong.path.elements {
+        if element.role != Role::None && element.end[1] == 5.0 {
+            element.end[1] = 4.9;
+        }
+    }
+    let judged = prove(wrong.clone(), &contour, &profile, &tools);
+    let file_name = judged.disagreement.clone().expect("a disagreement").file_name;
+    let first = &judged.plan.diagnostics[0];
+    assert_eq!((first.code, first.severity), (Code::InternalError, Severity::Error));
+    assert!(first.help.contains(&file_name), "{first:?}");
+    assert!(judged.plan.path.elements.is_empty() && !judged.plan.refused.is_empty());
+    finding(&judged.plan, Code::Gouge);
+    assert_eq!(judged, prove(wrong, &contour, &profile, &tools));
+}
