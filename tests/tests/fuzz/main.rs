@@ -23,6 +23,7 @@ mod mutate;
 mod orders;
 mod programs;
 mod responses;
+mod verdict;
 
 use mutate::Random;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -70,6 +71,43 @@ fn mutated_programs_are_loaded_and_planned_or_refused_at_a_place() {
         accepted += u64::from(programs::check(&corpus, random));
     });
     assert!(accepted * 20 > cases, "{accepted} of {cases} were accepted: too few to tell anything");
+}
+
+/// Runs cases whose verdicts must not differ, and shows the first that do: as many as
+/// `KERF_FUZZ_SHOWN` says.
+fn agree(name: &str, cases: u64, mut case: impl FnMut(&mut Random) -> verdict::Outcome) {
+    let (mut accepted, mut disagreed) = (0_u64, Vec::new());
+    let first = setting("KERF_FUZZ_SEED").unwrap_or(1);
+    let mut count = 0;
+    let cases = fuzz(name, cases, |random| {
+        match case(random) {
+            verdict::Outcome::Refused => {}
+            verdict::Outcome::Accepted => accepted += 1,
+            verdict::Outcome::Disagreed(what) => {
+                disagreed.push(format!("KERF_FUZZ_SEED={}: {what}", first.wrapping_add(count)));
+            }
+        }
+        count += 1;
+    });
+    let shown = setting("KERF_FUZZ_SHOWN").unwrap_or(10) as usize;
+    assert!(
+        disagreed.is_empty(),
+        "{} of {cases} programs ({accepted} accepted) have no one verdict:\n{}",
+        disagreed.len(),
+        disagreed.iter().take(shown).cloned().collect::<Vec<_>>().join("\n")
+    );
+    assert!(accepted * 20 > cases, "{accepted} of {cases} were accepted: too few to tell anything");
+}
+
+#[test]
+fn mutated_programs_get_one_verdict() {
+    let corpus = verdict::corpus();
+    agree("verdict", 3000, |random| verdict::check(&corpus, random));
+}
+
+#[test]
+fn contours_that_just_fit_get_one_verdict() {
+    agree("fitting", 3000, verdict::check_grid);
 }
 
 #[test]

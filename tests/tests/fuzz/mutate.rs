@@ -163,3 +163,45 @@ fn new_number(line: &mut Vec<u8>, random: &mut Random) {
     };
     line.splice(start..start + length, number.bytes());
 }
+
+/// Gives a few words other numbers, on a grid and near to what they were: programs that are
+/// programs still.
+pub(crate) fn renumber(text: &[u8], random: &mut Random) -> Vec<u8> {
+    let mut text = text.to_vec();
+    for _ in 0..1 + random.below(3) {
+        let is_number = |byte: &u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'-');
+        let starts: Vec<usize> = (1..text.len())
+            .filter(|&place| {
+                is_number(&text[place])
+                    && matches!(
+                        text[place - 1],
+                        b'X' | b'Y' | b'Z' | b'I' | b'J' | b'K' | b'R' | b'P' | b'D'
+                    )
+            })
+            .collect();
+        if starts.is_empty() {
+            return text;
+        }
+        let start = *random.of(&starts);
+        let length = text[start..].iter().take_while(|byte| is_number(byte)).count();
+        let was: f64 = std::str::from_utf8(&text[start..start + length])
+            .ok()
+            .and_then(|text| text.parse().ok())
+            .unwrap_or(0.0);
+        let number = match random.below(9) {
+            0 => -was,
+            1 => was + 10.0,
+            2 => was - 10.0,
+            3 => was / 2.0,
+            4 => was * 2.0,
+            5 => was + *random.of(&[1e-3, -1e-3, 2e-3, 0.01, -0.01, 0.1, 1.0, -1.0]),
+            6 => (was * 100.0).round() / 100.0,
+            7 => 5.0 * (random.below(41) as f64 - 20.0),
+            _ => random.between(-100.0, 100.0).round(),
+        };
+        let number = format!("{number:.4}");
+        let number = number.trim_end_matches('0').trim_end_matches('.');
+        text.splice(start..start + length, number.bytes());
+    }
+    text
+}
