@@ -54,7 +54,7 @@ const ALIVE_PERIOD: Duration = Duration::from_millis(100);
 /// The motion process speaks ten times a second; so long it is held up by no busy computer.
 const MOTION_SILENT: Duration = Duration::from_secs(2);
 /// What the reason of a state begins with that is not known because of that.
-const MOTION_LOST: &str = "MOTION_LOST";
+pub const MOTION_LOST: &str = "MOTION_LOST";
 /// Two status requests of the slowest kind without an answer, and a bit, s.
 const STALE_S: f64 = 2.5;
 /// How long a hold, a resume or an unlock may take to be answered.

@@ -8,11 +8,14 @@ use super::compare::{Comparison, Place};
 use super::recording::{Recording, nanoseconds};
 use axis_driver::driver::Output as DriverOutput;
 use axis_driver::journal::{Entry, EntryKind};
+use axis_driver::node::MOTION_LOST;
 use cnc_msgs::convert::{machine_state_to_wire, mode_from_wire};
 use cnc_msgs::units::position_from_point;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 use cnc_msgs::wire::std_msgs::msg::Header;
 use order::{Difference, Made, Published, Span};
+use serde::Deserialize;
+use std::ops::Range;
 use std::time::Duration;
 
 /// The states of a record: those that were published and those that the core goes through.
@@ -30,16 +33,21 @@ impl States {
         outputs: &[(Duration, DriverOutput)],
     ) -> Option<Self> {
         let (zero_ns, span) = span(recording, entries)?;
+        let silences = without_ros(entries);
         let made = outputs.iter().filter_map(|(at, output)| match output {
             DriverOutput::State(state) => {
                 let state = machine_state_to_wire(Header::default(), state);
                 let state = recording.definitions.forget(comparable(&state));
                 let since_ns = i64::try_from(at.as_nanos()).unwrap_or(i64::MAX);
-                Some(Made { at_ns: zero_ns.saturating_add(since_ns), state })
+                let is_unheard = silences.iter().any(|silence| silence.contains(at));
+                Some(Made { at_ns: zero_ns.saturating_add(since_ns), state, is_unheard })
             }
             _ => None,
         });
-        let published = recording.states.iter().map(|told| Published {
+        // That the driver itself is not heard, its ROS face says by itself.
+        let told = recording.states.iter();
+        let told = told.filter(|told| !told.state.reason.starts_with(MOTION_LOST));
+        let published = told.map(|told| Published {
             published_ns: told.published_ns,
             report_ns: nanoseconds(&told.state.header.stamp),
             state: comparable(&told.state),
@@ -63,7 +71,7 @@ impl States {
                     );
                     (format!("state {index}"), text, state)
                 }
-                Difference::NotPublished(index, Made { at_ns, state }) => {
+                Difference::NotPublished(index, Made { at_ns, state, .. }) => {
                     let text = format!(
                         "the driver goes through {} at {}, and the bag does not have that state in \
                          this place",
@@ -88,6 +96,43 @@ impl States {
             );
         }
     }
+}
+
+/// When the driver could not be reached over ROS, on its clock: it wrote down when that began to
+/// show and when it was over.
+fn without_ros(entries: &[Entry]) -> Vec<Range<Duration>> {
+    /// A face that hangs is noticed after one second on time.
+    const NOTICED: Duration = Duration::from_secs(3);
+    /// The recorder has found the next face by then.
+    const FOUND: Duration = Duration::from_secs(5);
+    let faces = entries.iter().filter(|entry| entry.kind == EntryKind::Command);
+    let faces = faces.filter_map(|entry| {
+        let command: RosFace = serde_json::from_slice(&entry.data).ok()?;
+        let is_meant = command.command == "ros_face";
+        is_meant.then_some((Duration::from_nanos(entry.monotonic_ns), command.is_there))
+    });
+    let (mut silences, mut since) = (Vec::new(), None);
+    for (at, is_there) in faces {
+        match (is_there, since) {
+            (false, None) => since = Some(at.saturating_sub(NOTICED)),
+            (true, begin) => {
+                // A record that begins in the silence has not its beginning.
+                silences.push(begin.unwrap_or_default()..at + FOUND);
+                since = None;
+            }
+            (false, Some(_)) => {}
+        }
+    }
+    silences.extend(since.map(|begin| begin..Duration::MAX));
+    silences
+}
+
+/// What of a command says whether the driver can be reached.
+#[derive(Deserialize)]
+struct RosFace {
+    command: String,
+    #[serde(default)]
+    is_there: bool,
 }
 
 /// The wall time at which the driver's clock showed zero, and what the record covers.

@@ -9,7 +9,7 @@ use cnc_msgs::wire::cnc_msgs::action::{
 use cnc_msgs::wire::cnc_msgs::msg::{Command, MachineState, Recording};
 use cnc_msgs::wire::diagnostic_msgs::msg::{DiagnosticArray, DiagnosticStatus};
 use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest};
-use runtime::action::{ActionClient, GoalError};
+use runtime::action::{ActionClient, GoalError, GoalHandle};
 use runtime::configuration::Configuration;
 use runtime::{Client, Handle, Qos, Session};
 use std::collections::BTreeMap;
@@ -196,6 +196,11 @@ impl Commander {
             })),
             Err(error) => panic!("no goal could be sent: {error}"),
         }
+    }
+
+    /// Begins a run of what is loaded, and leaves its end to the caller.
+    pub(crate) fn begin_run(&self) -> Result<GoalHandle<RunProgram>, GoalError> {
+        self.wait(self.runs.send_goal(RunProgramGoal::default()))
     }
 
     /// Waits for the end of a run.

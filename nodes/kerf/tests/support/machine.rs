@@ -230,6 +230,16 @@ impl Machine {
         self.nodes_named("axis_driver", true).first().copied()
     }
 
+    /// Looks for the face, also from another thread.
+    pub(crate) fn face_finder(&self) -> impl Fn() -> Option<Pid> + Send + 'static {
+        let mark = format!("{} ", self.namespace);
+        move || {
+            let faces = processes(std::slice::from_ref(&mark)).into_iter();
+            let mut faces = faces.filter(|(_, line)| line.starts_with("axis_driver-ros "));
+            faces.next().map(|(id, _)| id)
+        }
+    }
+
     fn nodes_named(&self, name: &str, is_face: bool) -> Vec<Pid> {
         let name = format!(" {name} ");
         let nodes = self.nodes().into_iter();

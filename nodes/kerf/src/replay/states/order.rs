@@ -28,6 +28,8 @@ pub(super) struct Made {
     /// When the entry was written that leads to it.
     pub(super) at_ns: i64,
     pub(super) state: MachineState,
+    /// The driver could not be reached over ROS then: nobody may have heard of it.
+    pub(super) is_unheard: bool,
 }
 
 /// What the journal and the recorder cover, nanoseconds since the epoch.
@@ -123,7 +125,8 @@ fn beginning(published: &[&Published], made: &[&Made], span: Span) -> (usize, us
 }
 
 fn not_published(made: &[&Made], range: std::ops::Range<usize>) -> Vec<Difference> {
-    range.map(|index| Difference::NotPublished(index, made[index].clone())).collect()
+    let heard = range.filter(|index| !made[*index].is_unheard);
+    heard.map(|index| Difference::NotPublished(index, made[index].clone())).collect()
 }
 
 fn not_made(published: &[&Published], range: std::ops::Range<usize>) -> Vec<Difference> {

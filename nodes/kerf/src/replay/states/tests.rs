@@ -169,7 +169,7 @@ fn published(at_ns: i64, line: u32) -> Published {
 }
 
 fn made(at_ns: i64, line: u32) -> Made {
-    Made { at_ns, state: published(at_ns, line).state }
+    Made { at_ns, state: published(at_ns, line).state, is_unheard: false }
 }
 
 /// Times in milliseconds, and lines.
@@ -235,4 +235,26 @@ fn a_wall_clock_that_was_set_before_the_run_changes_nothing() {
     assert_eq!(jump_ns(&[batch(10, 10, 19)]), 0);
     assert_eq!(jump_ns(&[batch(10, 10, 19), batch(3620, 20, 20)]), 3600 * SECOND);
     assert_eq!(jump_ns(&[batch(5, 30, 30), batch(40, 31, 32)]), -25 * SECOND);
+}
+
+#[test]
+fn what_the_driver_goes_through_while_ros_is_away_may_be_missing_and_nothing_else() {
+    let made: Vec<Made> = (1..=6)
+        .map(|line| Made { is_unheard: (3..=4).contains(&line), ..made(i64::from(line), line) })
+        .collect();
+    let of = |lines: &[u32]| -> Vec<Published> {
+        lines.iter().map(|line| published(i64::from(*line), *line)).collect()
+    };
+    let span =
+        Span { begin_ns: 0, begins_at_checkpoint: false, end_ns: 6, heard_ns: 1_000_000_000 };
+    for (heard, differences) in [
+        (&[1, 2, 3, 4, 5, 6][..], 0),
+        (&[1, 2, 5, 6], 0),
+        (&[1, 2, 4, 5, 6], 0),
+        (&[1, 2, 3, 4, 6], 1),
+        (&[2, 3, 4, 5, 6], 1),
+        (&[1, 2, 4, 3, 5, 6], 1),
+    ] {
+        assert_eq!(compare(&of(heard), &made, span).1.len(), differences, "{heard:?}");
+    }
 }
