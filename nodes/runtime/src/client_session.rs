@@ -29,5 +29,7 @@ pub fn client_session(name: &str, words: &[String]) -> Result<Session, ClientSes
     if let Some(word) = configuration.rest.first() {
         return Err(ClientSessionError::Argument(word.clone()));
     }
-    Ok(Session::start(configuration)?)
+    let session = Session::start(configuration)?;
+    session.bound_memory();
+    Ok(session)
 }

@@ -1,4 +1,4 @@
-//! The threads of the DDS layer, and whether they are at rest.
+//! The threads of the DDS layer, and what they are doing.
 //!
 //! RustDDS has two for each participant: one that receives and one that discovers. For each
 //! endpoint of ours the second tells the first of all peers on its topic, through a queue of
@@ -7,10 +7,12 @@
 //! goes first, and all three wait for each other for ever. Only who makes an endpoint writes
 //! while the database is locked in this way. So an endpoint is made when both threads have
 //! come to rest, which is when nothing is left to do for the one before.
+//! The report: docs/upstream/rustdds-endpoint-deadlock.md.
 
 use std::collections::BTreeSet;
 use std::fs::{read_dir, read_to_string};
-use std::path::PathBuf;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// What the names of these threads begin with, and how long they may be busy without a break.
@@ -24,8 +26,24 @@ const LONGEST: Duration = Duration::from_millis(2);
 /// What they usually need, where they cannot be watched.
 const UNWATCHED: Duration = Duration::from_millis(2);
 
+/// What messages call them.
+const NAMES: [&str; 2] = [RECEIVING, "discovery"];
+/// The thread that reads the sockets.
+pub(crate) const RECEIVING: &str = "receiving";
+
+/// What a thread was seen doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Seen {
+    /// It has ended.
+    Gone,
+    /// It waits for something to do.
+    Waiting,
+    /// It runs, or waits for a lock; it has waited for anything so often.
+    Busy { waits: u64 },
+}
+
 /// The threads of one participant; none where the system does not show them.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct DdsThreads(BTreeSet<(usize, PathBuf)>);
 
 /// The threads of the DDS layer in this process, with their places in the table above.
@@ -46,6 +64,16 @@ impl DdsThreads {
         Self(dds_threads().difference(before).cloned().collect())
     }
 
+    /// How many there are.
+    pub(crate) fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// What each of them does now, with its name in messages.
+    pub(crate) fn look(&self) -> Vec<(&'static str, Seen)> {
+        self.0.iter().map(|(place, call)| (NAMES[*place], look(*place, call))).collect()
+    }
+
     /// Waits until each of them has been at rest, one after the other.
     pub(crate) fn wait_for_rest(&self) {
         if self.0.is_empty() {
@@ -61,6 +89,36 @@ impl DdsThreads {
             }
         }
     }
+}
+
+/// Looks at one thread of those above. What cannot be read for another reason than that the
+/// thread has ended (too many open files) says nothing.
+fn look(place: usize, call: &Path) -> Seen {
+    let read = |name: &str| read_to_string(call.with_file_name(name));
+    match read("comm") {
+        // The system may give the number to another thread.
+        Ok(name) if !name.starts_with(THREADS[place].0) => return Seen::Gone,
+        Ok(_) => {}
+        Err(error) if is_end(&error) => return Seen::Gone,
+        Err(_) => return Seen::Waiting,
+    }
+    match read_to_string(call) {
+        Ok(call) if is_at_rest(&call) => Seen::Waiting,
+        Err(error) if is_end(&error) => Seen::Gone,
+        _ => read("status").map_or(Seen::Waiting, |status| Seen::Busy { waits: waits(&status) }),
+    }
+}
+
+/// Whether a file of a thread is missing because the thread is.
+fn is_end(error: &std::io::Error) -> bool {
+    const NO_SUCH_PROCESS: i32 = rustix::io::Errno::SRCH.raw_os_error();
+    error.kind() == ErrorKind::NotFound || error.raw_os_error() == Some(NO_SUCH_PROCESS)
+}
+
+/// How often a thread has waited, as its status tells.
+fn waits(status: &str) -> u64 {
+    let line = status.lines().find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
+    line.and_then(|count| count.trim().parse().ok()).unwrap_or(0)
 }
 
 /// Whether a thread waits for events: in a system call whose first argument is a file, that
@@ -87,7 +145,12 @@ mod tests {
         let places: Vec<_> = threads.0.iter().map(|(place, _)| *place).collect();
         assert_eq!(places, [0, 1]);
         threads.wait_for_rest();
+        assert_eq!(threads.count(), 2);
+        for (name, seen) in threads.look() {
+            assert!(matches!(seen, Seen::Waiting | Seen::Busy { waits: 1.. }), "{name}: {seen:?}");
+        }
         drop(participant);
+        assert_eq!(threads.look(), [("receiving", Seen::Gone), ("discovery", Seen::Gone)]);
     }
 
     #[test]

@@ -13,7 +13,9 @@
 //! - A sample that is not of the topic's type is counted, reported once per
 //!   sender, and passed over. Nothing from outside panics.
 //! - Every call has a deadline, and tells "nobody there" from "no answer".
-//! - A task or thread that panics stops the node with a reason.
+//! - A thread that panics ends the process, with its place in the log.
+//! - A node that its DDS threads do not serve any more, or that takes too much memory, ends at
+//!   once with a reason; see [`supervision`].
 //! - Every subscription has an explicit depth: what does not fit is lost
 //!   silently, even when reliable. Number what must not be lost.
 //! - A latched topic may deliver older values first; the newest comes last.
@@ -70,9 +72,11 @@ pub mod commands;
 mod complaints;
 pub mod configuration;
 mod dds_threads;
+mod dds_watch;
 mod declared;
 mod diagnostics;
 mod documents;
+mod ending;
 pub mod environment;
 mod graph;
 pub mod lifecycle;
@@ -81,6 +85,7 @@ mod log_levels;
 mod logger_services;
 mod logging;
 mod memory;
+mod memory_bound;
 pub mod names;
 mod node;
 mod pace;
@@ -116,6 +121,7 @@ pub use diagnostics::{Health, HealthLevel};
 pub use documents::{
     ToolTableFileError, load_tool_table, profile_from_yaml, profile_to_yaml, tool_table_from_yaml,
 };
+pub use ending::end_command_on_panic;
 pub use graph::LOOPBACK_PARTICIPANTS_MAX;
 pub use lifecycle::{Managed, Step, Trouble};
 pub use logging::LogSettings;

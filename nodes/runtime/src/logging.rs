@@ -141,7 +141,7 @@ impl<S: Subscriber> Layer<S> for RosLog {
 }
 
 /// `[INFO] [1700000000.123456789] [cell.driver]: text`, as rcl writes it.
-fn line(level: &str, time: RosTime, logger: &str, text: &str) -> String {
+pub(crate) fn line(level: &str, time: RosTime, logger: &str, text: &str) -> String {
     let (sec, nanosec) = time.parts();
     format!("[{level}] [{sec}.{nanosec:09}] [{logger}]: {text}\n")
 }
@@ -196,16 +196,6 @@ impl Visit for Text {
             name => write!(self.fields, " {name}={value:?}"),
         };
     }
-}
-
-/// Logs panics of any thread, with their place.
-pub(crate) fn log_panics() {
-    let shared: Arc<str> = Arc::from("unnamed");
-    std::panic::set_hook(Box::new(move |panic| {
-        let thread = std::thread::current();
-        let name = thread.name().unwrap_or(&shared);
-        tracing::error!("thread {name}: {panic}");
-    }));
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@
 
 use crate::cancel::Shutdown;
 use crate::client::Client;
+use crate::configuration::Configuration;
 use crate::environment::Environment;
 use crate::graph::Graph;
 use crate::interface::{Message, Service};
@@ -50,6 +51,8 @@ pub struct Handle {
 
 /// What all handles of a node share.
 pub(crate) struct Inner {
+    /// To start the node once more.
+    pub(crate) configuration: Configuration,
     pub(crate) names: Names,
     pub(crate) environment: Environment,
     /// `None` once the node is being taken down.
@@ -65,6 +68,8 @@ pub(crate) struct Inner {
     /// `None` while the node is not managed.
     pub(crate) lifecycle: tokio::sync::watch::Sender<Option<crate::lifecycle::State>>,
     pub(crate) shutdown: Shutdown,
+    /// Why the DDS layer does not serve this node any more; `None` while it does.
+    pub(crate) deaf: tokio::sync::watch::Sender<Option<String>>,
     pub(crate) last_words: LastWords,
     pub(crate) tasks: Mutex<JoinSet<()>>,
     pub(crate) memory: OnceLock<Memory>,
@@ -96,6 +101,17 @@ impl Handle {
     /// The word that it is time to stop.
     pub fn shutdown(&self) -> &Shutdown {
         &self.inner.shutdown
+    }
+
+    /// Waits until the DDS layer does not serve this node any more, and says why. Nothing that
+    /// is sent then arrives anywhere, and nothing comes in.
+    pub async fn deaf(&self) -> String {
+        let mut deaf = self.inner.deaf.subscribe();
+        // The sender lives as long as `self`.
+        match deaf.wait_for(Option::is_some).await {
+            Ok(reason) => reason.clone().unwrap_or_default(),
+            Err(_) => std::future::pending().await,
+        }
     }
 
     /// Publishes `T` on `topic` (relative, `~/private` or absolute).

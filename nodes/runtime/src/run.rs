@@ -5,15 +5,22 @@
 //! stopped, a bag to be closed), then everything is taken
 //! down in the order that DDS needs.
 //!
+//! A node that its DDS layer does not serve any more, that takes too much memory, or in which a
+//! thread panics ends at once and in no order. The supervisor hears from a node as `supervision`
+//! says.
+//!
 //! Exit status: 0 ended as asked, 1 failed, 2 arguments, environment or files
-//! are wrong, 130 ended at once by a second signal.
+//! are wrong, 70 deaf, 71 too much memory, 101 a panic, 130 ended at once by a second signal.
 
 use crate::configuration::Configuration;
+use crate::dds_watch::EndOfProcess;
+use crate::ending::end_on_panic;
 use crate::lifecycle::{self, Managed};
-use crate::logging::log_panics;
+use crate::memory_bound::{self, MemoryBound};
 use crate::node::Handle;
 use crate::parameters::Declared;
 use crate::session::Session;
+use crate::supervision::Notifier;
 use futures::FutureExt;
 use intake::text::lines;
 use std::fmt::Display;
@@ -68,6 +75,8 @@ where
     let variables = std::env::vars_os()
         .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
         .collect();
+    let mut declared = declared;
+    declared.push(memory_bound::declared());
     let configuration = match Configuration::read(name, declared, words, &variables) {
         Ok(configuration) => configuration,
         Err(error) => {
@@ -127,7 +136,8 @@ where
     E: Display,
 {
     let lines = configuration.logs.install();
-    log_panics();
+    let logger = configuration.logs.logger.clone();
+    end_on_panic(&logger);
     for warning in &configuration.warnings {
         tracing::warn!("{warning}");
     }
@@ -139,6 +149,9 @@ where
         }
     };
     let handle = session.handle().clone();
+    let notifier = Notifier::from_environment();
+    let memory = MemoryBound::of(handle.parameter(memory_bound::PARAMETER));
+    session.rule_process(EndOfProcess { logger, memory, when_deaf: true }, notifier.clone());
     let prepared = lines.publish(&handle).map_err(|error| error.to_string());
     let prepared = prepared.and_then(|()| handle.announce_parameters().map_err(|e| e.to_string()));
     let prepared = prepared.and_then(|()| obey_signals(&handle).map_err(|e| e.to_string()));
@@ -148,6 +161,7 @@ where
         return false;
     }
     tracing::info!("{} started", handle.names().fully_qualified());
+    notifier.ready();
 
     let ended = {
         let life = AssertUnwindSafe(node(handle.clone())).catch_unwind();
@@ -155,6 +169,7 @@ where
         tokio::select! {
             ended = &mut life => Some(ended),
             () = handle.shutdown().requested() => {
+                notifier.stopping();
                 tokio::time::timeout(END_WITHIN, &mut life).await.ok()
             }
         }
@@ -172,6 +187,8 @@ where
             false
         }
     };
+    // Also when the node ended by itself.
+    notifier.stopping();
     let reason = handle.shutdown().reason().unwrap_or_else(|| "its work is done".to_owned());
     tracing::info!("{} stops: {reason}", handle.names().fully_qualified());
     drop(handle);

@@ -6,10 +6,12 @@
 use crate::cancel::Shutdown;
 use crate::configuration::Configuration;
 use crate::dds_threads::{DdsThreads, dds_threads};
+use crate::dds_watch::{DdsWatch, EndOfProcess};
 use crate::environment::{DiscoveryRange, Environment};
 use crate::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
 use crate::live_parameters::LiveParameters;
 use crate::logger_services;
+use crate::memory_bound::MemoryBound;
 use crate::node::{Handle, Inner, NodeError, failed, lock};
 use crate::pace::Pace;
 use crate::parameter_services::serve;
@@ -17,6 +19,7 @@ use crate::parameters::USE_SIM_TIME;
 use crate::publisher::LastWords;
 use crate::qos::Qos;
 use crate::sockets::{confine_since, open_sockets};
+use crate::supervision::Notifier;
 use crate::type_description;
 use ros2_client::{Context, NodeName, NodeOptions};
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
@@ -27,6 +30,8 @@ use std::time::Duration;
 
 /// A started node, with what must be taken down in order.
 pub struct Session {
+    /// Before the threads that it watches.
+    watch: DdsWatch,
     handle: Handle,
     context: Context,
 }
@@ -37,9 +42,21 @@ impl Session {
     /// # Errors
     /// The participant or the node cannot be made.
     pub fn start(configuration: Configuration) -> Result<Self, NodeError> {
+        let again = configuration.clone();
         let Configuration { names, environment, parameters, logs, enclave, .. } = configuration;
         raise_file_limit();
         let (participant, threads) = join(&environment, enclave.as_deref())?;
+        if threads.count() == 0 {
+            tracing::warn!("/proc does not show the threads of the DDS layer: nobody watches them");
+        }
+        let deaf = tokio::sync::watch::Sender::new(None);
+        let watch = DdsWatch::start(
+            participant.clone(),
+            environment.domain_id,
+            threads.clone(),
+            deaf.clone(),
+        )
+        .map_err(|error| failed("the thread that watches the DDS layer", &error))?;
         let pace = Pace::new(threads, enclave.is_some());
         // The context and the node have an endpoint each.
         let turn = pace.turn();
@@ -60,6 +77,7 @@ impl Session {
         let shutdown = Shutdown::new();
         let last_words = LastWords { shutdown: shutdown.clone(), publishers: Arc::default() };
         let inner = Inner {
+            configuration: again,
             names,
             environment,
             node: Mutex::new(Some(node)),
@@ -71,6 +89,7 @@ impl Session {
             clock: Arc::default(),
             lifecycle: tokio::sync::watch::Sender::new(None),
             shutdown,
+            deaf,
             last_words,
             tasks: Mutex::default(),
             memory: std::sync::OnceLock::new(),
@@ -82,7 +101,7 @@ impl Session {
         logger_services::serve(&handle, &logs.levels)?;
         type_description::serve(&handle)?;
         handle.simulate_time(handle.parameter(USE_SIM_TIME));
-        Ok(Self { handle, context })
+        Ok(Self { watch, handle, context })
     }
 
     /// The node, for its tasks.
@@ -90,13 +109,40 @@ impl Session {
         &self.handle
     }
 
+    /// Makes the end of the DDS layer, or too much memory, the end of the process.
+    pub(crate) fn rule_process(&self, end: EndOfProcess, notifier: Notifier) {
+        self.watch.rule(end, notifier);
+    }
+
+    /// Starts the same node once more, after its DDS layer has ended: see [`Handle::deaf`].
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn again(deaf: &Handle) -> Result<Self, NodeError> {
+        let session = Self::start(deaf.inner.configuration.clone())?;
+        session.bound_memory();
+        Ok(session)
+    }
+
+    /// Makes too much memory the end of the process.
+    pub(crate) fn bound_memory(&self) {
+        let logger = self.handle.names().logger();
+        let memory = MemoryBound::usual();
+        self.rule_process(EndOfProcess { logger, memory, when_deaf: false }, Notifier::default());
+    }
+
     /// Takes everything down in the order that DDS needs: tasks with their
     /// endpoints, the node, then the participant. Publishers and subscriptions
     /// that the caller holds should be gone before.
     ///
     /// The last answers get a tenth of a second to go out, and what was sent
-    /// reliably half a second to be repaired.
+    /// reliably half a second to be repaired. A deaf node is left as it is.
     pub async fn stop(self) {
+        if self.handle.inner.deaf.borrow().is_some() {
+            // Its DDS layer would be waited for in vain; the process is about to end.
+            std::mem::forget(self);
+            return;
+        }
         let inner = &self.handle.inner;
         inner.shutdown.request("the node stops");
         tokio::time::sleep(Duration::from_millis(100)).await;
@@ -108,6 +154,7 @@ impl Session {
         }
         tokio::time::sleep(Duration::from_millis(500)).await;
         lock(&inner.last_words.publishers).clear();
+        drop(self.watch);
         drop(lock(&inner.node).take());
         drop(self.context);
     }

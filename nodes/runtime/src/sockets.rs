@@ -5,7 +5,7 @@
 //! everybody does, would be heard: it could discover the node by asking it,
 //! and move the machine. So each socket of the participant is bound to the
 //! loopback interface by the kernel, after which nothing from outside arrives
-//! and nothing leaves.
+//! and nothing leaves. The report: docs/upstream/rustdds-wildcard-sockets.md.
 
 use rustix::io::Errno;
 use rustix::process::{PidfdFlags, PidfdGetfdFlags, getpid, pidfd_getfd, pidfd_open};

@@ -30,10 +30,14 @@ pub const TOO_LARGE: u8 = 71;
 /// Exit status of a process in which a thread panicked; the one Rust uses.
 pub const PANICKED: u8 = 101;
 
+/// The process that started this one with [`Watched`], for those that want to know whether it is
+/// still their parent.
+const SUPERVISOR: &str = "KERF_SUPERVISOR";
+
 /// Ends this process at once when the thread that started it ends, however that comes about.
 ///
 /// For a process that is of no use alone and holds nothing that needs an orderly end. Returns
-/// false when the parent has ended already.
+/// false when a [`Watched`] started it and has ended already.
 pub fn die_with_parent() -> std::io::Result<bool> {
     signal_with_parent(Signal::KILL)
 }
@@ -48,7 +52,8 @@ pub fn wake_with_parent() -> std::io::Result<bool> {
 
 fn signal_with_parent(signal: Signal) -> std::io::Result<bool> {
     set_parent_process_death_signal(Some(signal))?;
-    // A parent that ended before the line above sends nothing. Its orphans belong to the first
-    // process, or to a reaper.
-    Ok(getppid().is_some_and(|parent| !parent.is_init()))
+    // A parent that ended before the line above sends nothing; its orphans have another one.
+    let supervisor = std::env::var(SUPERVISOR).ok().and_then(|text| text.parse().ok());
+    let parent = getppid().map(|parent| parent.as_raw_nonzero().get());
+    Ok(supervisor.is_none_or(|supervisor: i32| parent == Some(supervisor)))
 }

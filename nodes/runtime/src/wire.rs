@@ -9,12 +9,12 @@
 //! whole participant down. A sample that does not fit its type, with bytes
 //! missing or more than padding left over, becomes an `Err` with the reason.
 
+use crate::ending;
 use cnc_msgs::cdr;
 use serde::de::{DeserializeOwned, DeserializeSeed, Error, SeqAccess, Visitor};
 use serde::ser::SerializeTuple;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::marker::PhantomData;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Who sent something: the address of a DDS endpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -227,7 +227,7 @@ impl<'de, T: DeserializeOwned> DeserializeSeed<'de> for Decoder<T> {
 
     fn deserialize<D: Deserializer<'de>>(self, bytes: D) -> Result<Self::Value, D::Error> {
         let fields = if self.has_header { 3 } else { 2 };
-        Ok(match catch_unwind(AssertUnwindSafe(|| bytes.deserialize_tuple(fields, self))) {
+        Ok(match ending::catch(|| bytes.deserialize_tuple(fields, self)) {
             Ok(Ok(framed)) => Ok(framed),
             Ok(Err(error)) => Err(error.to_string()),
             Err(_) => Err("the decoder gave up".to_owned()),

@@ -7,7 +7,10 @@ mod common;
 use cnc_msgs::wire::rcl_interfaces::msg::Log;
 use common::{Count, PATIENCE, Text, domain, namespace, soon, start};
 use runtime::parameters::Declared;
+use runtime::supervision::{DEAF, PANICKED, TOO_LARGE};
 use runtime::{Handle, NodeError, Qos};
+use std::io::Read;
+use std::os::unix::net::UnixDatagram;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
@@ -19,6 +22,20 @@ async fn node(handle: Handle) -> Result<(), NodeError> {
     match handle.parameter::<String>("fault").as_str() {
         "panic" => handle.spawn("thinker", async { panic!("no idea") }),
         "thread" => drop(handle.spawn_thread("serial", || panic!("no line"))),
+        "stranger" => drop(std::thread::spawn(|| panic!("no name"))),
+        // As much as there is, but not at once.
+        "grow" => drop(handle.spawn_thread("grower", || {
+            let mut all: Vec<Vec<u8>> = Vec::new();
+            loop {
+                all.push(vec![1; 1 << 20]);
+                std::thread::sleep(Duration::from_millis(2));
+            }
+        })),
+        "jump" => drop(handle.spawn_thread("jumper", || {
+            // Not zeroed: the size is what counts, and it is used.
+            let all = std::hint::black_box(vec![1_u8; 4 << 30]);
+            panic!("{}", all.len());
+        })),
         "error" => {
             let what = "the line".to_owned();
             return Err(NodeError::Stopping { what });
@@ -52,8 +69,9 @@ fn the_node_itself() {
     let Ok(words) = std::env::var(IS_NODE) else { return };
     let declared = vec![
         Declared::new("greeting", "hello", "what is said"),
-        Declared::new("fault", "", "how it fails")
-            .one_of(&["", "panic", "thread", "error", "deaf", "listen"]),
+        Declared::new("fault", "", "how it fails").one_of(&[
+            "", "panic", "thread", "stranger", "grow", "jump", "error", "deaf", "listen",
+        ]),
     ];
     let words: Vec<String> = words.split_whitespace().map(str::to_owned).collect();
     let status = runtime::run_with("greeter", declared, &words, node);
@@ -67,14 +85,30 @@ fn the_node_itself() {
 }
 
 fn launch(words: &str, domain_id: u16) -> Child {
-    Command::new(std::env::current_exe().expect("this program"))
+    command(words, domain_id).spawn().expect("starts")
+}
+
+fn command(words: &str, domain_id: u16) -> Command {
+    let mut command = Command::new(std::env::current_exe().expect("this program"));
+    command
         .args(["--exact", "the_node_itself", "--nocapture"])
         .env(IS_NODE, words)
         .env("ROS_DOMAIN_ID", domain_id.to_string())
         .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("starts")
+        .stderr(Stdio::piped());
+    command
+}
+
+/// Reads the console until this is there, and returns what came.
+fn heard(child: &mut Child, part: &str) -> String {
+    let console = child.stderr.as_mut().expect("a pipe");
+    let mut text = Vec::new();
+    while !String::from_utf8_lossy(&text).contains(part) {
+        let mut byte = [0];
+        assert_eq!(console.read(&mut byte).expect("the console"), 1, "it ended");
+        text.push(byte[0]);
+    }
+    String::from_utf8_lossy(&text).into_owned()
 }
 
 fn signal(child: &Child, name: &str) {
@@ -150,16 +184,68 @@ fn wrong_arguments_end_with_2_before_the_node_appears() {
 
 #[test]
 fn a_node_that_fails_ends_with_1_and_says_why() {
-    let table = [
-        ("panic", "task \"thinker\" panicked: no idea"),
-        ("thread", "thread \"serial\" panicked: no line"),
-        ("error", "the line"),
-    ];
-    for (fault, part) in table {
+    let (status, text) = end_of(launch("--ros-args -p fault:=error", domain(62)));
+    assert_eq!(status, Some(1), "{text}");
+    assert!(text.contains("[ERROR]") && text.contains("the line"), "{text}");
+}
+
+#[test]
+fn a_panic_of_any_thread_ends_the_process() {
+    let panicked = Some(i32::from(PANICKED));
+    for (fault, part) in [("panic", "no idea"), ("thread", "\"serial\""), ("stranger", "no name")] {
         let (status, text) = end_of(launch(&format!("--ros-args -p fault:={fault}"), domain(62)));
-        assert_eq!(status, Some(1), "{fault}: {text}");
-        assert!(text.contains("[ERROR]") && text.contains(part), "{text}");
+        assert_eq!(status, panicked, "{fault}: {text}");
+        assert!(text.contains("[FATAL]") && text.contains(part), "{fault}: {text}");
+        assert!(text.contains("tests/process.rs:"), "{fault}: {text}");
     }
+}
+
+#[test]
+fn a_node_that_was_stopped_and_continued_notices_that_it_is_deaf() {
+    let mut child = launch("--ros-args", domain(66));
+    let console = heard(&mut child, " started");
+    signal(&child, "-STOP");
+    std::thread::sleep(Duration::from_millis(200));
+    let continued = Instant::now();
+    signal(&child, "-CONT");
+    let (status, text) = end_of(child);
+    eprintln!("deaf for {} ms", continued.elapsed().as_millis());
+    assert_eq!(status, Some(i32::from(DEAF)), "{console}{text}");
+    assert!(text.contains("thread of the DDS layer has ended"), "{text}");
+}
+
+#[test]
+fn a_node_that_grows_ends_before_it_takes_what_others_need() {
+    for (fault, ends) in [("grow", Some(i32::from(TOO_LARGE))), ("jump", None)] {
+        let words = format!("--ros-args -p memory_mb_max:=256 -p fault:={fault}");
+        let (status, text) = end_of(launch(&words, domain(67)));
+        assert_eq!(status, ends, "{fault}: {text}");
+        let part = ["256 MB are allowed (memory_mb_max)", "memory allocation of"];
+        assert!(text.contains(part[usize::from(ends.is_none())]), "{fault}: {text}");
+    }
+}
+
+#[test]
+fn a_supervisor_hears_that_a_node_is_ready_lives_and_ends() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("notify");
+    let socket = UnixDatagram::bind(&path).expect("a socket");
+    socket.set_read_timeout(Some(PATIENCE)).expect("a deadline");
+    let next = || {
+        let mut text = [0; 256];
+        let length = socket.recv(&mut text).expect("a sign of life");
+        String::from_utf8_lossy(&text[..length]).into_owned()
+    };
+    let child = command("--ros-args", domain(68)).env("NOTIFY_SOCKET", &path).spawn();
+    let child = child.expect("starts");
+    let until = |wanted: &str| while !next().contains(wanted) {};
+    until("READY=1");
+    let began = Instant::now();
+    (0..8).for_each(|_| until("WATCHDOG=1"));
+    eprintln!("eight signs of life in {} ms", began.elapsed().as_millis());
+    signal(&child, "-TERM");
+    until("STOPPING=1");
+    assert_eq!(end_of(child).0, Some(0));
 }
 
 #[test]
@@ -203,10 +289,8 @@ async fn a_subscriber_that_hangs_costs_samples_but_never_holds_the_publisher_up(
     });
     let (sent, flood) = soon("the publisher", publishing).await.expect("no panic");
     assert!(flood.dropped() > 0 && sent + flood.dropped() == 20_000, "{sent} sent");
-    signal(&child, "-CONT");
-    signal(&child, "-INT");
-    let (status, text) = tokio::task::spawn_blocking(|| end_of(child)).await.expect("ends");
-    assert_eq!(status, Some(0), "{text}");
+    signal(&child, "-KILL");
+    tokio::task::spawn_blocking(|| end_of(child)).await.expect("ends");
     drop(flood);
     node.stop().await;
 }

@@ -124,6 +124,13 @@ impl<A: Action + 'static> ActionClient<A> {
         }
     }
 
+    /// Follows a goal that was sent before, by another node perhaps.
+    pub fn follow(&self, id: GoalId) -> GoalHandle<A> {
+        let (sender, feedback) = mpsc::channel(FEEDBACK_MAX);
+        lock(&self.shared.listeners).insert(id, sender);
+        GoalHandle { id, feedback, shared: Arc::clone(&self.shared) }
+    }
+
     /// Cancels all goals of the server, whoever sent them.
     ///
     /// # Errors

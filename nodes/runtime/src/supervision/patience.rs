@@ -16,6 +16,8 @@ pub struct Limits {
     pub silence_max: Duration,
     /// The longest that a child takes from its start to `READY=1`.
     pub start_max: Duration,
+    /// The longest that a child takes from `STOPPING=1` to its end.
+    pub stop_max: Duration,
     /// The pause before a child that ended soon is started again; it doubles each time.
     pub pause_min: Duration,
     /// The longest such pause.
@@ -29,6 +31,8 @@ impl Default for Limits {
         Self {
             silence_max: Duration::from_secs(5),
             start_max: Duration::from_secs(60),
+            // A machine may have to be stopped, a bag to be closed: a node takes 30 s at most.
+            stop_max: Duration::from_secs(45),
             pause_min: Duration::from_millis(250),
             pause_max: Duration::from_secs(10),
             settled_after: Duration::from_secs(5),
@@ -53,7 +57,7 @@ pub(super) struct Patience {
 enum Phase {
     Starting,
     Ready,
-    /// It ends by itself; whoever asked it to counts the time.
+    /// It ends by itself.
     Stopping,
 }
 
@@ -79,7 +83,9 @@ impl Patience {
     pub(super) fn hear(&mut self, heard: Heard, now: Instant) -> bool {
         self.silence += now.saturating_duration_since(self.looked).min(COUNTED_MAX);
         self.looked = now;
-        if heard.alive || heard.ready {
+        // How long an end takes counts, whatever is heard meanwhile.
+        let is_sign = heard.alive || heard.ready || heard.stopping;
+        if is_sign && self.phase != Phase::Stopping {
             self.silence = Duration::ZERO;
         }
         let becomes_ready = heard.ready && self.phase == Phase::Starting;
@@ -97,7 +103,7 @@ impl Patience {
         let limit = match self.phase {
             Phase::Starting => self.limits.start_max,
             Phase::Ready => self.limits.silence_max,
-            Phase::Stopping => return None,
+            Phase::Stopping => self.limits.stop_max,
         };
         (self.silence > limit).then_some(self.silence)
     }
@@ -126,6 +132,7 @@ mod tests {
     const LIMITS: Limits = Limits {
         silence_max: Duration::from_secs(5),
         start_max: Duration::from_secs(30),
+        stop_max: Duration::from_secs(40),
         pause_min: Duration::from_millis(250),
         pause_max: Duration::from_secs(2),
         settled_after: Duration::from_secs(5),
@@ -180,13 +187,15 @@ mod tests {
     }
 
     #[test]
-    fn a_child_that_ends_in_its_own_order_is_not_silent() {
+    fn a_child_that_ends_in_its_own_order_has_its_time_for_it() {
         let mut now = Instant::now();
         let mut patience = Patience::new(LIMITS, now);
         patience.hear(READY, now);
         patience.hear(STOPPING, now);
-        look(&mut patience, &mut now, 60.0, NOTHING);
+        look(&mut patience, &mut now, 40.0, ALIVE);
         assert_eq!(patience.silent_for(), None);
+        look(&mut patience, &mut now, 0.1, ALIVE);
+        assert!(patience.silent_for().is_some());
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A child process that is started, watched, and started again.
 
+use super::SUPERVISOR;
 use super::mailbox::Mailbox;
 use super::patience::{Limits, Patience};
 use std::fmt;
@@ -154,6 +155,7 @@ fn spawn(
     make()?
         .env("NOTIFY_SOCKET", mailbox.path())
         .env("WATCHDOG_USEC", limits.silence_max.as_micros().to_string())
+        .env(SUPERVISOR, std::process::id().to_string())
         .env_remove("WATCHDOG_PID")
         .spawn()
 }

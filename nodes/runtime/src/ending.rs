@@ -1,0 +1,94 @@
+//! The sudden end of a process that cannot go on as it should.
+//!
+//! A node that is deaf or too large ends at once: what an orderly end would ask of the DDS layer
+//! is no longer there. Its supervisor starts it again. Nothing here waits for anybody, not even
+//! for a console that nobody reads.
+
+use crate::logging::line;
+use crate::supervision::PANICKED;
+use crate::time::RosTime;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
+
+/// How long a console that is full may take.
+const CONSOLE_WITHIN: Timespec = Timespec { tv_sec: 0, tv_nsec: 200_000_000 };
+/// What a pipe takes in one piece when it takes anything.
+const PIECE_MAX: usize = 4_000;
+
+thread_local! {
+    /// A panic on this thread is caught on purpose.
+    static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Ends the process with one line on the console.
+pub(crate) fn end(status: u8, logger: &str, text: &str) -> ! {
+    say(logger, text);
+    std::process::exit(i32::from(status))
+}
+
+/// Writes one line of level FATAL past the log, unless the console is full.
+pub(crate) fn say(logger: &str, text: &str) {
+    let mut text = line("FATAL", RosTime::wall(), logger, text).into_bytes();
+    if text.len() > PIECE_MAX {
+        text.truncate(PIECE_MAX - 1);
+        text.push(b'\n');
+    }
+    let console = std::io::stderr();
+    let mut waiting = [PollFd::new(&console, PollFlags::OUT)];
+    if poll(&mut waiting, Some(&CONSOLE_WITHIN)).is_ok_and(|ready| ready > 0) {
+        // Not through the lock of standard error: whoever holds it may be the one who hangs.
+        let _ = rustix::io::write(&console, &text);
+    }
+}
+
+/// Runs something whose panics are expected; they end neither the process nor the thread.
+pub(crate) fn catch<R>(work: impl FnOnce() -> R) -> std::thread::Result<R> {
+    let before = IS_CAUGHT.replace(true);
+    let outcome = catch_unwind(AssertUnwindSafe(work));
+    IS_CAUGHT.set(before);
+    outcome
+}
+
+/// From now on a panic of any thread ends the process, with its place on the console.
+pub(crate) fn end_on_panic(logger: &str) {
+    let logger = logger.to_owned();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !IS_CAUGHT.get() {
+            end(PANICKED, &logger, &panicked(panic));
+        }
+    }));
+}
+
+/// From now on a panic of any thread ends this command, except in the DDS layer: a command starts
+/// that again.
+pub fn end_command_on_panic() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let thread = std::thread::current();
+        let is_dds = thread.name().is_some_and(|name| name.starts_with("RustDDS"));
+        if IS_CAUGHT.get() || is_dds {
+            return;
+        }
+        usual(panic);
+        std::process::exit(i32::from(PANICKED));
+    }));
+}
+
+fn panicked(panic: &PanicHookInfo<'_>) -> String {
+    let thread = std::thread::current();
+    let name = thread.name().unwrap_or("unnamed");
+    format!("thread \"{name}\" {panic}; the process ends with status {PANICKED}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_that_is_expected_is_a_result() {
+        assert!(catch(|| panic!("as expected")).is_err());
+        assert_eq!(catch(|| 7).expect("no panic"), 7);
+        assert!(!IS_CAUGHT.get());
+    }
+}

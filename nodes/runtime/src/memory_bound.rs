@@ -1,0 +1,128 @@
+//! How much memory a process may take.
+//!
+//! Whoever reaches a node can make the DDS layer allocate without bound. So each process that
+//! listens to DDS has a bound of its own, and ends when it is above it: a flood restarts that
+//! process and nothing else. The kernel refuses at once what is far above the bound
+//! (`RLIMIT_DATA`): the process aborts with "memory allocation of N bytes failed".
+//!
+//! The reports: docs/upstream/rustdds-data-frag-size.md, -heartbeat-range.md, -gap-range.md and
+//! -nack-frag.md.
+
+use crate::parameters::Declared;
+use std::fs::{File, read_to_string};
+use std::io::Read;
+
+/// The parameter that sets the bound.
+pub(crate) const PARAMETER: &str = "memory_mb_max";
+/// Of nodes and commands; a program of a million lines takes up to 700 MB.
+const USUAL_MB: i64 = 2_048;
+/// Below this a node does not start.
+const LEAST_MB: i64 = 64;
+const MB: u64 = 1 << 20;
+
+/// The bound of one process, in bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct MemoryBound(u64);
+
+/// The parameter as every node has it.
+pub(crate) fn declared() -> Declared {
+    Declared::new(
+        PARAMETER,
+        USUAL_MB,
+        "the node ends, and is restarted by its supervisor, when it takes more memory than this, \
+         in MB, or more than three quarters of the computer's",
+    )
+    .within(LEAST_MB as f64, f64::from(i32::MAX))
+    .read_only()
+}
+
+impl MemoryBound {
+    /// The bound that the parameter asks for, on this computer.
+    pub(crate) fn of(megabytes: i64) -> Self {
+        Self::on(megabytes, physical())
+    }
+
+    /// The bound of a command.
+    pub(crate) fn usual() -> Self {
+        Self::of(USUAL_MB)
+    }
+
+    fn on(megabytes: i64, physical: Option<u64>) -> Self {
+        let asked = u64::try_from(megabytes.max(LEAST_MB)).unwrap_or(u64::MAX).saturating_mul(MB);
+        // Three quarters: the rest of the stack has to run too.
+        Self(physical.map_or(asked, |bytes| asked.min(bytes / 4 * 3)))
+    }
+
+    /// Has the kernel refuse what is far above the bound; a lower limit is kept.
+    pub(crate) fn enforce(self) {
+        use rustix::process::{Resource, getrlimit, setrlimit};
+        let mut limit = getrlimit(Resource::Data);
+        // Data that was never touched counts there, and not in what is watched.
+        let hard = self.0.saturating_add(self.0 / 2).saturating_add(256 * MB);
+        if limit.current.is_none_or(|current| current > hard) {
+            limit.current = Some(limit.maximum.map_or(hard, |maximum| maximum.min(hard)));
+            // Without it the process is watched all the same.
+            let _ = setrlimit(Resource::Data, limit);
+        }
+    }
+
+    /// What the process takes, when that is above the bound: a sentence with the numbers.
+    pub(crate) fn exceeded(self) -> Option<String> {
+        let resident = resident()?;
+        (resident > self.0).then(|| {
+            format!(
+                "this process takes {} MB of memory, {} MB are allowed ({PARAMETER})",
+                resident / MB,
+                self.0 / MB
+            )
+        })
+    }
+}
+
+/// Resident memory of this process, in bytes. Allocates nothing.
+fn resident() -> Option<u64> {
+    let mut text = [0; 4_096];
+    let length = File::open("/proc/self/status").ok()?.read(&mut text).ok()?;
+    kilobytes(std::str::from_utf8(&text[..length]).ok()?, "VmRSS:")
+}
+
+/// Memory of the computer, in bytes.
+fn physical() -> Option<u64> {
+    let text = read_to_string("/proc/meminfo").ok()?;
+    kilobytes(&text, "MemTotal:")
+}
+
+/// A line "NAME: 1234 kB" of the system, in bytes.
+fn kilobytes(text: &str, name: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
+    line.split_ascii_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1_024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bound_is_what_was_asked_for_and_what_the_computer_has() {
+        let table = [
+            (2_048, Some(64 << 30), 2_048 * MB),
+            (2_048, Some(2 << 30), 1_536 * MB),
+            (2_048, None, 2_048 * MB),
+            (1, Some(64 << 30), 64 * MB),
+            (i64::MAX, Some(4 << 30), 3_072 * MB),
+        ];
+        for (asked, physical, expected) in table {
+            assert_eq!(MemoryBound::on(asked, physical), MemoryBound(expected), "{asked}");
+        }
+    }
+
+    #[test]
+    fn what_this_process_takes_is_known() {
+        let resident = resident().expect("/proc");
+        assert!((MB..64 << 30).contains(&resident), "{resident}");
+        assert!(physical().expect("/proc") > resident);
+        assert_eq!(MemoryBound(u64::MAX).exceeded(), None);
+        let text = MemoryBound(MB).exceeded().expect("more than one megabyte");
+        assert!(text.ends_with("1 MB are allowed (memory_mb_max)"), "{text}");
+    }
+}
