@@ -3,6 +3,9 @@
     ros2 launch kerf kerf.launch.py namespace:=/mill port:=/dev/ttyUSB0 tool_table:=tools.yaml
     ros2 launch kerf kerf.launch.py virtual_controller:=true time_factor:=10
 
+Each is watched (`kerf node --watch`): one that is killed, hangs, is deaf or takes too much memory
+is restarted; one that was asked to end, by its lifecycle or by a signal, stays away.
+
 `kerf up` does the same without ROS, and stops the machine before its recorder; here all are
 stopped at once, so the end of a run that is broken off may be missing from its bag.
 """
@@ -72,12 +75,12 @@ def start(context):
     for name in NODES:
         processes.append(Node(
             # One binary is every node: one package to build.
-            package='kerf', executable='kerf', arguments=['node', name],
+            package='kerf', executable='kerf', arguments=['node', '--watch', name],
             namespace=given['namespace'],
             parameters=[given['params_file'], *([own[name]] if own[name] else [])],
             ros_arguments=['--log-level', given['log_level'], *keys(given['enclave'], name)],
-            # Who told the driver to stop does not want it to come back by itself.
-            output='screen', respawn=name != 'axis_driver', respawn_delay=1.0,
+            # The watching process restarts the node. It ends itself when the node was asked to.
+            output='screen',
             sigterm_timeout=LEAVE_WITHIN_S, sigkill_timeout=LEAVE_WITHIN_S))
     return processes
 

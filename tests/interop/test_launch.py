@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import time
 
 import pytest
 
@@ -22,7 +23,7 @@ def commands(**arguments):
 
 def test_each_node_is_a_process_with_the_parameters_of_all():
     started = commands()
-    assert [words[1:3] for words in started] == [['node', name] for name in NODES]
+    assert [words[1:4] for words in started] == [['node', '--watch', name] for name in NODES]
     for words in started:
         file = words[words.index('--params-file') + 1]
         assert file == str(ROOT / 'config/kerf.yaml')
@@ -38,7 +39,7 @@ def test_a_namespace_is_that_of_every_node():
 
 def test_an_enclave_is_above_those_of_the_nodes():
     for words in commands(enclave='/kerf'):
-        assert words[words.index('--enclave') + 1] == f'/kerf/{words[2]}'
+        assert words[words.index('--enclave') + 1] == f'/kerf/{words[3]}'
     assert not any('--enclave' in words for words in commands())
 
 
@@ -92,4 +93,34 @@ def test_the_stack_that_was_launched_runs_a_program_and_leaves_in_order(stack):
         process.send_signal(signal.SIGINT)
     assert [process.wait(timeout=60) for process in started] == [0] * len(started)
     log = (folder / 'log').read_text()
-    assert log.count(' stops: SIGINT') == len(NODES), log
+    assert log.count(' stops: SIGTERM') == len(NODES), log
+
+
+def test_a_node_that_was_stopped_and_continued_or_killed_is_restarted(stack):
+    node, started, folder = stack
+    until_state(node, MachineState.STATE_IDLE)
+    for name, signals, said in (
+            ('program_loader', (signal.SIGSTOP, signal.SIGCONT), 'ended (exit status: 70)'),
+            ('compensation_planner', (signal.SIGKILL,), 'ended (signal: 9 (SIGKILL))')):
+        watching = started[1 + NODES.index(name)].pid
+        child = children(watching)
+        for number in signals:
+            os.kill(child, number)
+            time.sleep(0.2)
+        until(lambda: children(watching) not in (None, child))
+        assert f'kerf: {name} {said}' in (folder / 'log').read_text()
+    load(node, text=QUICK, name='quick.ngc')
+
+
+def children(process):
+    """The only child of a process."""
+    with open(f'/proc/{process}/task/{process}/children') as file:
+        numbers = file.read().split()
+    return int(numbers[0]) if numbers else None
+
+
+def until(probe, seconds=60):
+    end = time.monotonic() + seconds
+    while not probe():
+        assert time.monotonic() < end
+        time.sleep(0.05)

@@ -1,9 +1,10 @@
 //! `kerf node NAME`: one node in this process.
 
-use crate::exit::{Failure, conclude};
-use crate::stack::leave_with_parent;
+use crate::exit::{Failure, Outcome, Status, conclude};
+use crate::stack::{Stack, leave_with_parent};
 use clap::Args;
 use std::process::ExitCode;
+use tokio::signal::unix::{SignalKind, signal};
 
 /// What runs a node, given its arguments.
 type Entry = fn(Vec<String>) -> ExitCode;
@@ -38,6 +39,9 @@ pub(crate) struct NodeArgs {
     /// Leave when standard input ends
     #[arg(long, hide = true)]
     leave_with_parent: bool,
+    /// Run it in a process below this one, which restarts it when it fails or falls silent
+    #[arg(long)]
+    watch: bool,
     /// Arguments of the node itself; those of ROS follow --ros-args
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     args: Vec<String>,
@@ -45,7 +49,7 @@ pub(crate) struct NodeArgs {
 
 /// Runs it until it is told to stop.
 pub(crate) fn run(args: &NodeArgs, ros_args: Vec<String>) -> ExitCode {
-    let Some((_, entry)) = NODES.iter().find(|(name, _)| *name == args.name) else {
+    let Some((name, entry)) = NODES.iter().find(|(name, _)| *name == args.name) else {
         let names: Vec<&str> = NODES.iter().map(|(name, _)| *name).collect();
         return conclude(Err(Failure::usage(format_args!(
             "there is no node {}; there are {}",
@@ -60,5 +64,34 @@ pub(crate) fn run(args: &NodeArgs, ros_args: Vec<String>) -> ExitCode {
     }
     let mut all = args.args.clone();
     all.extend(ros_args);
-    entry(all)
+    if args.watch { conclude(watch(name, &all)) } else { entry(all) }
+}
+
+/// Keeps one node running, as `kerf up` does all; for supervisors that restart what ends and
+/// notice nothing else, and that would also restart what was asked to end.
+fn watch(name: &'static str, args: &[String]) -> Outcome {
+    let executor = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::usage)?;
+    executor.block_on(async {
+        let mut interrupt = signal(SignalKind::interrupt()).map_err(Failure::usage)?;
+        let mut terminate = signal(SignalKind::terminate()).map_err(Failure::usage)?;
+        let mut hangup = signal(SignalKind::hangup()).map_err(Failure::usage)?;
+        let mut stack = Stack::new().map_err(Failure::usage)?;
+        stack.start(name, args).map_err(Failure::usage)?;
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+            _ = hangup.recv() => {}
+            trouble = stack.supervise() => return match trouble {
+                Some(trouble) => Err(Failure::new(Status::Usage, trouble)),
+                None => Ok(()),
+            },
+        }
+        match &stack.stop().await[..] {
+            [] => Ok(()),
+            troubles => Err(Failure::new(Status::NodeRefused, troubles.join("; "))),
+        }
+    })
 }

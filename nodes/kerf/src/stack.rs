@@ -1,34 +1,36 @@
 //! The nodes as child processes: started, watched, stopped in order.
 //!
-//! Each child is this same binary as `kerf node NAME`. A child that dies is
-//! started again by [`Stack::supervise`]; it never takes the others with it. One that
-//! was told to stop, by its lifecycle or by a signal, stays away.
+//! Each child is this same binary as `kerf node NAME`. A child that ends or falls silent is
+//! started again by [`Stack::supervise`], with growing pauses and without an end; it never takes
+//! the others with it. One that was asked to stop, by its lifecycle or by a signal, stays away.
 //! Children leave by themselves when this process dies: their standard input
 //! is a pipe that nobody else holds.
 
+use runtime::supervision::{Change, Limits, Watched, wake_with_parent};
+use rustix::process::{Pid, Signal, kill_process};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::{ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::time::Duration;
-use tokio::process::{Child, ChildStdin, Command};
-use tokio::time::{Instant, sleep, timeout};
+use tokio::time::{Instant, sleep};
 
 /// How long a child may take to leave before it is killed.
 const STOP_TIME_MAX: Duration = Duration::from_secs(35);
-/// A child that lived shorter than this is started again only after a pause.
-const RESTART_PAUSE: Duration = Duration::from_secs(2);
+/// How often the children are looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// The virtual controller is a board, not a node: it reports to nobody.
+const SILENT_NODE: &str = "virtual_controller";
 
-/// A child process and how to start it again.
+/// A child process that is watched.
 #[derive(Debug)]
 struct Node {
     name: &'static str,
-    args: Vec<String>,
-    process: Child,
-    /// The child leaves when this is closed; waiting for it would close it if it had it.
-    _lifeline: ChildStdin,
-    started: Instant,
+    watched: Watched,
+    /// It served once: what it was started with is right.
+    was_ready: bool,
 }
 
 /// All children, in the order in which they are stopped.
@@ -59,69 +61,72 @@ impl Stack {
 
     /// Starts `kerf node NAME ARGS...`. What is started first is stopped first.
     pub(crate) fn start(&mut self, name: &'static str, args: &[String]) -> io::Result<()> {
-        let node = self.spawn(name, args)?;
-        self.nodes.push(node);
+        let (binary, args) = (self.binary.clone(), args.to_vec());
+        let apart = match &self.apart {
+            Some(Apart { variables, log }) => Some((variables.clone(), log.try_clone()?)),
+            None => None,
+        };
+        let make = move || {
+            let mut command = Command::new(&binary);
+            if let Some((variables, log)) = &apart {
+                command.env_clear().envs(variables).stderr(log.try_clone()?);
+            }
+            command
+                .args(["node", "--leave-with-parent", name])
+                .args(&args)
+                .stdin(Stdio::piped())
+                // Nodes speak on standard error; standard output is this command's own.
+                .stdout(Stdio::null())
+                // Ctrl-C in a terminal goes to a whole group: here it is for this
+                // command, which stops the nodes in their order.
+                .process_group(0);
+            Ok(command)
+        };
+        let watched = Watched::start(limits(name), make)?;
+        self.nodes.push(Node { name, watched, was_ready: false });
         Ok(())
-    }
-
-    fn spawn(&self, name: &'static str, args: &[String]) -> io::Result<Node> {
-        let mut command = Command::new(&self.binary);
-        if let Some(Apart { variables, log }) = &self.apart {
-            command.env_clear().envs(variables).stderr(log.try_clone()?);
-        }
-        let mut process = command
-            .args(["node", "--leave-with-parent", name])
-            .args(args)
-            .stdin(Stdio::piped())
-            // Nodes speak on standard error; standard output is this command's own.
-            .stdout(Stdio::null())
-            // Ctrl-C in a terminal goes to a whole group: here it is for this
-            // command, which stops the nodes in their order.
-            .process_group(0)
-            .kill_on_drop(true)
-            .spawn()?;
-        let lifeline = process.stdin.take().expect("standard input was asked for as a pipe");
-        let started = Instant::now();
-        Ok(Node { name, args: args.to_vec(), process, _lifeline: lifeline, started })
     }
 
     /// The first child that has ended, with its status.
     pub(crate) fn ended(&mut self) -> Option<(&'static str, ExitStatus)> {
         self.nodes.iter_mut().find_map(|node| {
-            let status = node.process.try_wait().ok().flatten()?;
+            let status = node.watched.child()?.try_wait().ok().flatten()?;
             Some((node.name, status))
         })
     }
 
-    /// Starts children again as they die.
+    /// Starts children again as they end or fall silent.
     ///
-    /// Ends, with the reason, when a child refuses its own arguments (it would
-    /// do so again), or cannot be started.
-    pub(crate) async fn supervise(&mut self) -> String {
-        loop {
-            sleep(Duration::from_millis(200)).await;
-            for index in 0..self.nodes.len() {
-                let Ok(Some(status)) = self.nodes[index].process.try_wait() else { continue };
-                let Node { name, ref args, started, .. } = self.nodes[index];
-                if status.code() == Some(crate::exit::Status::Usage as i32) {
-                    return format!("{name} cannot run as it was told to (see above)");
+    /// Ends, with the reason, when a child refuses its own arguments before it ever served: it
+    /// would do so again. Ends without one when every child was asked to stop.
+    pub(crate) async fn supervise(&mut self) -> Option<String> {
+        while !self.nodes.is_empty() {
+            sleep(LOOK_EVERY).await;
+            let mut left = None;
+            for (index, Node { name, watched, was_ready }) in self.nodes.iter_mut().enumerate() {
+                let Some(change) = watched.poll() else { continue };
+                if let Change::Ended { status, .. } = &change {
+                    if status.code() == Some(crate::exit::Status::Usage as i32) && !*was_ready {
+                        let text = format!("{name} cannot run as it was told to (see above)");
+                        return Some(text);
+                    }
+                    if status.success() {
+                        // It was told to stop, and not by a failure.
+                        eprintln!("kerf: {name} was shut down and stays away");
+                        left = Some(index);
+                        break;
+                    }
                 }
-                if status.success() {
-                    // It was told to stop, and not by a failure.
-                    eprintln!("kerf: {name} was shut down and stays away");
-                    self.nodes.remove(index);
-                    break;
-                }
-                eprintln!("kerf: {name} ended ({status}) and is started again");
-                if started.elapsed() < RESTART_PAUSE {
-                    sleep(RESTART_PAUSE).await;
-                }
-                match self.spawn(name, &args.clone()) {
-                    Ok(node) => self.nodes[index] = node,
-                    Err(error) => return format!("{name} cannot be started again: {error}"),
+                match change {
+                    Change::Ready => *was_ready = true,
+                    change => eprintln!("kerf: {name} {change}"),
                 }
             }
+            if let Some(index) = left {
+                self.nodes.remove(index);
+            }
         }
+        None
     }
 
     /// Asks every child to leave, one after the other, and kills what does not.
@@ -129,28 +134,44 @@ impl Stack {
     /// Returns the children that had to be killed or left with an error.
     pub(crate) async fn stop(&mut self) -> Vec<String> {
         let mut troubles = Vec::new();
-        for node in &mut self.nodes {
-            let id = node.process.id().and_then(|id| i32::try_from(id).ok());
-            if let Some(pid) = id.and_then(rustix::process::Pid::from_raw) {
-                // It may have left by itself in this very moment.
-                let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
-            }
-            match timeout(STOP_TIME_MAX, node.process.wait()).await {
-                Ok(Ok(status)) if status.success() => {}
-                Ok(Ok(status)) => troubles.push(format!("{} left with {status}", node.name)),
-                Ok(Err(error)) => troubles.push(format!("{}: {error}", node.name)),
-                Err(_) => {
-                    let _ = node.process.kill().await;
-                    troubles.push(format!(
-                        "{} did not leave within {} s and was killed",
-                        node.name,
-                        STOP_TIME_MAX.as_secs()
-                    ));
+        for Node { name, watched, .. } in &mut self.nodes {
+            // It may be about to be started again; then it is not.
+            let Some(child) = watched.child() else { continue };
+            let pid = Pid::from_child(child);
+            // It may have left by itself in this very moment. One that is stopped hears nothing
+            // before it goes on.
+            let _ = kill_process(pid, Signal::TERM);
+            let _ = kill_process(pid, Signal::CONT);
+            let end = Instant::now() + STOP_TIME_MAX;
+            let trouble = loop {
+                match child.try_wait() {
+                    Ok(Some(status)) if status.success() => break None,
+                    Ok(Some(status)) => break Some(format!("{name} left with {status}")),
+                    Err(error) => break Some(format!("{name}: {error}")),
+                    Ok(None) if Instant::now() < end => sleep(LOOK_EVERY).await,
+                    Ok(None) => {
+                        let _ = child.kill();
+                        break Some(format!(
+                            "{name} did not leave within {} s and was killed",
+                            STOP_TIME_MAX.as_secs()
+                        ));
+                    }
                 }
-            }
+            };
+            troubles.extend(trouble);
         }
         self.nodes.clear();
         troubles
+    }
+}
+
+/// What is put up with from a child.
+fn limits(name: &str) -> Limits {
+    match name {
+        SILENT_NODE => {
+            Limits { start_max: Duration::MAX, silence_max: Duration::MAX, ..Limits::default() }
+        }
+        _ => Limits::default(),
     }
 }
 
@@ -177,6 +198,8 @@ pub(crate) fn remove_dead_link(path: &std::path::Path) {
 ///
 /// Reads standard input, which the parent holds open, on a thread of its own.
 pub(crate) fn leave_with_parent() -> io::Result<()> {
+    // One that is stopped when its parent dies goes on, and finds the pipe closed.
+    wake_with_parent()?;
     std::thread::Builder::new().name("parent-watch".into()).spawn(|| {
         let mut sink = io::sink();
         let _ = io::copy(&mut io::stdin(), &mut sink);

@@ -129,8 +129,9 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
     let trouble = tokio::select! {
         _ = interrupt.recv() => None,
         _ = terminate.recv() => None,
-        trouble = stack.supervise() => Some(trouble),
-        trouble = controller.supervise() => Some(trouble),
+        // One whose children were all asked to stop waits for the other, or for a signal.
+        Some(trouble) = stack.supervise() => Some(trouble),
+        Some(trouble) = controller.supervise() => Some(trouble),
     };
     eprintln!("kerf: stopping");
     let mut troubles = stack.stop().await;
