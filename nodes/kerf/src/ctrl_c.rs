@@ -64,4 +64,14 @@ impl CtrlC {
         eprintln!("kerf: canceling; Ctrl-C once more leaves the machine to itself");
         self.canceling = Some(Box::pin(canceling));
     }
+
+    /// Cancels over a new connection, where the one before ended with the question unanswered.
+    pub(crate) fn reconnect(
+        &mut self,
+        canceling: impl Future<Output = Result<(), Failure>> + 'static,
+    ) {
+        if self.canceling.is_some() {
+            self.canceling = Some(Box::pin(canceling));
+        }
+    }
 }

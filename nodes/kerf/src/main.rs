@@ -115,6 +115,8 @@ fn main() -> ExitCode {
     if let Command::Node(args) = cli.command {
         return node::run(&args, ros_args);
     }
+    // A node has its own, once it knows its log.
+    runtime::end_command_on_panic();
     conclude(run(cli.command, &ros_args))
 }
 

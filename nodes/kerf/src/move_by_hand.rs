@@ -3,7 +3,7 @@
 
 use crate::ctrl_c::CtrlC;
 use crate::exit::{Failure, Outcome, Status};
-use crate::operate::{begin, canceled, said, with_node};
+use crate::operate::{begin, canceled, reconnect, said, unless_deaf, with_lasting_node, with_node};
 use clap::{Args, ValueEnum};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::interface::Action;
@@ -13,7 +13,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
     SetOverrides, SetOverridesRequest, SetWorkOffset, SetWorkOffsetRequest,
 };
 use cnc_msgs::wire::geometry_msgs::msg::Point;
-use runtime::Handle;
+use runtime::{Handle, Session};
 use std::time::Duration;
 
 /// Nothing that is done by hand takes longer.
@@ -135,21 +135,34 @@ async fn follow<A: Action + 'static>(
     goal: A::Goal,
 ) -> Result<A::Result, Failure> {
     let mut ctrl_c = CtrlC::listen()?;
-    let handle = begin::<A>(node, name, goal).await?;
+    let mut handle = unless_deaf(node, begin::<A>(node, name, goal)).await?;
+    let (mut node, mut session) = (node.clone(), None::<Session>);
     let mut end = Box::pin(handle.result(MOVE_WITHIN));
-    loop {
+    let result = loop {
         tokio::select! {
             ended = &mut end => {
-                let (_, result) =
-                    ended.map_err(|error| Failure::new(Status::NodeRefused, error.to_string()))?;
-                return Ok(result);
+                let ended = ended.map_err(|error| Failure::new(Status::NodeRefused, error.to_string()));
+                break ended?.1;
+            }
+            reason = node.deaf() => {
+                let again = reconnect(&node, &reason)?;
+                node = again.handle().clone();
+                handle = node.action_client::<A>(name)?.follow(handle.id());
+                end = Box::pin(handle.result(MOVE_WITHIN));
+                ctrl_c.reconnect(canceled(handle.cancel()));
+                session = Some(again);
             }
             asked = ctrl_c.next() => {
                 asked?;
                 ctrl_c.cancel(canceled(handle.cancel()));
             }
         }
+    };
+    if let Some(session) = session {
+        drop((handle, node));
+        session.stop().await;
     }
+    Ok(result)
 }
 
 fn ended(success: bool, error_code: u16, message: String) -> Outcome {
@@ -161,7 +174,7 @@ fn ended(success: bool, error_code: u16, message: String) -> Outcome {
 
 /// `kerf home`
 pub(crate) fn home(ros_args: &[String]) -> Outcome {
-    with_node(ros_args, async |node| {
+    with_lasting_node(ros_args, async |node| {
         let result = follow::<Home>(node, "home", HomeGoal::default()).await?;
         ended(result.success, result.error_code, result.message)
     })
@@ -176,7 +189,7 @@ pub(crate) fn jog(args: &JogArgs, ros_args: &[String]) -> Outcome {
         Frame::Machine => JogGoal::FRAME_MACHINE,
     };
     let goal = JogGoal { frame, axes, target, feed_rate: m_per_s_from_mm_per_min(args.feed) };
-    with_node(ros_args, async |node| {
+    with_lasting_node(ros_args, async |node| {
         let result: JogResult = follow::<Jog>(node, "jog", goal).await?;
         let place = match result.machine_position.x.is_nan() {
             true => String::new(),
@@ -198,7 +211,7 @@ pub(crate) fn probe(args: &ProbeArgs, ros_args: &[String]) -> Outcome {
         away: args.away,
         may_miss: args.may_miss,
     };
-    with_node(ros_args, async |node| {
+    with_lasting_node(ros_args, async |node| {
         let result = follow::<Probe>(node, "probe", goal).await?;
         let message = match result.found {
             true => format!(

@@ -123,6 +123,41 @@ pub(crate) fn with_node<F>(ros_args: &[String], exchange: F) -> Outcome
 where
     F: AsyncFnOnce(&Handle) -> Outcome,
 {
+    with_lasting_node(ros_args, async |node| unless_deaf(node, exchange(node)).await)
+}
+
+/// Ends an exchange when the DDS layer of this command has ended: no answer would come in.
+pub(crate) async fn unless_deaf<R>(
+    node: &Handle,
+    exchange: impl Future<Output = Result<R, Failure>>,
+) -> Result<R, Failure> {
+    tokio::select! {
+        outcome = exchange => outcome,
+        reason = node.deaf() => Err(Failure::new(
+            Status::NoAnswer,
+            format!("{reason}; whether the request arrived is not known, look at `kerf status`"),
+        )),
+    }
+}
+
+/// Starts the node of this command once more, after its DDS layer has ended.
+pub(crate) fn reconnect(deaf: &Handle, reason: &str) -> Result<Session, Failure> {
+    eprintln!("kerf: {reason}; connecting again");
+    Session::again(deaf).map_err(|error| {
+        Failure::new(
+            Status::NoAnswer,
+            format!(
+                "cannot connect again ({error}); the machine may be moving, look at `kerf status`"
+            ),
+        )
+    })
+}
+
+/// As [`with_node`], for an exchange that connects again by itself.
+pub(crate) fn with_lasting_node<F>(ros_args: &[String], exchange: F) -> Outcome
+where
+    F: AsyncFnOnce(&Handle) -> Outcome,
+{
     let executor = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()
@@ -151,9 +186,12 @@ pub(crate) fn load(args: &LoadArgs, ros_args: &[String]) -> Outcome {
 
 /// `kerf run`
 pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
-    with_node(ros_args, async |node| {
+    with_lasting_node(ros_args, async |node| {
         let program_id = match &args.file {
-            Some(file) => load_file(node, file, &args.controller, &args.interference).await?,
+            Some(file) => {
+                let loading = load_file(node, file, &args.controller, &args.interference);
+                unless_deaf(node, loading).await?
+            }
             None => String::new(),
         };
         let goal =
@@ -377,11 +415,21 @@ pub(crate) async fn run_goal(
     bar: &ProgressBar,
 ) -> Result<RunProgramResult, Failure> {
     let mut ctrl_c = CtrlC::listen()?;
-    let mut handle = begin::<RunProgram>(node, "run_program", goal).await?;
+    let beginning = begin::<RunProgram>(node, "run_program", goal);
+    let mut handle = unless_deaf(node, beginning).await?;
+    let (mut node, mut session) = (node.clone(), None::<Session>);
     let mut end = Box::pin(handle.result(RUN_WITHIN));
     let mut is_silent = false;
     let (_, result) = loop {
         tokio::select! {
+            reason = node.deaf() => {
+                let again = bar.suspend(|| reconnect(&node, &reason))?;
+                node = again.handle().clone();
+                handle = node.action_client::<RunProgram>("run_program")?.follow(handle.id());
+                end = Box::pin(handle.result(RUN_WITHIN));
+                ctrl_c.reconnect(canceled(handle.cancel()));
+                session = Some(again);
+            }
             asked = ctrl_c.next() => {
                 asked.inspect_err(|_| bar.abandon())?;
                 bar.suspend(|| ctrl_c.cancel(canceled(handle.cancel())));
@@ -404,6 +452,10 @@ pub(crate) async fn run_goal(
             }
         }
     };
+    if let Some(session) = session {
+        drop((handle, node));
+        session.stop().await;
+    }
     if result.outcome == RunProgramResult::OUTCOME_SUCCEEDED {
         bar.set_position(1000);
         bar.finish();

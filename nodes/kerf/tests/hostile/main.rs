@@ -1,0 +1,177 @@
+//! Nodes that are stopped and continued, killed, or sent packets that the DDS layer cannot
+//! handle: each is noticed, and the stack answers again. On the loopback interface alone.
+
+#[path = "../support/machine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod machine;
+mod rtps;
+#[path = "../support/mod.rs"]
+mod support;
+
+use machine::{Machine, kill_at_once, until};
+use rtps::{PACKETS, Random, participants, send, socket};
+use rustix::process::{Pid, Signal, kill_process};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use support::{CONTOUR, Folder, number};
+
+const NODES: [&str; 4] = ["program_loader", "compensation_planner", "axis_driver", "run_recorder"];
+/// Packets of one fuzz run, unless `KERF_FUZZ_PACKETS` says otherwise.
+const FUZZ_PACKETS: usize = 2_000;
+
+fn stop_and_continue(id: Pid) {
+    kill_process(id, Signal::STOP).expect("the process is there");
+    std::thread::sleep(Duration::from_millis(200));
+    kill_process(id, Signal::CONT).expect("the process is there");
+}
+
+/// Waits until another process has the place of this one.
+#[track_caller]
+fn until_another(machine: &Machine, name: &str, old: Pid) -> Pid {
+    let name = format!(" {name} ");
+    until("another process", || {
+        let nodes = machine.nodes();
+        nodes.iter().find(|(id, line)| *id != old && line.contains(&name)).map(|(id, _)| *id)
+    })
+}
+
+/// Waits until the driver answers to a hold, whatever it says.
+#[track_caller]
+fn until_holdable(machine: &Machine) -> Duration {
+    let began = Instant::now();
+    until("an answer to hold", || (machine.kerf(&["hold"]).status != 3).then_some(()));
+    began.elapsed()
+}
+
+/// Loads and plans a program: loader, planner and their chunks work.
+#[track_caller]
+fn until_loadable(machine: &Machine) {
+    until("a plan", || {
+        let ran = machine.kerf(&["load", CONTOUR, "--controller", "sinumerik_840c"]);
+        (ran.status == 0).then_some(())
+    });
+}
+
+#[test]
+fn a_node_that_was_stopped_and_continued_is_replaced_by_one_that_hears() {
+    let machine = Machine::virtual_one(4);
+    for name in NODES {
+        let old = machine.node(name);
+        let began = Instant::now();
+        stop_and_continue(old);
+        until_another(&machine, name, old);
+        let (replaced, held) = (began.elapsed(), until_holdable(&machine));
+        eprintln!("{name}: replaced after {replaced:.2?}, holdable {held:.2?} later");
+    }
+    until_loadable(&machine);
+    let log = machine.log();
+    assert_eq!(log.matches("this process is deaf and ends with status 70").count(), 4, "{log}");
+    assert_eq!(log.matches("ended (exit status: 70); restarting it").count(), 4, "{log}");
+}
+
+#[test]
+fn a_node_that_is_stopped_for_good_or_killed_is_replaced() {
+    let mut machine = Machine::virtual_one(4);
+    let (stopped, killed) = (machine.node("axis_driver"), machine.node("program_loader"));
+    kill_process(stopped, Signal::STOP).expect("the process is there");
+    kill_at_once(killed);
+    let began = Instant::now();
+    until_another(&machine, "program_loader", killed);
+    eprintln!("killed: replaced after {:.2?}", began.elapsed());
+    until_another(&machine, "axis_driver", stopped);
+    eprintln!("stopped: replaced after {:.2?}", began.elapsed());
+    until_holdable(&machine);
+    until_loadable(&machine);
+    let log = machine.log();
+    assert!(log.contains("axis_driver gave no sign of life for"), "{log}");
+
+    // A supervisor that dies leaves nobody, not even one that is stopped.
+    kill_process(machine.node("run_recorder"), Signal::STOP).expect("the process is there");
+    machine.kill();
+    machine.until_gone();
+}
+
+#[test]
+fn a_jog_whose_command_was_stopped_and_continued_can_still_be_stopped() {
+    let machine = Machine::virtual_one(1);
+    let mut jog = machine
+        .command(&["jog", "X300", "--feed", "600"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("kerf can be started");
+    machine.until_state("JOG");
+    stop_and_continue(Pid::from_child(&jog));
+    kill_process(Pid::from_child(&jog), Signal::INT).expect("the process is there");
+    let began = Instant::now();
+    let status = until("the end of the jog", || jog.try_wait().expect("our child"));
+    eprintln!("canceled within {:.2?}", began.elapsed());
+    let said = jog.wait_with_output().expect("it has ended").stderr;
+    let said = String::from_utf8_lossy(&said);
+    assert!(number(status) == 4 && said.contains("connecting again"), "{said}");
+    let status = machine.until_state("IDLE");
+    assert!(!status.contains("X300.000"), "{status}");
+}
+
+#[test]
+fn a_packet_that_the_dds_layer_cannot_handle_costs_a_restart_and_no_more() {
+    let machine = Machine::virtual_one(4);
+    let domain: u16 = machine.domain.parse().expect("a number");
+    for (name, packet) in PACKETS {
+        let before = machine.nodes();
+        let prefixes = participants(domain, NODES.len());
+        let (socket, began) = (socket(), Instant::now());
+        for prefix in &prefixes {
+            send(&socket, domain, &packet(*prefix));
+        }
+        // What the packet does, it does in this time; what hangs is given five seconds.
+        std::thread::sleep(Duration::from_secs(7));
+        let held = until_holdable(&machine);
+        let fell = before.iter().filter(|node| !machine.nodes().contains(node)).count();
+        eprintln!("{name}: {fell} fell, holdable {held:.2?} after {:.2?}", began.elapsed());
+    }
+    until_loadable(&machine);
+    let log = machine.log();
+    assert!(log.contains("[FATAL]") && log.contains("restarting it"), "{log}");
+}
+
+#[test]
+fn random_packets_never_leave_a_stack_that_does_not_answer() {
+    let count = std::env::var("KERF_FUZZ_PACKETS").ok().and_then(|text| text.parse().ok());
+    let count = count.unwrap_or(FUZZ_PACKETS);
+    let seed = std::env::var("KERF_FUZZ_SEED").ok().and_then(|text| text.parse().ok());
+    let mut random = Random::new(seed.unwrap_or(1));
+    let machine = Machine::virtual_one(4);
+    let domain: u16 = machine.domain.parse().expect("a number");
+    let prefixes: Vec<_> = participants(domain, NODES.len()).into_iter().collect();
+    let socket = socket();
+    for number in 0..count {
+        send(&socket, domain, &random.packet(&prefixes));
+        if number % 500 == 499 {
+            eprintln!("{number} packets: holdable after {:.2?}", until_holdable(&machine));
+        }
+    }
+    until_holdable(&machine);
+    until_loadable(&machine);
+    for (id, line) in machine.nodes() {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", id.as_raw_nonzero()));
+        let resident = status.unwrap_or_default();
+        let resident = resident.lines().find(|line| line.starts_with("VmRSS")).unwrap_or("gone");
+        eprintln!("{resident} {}", line.split_whitespace().nth(3).unwrap_or_default());
+    }
+}
+
+#[test]
+fn the_unit_for_systemd_is_one_that_systemd_understands() {
+    let unit = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/systemd/kerf-node@.service");
+    let unit = std::fs::read_to_string(unit).expect("the unit");
+    for line in ["Type=notify", "WatchdogSec=5", "Restart=on-failure", "MemoryMax=3G"] {
+        assert!(unit.lines().any(|it| it == line), "{line}");
+    }
+    let folder = Folder::new();
+    let own = unit.replace("/usr/bin/kerf", env!("CARGO_BIN_EXE_kerf"));
+    let file = folder.file("kerf-node@axis_driver.service", own);
+    // Not every system has it.
+    let Ok(ran) = Command::new("systemd-analyze").arg("verify").arg(file).output() else { return };
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+}
