@@ -23,6 +23,7 @@ use crate::serial::Serial;
 use face::{Ended, Face};
 use hub::Hub;
 use runtime::configuration::Configuration;
+use runtime::supervision::Notifier;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::io::Write;
 use std::process::ExitCode;
@@ -35,6 +36,8 @@ use std::time::{Duration, Instant};
 const WAITING_MAX: usize = 16_384;
 /// How often the face is looked after.
 const TICK: Duration = Duration::from_millis(50);
+/// How many ticks lie between two signs of life for the supervisor of this process.
+const ALIVE_TICKS: u32 = 10;
 /// How long the face may take to bring everything to an end, and then this process without it.
 const END_WITHIN: Duration = Duration::from_secs(30);
 
@@ -86,12 +89,19 @@ pub fn main(program: &[&str], args: &[String]) -> ExitCode {
 fn supervise(hub: &Arc<Hub>, words: &[String], signals: &AtomicUsize) -> u8 {
     let mut face = Face::new(words.to_vec());
     let mut stopping: Option<Instant> = None;
+    let notifier = Notifier::from_environment();
+    notifier.ready();
+    let mut ticks = 0_u32;
     let mut last_tick = Instant::now();
     loop {
         std::thread::sleep(TICK);
         // A tick that came late says that this process was held up, not the face.
         let is_on_time = last_tick.elapsed() < TICK * 4;
         last_tick = Instant::now();
+        ticks = ticks.wrapping_add(1);
+        if ticks.is_multiple_of(ALIVE_TICKS) {
+            notifier.alive();
+        }
         let asked = signals.load(Ordering::Relaxed);
         if asked > 1 {
             face.kill();
@@ -99,6 +109,7 @@ fn supervise(hub: &Arc<Hub>, words: &[String], signals: &AtomicUsize) -> u8 {
         }
         if asked > 0 && stopping.is_none() {
             stopping = Some(Instant::now());
+            notifier.stopping();
             face.terminate();
         }
         match face.look(hub, is_on_time, stopping.is_some()) {

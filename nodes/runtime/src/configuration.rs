@@ -100,6 +100,7 @@ impl Configuration {
         words: &[String],
     ) -> Result<Self, ConfigurationError> {
         declared.push(crate::lifecycle::autostart());
+        declared.push(crate::memory_bound::declared());
         // Variables that are not UTF-8 are not ours.
         let variables = std::env::vars_os()
             .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))

@@ -171,6 +171,8 @@ impl Face {
             .arg0(FACE_NAME)
             .args(&self.words)
             .env(FACE_VARIABLE, "1")
+            // The supervisor hears this process; the face has its pulse.
+            .env_remove("NOTIFY_SOCKET")
             .stdin(Stdio::from(OwnedFd::from(theirs)))
             .stdout(Stdio::null())
             // Ctrl-C and Ctrl-Z in a terminal are for this process.
