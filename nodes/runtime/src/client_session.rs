@@ -29,7 +29,5 @@ pub fn client_session(name: &str, words: &[String]) -> Result<Session, ClientSes
     if let Some(word) = configuration.rest.first() {
         return Err(ClientSessionError::Argument(word.clone()));
     }
-    let session = Session::start(configuration)?;
-    session.bound_memory();
-    Ok(session)
+    Ok(Session::start_as_command(configuration)?)
 }

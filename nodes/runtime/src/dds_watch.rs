@@ -59,14 +59,15 @@ pub(crate) struct DdsWatch {
     thread: Option<JoinHandle<()>>,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Shared {
     notifier: Mutex<Notifier>,
-    end: Mutex<Option<EndOfProcess>>,
+    end: Option<EndOfProcess>,
 }
 
 impl DdsWatch {
-    /// Begins to look at the threads of a participant; `deaf` gets the reason once.
+    /// Begins to look at the threads of a participant; `deaf` gets the reason once, unless it is
+    /// the end of the process.
     ///
     /// # Errors
     /// The system has no thread left.
@@ -75,8 +76,9 @@ impl DdsWatch {
         domain_id: u16,
         threads: DdsThreads,
         deaf: watch::Sender<Option<String>>,
+        end: Option<EndOfProcess>,
     ) -> std::io::Result<Self> {
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(Shared { notifier: Mutex::default(), end });
         let (stop, stopped) = channel();
         // The requests come from a thread of their own: one that the DDS layer does not take
         // waits for ever.
@@ -104,11 +106,8 @@ impl DdsWatch {
         Ok(Self { shared, stop: Some(stop), thread: Some(thread) })
     }
 
-    /// From now on the end of the DDS layer, or too much memory, is the end of the process; and
-    /// the supervisor hears that the process serves.
-    pub(crate) fn rule(&self, end: EndOfProcess, notifier: Notifier) {
-        end.memory.enforce();
-        *lock(&self.shared.end) = Some(end);
+    /// From now on the supervisor hears that the process serves.
+    pub(crate) fn report_to(&self, notifier: Notifier) {
         *lock(&self.shared.notifier) = notifier;
     }
 }
@@ -158,8 +157,8 @@ fn look(
 ) {
     let mut proof = Proof::new(threads.count());
     while let Err(RecvTimeoutError::Timeout) = stopped.recv_timeout(LOOK_EVERY) {
-        let end = lock(&shared.end).clone();
-        if let Some(EndOfProcess { logger, memory, .. }) = &end
+        let end = shared.end.as_ref();
+        if let Some(EndOfProcess { logger, memory, .. }) = end
             && let Some(what) = memory.exceeded()
         {
             ending::end(TOO_LARGE, logger, &format!("{what}; it ends with status {TOO_LARGE}"));
@@ -175,7 +174,7 @@ fn look(
         // Not in the condition: its lock would be held in what follows.
         let known = deaf.borrow().clone();
         if let Some(reason) = known.or(verdict) {
-            if let Some(EndOfProcess { logger, when_deaf: true, .. }) = &end {
+            if let Some(EndOfProcess { logger, when_deaf: true, .. }) = end {
                 let text = format!("{reason}; this process is deaf and ends with status {DEAF}");
                 ending::end(DEAF, logger, &text);
             }

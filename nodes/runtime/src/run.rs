@@ -18,7 +18,7 @@ use crate::ending::end_on_panic;
 use crate::lifecycle::{self, Managed};
 use crate::memory_bound::{self, MemoryBound};
 use crate::node::Handle;
-use crate::parameters::Declared;
+use crate::parameters::{Declared, ParameterValue};
 use crate::session::Session;
 use crate::supervision::Notifier;
 use futures::FutureExt;
@@ -141,7 +141,12 @@ where
     for warning in &configuration.warnings {
         tracing::warn!("{warning}");
     }
-    let session = match Session::start(configuration) {
+    let memory = match configuration.parameters.get(memory_bound::PARAMETER) {
+        Some(ParameterValue::Integer(megabytes)) => MemoryBound::of(*megabytes),
+        _ => MemoryBound::usual(),
+    };
+    let end = EndOfProcess { logger, memory, when_deaf: true };
+    let session = match Session::start_ruled(configuration, Some(end)) {
         Ok(session) => session,
         Err(error) => {
             complain(name, &error);
@@ -150,8 +155,7 @@ where
     };
     let handle = session.handle().clone();
     let notifier = Notifier::from_environment();
-    let memory = MemoryBound::of(handle.parameter(memory_bound::PARAMETER));
-    session.rule_process(EndOfProcess { logger, memory, when_deaf: true }, notifier.clone());
+    session.report_to(notifier.clone());
     let prepared = lines.publish(&handle).map_err(|error| error.to_string());
     let prepared = prepared.and_then(|()| handle.announce_parameters().map_err(|e| e.to_string()));
     let prepared = prepared.and_then(|()| obey_signals(&handle).map_err(|e| e.to_string()));

@@ -42,7 +42,18 @@ impl Session {
     /// # Errors
     /// The participant or the node cannot be made.
     pub fn start(configuration: Configuration) -> Result<Self, NodeError> {
+        Self::start_ruled(configuration, None)
+    }
+
+    /// The same; what ends the process does so from before the first packet is heard.
+    pub(crate) fn start_ruled(
+        configuration: Configuration,
+        end: Option<EndOfProcess>,
+    ) -> Result<Self, NodeError> {
         let again = configuration.clone();
+        if let Some(end) = &end {
+            end.memory.enforce();
+        }
         let Configuration { names, environment, parameters, logs, enclave, .. } = configuration;
         raise_file_limit();
         let (participant, threads) = join(&environment, enclave.as_deref())?;
@@ -55,6 +66,7 @@ impl Session {
             environment.domain_id,
             threads.clone(),
             deaf.clone(),
+            end,
         )
         .map_err(|error| failed("the thread that watches the DDS layer", &error))?;
         let pace = Pace::new(threads, enclave.is_some());
@@ -109,9 +121,18 @@ impl Session {
         &self.handle
     }
 
-    /// Makes the end of the DDS layer, or too much memory, the end of the process.
-    pub(crate) fn rule_process(&self, end: EndOfProcess, notifier: Notifier) {
-        self.watch.rule(end, notifier);
+    /// From now on the supervisor hears that this process lives and serves.
+    pub(crate) fn report_to(&self, notifier: Notifier) {
+        self.watch.report_to(notifier);
+    }
+
+    /// Starts the node of a command, which ends when it takes too much memory, and connects again
+    /// when it is deaf.
+    pub(crate) fn start_as_command(configuration: Configuration) -> Result<Self, NodeError> {
+        let logger = configuration.names.logger();
+        let memory = MemoryBound::usual();
+        let end = EndOfProcess { logger, memory, when_deaf: false };
+        Self::start_ruled(configuration, Some(end))
     }
 
     /// Starts the same node once more, after its DDS layer has ended: see [`Handle::deaf`].
@@ -119,16 +140,7 @@ impl Session {
     /// # Errors
     /// As [`Self::start`].
     pub fn again(deaf: &Handle) -> Result<Self, NodeError> {
-        let session = Self::start(deaf.inner.configuration.clone())?;
-        session.bound_memory();
-        Ok(session)
-    }
-
-    /// Makes too much memory the end of the process.
-    pub(crate) fn bound_memory(&self) {
-        let logger = self.handle.names().logger();
-        let memory = MemoryBound::usual();
-        self.rule_process(EndOfProcess { logger, memory, when_deaf: false }, Notifier::default());
+        Self::start_as_command(deaf.inner.configuration.clone())
     }
 
     /// Takes everything down in the order that DDS needs: tasks with their
