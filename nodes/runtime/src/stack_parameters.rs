@@ -44,6 +44,7 @@ impl StackParameters {
         let mut others: Option<BTreeSet<(String, String)>> = None;
         for (name, mut declared) in nodes {
             declared.push(lifecycle::autostart());
+            declared.push(crate::memory_bound::declared());
             let names = Names::new(name, &arguments.remaps)?;
             let mut parameters = Parameters::declare(declared)
                 .map_err(|error| ConfigurationError::Parameters(vec![error]))?;
