@@ -7,6 +7,7 @@
 //! | `lose-ok` `extra-ok` | loses an answer, sends one more |
 //! | `lose-line` `extra-line` | loses a whole line to the controller, passes one on twice |
 //! | `rx-delay:SECONDS` `tx-delay:SECONDS` | the line stalls so long, then all comes, in order |
+//! | `mute:TEXT` `garble:TEXT` | loses the next line that holds the text, or changes a byte of it |
 //! | `silent` `silent:SECONDS` | sends nothing any more, or for some seconds |
 //! | `push:TEXT` | a line of its own accord, not asked for |
 //! | `alarm:N` | raises `ALARM:N` as the firmware would |
@@ -69,6 +70,13 @@ pub enum FaultAction {
     LoseLine,
     /// A line reaches the controller twice.
     ExtraLine,
+    /// The next line from the controller that holds a text suffers.
+    Line {
+        /// What it holds.
+        text: String,
+        /// Is it lost, or is one byte of it wrong?
+        is_lost: bool,
+    },
     /// Nothing is sent, for some seconds or for ever.
     Silent {
         /// `None`: for ever.
@@ -133,7 +141,8 @@ pub enum FaultError {
     #[error(
         "unknown fault action `{0}`; there are rx-drop, rx-duplicate, rx-corrupt, tx-drop, \
          tx-duplicate, tx-corrupt, rx-delay:SECONDS, tx-delay:SECONDS, lose-ok, extra-ok, \
-         lose-line, extra-line, silent[:SECONDS], push:TEXT, alarm:N, reset, limit:AXIS, release:AXIS, cut:AXIS, door, \
+         lose-line, extra-line, mute:TEXT, garble:TEXT, silent[:SECONDS], push:TEXT, alarm:N, \
+         reset, limit:AXIS, release:AXIS, cut:AXIS, door, \
          close-door, close, vanish:SECONDS and unplug:SECONDS"
     )]
     Action(String),
@@ -170,12 +179,26 @@ impl FromStr for FaultAction {
             _ => Err(unknown()),
         };
         let takes_argument = [
-            "rx-delay", "tx-delay", "silent", "push", "alarm", "limit", "release", "cut", "vanish",
+            "rx-delay",
+            "tx-delay",
+            "silent",
+            "push",
+            "alarm",
+            "limit",
+            "release",
+            "cut",
+            "vanish",
             "unplug",
+            "mute",
+            "garble",
         ];
         if argument.is_some() && !takes_argument.contains(&name) {
             return Err(unknown());
         }
+        let line = || {
+            let is_line = |text: &&str| !text.is_empty() && !text.contains(['\r', '\n']);
+            argument.filter(is_line).map(str::to_owned).ok_or_else(unknown)
+        };
         let duration = || argument.and_then(seconds).ok_or_else(unknown);
         let delay = |direction| Ok(Self::Delay { direction, seconds: duration()? });
         match name {
@@ -196,11 +219,9 @@ impl FromStr for FaultAction {
                 Some(Some(seconds)) => Ok(Self::Silent { seconds: Some(seconds) }),
                 Some(None) => Err(unknown()),
             },
-            "push" => {
-                let is_line = |text: &&str| !text.is_empty() && !text.contains(['\r', '\n']);
-                let text = argument.filter(is_line).ok_or_else(unknown)?;
-                Ok(Self::Push(text.to_string()))
-            }
+            "push" => Ok(Self::Push(line()?)),
+            "mute" => Ok(Self::Line { text: line()?, is_lost: true }),
+            "garble" => Ok(Self::Line { text: line()?, is_lost: false }),
             "alarm" => {
                 let number = argument.and_then(|text| text.parse().ok()).filter(|n| *n > 0);
                 number.map(Self::Alarm).ok_or_else(unknown)
@@ -299,6 +320,10 @@ mod tests {
             read("tx-delay:0.5@line=3").action,
             FaultAction::Delay { direction: Direction::FromController, seconds: 0.5 }
         );
+        assert_eq!(
+            read("mute:Grbl 1.1@time=3").action,
+            FaultAction::Line { text: "Grbl 1.1".into(), is_lost: true }
+        );
         assert_eq!(read("alarm:3@line=3").action, FaultAction::Alarm(3));
         assert_eq!(read("push:[MSG:a@b]@time=1").action, FaultAction::Push("[MSG:a@b]".into()));
         assert_eq!(
@@ -328,6 +353,8 @@ mod tests {
             "alarm:0@line=1",
             "alarm:256@line=1",
             "push:@line=1",
+            "mute:@time=1",
+            "garble@time=1",
             "vanish@line=1",
             "vanish:-1@line=1",
             "reset@rate=0.1",

@@ -21,6 +21,8 @@ pub struct FaultInjector {
     answers: u64,
     incoming: Incoming,
     silent_until: Option<Duration>,
+    /// Lines that are to suffer, and whether they are lost.
+    marked: Vec<(String, bool)>,
     cable: Cable,
     pulls: u64,
     /// The board is held in reset, or its bootloader listens, until then.
@@ -71,6 +73,7 @@ impl FaultInjector {
             answers: 0,
             incoming: Incoming::default(),
             silent_until: None,
+            marked: Vec::new(),
             cable: Cable::Plugged,
             pulls: 0,
             boots_at: None,
@@ -136,6 +139,7 @@ impl FaultInjector {
                 let seconds = seconds.map_or(Duration::MAX, Duration::from_secs_f64);
                 self.silent_until = Some(self.now.saturating_add(seconds));
             }
+            FaultAction::Line { text, is_lost } => self.marked.push((text, is_lost)),
             FaultAction::Delay { direction, seconds } => self.stall(direction, seconds),
             FaultAction::Push(text) => self.send(format!("{text}\r\n").as_bytes()),
             FaultAction::Alarm(number) => self.controller.raise_alarm(number),
@@ -289,8 +293,27 @@ impl FaultInjector {
         }
     }
 
+    /// What becomes of a line that was marked by what it holds; `None` when it is lost.
+    fn suffer(&mut self, line: &[u8]) -> Option<Vec<u8>> {
+        let mut line = line.to_vec();
+        let text = String::from_utf8_lossy(&line).into_owned();
+        let Some(place) = self.marked.iter().position(|(mark, _)| text.contains(mark)) else {
+            return Some(line);
+        };
+        let (_, is_lost) = self.marked.remove(place);
+        let bytes = text.trim_end().len() as u64;
+        if is_lost || bytes == 0 {
+            return None;
+        }
+        let at = usize::try_from(self.chance.next() % bytes).unwrap_or_default();
+        line[at] ^= 1 << (self.chance.next() % 7);
+        Some(line)
+    }
+
     /// Passes on a line of the controller, and what an answer sets off.
     fn pass(&mut self, line: &[u8]) {
+        let Some(line) = self.suffer(line) else { return };
+        let line = line.as_slice();
         if !(line.starts_with(b"ok") || line.starts_with(b"error:")) {
             return self.send(line);
         }

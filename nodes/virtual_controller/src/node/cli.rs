@@ -69,8 +69,8 @@ struct Arguments {
     ///
     /// Actions: rx-drop, rx-duplicate, rx-corrupt (bytes to the controller), tx-drop,
     /// tx-duplicate, tx-corrupt (bytes from it), rx-delay:SECONDS, tx-delay:SECONDS, lose-ok,
-    /// extra-ok, lose-line, extra-line, silent[:SECONDS], push:TEXT, alarm:N, reset, limit:AXIS,
-    /// release:AXIS, cut:AXIS, door, close-door, close, vanish:SECONDS, unplug:SECONDS. Triggers:
+    /// extra-ok, lose-line, extra-line, mute:TEXT, garble:TEXT (the next line from it that holds
+    /// the text), silent[:SECONDS], push:TEXT, alarm:N, reset, limit:AXIS, release:AXIS, cut:AXIS, door, close-door, close, vanish:SECONDS, unplug:SECONDS. Triggers:
     /// line=N (the Nth answer; of lose-line and extra-line the Nth line), byte=N, time=SECONDS
     /// (machine time), rate=P (bytes, answers and lines, by chance).
     #[arg(long = "fault", value_name = "FAULT", verbatim_doc_comment)]
