@@ -26,6 +26,10 @@ pub struct Line {
     /// Every answer to a command.
     pub replies: Vec<(u64, Result<String, Refusal>)>,
     pub finished: Option<RunResult>,
+    /// The mode that was published last when the run ended.
+    pub finished_in: Option<Mode>,
+    /// Every state that was published, with its time.
+    pub states: Vec<(Duration, MachineState)>,
     pub moved: Option<MoveResult>,
     pub settings: Option<axis_driver::driver::ControllerSettings>,
     /// What the driver wrote, with the time it wrote it.
@@ -47,6 +51,8 @@ impl Line {
             now: Duration::ZERO,
             replies: Vec::new(),
             finished: None,
+            finished_in: None,
+            states: Vec::new(),
             moved: None,
             settings: None,
             written: Vec::new(),
@@ -82,13 +88,35 @@ impl Line {
                     }
                 }
                 Output::Reply { id, result } => self.replies.push((id, result)),
-                Output::RunFinished(result) => self.finished = Some(result),
+                Output::RunFinished(result) => {
+                    self.finished = Some(result);
+                    self.finished_in = self.states.last().map(|(_, state)| state.mode);
+                }
                 Output::MoveFinished(result) => self.moved = Some(result),
                 Output::Settings(settings) => self.settings = Some(settings),
                 Output::Log { message, .. } => self.log.push(message),
-                Output::State(_) | Output::Progress { .. } | Output::ReadyToClose => {}
+                Output::State(state) => {
+                    if !self.keeps_written {
+                        self.states.clear();
+                    }
+                    self.states.push((self.now, state));
+                }
+                Output::Progress { .. } | Output::ReadyToClose => {}
             }
         }
+    }
+
+    /// Lets a fault happen now; of lines the next one suffers.
+    #[track_caller]
+    pub fn inject(&mut self, fault: &str) {
+        self.controller.advance(self.now);
+        let action = fault.parse().expect("a fault");
+        self.controller.device_mut().inject(self.now, action);
+    }
+
+    /// Where the axes really are in the controller's own count, mm.
+    pub fn axes(&self) -> [f64; 3] {
+        self.controller.device().controller().position()
     }
 
     /// Goes to the next event of either end.

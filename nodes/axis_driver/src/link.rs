@@ -111,6 +111,8 @@ pub struct LinkAtRest {
     units: ReportUnits,
     receive_bytes: u16,
     is_forgiving: bool,
+    #[serde(default)]
+    asks_everything: bool,
     health: Health,
     #[serde(default)]
     buffer: Buffer,
@@ -129,6 +131,8 @@ pub struct Link<T> {
     in_flight_bytes: usize,
     /// An alarm or a reset came: answers mean nothing until the next banner.
     is_forgiving: bool,
+    /// Ordinary reports lack what is needed.
+    asks_everything: bool,
     health: Health,
     buffer: Buffer,
     check: LineCheck,
@@ -150,6 +154,7 @@ impl<T> Link<T> {
             units: self.units,
             receive_bytes: self.receive_bytes,
             is_forgiving: self.is_forgiving,
+            asks_everything: self.asks_everything,
             health: self.health.clone(),
             buffer: self.buffer.clone(),
             unfinished: self.framer.unfinished().to_vec(),
@@ -158,7 +163,15 @@ impl<T> Link<T> {
 
     /// A link that goes on from there.
     pub fn from_rest(config: LinkConfig, rest: LinkAtRest) -> Self {
-        let LinkAtRest { units, receive_bytes, is_forgiving, health, buffer, unfinished } = rest;
+        let LinkAtRest {
+            units,
+            receive_bytes,
+            is_forgiving,
+            asks_everything,
+            health,
+            buffer,
+            unfinished,
+        } = rest;
         Self {
             config,
             framer: Framer::with(unfinished),
@@ -167,6 +180,7 @@ impl<T> Link<T> {
             in_flight: VecDeque::new(),
             in_flight_bytes: 0,
             is_forgiving,
+            asks_everything,
             health,
             buffer,
             check: LineCheck::new(config.line_check_interval_ms),
@@ -187,6 +201,7 @@ impl<T> Link<T> {
             in_flight: VecDeque::new(),
             in_flight_bytes: 0,
             is_forgiving: true,
+            asks_everything: false,
             health: Health::new(config.poll_interval_ms, now),
             buffer: Buffer::default(),
             check: LineCheck::new(config.line_check_interval_ms),
@@ -195,6 +210,11 @@ impl<T> Link<T> {
             lines: Vec::new(),
             events: VecDeque::new(),
         }
+    }
+
+    /// The unit in which reports are read.
+    pub fn units(&self) -> ReportUnits {
+        self.units
     }
 
     /// Takes the unit of reports, from `$13`.
@@ -337,7 +357,10 @@ impl<T> Link<T> {
             self.in_flight.front().is_some_and(|sent| sent.kind == LineKind::Silent);
         let is_alone = !self.health.is_asked() && self.config.is_prompt();
         if self.health.poll_is_due(now, is_silence_expected) {
-            self.urgent.push(realtime::STATUS);
+            self.urgent.push(match self.asks_everything {
+                true => realtime::FULL_STATUS,
+                false => realtime::STATUS,
+            });
             // The lines that wait for the port go behind it.
             let waiting = self.lines.len();
             let sent = self.in_flight_bytes.saturating_sub(waiting);
@@ -414,12 +437,13 @@ impl<T> Link<T> {
         };
         let disagreement = self.buffer.on_status(&status, counted, self.receive_bytes);
         let kind = oldest.map(|sent| sent.kind);
+        let since = self.health.looked_at_since(now);
         let fault = self.health.on_status(now, &status, kind, self.in_flight.len());
         if oldest.is_some() && self.answers <= FEW_ANSWERS {
             self.health.ask_again_within(self.config.busy_poll_interval());
         }
         self.answers = 0;
-        self.events.push_back(LinkEvent::Status(status));
+        self.events.push_back(LinkEvent::Status { report: status, since });
         if let Some(fault) = fault.or(disagreement).filter(|_| !self.is_forgiving) {
             self.events.push_back(LinkEvent::Fault(fault));
         }
@@ -456,6 +480,18 @@ impl<T> Link<T> {
         self.in_flight_bytes = 0;
         self.lines.clear();
         self.check.forget();
+    }
+
+    /// Takes it that the controller has started anew, though its start message was not heard.
+    pub fn believe_in_restart(&mut self, now: Duration) {
+        self.forget();
+        self.is_forgiving = false;
+        self.restart(now);
+    }
+
+    /// Asks for reports with every field that the controller has, or for ordinary ones.
+    pub fn ask_for_everything(&mut self, is_wanted: bool) {
+        self.asks_everything = is_wanted;
     }
 
     /// Passes over answers to lines that it does not know of, until the next banner.

@@ -168,5 +168,19 @@ fn banner_firmware(text: &str) -> Option<Firmware> {
     })
 }
 
+/// Whether a line that is no start message was one before a byte of it was damaged or a line
+/// end was lost: one of its two halves is still there.
+pub fn was_a_banner(text: &str) -> bool {
+    const HALVES: [&str; 5] =
+        ["grbl ", "grblhal ", "[fluidnc ", "'$' for help", "'$help' for help"];
+    let text = text.to_ascii_lowercase();
+    HALVES.iter().any(|half| text.contains(half))
+}
+
+/// What a controller says last when it has started and is locked; never otherwise.
+pub fn is_lock_notice(text: &str) -> bool {
+    text.contains("'$H'|'$X' to unlock")
+}
+
 #[cfg(test)]
 mod tests;

@@ -263,7 +263,7 @@ impl Bench {
                 assert!(self.has_damaged, "{event:?} without reason\n{}", self.shown);
                 self.noticed.get_or_insert(format!("{event:?}"));
             }
-            LinkEvent::Status(report) => self.wants_resume = report.is_held(),
+            LinkEvent::Status { report, .. } => self.wants_resume = report.is_held(),
             _ => {}
         }
     }

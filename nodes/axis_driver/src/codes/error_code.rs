@@ -52,3 +52,5 @@ pub const COMMANDER_LOST: u16 = 325;
 pub const STOPPED_SHORT: u16 = 326;
 /// The driver is not active, or was deactivated in the run.
 pub const NOT_ACTIVE: u16 = 327;
+/// A place of the machine frame was named, and the axes are not homed.
+pub const NOT_HOMED: u16 = 328;

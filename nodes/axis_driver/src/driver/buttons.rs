@@ -49,6 +49,9 @@ impl Driver {
             // The controller passes over a resume then.
             return refused(error_code::BUSY, "the machine is still coming to a stop: try again");
         }
+        if let Some(refusal) = self.machine.door_obstacle() {
+            return Some(Err(refusal));
+        }
         match &mut self.phase {
             Phase::Ready | Phase::Errand(_) if is_held => {}
             Phase::Running(run) if run.is_stopping() => {

@@ -76,13 +76,18 @@ impl Driver {
             JogFrame::Work => "G90",
             JogFrame::Machine => "G90G53",
         };
+        if request.frame == JogFrame::Machine
+            && let Some(refusal) = self.machine.home_obstacle("a jog in the machine frame")
+        {
+            return Some(Err(refusal));
+        }
         let words = match self.move_words(request.axes, request.target, request.feed_mm_per_min) {
             Ok(words) => words,
             Err(refusal) => return Some(Err(refusal)),
         };
         let place = self.machine.machine_position().zip(self.machine.work_position());
         let Some((machine, work)) = place else {
-            return refused(error_code::CONNECTING, "where the tool is is not known yet");
+            return refused(error_code::CONNECTING, self.machine.unknown_place());
         };
         let mut target = machine;
         for axis in (0..3).filter(|axis| request.axes.contains(*axis)) {

@@ -11,6 +11,7 @@ use super::{Driver, Phase, RunOutcome};
 use crate::codes::error_code;
 use crate::encoder::{EncoderConfig, StartProblem, start_at};
 use crate::report::Firmware;
+use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::path::CompensatedPath;
 use serde::{Deserialize, Serialize};
@@ -219,6 +220,9 @@ impl Driver {
         {
             return Some(Err(refusal));
         }
+        if !is_only_encoded && let Some(refusal) = self.frame_obstacle(&request) {
+            return Some(Err(refusal));
+        }
         let config = EncoderConfig {
             has_mist: self.config.encoder.has_mist || self.machine.has_mist,
             homing: self.machine.homing(),
@@ -258,6 +262,22 @@ impl Driver {
         self.pause_run();
         self.phase = Phase::Running(Box::new(run));
         None
+    }
+
+    /// Why a path cannot be run where the machine's zero is not known: it goes to places of
+    /// the machine frame before it homes.
+    fn frame_obstacle(&self, request: &RunRequest) -> Option<Refusal> {
+        let path = &request.path;
+        let first = path.events.iter().find_map(|event| match event.action {
+            Action::Home { axes } if axes == AxisSet::ALL => Some(None),
+            Action::MachineMove { .. } => Some(Some(("G53", event.source.line))),
+            Action::Reference { second, .. } => {
+                Some(Some((if second { "G30" } else { "G28" }, event.source.line)))
+            }
+            _ => None,
+        });
+        let (word, line) = first??;
+        self.machine.home_obstacle(&format!("{word} in line {line}"))
     }
 
     fn cancel_run(&mut self, run: Option<u64>) -> Answer {

@@ -6,6 +6,7 @@
 //! offsets are read, one question at a time.
 
 use super::config::{ANSWER, CROSSING, LISTEN};
+use super::place::PlaceWatch;
 use super::{Driver, LogLevel, Origin, Phase, Refusal};
 use crate::codes::{self, error_code};
 use crate::link::{LineKind, Link, LinkFault, realtime};
@@ -63,6 +64,15 @@ impl Connecting {
         self.step == Step::AwaitingBanner
     }
 
+    /// Whether the settings were answered, the unit of reports among them.
+    pub(super) fn has_settings(&self) -> bool {
+        match self.step {
+            Step::Asking(query) => query > SETTINGS_QUERY,
+            Step::AwaitingStatus => true,
+            _ => false,
+        }
+    }
+
     /// The soft reset that waits for the outcome.
     pub(super) fn reply_to(&self) -> Option<u64> {
         self.reply
@@ -110,6 +120,8 @@ impl Driver {
             false => reason.to_owned(),
         };
         self.hold = None;
+        self.machine.is_homed = false;
+        self.machine.status = None;
         self.drop_overrides("the line is gone");
         let code = error_code::LINK_LOST;
         let closed = Phase::Closed { reason: reason.clone() };
@@ -129,8 +141,6 @@ impl Driver {
             }
             _ => {}
         }
-        self.machine.is_homed = false;
-        self.machine.status = None;
         if let Phase::Closed { reason } = &self.phase {
             let reason = reason.clone();
             self.log(LogLevel::Warn, reason);
@@ -189,6 +199,7 @@ impl Driver {
             let text = "the reset has dropped G92: the work frame has moved; set it again";
             self.log(LogLevel::Warn, text.into());
         }
+        self.machine.work_out_offset();
         self.publish_settings();
         self.link.ask_status(self.now);
     }
@@ -271,12 +282,16 @@ impl Driver {
             self.log(LogLevel::Warn, format!("{} was refused: {text}", QUERIES[query]));
         }
         if query == SETTINGS_QUERY {
-            // What was heard before may have been in the other unit.
-            self.machine.status = None;
-            self.machine.has_units = error.is_none();
             let is_inch = self.machine.reports_in_inches();
             let units = if is_inch { ReportUnits::Inches } else { ReportUnits::Millimetres };
+            if units != self.link.units() {
+                // What was heard before was read in the other unit.
+                self.machine.status = None;
+                self.machine.place = PlaceWatch::default();
+            }
+            self.machine.has_units |= error.is_none();
             self.link.set_units(units);
+            self.link.ask_for_everything(self.machine.reports_too_little());
         }
         if query == BUILD_QUERY && self.machine.firmware == Firmware::FluidNc {
             // A control character of whoever was here before has switched its echo on.
@@ -285,6 +300,7 @@ impl Driver {
         if query + 1 < QUERIES.len() {
             return self.ask(query + 1);
         }
+        self.machine.work_out_offset();
         // Whoever waits for this can rely on the state then.
         if let Phase::Connecting(connecting) = &mut self.phase {
             connecting.step = Step::AwaitingStatus;
@@ -312,10 +328,14 @@ impl Driver {
             self.reply(id, Ok("the controller was reset".into()));
         }
         // An alarm holds it back by itself; without one nothing would.
-        let is_lost = std::mem::take(&mut self.machine.lost_its_place);
+        let has_moved = self.machine.has_moved_since_start();
+        let is_lost = std::mem::take(&mut self.machine.lost_its_place) || has_moved;
+        if has_moved {
+            self.machine.is_homed = false;
+        }
         if is_lost && self.machine.mode() == Mode::Idle {
-            let reason = "RESTARTED: the controller started anew in the middle of something and \
-                          takes the place where it stands for zero; soft_reset, then home";
+            let reason = "RESTARTED: the controller started anew and may take the place where it \
+                          stands for zero; soft_reset, then home, or set the work offset again";
             self.phase = Phase::Adrift { reason: reason.into() };
         }
         if self.machine.needs_acknowledgement {

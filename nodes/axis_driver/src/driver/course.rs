@@ -2,6 +2,7 @@
 
 use super::command::{Answer, check_start};
 use super::config::{ANSWER, RECORDER, SETTLED, WORK_POSITION};
+use super::place::PlaceWatch;
 use super::proof::Proven;
 use super::run::{Stage, Then};
 use super::stop::{Stopping, Verdict};
@@ -142,6 +143,7 @@ impl Driver {
         let firmware = self.machine.firmware;
         let is_all_answered = self.link.unanswered() == 0;
         let Phase::Running(run) = &mut self.phase else { return };
+        run.empty_reports = 0;
         if run.is_stopping() {
             // Nothing is judged any more, but what is cut is still followed.
             match origin {
@@ -197,6 +199,8 @@ impl Driver {
             }
             (Origin::Home, Stage::Homing { is_homed_after, .. }) => {
                 self.machine.is_homed = *is_homed_after;
+                // The axes are somewhere else than they were, and count from another zero.
+                self.machine.place = PlaceWatch::default();
                 run.stage = Stage::Settling { then: Then::GoOn, from: self.now };
                 self.link.ask_status(self.now);
             }
@@ -384,6 +388,10 @@ impl Driver {
             self.reply(reply, Err(Refusal::new(error_code, message.clone())));
         }
         self.hold = None;
+        if self.machine.status.is_some() {
+            // Whoever hears of the end finds the state of it.
+            self.publish();
+        }
         let result = RunResult { id, outcome, error_code, message, last_line, blamed_line };
         self.outputs.push_back(Output::RunFinished(result));
     }

@@ -348,6 +348,10 @@ impl Driver {
         let Errand { id, task, .. } = *errand;
         let refusal = result.as_ref().err().map(|it| (it.error_code, it.message.clone()));
         self.end_paused_with(refusal.as_ref().map(|(code, text)| (*code, text.as_str())));
+        if self.machine.status.is_some() {
+            // Whoever hears of the end finds the state of it.
+            self.publish();
+        }
         if !task.moves() {
             return self.reply(id, result);
         }

@@ -5,7 +5,7 @@ use super::stop::HoldWatch;
 use super::{Driver, LogLevel, Origin, Phase, Refusal, RunOutcome};
 use crate::codes::{self, error_code};
 use crate::link::{LinkEvent, LinkFault, realtime};
-use crate::report::Message;
+use crate::report::{Message, is_lock_notice, was_a_banner};
 
 /// The alarm of a target outside of the travel.
 const SOFT_LIMIT: u16 = 2;
@@ -13,26 +13,30 @@ const SOFT_LIMIT: u16 = 2;
 impl Driver {
     pub(super) fn on_event(&mut self, event: LinkEvent<Origin>) {
         match event {
-            LinkEvent::Answer { tag, error } => self.on_answer(tag, error),
+            LinkEvent::Answer { tag, error } => {
+                self.machine.has_just_started = false;
+                self.on_answer(tag, error);
+            }
             LinkEvent::Alarm(code) => self.on_alarm(code),
             LinkEvent::Banner { firmware, text } => {
                 self.machine.on_restart(firmware);
+                self.machine.has_just_started = true;
                 self.drop_overrides("the controller has restarted");
                 self.on_banner(&text);
             }
-            LinkEvent::Status(report) => {
-                let overrides = report.overrides_percent;
-                self.machine.on_status(report);
-                self.watch_overrides(overrides);
-                self.watch_hold();
-                self.on_status();
-            }
+            LinkEvent::Status { report, since } => self.hear_status(report, since),
             LinkEvent::Message(message) => {
                 if let Some(bytes) = self.machine.on_message(&message) {
                     self.link.set_receive_bytes(bytes);
                 }
                 match message {
-                    Message::Text(text) => self.log(LogLevel::Info, format!("controller: {text}")),
+                    Message::Text(text) => {
+                        self.log(LogLevel::Info, format!("controller: {text}"));
+                        if is_lock_notice(&text) {
+                            self.hear_lock_notice(&text);
+                        }
+                    }
+                    Message::ParserState(words) => self.hear_words(&words),
                     Message::Probe { position, has_touched } => {
                         self.hear_probe(position, has_touched);
                     }
@@ -98,7 +102,7 @@ impl Driver {
         }
     }
 
-    fn on_banner(&mut self, text: &str) {
+    pub(super) fn on_banner(&mut self, text: &str) {
         match &mut self.phase {
             Phase::Closed { .. } => {}
             Phase::Connecting(_) => self.on_connect_banner(text),
@@ -128,7 +132,7 @@ impl Driver {
         }
     }
 
-    fn on_status(&mut self) {
+    pub(super) fn on_status(&mut self) {
         match &mut self.phase {
             Phase::Connecting(_) => self.on_connect_status(),
             Phase::Running(_) => self.on_run_status(),
@@ -138,6 +142,9 @@ impl Driver {
     }
 
     fn on_text(&mut self, text: &str) {
+        if was_a_banner(text) {
+            return self.on_damaged_banner(text);
+        }
         if let Phase::Connecting(connecting) = &mut self.phase {
             connecting.hear_garbage(text);
         }
@@ -146,6 +153,11 @@ impl Driver {
 
     fn on_fault(&mut self, fault: &LinkFault) {
         let text = fault.to_string();
+        if let LinkFault::Damaged { text } = fault
+            && was_a_banner(text)
+        {
+            return self.on_damaged_banner(text);
+        }
         match &mut self.phase {
             Phase::Closed { .. } | Phase::Adrift { .. } => {}
             Phase::Connecting(_) => self.on_connect_fault(fault),

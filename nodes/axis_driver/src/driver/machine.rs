@@ -2,6 +2,7 @@
 
 use super::connect::QUERIES_DONE;
 use super::leave::INACTIVE;
+use super::place::PlaceWatch;
 use super::{Driver, Origin, Output, Phase};
 use crate::codes;
 use crate::encoder::Homing;
@@ -47,7 +48,7 @@ pub(super) struct Machine {
     options: String,
     /// The settings as they were told.
     #[serde(default)]
-    told: BTreeMap<u16, String>,
+    pub(super) told: BTreeMap<u16, String>,
     #[serde(default)]
     pub(super) offsets: Vec<Offset>,
     pub(super) settings: BTreeMap<u16, f64>,
@@ -58,7 +59,7 @@ pub(super) struct Machine {
     homes_one_by_one: bool,
     planner_blocks: Option<u16>,
     pub(super) status: Option<StatusReport>,
-    work_offset: Option<Position>,
+    pub(super) work_offset: Option<Position>,
     #[serde(default)]
     accessories: Option<Accessories>,
     pub(super) overrides_percent: [u8; 3],
@@ -77,6 +78,27 @@ pub(super) struct Machine {
     pub(super) lost_its_place: bool,
     pub(super) program_id: String,
     pub(super) line: u32,
+    /// What was believed of the position.
+    #[serde(default)]
+    pub(super) place: PlaceWatch,
+    /// A work offset that no command explains, until it comes twice.
+    #[serde(default)]
+    pub(super) doubted_offset: Option<Position>,
+    /// The words in force, as they were told last.
+    #[serde(default)]
+    pub(super) words: Option<ModalWords>,
+    /// The most blocks and bytes that were ever free.
+    #[serde(default)]
+    most_free: (u16, u16),
+    /// A start message came, and nothing since.
+    #[serde(default)]
+    pub(super) has_just_started: bool,
+    /// Where it stood before its last start, machine frame, mm.
+    #[serde(default)]
+    pub(super) stood_at: Option<Position>,
+    /// Its last start found it unlocked.
+    #[serde(default)]
+    was_unlocked: bool,
 }
 
 impl Machine {
@@ -89,6 +111,16 @@ impl Machine {
 
     pub(super) fn on_restart(&mut self, firmware: Firmware) {
         self.firmware = firmware;
+        let before = self.status.as_ref().map(|status| &status.state);
+        let locks = [ControllerState::Alarm, ControllerState::Sleep];
+        self.was_unlocked = before.is_some_and(|state| !locks.contains(state));
+        if self.status.is_some() {
+            let stands = !self.is_moving();
+            self.stood_at = self.machine_position().filter(|_| stands);
+        }
+        self.place = PlaceWatch::default();
+        self.doubted_offset = None;
+        self.words = None;
         self.status = None;
         self.work_offset = None;
         self.work_system = Some(1);
@@ -106,6 +138,8 @@ impl Machine {
         if let Some(status) = &mut self.status {
             status.state = ControllerState::Alarm;
             status.substate = None;
+            // Steps have ended; the speed in the report is from before.
+            status.feed_mm_per_min = None;
         }
     }
 
@@ -119,6 +153,9 @@ impl Machine {
         }
         self.accessories = report.accessories_on(self.firmware).or(self.accessories);
         self.work_system = report.work_system.or(self.work_system);
+        // What stood unlocked and is locked by a reset has lost its supply meanwhile.
+        let was_unlocked = std::mem::take(&mut self.was_unlocked);
+        self.is_homed &= !(was_unlocked && report.state == ControllerState::Alarm);
         self.is_homed = report.is_homed.unwrap_or(self.is_homed);
         self.work_offset = report.work_offset.or(self.work_offset);
         self.overrides_percent = report.overrides_percent.unwrap_or(self.overrides_percent);
@@ -132,6 +169,19 @@ impl Machine {
                 report.machine_position.or(report.work_position.map(|at| shifted(at, 1.0)));
         }
         self.status = Some(report);
+    }
+
+    /// The fastest of each axis, infinite where it is not known, mm/min.
+    pub(super) fn fastest_mm_per_min(&self) -> Position {
+        [110, 111, 112].map(|number| self.settings.get(&number).copied().unwrap_or(f64::INFINITY))
+    }
+
+    /// Whether planner and receive buffer have as much room as they ever had.
+    pub(super) fn is_as_free_as_ever(&mut self, free: Option<(u16, u16)>) -> bool {
+        let Some((blocks, bytes)) = free else { return false };
+        let most = (self.most_free.0.max(blocks), self.most_free.1.max(bytes));
+        let was_known = std::mem::replace(&mut self.most_free, most) != (0, 0);
+        was_known && most == (blocks, bytes)
     }
 
     /// Takes a message; gives the receive buffer when it tells of it.
@@ -171,17 +221,6 @@ impl Machine {
         None
     }
 
-    /// What G92 shifts by, where it was told.
-    pub(super) fn shift(&self) -> Position {
-        let told = self.offsets.iter().find(|offset| offset.name == "G92");
-        told.map_or([0.0; 3], |offset| offset.position)
-    }
-
-    fn remember(&mut self, name: &str, position: Position) {
-        self.offsets.retain(|offset| offset.name != name);
-        self.offsets.push(Offset { name: name.to_owned(), position });
-    }
-
     pub(super) fn on_setting(&mut self, number: u16, value: &str) {
         self.told.insert(number, value.to_owned());
         if let Some(value) = value.parse::<f64>().ok().filter(|value| value.is_finite()) {
@@ -196,6 +235,15 @@ impl Machine {
 
     pub(super) fn reports_in_inches(&self) -> bool {
         self.settings.get(&13).is_some_and(|value| *value > 0.5)
+    }
+
+    /// Whether ordinary reports lack the work offset or the overrides (`$10`), and the firmware
+    /// has another request that gets them.
+    pub(super) fn reports_too_little(&self) -> bool {
+        const WORK_OFFSET_AND_OVERRIDES: u32 = 0b110_0000;
+        let mask = self.told.get(&10).and_then(|value| value.parse::<u32>().ok());
+        let lacks = |mask: u32| mask & WORK_OFFSET_AND_OVERRIDES != WORK_OFFSET_AND_OVERRIDES;
+        self.firmware == Firmware::GrblHal && mask.is_some_and(lacks)
     }
 
     pub(super) fn has_homing(&self) -> bool {
@@ -239,6 +287,14 @@ impl Machine {
             read(120, &mut rates.acceleration_mm_per_s2[usize::from(axis)]);
         }
         rates
+    }
+
+    /// Whether it stands elsewhere than before its last start: a reset of its own keeps the
+    /// position. Forgets where it stood.
+    pub(super) fn has_moved_since_start(&mut self) -> bool {
+        let places = self.stood_at.take().zip(self.machine_position());
+        places
+            .is_some_and(|(before, now)| (0..3).any(|axis| (before[axis] - now[axis]).abs() > 0.01))
     }
 
     pub(super) fn work_position(&self) -> Option<Position> {
@@ -295,7 +351,11 @@ impl Machine {
             mode: self.mode(),
             machine_position: places.and_then(|status| status.machine_position),
             work_position: places.and_then(|status| status.work_position),
-            feed_mm_per_min: places.and_then(|status| status.feed_mm_per_min).unwrap_or(0.0),
+            // What stands in a hold may still report the feed from before it.
+            feed_mm_per_min: places
+                .filter(|status| !status.is_held())
+                .and_then(|status| status.feed_mm_per_min)
+                .unwrap_or(0.0),
             spindle_rpm: status.and_then(|status| status.spindle_rpm).unwrap_or(0.0),
             program_id: self.program_id.clone(),
             line: self.line,
@@ -349,6 +409,9 @@ impl Driver {
                 state.mode = Mode::Unknown;
                 state.reason = format!("CONNECTING: {}", connecting.describe());
                 debug_assert!(connecting.query() < QUERIES_DONE);
+                if !connecting.has_settings() {
+                    (state.machine_position, state.work_position) = (None, None);
+                }
             }
             Phase::Adrift { reason } => {
                 state.reason.clone_from(reason);

@@ -36,6 +36,8 @@ pub(super) struct Run {
     /// The line of the block that the controller refused or stopped at.
     pub(super) blamed_line: u32,
     pub(super) has_sent: bool,
+    /// In a row: reports of empty buffers with lines that were never answered.
+    pub(super) empty_reports: u32,
     /// The line that was sent last, where single blocks are told apart.
     pub(super) block: Option<BlockOfLine>,
     /// Another path for what is left, which is being looked at.
@@ -145,6 +147,7 @@ impl Run {
             hold_reason: None,
             blamed_line: 0,
             has_sent: false,
+            empty_reports: 0,
             block: None,
             next_block: None,
             rest: None,

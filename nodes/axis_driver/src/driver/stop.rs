@@ -30,7 +30,10 @@ impl Verdict {
     fn needs_operator(&self) -> bool {
         matches!(
             self.error_code,
-            error_code::CONTROLLER_ERROR | error_code::PROTOCOL | error_code::NO_ANSWER
+            error_code::CONTROLLER_ERROR
+                | error_code::PROTOCOL
+                | error_code::NO_ANSWER
+                | error_code::RESTARTED
         )
     }
 }
@@ -247,6 +250,9 @@ impl Driver {
 
     /// And the first report behind it.
     fn finish_stop(&mut self) {
+        if self.machine.has_moved_since_start() {
+            self.machine.is_homed = false;
+        }
         let Phase::Running(run) = &mut self.phase else { return };
         if let Stage::Stopping(stopping) = &mut run.stage
             && let Some(id) = stopping.reply.take()

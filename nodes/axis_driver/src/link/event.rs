@@ -1,6 +1,7 @@
 //! What a link tells its owner.
 
 use crate::report::{Firmware, Message, StatusReport};
+use std::time::Duration;
 
 /// What happened.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +18,11 @@ pub enum LinkEvent<T> {
         firmware: Firmware,
         text: String,
     },
-    Status(StatusReport),
+    Status {
+        report: StatusReport,
+        /// The machine was looked at between then and now.
+        since: Duration,
+    },
     Message(Message),
     Setting {
         number: u16,

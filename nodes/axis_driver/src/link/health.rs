@@ -16,11 +16,17 @@ const IDLE_WITHOUT_ANSWER: Duration = Duration::from_millis(600);
 /// The same for a line that takes its time, a spindle that gets up to speed.
 const SLOW_WITHOUT_ANSWER: Duration = Duration::from_secs(60);
 
+/// How old a report may be that nobody asked for.
+const UNASKED_AGE_MAX: Duration = Duration::from_secs(1);
+
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Health {
     interval: Duration,
     next_poll_at: Duration,
     is_asked: bool,
+    /// When the oldest request went out whose report has not come.
+    #[serde(default)]
+    waits_since: Option<Duration>,
     is_deaf: bool,
     missed: u32,
     last_status_at: Option<Duration>,
@@ -35,6 +41,7 @@ impl Health {
             interval: Duration::from_millis(u64::from(interval_ms.max(1))),
             next_poll_at: now,
             is_asked: false,
+            waits_since: None,
             is_deaf: false,
             missed: 0,
             last_status_at: None,
@@ -46,6 +53,7 @@ impl Health {
     /// The controller starts over.
     pub(super) fn restart(&mut self, now: Duration) {
         self.is_asked = false;
+        self.waits_since = None;
         self.is_deaf = false;
         self.missed = 0;
         self.idle_since = None;
@@ -79,6 +87,11 @@ impl Health {
         self.last_status_at
     }
 
+    /// When the machine was looked at for a report that comes now, at the earliest.
+    pub(super) fn looked_at_since(&self, now: Duration) -> Duration {
+        self.waits_since.unwrap_or(now.saturating_sub(UNASKED_AGE_MAX))
+    }
+
     /// Whether a request is under way.
     pub(super) fn is_asked(&self) -> bool {
         self.is_asked
@@ -106,6 +119,7 @@ impl Health {
         self.missed = if self.is_asked { self.missed.saturating_add(1) } else { 0 };
         self.is_asked = true;
         self.asked_at = Some(now);
+        self.waits_since.get_or_insert(now);
         true
     }
 
@@ -124,6 +138,7 @@ impl Health {
         lines: usize,
     ) -> Option<LinkFault> {
         self.is_asked = false;
+        self.waits_since = None;
         self.is_deaf = false;
         self.missed = 0;
         self.last_status_at = Some(now);

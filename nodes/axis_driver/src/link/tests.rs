@@ -251,7 +251,7 @@ fn reports_reach_the_caller_in_millimetres() {
     let mut link = started();
     link.set_units(ReportUnits::Inches);
     link.receive(ms(1), b"<Idle|MPos:1.0000,0.0000,0.0000|FS:0,0>\r\n");
-    let Some(LinkEvent::Status(report)) = link.poll_event() else { panic!() };
+    let Some(LinkEvent::Status { report, .. }) = link.poll_event() else { panic!() };
     assert_eq!(report.state, ControllerState::Idle);
     assert_eq!(report.machine_position, Some([25.4, 0.0, 0.0]));
 }

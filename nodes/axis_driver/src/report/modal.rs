@@ -2,9 +2,11 @@
 
 use super::number::{parse_number, parse_work_system};
 use cnc_msgs::contour::SpindleMode;
+use serde::{Deserialize, Serialize};
 
 /// What the words in force say, where they say it.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct ModalWords {
     /// 1 to 6 for G54 to G59, 7 to 9 for G59.1 to G59.3.
     pub work_system: Option<u8>,
@@ -14,6 +16,10 @@ pub struct ModalWords {
     pub flood: bool,
     pub mist: bool,
     pub tool: Option<u32>,
+    /// G93: F is a time and goes with its line.
+    pub is_inverse_time: bool,
+    /// G0 is the motion in force.
+    pub is_rapid: bool,
     /// In the unit of reports.
     pub feed_per_min: Option<f64>,
     pub spindle_rpm: Option<f64>,
@@ -31,6 +37,8 @@ impl ModalWords {
                 "M3" => modal.spindle = Some(SpindleMode::Clockwise),
                 "M4" => modal.spindle = Some(SpindleMode::CounterClockwise),
                 "M5" => modal.spindle = Some(SpindleMode::Off),
+                "G0" => modal.is_rapid = true,
+                "G93" => modal.is_inverse_time = true,
                 "M7" => modal.mist = true,
                 "M8" => modal.flood = true,
                 _ => match word.split_at_checked(1) {

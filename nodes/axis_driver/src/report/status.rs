@@ -77,6 +77,8 @@ pub struct StatusReport {
     pub substate: Option<u8>,
     pub machine_position: Option<Position>,
     pub work_position: Option<Position>,
+    /// The unit that the decimals of the position show, whatever unit it was read in.
+    pub shown_in: Option<ReportUnits>,
     /// Work position = machine position - this.
     pub work_offset: Option<Position>,
     pub feed_mm_per_min: Option<f64>,
@@ -161,8 +163,14 @@ impl StatusReport {
             return None;
         }
         match key {
-            "MPos" => self.machine_position = Some(parse_position(value, units)?),
-            "WPos" => self.work_position = Some(parse_position(value, units)?),
+            "MPos" => {
+                self.machine_position = Some(parse_position(value, units)?);
+                self.shown_in = units_of(value);
+            }
+            "WPos" => {
+                self.work_position = Some(parse_position(value, units)?);
+                self.shown_in = units_of(value);
+            }
             "WCO" => self.work_offset = Some(parse_position(value, units)?),
             "FS" => {
                 // A third number is the speed that was measured.
@@ -198,6 +206,21 @@ impl StatusReport {
             _ => self.others.push((key.to_owned(), value.to_owned())),
         }
         Some(())
+    }
+}
+
+/// grbl and its relatives print three decimals of a millimetre, four of an inch.
+fn units_of(position: &str) -> Option<ReportUnits> {
+    let mut decimals =
+        position.split(',').map(|number| number.rsplit_once('.').map(|(_, d)| d.len()));
+    let first = decimals.next()??;
+    if !decimals.all(|other| other == Some(first)) {
+        return None;
+    }
+    match first {
+        3 => Some(ReportUnits::Millimetres),
+        4 => Some(ReportUnits::Inches),
+        _ => None,
     }
 }
 

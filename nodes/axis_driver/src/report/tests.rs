@@ -160,3 +160,38 @@ proptest::proptest! {
         parse(line.as_bytes(), ReportUnits::Inches);
     }
 }
+
+#[test]
+fn a_start_message_is_known_with_any_byte_damaged_lost_or_doubled() {
+    for banner in [
+        "Grbl 1.1h ['$' for help]",
+        "GrblHAL 1.1f ['$' or '$HELP' for help]",
+        "Grbl 4.0 [FluidNC v4.0.5-pre2 (noradio) '$' for help]",
+    ] {
+        let is_known = |line: &[u8]| match parse(line, ReportUnits::Millimetres) {
+            Report::Banner { .. } => true,
+            Report::Unknown(text) | Report::Damaged(text) => was_a_banner(&text),
+            _ => false,
+        };
+        assert!(is_known(banner.as_bytes()));
+        for at in 0..banner.len() {
+            let bytes = banner.as_bytes();
+            for bit in 0..8 {
+                let mut damaged = bytes.to_vec();
+                damaged[at] ^= 1 << bit;
+                // A line end in its middle leaves two halves; one of them is known.
+                let mut parts = damaged.split(|byte| *byte == b'\n');
+                assert!(parts.any(is_known), "{:?}", String::from_utf8_lossy(&damaged));
+            }
+            let lost = [&bytes[..at], &bytes[at + 1..]].concat();
+            let doubled = [&bytes[..=at], &bytes[at..]].concat();
+            assert!(is_known(&lost) && is_known(&doubled), "{banner} at {at}");
+        }
+        // The line end was lost.
+        assert!(is_known(format!("{banner}[MSG:'$H'|'$X' to unlock]").as_bytes()));
+        assert!(is_known(format!("ok{banner}").as_bytes()));
+    }
+    for text in ["[HLP:$$ $# $G $I $N]", "[MSG:Check Limits]", "G1X1", "$110=500.000", "error:20"] {
+        assert!(!was_a_banner(text), "{text}");
+    }
+}

@@ -179,18 +179,8 @@ impl FromStr for FaultAction {
             _ => Err(unknown()),
         };
         let takes_argument = [
-            "rx-delay",
-            "tx-delay",
-            "silent",
-            "push",
-            "alarm",
-            "limit",
-            "release",
-            "cut",
-            "vanish",
-            "unplug",
-            "mute",
-            "garble",
+            "rx-delay", "tx-delay", "silent", "push", "alarm", "limit", "release", "cut", "vanish",
+            "unplug", "mute", "garble",
         ];
         if argument.is_some() && !takes_argument.contains(&name) {
             return Err(unknown());

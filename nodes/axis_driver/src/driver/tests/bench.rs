@@ -243,7 +243,7 @@ impl Bench {
     /// No port yet.
     pub(super) fn new(config: DriverConfig) -> Self {
         let firmware =
-            Firmware { settings: "$13=0\r\n$22=1\r\n$110=5000.000\r\n", ..Firmware::default() };
+            Firmware { settings: "$13=0\r\n$22=1\r\n$110=60000.000\r\n", ..Firmware::default() };
         Self {
             driver: Driver::new(config.clone()),
             firmware,

@@ -53,7 +53,9 @@ fn a_machine_that_still_moves_when_the_link_is_back_is_held() {
 fn a_resume_while_the_machine_slows_down_is_not_called_done() {
     let mut bench = Bench::running(straight(60));
     bench.ask(Command::FeedHold).unwrap();
-    bench.handle(Input::Received(b"<Hold:1|MPos:0.000,0.000,0.000|FS:10,0>\r\n".to_vec()));
+    let x = bench.state().machine_position.unwrap()[0];
+    let report = format!("<Hold:1|MPos:{x:.3},0.000,0.000|FS:10,0>\r\n");
+    bench.handle(Input::Received(report.into_bytes()));
     let (code, message) = refusal(bench.ask(Command::Resume));
     assert_eq!(code, error_code::BUSY, "{message}");
     bench.until("a hold", |bench| bench.driver.machine.is_held());
@@ -121,11 +123,15 @@ fn a_start_in_the_middle_is_looked_at_in_the_work_system_of_that_place() {
 
 #[test]
 fn a_lost_answer_before_a_spindle_word_and_a_word_that_goes_alone_ends_the_run() {
-    let mut bench = Bench::running(with_event(
+    let mut bench = Bench::connected();
+    bench.command(7, Command::Home);
+    bench.until("homed", |bench| bench.state().is_homed && bench.mode() == Mode::Idle);
+    bench.start(with_event(
         with_event(straight(40), 30, Action::Spindle(SpindleMode::Off)),
         30,
         Action::Reference { axes: AxisSet::NONE.with(2), second: false },
     ));
+    bench.until("a few lines are cut", |bench| bench.state().line >= 3);
     bench.firmware.answer_with = Some("[MSG:lost]");
     assert_ended(&bench.result(), RunOutcome::Aborted, error_code::PROTOCOL);
 }

@@ -140,6 +140,7 @@ fn the_words_in_force_are_read_word_by_word() {
         tool: Some(0),
         feed_per_min: Some(0.0),
         spindle_rpm: Some(0.0),
+        is_rapid: true,
         ..ModalWords::default()
     };
     assert_eq!(ModalWords::read(&words), grbl);
@@ -153,6 +154,7 @@ fn the_words_in_force_are_read_word_by_word() {
         tool: Some(3),
         feed_per_min: Some(600.0),
         spindle_rpm: Some(12000.0),
+        ..ModalWords::default()
     };
     assert_eq!(ModalWords::read(words), grbl_hal);
     assert_eq!(

@@ -1,0 +1,57 @@
+//! The stored offsets of the controller, and what they say of the one that reports show.
+
+use super::machine::{Machine, Offset};
+use crate::report::StatusReport;
+use cnc_msgs::geometry::Position;
+
+impl Machine {
+    /// Takes the work offset from the stored ones where reports have not shown it yet: they do
+    /// every thirtieth time at the least, and some not at all.
+    pub(super) fn work_out_offset(&mut self) {
+        let stored = |name: &str| {
+            self.offsets.iter().find(|offset| offset.name == name).map(|offset| offset.position)
+        };
+        let system = self.work_system.filter(|system| (1..=6).contains(system));
+        let Some(zero) = system.and_then(|system| stored(&format!("G{}", 53 + system))) else {
+            return;
+        };
+        let shifts = ["G92", "TLO"].map(|name| stored(name).unwrap_or_default());
+        let sum = [0, 1, 2].map(|axis| zero[axis] + shifts[0][axis] + shifts[1][axis]);
+        self.work_offset.get_or_insert(sum);
+    }
+
+    /// Takes a work offset out of the report of a machine at rest that is neither the one in
+    /// force nor one that the stored offsets add up to, unless it comes twice.
+    pub(super) fn doubt_offset(&mut self, report: &mut StatusReport) {
+        let (Some(is), Some(was)) = (report.work_offset, self.work_offset) else { return };
+        let doubted = self.doubted_offset.take();
+        if is != was && doubted != Some(is) && !self.is_stored(is) {
+            self.doubted_offset = report.work_offset.take();
+        }
+    }
+
+    /// Whether the stored offsets of some work system add up to this.
+    fn is_stored(&self, offset: Position) -> bool {
+        const ROUNDING_MM: f64 = 0.002;
+        let stored = |name: &str| self.offsets.iter().find(|stored| stored.name == name);
+        let shifts = ["G92", "TLO"].map(|name| stored(name).map_or([0.0; 3], |it| it.position));
+        (54..=59).filter_map(|system| stored(&format!("G{system}"))).any(|zero| {
+            (0..3).all(|axis| {
+                let sum = zero.position[axis] + shifts[0][axis] + shifts[1][axis];
+                (sum - offset[axis]).abs() <= ROUNDING_MM
+            })
+        })
+    }
+
+    /// What G92 shifts by, where it was told.
+    pub(super) fn shift(&self) -> Position {
+        let told = self.offsets.iter().find(|offset| offset.name == "G92");
+        told.map_or([0.0; 3], |offset| offset.position)
+    }
+
+    /// Keeps what was told of one.
+    pub(super) fn remember(&mut self, name: &str, position: Position) {
+        self.offsets.retain(|offset| offset.name != name);
+        self.offsets.push(Offset { name: name.to_owned(), position });
+    }
+}
