@@ -2,6 +2,8 @@
 //!
 //! The node is this test program, started again with a variable set.
 
+#![allow(clippy::print_stderr, reason = "what was measured is in the log of the tests")]
+
 mod common;
 
 use cnc_msgs::wire::rcl_interfaces::msg::Log;

@@ -1,6 +1,8 @@
 //! Nodes that are stopped and continued, killed, or sent packets that the DDS layer cannot
 //! handle: each is noticed, and the stack answers again. On the loopback interface alone.
 
+#![allow(clippy::print_stderr, reason = "what was measured is in the log of the tests")]
+
 #[path = "../support/machine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod machine;
