@@ -84,7 +84,8 @@ fn what_is_lost_or_comes_twice_is_held_within_the_bound_wherever_it_happens() {
             }
         }
     }
-    println!("the slowest hold came {worst:.2} s after the damage");
+    // The bound is a promise with room, not a guess far off.
+    assert!(worst > BOUND_S / 4.0, "the slowest hold came {worst:.2} s after the damage");
 }
 
 #[test]
@@ -235,9 +236,7 @@ fn nothing_is_noticed_where_nothing_is_wrong() {
                 let mut path = short_segments(1_500, 0.5);
                 let at = line.state().work_position.unwrap();
                 for element in &mut path.elements {
-                    for axis in 0..3 {
-                        element.end[axis] += at[axis];
-                    }
+                    element.end.iter_mut().zip(at).for_each(|(end, at)| *end += at);
                 }
                 path.start = at;
                 let result = line.run(path);

@@ -115,7 +115,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
                 }
             }
             FromMotion::Path { program_id, revision, taken } => {
-                path_answers.give(program_id, revision, taken);
+                path_answers.give(&program_id, revision, taken);
             }
         });
     })?;

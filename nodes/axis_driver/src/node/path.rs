@@ -31,25 +31,37 @@ pub(super) struct Planned {
     element_count: u64,
 }
 
+/// Whether the motion process has a path, or why not.
+type Taken = Result<(), String>;
+
 /// Who waits to hear that the motion process has a path; one at a time.
 #[derive(Debug, Default)]
 pub(super) struct Answers {
-    waiting: Mutex<Option<(String, u64, oneshot::Sender<Result<(), String>>)>>,
+    waiting: Mutex<Option<WaitingForPath>>,
+}
+
+#[derive(Debug)]
+struct WaitingForPath {
+    program_id: String,
+    revision: u64,
+    sender: oneshot::Sender<Taken>,
 }
 
 impl Answers {
-    fn wait(&self, program_id: &str, revision: u64) -> oneshot::Receiver<Result<(), String>> {
+    fn wait(&self, program_id: &str, revision: u64) -> oneshot::Receiver<Taken> {
         let (sender, answer) = oneshot::channel();
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-        *waiting = Some((program_id.to_owned(), revision, sender));
+        *waiting = Some(WaitingForPath { program_id: program_id.to_owned(), revision, sender });
         answer
     }
 
     /// The motion process says whether it has this one.
-    pub(super) fn give(&self, program_id: String, revision: u64, taken: Result<(), String>) {
+    pub(super) fn give(&self, program_id: &str, revision: u64, taken: Taken) {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_meant = |(id, of, _): &mut (String, u64, _)| *id == program_id && *of == revision;
-        if let Some((.., sender)) = waiting.take_if(is_meant) {
+        let is_meant = |waiting: &mut WaitingForPath| {
+            waiting.program_id == program_id && waiting.revision == revision
+        };
+        if let Some(WaitingForPath { sender, .. }) = waiting.take_if(is_meant) {
             // Whoever waited may have given up.
             let _ = sender.send(taken);
         }

@@ -120,6 +120,7 @@ pub(super) fn read<R: DeserializeOwned + Clone>(bytes: &[u8]) -> Option<(Goals<R
 mod tests {
     use super::*;
     use crate::action::Outcome;
+    use crate::action::goals::Offer;
     use std::time::Duration;
 
     fn info(sequence: i64) -> RequestInfo {
@@ -132,7 +133,9 @@ mod tests {
         let ids: [GoalId; 6] = std::array::from_fn(|index| GoalId([index as u8 + 1; 16]));
         let [offered, canceled_offer, rejected, active, canceling, ended] = ids;
         let mut goals = Goals::<String>::new();
-        ids.into_iter().for_each(|id| drop(goals.offer(id)));
+        for id in ids {
+            assert_eq!(goals.offer(id), Offer::New);
+        }
         goals.reject(rejected, Duration::ZERO);
         for id in [active, canceling, ended] {
             goals.accept(id, RosTime::from_parts(5, 6));
