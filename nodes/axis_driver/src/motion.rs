@@ -38,6 +38,8 @@ const WAITING_MAX: usize = 16_384;
 const TICK: Duration = Duration::from_millis(50);
 /// How many ticks lie between two signs of life for the supervisor of this process.
 const ALIVE_TICKS: u32 = 10;
+/// A driver that does not come round for so long hangs, and is not said to be alive.
+const TURN_WITHIN: Duration = Duration::from_secs(3);
 /// How long the face may take to bring everything to an end, and then this process without it.
 const END_WITHIN: Duration = Duration::from_secs(30);
 
@@ -50,6 +52,7 @@ pub fn main(program: &[&str], args: &[String]) -> ExitCode {
         Ok(configuration) => configuration,
         Err(error) => return complain(&error, 2),
     };
+    runtime::end_command_on_panic();
     // What it says goes to the console; the face has a topic for what it says itself.
     configuration.logs.install_console();
     let signals = Arc::new(AtomicUsize::new(0));
@@ -92,6 +95,7 @@ fn supervise(hub: &Arc<Hub>, words: &[String], signals: &AtomicUsize) -> u8 {
     let notifier = Notifier::from_environment();
     notifier.ready();
     let mut ticks = 0_u32;
+    let (mut turns, mut turned) = (hub.serial().turns(), Instant::now());
     let mut last_tick = Instant::now();
     loop {
         std::thread::sleep(TICK);
@@ -99,8 +103,15 @@ fn supervise(hub: &Arc<Hub>, words: &[String], signals: &AtomicUsize) -> u8 {
         let is_on_time = last_tick.elapsed() < TICK * 4;
         last_tick = Instant::now();
         ticks = ticks.wrapping_add(1);
+        let now = hub.serial().turns();
         if ticks.is_multiple_of(ALIVE_TICKS) {
-            notifier.alive();
+            // The driver itself has to live: it comes round once a second at least.
+            if now != turns {
+                (turns, turned) = (now, Instant::now());
+            }
+            if turned.elapsed() < TURN_WITHIN {
+                notifier.alive();
+            }
         }
         let asked = signals.load(Ordering::Relaxed);
         if asked > 1 {

@@ -107,6 +107,11 @@ impl Serial {
         heard_at.map_or(f64::INFINITY, |at| now.saturating_sub(at).as_secs_f64())
     }
 
+    /// How often the thread that owns the driver has come round: at least once a second.
+    pub fn turns(&self) -> u64 {
+        self.counters.turns()
+    }
+
     /// What nobody took in time.
     pub fn dropped(&self) -> Dropped {
         self.counters.read()

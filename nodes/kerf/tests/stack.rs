@@ -1,6 +1,7 @@
 //! The whole stack as people run it: real processes on the loopback interface.
 
 #[path = "support/machine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
 mod machine;
 mod support;
 

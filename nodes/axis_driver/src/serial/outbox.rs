@@ -36,9 +36,20 @@ pub(super) struct Counters {
     entries: AtomicU64,
     /// When the last report came, ns since the epoch, plus one; 0 for never.
     heard: AtomicU64,
+    /// How often the thread that owns the driver has come round.
+    turns: AtomicU64,
 }
 
 impl Counters {
+    /// The thread that owns the driver has come round once more.
+    pub(super) fn turn(&self) {
+        self.turns.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn turns(&self) -> u64 {
+        self.turns.load(Ordering::Relaxed)
+    }
+
     pub(super) fn heard_at(&self) -> Option<Duration> {
         self.heard.load(Ordering::Relaxed).checked_sub(1).map(Duration::from_nanos)
     }
@@ -102,6 +113,11 @@ impl Outbox {
                 }
             }
         }
+    }
+
+    /// The thread that owns the driver has come round once more.
+    pub(super) fn turn(&self) {
+        self.counters.turn();
     }
 
     pub(super) fn is_waiting(&self) -> bool {

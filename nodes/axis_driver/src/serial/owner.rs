@@ -55,6 +55,7 @@ impl Owner {
 
     pub(super) fn run(mut self) {
         loop {
+            self.outbox.turn();
             let has_bytes = self.wait();
             let Batch { controls, failed, is_stopped } = self.inbox.take();
             for control in controls {
