@@ -443,7 +443,7 @@ impl<T> Link<T> {
             self.health.ask_again_within(self.config.busy_poll_interval());
         }
         self.answers = 0;
-        self.events.push_back(LinkEvent::Status { report: status, since });
+        self.events.push_back(LinkEvent::Status { report: Box::new(status), since });
         if let Some(fault) = fault.or(disagreement).filter(|_| !self.is_forgiving) {
             self.events.push_back(LinkEvent::Fault(fault));
         }

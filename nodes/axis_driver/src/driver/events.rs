@@ -24,7 +24,7 @@ impl Driver {
                 self.drop_overrides("the controller has restarted");
                 self.on_banner(&text);
             }
-            LinkEvent::Status { report, since } => self.hear_status(report, since),
+            LinkEvent::Status { report, since } => self.hear_status(*report, since),
             LinkEvent::Message(message) => {
                 if let Some(bytes) = self.machine.on_message(&message) {
                     self.link.set_receive_bytes(bytes);

@@ -19,7 +19,7 @@ pub enum LinkEvent<T> {
         text: String,
     },
     Status {
-        report: StatusReport,
+        report: Box<StatusReport>,
         /// The machine was looked at between then and now.
         since: Duration,
     },

@@ -14,7 +14,7 @@ use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::action_msgs::msg::GoalStatusArray;
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
-use run_recorder::bag_reader::{Bag, BagMessage};
+use run_recorder::bag_reader::{Bag, BagMessage, LATE, Problem};
 use runtime::RosTime;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -83,6 +83,8 @@ pub(crate) struct Recording {
     pub(crate) settings: Option<wire::ControllerSettings>,
     /// What became of the goals of `run_program`, in order.
     pub(crate) goals: Vec<GoalStatusArray>,
+    /// The recorder came in the middle of the run, and says so: it has not heard what was before.
+    pub(crate) begins_late: bool,
     /// What the bag should hold and does not; it is left out above.
     pub(crate) missing: Vec<Missing>,
 }
@@ -158,6 +160,10 @@ impl Recording {
             recording.sort(&message, *number, &mut gathered)?;
         }
         recording.put_together(gathered)?;
+        recording.begins_late = bag
+            .problems()
+            .iter()
+            .any(|problem| matches!(problem, Problem::RecorderSays { reason } if reason == LATE));
         Ok(recording)
     }
 

@@ -33,7 +33,8 @@ impl States {
         outputs: &[(Duration, DriverOutput)],
     ) -> Option<Self> {
         let (zero_ns, span) = span(recording, entries)?;
-        let silences = without_ros(entries);
+        let mut silences = without_ros(entries);
+        silences.extend(before_the_recorder(recording, entries, zero_ns));
         let made = outputs.iter().filter_map(|(at, output)| match output {
             DriverOutput::State(state) => {
                 let state = machine_state_to_wire(Header::default(), state);
@@ -125,6 +126,21 @@ fn without_ros(entries: &[Entry]) -> Vec<Range<Duration>> {
     }
     silences.extend(since.map(|begin| begin..Duration::MAX));
     silences
+}
+
+/// Until when a recorder that came late has heard nothing, on the driver's clock.
+fn before_the_recorder(
+    recording: &Recording,
+    entries: &[Entry],
+    zero_ns: i64,
+) -> Option<Range<Duration>> {
+    /// It finds one topic sooner than another.
+    const FOUND: Duration = Duration::from_secs(1);
+    let first = entries.first().filter(|_| recording.begins_late)?;
+    let batches = batches(recording, first.sequence);
+    let live = batches.iter().find(|batch| batch.is_live())?;
+    let since_ns = u64::try_from(live.logged_ns.saturating_sub(zero_ns)).unwrap_or(0);
+    Some(Duration::ZERO..Duration::from_nanos(since_ns) + FOUND)
 }
 
 /// What of a command says whether the driver can be reached.

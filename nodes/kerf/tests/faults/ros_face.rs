@@ -58,7 +58,9 @@ fn check(blow: Blow) {
     cell.commander.press_again("feed_hold").expect("the driver holds");
     let held = cell.commander.until_mode("HOLD");
     assert!(!held.program_id.is_empty() && held.line > 0, "{held:?}");
-    cell.commander.press("resume").expect("and goes on");
+    cell.until_controller("Hold:0");
+    let resumed = until("a machine that stands", || cell.commander.press("resume").ok());
+    assert!(resumed.contains("resume"), "{resumed}");
     cell.commander.until_mode("RUN");
     assert!(!cell.told_since(moment).contains("\\x18"), "{}", cell.told_since(moment));
     cell.commander.cancel();

@@ -14,8 +14,11 @@ const PARTICIPANTS: u16 = 12;
 const READER: [u8; 4] = [0, 0, 3, 0xc7];
 const WRITER: [u8; 4] = [0, 0, 3, 0xc2];
 
+/// Makes a packet in the name of this participant.
+type Packet = fn(Prefix) -> Vec<u8>;
+
 /// The packets of this issue, by name.
-pub(crate) const PACKETS: [(&str, fn(Prefix) -> Vec<u8>); 5] = [
+pub(crate) const PACKETS: [(&str, Packet); 5] = [
     ("NACK_FRAG 0", |from| nack_frag(from, 0)),
     ("NACK_FRAG 0xfffffff0", |from| nack_frag(from, 0xffff_fff0)),
     ("DATA_FRAG of 4 GB", data_frag),
