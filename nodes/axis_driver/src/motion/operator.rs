@@ -20,6 +20,8 @@ use std::time::Duration;
 
 /// The folder of the sockets, where it is not that of the user.
 const FOLDER_VARIABLE: &str = "KERF_RUNTIME_DIR";
+/// The folder of a driver that systemd runs; see `config/systemd/`.
+const SERVICE_FOLDER: &str = "/run/kerf";
 /// Operators that are served at a time.
 const OPERATORS_MAX: usize = 8;
 /// How long an operator may take to say what it wishes, and to take the answer.
@@ -40,7 +42,7 @@ pub enum OperatorError {
     Protocol { path: PathBuf, problem: ProtocolError },
 }
 
-/// Asks the driver of this computer with these names.
+/// Asks the driver of this computer with these names: one of this user, or the service.
 ///
 /// # Errors
 /// There is none, or it does not answer.
@@ -49,7 +51,16 @@ pub fn ask_operator(
     names: &Names,
     wish: Wish,
 ) -> Result<Answer, OperatorError> {
-    let path = socket_path(&folder(), environment.domain_id, &names.fully_qualified());
+    let path = |folder: &Path| socket_path(folder, environment.domain_id, &names.fully_qualified());
+    let own = path(&folder());
+    let service = path(Path::new(SERVICE_FOLDER));
+    if !own.exists() && service.exists() {
+        return ask(service, wish);
+    }
+    ask(own, wish)
+}
+
+fn ask(path: PathBuf, wish: Wish) -> Result<Answer, OperatorError> {
     let nobody = |problem| OperatorError::Nobody { path: path.clone(), problem };
     let silent = |problem| OperatorError::Silent { path: path.clone(), problem };
     let mut stream = UnixStream::connect(&path).map_err(nobody)?;
