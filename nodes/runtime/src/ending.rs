@@ -2,7 +2,8 @@
 //!
 //! A node that is deaf or too large ends at once: what an orderly end would ask of the DDS layer
 //! is no longer there. Its supervisor starts it again. Nothing here waits for anybody, not even
-//! for a console that nobody reads.
+//! for a console that nobody reads. A panic of the DDS layer that one packet causes is reported in
+//! docs/upstream/rustdds-nack-frag.md.
 
 use crate::logging::line;
 use crate::supervision::PANICKED;

@@ -1,6 +1,7 @@
 //! Endpoints one after another.
 //!
-//! One is made when the DDS layer has done with the one before; `dds_threads` says why.
+//! One is made when the DDS layer has done with the one before; `dds_threads` says why, and
+//! docs/upstream/rustdds-endpoint-deadlock.md to those who can mend it.
 //!
 //! Where they have keys, they are made slowly too: the keys of each two endpoints that meet
 //! travel in a message of their own, and of those a participant of the DDS layer keeps 64 that
