@@ -160,6 +160,7 @@ struct FileClaim {
     message_count: u64,
 }
 
+#[cfg(feature = "std-fs")]
 #[derive(Deserialize)]
 struct ClaimsFile {
     #[serde(rename = "rosbag2_bagfile_information")]
@@ -168,13 +169,14 @@ struct ClaimsFile {
 
 impl Claims {
     /// Of metadata.yaml.
-    pub(crate) fn of_file(text: &str) -> Result<Self, serde_yaml::Error> {
-        Ok(serde_yaml::from_str::<ClaimsFile>(text)?.information)
+    #[cfg(feature = "std-fs")]
+    pub(crate) fn of_file(text: &str) -> Result<Self, YamlError> {
+        Ok(from_str::<ClaimsFile>(text, &Limits::FILE)?.information)
     }
 
     /// Of the record, which has no outermost key.
-    pub(crate) fn of_record(text: &str) -> Result<Self, serde_yaml::Error> {
-        serde_yaml::from_str(text)
+    pub(crate) fn of_record(text: &str) -> Result<Self, YamlError> {
+        from_str(text, &Limits::FILE)
     }
 
     /// What is not as in the files of the bag, a clause each.
