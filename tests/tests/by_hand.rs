@@ -431,3 +431,43 @@ fn a_hold_that_homing_passes_over_is_not_called_done() {
     assert!(line.said_since(then).contains('\u{18}'));
     assert!(!line.state().is_homed);
 }
+
+/// It homes, and takes and reports nothing meanwhile.
+fn homing() -> Line {
+    let mut settings = Settings::small_router();
+    settings.set_line("$22=1").unwrap();
+    let start_in_machine = Some([-300.0, -200.0, -50.0]);
+    let build = Build { start_in_machine, ..Build::new(settings) };
+    let mut line = Line::new(DriverConfig::default(), build, &[]);
+    line.until("connected", |line| line.mode() == Mode::Alarm);
+    line.begin(Command::Home);
+    line.wait(0.5);
+    line
+}
+
+#[test]
+fn overrides_that_are_asked_for_again_and_again_time_out_all_the_same() {
+    let mut line = homing();
+    let wanted = Overrides { feed: Some(50), ..Overrides::default() };
+    let first = line.begin(Command::SetOverrides(wanted));
+    for _ in 0..7 {
+        line.wait(0.5);
+        line.begin(Command::SetOverrides(wanted));
+    }
+    assert_eq!(line.mode(), Mode::Home);
+    let answer = line.replies.iter().find(|(id, _)| *id == first);
+    let answer = answer.expect("it is answered after three seconds").1.clone();
+    assert_eq!(answer.unwrap_err().error_code, error_code::NO_ANSWER);
+}
+
+#[test]
+fn requests_for_overrides_do_not_pile_up() {
+    let mut line = homing();
+    let wanted = Overrides { feed: Some(50), ..Overrides::default() };
+    for _ in 0..1_000 {
+        line.begin(Command::SetOverrides(wanted));
+    }
+    let refused = line.replies.iter().filter_map(|(_, result)| result.as_ref().err());
+    let busy = refused.filter(|refusal| refusal.error_code == error_code::BUSY).count();
+    assert!(busy > 900, "{busy} were refused");
+}

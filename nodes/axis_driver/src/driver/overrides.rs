@@ -35,6 +35,8 @@ const TWO_STEPS_DOWN_MIN: i16 = 40;
 const QUEUED_MAX: i16 = 6;
 /// Until a request has shown in a report.
 const WITHIN: Duration = Duration::from_secs(3);
+/// Requests that wait at a time.
+const REQUESTS_MAX: usize = 16;
 /// From the bytes of a round to the request for the report that shows them.
 const PAUSE: Duration = Duration::from_millis(10);
 /// Reports that may be older than the bytes.
@@ -190,9 +192,17 @@ impl Driver {
             self.begin_round(watch, reported);
             return None;
         };
+        if watch.requests.len() >= REQUESTS_MAX {
+            self.overrides = Some(watch);
+            let text = format!("{REQUESTS_MAX} requests for overrides wait for a report already");
+            return refused(error_code::BUSY, text);
+        }
         // The bytes of the round that is under way count first.
-        watch.wanted = wanted.or(watch.wanted);
-        watch.until = until;
+        let together = wanted.or(watch.wanted);
+        if together != watch.wanted {
+            watch.until = until;
+        }
+        watch.wanted = together;
         let kept = watch.wanted;
         let is_kept = |of: &Overrides| of.or(kept) == kept;
         let (kept_requests, replaced) = watch.requests.into_iter().partition(|(_, of)| is_kept(of));
