@@ -311,3 +311,71 @@ fn grblhal_changes_the_tool_itself_where_that_is_set() {
     let line = changing(Firmware::Grbl, config());
     assert!(line.state().reason.contains("put in T2"), "{:?}", line.state());
 }
+
+#[test]
+fn a_resume_is_never_the_word_that_the_tool_is_in() {
+    let encoder = EncoderConfig { controller_changes_tools: true, ..EncoderConfig::default() };
+    let config = DriverConfig { encoder, ..DriverConfig::default() };
+    let mut line = changing(Firmware::GrblHal, config);
+    line.until("it waits", |line| line.driver.state(line.now).reason.contains("waits for T2"));
+    line.wait(1.0);
+    let then = line.now;
+    assert_eq!(line.ask(Command::Resume).unwrap_err().error_code, error_code::NOTHING_TO_DO);
+    line.ask(Command::FeedHold).unwrap();
+    line.wait(1.0);
+    let refusal = line.ask(CONFIRM).unwrap_err();
+    assert_eq!(refusal.error_code, error_code::BUSY, "{refusal}");
+    line.ask(Command::Resume).unwrap();
+    line.wait(2.0);
+    assert_eq!(line.mode(), Mode::ToolChange);
+    assert!(!line.said_since(then).contains('~'), "{:?}", line.said_since(then));
+    line.ask(CONFIRM).unwrap();
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+}
+
+#[test]
+fn what_ends_the_run_does_so_while_a_canceled_probe_is_being_reset() {
+    for (command, wanted) in [
+        (Command::Deactivate, error_code::NOT_ACTIVE),
+        (Command::SoftReset, error_code::SOFT_RESET),
+    ] {
+        let mut line = changing(Firmware::Grbl, DriverConfig::default());
+        line.moved = None;
+        let id = line.begin(probe(-60.0, false));
+        line.wait(1.0);
+        line.ask(Command::CancelRun { run: Some(id) }).unwrap();
+        assert_eq!(line.move_result().outcome, RunOutcome::Canceled);
+        assert!(line.state().reason.contains("is being reset"), "{:?}", line.state());
+        drop(line.ask(command));
+        line.wait(2.0);
+        let result = line.finished.take().expect("the run has ended");
+        assert_eq!(result.error_code, wanted, "{result:?}");
+        assert_eq!(line.state().tool_wanted, 0);
+        let wanted = match wanted {
+            error_code::NOT_ACTIVE => wanted,
+            _ => error_code::NOTHING_TO_DO,
+        };
+        assert_eq!(line.ask(CONFIRM).unwrap_err().error_code, wanted);
+    }
+}
+
+#[test]
+fn the_way_back_by_hand_is_open_to_a_machine_that_was_only_unlocked() {
+    let mut settings = Settings::small_router_of(Firmware::Grbl);
+    settings.set_line("$22=1").unwrap();
+    let build = Build { start_in_machine: Some(START), ..Build::new(settings) };
+    let mut line = Line::new(DriverConfig::default(), build, &[]);
+    line.until("alarm", |line| line.mode() == Mode::Alarm);
+    line.ask(Command::Unlock).unwrap();
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.ask(zero(AxisSet::ALL, [0.0; 3])).unwrap();
+    line.start(with_change(), 0);
+    line.until("the tool change", |line| line.mode() == Mode::ToolChange);
+    let stood = line.state().machine_position.unwrap();
+    moves(&mut line, jog(JogFrame::Relative, Z, [0.0, 0.0, 20.0]));
+    let refusal = line.ask(CONFIRM).unwrap_err();
+    assert!(refusal.message.contains("jog it there in the machine frame"), "{refusal}");
+    moves(&mut line, jog(JogFrame::Machine, AxisSet::ALL, stood));
+    line.ask(CONFIRM).unwrap();
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+}

@@ -52,6 +52,23 @@ impl Driver {
         if let Some(refusal) = self.machine.door_obstacle() {
             return Some(Err(refusal));
         }
+        if self.machine.is_state(&ControllerState::Tool)
+            && let Phase::Running(run) = &mut self.phase
+            && !run.is_stopping()
+        {
+            // A cycle start would say that the tool is in.
+            let was_held = run.is_held();
+            run.set_held(false);
+            run.hold_reason = None;
+            self.hold = None;
+            let text = "the controller waits for a tool: confirm_tool_change goes on";
+            return match was_held {
+                true => done(
+                    "the hold has ended; the controller waits for a tool: confirm_tool_change goes on",
+                ),
+                false => refused(error_code::NOTHING_TO_DO, text),
+            };
+        }
         match &mut self.phase {
             Phase::Ready | Phase::Errand(_) if is_held => {}
             Phase::Running(run) if run.is_stopping() => {
@@ -101,8 +118,9 @@ impl Driver {
             Phase::Errand(_) => self.end_errand(Err(interrupted), Phase::Ready),
             Phase::Connecting(connecting) => {
                 if let Some(id) = connecting.reply_to() {
-                    self.reply(id, Err(interrupted));
+                    self.reply(id, Err(interrupted.clone()));
                 }
+                self.end_paused(interrupted.error_code, &interrupted.message);
             }
             _ => {}
         }

@@ -76,7 +76,9 @@ impl Driver {
             JogFrame::Work => "G90",
             JogFrame::Machine => "G90G53",
         };
+        // The way back of a tool change stays right while its zero, whichever, is the same.
         if request.frame == JogFrame::Machine
+            && !self.is_tool_awaited()
             && let Some(refusal) = self.machine.home_obstacle("a jog in the machine frame")
         {
             return Some(Err(refusal));

@@ -167,7 +167,8 @@ impl Driver {
         if is_start {
             self.forget_old_commander();
         }
-        let moves = is_start || command == Command::Resume;
+        let moves =
+            is_start || matches!(command, Command::Resume | Command::ConfirmToolChange { .. });
         let answer = if is_start && self.is_shutting_down() {
             refused(error_code::SHUTDOWN, "the driver is shutting down")
         } else if moves && !self.is_active {

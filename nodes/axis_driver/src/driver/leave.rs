@@ -107,6 +107,11 @@ impl Driver {
             _ if self.machine.is_moving() => self.send_hold(),
             _ => {}
         }
+        if !matches!(self.phase, Phase::Running(_) | Phase::Errand(_)) {
+            // The controller is being reset after a probe, and the run would come back.
+            let Refusal { error_code, message } = wish.refusal("stopped because");
+            self.end_paused(error_code, &message);
+        }
         self.leaving = Some(Leaving { id, until: self.now + STANDSTILL * 2, wish });
     }
 

@@ -234,6 +234,9 @@ impl Driver {
                     let text = "the controller does not wait for a tool";
                     return refused(error_code::NOTHING_TO_DO, text);
                 }
+                if run.is_held() {
+                    return refused(error_code::BUSY, "the run is held: resume first");
+                }
                 if let Some(objection) = objection {
                     return refused(error_code::TOOL, objection);
                 }
