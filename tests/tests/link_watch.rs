@@ -247,3 +247,14 @@ fn nothing_is_noticed_where_nothing_is_wrong() {
         }
     }
 }
+
+#[test]
+fn a_check_whose_answer_is_lost_names_that_as_well() {
+    let mut line = connected(Firmware::Grbl, 1, DriverConfig::default());
+    line.start(short_segments(1_200, 1.0), 0);
+    line.wait(0.4);
+    line.inject("mute:[GC:");
+    let result = line.result();
+    assert_eq!(result.error_code, error_code::PROTOCOL, "{result:?}");
+    assert!(result.message.contains("the answer to the check was damaged"), "{result:?}");
+}

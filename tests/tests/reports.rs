@@ -235,3 +235,44 @@ fn a_run_that_has_succeeded_stands_in_every_state_from_then_on() {
         assert_eq!(line.finished_in, Some(Mode::Idle), "{firmware}: canceled");
     }
 }
+
+#[test]
+fn inches_that_the_reports_show_stay_where_their_setting_is_not_heard() {
+    let build = build(Firmware::Grbl, &["$13=1"]);
+    let mut line = Line::new(DriverConfig::default(), build, &["mute:$13=@time=0"]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.wait(1.0);
+    let place = line.state().machine_position.expect("it is known");
+    assert!((0..3).all(|axis| (place[axis] - START[axis]).abs() < 0.01), "{place:?}");
+}
+
+#[test]
+fn a_work_offset_in_doubt_when_a_run_begins_does_not_hasten_its_reports() {
+    let reports = |is_doubted: bool| {
+        let mut line = Line::connected(build(Firmware::Grbl, &["$10=1"]));
+        line.wait(3.0);
+        let asks_fast = |line: &Line| {
+            let asked = |(_, bytes): &&(std::time::Duration, Vec<u8>)| bytes.contains(&b'?');
+            let mut asked = line.written.iter().rev().filter(asked).map(|(at, _)| *at);
+            let last = asked.next().zip(asked.next());
+            last.is_some_and(|(last, before)| (last - before).as_millis() < 30)
+        };
+        while is_doubted && !asks_fast(&line) {
+            line.inject("garble:WCO");
+            for _ in 0..400 {
+                if asks_fast(&line) {
+                    break;
+                }
+                line.step();
+            }
+        }
+        line.start(straight(4, 60.0), 0);
+        line.wait(1.0);
+        let then = line.now;
+        line.wait(4.0);
+        let asked = line.written.iter().filter(|(at, bytes)| *at > then && bytes.contains(&b'?'));
+        asked.count()
+    };
+    let (doubted, usual) = (reports(true), reports(false));
+    assert!(doubted <= usual + 5, "{doubted} requests, {usual} as usual");
+}

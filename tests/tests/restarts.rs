@@ -228,10 +228,17 @@ fn words_that_fall_back_are_a_restart() {
     line.inject("push:[GC:G1 G54 G17 G21 G90 G94 G49 G98 G50 M5 M9 T0 F1200 S0]");
     line.wait(0.1);
     assert!(line.state().is_homed && line.finished.is_none());
+    let then = line.now;
     line.inject("push:[GC:G0 G54 G17 G21 G90 G94 G49 G98 G50 M5 M9 T0 F0 S0]");
     let result = line.result();
     assert_eq!(result.error_code, error_code::RESTARTED, "{result:?}");
-    assert!(!line.state().is_homed || line.state().mode == Mode::Unknown, "{:?}", line.state());
+    let state = line.state();
+    assert!(!state.is_homed && state.needs_reset, "{state:?}");
+    // The controller was well, and only the line about it was not: it no longer cuts.
+    assert!(line.said_since(then).contains('!'), "{:?}", line.said_since(then));
+    let stands = line.axes();
+    line.wait(2.0);
+    assert_eq!(line.axes(), stands);
 }
 
 #[test]
@@ -250,5 +257,38 @@ fn a_program_that_homes_is_no_restart() {
         let result = line.result();
         assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware}: {result:?}");
         assert!(line.state().is_homed, "{firmware}");
+    }
+}
+
+#[test]
+fn what_still_moves_when_a_restart_has_been_looked_into_is_held() {
+    let mut line = without_homing(&[]);
+    let target = [-200.0, 0.0, 0.0];
+    let frame = JogFrame::Relative;
+    line.ask(Command::Jog(JogRequest { frame, axes: X, target, feed_mm_per_min: 600.0 })).unwrap();
+    line.wait(1.0);
+    let then = line.now;
+    line.inject("push:Grbl 1.1h ['$' for help]");
+    assert_eq!(line.move_result().error_code, error_code::RESTARTED);
+    line.wait(2.0);
+    let state = line.state();
+    assert!(state.needs_reset && state.reason.starts_with("RESTARTED"), "{state:?}");
+    assert!(line.said_since(then).contains('!'), "{:?}", line.said_since(then));
+    let stands = line.axes();
+    line.wait(2.0);
+    assert_eq!(line.axes(), stands);
+}
+
+#[test]
+fn a_dwell_with_many_lines_behind_it_is_no_restart() {
+    for firmware in Firmware::ALL {
+        let mut line = Line::connected(Build::new(settings(firmware, &["$10=3"])));
+        line.wait(1.0);
+        let mut path = straight(12, 1.0);
+        let source = Source { line: 2, ..Source::default() };
+        let action = Action::Dwell { seconds: 1.0 };
+        path.events.push(PathEvent { at_element: 2, action, source });
+        let result = line.run(path);
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware}: {result:?}");
     }
 }

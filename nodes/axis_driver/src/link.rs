@@ -266,6 +266,17 @@ impl<T> Link<T> {
         self.in_flight.iter().find_map(|sent| sent.tag.as_ref())
     }
 
+    /// What the oldest line that is not answered is, a check too.
+    pub fn oldest_kind(&self) -> Option<LineKind> {
+        self.in_flight.front().map(|sent| sent.kind)
+    }
+
+    /// Whether the controller has told the size of its receive buffer: what it reports of it
+    /// can be compared then.
+    pub fn tells_its_size(&self) -> bool {
+        self.buffer.has_size()
+    }
+
     /// How well it is noticed that a line or an answer was lost or came twice, where reports
     /// say how full the receive buffer is or do not.
     pub fn watch(&self, reports_buffer: bool) -> LinkWatch {

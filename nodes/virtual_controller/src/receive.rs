@@ -126,6 +126,10 @@ impl ReceiveBuffer {
         self.capacity - self.bytes.len()
     }
 
+    pub(crate) fn capacity(&self) -> usize {
+        self.capacity
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }

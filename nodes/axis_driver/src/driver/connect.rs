@@ -284,13 +284,15 @@ impl Driver {
         if query == SETTINGS_QUERY {
             let is_inch = self.machine.reports_in_inches();
             let units = if is_inch { ReportUnits::Inches } else { ReportUnits::Millimetres };
-            if units != self.link.units() {
+            // Where it was not told, decimals may have shown the unit.
+            let is_told = self.machine.settings.contains_key(&13);
+            if (is_told || !self.machine.has_units) && units != self.link.units() {
                 // What was heard before was read in the other unit.
                 self.machine.status = None;
                 self.machine.place = PlaceWatch::default();
+                self.link.set_units(units);
             }
             self.machine.has_units |= error.is_none();
-            self.link.set_units(units);
             self.link.ask_for_everything(self.machine.reports_too_little());
         }
         if query == BUILD_QUERY && self.machine.firmware == Firmware::FluidNc {
@@ -333,7 +335,10 @@ impl Driver {
         if has_moved {
             self.machine.is_homed = false;
         }
-        if is_lost && self.machine.mode() == Mode::Idle {
+        if is_lost && self.machine.mode() != Mode::Alarm {
+            if self.machine.is_moving() {
+                self.send_hold();
+            }
             let reason = "RESTARTED: the controller started anew and may take the place where it \
                           stands for zero; soft_reset, then home, or set the work offset again";
             self.phase = Phase::Adrift { reason: reason.into() };

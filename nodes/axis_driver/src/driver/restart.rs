@@ -8,6 +8,7 @@
 use super::place::{Belief, Circumstances, show};
 use super::{Driver, LogLevel, Origin, Phase, RunOutcome};
 use crate::codes::error_code;
+use crate::link::LineKind;
 use crate::report::{ControllerState, ModalWords, StatusReport};
 use std::time::Duration;
 
@@ -30,8 +31,10 @@ impl Driver {
         if belief == Belief::Doubted {
             return self.link.ask_status(self.now);
         }
-        if matches!(self.phase, Phase::Ready) {
-            self.machine.doubt_offset(&mut report);
+        match self.phase {
+            Phase::Ready => self.machine.doubt_offset(&mut report),
+            // A program sets offsets of its own.
+            _ => self.machine.doubted_offset = None,
         }
         if self.machine.doubted_offset.is_some() {
             // It comes every tenth time.
@@ -103,7 +106,10 @@ impl Driver {
     fn emptied_buffers(&mut self, report: &StatusReport) -> Option<String> {
         let is_empty =
             report.state == ControllerState::Idle && self.machine.is_as_free_as_ever(report.free);
-        let is_program = matches!(self.link.oldest(), Some(Origin::Program { .. }));
+        // FluidNC takes lines out of what it reports while it dwells.
+        let is_program = matches!(self.link.oldest(), Some(Origin::Program { .. }))
+            && self.link.oldest_kind() == Some(LineKind::Motion)
+            && self.link.tells_its_size();
         let lines = self.link.unanswered();
         let Phase::Running(run) = &mut self.phase else { return None };
         if run.is_stopping() || !is_program || !is_empty || lines < LINES_LOST_MIN {
@@ -134,8 +140,14 @@ impl Driver {
                 && before.feed_per_min.is_some_and(|feed| feed > 0.0)
                 && words.feed_per_min == Some(0.0)
         });
-        if fell_back {
-            self.on_hidden_restart("the words in force are those of a start".into());
+        if !fell_back {
+            return;
+        }
+        let sign = "the words in force are those of a start".to_owned();
+        match self.phase {
+            // One damaged line says it too. What still moves is held.
+            Phase::Running(_) => drop(self.hear_sign(sign, self.machine.is_moving())),
+            _ => self.on_hidden_restart(sign),
         }
     }
 

@@ -49,7 +49,7 @@ pub enum LinkFault {
     LostAnswer { lines: usize },
     #[error(
         "a check among the lines was not answered in its turn: a line or an answer was lost or \
-         came twice"
+         came twice, or the answer to the check was damaged"
     )]
     OutOfStep,
     #[error(

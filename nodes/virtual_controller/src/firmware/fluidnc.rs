@@ -21,6 +21,7 @@ pub(super) static TRAITS: Traits = Traits {
     blocks_max: 16,
     receive_buffer_bytes: 256,
     receive_buffer_spare: 0,
+    reads_ahead: true,
     line: LineRules {
         characters_max: 254,
         counts_everything: true,

@@ -18,6 +18,7 @@ pub(super) static TRAITS: Traits = Traits {
     blocks_max: 15,
     receive_buffer_bytes: 128,
     receive_buffer_spare: 0,
+    reads_ahead: false,
     line: LineRules {
         characters_max: 79,
         counts_everything: false,

@@ -14,6 +14,7 @@ pub(super) static TRAITS: Traits = Traits {
     blocks_max: 100,
     receive_buffer_bytes: 1024,
     receive_buffer_spare: 1,
+    reads_ahead: false,
     line: LineRules {
         characters_max: 256,
         counts_everything: true,

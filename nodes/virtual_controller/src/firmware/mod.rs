@@ -85,6 +85,8 @@ pub(crate) struct Traits {
     pub(crate) receive_buffer_bytes: usize,
     /// Bytes of it that are never used: a ring of one more cell needs none.
     pub(crate) receive_buffer_spare: usize,
+    /// Received bytes are taken out of it while a line executes: it reports itself empty.
+    pub(crate) reads_ahead: bool,
     pub(crate) line: LineRules,
     /// What a byte means out of turn; `None`: it belongs to a line.
     pub(crate) realtime: fn(u8) -> Option<Realtime>,

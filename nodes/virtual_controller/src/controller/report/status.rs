@@ -68,7 +68,11 @@ impl Controller {
             false => format!("|WPos:{}", self.vector(subtract(machine, offset))),
         };
         if fields.buffers {
-            text += &format!("|Bf:{},{}", self.planner.free(), self.receive_buffer.free());
+            let free = match self.traits().reads_ahead {
+                true => self.receive_buffer.capacity(),
+                false => self.receive_buffer.free(),
+            };
+            text += &format!("|Bf:{},{free}", self.planner.free());
         }
         let line_number = match self.traits().line_number_lingers {
             true => self.planner.last_line_number(),
