@@ -49,40 +49,12 @@ pub struct Audit {
     pub events: usize,
     /// The least distance from a wall that is nearer than the radius, mm; `None`: no wall is.
     pub nearest_mm: Option<f64>,
-    /// First and last line of each span, with its leads.
-    span_lines: Vec<(u32, u32)>,
 }
 
 impl Audit {
     /// Whether the path must not be run.
     pub fn refuses(&self) -> bool {
         self.findings.iter().any(Diagnostic::is_error)
-    }
-
-    /// The same without what has been said before: the same code about one of the same blocks.
-    ///
-    /// Where the profile takes it for a warning that the tool does not fit a contour, and that
-    /// has been said, the rest about the same contour is a warning too: the control runs it,
-    /// and what it runs there is no path beside the contour.
-    #[must_use]
-    pub fn beside(mut self, said: &[Diagnostic], profile: &Profile) -> Self {
-        self.findings.retain(|finding| !said.iter().any(|other| is_same(finding, other)));
-        if runs_what_does_not_fit(profile) {
-            let misfits = said.iter().filter(|said| !said.is_error() && is_misfit(said.code));
-            let lines: Vec<u32> = misfits.map(|said| said.source.line).collect();
-            let is_in = |line: u32, span: &(u32, u32)| (span.0..=span.1).contains(&line);
-            let spans = self.span_lines.iter();
-            let misfit = spans.filter(|span| lines.iter().any(|&line| is_in(line, span)));
-            let misfit: Vec<_> = misfit.copied().collect();
-            for finding in &mut self.findings {
-                let is_of_path = is_misfit(finding.code) || finding.code == Code::PathMismatch;
-                let line = finding.source.line;
-                if is_of_path && misfit.iter().any(|span| is_in(line, span)) {
-                    finding.severity = Severity::Warning;
-                }
-            }
-        }
-        self
     }
 }
 
@@ -105,13 +77,6 @@ const fn is_misfit(code: Code) -> bool {
     matches!(code, Code::Gouge | Code::Unreachable | Code::ArcOver360)
 }
 
-fn is_same(a: &Diagnostic, b: &Diagnostic) -> bool {
-    let lines =
-        |finding: &Diagnostic| [Some(finding.source.line), finding.other.map(|other| other.line)];
-    let (of_a, of_b) = (lines(a), lines(b));
-    a.code == b.code && of_a.iter().flatten().any(|line| of_b.contains(&Some(*line)))
-}
-
 /// Audits any path of a contour.
 ///
 /// Never panics; the work is bounded, and what cannot be looked at is a finding.
@@ -121,7 +86,23 @@ pub fn audit(
     profile: &Profile,
     tools: &ToolTable,
 ) -> Audit {
-    let mut report = Report::new(profile);
+    audit_after(contour, path, profile, tools, &[])
+}
+
+/// Audits a path after its planner, without what that has said already: the same code about one
+/// of the same blocks.
+///
+/// Where the profile takes it for a warning that the tool does not fit a contour, and that has
+/// been said, it is a warning too that the path is not beside that contour: the control runs it.
+/// Nothing else about the path gets milder by that.
+pub fn audit_after(
+    contour: &ProgrammedContour,
+    path: &CompensatedPath,
+    profile: &Profile,
+    tools: &ToolTable,
+    said: &[Diagnostic],
+) -> Audit {
+    let mut report = Report::new(profile, said);
     let mut result =
         Audit { elements: path.elements.len(), events: path.events.len(), ..Audit::default() };
     let is_sane = sane(path, &mut report);
@@ -137,8 +118,14 @@ pub fn audit(
         let Spans { spans, legs } = Spans::of(&way);
         result.spans = spans.len();
         let line = |block: u32| way.program.source(block).line;
-        let lines = |span: &Span| (line(span.blocks.start), line(span.blocks.end - 1));
-        result.span_lines = spans.iter().map(lines).collect();
+        if runs_what_does_not_fit(profile) {
+            let misfits = said.iter().filter(|said| !said.is_error() && is_misfit(said.code));
+            let misfits: Vec<u32> = misfits.map(|said| said.source.line).collect();
+            let lines = |span: &Span| line(span.blocks.start)..=line(span.blocks.end - 1);
+            let spans = spans.iter().map(lines);
+            report.misfits =
+                spans.filter(|span| misfits.iter().any(|line| span.contains(line))).collect();
+        }
         let chains: Vec<Chains<'_>> =
             spans.iter().map(|span| Chains::of(&way, span, &legs)).collect();
         for chains in &chains {

@@ -5,7 +5,7 @@
 //! algorithms. Where both disagree, the path is refused and the verdict says that Kerf is wrong
 //! and not the program, with a name for the file that a shell keeps for a report.
 
-use crate::audit::{Audit, audit};
+use crate::audit::{Audit, audit_after};
 use crate::{Plan, Planning, plan_with};
 use cnc_msgs::contour::{ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
@@ -43,7 +43,7 @@ pub fn judge(
 }
 
 /// Audits a plan before anybody runs it. What the planner has said already is not said again,
-/// and what is an error refuses the plan.
+/// and what is an error refuses the plan; what is a warning is one of the plan too.
 pub fn prove(
     mut plan: Plan,
     contour: &ProgrammedContour,
@@ -53,7 +53,7 @@ pub fn prove(
     if !plan.accepted() {
         return Verdict { plan, ..Verdict::default() };
     }
-    let audit = audit(contour, &plan.path, profile, tools).beside(&plan.diagnostics, profile);
+    let audit = audit_after(contour, &plan.path, profile, tools, &plan.diagnostics);
     let mut disagreement = None;
     if audit.refuses() {
         let found = disagree(contour, profile, tools);
@@ -64,6 +64,9 @@ pub fn prove(
         plan.refused = std::mem::take(&mut plan.path).elements;
         plan.uncut.clear();
         disagreement = Some(found);
+    } else if !audit.findings.is_empty() {
+        plan.diagnostics.extend(audit.findings.iter().cloned());
+        plan.diagnostics.sort_by_key(|finding| finding.source.line);
     }
     Verdict { plan, audit: Some(audit), disagreement }
 }

@@ -8,7 +8,7 @@ use cnc_msgs::geometry::{Plane, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use cnc_msgs::profile::{OutputPoint, Profile};
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::audit::{Audit, audit};
+use compensation_planner::audit::{Audit, audit, audit_after};
 use proptest::prelude::*;
 use support::*;
 
@@ -356,8 +356,8 @@ fn what_every_control_accepts_is_sound() {
                     let contour = contour(BLOCKS, &reader);
                     let plan = plan_of(&contour, &profile, &tools);
                     assert!(plan.accepted(), "{name} {radius}: {}", findings(&plan));
-                    let audit = audit(&contour, &plan.path, &profile, &tools);
-                    let new = audit.beside(&plan.diagnostics, &profile).findings;
+                    let said = &plan.diagnostics;
+                    let new = audit_after(&contour, &plan.path, &profile, &tools, said).findings;
                     assert_eq!(new, [], "{name} {radius} {output:?} {tip}");
                 }
             }

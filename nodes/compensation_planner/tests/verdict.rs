@@ -6,7 +6,7 @@
 mod support;
 
 use cnc_msgs::diagnostic::{Code, Severity};
-use cnc_msgs::path::{PathElement, Role};
+use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use cnc_msgs::profile::{Profile, Reaction};
 use compensation_planner::verdict::prove;
 use compensation_planner::{Planning, Verdict, judge};
@@ -226,4 +226,96 @@ fn a_disagreement_is_an_error_of_kerf_and_has_the_same_name_everywhere() {
     assert!(judged.plan.path.elements.is_empty() && !judged.plan.refused.is_empty());
     finding(&judged.plan, Code::Gouge);
     assert_eq!(judged, prove(wrong, &contour, &profile, &tools));
+}
+
+/// The tool is wider than the slot of N4 to N8; the control is let run it.
+const SLOT: &str = "
+    N1 G0 X0 Y30
+    N2 G41 D1 G1 X0 Y0 F100
+    N3 X20
+    N4 Y-5
+    N5 M5
+    N6 X22
+    N7 Z-1
+    N8 Y0
+    N9 X50
+    N10 G40 X50 Y30";
+
+#[test]
+fn where_a_misfit_is_ignored_only_the_shape_of_the_path_may_be_off() {
+    let mut profile = sinumerik();
+    profile.interference.react = Reaction::Ignore;
+    let (contour, tools) = (contour(SLOT, &profile), tool(5.0));
+    let planned = compensation_planner::plan(&contour, &profile, &tools);
+    assert!(planned.accepted(), "{}", findings(&planned));
+    finding(&planned, Code::Unreachable);
+    let proved = |change: &dyn Fn(&mut CompensatedPath)| {
+        let mut plan = planned.clone();
+        change(&mut plan.path);
+        assert_ne!(plan.path, planned.path);
+        prove(plan, &contour, &profile, &tools)
+    };
+    let refuses: [(&str, &dyn Fn(&mut CompensatedPath)); 5] = [
+        ("M5 lost", &|path| {
+            path.events.remove(0);
+        }),
+        ("M5 twice", &|path| path.events.insert(0, path.events[0])),
+        ("M5 late", &|path| path.events[0].at_element += 2),
+        ("another Z", &|path| {
+            let down = path.elements.iter_mut().find(|it| it.role == Role::OffPlane);
+            down.expect("the block out of the plane").end[2] = -2.0;
+        }),
+        ("another end of the lead-off", &|path| {
+            let off = path.elements.iter_mut().find(|it| it.role == Role::LeadOff);
+            off.expect("a lead-off").end[1] = 29.0;
+        }),
+    ];
+    for (name, change) in refuses {
+        let judged = proved(change);
+        assert!(judged.disagreement.is_some(), "{name}: {}", findings(&judged.plan));
+        assert_eq!(finding(&judged.plan, Code::PathMismatch).severity, Severity::Error, "{name}");
+    }
+    // Where the path is beside the contour is a warning, of the plan as well.
+    let judged = proved(&|path| {
+        let last = path.elements.iter_mut().rfind(|it| it.role == Role::Contour);
+        last.expect("an element of the contour").end[0] -= 1.0;
+    });
+    assert_eq!(judged.disagreement, None, "{}", findings(&judged.plan));
+    let found = judged.audit.expect("an audit").findings;
+    assert!(!found.is_empty() && found.iter().all(|it| judged.plan.diagnostics.contains(it)));
+}
+
+#[test]
+fn no_number_of_warnings_refuses_a_path_or_hides_an_error() {
+    use std::fmt::Write;
+    const STEPS: usize = 150;
+    let mut text = String::from(
+        "
+        N1 G0 X0 Y30
+        N2 G41 D1 G1 X0 Y0 F100
+        N3 X20
+        N4 Y-5
+        N5 X22
+        N6 Y0",
+    );
+    for step in 0..STEPS {
+        let _ = write!(text, "\nX{} Y{}", 32 + 10 * step, step % 2);
+    }
+    text += "\nM5\nX2000 Y0\nG40 X2000 Y30";
+    let mut profile = sinumerik();
+    profile.interference.react = Reaction::Ignore;
+    let (contour, tools) = (contour(&text, &profile), tool(5.0));
+    let mut plan = compensation_planner::plan(&contour, &profile, &tools);
+    assert!(plan.accepted(), "{}", findings(&plan));
+    for element in plan.path.elements.iter_mut().filter(|it| it.role == Role::Contour) {
+        element.end[1] += 0.1;
+    }
+    let judged = prove(plan.clone(), &contour, &profile, &tools);
+    assert_eq!(judged.disagreement, None, "{}", findings(&judged.plan));
+    let warnings = judged.audit.expect("an audit").findings.len();
+    assert!(warnings > STEPS / 2 && warnings <= 100, "{warnings}");
+    plan.path.events.clear();
+    let judged = prove(plan, &contour, &profile, &tools);
+    assert!(judged.disagreement.is_some());
+    assert_eq!(finding(&judged.plan, Code::PathMismatch).severity, Severity::Error);
 }

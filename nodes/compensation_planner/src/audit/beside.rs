@@ -242,9 +242,9 @@ impl Check<'_> {
                 let off = |radius: &f64| (radius - radius_mm).abs();
                 let radii = [round.radius, to_end];
                 if let Some(radius) = radii.into_iter().find(|radius| off(radius) > place_mm) {
-                    report.push(report::beside(path_element, radius_mm, radius));
+                    report.push_shape(report::beside(path_element, radius_mm, radius));
                 } else if round.sweep * d_mm > 0.0 {
-                    report.push(report::astray(
+                    report.push_shape(report::astray(
                         path_element,
                         "turns the wrong way around its corner",
                     ));
@@ -255,12 +255,12 @@ impl Check<'_> {
             let beside = off_circle(&piece, &way.leg(block), d_mm);
             if kind != Kind::Leg || beside > place_mm {
                 let found = if off <= radius_mm { radius_mm - off.min(beside) } else { off };
-                report.push(report::beside(path_element, radius_mm, found));
+                report.push_shape(report::beside(path_element, radius_mm, found));
                 return;
             }
         }
         if nearest_mm < radius_mm - place_mm {
-            report.push(report::beside(path_element, radius_mm, nearest_mm));
+            report.push_shape(report::beside(path_element, radius_mm, nearest_mm));
         }
     }
 

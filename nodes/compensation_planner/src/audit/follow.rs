@@ -122,7 +122,8 @@ pub(super) fn one(
         }
     }
     if off.is_infinite() {
-        report.push(report::astray(element, "is a line beside an arc, or turns the other way"));
+        report
+            .push_shape(report::astray(element, "is a line beside an arc, or turns the other way"));
         return;
     }
     if off > place_mm && (follow.is_behind_merged || is_beside_short(way, follow.leg_index, chains))
@@ -131,7 +132,7 @@ pub(super) fn one(
         place_mm = place_mm.max(1.01 * MERGE_MM);
     }
     if off > place_mm {
-        report.push(report::beside(element, d_in.abs(), found));
+        report.push_shape(report::beside(element, d_in.abs(), found));
         return;
     }
     if follow.is_loose {
@@ -142,7 +143,7 @@ pub(super) fn one(
     if d_in == d_out
         && let Some(what) = extent(follow, opens, place_mm)
     {
-        report.push(report::astray(element, what));
+        report.push_shape(report::astray(element, what));
     }
 }
 
@@ -275,7 +276,7 @@ pub(super) fn reaches(
     if !meets_lead(way, lead, end, d_mm, place_mm) {
         let element = &way.path.elements[follow.element];
         let what = if is_first { "begins behind its start" } else { "ends before its end" };
-        report.push(report::astray(element, what));
+        report.push_shape(report::astray(element, what));
     }
 }
 
@@ -304,7 +305,7 @@ pub(super) fn joint(way: &Way<'_>, a: &Follow, b: &Follow, report: &mut Report<'
     if let Some(at) = nearer_joint(a, b, short_mm) {
         let element = &way.path.elements[b.element];
         let what = format!("meets the block before it {at:.4} mm from where their offsets meet");
-        report.push(report::astray(element, &what));
+        report.push_shape(report::astray(element, &what));
         return true;
     }
     let (before, after) = (a.way.tangent(a.way.to), b.way.tangent(b.way.from));
@@ -328,14 +329,14 @@ pub(super) fn joint(way: &Way<'_>, a: &Follow, b: &Follow, report: &mut Report<'
     let from_corner = (b.way.from - b.leg.from).norm().max((b.way.from - a.leg.to).norm());
     if from_corner < b.d_in.abs() - place_mm {
         let element = &way.path.elements[b.element];
-        report.push(report::beside(element, b.d_in.abs(), from_corner));
+        report.push_shape(report::beside(element, b.d_in.abs(), from_corner));
         return true;
     }
     let turn = cross(a.leg.tangent(a.leg.to), b.leg.tangent(b.leg.from)) * b.d_in.signum();
     if a.leg_index + 1 == b.leg_index && !a.is_loose && !b.is_loose && turn > STRAIGHT_RAD {
         // At an inside corner there is nothing to go around.
         let element = &way.path.elements[b.element];
-        report.push(report::astray(element, "meets the block before it on the wrong side"));
+        report.push_shape(report::astray(element, "meets the block before it on the wrong side"));
     }
     true
 }

@@ -5,33 +5,56 @@ use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
 use cnc_msgs::path::{PathElement, PathEvent};
 use cnc_msgs::profile::{Profile, Reaction};
+use std::ops::RangeInclusive;
 
-/// More findings help nobody.
+/// More findings of a severity help nobody.
 const FINDINGS_MAX: usize = 100;
 
 #[derive(Debug)]
 pub(super) struct Report<'a> {
     pub profile: &'a Profile,
+    /// What the planner has said already.
+    said: &'a [Diagnostic],
+    /// Lines of contours that the tool does not fit, and that the control runs.
+    pub misfits: Vec<RangeInclusive<u32>>,
     pub findings: Vec<Diagnostic>,
-    /// Whether findings were left out.
+    errors: usize,
+    /// Whether errors were left out.
     is_cut_off: bool,
 }
 
 impl<'a> Report<'a> {
-    pub(super) fn new(profile: &'a Profile) -> Self {
-        Self { profile, findings: Vec::new(), is_cut_off: false }
+    pub(super) fn new(profile: &'a Profile, said: &'a [Diagnostic]) -> Self {
+        let (misfits, findings) = (Vec::new(), Vec::new());
+        Self { profile, said, misfits, findings, errors: 0, is_cut_off: false }
     }
 
+    /// Errors and warnings are counted apart, so that no number of warnings hides an error.
     pub(super) fn push(&mut self, finding: Diagnostic) {
-        if self.findings.len() < FINDINGS_MAX {
-            self.findings.push(finding);
-        } else if finding.is_error() && !self.is_cut_off {
+        let (is_error, warnings) = (finding.is_error(), self.findings.len() - self.errors);
+        let is_full = if is_error { self.is_cut_off } else { warnings >= FINDINGS_MAX };
+        if is_full || self.said.iter().any(|said| is_same(said, &finding)) {
+            return;
+        }
+        self.errors += usize::from(is_error);
+        if is_error && self.errors > FINDINGS_MAX {
             self.is_cut_off = true;
             let message = format!(
                 "from here on there is more wrong with the path; {FINDINGS_MAX} places are listed"
             );
             self.findings.push(Diagnostic::error(Code::Limit, finding.source, message));
+        } else {
+            self.findings.push(finding);
         }
+    }
+
+    /// A finding about where the path is beside its contour, and about nothing else.
+    pub(super) fn push_shape(&mut self, mut finding: Diagnostic) {
+        if self.misfits.iter().any(|lines| lines.contains(&finding.source.line)) {
+            finding.severity = Severity::Warning;
+            finding.help = HELP_OF_MISFIT.into();
+        }
+        self.push(finding);
     }
 
     pub(super) fn is_full(&self) -> bool {
@@ -39,6 +62,20 @@ impl<'a> Report<'a> {
     }
 }
 
+/// Whether a finding has been said already. A path may be wrong in more than what it was
+/// warned of.
+fn is_same(a: &Diagnostic, b: &Diagnostic) -> bool {
+    if b.code == Code::PathMismatch && a.severity != b.severity {
+        return false;
+    }
+    let lines =
+        |finding: &Diagnostic| [Some(finding.source.line), finding.other.map(|other| other.line)];
+    let (of_a, of_b) = (lines(a), lines(b));
+    a.code == b.code && of_a.iter().flatten().any(|line| of_b.contains(&Some(*line)))
+}
+
+const HELP_OF_MISFIT: &str = "the tool does not fit this contour, and the profile lets the \
+                              control run it; look at the path there, or use a smaller tool";
 const HELP: &str = "do not run this path; plan the program again";
 
 pub(super) fn block_name(source: Source) -> String {

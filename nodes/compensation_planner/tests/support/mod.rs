@@ -20,6 +20,7 @@ use cnc_msgs::path::PathElement;
 use cnc_msgs::profile::{Dialect, Profile};
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use compensation_planner::Plan;
+use compensation_planner::audit::audit_after;
 
 pub fn profile(name: &str) -> Profile {
     let path = format!("{}/../../config/controllers/{name}.yaml", env!("CARGO_MANIFEST_DIR"));
@@ -72,8 +73,8 @@ pub fn assert_sound(
     if !plan.accepted() {
         return;
     }
-    let audit = compensation_planner::audit::audit(contour, &plan.path, profile, tools);
-    let said: Vec<String> = (audit.beside(&plan.diagnostics, profile).findings.iter())
+    let audit = audit_after(contour, &plan.path, profile, tools, &plan.diagnostics);
+    let said: Vec<String> = (audit.findings.iter())
         .filter(|finding| finding.is_error())
         .map(|finding| {
             let (line, other) = (finding.source.line, finding.other.map(|other| other.line));

@@ -12,7 +12,7 @@ use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::{
     CompensatedPath as CompensatedPathMessage, CompensationReport, PathChunk, PathEvent,
 };
-use compensation_planner::audit::audit;
+use compensation_planner::audit::audit_after;
 use compensation_planner::node::{certify, manifest_of, report_of};
 use compensation_planner::rest::{Rest, plan_rest};
 use compensation_planner::set_tool::LoadedProgram;
@@ -125,7 +125,7 @@ fn replan(
             // The same curve was proved just now, or it would not be accepted.
             true => Vec::new(),
             false => {
-                audit(contour, path, &profile, tools).beside(&now.diagnostics, &profile).findings
+                audit_after(contour, path, &profile, tools, &now.diagnostics).findings
             }
         };
         for error in found.iter().filter(|finding| finding.is_error()) {
