@@ -319,3 +319,35 @@ fn no_number_of_warnings_refuses_a_path_or_hides_an_error() {
     assert!(judged.disagreement.is_some());
     assert_eq!(finding(&judged.plan, Code::PathMismatch).severity, Severity::Error);
 }
+
+#[test]
+fn what_is_trimmed_away_bounds_the_tool_to_its_radius() {
+    let mut profile = sinumerik();
+    profile.interference.react = Reaction::Trim;
+    let text = "
+        N1 G0 X0 Y30
+        N2 G41 G450 D1 G1 X0 Y0 F100
+        N3 X20
+        N4 Y-5
+        N5 X22
+        N6 Y0
+        N7 X50
+        N8 G40 X50 Y30";
+    let (contour, tools) = (contour(text, &profile), tool(5.0));
+    let plan = compensation_planner::plan(&contour, &profile, &tools);
+    assert!(plan.accepted(), "{}", findings(&plan));
+    assert!(finding(&plan, Code::Unreachable).severity == Severity::Warning);
+    let proved = |deep_mm: f64| {
+        let mut plan = plan.clone();
+        // Between the corners of the slot the tool dips into it.
+        let dip = plan.path.elements.iter_mut().find(|it| (it.end[0] - 21.0).abs() < 1e-3);
+        dip.expect("a dip").end[1] -= deep_mm;
+        prove(plan, &contour, &profile, &tools)
+    };
+    assert_eq!(proved(0.0).disagreement, None, "{}", listing(&plan.path.elements));
+    let half_mm = profile.accept_tolerance_mm / 2.0;
+    assert!(half_mm > 1e-4);
+    let judged = proved(half_mm);
+    assert!(judged.disagreement.is_some(), "{}", listing(&plan.path.elements));
+    finding(&judged.plan, Code::Gouge);
+}

@@ -387,13 +387,9 @@ impl Check<'_> {
             off if off <= PLACE_MM => 0.0,
             off => (off + MERGE_MM) as f32,
         };
-        // What is trimmed away bounds the tool as before, but for what is accepted beside it.
+        // What is trimmed away bounds the tool as before, to the very radius.
         let is_trimmed = is_lost && report.profile.interference.react == Reaction::Trim;
-        let slack = match is_lost {
-            true if is_trimmed => report.profile.accept_tolerance_mm as f32,
-            true => 0.0,
-            false => slack,
-        };
+        let slack = if is_lost { 0.0 } else { slack };
         for index in left_out.clone() {
             let block = &mut way.program.blocks[self.legs[index] as usize];
             block.is_lost = is_lost && !is_trimmed;
