@@ -29,7 +29,7 @@ mod strip;
 mod way;
 
 use cnc_msgs::contour::ProgrammedContour;
-use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::diagnostic::{Diagnostic, Severity};
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{CompensatedPath, Role};
 use cnc_msgs::profile::{OutputPoint, Profile, Reaction};
@@ -70,11 +70,6 @@ fn runs_what_does_not_fit(profile: &Profile) -> bool {
         // What does not fit has been left out.
         Reaction::Trim => false,
     }
-}
-
-/// What is said of a contour that the tool does not fit.
-const fn is_misfit(code: Code) -> bool {
-    matches!(code, Code::Gouge | Code::Unreachable | Code::ArcOver360)
 }
 
 /// Audits any path of a contour.
@@ -119,7 +114,8 @@ pub fn audit_after(
         result.spans = spans.len();
         let line = |block: u32| way.program.source(block).line;
         if runs_what_does_not_fit(profile) {
-            let misfits = said.iter().filter(|said| !said.is_error() && is_misfit(said.code));
+            let misfits =
+                said.iter().filter(|said| !said.is_error() && report::is_misfit(said.code));
             let misfits: Vec<u32> = misfits.map(|said| said.source.line).collect();
             let lines = |span: &Span| line(span.blocks.start)..=line(span.blocks.end - 1);
             let spans = spans.iter().map(lines);

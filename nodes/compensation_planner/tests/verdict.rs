@@ -7,7 +7,7 @@ mod support;
 
 use cnc_msgs::diagnostic::{Code, Severity};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
-use cnc_msgs::profile::{Profile, Reaction};
+use cnc_msgs::profile::{Profile, Reaction, Strictness};
 use compensation_planner::verdict::prove;
 use compensation_planner::{Planning, Verdict, judge};
 use support::*;
@@ -228,6 +228,9 @@ fn a_disagreement_is_an_error_of_kerf_and_has_the_same_name_everywhere() {
     assert_eq!(judged, prove(wrong, &contour, &profile, &tools));
 }
 
+/// What makes a path wrong.
+type Change<'a> = &'a dyn Fn(&mut CompensatedPath);
+
 /// The tool is wider than the slot of N4 to N8; the control is let run it.
 const SLOT: &str = "
     N1 G0 X0 Y30
@@ -249,13 +252,13 @@ fn where_a_misfit_is_ignored_only_the_shape_of_the_path_may_be_off() {
     let planned = compensation_planner::plan(&contour, &profile, &tools);
     assert!(planned.accepted(), "{}", findings(&planned));
     finding(&planned, Code::Unreachable);
-    let proved = |change: &dyn Fn(&mut CompensatedPath)| {
+    let proved = |change: Change<'_>| {
         let mut plan = planned.clone();
         change(&mut plan.path);
         assert_ne!(plan.path, planned.path);
         prove(plan, &contour, &profile, &tools)
     };
-    let refuses: [(&str, &dyn Fn(&mut CompensatedPath)); 5] = [
+    let refuses: [(&str, Change<'_>); 5] = [
         ("M5 lost", &|path| {
             path.events.remove(0);
         }),
@@ -350,4 +353,23 @@ fn what_is_trimmed_away_bounds_the_tool_to_its_radius() {
     let judged = proved(half_mm);
     assert!(judged.disagreement.is_some(), "{}", listing(&plan.path.elements));
     finding(&judged.plan, Code::Gouge);
+}
+
+#[test]
+fn a_cut_into_a_block_that_is_known_not_to_fit_is_no_disagreement() {
+    // N8 is 1 mm long; nct looks one block ahead. The audit calls a cut what is unreachable.
+    let text = "
+        N1 G0 X-0.77 Y6.362
+        N2 G42 D1 G1 X-0.77 Y-0.638 F100
+        N4 X0 Y0
+        N5 X2.551 Y-3.081
+        N6 X1.01 Y-4.357
+        N7 X-1.541 Y-1.275
+        N8 X-0.77 Y-0.638
+        N9 G40 X4.179 Y4.312";
+    let mut profile = profile("nct");
+    profile.lookahead.strictness = Strictness::Warn;
+    let Verdict { plan, disagreement, .. } = verdict(text, &profile, 2.000000001);
+    assert_eq!(disagreement, None, "{}", findings(&plan));
+    assert_eq!(finding(&plan, Code::Gouge).severity, Severity::Warning);
 }

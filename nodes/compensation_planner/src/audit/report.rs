@@ -57,6 +57,20 @@ impl<'a> Report<'a> {
         self.push(finding);
     }
 
+    /// A cut into a block of which the planner has said that the tool does not fit it, in other
+    /// words, is as the profile takes that.
+    pub(super) fn push_cut(&mut self, mut finding: Diagnostic) {
+        let line = finding.source.line;
+        let is_run = self.misfits.iter().any(|lines| lines.contains(&line));
+        let is_said = |said: &Diagnostic| {
+            !said.is_error() && is_misfit(said.code) && share_a_block(said, &finding)
+        };
+        if finding.code == Code::Gouge && is_run && self.said.iter().any(is_said) {
+            finding.severity = Severity::Warning;
+        }
+        self.push(finding);
+    }
+
     pub(super) fn is_full(&self) -> bool {
         self.is_cut_off
     }
@@ -68,10 +82,19 @@ fn is_same(a: &Diagnostic, b: &Diagnostic) -> bool {
     if b.code == Code::PathMismatch && a.severity != b.severity {
         return false;
     }
+    a.code == b.code && share_a_block(a, b)
+}
+
+fn share_a_block(a: &Diagnostic, b: &Diagnostic) -> bool {
     let lines =
         |finding: &Diagnostic| [Some(finding.source.line), finding.other.map(|other| other.line)];
     let (of_a, of_b) = (lines(a), lines(b));
-    a.code == b.code && of_a.iter().flatten().any(|line| of_b.contains(&Some(*line)))
+    of_a.iter().flatten().any(|line| of_b.contains(&Some(*line)))
+}
+
+/// What is said of a contour that the tool does not fit.
+pub(super) const fn is_misfit(code: Code) -> bool {
+    matches!(code, Code::Gouge | Code::Unreachable | Code::ArcOver360)
 }
 
 const HELP_OF_MISFIT: &str = "the tool does not fit this contour, and the profile lets the \
