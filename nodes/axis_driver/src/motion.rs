@@ -25,7 +25,6 @@ use hub::Hub;
 use runtime::configuration::Configuration;
 use runtime::supervision::Notifier;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -78,13 +77,17 @@ pub fn main(program: &[&str], args: &[String]) -> ExitCode {
     };
     // The core would begin at once what it is asked for; the lifecycle activates it.
     hub.order(&Command::Deactivate);
-    if let Err(error) = operator::listen(&hub, &configuration) {
+    let listens = operator::listen(&hub, &configuration);
+    if let Err(error) = &listens {
         tracing::warn!("a local operator cannot stop the machine without ROS: {error}");
     }
     let words: Vec<String> =
         program.iter().map(|word| (*word).to_owned()).chain(args.iter().cloned()).collect();
     let code = supervise(&hub, &words, &signals);
-    operator::forget(&configuration);
+    // Another driver's socket is left alone.
+    if listens.is_ok() {
+        operator::forget(&configuration);
+    }
     ExitCode::from(code)
 }
 
@@ -93,7 +96,7 @@ fn supervise(hub: &Arc<Hub>, words: &[String], signals: &AtomicUsize) -> u8 {
     let mut face = Face::new(words.to_vec());
     let mut stopping: Option<Instant> = None;
     let notifier = Notifier::from_environment();
-    notifier.ready();
+    let mut is_ready = false;
     let mut ticks = 0_u32;
     let (mut turns, mut turned) = (hub.serial().turns(), Instant::now());
     let mut last_tick = Instant::now();
@@ -122,6 +125,10 @@ fn supervise(hub: &Arc<Hub>, words: &[String], signals: &AtomicUsize) -> u8 {
             stopping = Some(Instant::now());
             notifier.stopping();
             face.terminate();
+        }
+        if !is_ready && face.was_ready() {
+            is_ready = true;
+            notifier.ready();
         }
         match face.look(hub, is_on_time, stopping.is_some()) {
             Ended::No => {}
@@ -161,7 +168,11 @@ fn count_signal(signal: i32, count: &Arc<AtomicUsize>) -> std::io::Result<()> {
     std::thread::Builder::new().name("signals".into()).spawn(move || {
         let mut byte = [0];
         while std::io::Read::read(&mut &receiver, &mut byte).is_ok_and(|read| read > 0) {
-            count.fetch_add(1, Ordering::Relaxed);
+            match signal {
+                // A terminal that goes says so more than once.
+                SIGHUP => count.fetch_max(1, Ordering::Relaxed),
+                _ => count.fetch_add(1, Ordering::Relaxed),
+            };
         }
     })?;
     Ok(())
@@ -169,7 +180,6 @@ fn count_signal(signal: i32, count: &Arc<AtomicUsize>) -> std::io::Result<()> {
 
 /// Before there is a log.
 fn complain(error: &dyn std::fmt::Display, code: u8) -> ExitCode {
-    let text = format!("axis_driver: {error}\n");
-    drop(std::io::stderr().lock().write_all(text.as_bytes()));
+    runtime::complain("axis_driver", error);
     ExitCode::from(code)
 }

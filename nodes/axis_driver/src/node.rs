@@ -57,6 +57,8 @@ const MOTION_SILENT: Duration = Duration::from_secs(2);
 pub const MOTION_LOST: &str = "MOTION_LOST";
 /// Two status requests of the slowest kind without an answer, and a bit, s.
 const STALE_S: f64 = 2.5;
+/// More ids than a face gives away at a time.
+const IDS_UNSEEN_MAX: u64 = 1_000;
 /// How long a hold, a resume or an unlock may take to be answered.
 const REPLY_WITHIN: Duration = Duration::from_secs(10);
 
@@ -66,6 +68,8 @@ pub fn main(program: &[&str], args: Vec<String>) -> ExitCode {
     if std::env::var_os(FACE_VARIABLE).is_some() {
         // Also one that is stopped; where this cannot be, the end of the connection ends it.
         let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
+        // Where memory runs out, this process goes before the one that has the line.
+        let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
         return runtime::run_managed("axis_driver", declared(), &args, start);
     }
     motion::main(program, &args)
@@ -87,7 +91,9 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let driver = Arc::new(Driver {
         node: node.clone(),
         motion: Arc::clone(&motion),
-        next_id: AtomicU64::new(welcome.next_id),
+        // The face before may have given away ids that the driver has not seen.
+        next_id: AtomicU64::new(welcome.next_id + IDS_UNSEEN_MAX),
+        first_unseen_id: welcome.next_id,
         state: watch::Sender::new(not_heard(has_port)),
         progress: watch::Sender::new(Progress::default()),
         hardware: watch::Sender::default(),
@@ -130,7 +136,10 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
                     None => break,
                 },
                 _ = ticks.tick() => shared.publish_again(handle.now(), &viewers),
-                _ = beats.tick() => shared.motion.say_alive(),
+                // A motion process that is stopped takes nothing; nothing waits for it here.
+                _ = beats.tick() => if shared.motion.silence() < MOTION_SILENT {
+                    shared.motion.say_alive();
+                },
             }
         }
     });
@@ -270,6 +279,8 @@ struct Driver {
     node: Handle,
     motion: Arc<MotionLink>,
     next_id: AtomicU64,
+    /// Ids from here on the driver has not seen from an earlier face.
+    first_unseen_id: u64,
     /// The newest state.
     state: watch::Sender<MachineState>,
     progress: watch::Sender<Progress>,
@@ -328,19 +339,34 @@ impl Driver {
                 self.progress.send_replace(Progress { line, fraction, time_left_s });
             }
             Output::Reply { id, result } => {
-                if let Some(waiting) = self.waiting().replies.remove(&id) {
+                let mut waiting = self.waiting();
+                match waiting.replies.remove(&id) {
                     // Whoever asked may have given up.
-                    let _ = waiting.send(result);
+                    Some(sender) => drop(sender.send(result)),
+                    None if self.is_of_before(id) => {
+                        waiting.replies_before.insert(id, result);
+                    }
+                    None => {}
                 }
             }
             Output::RunFinished(result) => {
-                if let Some(waiting) = self.waiting().runs.remove(&result.id) {
-                    let _ = waiting.send(result);
+                let mut waiting = self.waiting();
+                match waiting.runs.remove(&result.id) {
+                    Some(sender) => drop(sender.send(result)),
+                    None if self.is_of_before(result.id) => {
+                        waiting.runs_before.insert(result.id, result);
+                    }
+                    None => {}
                 }
             }
             Output::MoveFinished(result) => {
-                if let Some(waiting) = self.waiting().moves.remove(&result.id) {
-                    let _ = waiting.send(result);
+                let mut waiting = self.waiting();
+                match waiting.moves.remove(&result.id) {
+                    Some(sender) => drop(sender.send(result)),
+                    None if self.is_of_before(result.id) => {
+                        waiting.moves_before.insert(result.id, result);
+                    }
+                    None => {}
                 }
             }
             Output::Settings(settings) => {
@@ -369,6 +395,11 @@ impl Driver {
         let refuse =
             |message| Refusal { error_code: crate::codes::error_code::NOT_ACTIVE, message };
         self.node.require_active().map_err(refuse)
+    }
+
+    /// Whether an id is of the face before: what ends while this one starts is waited for later.
+    fn is_of_before(&self, id: u64) -> bool {
+        id < self.first_unseen_id
     }
 
     /// Whether the driver has taken up what the face before this one gave it under this id.

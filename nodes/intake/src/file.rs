@@ -128,15 +128,26 @@ pub fn guarded<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, ReadError> + Send + 'static,
 ) -> Result<T, ReadError> {
     static READING: AtomicUsize = AtomicUsize::new(0);
-    /// Frees a place, whatever becomes of the work.
-    struct Place;
-    impl Drop for Place {
-        fn drop(&mut self) {
-            READING.fetch_sub(1, Ordering::AcqRel);
-        }
+    guarded_by(&READING, within, work)
+}
+
+/// Frees a place, whatever becomes of the work.
+struct Place(&'static AtomicUsize);
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
     }
-    let place = Place;
-    if READING.fetch_add(1, Ordering::AcqRel) >= HANGING_MAX {
+}
+
+/// The same, where `reading` counts the places that are taken.
+fn guarded_by<T: Send + 'static>(
+    reading: &'static AtomicUsize,
+    within: Duration,
+    work: impl FnOnce() -> Result<T, ReadError> + Send + 'static,
+) -> Result<T, ReadError> {
+    let place = Place(reading);
+    if reading.fetch_add(1, Ordering::AcqRel) >= HANGING_MAX {
         return Err(ReadError::Hanging);
     }
     let (sender, result) = mpsc::sync_channel(1);
@@ -228,11 +239,13 @@ mod tests {
 
     #[test]
     fn readers_that_hang_are_left_and_are_never_more_than_a_few() {
+        // Places of this test alone: others read at the same time.
+        static READING: AtomicUsize = AtomicUsize::new(0);
         let (release, held) = mpsc::channel::<()>();
         let held = std::sync::Arc::new(std::sync::Mutex::new(held));
         let hang = || {
             let held = std::sync::Arc::clone(&held);
-            guarded(PAUSE, move || {
+            guarded_by(&READING, PAUSE, move || {
                 // Ends when the test does.
                 let _ = held.lock().map(|held| held.recv());
                 Ok(())
@@ -244,7 +257,7 @@ mod tests {
         assert!(matches!(hang(), Err(ReadError::Hanging)));
         drop(release);
         // They end one after the other now, and the door opens again.
-        while guarded(READ_WITHIN, || Ok(())).is_err() {
+        while guarded_by(&READING, READ_WITHIN, || Ok(())).is_err() {
             std::thread::yield_now();
         }
     }

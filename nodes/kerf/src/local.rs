@@ -28,26 +28,30 @@ where
     F: AsyncFnOnce(&Handle) -> Outcome,
 {
     let mut answer = None;
+    let mut is_joined = false;
     let outcome = with_node(ros_args, async |node| {
+        is_joined = true;
         let mut exchange = std::pin::pin!(over_ros(node));
-        let outcome = tokio::time::timeout(HEAD_START, &mut exchange).await;
-        let failure = match outcome {
-            Ok(Err(failure)) if failure.status == Status::NoAnswer => Some(failure),
-            Ok(outcome) => return outcome,
-            Err(_) => None,
-        };
-        match (ask_locally(ros_args, wish), failure) {
-            (Ok(local), _) => {
+        if let Ok(outcome) = tokio::time::timeout(HEAD_START, &mut exchange).await {
+            return outcome;
+        }
+        match ask_locally(ros_args, wish) {
+            Ok(local) => {
                 answer = Some(local);
                 Ok(())
             }
-            (Err(_), Some(failure)) => Err(failure),
-            (Err(Failure { message, .. }), None) => exchange.await.map_err(|failure| {
+            Err(Failure { message, .. }) => exchange.await.map_err(|failure| {
                 let message = format!("{}; {message}", failure.message);
                 Failure::new(failure.status, message)
             }),
         }
     });
+    // This command's own DDS layer may be what does not work.
+    let has_no_ros =
+        !is_joined || matches!(&outcome, Err(failure) if failure.status == Status::NoAnswer);
+    if answer.is_none() && outcome.is_err() && has_no_ros {
+        answer = ask_locally(ros_args, wish).ok();
+    }
     match answer {
         Some(answer) => {
             eprintln!(

@@ -5,17 +5,16 @@
 //! for a console that nobody reads. A panic of the DDS layer that one packet causes is reported in
 //! docs/upstream/rustdds-nack-frag.md.
 
+use crate::console::write_within;
 use crate::logging::line;
 use crate::supervision::PANICKED;
 use crate::time::RosTime;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::event::Timespec;
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 
 /// How long a console that is full may take.
 const CONSOLE_WITHIN: Timespec = Timespec { tv_sec: 0, tv_nsec: 200_000_000 };
-/// What a pipe takes in one piece when it takes anything.
-const PIECE_MAX: usize = 4_000;
 
 thread_local! {
     /// A panic on this thread is caught on purpose.
@@ -30,17 +29,7 @@ pub(crate) fn end(status: u8, logger: &str, text: &str) -> ! {
 
 /// Writes one line of level FATAL past the log, unless the console is full.
 pub(crate) fn say(logger: &str, text: &str) {
-    let mut text = line("FATAL", RosTime::wall(), logger, text).into_bytes();
-    if text.len() > PIECE_MAX {
-        text.truncate(PIECE_MAX - 1);
-        text.push(b'\n');
-    }
-    let console = std::io::stderr();
-    let mut waiting = [PollFd::new(&console, PollFlags::OUT)];
-    if poll(&mut waiting, Some(&CONSOLE_WITHIN)).is_ok_and(|ready| ready > 0) {
-        // Not through the lock of standard error: whoever holds it may be the one who hangs.
-        let _ = rustix::io::write(&console, &text);
-    }
+    write_within(&line("FATAL", RosTime::wall(), logger, text), &CONSOLE_WITHIN);
 }
 
 /// Runs something whose panics are expected; they end neither the process nor the thread.

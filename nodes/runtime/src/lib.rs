@@ -71,6 +71,7 @@ mod client_session;
 pub mod commands;
 mod complaints;
 pub mod configuration;
+mod console;
 mod dds_threads;
 mod dds_watch;
 mod declared;
@@ -133,7 +134,7 @@ pub use profiles::{ProfileError, known_profiles, load_foreign_profile, load_prof
 pub use publisher::Publisher;
 pub use qos::Qos;
 pub use raw::{DiscoveredPublisher, RawPublisher, RawSample, RawSubscription};
-pub use run::{main_with, run, run_managed, run_with};
+pub use run::{complain, main_with, run, run_managed, run_with};
 pub use service::RequestInfo;
 pub use session::Session;
 pub use subscription::{SampleInfo, Subscription};

@@ -195,6 +195,10 @@ pub(crate) async fn live<M: Managed>(node: &Handle, managed: M) -> crate::NodeRe
         node.shutdown().requested().await;
     }
     lifecycle.finalize().await;
+    if let (Some(memory), Err(_)) = (node.memory(), &started) {
+        // The next process tries from the beginning.
+        memory.forget(KEPT_STATE);
+    }
     started
 }
 
@@ -314,9 +318,14 @@ impl<M: Managed> Lifecycle<M> {
         self.node.inner.lifecycle.send_replace(Some(way.goal));
         if !way.goal.is_transitional() {
             tracing::info!("{}", way.goal.label());
-            if let Some(memory) = self.node.memory() {
-                memory.keep(KEPT_STATE, vec![way.goal.id()]);
-            }
+        }
+        let kept = match way.goal {
+            // A process that ends on this way does not make the node active again.
+            State::Deactivating => Some(State::Inactive),
+            state => (!state.is_transitional()).then_some(state),
+        };
+        if let (Some(memory), Some(state)) = (self.node.memory(), kept) {
+            memory.keep(KEPT_STATE, vec![state.id()]);
         }
         self.events.publish(services::event(self.node.now(), way));
     }

@@ -15,7 +15,6 @@ use crate::time::RosTime;
 use cnc_msgs::wire::rcl_interfaces::msg::Log;
 use intake::text::one_line;
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 use tokio::sync::mpsc;
@@ -122,8 +121,7 @@ impl<S: Subscriber> Layer<S> for RosLog {
         }
         if self.settings.to_console {
             let line = line(name, RosTime::wall(), &self.settings.logger, &text);
-            // Whoever closed the console does not want to know.
-            drop(std::io::stderr().lock().write_all(line.as_bytes()));
+            crate::console::write(&line);
         }
         if let Some(rosout) = &self.rosout {
             let log = Log {

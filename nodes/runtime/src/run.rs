@@ -24,7 +24,6 @@ use crate::supervision::Notifier;
 use futures::FutureExt;
 use intake::text::lines;
 use std::fmt::Display;
-use std::io::Write;
 use std::panic::AssertUnwindSafe;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -224,7 +223,7 @@ fn obey_signals(handle: &Handle) -> std::io::Result<()> {
 }
 
 /// Before there is a log.
-fn complain(name: &str, error: &dyn Display) {
+pub fn complain(name: &str, error: &dyn Display) {
     let text = format!("{name}: {error}\n");
-    drop(std::io::stderr().lock().write_all(lines(&text).as_bytes()));
+    crate::console::write(&lines(&text));
 }

@@ -73,6 +73,11 @@ impl Face {
         }
     }
 
+    /// Whether it has been at work since this process began.
+    pub(super) fn was_ready(&self) -> bool {
+        self.was_ready
+    }
+
     /// Asks it to end.
     pub(super) fn terminate(&self) {
         if let Some(running) = &self.running {
@@ -120,13 +125,14 @@ impl Face {
         let patience = if running.is_ready { SILENT_TICKS_MAX } else { STARTING_TICKS_MAX };
         running.ending_ticks += u32::from(running.pulse.is_over.load(Ordering::Relaxed));
         let is_cut_off = running.ending_ticks >= ENDING_TICKS_MAX;
-        if !is_stopping && (running.silent_ticks >= patience || is_cut_off) {
+        let is_needed = !is_stopping || !hub.is_closed();
+        if is_needed && (running.silent_ticks >= patience || is_cut_off) {
+            // Before a word is said about it; what it ends with is seen in the next tick.
+            let _ = running.process.kill();
             tracing::error!(
                 "the ROS face (process {}) hangs and is killed; the line is served on",
                 running.process.id()
             );
-            // What it ends with is seen in the next tick.
-            let _ = running.process.kill();
         }
         Ended::No
     }

@@ -118,13 +118,19 @@ impl Hub {
             return;
         }
         state.memory.hear(&event);
-        match &mut state.face {
-            Some(queue) => queue.push(event),
-            // There is nobody else to log it.
-            None => log(&event.output),
-        }
+        let unheard = match &mut state.face {
+            Some(queue) => {
+                queue.push(event);
+                None
+            }
+            None => Some(event),
+        };
         drop(state);
         self.news.notify_all();
+        // There is nobody else to log it.
+        if let Some(event) = unheard {
+            log(&event.output);
+        }
     }
 
     fn take_entries(&self, batch: &[Entry]) {
@@ -193,8 +199,10 @@ impl Hub {
                 }
             }
             Err(error) => {
-                tracing::error!("a command of the ROS face is not understood: {error}");
-                let Some(id) = id_of(json) else { return };
+                let Some(id) = id_of(json) else {
+                    drop(state);
+                    return tracing::error!("a command of the ROS face has no id: {error}");
+                };
                 refuse(id, crate::codes::error_code::NO_ANSWER, error.to_string())
             }
         };

@@ -19,6 +19,11 @@ const KEPT_BYTES_MAX: usize = 4 << 20;
 const ENDS_MAX: usize = 256;
 /// Paths that are here: the one that runs, the newest, and one for the rest of a run.
 const PATHS_MAX: usize = 3;
+/// Elements of all paths that are here, unless the newest alone has more; what runs is held by
+/// the driver too.
+const ELEMENTS_MAX: u64 = 5_000_000;
+/// The longest name of a program, bytes.
+const NAME_BYTES_MAX: usize = 256;
 
 /// A face wants more kept than there is room for.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -152,6 +157,17 @@ impl Paths {
     /// Begins to collect; what was being collected is dropped.
     pub(super) fn begin(&mut self, manifest: wire::CompensatedPath) -> Result<(), PathRefusal> {
         self.collecting = None;
+        if manifest.program_id.len() > NAME_BYTES_MAX {
+            let text = format!("the program's name is longer than {NAME_BYTES_MAX} bytes");
+            return Err(refusal(&manifest, &text));
+        }
+        let held = |held: &Held| held.path.elements.len() as u64;
+        while !self.newest_last.is_empty()
+            && self.newest_last.iter().map(held).sum::<u64>() + manifest.element_count
+                > ELEMENTS_MAX
+        {
+            self.newest_last.pop_front();
+        }
         let collector =
             Collector::for_path(&manifest).map_err(|error| refusal(&manifest, &error))?;
         self.collecting = Some((manifest, collector));

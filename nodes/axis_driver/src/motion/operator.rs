@@ -52,12 +52,12 @@ pub fn ask_operator(
     wish: Wish,
 ) -> Result<Answer, OperatorError> {
     let path = |folder: &Path| socket_path(folder, environment.domain_id, &names.fully_qualified());
-    let own = path(&folder());
     let service = path(Path::new(SERVICE_FOLDER));
-    if !own.exists() && service.exists() {
-        return ask(service, wish);
+    match ask(path(&folder()), wish) {
+        // One that was killed leaves its socket.
+        Err(OperatorError::Nobody { .. }) if service.exists() => ask(service, wish),
+        answer => answer,
     }
-    ask(own, wish)
 }
 
 fn ask(path: PathBuf, wish: Wish) -> Result<Answer, OperatorError> {
@@ -137,8 +137,9 @@ fn serve(hub: &Hub, mut stream: UnixStream) -> Result<(), Trouble> {
     };
     let result: Result<String, Refusal> = match command {
         Some(command) => {
-            tracing::info!("a local operator asks for {wish:?}");
-            hub.ask(command, ANSWER_WITHIN)
+            let result = hub.ask(command, ANSWER_WITHIN);
+            tracing::info!("a local operator asked for {wish:?}");
+            result
         }
         None => Ok(String::new()),
     };

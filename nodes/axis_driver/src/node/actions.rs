@@ -51,9 +51,13 @@ async fn go_on(driver: &Arc<Driver>, unfinished: Unfinished<RunProgram>) {
         Unfinished::Goal(goal) => goal,
         Unfinished::Offer(offer) => match (offer.kept_tag(), driver.was_taken_up(offer.kept_tag()))
         {
-            (1.., true) => match offer.accept() {
+            (id @ 1.., true) => match offer.accept() {
                 Some(goal) => goal,
-                None => return,
+                None => {
+                    // It was canceled before it was accepted, and its client heard so.
+                    let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
+                    return;
+                }
             },
             (id, _) => {
                 // It may be taken up yet, and nobody would know of it.

@@ -42,6 +42,12 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
         // One that was not accepted was not begun.
         if let Unfinished::Goal(goal) = unfinished {
             let id = goal.kept_tag();
+            if !driver.is_of_before(id) {
+                let message = "homing had not begun when the driver's ROS side ended".into();
+                let error_code = error_code::NO_ANSWER;
+                goal.end(Outcome::Aborted, HomeResult { success: false, error_code, message });
+                continue;
+            }
             let asked = Asked { id, reply: driver.waiting().reply(id) };
             node.spawn("homing", async move { follow_home(&driver, goal, asked).await });
         }
@@ -187,7 +193,12 @@ async fn go_on<M: Move>(driver: &Arc<Driver>, unfinished: Unfinished<M>) {
         Unfinished::Offer(offer) => {
             let id = offer.kept_tag();
             if id > 0 && driver.was_taken_up(id) {
-                offer.accept()
+                let goal = offer.accept();
+                if goal.is_none() {
+                    // It was canceled before it was accepted, and its client heard so.
+                    let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
+                }
+                goal
             } else {
                 // It may be taken up yet, and nobody would know of it.
                 let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
