@@ -17,13 +17,17 @@ pub(super) const DOMAINS: std::ops::RangeInclusive<u16> = 215..=232;
 /// The machine asks so seldom that a busy computer is not taken for a silent controller.
 const POLL_INTERVAL_MS: i64 = 500;
 /// What is this computer's and not the recorded one's.
-const OWN: [&str; 7] = [
+const OWN: [&str; 11] = [
     "port",
     "dtr",
     "rts",
     "poll_interval_ms",
     "tool_table",
     "directory",
+    "program_directories",
+    "control_directories",
+    "report_directory",
+    "memory_mb_max",
     // There is no clock but this computer's.
     "use_sim_time",
 ];
@@ -96,6 +100,9 @@ pub(super) fn arguments(namespace: &str, folder: &Path, bags: &Path) -> Vec<Stri
         ("axis_driver", "port", quoted(&shown(LINK))),
         ("axis_driver", "poll_interval_ms", POLL_INTERVAL_MS.to_string()),
         ("compensation_planner", "tool_table", quoted(&shown(TOOLS))),
+        ("compensation_planner", "report_directory", quoted(&shown("reports"))),
+        // The profile of the bag lies there.
+        ("program_loader", "control_directories", format!("[{}]", quoted(&shown(".")))),
         ("run_recorder", "directory", quoted(&bags.display().to_string())),
     ] {
         words.extend(["-p".to_owned(), format!("{node}:{name}:={value}")]);
