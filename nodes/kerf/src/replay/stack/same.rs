@@ -3,8 +3,8 @@
 //! | what | the same |
 //! |---|---|
 //! | programmed contour, compensated paths | field by field, by the rules of `compare`; not their numbers and times |
-//! | lines to the controller | all, in order; after a stop up to [`LINES_AFTER_STOP_MAX`] more or fewer |
-//! | states | in order, repetitions and durations left out; RUN may be missing between two others |
+//! | lines to the controller | all but the checks among them, in order; after a stop up to [`LINES_AFTER_STOP_MAX`] more or fewer |
+//! | states | in order, repetitions and durations left out; RUN may be missing between two others, UNKNOWN anywhere, IDLE after a stop |
 //! | result of the goal, last source line | exactly |
 //! | last machine position | [`STANDS_MM`]; after a stop [`NEAR_MM`] |
 //! | commands | each came to its place again |
@@ -164,10 +164,16 @@ fn lines_difference(was: &[&str], now: &[&str], stopped: bool) -> Option<(usize,
 /// The states of a run, repetitions left out, and the rest that it began from: that may have
 /// been told before the bag was open.
 fn states(run: &Run<'_>) -> Vec<u8> {
+    // While a reset is under way nothing is known, for shorter than the time between two states.
     let states = run.states.iter().map(|(_, state)| state.state);
+    let states = states.filter(|state| *state != MachineState::STATE_UNKNOWN);
     let mut states: Vec<u8> =
         states.skip_while(|state| *state == MachineState::STATE_IDLE).collect();
     states.dedup();
+    // The goal may end before the last one is published.
+    if run.was_stopped() {
+        states.pop_if(|last| *last == MachineState::STATE_IDLE);
+    }
     states
 }
 
