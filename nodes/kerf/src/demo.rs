@@ -129,6 +129,8 @@ async fn job(
     };
     let parameters = [
         ("axis_driver", "port", port),
+        // Its axes are so much faster than their settings say.
+        ("axis_driver", "rate_margin", "50.0".to_owned()),
         ("compensation_planner", "tool_table", out.join("tools.yaml").display().to_string()),
         ("run_recorder", "directory", out.display().to_string()),
     ]

@@ -106,9 +106,14 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
         }
         controller.start("virtual_controller", &controller_args).map_err(Failure::usage)?;
         wait_for_file(&link).await?;
-        node_args.extend(
-            ["--ros-args", "-p", &format!("axis_driver:port:={port}"), "--"].map(String::from),
-        );
+        let mut words =
+            vec!["--ros-args".to_owned(), "-p".into(), format!("axis_driver:port:={port}")];
+        if let Some(factor) = args.time_factor.filter(|factor| *factor > 1.0) {
+            // Its axes are so much faster than their settings say.
+            words.extend(["-p".to_owned(), format!("axis_driver:rate_margin:={:?}", 5.0 * factor)]);
+        }
+        words.push("--".into());
+        node_args.extend(words);
     }
     let declared = STOP_ORDER.map(|name| (name, parameters_of(name)));
     let read = StackParameters::read(declared.into(), &node_args).map_err(Failure::usage)?;

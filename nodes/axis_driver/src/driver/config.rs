@@ -49,12 +49,21 @@ pub struct DriverConfig {
     /// After this long a commander that gave signs of life counts as lost, ms.
     #[serde(default = "commander_timeout_ms")]
     pub commander_timeout_ms: u32,
+    /// How many times faster than their settings say the axes are taken to be able to move: with
+    /// some kinematics the settings bound the motors, and a virtual machine may live faster than
+    /// the clock.
+    #[serde(default = "rate_margin")]
+    pub rate_margin: f64,
     /// What is done while nobody can be reached over ROS.
     #[serde(default)]
     pub on_ros_loss: OnRosLoss,
     /// After this long without ROS the machine holds, where that is wanted, ms.
     #[serde(default = "ros_loss_timeout_ms")]
     pub ros_loss_timeout_ms: u32,
+}
+
+const fn rate_margin() -> f64 {
+    5.0
 }
 
 const fn ros_loss_timeout_ms() -> u32 {
@@ -82,6 +91,7 @@ impl Default for DriverConfig {
             tool_change_return: false,
             on_commander_loss: OnCommanderLoss::default(),
             commander_timeout_ms: commander_timeout_ms(),
+            rate_margin: rate_margin(),
             on_ros_loss: OnRosLoss::default(),
             ros_loss_timeout_ms: ros_loss_timeout_ms(),
         }

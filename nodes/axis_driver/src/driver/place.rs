@@ -12,9 +12,6 @@ use std::time::Duration;
 
 /// Steps and decimals, mm.
 const ROUNDING_MM: f64 = 0.02;
-/// What axes may be faster than their settings say, as a factor: with some kinematics the
-/// settings bound the motors, and a virtual machine may live some times as fast as the clock.
-const FASTER: f64 = 5.0;
 /// Reports in a row that may be passed over; the next is taken as it is.
 const DOUBTS_MAX: u32 = 3;
 
@@ -59,7 +56,7 @@ pub(super) struct Circumstances {
     /// The machine was looked at between these times.
     pub(super) since: Duration,
     pub(super) now: Duration,
-    /// Of each axis; infinite where it is not known.
+    /// The most that each axis can do, with a margin; infinite where it is not known.
     pub(super) rates_mm_per_min: Position,
     /// The machine stands, and nothing is asked of it.
     pub(super) is_at_rest: bool,
@@ -116,7 +113,7 @@ fn is_in_reach(before: Seen, seen: Seen, of: Circumstances) -> bool {
     let minutes = of.now.saturating_sub(before.since).as_secs_f64() / 60.0;
     (0..3).all(|axis| {
         let way = (seen.position[axis] - before.position[axis]).abs();
-        way <= of.rates_mm_per_min[axis] * FASTER * minutes + ROUNDING_MM
+        way <= of.rates_mm_per_min[axis] * minutes + ROUNDING_MM
     })
 }
 
@@ -138,7 +135,7 @@ mod tests {
             let now = Duration::from_millis(*at_ms);
             let machine_position = Some([*x, 0.0, 0.0]);
             let report = StatusReport { machine_position, ..StatusReport::default() };
-            let rates_mm_per_min = [6_000.0 / FASTER; 3];
+            let rates_mm_per_min = [6_000.0; 3];
             // It was asked for when the last one came.
             let of =
                 Circumstances { since: before, now, rates_mm_per_min, is_at_rest: *is_at_rest };

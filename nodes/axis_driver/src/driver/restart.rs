@@ -89,7 +89,8 @@ impl Driver {
         let stands = matches!(report.state, ControllerState::Idle | ControllerState::Alarm);
         let is_at_rest =
             stands && matches!(self.phase, Phase::Ready) && self.link.unanswered() == 0;
-        let rates_mm_per_min = self.machine.fastest_mm_per_min();
+        let fastest = self.machine.fastest_mm_per_min();
+        let rates_mm_per_min = fastest.map(|rate| rate * self.config.rate_margin);
         let of = Circumstances { since, now: self.now, rates_mm_per_min, is_at_rest };
         self.machine.place.judge(report, of)
     }

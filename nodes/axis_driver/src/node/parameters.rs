@@ -110,6 +110,12 @@ pub(crate) fn declared() -> Vec<Declared> {
         )
         .integer_within(100, 60_000),
         Declared::new(
+            "rate_margin",
+            config.rate_margin,
+            "how many times faster than $110 to $112 an axis is believed to move; a position farther away is doubted",
+        )
+        .within(1.0, 100_000.0),
+        Declared::new(
             "on_ros_loss",
             "as_commander",
             "what is done while the ROS side of the driver is restarted: as_commander, finish or hold",
@@ -207,6 +213,7 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
             _ => default.on_commander_loss,
         },
         commander_timeout_ms: integer("commander_timeout_ms", default.commander_timeout_ms),
+        rate_margin: double("rate_margin", default.rate_margin),
         on_ros_loss: match get("on_ros_loss") {
             ParameterValue::String(word) => {
                 let found = OnRosLoss::WORDS.iter().find(|(name, _)| *name == word);

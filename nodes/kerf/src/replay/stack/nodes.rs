@@ -5,6 +5,7 @@
 //! nobody else has. And everything happens in a domain of this computer alone in which
 //! nobody was: not on the network, not under the variables of whoever calls. Pure.
 
+use super::TIME_FACTOR;
 use cnc_msgs::wire::cnc_msgs::msg::NodeParameters;
 use runtime::parameter_from_wire;
 use runtime::parameters::ParameterValue;
@@ -17,7 +18,7 @@ pub(super) const DOMAINS: std::ops::RangeInclusive<u16> = 215..=232;
 /// The machine asks so seldom that a busy computer is not taken for a silent controller.
 const POLL_INTERVAL_MS: i64 = 500;
 /// What is this computer's and not the recorded one's.
-const OWN: [&str; 11] = [
+const OWN: [&str; 12] = [
     "port",
     "dtr",
     "rts",
@@ -28,6 +29,7 @@ const OWN: [&str; 11] = [
     "control_directories",
     "report_directory",
     "memory_mb_max",
+    "rate_margin",
     // There is no clock but this computer's.
     "use_sim_time",
 ];
@@ -99,6 +101,7 @@ pub(super) fn arguments(namespace: &str, folder: &Path, bags: &Path) -> Vec<Stri
     for (node, name, value) in [
         ("axis_driver", "port", quoted(&shown(LINK))),
         ("axis_driver", "poll_interval_ms", POLL_INTERVAL_MS.to_string()),
+        ("axis_driver", "rate_margin", format!("{:?}", 5.0 * TIME_FACTOR)),
         ("compensation_planner", "tool_table", quoted(&shown(TOOLS))),
         ("compensation_planner", "report_directory", quoted(&shown("reports"))),
         // The profile of the bag lies there.
