@@ -343,6 +343,12 @@ fn unplayable(run: &Run<'_>, index: usize) -> Option<String> {
         Happened::Heard(Report::Banner { .. }) if !was_reset => {
             Some("a controller that restarted".into())
         }
+        // The record begins in the middle of a line.
+        Happened::Heard(Report::Damaged(_))
+            if !before.iter().any(|it| matches!(it.what, Happened::Heard(_))) =>
+        {
+            None
+        }
         Happened::Heard(Report::Damaged(text)) => Some(format!("a damaged line {text:?}")),
         Happened::Heard(Report::Status(report)) => match report.state {
             ControllerState::Alarm => Some("an alarm".into()),

@@ -54,6 +54,19 @@ fn found(states: &States, published: &[Published]) -> usize {
     compare(published, &states.made, states.span).1.len()
 }
 
+/// Those whose last states are not within the room that the ends of a record have.
+fn runs_heard_to_their_end() -> Vec<(String, States)> {
+    const LATE_NS: i64 = 200_000_000;
+    let mut runs = golden_runs();
+    runs.retain(|(_, States { published, made, span })| {
+        let is_made = made.last().is_some_and(|it| it.at_ns + LATE_NS <= span.heard_ns);
+        let is_told = published.iter().all(|it| it.report_ns <= span.end_ns);
+        is_made && is_told
+    });
+    assert!(runs.len() >= 10, "{} golden runs are left", runs.len());
+    runs
+}
+
 #[test]
 fn every_golden_run_has_every_state_once_and_in_order() {
     for (name, states) in golden_runs() {
@@ -66,7 +79,7 @@ fn every_golden_run_has_every_state_once_and_in_order() {
 #[test]
 fn each_single_state_is_missed_and_one_of_its_repetitions_is_not() {
     let (mut missed, mut repeated) = (0, 0);
-    for (name, states) in golden_runs() {
+    for (name, states) in runs_heard_to_their_end() {
         for run in distinct(&states) {
             let mut left = states.published.clone();
             left.drain(run.clone());
@@ -80,12 +93,12 @@ fn each_single_state_is_missed_and_one_of_its_repetitions_is_not() {
             }
         }
     }
-    assert!(missed > 500 && repeated > 500, "{missed} states, {repeated} repetitions");
+    assert!(missed > 250 && repeated > 250, "{missed} states, {repeated} repetitions");
 }
 
 #[test]
 fn a_class_of_states_or_an_end_of_them_is_missed() {
-    for (name, states) in golden_runs() {
+    for (name, states) in runs_heard_to_their_end() {
         let begin_ns = states.span.begin_ns;
         let is_in_time = |it: &Published| it.published_ns >= begin_ns;
         let modes: std::collections::BTreeSet<u8> =
@@ -112,7 +125,7 @@ fn a_class_of_states_or_an_end_of_them_is_missed() {
 
 #[test]
 fn states_that_change_places_or_come_once_more_are_found() {
-    for (name, states) in golden_runs() {
+    for (name, states) in runs_heard_to_their_end() {
         let runs = distinct(&states);
         for pair in runs.windows(2) {
             let mut other = states.published.clone();
@@ -146,7 +159,7 @@ fn states_that_change_places_or_come_once_more_are_found() {
 
 #[test]
 fn a_state_of_the_core_that_comes_or_goes_is_found() {
-    for (name, states) in golden_runs() {
+    for (name, states) in runs_heard_to_their_end() {
         let found = |made: &[Made]| compare(&states.published, made, states.span).1.len();
         for index in 0..states.made.len() {
             let mut made = states.made.clone();
