@@ -36,6 +36,7 @@ mod stop;
 mod stream;
 mod tool_change;
 
+pub use buttons::STILL_STOPPING;
 pub use by_hand::{JogFrame, JogRequest, OffsetRequest, ProbeRequest};
 pub use command::{Command, MDI, Refusal, RunRequest};
 pub use commander::{COMMANDER_LOST, OnCommanderLoss};

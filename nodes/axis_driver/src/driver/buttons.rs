@@ -7,6 +7,9 @@ use crate::codes::error_code;
 use crate::link::realtime;
 use crate::report::ControllerState;
 
+/// Why a resume is refused for the moment.
+pub const STILL_STOPPING: &str = "the machine is still coming to a stop: try again";
+
 impl Driver {
     pub(super) fn feed_hold(&mut self) -> Answer {
         if let Phase::Closed { reason } = &self.phase {
@@ -47,7 +50,7 @@ impl Driver {
         let is_held = self.machine.is_held();
         if self.machine.is_state(&ControllerState::Hold) && !is_held {
             // The controller passes over a resume then.
-            return refused(error_code::BUSY, "the machine is still coming to a stop: try again");
+            return refused(error_code::BUSY, STILL_STOPPING);
         }
         if let Some(refusal) = self.machine.door_obstacle() {
             return Some(Err(refusal));

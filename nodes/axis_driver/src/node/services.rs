@@ -2,18 +2,22 @@
 
 use super::edges::Edges;
 use super::path::Paths;
-use super::{Driver, REPLY_WITHIN, told};
-use crate::driver::{Command, MDI};
+use super::{Driver, REPLY_WITHIN, Reply, told};
+use crate::driver::{Command, MDI, STILL_STOPPING};
 use cnc_msgs::interface::{Message, Service};
 use cnc_msgs::wire::std_msgs::msg::Bool;
 use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolResponse, Trigger, TriggerResponse};
 use runtime::commands::Answer;
 use runtime::{Handle, NodeResult, Qos, RequestInfo, SampleInfo, Subscription};
 use std::sync::Arc;
-use std::time::Duration;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
 /// Time between two holds by topic, however many are wished; the first comes at once.
 const WISH_PAUSE: Duration = Duration::from_millis(10);
+/// How long a machine that is held may take to stand, and how often it is looked at.
+const STANDS_WITHIN: Duration = Duration::from_secs(5);
+const STANDS_PERIOD: Duration = Duration::from_millis(50);
 /// Wishes that may wait: one of a peer must not be lost for the storm of another.
 const WISHES_MAX: usize = 10_000;
 
@@ -43,7 +47,6 @@ pub(super) fn offer_tool_change(node: &Handle, driver: &Arc<Driver>, paths: &Pat
 pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
     for (name, command) in [
         ("feed_hold", Command::FeedHold),
-        ("resume", Command::Resume),
         ("soft_reset", Command::SoftReset),
         ("unlock", Command::Unlock),
         ("door_hold", Command::DoorHold),
@@ -64,6 +67,16 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
         })?;
     }
     let shared = Arc::clone(driver);
+    node.concurrent_service::<Trigger, _, _>("resume", move |request, info: RequestInfo| {
+        let driver = Arc::clone(&shared);
+        async move {
+            let (success, error_code, message) = told(resume(&driver).await);
+            let answer = Answer { success, error_code, message: &message };
+            driver.commands.record("resume", Trigger::TYPE_NAME, &info, &request, answer);
+            TriggerResponse { success, message }
+        }
+    })?;
+    let shared = Arc::clone(driver);
     node.service::<SetBool, _, _>("single_block", move |request, info: RequestInfo| {
         let driver = Arc::clone(&shared);
         async move {
@@ -78,6 +91,21 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
     let holds = node.subscription::<Bool>("feed_hold", Qos::DEFAULT.with_depth(WISHES_MAX))?;
     node.spawn("feed_hold", hold_by_topic(Arc::clone(driver), holds));
     Ok(())
+}
+
+/// Resumes, as soon as the machine stands: who has seen HOLD need not know that it decelerates
+/// yet. A wish to stop that comes meanwhile ends the wait.
+async fn resume(driver: &Driver) -> Reply {
+    let (stops, begun) = (driver.stops(), Instant::now());
+    loop {
+        let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
+        let reply = driver.ask_unless_stopped(stops, id, Command::Resume, REPLY_WITHIN).await;
+        let is_stopping = matches!(&reply, Err(refusal) if refusal.message == STILL_STOPPING);
+        if !is_stopping || begun.elapsed() > STANDS_WITHIN {
+            return reply;
+        }
+        tokio::time::sleep(STANDS_PERIOD).await;
+    }
 }
 
 async fn hold_by_topic(driver: Arc<Driver>, mut holds: Subscription<Bool>) {

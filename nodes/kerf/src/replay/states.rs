@@ -63,7 +63,7 @@ impl States {
         let Self { published, made, span } = self;
         let (equal, differences) = order::compare(published, made, *span);
         comparison.count("states", equal + differences.len());
-        let (differences, lost) = without_lost(differences, made);
+        let (differences, lost) = without_lost(differences, made, span.begin_ns);
         if lost > 0 {
             comparison.remark("states", format!("{lost} states in passing were not heard"));
         }
@@ -107,13 +107,24 @@ impl States {
 /// Leaves out states in passing that the network may have lost: a state that another one follows
 /// is not sent again. Nothing but the place, the feed and the speed tells such a state from those
 /// before and after it, and they are few; else none is left out.
-fn without_lost(differences: Vec<Difference>, made: &[Made]) -> (Vec<Difference>, usize) {
+fn without_lost(
+    differences: Vec<Difference>,
+    made: &[Made],
+    begin_ns: i64,
+) -> (Vec<Difference>, usize) {
+    /// The recorder opens its bag within this time; it has only the newest state of before.
+    const OPENING_NS: i64 = 200_000_000;
     /// Of so many states one may be lost, and two of fewer.
     const STATES_FOR_ONE: usize = 20;
     let mut each: Vec<&Made> = made.iter().collect();
     each.dedup_by(|next, before| next.state == before.state);
     let is_lost = |difference: &Difference| {
-        let Difference::NotPublished(index, Made { state, .. }) = difference else { return false };
+        let Difference::NotPublished(index, Made { state, at_ns, .. }) = difference else {
+            return false;
+        };
+        if *at_ns < begin_ns.saturating_add(OPENING_NS) {
+            return true;
+        }
         let beside = |index: Option<usize>| {
             index
                 .and_then(|index| each.get(index))
