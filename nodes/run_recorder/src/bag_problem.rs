@@ -73,6 +73,10 @@ pub enum Problem {
     #[error("the index promises {promised} messages, {found} can be read")]
     MessagesMissing { promised: u64, found: u64 },
     #[error(
+        "{topic} has {found} messages, and the recorder wrote {written}: the bag was changed; replay the recording as it was"
+    )]
+    MessagesChanged { topic: String, written: u64, found: u64 },
+    #[error(
         "from {log_time_ns} ns on messages come out of order: chunks overlap by more than the window, or state wrong times"
     )]
     OrderNotKept { log_time_ns: u64 },
@@ -97,7 +101,8 @@ impl Problem {
             | Self::MetadataDiffers { .. }
             | Self::UnknownChannel { .. }
             | Self::AfterFooter { .. }
-            | Self::MessagesMissing { .. } => true,
+            | Self::MessagesMissing { .. }
+            | Self::MessagesChanged { .. } => true,
             Self::NoMetadataFile
             | Self::FileNotListed { .. }
             | Self::SchemaMissing { .. }

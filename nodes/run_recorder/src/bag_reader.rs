@@ -14,6 +14,7 @@ use crate::bag_messages::visit_stretch;
 pub use crate::bag_messages::{BagMessage, MessageFilter, Messages, WINDOW_BYTES};
 pub use crate::bag_problem::{BagError, Problem};
 use crate::bag_writer::{QOS_KEY, TYPE_HASH_KEY};
+use crate::closing::Closing;
 use crate::joined::{PartsRead, scan_all};
 use crate::metadata::{BagSummary, Claims, TopicSummary};
 use crate::outline::Outline;
@@ -410,13 +411,31 @@ impl<R: Read + Seek> Bag<R> {
     }
 
     fn recorder_says(&mut self) {
-        let Some(result) = self.metadata_named(RESULT_RECORD) else {
-            return;
-        };
-        if result.get("complete").is_none_or(|complete| complete != "true") {
-            let reason = result.get("reasons").cloned().unwrap_or_default();
-            self.add_problem(Problem::RecorderSays { reason });
+        let Some(closing) = self.closing() else { return };
+        if !closing.complete {
+            self.add_problem(Problem::RecorderSays { reason: closing.reasons });
         }
+        // What is damaged has fewer messages, and is told of already.
+        if self.problems().iter().any(Problem::is_damage) || closing.written.is_empty() {
+            return;
+        }
+        let mut counts = closing.written;
+        for channel in &self.channels {
+            counts.entry(channel.topic.clone()).or_insert(0);
+        }
+        for (topic, written) in counts {
+            let of_topic = self.channels.iter().filter(|channel| channel.topic == topic);
+            let found = of_topic.map(|channel| channel.message_count).sum();
+            if found != written {
+                self.add_problem(Problem::MessagesChanged { topic, written, found });
+            }
+        }
+    }
+
+    /// What the recorder said as it closed the bag; `None` of other recorders, and where it
+    /// did not come to it.
+    pub fn closing(&self) -> Option<Closing> {
+        self.metadata_named(RESULT_RECORD).map(Closing::from_record)
     }
 }
 

@@ -241,6 +241,13 @@ impl<W: Write> BagWriter<W> {
         self.channels.get(usize::from(channel.0)).map_or(0, |state| state.next_sequence)
     }
 
+    /// Messages so far by topic, of those that have any.
+    pub(crate) fn counts(&self) -> BTreeMap<String, u64> {
+        let topics = self.channels.iter().map(|state| &state.summary);
+        let counts = topics.map(|topic| (topic.topic.clone(), topic.message_count));
+        counts.filter(|(_, count)| *count > 0).collect()
+    }
+
     /// Leaves a gap of `count` in a channel's sequence numbers, for messages known to be lost.
     pub fn skip(&mut self, channel: ChannelIndex, count: u32) -> Result<(), BagWriteError> {
         let state = self.state(channel)?;

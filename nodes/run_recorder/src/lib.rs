@@ -11,6 +11,7 @@ mod bag_problem;
 pub mod bag_reader;
 pub mod bag_writer;
 mod chunk_index;
+pub mod closing;
 #[cfg(feature = "std-fs")]
 mod compressed;
 pub mod decode;

@@ -15,6 +15,7 @@ use std::time::Instant;
 
 use crate::bag_reader::{RESULT_RECORD, RUN_RECORD};
 use crate::bag_writer::{BagAttachment, BagWriteError, BagWriter, ChannelIndex, ChannelSpec};
+use crate::closing::Closing;
 use crate::metadata::FileSummary;
 use crate::records::FRAME;
 use crate::run_bag::RunBagOptions;
@@ -205,10 +206,10 @@ impl<'a> Parts<'a> {
     /// Writes how the run ended and closes the last file. Returns all of them.
     pub(crate) fn finish(
         mut self,
-        result: &BTreeMap<String, String>,
+        closing: &Closing,
         custom_data: &BTreeMap<String, String>,
     ) -> Result<Finished, BagWriteError> {
-        self.write_metadata(RESULT_RECORD, result)?;
+        self.write_metadata(RESULT_RECORD, &closing.to_record())?;
         let (mut sink, summary) = self.writer.finish(&self.name, custom_data)?;
         sink.flush()?;
         (self.sync)()?;

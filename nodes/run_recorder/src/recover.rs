@@ -5,6 +5,7 @@ use std::io::{Read, Seek, Write};
 
 use crate::bag_reader::{Bag, BagChannel, BagError, BagMessage, Problem, RESULT_RECORD};
 use crate::bag_writer::{BagAttachment, BagWriteError, BagWriter, ChannelIndex, ChannelSpec};
+use crate::closing::Closing;
 use crate::metadata::BagSummary;
 use crate::split::PART_RECORD;
 
@@ -161,19 +162,17 @@ pub fn recover<R: Read + Seek, W: Write>(
         reasons.extend(
             left_out.iter().map(|(topic, reason)| format!("topic {topic} is left out: {reason}")),
         );
-        let result = result_record(false, &reasons);
-        writer.write_metadata(RESULT_RECORD, &result)?;
-    } else if let Some(result) = bag.metadata_named(RESULT_RECORD) {
-        writer.write_metadata(RESULT_RECORD, result)?;
+        let Closing { lost, missed, .. } = bag.closing().unwrap_or_default();
+        let (complete, written) = (false, BTreeMap::new());
+        let closing = Closing { complete, reasons: reasons.join("; "), lost, written, missed };
+        writer.write_metadata(RESULT_RECORD, &closing.to_record())?;
+    } else if let Some(mut closing) = bag.closing() {
+        // What is not selected is not missed.
+        if !closing.written.is_empty() {
+            closing.written = writer.counts();
+        }
+        writer.write_metadata(RESULT_RECORD, &closing.to_record())?;
     }
     let (sink, summary) = writer.finish(file_name, custom_data)?;
     Ok((sink, Recovered { summary, left_out, problems }))
-}
-
-/// The values of [`RESULT_RECORD`].
-pub(crate) fn result_record(complete: bool, reasons: &[String]) -> BTreeMap<String, String> {
-    BTreeMap::from([
-        ("complete".to_owned(), complete.to_string()),
-        ("reasons".to_owned(), reasons.join("; ")),
-    ])
 }

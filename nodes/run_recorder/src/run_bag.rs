@@ -87,6 +87,8 @@ pub struct RecordingStatus {
     pub messages_lost: u64,
     /// The same by topic, those alone that lost any.
     pub lost_by_topic: BTreeMap<String, u64>,
+    /// Messages that were sent and did not come, by topic, those alone that miss any.
+    pub missed_by_topic: BTreeMap<String, u64>,
     /// Size of the file so far.
     pub bytes_written: u64,
     /// Bytes that wait for the write thread.
@@ -228,6 +230,14 @@ impl RunBag {
     ) -> bool {
         let queue = &self.shared.queue;
         queue.put_message(channel, log_time_ns, publish_time_ns, data)
+    }
+
+    /// Notes that messages of a channel were sent and did not come, before the next that does.
+    ///
+    /// The bag is complete all the same: whoever sends decides what is sent again. They leave a
+    /// gap in the channel's numbers, and are counted where the bag is closed.
+    pub fn note_missed(&self, channel: ChannelIndex, count: u32) {
+        self.shared.queue.miss(channel, count);
     }
 
     /// Puts a file into the bag: the program, the parameters, the tool table.

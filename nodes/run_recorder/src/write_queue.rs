@@ -69,6 +69,8 @@ struct State {
     /// Not yet told by a later message of the channel.
     gaps: BTreeMap<ChannelIndex, u32>,
     lost: BTreeMap<ChannelIndex, u64>,
+    /// Sent, and never come here.
+    missed: BTreeMap<ChannelIndex, u64>,
     is_closed: bool,
 }
 
@@ -173,6 +175,19 @@ impl WriteQueue {
     /// Counts messages as lost that were taken but could not be written.
     pub(crate) fn lose(&self, channel: ChannelIndex, count: u64) {
         *self.state().lost.entry(channel).or_default() += count;
+    }
+
+    /// Counts messages that were sent and did not come, before the next one that does.
+    pub(crate) fn miss(&self, channel: ChannelIndex, count: u32) {
+        let mut state = self.state();
+        let gap = state.gaps.entry(channel).or_default();
+        *gap = gap.saturating_add(count);
+        *state.missed.entry(channel).or_default() += u64::from(count);
+    }
+
+    /// Messages that did not come, by channel.
+    pub(crate) fn missed(&self) -> BTreeMap<ChannelIndex, u64> {
+        self.state().missed.clone()
     }
 
     /// Lets nothing more in; what waits is still written.

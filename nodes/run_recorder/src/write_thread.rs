@@ -11,10 +11,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::bag_writer::{BagWriteError, ChannelIndex};
+use crate::closing::Closing;
 use crate::files::write_metadata_file;
 use crate::metadata::metadata_yaml_of_files;
 use crate::parts::{Finished, Outlet, Parts};
-use crate::recover::result_record;
 use crate::run_bag::{RecordingStatus, RunBagOptions};
 use crate::write_queue::{Batch, Command, WriteQueue};
 
@@ -67,13 +67,7 @@ impl Shared {
     pub(crate) fn status(&self) -> RecordingStatus {
         let lost = self.queue.lost();
         let end = lock(&self.end);
-        let lost_by_topic: BTreeMap<String, u64> = lost
-            .iter()
-            .map(|(channel, count)| {
-                let topic = end.topics.get(usize::from(channel.0)).cloned();
-                (topic.unwrap_or_else(|| format!("channel {}", channel.0)), *count)
-            })
-            .collect();
+        let lost_by_topic = end.by_topic(&lost);
         let mut reasons = end.noted.clone();
         reasons.extend(end.error.clone());
         reasons.extend(lost_by_topic.iter().map(|(topic, count)| match end.error {
@@ -92,6 +86,7 @@ impl Shared {
             messages_written: self.messages_written.load(Ordering::Relaxed),
             messages_lost: lost.values().sum(),
             lost_by_topic,
+            missed_by_topic: end.by_topic(&self.queue.missed()),
             bytes_written: self.bytes_written.load(Ordering::Relaxed),
             bytes_waiting: self.queue.waiting_bytes(),
             error: end.error.clone(),
@@ -101,6 +96,17 @@ impl Shared {
             complete: reasons.is_empty(),
             reasons,
         }
+    }
+}
+
+impl End {
+    /// Counts by the names of their topics.
+    fn by_topic(&self, counts: &BTreeMap<ChannelIndex, u64>) -> BTreeMap<String, u64> {
+        let named = |(channel, count): (&ChannelIndex, &u64)| {
+            let topic = self.topics.get(usize::from(channel.0)).cloned();
+            (topic.unwrap_or_else(|| format!("channel {}", channel.0)), *count)
+        };
+        counts.iter().map(named).collect()
     }
 }
 
@@ -149,7 +155,8 @@ fn write_bag(
 ) -> Result<(), BagWriteError> {
     shared.busy.begin();
     let parts = Parts::begin(options, outlet, shared.bytes_written.clone())?;
-    let mut pen = Pen { shared, parts, written: 0, unflushed: BTreeMap::new() };
+    let mut pen =
+        Pen { shared, parts, written: 0, written_of: BTreeMap::new(), unflushed: BTreeMap::new() };
     let interval = options.flush_interval;
     let mut oldest_unflushed: Option<Instant> = None;
     loop {
@@ -181,12 +188,17 @@ fn write_bag(
     // What it did not take in time is in the file now.
     shared.busy.end();
     let status = shared.status();
-    let mut result = result_record(status.complete, &status.reasons);
-    result.insert("messages_lost".to_owned(), status.messages_lost.to_string());
+    let closing = Closing {
+        complete: status.complete,
+        reasons: status.reasons.join("; "),
+        lost: status.messages_lost,
+        written: lock(&shared.end).by_topic(&pen.written_of),
+        missed: status.missed_by_topic.clone(),
+    };
     let mut custom_data = options.run.clone();
     custom_data.insert("complete".to_owned(), status.complete.to_string());
     shared.busy.begin();
-    let Finished { files, is_ours } = pen.parts.finish(&result, &custom_data)?;
+    let Finished { files, is_ours } = pen.parts.finish(&closing, &custom_data)?;
     shared.busy.begin();
     write_metadata_file(&shared.path, &metadata_yaml_of_files(&files, &custom_data))?;
     drop(is_ours);
@@ -199,6 +211,8 @@ struct Pen<'a> {
     parts: Parts<'a>,
     /// Messages, in whatever file.
     written: u64,
+    /// The same by channel.
+    written_of: BTreeMap<ChannelIndex, u64>,
     /// Messages in the open chunk, by channel; some may be in the file already.
     unflushed: BTreeMap<ChannelIndex, u64>,
 }
@@ -234,6 +248,7 @@ impl Pen<'_> {
                 self.parts.skip(*channel, *lost_before)?;
                 self.parts.write(*channel, *log_time_ns, *publish_time_ns, data)?;
                 self.written += 1;
+                *self.written_of.entry(*channel).or_default() += 1;
                 *self.unflushed.entry(*channel).or_default() += 1;
                 Ok(())
             }

@@ -83,10 +83,20 @@ pub(crate) struct Recording {
     pub(crate) settings: Option<wire::ControllerSettings>,
     /// What became of the goals of `run_program`, in order.
     pub(crate) goals: Vec<GoalStatusArray>,
+    /// States that were sent and did not come to the recorder, where it counted them.
+    pub(crate) missed_states: Option<u64>,
     /// The recorder came in the middle of the run, and says so: it has not heard what was before.
     pub(crate) begins_late: bool,
     /// What the bag should hold and does not; it is left out above.
     pub(crate) missing: Vec<Missing>,
+}
+
+/// How many states the recorder says that it missed.
+fn missed_states<R: Read + Seek>(bag: &Bag<R>) -> Option<u64> {
+    let closing = bag.closing().filter(|closing| !closing.written.is_empty())?;
+    let mut topics = bag.channels().iter();
+    let states = topics.find(|topic| topic.type_name() == wire::MachineState::TYPE_NAME)?;
+    Some(closing.missed.get(&states.topic).copied().unwrap_or(0))
 }
 
 /// A time by the wall clock, ns.
@@ -160,6 +170,7 @@ impl Recording {
             recording.sort(&message, *number, &mut gathered)?;
         }
         recording.put_together(gathered)?;
+        recording.missed_states = missed_states(bag);
         recording.begins_late = bag
             .problems()
             .iter()

@@ -24,6 +24,8 @@ pub(super) struct States {
     published: Vec<Published>,
     made: Vec<Made>,
     span: Span,
+    /// How many were sent and did not come to the recorder, where it counted them.
+    missed: Option<u64>,
 }
 
 impl States {
@@ -54,18 +56,20 @@ impl States {
             report_ns: nanoseconds(&told.state.header.stamp),
             state: comparable(&told.state),
         });
-        Some(Self { published: published.collect(), made: made.collect(), span })
+        let (published, made) = (published.collect(), made.collect());
+        Some(Self { published, made, span, missed: recording.missed_states })
     }
 
     /// Every state that was published is one that the core goes through, and the other way
     /// around.
     pub(super) fn compare(&self, comparison: &mut Comparison) {
-        let Self { published, made, span } = self;
+        let Self { published, made, span, missed } = self;
         let (equal, differences) = order::compare(published, made, *span);
         comparison.count("states", equal + differences.len());
-        let (differences, lost) = without_lost(differences, made, span.begin_ns);
-        if lost > 0 {
-            comparison.remark("states", format!("{lost} states in passing were not heard"));
+        let (differences, missed) = without_missed(differences, made, *missed);
+        if missed > 0 {
+            let text = format!("{missed} states that were sent did not come to the recorder");
+            comparison.remark("states", text);
         }
         for difference in differences {
             let (message, text, state) = match &difference {
@@ -104,27 +108,21 @@ impl States {
     }
 }
 
-/// Leaves out states in passing that the network may have lost: a state that another one follows
-/// is not sent again. Nothing but the place, the feed and the speed tells such a state from those
-/// before and after it, and they are few; else none is left out.
-fn without_lost(
+/// Leaves out states that were sent and did not come to the recorder: a state that another one
+/// follows is not sent again.
+///
+/// A recorder that counts says how many there were. Of a bag of another one some may be missing,
+/// if nothing but the place, the feed and the speed tells them from those before and after.
+fn without_missed(
     differences: Vec<Difference>,
     made: &[Made],
-    begin_ns: i64,
+    missed: Option<u64>,
 ) -> (Vec<Difference>, usize) {
-    /// The recorder opens its bag within this time; it has only the newest state of before.
-    const OPENING_NS: i64 = 200_000_000;
-    /// Of so many states one may be lost, and two of fewer.
+    /// Of so many states one may be missing, and two of fewer.
     const STATES_FOR_ONE: usize = 20;
     let mut each: Vec<&Made> = made.iter().collect();
     each.dedup_by(|next, before| next.state == before.state);
-    let is_lost = |difference: &Difference| {
-        let Difference::NotPublished(index, Made { state, at_ns, .. }) = difference else {
-            return false;
-        };
-        if *at_ns < begin_ns.saturating_add(OPENING_NS) {
-            return true;
-        }
+    let is_in_passing = |index: usize, state: &MachineState| {
         let beside = |index: Option<usize>| {
             index
                 .and_then(|index| each.get(index))
@@ -132,12 +130,22 @@ fn without_lost(
         };
         beside(index.checked_sub(1)) && beside(index.checked_add(1))
     };
-    let lost = differences.iter().filter(|it| is_lost(it)).count();
-    if lost == 0 || lost > (each.len() / STATES_FOR_ONE).max(2) {
+    let is_missed = |difference: &Difference| match difference {
+        Difference::NotMade(..) => false,
+        Difference::NotPublished(index, Made { state, .. }) => {
+            missed.is_some() || is_in_passing(*index, state)
+        }
+    };
+    let most = match missed {
+        Some(missed) => usize::try_from(missed).unwrap_or(usize::MAX),
+        None => (each.len() / STATES_FOR_ONE).max(2),
+    };
+    let count = differences.iter().filter(|it| is_missed(it)).count();
+    if count > most {
         return (differences, 0);
     }
-    let kept = differences.into_iter().filter(|it| !is_lost(it)).collect();
-    (kept, lost)
+    let kept = differences.into_iter().filter(|it| !is_missed(it)).collect();
+    (kept, count)
 }
 
 /// A state without what changes while the machine moves on.

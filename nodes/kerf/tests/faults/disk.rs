@@ -121,8 +121,8 @@ fn where_a_record_is_required_no_run_begins_without_a_recorder() {
     cell.commander.until("a run that waits", |it| it.reason.contains("WAITING_FOR_RECORDER"));
     is_not_begun(&cell, moment, run);
 
-    // Another starts in its place, and has to be found first.
-    kill_at_once(recorder);
+    // Another starts in its place, and has to be found first; `kerf up` may have seen to that.
+    let _ = kill_process(recorder, Signal::KILL);
     let run = until("a run that is recorded", || {
         let moment = cell.moment();
         let run = cell.commander.run().expect("the driver takes the run");

@@ -209,6 +209,7 @@ fn a_record_that_stops_in_mid_run_is_refused_whatever_it_says_of_itself() {
             let until = begin + (end - begin) * part / 10;
             let mut bag = whole.clone();
             bag.messages.retain(|it| it.log_time < until);
+            bag.recount();
             let place = Folder::new();
             let path = place.path().join("bag");
             bag.write(&path, form);
@@ -218,6 +219,7 @@ fn a_record_that_stops_in_mid_run_is_refused_whatever_it_says_of_itself() {
         // All but what became of the goal.
         let mut bag = whole.clone();
         bag.messages.retain(|it| it.topic != topic);
+        bag.recount();
         let place = Folder::new();
         let path = place.path().join("bag");
         bag.write(&path, Form::OURS);
@@ -264,6 +266,35 @@ fn a_state_that_the_driver_goes_through_is_missed_and_can_be_blessed() {
             if what != "all but one" {
                 replay(&path, &["--update"]).expect(0).says(&["updated; it is reproduced now"]);
             }
+        }
+    }
+}
+
+#[test]
+fn a_message_of_any_topic_that_somebody_took_out_is_told() {
+    type Keeps = fn(usize, usize) -> bool;
+    let cases: [(&str, Keeps); 4] = [
+        ("all", |_, _| false),
+        ("the first", |index, _| index > 0),
+        ("one in the middle", |index, count| index != count / 2),
+        ("the last", |index, count| index + 1 < count),
+    ];
+    let golden = TestBag::golden("rs274_hold_and_tool_change");
+    for (topic, named) in golden.topics.iter().enumerate() {
+        let count = golden.messages.iter().filter(|it| it.topic == topic).count();
+        for (what, keeps) in cases {
+            let mut bag = golden.clone();
+            let mut index = 0;
+            bag.messages.retain(|it| {
+                index += usize::from(it.topic == topic);
+                it.topic != topic || keeps(index - 1, count)
+            });
+            let folder = Folder::new();
+            let path = folder.path().join("bag");
+            bag.write(&path, Form::OURS);
+            let ran = replay(&path, &[]);
+            assert_eq!(ran.status, 2, "{what} of {}: {}", named.name, ran.out);
+            ran.says(&[&format!("{} has ", named.name), "the recorder wrote"]);
         }
     }
 }

@@ -149,6 +149,23 @@ impl TestBag {
     pub(crate) fn silence<M: Message>(&mut self) {
         let topic = self.topic::<M>();
         self.messages.retain(|message| message.topic != topic);
+        self.recount();
+    }
+
+    /// Has the recorder say of each topic how many messages are here.
+    pub(crate) fn recount(&mut self) {
+        const COUNT: &str = "messages_of:";
+        for (name, record) in &mut self.records {
+            if name == "cnc_run_result" && record.keys().any(|key| key.starts_with(COUNT)) {
+                record.retain(|key, _| !key.starts_with(COUNT));
+                for (index, topic) in self.topics.iter().enumerate() {
+                    let count = self.messages.iter().filter(|it| it.topic == index).count();
+                    if count > 0 {
+                        record.insert(format!("{COUNT}{}", topic.name), count.to_string());
+                    }
+                }
+            }
+        }
     }
 
     /// Leaves out a type with its topic.
@@ -157,6 +174,7 @@ impl TestBag {
         self.messages.retain(|message| message.topic != topic);
         self.topics.remove(topic);
         self.messages.iter_mut().filter(|it| it.topic > topic).for_each(|it| it.topic -= 1);
+        self.recount();
     }
 
     /// Changes every message of a type; those that are not kept are left out.
@@ -171,6 +189,7 @@ impl TestBag {
             recorded.data = cdr::encapsulated(&message);
             is_kept
         });
+        self.recount();
     }
 
     /// Changes the bytes of every message of a type.

@@ -12,6 +12,10 @@ const PRELUDE_SAMPLES: usize = 4_000;
 #[derive(Debug, Clone)]
 pub(super) struct Kept {
     pub(super) publisher: [u8; 16],
+    /// Its number at its publisher.
+    pub(super) sequence: i64,
+    /// How many before it the publisher sent that did not come.
+    pub(super) missed_before: u32,
     pub(super) log_time_ns: u64,
     pub(super) publish_time_ns: u64,
     pub(super) bytes: Vec<u8>,
@@ -23,11 +27,14 @@ impl Kept {
         let log_time_ns = at(sample.info.reception_time);
         let publish_time_ns = sample.info.source_time.map_or(log_time_ns, at);
         let Gid(publisher) = sample.info.publisher;
-        Self { publisher, log_time_ns, publish_time_ns, bytes: sample.bytes }
+        let sequence = sample.info.sequence;
+        let (bytes, missed_before) = (sample.bytes, 0);
+        Self { publisher, sequence, missed_before, log_time_ns, publish_time_ns, bytes }
     }
 }
 
-/// The newest samples of topics that are not latched, with the numbers of their topics.
+/// The newest samples, with the numbers of their topics; of latched topics those of machine states
+/// that a newer one has followed.
 #[derive(Debug)]
 pub(super) struct Prelude {
     samples: VecDeque<(usize, Kept)>,
@@ -88,7 +95,8 @@ mod tests {
 
     fn kept(log_time_ns: u64, size: usize) -> Kept {
         let publish_time_ns = log_time_ns;
-        Kept { publisher: [0; 16], log_time_ns, publish_time_ns, bytes: vec![0; size] }
+        let (publisher, bytes) = ([0; 16], vec![0; size]);
+        Kept { publisher, sequence: 1, missed_before: 0, log_time_ns, publish_time_ns, bytes }
     }
 
     #[test]

@@ -18,6 +18,8 @@ use std::path::Path;
 
 /// Publishers of one latched topic of which the newest is kept.
 const PUBLISHERS_MAX: usize = 32;
+/// Publishers of one topic whose samples are counted.
+const COUNTED_MAX: usize = 256;
 
 #[derive(Debug)]
 struct Topic {
@@ -25,6 +27,22 @@ struct Topic {
     is_latched: bool,
     /// Of latched topics: the newest of each publisher.
     newest: BTreeMap<[u8; 16], Kept>,
+    /// The number of the newest sample of each publisher.
+    counted: BTreeMap<[u8; 16], i64>,
+}
+
+impl Topic {
+    /// Counts a sample of a publisher; the answer is how many before it did not come.
+    fn count(&mut self, publisher: [u8; 16], sequence: i64) -> u32 {
+        if self.counted.len() >= COUNTED_MAX && !self.counted.contains_key(&publisher) {
+            self.counted.pop_first();
+        }
+        let newest = self.counted.entry(publisher).or_insert(sequence);
+        let missed = sequence.saturating_sub(*newest).saturating_sub(1);
+        *newest = sequence.max(*newest);
+        // A publisher that says what cannot be is not believed.
+        u32::try_from(missed).unwrap_or(0)
+    }
 }
 
 /// All topics, in the order in which they were seen.
@@ -41,24 +59,35 @@ impl Store {
 
     /// Adds a topic and returns its number.
     pub(super) fn add(&mut self, spec: ChannelSpec, is_latched: bool) -> usize {
-        self.topics.push(Topic { spec, is_latched, newest: BTreeMap::new() });
+        self.topics.push(Topic {
+            spec,
+            is_latched,
+            newest: BTreeMap::new(),
+            counted: BTreeMap::new(),
+        });
         self.topics.len() - 1
     }
 
     /// Takes a sample: into the bag if one is open, and to memory.
     pub(super) fn take(&mut self, open: Option<&mut OpenRun>, index: usize, sample: RawSample) {
-        let kept = Kept::new(sample);
+        let mut kept = Kept::new(sample);
         let publisher = kept.publisher;
         let topic = &mut self.topics[index];
+        kept.missed_before = topic.count(publisher, kept.sequence);
+        let mut followed = None;
         if topic.is_latched {
             if topic.newest.len() >= PUBLISHERS_MAX && !topic.newest.contains_key(&publisher) {
                 topic.newest.pop_first();
             }
-            topic.newest.insert(publisher, kept.clone());
+            followed = topic.newest.insert(publisher, kept.clone());
         }
         match open {
             Some(open) => open.write(index, &topic.spec.type_name, kept),
             // Traffic of before is fetched from the driver; it numbers every entry.
+            // The states that led to the one of the beginning tell how the machine came to it.
+            None if topic.spec.type_name == wire::MachineState::TYPE_NAME => {
+                followed.into_iter().for_each(|before| self.prelude.push(index, before));
+            }
             None if topic.is_latched || is_traffic(&topic.spec.type_name) => {}
             None => self.prelude.push(index, kept),
         }
@@ -220,6 +249,9 @@ impl OpenRun {
                 Err(error) => self.bag.note_incomplete(error.to_string()),
             }
         }
+        if kept.missed_before > 0 {
+            self.bag.note_missed(channel, kept.missed_before);
+        }
         self.bag.write(channel, kept.log_time_ns, kept.publish_time_ns, kept.bytes);
     }
 
@@ -325,4 +357,39 @@ fn zero_of_clock_ns(entry: &wire::TrafficEntry) -> i64 {
 
 fn nanoseconds(stamp: &Time) -> u64 {
     u64::try_from(stamp.sec).unwrap_or(0) * 1_000_000_000 + u64::from(stamp.nanosec)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_publisher_numbered_and_did_not_come_is_counted_once() {
+        let spec = ChannelSpec {
+            topic: "/a".into(),
+            type_name: String::new(),
+            schema_text: String::new(),
+            type_hash: String::new(),
+            qos: Vec::new(),
+        };
+        let mut store = Store::default();
+        let index = store.add(spec, true);
+        let topic = &mut store.topics[index];
+        let (one, other) = ([1; 16], [2; 16]);
+        for (publisher, sequence, missed) in [
+            // Whoever comes late has not missed what was before.
+            (one, 7, 0),
+            (one, 8, 0),
+            (one, 11, 2),
+            // Sent again.
+            (one, 9, 0),
+            (other, 1, 0),
+            (one, 12, 0),
+            (other, 3, 1),
+            (one, i64::MAX, 0),
+            (one, i64::MIN, 0),
+        ] {
+            assert_eq!(topic.count(publisher, sequence), missed, "{publisher:?} {sequence}");
+        }
+    }
 }

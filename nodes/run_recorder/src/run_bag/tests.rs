@@ -120,6 +120,9 @@ fn a_run_is_a_directory_with_a_finished_file_and_metadata() {
     .unwrap();
     for i in 0..1000 {
         let channel = if i % 4 == 0 { a } else { b };
+        if i == 500 {
+            bag.note_missed(a, 3);
+        }
         assert!(bag.write(channel, i, i, vec![0, 1, 0, 0, i as u8]));
     }
     let path = bag.path().to_owned();
@@ -136,7 +139,16 @@ fn a_run_is_a_directory_with_a_finished_file_and_metadata() {
     assert_eq!(read.channels()[0].message_count, 250);
     assert_eq!(read.attachments()[0].name, "program.mpf");
     assert_eq!(read.metadata_named("cnc_run").unwrap()["run_id"], "run_1");
-    assert_eq!(read.metadata_named("cnc_run_result").unwrap()["complete"], "true");
+    let closing = read.closing().unwrap();
+    let counts = |counts: &[(&str, u64)]| -> BTreeMap<String, u64> {
+        counts.iter().map(|(topic, count)| ((*topic).to_owned(), *count)).collect()
+    };
+    assert!(closing.complete, "{closing:?}");
+    assert_eq!(closing.written, counts(&[("/a", 250), ("/b", 750)]));
+    assert_eq!(closing.missed, counts(&[("/a", 3)]));
+    let of_a = read.messages().map(|it| it.unwrap()).filter(|it| it.channel_index == 0);
+    let numbers: Vec<u32> = of_a.map(|it| it.sequence).collect();
+    assert_eq!((numbers[124], numbers[125]), (124, 128), "what did not come leaves a gap");
 
     let error = RunBag::create(options).unwrap_err();
     assert!(matches!(error, RunBagError::Exists { .. }), "{error}");

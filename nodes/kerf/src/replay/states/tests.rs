@@ -58,7 +58,7 @@ fn found(states: &States, published: &[Published]) -> usize {
 fn runs_heard_to_their_end() -> Vec<(String, States)> {
     const LATE_NS: i64 = 200_000_000;
     let mut runs = golden_runs();
-    runs.retain(|(_, States { published, made, span })| {
+    runs.retain(|(_, States { published, made, span, .. })| {
         let is_made = made.last().is_some_and(|it| it.at_ns + LATE_NS <= span.heard_ns);
         let is_told = published.iter().all(|it| it.report_ns <= span.end_ns);
         is_made && is_told
