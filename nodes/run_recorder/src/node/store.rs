@@ -18,8 +18,8 @@ use std::path::Path;
 
 /// Publishers of one latched topic of which the newest is kept.
 const PUBLISHERS_MAX: usize = 32;
-/// Publishers of one topic whose samples are counted.
-const COUNTED_MAX: usize = 256;
+/// Publishers of one topic of which the newest sample is known.
+const HEARD_MAX: usize = 256;
 
 #[derive(Debug)]
 struct Topic {
@@ -27,21 +27,36 @@ struct Topic {
     is_latched: bool,
     /// Of latched topics: the newest of each publisher.
     newest: BTreeMap<[u8; 16], Kept>,
-    /// The number of the newest sample of each publisher.
-    counted: BTreeMap<[u8; 16], i64>,
+    /// The newest sample of each publisher.
+    heard: BTreeMap<[u8; 16], Heard>,
+}
+
+/// What is known of the newest sample of a publisher.
+#[derive(Debug, Clone, Copy)]
+struct Heard {
+    sequence: i64,
+    log_time_ns: u64,
 }
 
 impl Topic {
-    /// Counts a sample of a publisher; the answer is how many before it did not come.
-    fn count(&mut self, publisher: [u8; 16], sequence: i64) -> u32 {
-        if self.counted.len() >= COUNTED_MAX && !self.counted.contains_key(&publisher) {
-            self.counted.pop_first();
+    /// Notes a sample behind the others of its publisher: how many between did not come, and
+    /// when it is logged.
+    ///
+    /// Samples are handed over in the order of their numbers. One that had to be sent again
+    /// arrived after those that follow it, and they are logged no earlier than it.
+    fn hear(&mut self, kept: &mut Kept) {
+        let Kept { publisher, sequence, .. } = *kept;
+        if self.heard.len() >= HEARD_MAX && !self.heard.contains_key(&publisher) {
+            self.heard.pop_first();
         }
-        let newest = self.counted.entry(publisher).or_insert(sequence);
-        let missed = sequence.saturating_sub(*newest).saturating_sub(1);
-        *newest = sequence.max(*newest);
+        let newest = Heard { sequence, log_time_ns: kept.log_time_ns };
+        let newest = self.heard.entry(publisher).or_insert(newest);
+        let missed = sequence.saturating_sub(newest.sequence).saturating_sub(1);
         // A publisher that says what cannot be is not believed.
-        u32::try_from(missed).unwrap_or(0)
+        kept.missed_before = u32::try_from(missed).unwrap_or(0);
+        kept.log_time_ns = kept.log_time_ns.max(newest.log_time_ns);
+        newest.sequence = sequence.max(newest.sequence);
+        newest.log_time_ns = kept.log_time_ns;
     }
 }
 
@@ -63,7 +78,7 @@ impl Store {
             spec,
             is_latched,
             newest: BTreeMap::new(),
-            counted: BTreeMap::new(),
+            heard: BTreeMap::new(),
         });
         self.topics.len() - 1
     }
@@ -73,7 +88,7 @@ impl Store {
         let mut kept = Kept::new(sample);
         let publisher = kept.publisher;
         let topic = &mut self.topics[index];
-        kept.missed_before = topic.count(publisher, kept.sequence);
+        topic.hear(&mut kept);
         let mut followed = None;
         if topic.is_latched {
             if topic.newest.len() >= PUBLISHERS_MAX && !topic.newest.contains_key(&publisher) {
@@ -364,7 +379,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_publisher_numbered_and_did_not_come_is_counted_once() {
+    fn samples_of_a_publisher_are_counted_and_logged_in_their_order() {
         let spec = ChannelSpec {
             topic: "/a".into(),
             type_name: String::new(),
@@ -374,22 +389,34 @@ mod tests {
         };
         let mut store = Store::default();
         let index = store.add(spec, true);
-        let topic = &mut store.topics[index];
         let (one, other) = ([1; 16], [2; 16]);
-        for (publisher, sequence, missed) in [
+        // Number and time of arrival; how many before it did not come, and the time of the log.
+        for (publisher, sequence, arrived, missed, logged) in [
             // Whoever comes late has not missed what was before.
-            (one, 7, 0),
-            (one, 8, 0),
-            (one, 11, 2),
-            // Sent again.
-            (one, 9, 0),
-            (other, 1, 0),
-            (one, 12, 0),
-            (other, 3, 1),
-            (one, i64::MAX, 0),
-            (one, i64::MIN, 0),
+            (one, 7, 10, 0, 10),
+            (one, 8, 40, 0, 40),
+            (one, 11, 50, 2, 50),
+            // Sent again, and arrived after the one behind it.
+            (one, 12, 70, 0, 70),
+            (one, 13, 60, 0, 70),
+            (one, 13, 80, 0, 80),
+            (other, 1, 5, 0, 5),
+            (one, 14, 90, 0, 90),
+            (other, 3, 6, 1, 6),
+            (one, i64::MAX, 91, 0, 91),
+            (one, i64::MIN, 92, 0, 92),
         ] {
-            assert_eq!(topic.count(publisher, sequence), missed, "{publisher:?} {sequence}");
+            let mut kept = Kept {
+                publisher,
+                sequence,
+                missed_before: 0,
+                log_time_ns: arrived,
+                publish_time_ns: 0,
+                bytes: Vec::new(),
+            };
+            store.topics[index].hear(&mut kept);
+            let found = (kept.missed_before, kept.log_time_ns);
+            assert_eq!(found, (missed, logged), "{publisher:?} {sequence}");
         }
     }
 }

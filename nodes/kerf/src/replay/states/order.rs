@@ -63,8 +63,9 @@ pub(super) fn compare(
     made: &[Made],
     span: Span,
 ) -> (usize, Vec<Difference>) {
-    // What was said before the journal begins cannot be made again.
-    let published = published.iter().filter(|it| it.published_ns >= span.begin_ns);
+    // What was said before the journal begins cannot be made again. Later the clock may have been
+    // set back.
+    let published = published.iter().skip_while(|it| it.published_ns < span.begin_ns);
     let mut published: Vec<&Published> = published.collect();
     published.dedup_by(|next, before| next.state == before.state);
     let mut made: Vec<&Made> = made.iter().collect();

@@ -251,6 +251,17 @@ fn a_wall_clock_that_was_set_before_the_run_changes_nothing() {
 }
 
 #[test]
+fn what_is_said_after_the_wall_clock_was_set_back_in_the_run_counts() {
+    let span = Span { begin_ns: 5, begins_at_checkpoint: false, end_ns: 9, heard_ns: 9 };
+    let made: Vec<Made> = (5..=9).map(|at| made(at, at as u32)).collect();
+    let told = |at: &[i64]| -> Vec<Published> {
+        (5..).zip(at).map(|(line, &at)| published(at, line)).collect()
+    };
+    assert_eq!(compare(&told(&[5, 6, 1, 2, 9]), &made, span), (5, Vec::new()));
+    assert_eq!(compare(&told(&[5, 6, 1, 2]), &made[..3], span).1.len(), 1);
+}
+
+#[test]
 fn what_the_driver_goes_through_while_ros_is_away_may_be_missing_and_nothing_else() {
     let made: Vec<Made> = (1..=6)
         .map(|line| Made { is_unheard: (3..=4).contains(&line), ..made(i64::from(line), line) })
