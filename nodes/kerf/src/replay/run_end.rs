@@ -46,26 +46,48 @@ pub(super) fn compare(
     let Some(status) = result(recording, goal) else {
         return absent(format!("the result of goal {goal} (usually run_program/_action/status)"));
     };
-    // Of several nobody knows which was of the goal.
-    if let [Some(outcome)] = outcomes[..]
-        && status_of(outcome) != status
-    {
-        let text = format!("{} became {}", word(status), word(status_of(outcome)));
-        comparison.differs("result of the goal", "status", text);
+    match compare_end(&outcomes, status) {
+        Ok(()) => Ok(()),
+        // A goal may end before anything is begun, but not well.
+        Err(None) => absent(format!("the run of goal {goal}: no command of the journal begins it")),
+        Err(Some(text)) => {
+            comparison.differs("result of the goal", "status", text);
+            Ok(())
+        }
     }
-    Ok(())
+}
+
+/// Whether a goal with this result can be of one of these runs; of several nobody knows which.
+/// The error says what became of it, or nothing where there is no run.
+fn compare_end(outcomes: &[Option<RunOutcome>], status: i8) -> Result<(), Option<String>> {
+    let ends: Vec<i8> = outcomes.iter().flatten().map(|outcome| status_of(*outcome)).collect();
+    match ends.as_slice() {
+        [] if outcomes.is_empty() && status == GoalStatus::STATUS_SUCCEEDED => Err(None),
+        [] => Ok(()),
+        ends if ends.contains(&status) => Ok(()),
+        ends => {
+            let now: Vec<&str> = ends.iter().map(|end| word(*end)).collect();
+            Err(Some(format!("{} became {}", word(status), now.join(", "))))
+        }
+    }
 }
 
 fn absent(missing: String) -> Result<(), ReplayError> {
     Err(ReplayError::Absent { level: Level::Driver.name(), missing, help: HELP })
 }
 
-/// How each run ended that was begun and not refused; `None` for one that goes on.
+/// How each run ended that was under way at the beginning, or was begun and not refused; `None`
+/// for one that goes on.
 fn outcomes(played: &Played) -> Vec<Option<RunOutcome>> {
     let outputs = || played.played.outputs.iter().map(|(_, output)| output);
     let asked = played.entries.iter().filter(|entry| entry.kind == EntryKind::Command);
     let asked = asked.filter_map(|entry| serde_json::from_slice::<Asked>(&entry.data).ok());
     let ids = asked.filter(|asked| asked.command == "run_program").map(|asked| asked.id);
+    let ids: Vec<u64> = ids.collect();
+    let of_before = outputs().filter_map(|it| match it {
+        Output::RunFinished(result) if !ids.contains(&result.id) => Some(Some(result.outcome)),
+        _ => None,
+    });
     let is_refused = |id: &u64| {
         outputs().any(|it| matches!(it, Output::Reply { id: of, result: Err(_) } if of == id))
     };
@@ -75,7 +97,8 @@ fn outcomes(played: &Played) -> Vec<Option<RunOutcome>> {
             _ => None,
         })
     };
-    ids.filter(|id| !is_refused(id)).map(outcome).collect()
+    let begun = ids.iter().copied().filter(|id| !is_refused(id)).map(outcome);
+    of_before.chain(begun).collect()
 }
 
 /// The last status of a goal, if that is an end.
@@ -101,5 +124,31 @@ const fn word(status: i8) -> &'static str {
         GoalStatus::STATUS_SUCCEEDED => "SUCCEEDED",
         GoalStatus::STATUS_CANCELED => "CANCELED",
         _ => "ABORTED",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_goal_ends_as_one_of_the_runs_does() {
+        use RunOutcome::{Aborted, Canceled, Succeeded};
+        const GOOD: i8 = GoalStatus::STATUS_SUCCEEDED;
+        const STOPPED: i8 = GoalStatus::STATUS_CANCELED;
+        let became = |text: &str| Err(Some(text.to_owned()));
+        for (outcomes, status, expected) in [
+            (&[Some(Succeeded)][..], GOOD, Ok(())),
+            (&[Some(Canceled)], GOOD, became("SUCCEEDED became CANCELED")),
+            (&[Some(Aborted), Some(Succeeded)], GOOD, Ok(())),
+            (&[Some(Aborted), Some(Aborted)], GOOD, became("SUCCEEDED became ABORTED, ABORTED")),
+            // It was stopped before it began, or what began it is not there.
+            (&[], STOPPED, Ok(())),
+            (&[], GOOD, Err(None)),
+            // That the journal stops in a run is told before, or the first difference is.
+            (&[None], GOOD, Ok(())),
+        ] {
+            assert_eq!(compare_end(outcomes, status), expected, "{outcomes:?} {status}");
+        }
     }
 }
