@@ -104,7 +104,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     });
     let viewers = Viewers::new(&node)?;
     for event in events {
-        driver.take(event, node.now(), &viewers);
+        driver.take_kept(event, &viewers);
     }
 
     let (relay, mut relayed) = mpsc::channel(WAITING_MAX);
@@ -125,17 +125,17 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
             }
         });
     })?;
-    let (handle, shared) = (node.clone(), Arc::clone(&driver));
+    let shared = Arc::clone(&driver);
     node.spawn("driver events", async move {
         let mut ticks = tokio::time::interval(STATE_PERIOD);
         let mut beats = tokio::time::interval(ALIVE_PERIOD);
         loop {
             tokio::select! {
                 event = relayed.recv() => match event {
-                    Some(event) => shared.take(event, handle.now(), &viewers),
+                    Some(event) => shared.take(event, &viewers),
                     None => break,
                 },
-                _ = ticks.tick() => shared.publish_again(handle.now(), &viewers),
+                _ = ticks.tick() => shared.publish_again(&viewers),
                 // A motion process that is stopped takes nothing; nothing waits for it here.
                 _ = beats.tick() => if shared.motion.silence() < MOTION_SILENT {
                     shared.motion.say_alive();
@@ -322,17 +322,31 @@ impl Driver {
     }
 
     /// The newest state once more, of the time at which it was heard.
-    fn publish_again(&self, now: RosTime, viewers: &Viewers) {
-        let state = self.state_now();
+    fn publish_again(&self, viewers: &Viewers) {
+        let (now, state) = (self.node.now(), self.state_now());
         // Of what was never heard the age is infinite.
         let heard = Duration::try_from_secs_f64(state.link_age_s).map(|age| now.before(age));
         viewers.publish(heard.unwrap_or(now), &state);
     }
 
-    fn take(&self, event: Event, now: RosTime, viewers: &Viewers) {
+    /// Takes what happened before this face was there. The state has not changed since, so it
+    /// is as old as the last report.
+    fn take_kept(&self, event: Event, viewers: &Viewers) {
         match event.output {
             Output::State(state) => {
-                viewers.publish(now, &state);
+                self.state.send_replace(state);
+                self.publish_again(viewers);
+            }
+            _ => self.take(event, viewers),
+        }
+    }
+
+    /// Takes what happens now, or happened while it was queued.
+    fn take(&self, event: Event, viewers: &Viewers) {
+        let stamp = self.node.now().before(self.motion.age(event.at));
+        match event.output {
+            Output::State(state) => {
+                viewers.publish(stamp, &state);
                 self.state.send_replace(state);
             }
             Output::Progress { line, fraction, time_left_s } => {
@@ -372,7 +386,7 @@ impl Driver {
             Output::Settings(settings) => {
                 let ControllerSettings { firmware, version, .. } = &settings;
                 self.hardware.send_replace(format!("{} {version}", firmware_name(*firmware)));
-                viewers.publish_settings(now, &settings);
+                viewers.publish_settings(stamp, &settings);
             }
             Output::ReadyToClose => {
                 if let Some(waiting) = self.waiting().leave.take() {

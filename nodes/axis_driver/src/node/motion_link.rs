@@ -192,13 +192,16 @@ impl MotionLink {
         self.send(&[ToMotion::Published { sequence }]);
     }
 
+    /// How long ago something happened at a time of the motion process's clock.
+    pub(super) fn age(&self, at: Duration) -> Duration {
+        self.epoch.elapsed().saturating_sub(at)
+    }
+
     /// Seconds since the last report of the controller, infinite when there was none through
     /// the port that is open.
     pub(super) fn link_age_s(&self) -> f64 {
         let heard = self.heard().vital.heard_ns;
-        heard.map_or(f64::INFINITY, |at| {
-            self.epoch.elapsed().saturating_sub(Duration::from_nanos(at)).as_secs_f64()
-        })
+        heard.map_or(f64::INFINITY, |at| self.age(Duration::from_nanos(at)).as_secs_f64())
     }
 
     /// How long the motion process has said nothing; it speaks ten times a second.
@@ -252,4 +255,44 @@ fn gone(error: &io::Error) -> ! {
         tracing::error!("the connection to the motion process ended: {error}");
     }
     std::process::exit(MOTION_GONE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::driver::Output;
+    use cnc_msgs::machine::MachineState;
+
+    #[test]
+    fn an_event_is_as_old_as_the_clock_of_the_motion_process_says() {
+        let (mut motion, face) = UnixStream::pair().expect("a socket");
+        let second = |seconds: u64| seconds * 1_000_000_000;
+        let welcome = Welcome {
+            version: VERSION,
+            now_ns: second(100),
+            zero_wall_ns: 0,
+            next_id: 1,
+            is_first: false,
+            publish_from: 0,
+            paths: Vec::new(),
+        };
+        let output = Output::State(MachineState::default());
+        for message in [
+            ToFace::Welcome(welcome),
+            ToFace::Vital(Vital { heard_ns: Some(second(97)), ..Vital::default() }),
+            ToFace::Event { at_ns: second(40), output },
+            ToFace::Restored,
+        ] {
+            motion.write_all(&frame(&message).expect("a frame")).expect("written");
+        }
+        let (link, _, before) = MotionLink::over(face).expect("a motion process");
+        let is_about = |age: Duration, seconds: u64| {
+            (Duration::from_secs(seconds)..Duration::from_secs(seconds + 3)).contains(&age)
+        };
+        let [event] = before.events.as_slice() else { panic!("{:?}", before.events) };
+        assert!(is_about(link.age(event.at), 60), "{:?}", link.age(event.at));
+        assert!(is_about(Duration::from_secs_f64(link.link_age_s()), 3), "{}", link.link_age_s());
+        // What happens now may be dated by a clock that is read a moment later.
+        assert_eq!(link.age(Duration::from_secs(200)), Duration::ZERO);
+    }
 }

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// What befalls a face.
 #[derive(Debug, Clone, Copy)]
@@ -207,6 +207,25 @@ fn a_client_that_asked_for_the_result_once_is_answered_by_the_next_face() {
     assert_eq!(response.status, GoalStatus::STATUS_CANCELED);
     let outcome = response.result.outcome;
     assert_eq!(outcome, RunProgramResult::OUTCOME_CANCELED, "{:?}", response.result);
+}
+
+#[test]
+fn a_state_from_before_a_face_is_not_stamped_as_if_it_were_new() {
+    let cell = Cell::new(&Plan::default());
+    cell.wire.mute(true);
+    let silent = cell.commander.until_mode("UNKNOWN");
+    assert!(silent.link_age > 0.0, "{silent:?}");
+    let face = cell.machine.face().expect("a face");
+    let (killed_at, moment) = (SystemTime::now(), cell.moment());
+    kill_at_once(face);
+    let states = until("states of the next face", || {
+        let states = cell.commander.states_since(moment.states);
+        (states.len() >= 5).then_some(states)
+    });
+    for state in states {
+        let stamp = Duration::new(state.header.stamp.sec as u64, state.header.stamp.nanosec);
+        assert!(UNIX_EPOCH + stamp <= killed_at, "the controller has said nothing: {state:?}");
+    }
 }
 
 /// Stops each face of a driver as soon as it is there.
