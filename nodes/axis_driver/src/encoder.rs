@@ -8,6 +8,7 @@
 
 mod action;
 mod arc;
+mod arc_lines;
 mod config;
 mod firmware_arc;
 mod problem;
@@ -16,8 +17,9 @@ mod resume;
 pub(crate) mod words;
 
 use crate::link::LineKind;
+use arc_lines::RestOfArc;
 use cnc_msgs::contour::{Source, SpindleMode};
-use cnc_msgs::geometry::{AXIS_LETTERS, Arc, AxisSet, Plane, Position, Shape};
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use firmware_arc::{Place, last_place};
 use std::collections::VecDeque;
@@ -104,6 +106,8 @@ pub struct Encoder {
     next_event: usize,
     modal: Modal,
     pending: VecDeque<Step>,
+    /// What is left of a helix of very many turns.
+    rest: Option<RestOfArc>,
     start_axes: AxisSet,
     /// S that waits for the line of the next move.
     speed: Option<HeldSpeed>,
@@ -135,6 +139,7 @@ impl Encoder {
             next_event: 0,
             modal: Modal::default(),
             pending: VecDeque::new(),
+            rest: None,
             start_axes: AxisSet::NONE,
             speed: None,
         }
@@ -170,6 +175,13 @@ impl Encoder {
         loop {
             if let Some(step) = self.pending.pop_front() {
                 return Some(Ok(step));
+            }
+            if let Some(rest) = self.rest.take() {
+                let source_place = self.path.elements[rest.element].source;
+                match self.encode_arc_part(rest) {
+                    Ok(()) => continue,
+                    Err(problem) => return Some(Err(EncodeError { source_place, problem })),
+                }
             }
             let event = self.path.events.get(self.next_event).copied();
             let is_event_due = event.is_some_and(|event| event.at_element <= self.next_element);
@@ -209,40 +221,6 @@ impl Encoder {
         }
     }
 
-    fn encode_arc(
-        &mut self,
-        index: usize,
-        element: &PathElement,
-        start: Position,
-        arc: &Arc,
-    ) -> Result<(), EncodeProblem> {
-        if element.feed_mm_per_min.is_none() {
-            return Err(EncodeProblem::RapidArc);
-        }
-        let needed = arc.plane.axes().into_iter().filter(|&axis| {
-            axis != arc.plane.axes()[2] || to_grid(start[axis]) != to_grid(element.end[axis])
-        });
-        let needed = needed.fold(AxisSet::NONE, AxisSet::with);
-        let missing = needed.without(needed.without(self.modal.unknown));
-        if !missing.is_empty() {
-            return Err(EncodeProblem::UnknownStart {
-                axes: missing.letters(),
-                since: self.modal.unknown_since.clone(),
-            });
-        }
-        let impossible = EncodeProblem::Arc { start, end: element.end, center: arc.center };
-        let pieces = arc::pieces(start, element.end, arc, &self.place()).ok_or(impossible)?;
-        let mut from = start;
-        for piece in pieces {
-            match piece {
-                arc::Piece::Line { end } => self.encode_line(index, element, from, end)?,
-                arc::Piece::Arc { end } => self.encode_arc_piece(index, element, from, end, arc)?,
-            }
-            from = piece.end();
-        }
-        Ok(())
-    }
-
     fn encode_line(
         &mut self,
         index: usize,
@@ -260,38 +238,6 @@ impl Encoder {
         text += &words;
         self.write_feed(&mut text, element.feed_mm_per_min)?;
         self.modal.unknown = self.modal.unknown.without(axes);
-        let kind = self.write_speed(&mut text);
-        self.push_motion(text, kind, index, element)
-    }
-
-    fn encode_arc_piece(
-        &mut self,
-        index: usize,
-        element: &PathElement,
-        start: Position,
-        end: Position,
-        arc: &Arc,
-    ) -> Result<(), EncodeProblem> {
-        let mut text = self.line_number(index);
-        if self.modal.plane != arc.plane {
-            self.modal.plane = arc.plane;
-            text += match arc.plane {
-                Plane::Xy => "G17",
-                Plane::Zx => "G18",
-                Plane::Yz => "G19",
-            };
-        }
-        self.write_motion(&mut text, if arc.clockwise { 2 } else { 3 });
-        let [first, second, _] = arc.plane.axes();
-        // Its ends are apart in the plane, or it would not have passed as drawn.
-        text += &axis_words(element.axes, start, end).1;
-        for axis in [0, 1, 2].into_iter().filter(|axis| [first, second].contains(axis)) {
-            let offset = to_grid(arc.center[axis]) - to_grid(start[axis]);
-            if offset != 0 {
-                write_word(&mut text, ['I', 'J', 'K'][axis], offset);
-            }
-        }
-        self.write_feed(&mut text, element.feed_mm_per_min)?;
         let kind = self.write_speed(&mut text);
         self.push_motion(text, kind, index, element)
     }

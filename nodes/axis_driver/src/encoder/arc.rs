@@ -5,7 +5,8 @@
 //! a full circle or nothing. So a full circle is sent in two halves, and what is flat,
 //! tiny or ragged as lines; and every arc is drawn here as the firmware will draw it
 //! before it is sent ([`super::firmware_arc`]). One that would be off is cut into more
-//! pieces, or into lines.
+//! pieces, or into lines. A helix of very many turns is looked at part by part, so that the
+//! serial line never waits for all of it.
 
 use super::firmware_arc::{ArcWords, Place, PlannedArc, deviation};
 use super::words::{GRID_PER_MM, to_grid};
@@ -36,7 +37,11 @@ const SAME_POINT_MM: f64 = 1e-6;
 /// With such ends and no whole turn, less than this is a point and more than a circle
 /// less this is a contradiction, rad.
 const TINY_SWEEP: f64 = 1e-3;
-/// Lines for one arc, at most.
+/// Chords of the firmware in one part of an arc, about: some milliseconds' work.
+const CHORDS_PER_PART: f64 = 50_000.0;
+/// The most that the firmware draws of one piece.
+const CHORDS_PER_PIECE_MAX: f64 = 65_535.0;
+/// Lines for one part of an arc, at most.
 const LINES_MAX: f64 = 100_000.0;
 
 /// A part of an arc; it starts where the one before it ended.
@@ -59,6 +64,40 @@ impl Piece {
     }
 }
 
+/// One of the equal parts of an arc.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Part {
+    /// Counted from 0.
+    pub(super) number: u32,
+    pub(super) of: u32,
+}
+
+impl Part {
+    pub(super) const WHOLE: Self = Self { number: 0, of: 1 };
+
+    /// The first of so many parts that none takes long to look at. `None` when the arc cannot be
+    /// drawn.
+    pub(super) fn first(start: Position, end: Position, arc: &Arc, place: &Place) -> Option<Self> {
+        let polar = Polar::new(start, end, arc)?;
+        let parts = (polar.chords(place) / CHORDS_PER_PART).ceil().max(1.0);
+        Some(if polar.is_smooth() { Self { number: 0, of: parts as u32 } } else { Self::WHOLE })
+    }
+
+    pub(super) fn next(self) -> Option<Self> {
+        let number = self.number + 1;
+        (number < self.of).then_some(Self { number, ..self })
+    }
+}
+
+/// Why an arc is not drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Undrawable {
+    /// It has no radius, or its ends contradict each other.
+    Shape,
+    /// It would be more than [`LINES_MAX`] lines.
+    Lines { count: f64, max: f64 },
+}
+
 /// An arc in polar form about its centre; angles in rad, radii in mm.
 struct Polar<'a> {
     arc: &'a Arc,
@@ -71,29 +110,27 @@ struct Polar<'a> {
     sweep: f64,
 }
 
-/// Cuts an arc into pieces; `None` when it cannot be drawn.
+/// Cuts a part of an arc into pieces.
 pub(super) fn pieces(
     start: Position,
     end: Position,
     arc: &Arc,
     place: &Place,
-) -> Option<Vec<Piece>> {
-    let polar = Polar::new(start, end, arc)?;
-    let radius = polar.start_radius;
-    let is_smooth = (polar.start_radius - polar.end_radius).abs() <= RADIUS_MISMATCH_MM_MAX
-        && (RADIUS_MM_MIN..=RADIUS_MM_MAX).contains(&radius);
-    if !is_smooth {
-        return polar.lines();
+    part: Part,
+) -> Result<Vec<Piece>, Undrawable> {
+    let polar = Polar::new(start, end, arc).ok_or(Undrawable::Shape)?;
+    if !polar.is_smooth() {
+        return polar.lines(part);
     }
-    let sweep = polar.sweep;
-    if sweep < PI && radius * (1.0 - (sweep / 2.0).cos()) <= FLAT_SAGITTA_MM {
-        return Some(vec![Piece::Line { end }]);
+    let (radius, sweep) = (polar.start_radius, polar.sweep / f64::from(part.of));
+    if part.of == 1 && sweep < PI && radius * (1.0 - (sweep / 2.0).cos()) <= FLAT_SAGITTA_MM {
+        return Ok(vec![Piece::Line { end }]);
     }
     let least = (sweep / SWEEP_MAX).ceil().max(1.0) as u32;
     (0..=HALVINGS_MAX)
-        .map(|halvings| polar.arcs(least << halvings))
-        .find(|arcs| polar.are_drawn(arcs, place))
-        .or_else(|| polar.lines())
+        .map(|halvings| polar.arcs(part, least << halvings))
+        .find(|arcs| polar.are_drawn(part, arcs, place))
+        .map_or_else(|| polar.lines(part), Ok)
 }
 
 impl<'a> Polar<'a> {
@@ -134,24 +171,50 @@ impl<'a> Polar<'a> {
         point
     }
 
-    /// The ends of so many equal parts of the sweep.
-    fn ends(&self, count: u32) -> impl Iterator<Item = Position> {
+    /// Whether it may be drawn as arcs.
+    fn is_smooth(&self) -> bool {
+        (self.start_radius - self.end_radius).abs() <= RADIUS_MISMATCH_MM_MAX
+            && (RADIUS_MM_MIN..=RADIUS_MM_MAX).contains(&self.start_radius)
+    }
+
+    /// How many chords the firmware draws of it, about.
+    fn chords(&self, place: &Place) -> f64 {
+        let (radius, tolerance) = (self.start_radius, place.tolerance_mm);
+        let chords = 0.5 * self.sweep * radius / (tolerance * (2.0 * radius - tolerance)).sqrt();
+        let least = (self.sweep / SWEEP_MAX).ceil().max(1.0);
+        // No number where the circle is no larger than the tolerance.
+        let chords = if chords.is_nan() { 0.0 } else { chords };
+        chords.clamp(least, least * CHORDS_PER_PIECE_MAX)
+    }
+
+    /// Where a part begins.
+    fn start_of(&self, part: Part) -> Position {
+        match part.number {
+            0 => self.start,
+            number => self.point(self.sweep * f64::from(number) / f64::from(part.of)),
+        }
+    }
+
+    /// The ends of so many equal pieces of a part.
+    fn ends(&self, part: Part, count: u32) -> impl Iterator<Item = Position> {
+        let (all, done) =
+            (f64::from(part.of) * f64::from(count), f64::from(part.number) * f64::from(count));
         let inner =
-            (1..count).map(move |step| self.point(self.sweep * f64::from(step) / f64::from(count)));
-        inner.chain([self.end])
+            (1..count).map(move |step| self.point(self.sweep * (done + f64::from(step)) / all));
+        inner.chain([part.next().map_or(self.end, |next| self.start_of(next))])
     }
 
-    fn arcs(&self, count: u32) -> Vec<Piece> {
-        self.ends(count).map(|end| Piece::Arc { end }).collect()
+    fn arcs(&self, part: Part, count: u32) -> Vec<Piece> {
+        self.ends(part, count).map(|end| Piece::Arc { end }).collect()
     }
 
-    /// Whether the firmware draws these as they are meant.
-    fn are_drawn(&self, arcs: &[Piece], place: &Place) -> bool {
+    /// Whether the firmware draws these of a part as they are meant.
+    fn are_drawn(&self, part: Part, arcs: &[Piece], place: &Place) -> bool {
         let [a, b, _] = self.arc.plane.axes();
         let most = DRAWN_MM_MAX + CHORD_TOLERANCES * place.tolerance_mm;
         let center = self.arc.center;
-        let sweep = self.sweep / arcs.len() as f64;
-        let mut start = self.start;
+        let sweep = self.sweep / f64::from(part.of) / arcs.len() as f64;
+        let mut start = self.start_of(part);
         arcs.iter().all(|piece| {
             let end = piece.end();
             let planned = PlannedArc { start, end, sweep, center: [center[a], center[b]] };
@@ -167,14 +230,15 @@ impl<'a> Polar<'a> {
         })
     }
 
-    fn lines(&self) -> Option<Vec<Piece>> {
+    fn lines(&self, part: Part) -> Result<Vec<Piece>, Undrawable> {
         let radius = self.start_radius.max(self.end_radius);
         let half = (1.0 - CHORD_TOLERANCE_MM / radius).clamp(-1.0, 1.0).acos();
-        let count = (self.sweep / (2.0 * half).min(FRAC_PI_4)).ceil().max(1.0);
+        let sweep = self.sweep / f64::from(part.of);
+        let count = (sweep / (2.0 * half).min(FRAC_PI_4)).ceil().max(1.0);
         // Numbers that are none end here too.
         if count.is_nan() || count > LINES_MAX {
-            return None;
+            return Err(Undrawable::Lines { count, max: LINES_MAX });
         }
-        Some(self.ends(count as u32).map(|end| Piece::Line { end }).collect())
+        Ok(self.ends(part, count as u32).map(|end| Piece::Line { end }).collect())
     }
 }

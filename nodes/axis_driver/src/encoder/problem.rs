@@ -28,6 +28,10 @@ pub enum EncodeProblem {
     #[error("the arc from {start:?} to {end:?} about {center:?} cannot be drawn")]
     Arc { start: Position, end: Position, center: Position },
     #[error(
+        "the arc from {start:?} to {end:?} about {center:?} would have to be sent as {count:.0} lines, and {max:.0} are the most: split it into shorter arcs"
+    )]
+    ArcLines { start: Position, end: Position, center: Position, count: f64, max: f64 },
+    #[error(
         "{letter}{value} is at {in_machine} mm in the machine frame, where the controller's 32 bit numbers are {step} mm apart: move the work offset nearer to the machine zero"
     )]
     Resolution { letter: char, value: f64, in_machine: f64, step: f64 },

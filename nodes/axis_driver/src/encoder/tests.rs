@@ -4,6 +4,7 @@ mod read_back;
 
 use super::*;
 use cnc_msgs::contour::{Action, CoolantMode};
+use cnc_msgs::geometry::Arc;
 use cnc_msgs::path::PathEvent;
 
 fn source(line: u32) -> Source {
@@ -129,6 +130,42 @@ fn a_helix_of_several_turns_goes_down_evenly() {
         encode(path([10.0, 0.0, 0.0], vec![helix])),
         ["G3X0Y-10Z-3I-10F300", "X-10Y0Z-6J10", "X0Y10Z-9I10"]
     );
+}
+
+#[test]
+fn a_helix_of_thousands_of_turns_is_encoded_a_part_at_a_time() {
+    let (turns, depth) = (3_000, 300.0);
+    let shape = arc([0.0; 3], Plane::Xy, false, turns);
+    let helix = element(shape, [100.0, 0.0, -depth], Some(300.0), 1);
+    let mut encoder =
+        Encoder::new(path([100.0, 0.0, 0.0], vec![helix]).into(), EncoderConfig::default());
+    let mut lines = Vec::new();
+    while let Some(step) = encoder.next_step() {
+        let waiting = encoder.pending.len();
+        assert!(waiting < 200, "{waiting} lines were made at once");
+        lines.push(text_of(&step.expect("a helix")));
+    }
+    // 30 parts of 100 turns, each in pieces of three quarters of a turn.
+    assert_eq!(lines.len(), 30 * 134);
+    let height = |line: &String| -> f64 {
+        let words = line.split_once('Z').expect("it goes down").1;
+        words.split('I').next().expect("a word").parse().expect("a number")
+    };
+    for (number, line) in (1..).zip(&lines) {
+        let expected = -depth * f64::from(number) / (30.0 * 134.0);
+        assert!((height(line) - expected).abs() <= 1.01e-4, "{number}: {line}");
+    }
+    assert!(lines.last().is_some_and(|line| line.starts_with("X100Y0Z-300I")), "{lines:?}");
+}
+
+#[test]
+fn an_arc_that_would_take_too_many_lines_is_refused_with_their_number() {
+    // Radii this far apart are no arc to the firmware.
+    let shape = arc([0.0; 3], Plane::Xy, false, 60_000);
+    let spiral = element(shape, [120.0, 0.0, -10.0], Some(300.0), 4);
+    let said = problem(path([100.0, 0.0, 0.0], vec![spiral]));
+    assert!(said.starts_with("line 4: the arc from [100.0, 0.0, 0.0]"), "{said}");
+    assert!(said.contains("lines, and 100000 are the most: split it"), "{said}");
 }
 
 #[test]
