@@ -12,7 +12,7 @@ use cnc_msgs::machine::{LinkWatch, Mode};
 use cnc_msgs::path::{CompensatedPath, PathEvent};
 use kerf_tests::line::{Line, short_segments, straight};
 use std::time::Duration;
-use virtual_controller::{Build, Direction, FaultAction, Firmware, Settings};
+use virtual_controller::{Build, Direction, FaultAction, Firmware, Settings, Spoil};
 
 /// docs/faults.md: from the damage to the hold, where lines take no longer than 50 ms.
 const BOUND_S: f64 = 1.0;
@@ -257,4 +257,36 @@ fn a_check_whose_answer_is_lost_names_that_as_well() {
     let result = line.result();
     assert_eq!(result.error_code, error_code::PROTOCOL, "{result:?}");
     assert!(result.message.contains("the answer to the check was damaged"), "{result:?}");
+}
+
+#[test]
+fn nothing_behind_a_refused_line_is_drawn_where_the_firmware_passes_over_it() {
+    let mut refused = 0;
+    for mask in [509, 511] {
+        for place in 0..40 {
+            let mut line = connected(Firmware::GrblHal, mask, DriverConfig::default());
+            let zero = line.axes();
+            line.controller.device_mut().controller_mut().keep_drawn();
+            let path = straight(200, 1.0);
+            let ends: Vec<_> = path.elements.iter().map(|element| element.end).collect();
+            let after_s = 0.002 * f64::from(place);
+            let spoilt = FaultAction::Byte(Direction::ToController, Spoil::Corrupt);
+            let (result, _) = damaged(&mut line, path, after_s, spoilt);
+            if result.error_code != error_code::CONTROLLER_ERROR {
+                continue;
+            }
+            refused += 1;
+            line.wait(1.0);
+            let drawn = line.controller.device_mut().controller_mut().take_drawn();
+            let is_at = |at: [f64; 3], end: &[f64; 3]| {
+                (0..3).all(|axis| (end[axis] + zero[axis] - at[axis]).abs() < 1e-3)
+            };
+            let last = drawn
+                .last()
+                .and_then(|last| ends.iter().position(|end| is_at(last.end_in_machine, end)));
+            let drawn = last.map_or(0, |index| index as u32 + 1);
+            assert!(drawn < result.blamed_line.max(1), "line {drawn} is drawn: {result:?}");
+        }
+    }
+    assert!(refused > 20, "{refused} lines were refused");
 }

@@ -100,13 +100,14 @@ fn side_by_side(firmware: Firmware, report: u16) -> (Vec<f64>, Vec<f64>, usize) 
 
 #[test]
 fn no_line_is_sent_later_than_a_plain_character_counter_sends_it() {
-    for (firmware, report, window) in [
+    for (firmware, report, window, late_s, slower) in [
         // grbl's own `stream.py` stays below 127.
-        (Firmware::Grbl, 3, 127),
-        (Firmware::Grbl, 1, 127),
-        // Bounded by the hold latency: 20 ms of 115 200 Bd.
-        (Firmware::GrblHal, 511, 230),
-        (Firmware::FluidNc, 3, 127),
+        (Firmware::Grbl, 3, 127, 0.02, 1.001),
+        (Firmware::Grbl, 1, 127, 0.02, 1.001),
+        // Bounded by the hold latency: 20 ms of 115 200 Bd. Nothing follows a check before all
+        // before it is answered, twice a second.
+        (Firmware::GrblHal, 511, 230, 0.03, 1.004),
+        (Firmware::FluidNc, 3, 127, 0.02, 1.001),
     ] {
         let (driven, plain, is) = side_by_side(firmware, report);
         assert_eq!((is, driven.len()), (window, plain.len()), "{firmware}");
@@ -115,8 +116,9 @@ fn no_line_is_sent_later_than_a_plain_character_counter_sends_it() {
         let late = driven.iter().zip(&plain).map(|(driven, plain)| driven - plain);
         let latest = late.fold(f64::MIN, f64::max);
         let seconds = plain[plain.len() - 1];
-        assert!(latest < 0.02, "{firmware}: {latest} s after a plain counter");
-        assert!(driven[driven.len() - 1] <= seconds * 1.001, "{firmware}: slower on the whole");
+        assert!(latest < late_s, "{firmware}: {latest} s after a plain counter");
+        let driven = driven[driven.len() - 1];
+        assert!(driven <= seconds * slower, "{firmware}: {driven} s on the whole, not {seconds}");
     }
 }
 

@@ -105,6 +105,12 @@ struct Sent<T> {
     tag: Option<T>,
 }
 
+impl<T> Sent<T> {
+    fn is_check(&self) -> bool {
+        self.tag.is_none()
+    }
+}
+
 /// A link on which nothing is under way, written down.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct LinkAtRest {
@@ -241,9 +247,11 @@ impl<T> Link<T> {
     }
 
     /// Whether a line of this many bytes, without its end, may be sent now. A line
-    /// longer than the window goes when nothing else is under way.
+    /// longer than the window goes when nothing else is under way, and none behind a check that
+    /// would end the passing over of lines, until all before it are answered.
     pub fn has_room(&self, text_bytes: usize) -> bool {
-        self.in_flight.is_empty() || self.in_flight_bytes + text_bytes < self.window()
+        let fits = self.in_flight.is_empty() || self.in_flight_bytes + text_bytes < self.window();
+        fits && !(self.check.must_be_first() && self.in_flight.iter().skip(1).any(Sent::is_check))
     }
 
     /// The size of the receive buffer, as told or believed, bytes.
@@ -286,9 +294,10 @@ impl<T> Link<T> {
         })
     }
 
-    /// A stream of lines begins: checks go among them from now on.
-    pub fn begin_stream(&mut self, now: Duration) {
-        self.check.begin(now);
+    /// A stream of lines begins: checks go among them from now on. `passes_over`: after an error
+    /// the controller passes over lines until it takes one.
+    pub fn begin_stream(&mut self, now: Duration, passes_over: bool) {
+        self.check.begin(now, passes_over);
         self.answers = 0;
     }
 

@@ -10,6 +10,11 @@
 //! damage when those have been read. A check follows every few lines where lines are slow, so
 //! that this is before the tool gets to the place wherever the planner is full; where lines
 //! are fast, checks keep to their interval, so that their answers leave the line to others.
+//!
+//! grblHAL passes over all lines after one that it refuses, until it takes one; and it takes a
+//! `$G`. What is behind the check would be cut without the refused line. So nothing is sent behind
+//! a check there until all lines before it are answered. The planner is full meanwhile, or the
+//! lines are so fast that this takes no longer than the way there and back.
 
 use super::LinkFault;
 use std::time::Duration;
@@ -31,6 +36,8 @@ pub(super) struct LineCheck {
     lines_since: u32,
     /// A `[GC:...]` came, and no answer since.
     is_announced: bool,
+    /// Nothing may be sent behind a check before it is the oldest that is not answered.
+    must_be_first: bool,
 }
 
 impl LineCheck {
@@ -41,12 +48,18 @@ impl LineCheck {
             earned_at: Duration::ZERO,
             lines_since: 0,
             is_announced: false,
+            must_be_first: false,
         }
     }
 
-    /// A stream begins now.
-    pub(super) fn begin(&mut self, now: Duration) {
+    /// A stream begins now. `passes_over`: a check ends the passing over of lines after an error.
+    pub(super) fn begin(&mut self, now: Duration, passes_over: bool) {
         (self.sent_at, self.earned_at, self.lines_since) = (now, now, 0);
+        self.must_be_first = passes_over;
+    }
+
+    pub(super) fn must_be_first(&self) -> bool {
+        self.must_be_first
     }
 
     /// All that was under way is forgotten.
@@ -97,7 +110,7 @@ mod tests {
     /// When checks are sent among so many lines, one every so many milliseconds.
     fn sent(lines: u64, every_ms: u64) -> Vec<u64> {
         let mut check = LineCheck::new(200);
-        check.begin(ms(0));
+        check.begin(ms(0), false);
         let mut times = Vec::new();
         for at in (0..lines).map(|line| line * every_ms) {
             if check.is_due(ms(at)) {

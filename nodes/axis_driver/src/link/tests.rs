@@ -387,3 +387,24 @@ fn a_dwell_or_a_spindle_that_is_never_answered_is_a_lost_answer_in_the_end() {
         assert_eq!(faults(&mut link), [LinkFault::LostAnswer { lines: 1 }]);
     }
 }
+
+#[test]
+fn behind_a_check_nothing_is_sent_before_its_turn_where_it_would_end_the_passing_over() {
+    for passes_over in [false, true] {
+        let mut link = Link::new(LinkConfig { line_check_interval_ms: 200, ..CONFIG }, ms(0));
+        link.receive(ms(0), b"\r\nGrblHAL 1.1f ['$' for help]\r\n");
+        link.begin_stream(ms(0), passes_over);
+        link.send_line("G1X1", LineKind::Motion, 1);
+        link.send_line("X2", LineKind::Motion, 2);
+        link.check_lines(ms(300));
+        assert_eq!(link.poll_transmit(), Some(b"G1X1\nX2\n$G\n".to_vec()));
+        assert_eq!(link.has_room(2), !passes_over, "two lines may be refused");
+        link.receive(ms(301), b"ok\r\n");
+        assert_eq!(link.has_room(2), !passes_over, "one may");
+        link.receive(ms(302), b"ok\r\n");
+        assert!(link.has_room(2), "the check is read next");
+        link.send_line("X3", LineKind::Motion, 3);
+        assert!(link.has_room(2));
+        assert_eq!(faults(&mut link), []);
+    }
+}
