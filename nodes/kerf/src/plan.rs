@@ -62,8 +62,7 @@ pub(crate) struct PlanArgs {
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let inputs =
         files::inputs([Some(args.file.as_path()), args.tools.as_deref()], &args.controller);
-    let svg = OutputFile::claim_if(args.svg.as_deref(), &inputs)?;
-    let html = OutputFile::claim_if(args.html.as_deref(), &inputs)?;
+    let [svg, html] = OutputFile::claim_both([args.svg.as_deref(), args.html.as_deref()], &inputs)?;
     let text = files::read_program(&args.file)?;
     let mut profile = files::profile(&args.controller)?;
     profile.interference.react = args.interference.unwrap_or(profile.interference.react);

@@ -139,6 +139,11 @@ fn nothing_is_written_over_but_what_kerf_wrote() {
             assert_eq!(contents(folder.path()), before, "{flag} {file}");
         }
     }
+    for (svg, html) in [("same", "same"), ("same", "./same"), ("same", "folder.svg/../same")] {
+        let args = ["plan", "part.ngc", "--tools", "tools.yaml", "--svg", svg, "--html", html];
+        said(&folder, &args).expect(2).says(&["is named twice as an output of this command"]);
+        assert_eq!(contents(folder.path()), before, "{svg} {html}");
+    }
     assert!(!fs::metadata("/dev/null").expect("there").is_file());
 }
 
