@@ -13,8 +13,9 @@ use std::time::{Duration, Instant};
 
 /// How long reading one file may take: 512 MiB from a slow network drive.
 pub const READ_WITHIN: Duration = Duration::from_secs(20);
-/// Readers that may hang in the kernel at a time, each a thread: a network drive that is gone.
-const HANGING_MAX: usize = 4;
+/// Files that are read at a time, each by a thread. A network drive that is gone keeps a reader in
+/// the kernel, and a slow one keeps it busy.
+const READING_MAX: usize = 4;
 /// Bytes between two looks at the clock.
 const PIECE: u64 = 256 << 10;
 
@@ -31,8 +32,11 @@ pub enum ReadError {
     Grew { most: u64 },
     #[error("it could not be read within {} s; is its drive there?", .0.as_secs())]
     Late(Duration),
-    #[error("{HANGING_MAX} files could not be read to their end yet; is their drive there?")]
-    Hanging,
+    #[error(
+        "it was not read: {READING_MAX} other files are still being read, from slow drives or from \
+         ones that do not answer; try again when they are done, or look for their drives"
+    )]
+    Busy,
     #[error("it was replaced while it was opened; try again")]
     Replaced,
 }
@@ -147,8 +151,8 @@ fn guarded_by<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, ReadError> + Send + 'static,
 ) -> Result<T, ReadError> {
     let place = Place(reading);
-    if reading.fetch_add(1, Ordering::AcqRel) >= HANGING_MAX {
-        return Err(ReadError::Hanging);
+    if reading.fetch_add(1, Ordering::AcqRel) >= READING_MAX {
+        return Err(ReadError::Busy);
     }
     let (sender, result) = mpsc::sync_channel(1);
     std::thread::Builder::new().name("file-reader".into()).spawn(move || {
@@ -251,10 +255,15 @@ mod tests {
                 Ok(())
             })
         };
-        for _ in 0..HANGING_MAX {
+        for _ in 0..READING_MAX {
             assert!(matches!(hang(), Err(ReadError::Late(_))));
         }
-        assert!(matches!(hang(), Err(ReadError::Hanging)));
+        let busy = hang().expect_err("no place is free");
+        assert!(matches!(busy, ReadError::Busy), "{busy}");
+        // Whether the drives are slow or gone nobody knows here.
+        for part in ["4 other files", "slow drives", "do not answer", "try again"] {
+            assert!(busy.to_string().contains(part), "{busy}");
+        }
         drop(release);
         // They end one after the other now, and the door opens again.
         while guarded_by(&READING, READ_WITHIN, || Ok(())).is_err() {
