@@ -106,6 +106,14 @@ impl Newest {
         let (revision, table) = self.tool_table.as_ref()?;
         (*revision == planned.tool_table_revision).then(|| table.clone())
     }
+
+    /// Why the path that is run must not go on with this tool.
+    fn objection(&self, tool: u32, is_by_hand: bool) -> Option<String> {
+        let now = self.tool_table.as_ref().map(|(_, table)| table);
+        // No path was made with the tool of a block by hand; it has to be in the table.
+        let planned = if is_by_hand { now } else { self.running_tools.as_ref() };
+        objection(tool, planned, now)
+    }
 }
 
 /// Follows the planner; clones see the same.
@@ -212,11 +220,7 @@ impl Paths {
 
     /// Why the path that is run must not go on with this tool.
     pub(super) fn objection(&self, tool: u32, is_by_hand: bool) -> Option<String> {
-        let newest = self.newest();
-        let now = newest.tool_table.as_ref().map(|(_, table)| table);
-        // No path was made with the tool of a block by hand; it has to be in the table.
-        let planned = if is_by_hand { now } else { newest.running_tools.as_ref() };
-        objection(tool, planned, now)
+        self.newest().objection(tool, is_by_hand)
     }
 
     fn take(&self, planned: Planned) {
@@ -316,4 +320,40 @@ async fn fetch(
         .await?;
     tokio::time::timeout(TAKEN_WITHIN, taken).await???;
     Ok(planned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::tool_table::Tool;
+
+    /// With one tool of this diameter.
+    fn table(number: u32, diameter_mm: f64) -> ToolTable {
+        let tool = Tool { diameter_mm, ..Tool::default() };
+        ToolTable { tools: [(number, tool)].into(), ..ToolTable::default() }
+    }
+
+    #[test]
+    fn without_a_program_a_tool_by_hand_is_looked_up_in_the_table_in_force() {
+        let mut newest = Newest::default();
+        let says = |newest: &Newest, tool, is_by_hand| {
+            newest.objection(tool, is_by_hand).unwrap_or_else(|| "taken".into())
+        };
+        assert!(says(&newest, 2, true).contains("the tool table was not heard"));
+        newest.hear_table(1, table(2, 8.0));
+        assert_eq!(says(&newest, 2, true), "taken");
+        assert!(says(&newest, 3, true).contains("T3 is not in the tool table"));
+        assert_eq!(says(&newest, 0, true), "taken", "an empty spindle is in no table");
+        // A run needs the table that its path was made with.
+        assert!(says(&newest, 2, false).contains("cancel and run again"));
+    }
+
+    #[test]
+    fn a_tool_by_hand_is_not_compared_with_the_program_that_ran_before() {
+        let mut newest = Newest { running_tools: Some(table(2, 8.0)), ..Newest::default() };
+        newest.hear_table(2, table(2, 7.9));
+        assert_eq!(newest.objection(2, true), None);
+        let run = newest.objection(2, false).expect("another tool than was planned with");
+        assert!(run.contains("diameter 8.0000 mm, now 7.9000 mm"), "{run}");
+    }
 }
