@@ -18,14 +18,13 @@ mod services;
 mod source;
 mod traffic;
 mod viewers;
+mod waiting;
 
 pub use crate::journal::kind_from_wire;
 pub use parameters::driver_config;
 pub(crate) use parameters::{declared, serial_config};
 
-use crate::driver::{
-    COMMANDER_LOST, ControllerSettings, LogLevel, MoveResult, Output, ROS_LOST, Refusal, RunResult,
-};
+use crate::driver::{COMMANDER_LOST, ControllerSettings, LogLevel, Output, ROS_LOST, Refusal};
 use crate::journal::{Order, TakeRestOrder};
 use crate::motion::{self, FACE_VARIABLE};
 use crate::serial::Event;
@@ -36,7 +35,6 @@ use path::{Answers, Paths, Planned};
 use runtime::commands::CommandLog;
 use runtime::{Client, Handle, Health, HealthLevel, Memory, Qos, RosTime};
 use rustix::process::Signal;
-use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -44,6 +42,7 @@ use std::time::Duration;
 use tokio::sync::{mpsc, oneshot, watch};
 use traffic::Traffic;
 use viewers::{Viewers, firmware_name};
+use waiting::Waiting;
 
 /// Events that may wait for this shell.
 const WAITING_MAX: usize = 16_384;
@@ -97,7 +96,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         state: watch::Sender::new(not_heard(has_port)),
         progress: watch::Sender::new(Progress::default()),
         hardware: watch::Sender::default(),
-        waiting: Mutex::new(Waiting::with(&events)),
+        waiting: Mutex::new(Waiting::new(welcome.next_id)),
         commands: CommandLog::new(&node)?,
         recorder: follow::Recorder::default(),
         programs: node.client("program/get_chunks")?,
@@ -204,76 +203,6 @@ struct Stops {
     local: u64,
 }
 
-/// Who waits for what.
-#[derive(Debug, Default)]
-struct Waiting {
-    replies: BTreeMap<u64, oneshot::Sender<Reply>>,
-    runs: BTreeMap<u64, oneshot::Sender<RunResult>>,
-    moves: BTreeMap<u64, oneshot::Sender<MoveResult>>,
-    /// What came before this face was there to wait for it, for goals of the face before.
-    replies_before: BTreeMap<u64, Reply>,
-    runs_before: BTreeMap<u64, RunResult>,
-    moves_before: BTreeMap<u64, MoveResult>,
-    leave: Option<oneshot::Sender<()>>,
-    /// Counts the wishes to stop.
-    stops: u64,
-}
-
-impl Waiting {
-    /// With what has ended before.
-    fn with(events: &[Event]) -> Self {
-        let mut waiting = Self::default();
-        for event in events {
-            match &event.output {
-                Output::Reply { id, result } => {
-                    waiting.replies_before.insert(*id, result.clone());
-                }
-                Output::RunFinished(result) => {
-                    waiting.runs_before.insert(result.id, result.clone());
-                }
-                Output::MoveFinished(result) => {
-                    waiting.moves_before.insert(result.id, result.clone());
-                }
-                _ => {}
-            }
-        }
-        waiting
-    }
-
-    /// The end of a run: of one that has ended before, too.
-    fn run(&mut self, id: u64) -> oneshot::Receiver<RunResult> {
-        let (sender, finished) = oneshot::channel();
-        match self.runs_before.remove(&id) {
-            // The receiver is here.
-            Some(result) => drop(sender.send(result)),
-            None => drop(self.runs.insert(id, sender)),
-        }
-        finished
-    }
-
-    /// The same of a jog or a probe.
-    fn motion(&mut self, id: u64) -> oneshot::Receiver<MoveResult> {
-        let (sender, finished) = oneshot::channel();
-        match self.moves_before.remove(&id) {
-            // The receiver is here.
-            Some(result) => drop(sender.send(result)),
-            None => drop(self.moves.insert(id, sender)),
-        }
-        finished
-    }
-
-    /// The same of the answer to a command.
-    fn reply(&mut self, id: u64) -> oneshot::Receiver<Reply> {
-        let (sender, reply) = oneshot::channel();
-        match self.replies_before.remove(&id) {
-            // The receiver is here.
-            Some(result) => drop(sender.send(result)),
-            None => drop(self.replies.insert(id, sender)),
-        }
-        reply
-    }
-}
-
 /// The driver in the motion process as this shell sees it.
 struct Driver {
     node: Handle,
@@ -352,37 +281,9 @@ impl Driver {
             Output::Progress { line, fraction, time_left_s } => {
                 self.progress.send_replace(Progress { line, fraction, time_left_s });
             }
-            Output::Reply { id, result } => {
-                let mut waiting = self.waiting();
-                match waiting.replies.remove(&id) {
-                    // Whoever asked may have given up.
-                    Some(sender) => drop(sender.send(result)),
-                    None if self.is_of_before(id) => {
-                        waiting.replies_before.insert(id, result);
-                    }
-                    None => {}
-                }
-            }
-            Output::RunFinished(result) => {
-                let mut waiting = self.waiting();
-                match waiting.runs.remove(&result.id) {
-                    Some(sender) => drop(sender.send(result)),
-                    None if self.is_of_before(result.id) => {
-                        waiting.runs_before.insert(result.id, result);
-                    }
-                    None => {}
-                }
-            }
-            Output::MoveFinished(result) => {
-                let mut waiting = self.waiting();
-                match waiting.moves.remove(&result.id) {
-                    Some(sender) => drop(sender.send(result)),
-                    None if self.is_of_before(result.id) => {
-                        waiting.moves_before.insert(result.id, result);
-                    }
-                    None => {}
-                }
-            }
+            Output::Reply { id, result } => self.waiting().replies.end(id, result),
+            Output::RunFinished(result) => self.waiting().runs.end(result.id, result),
+            Output::MoveFinished(result) => self.waiting().moves.end(result.id, result),
             Output::Settings(settings) => {
                 let ControllerSettings { firmware, version, .. } = &settings;
                 self.hardware.send_replace(format!("{} {version}", firmware_name(*firmware)));
@@ -418,7 +319,7 @@ impl Driver {
 
     /// Whether the driver has taken up what the face before this one gave it under this id.
     fn was_taken_up(&self, id: u64) -> bool {
-        matches!(self.waiting().replies_before.get(&id), Some(Ok(_)))
+        matches!(self.waiting().replies.before(id), Some(Ok(_)))
     }
 
     /// Sends an order and waits for its answer.
@@ -475,7 +376,7 @@ impl Driver {
         local_stops: Option<u64>,
     ) -> Asked {
         waiting.stops += u64::from(order.stops_whatever_moves());
-        let reply = waiting.reply(id);
+        let reply = waiting.replies.wait(id);
         self.motion.order(id, &order, local_stops);
         Asked { id, reply }
     }
@@ -485,7 +386,7 @@ impl Driver {
         if let Ok(Ok(reply)) = tokio::time::timeout(within, reply).await {
             return reply;
         }
-        self.waiting().replies.remove(&id);
+        self.waiting().replies.forget(id);
         let message = format!("the driver did not answer within {} s", within.as_secs_f64());
         Err(Refusal { error_code: crate::codes::error_code::NO_ANSWER, message })
     }

@@ -67,7 +67,7 @@ async fn go_on(driver: &Arc<Driver>, unfinished: Unfinished<RunProgram>) {
         },
     };
     let id = goal.kept_tag();
-    let finished = driver.waiting().run(id);
+    let finished = driver.waiting().runs.wait(id);
     let _expected = (!goal.goal().check_only).then(|| driver.recorder.expect(&goal.id()));
     follow(driver, id, goal, finished).await;
 }
@@ -85,7 +85,7 @@ pub(super) fn answer(reply: &Reply) -> Answer<'_> {
 async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram>) {
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
     offer.tag(id);
-    let finished = driver.waiting().run(id);
+    let finished = driver.waiting().runs.wait(id);
     // What is only checked has no record; it may be checked while another runs.
     let _expected = (!offer.goal().check_only).then(|| driver.recorder.expect(&offer.id()));
     let reply = begin(driver, paths, id, &offer).await;
@@ -101,7 +101,7 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
                 // It may be taken up yet, and nobody would know of it.
                 let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
             }
-            driver.waiting().runs.remove(&id);
+            driver.waiting().runs.forget(id);
             offer.reject(&refusal.message);
         }
         Ok(_) => match offer.accept() {

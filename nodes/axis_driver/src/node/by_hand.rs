@@ -48,7 +48,7 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
                 goal.end(Outcome::Aborted, HomeResult { success: false, error_code, message });
                 continue;
             }
-            let asked = Asked { id, reply: driver.waiting().reply(id) };
+            let asked = Asked { id, reply: driver.waiting().replies.wait(id) };
             node.spawn("homing", async move { follow_home(&driver, goal, asked).await });
         }
     }
@@ -208,7 +208,7 @@ async fn go_on<M: Move>(driver: &Arc<Driver>, unfinished: Unfinished<M>) {
     };
     if let Some(goal) = goal {
         let id = goal.kept_tag();
-        let finished = driver.waiting().motion(id);
+        let finished = driver.waiting().moves.wait(id);
         follow(driver, id, goal, finished).await;
     }
 }
@@ -217,7 +217,7 @@ async fn go_on<M: Move>(driver: &Arc<Driver>, unfinished: Unfinished<M>) {
 async fn decide<M: Move>(driver: &Arc<Driver>, name: &str, offer: GoalOffer<M>) {
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
     offer.tag(id);
-    let finished = driver.waiting().motion(id);
+    let finished = driver.waiting().moves.wait(id);
     let reply = match M::command(offer.goal()) {
         Ok(command) => driver.ask_as(id, command, REPLY_WITHIN).await,
         Err(refusal) => Err(refusal),
@@ -230,7 +230,7 @@ async fn decide<M: Move>(driver: &Arc<Driver>, name: &str, offer: GoalOffer<M>) 
                 // It may be taken up yet, and nobody would know of it.
                 let _ = cancel().await;
             }
-            driver.waiting().moves.remove(&id);
+            driver.waiting().moves.forget(id);
             offer.reject(&refusal.message);
         }
         Ok(_) => match offer.accept() {

@@ -87,14 +87,14 @@ async fn execute(driver: &Driver, advisers: &Advisers, request: &ExecuteMdiReque
         return Ok(format!("there is nothing to do{message}"));
     }
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
-    let finished = driver.waiting().run(id);
+    let finished = driver.waiting().runs.wait(id);
     let command = Command::ExecuteMdi { path: Arc::new(path) };
     if let Err(refusal) = driver.ask_unless_stopped(stops, id, command, PROVE_WITHIN).await {
         if refusal.error_code == error_code::NO_ANSWER {
             // It may be taken up yet, and nobody would know of it.
             let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
         }
-        driver.waiting().runs.remove(&id);
+        driver.waiting().runs.forget(id);
         return Err(refusal);
     }
     if !message.is_empty() {
