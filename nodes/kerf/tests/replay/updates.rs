@@ -84,11 +84,22 @@ fn what_is_blessed_is_shown_and_reproduced_and_inputs_stay() {
             given
         };
         assert!(given(&before) == given(&after), "{what}: an input is another one");
-        assert_eq!(before.records, after.records, "{what}");
+        // That it is counted anew the replay of it shows.
+        let without_counts = |bag: &TestBag| {
+            let mut records = bag.records.clone();
+            for (_, record) in &mut records {
+                record.retain(|key, _| !key.starts_with("messages_of:"));
+            }
+            records
+        };
+        assert_eq!(without_counts(&before), without_counts(&after), "{what}");
         let heard = |bag: &TestBag| -> Vec<wire::TrafficEntry> {
             let entries =
                 bag.all::<wire::ControllerTraffic>().into_iter().flat_map(|it| it.entries);
-            entries.filter(|it| it.kind != wire::TrafficEntry::KIND_TRANSMITTED).collect()
+            let heard = entries.filter(|it| it.kind != wire::TrafficEntry::KIND_TRANSMITTED);
+            let mut heard: Vec<_> = heard.collect();
+            heard.sort_by_key(|it| it.sequence);
+            heard
         };
         assert!(heard(&before) == heard(&after), "{what}: another was heard");
         // Both files say the same, and once more there is nothing to do.
