@@ -13,8 +13,11 @@ use runtime::environment::Environment;
 use runtime::names::Names;
 use std::time::Duration;
 
-/// How long ROS has before the socket is asked: a driver that lives answers in less.
+/// How long ROS has before what it did not answer counts as unanswered: a driver that lives
+/// answers in less.
 const HEAD_START: Duration = Duration::from_millis(2_500);
+/// The same for a hold: the machine moves meanwhile.
+const HOLD_HEAD_START: Duration = Duration::from_millis(600);
 
 /// Does something over ROS, or over the local socket when ROS does not answer; `show` is given
 /// what the driver says there.
@@ -32,11 +35,17 @@ where
     let outcome = with_node(ros_args, async |node| {
         is_joined = true;
         let mut exchange = std::pin::pin!(over_ros(node));
-        if let Ok(outcome) = tokio::time::timeout(HEAD_START, &mut exchange).await {
+        let head_start = if wish == Wish::FeedHold { HOLD_HEAD_START } else { HEAD_START };
+        if let Ok(outcome) = tokio::time::timeout(head_start, &mut exchange).await {
             return outcome;
         }
         match ask_locally(ros_args, wish) {
             Ok(local) => {
+                // The machine that ROS reaches, if slowly, may be another one of this name.
+                let rest = HEAD_START.saturating_sub(head_start);
+                if let Ok(Ok(())) = tokio::time::timeout(rest, &mut exchange).await {
+                    return Ok(());
+                }
                 answer = Some(local);
                 Ok(())
             }
