@@ -1,8 +1,8 @@
 //! The way to the machine without ROS, for who sits at its own computer.
 //!
-//! A socket with a name made of the ROS domain and the node, in a folder that nobody else may
-//! enter: whoever may open it may stop the machine. It takes wishes to stop and to know, and
-//! nothing that moves.
+//! A socket with a name made of the ROS domain and the node, in a folder of this user that only
+//! this user can write to, or a group that was given it: whoever may open the socket may stop the
+//! machine. It takes wishes to stop and to know, and nothing that moves.
 
 use super::hub::Hub;
 use crate::driver::{Command, Refusal};
@@ -16,7 +16,7 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// The folder of the sockets, where it is not that of the user.
 const FOLDER_VARIABLE: &str = "KERF_RUNTIME_DIR";
@@ -53,7 +53,12 @@ pub fn ask_operator(
 ) -> Result<Answer, OperatorError> {
     let path = |folder: &Path| socket_path(folder, environment.domain_id, &names.fully_qualified());
     let service = path(Path::new(SERVICE_FOLDER));
-    match ask(path(&folder()), wish) {
+    let folder = folder();
+    let own = match trusted(&folder) {
+        Ok(()) => ask(path(&folder), wish),
+        Err(problem) => Err(OperatorError::Nobody { path: path(&folder), problem }),
+    };
+    match own {
         // One that was killed leaves its socket.
         Err(OperatorError::Nobody { .. }) if service.exists() => ask(service, wish),
         answer => answer,
@@ -64,12 +69,11 @@ fn ask(path: PathBuf, wish: Wish) -> Result<Answer, OperatorError> {
     let nobody = |problem| OperatorError::Nobody { path: path.clone(), problem };
     let silent = |problem| OperatorError::Silent { path: path.clone(), problem };
     let mut stream = UnixStream::connect(&path).map_err(nobody)?;
-    stream.set_read_timeout(Some(OPERATOR_WITHIN)).map_err(silent)?;
     stream.set_write_timeout(Some(SPEAK_WITHIN)).map_err(silent)?;
     let protocol = |problem| OperatorError::Protocol { path: path.clone(), problem };
     let request = frame(&OperatorRequest { version: VERSION, wish }).map_err(protocol)?;
     stream.write_all(&request).map_err(silent)?;
-    match receive(&mut stream) {
+    match receive(&mut stream, Instant::now() + OPERATOR_WITHIN) {
         Ok(answer) => Ok(answer),
         Err(Trouble::Io(problem)) => Err(silent(problem)),
         Err(Trouble::Protocol(problem)) => Err(protocol(problem)),
@@ -123,9 +127,8 @@ fn socket_of(configuration: &Configuration) -> PathBuf {
 }
 
 fn serve(hub: &Hub, mut stream: UnixStream) -> Result<(), Trouble> {
-    stream.set_read_timeout(Some(SPEAK_WITHIN))?;
     stream.set_write_timeout(Some(SPEAK_WITHIN))?;
-    let OperatorRequest { version, wish } = receive(&mut stream)?;
+    let OperatorRequest { version, wish } = receive(&mut stream, Instant::now() + SPEAK_WITHIN)?;
     if version != VERSION {
         return Err(ProtocolError::Version { found: version }.into());
     }
@@ -156,12 +159,21 @@ enum Trouble {
     Protocol(#[from] ProtocolError),
 }
 
-fn receive<T: serde::de::DeserializeOwned>(stream: &mut UnixStream) -> Result<T, Trouble> {
+/// Takes one message, until a moment: one that comes in drops has no more time than another.
+fn receive<T: serde::de::DeserializeOwned>(
+    stream: &mut UnixStream,
+    until: Instant,
+) -> Result<T, Trouble> {
     let (mut deframer, mut buffer) = (Deframer::default(), [0; 4_096]);
     loop {
         if let Some(message) = deframer.take()? {
             return Ok(message);
         }
+        let left = until.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(io::Error::from(io::ErrorKind::TimedOut).into());
+        }
+        stream.set_read_timeout(Some(left))?;
         match stream.read(&mut buffer)? {
             0 => return Err(io::Error::from(io::ErrorKind::UnexpectedEof).into()),
             count => deframer.push(&buffer[..count]),
@@ -191,6 +203,18 @@ fn socket_path(folder: &Path, domain_id: u16, node: &str) -> PathBuf {
         false => cnc_msgs::chunk::sha256_hex(name.as_bytes())[..32].to_owned(),
     };
     folder.join(format!("{domain_id}.{name}.sock"))
+}
+
+/// Makes sure that nobody else can answer in the place of the driver: in `/tmp` anybody can make
+/// the folder first. One that the variable names is the choice of whoever asks.
+fn trusted(folder: &Path) -> io::Result<()> {
+    let owner = std::fs::symlink_metadata(folder)?.uid();
+    let user = rustix::process::getuid().as_raw();
+    if owner == user || owner == 0 || std::env::var_os(FOLDER_VARIABLE).is_some() {
+        return Ok(());
+    }
+    let text = format!("{} belongs to another user ({owner})", folder.display());
+    Err(io::Error::new(io::ErrorKind::PermissionDenied, text))
 }
 
 /// Makes the folder, or makes sure that it is nobody else's.
@@ -223,6 +247,37 @@ mod tests {
         let longer = format!("/{}/axis_driver", "a".repeat(301));
         assert!(path(0, &long).as_os_str().len() < 100);
         assert_ne!(path(0, &long), path(0, &longer));
+    }
+
+    #[test]
+    fn an_operator_that_speaks_in_drops_is_not_heard_for_longer() {
+        let (mut ours, mut theirs) = UnixStream::pair().expect("a pair");
+        let dripping = std::thread::spawn(move || {
+            let request = OperatorRequest { version: VERSION, wish: Wish::State };
+            for byte in frame(&request).expect("short") {
+                std::thread::sleep(Duration::from_millis(100));
+                // The other end has gone when it gave up.
+                let _ = theirs.write_all(&[byte]);
+            }
+        });
+        let began = Instant::now();
+        let heard = receive::<OperatorRequest>(&mut ours, began + Duration::from_millis(250));
+        assert!(matches!(heard, Err(Trouble::Io(_))), "{heard:?}");
+        drop(ours);
+        dripping.join().expect("no panic");
+    }
+
+    #[test]
+    fn a_folder_that_another_user_made_first_is_not_asked() {
+        let place = std::env::temp_dir().join(format!("kerf-foreign-{}", std::process::id()));
+        own(&place).expect("made");
+        assert!(trusted(&place).is_ok());
+        // Only root can give something away.
+        if std::os::unix::fs::chown(&place, Some(65_534), None).is_ok() {
+            let refused = trusted(&place).expect_err("it is of another user").to_string();
+            assert!(refused.ends_with("belongs to another user (65534)"), "{refused}");
+        }
+        std::fs::remove_dir(&place).expect("empty");
     }
 
     #[test]
