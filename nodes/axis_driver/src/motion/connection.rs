@@ -1,6 +1,6 @@
 //! One connection to a ROS face: what it says is done, what it is to hear is written.
 
-use super::hub::{Hub, News, ns};
+use super::hub::{Hub, News, log, ns};
 use super::memory::{PathRefusal, checked};
 use crate::protocol::{Deframer, ProtocolError, ToFace, ToMotion, VERSION, Welcome, frame};
 use cnc_msgs::cdr;
@@ -79,9 +79,10 @@ fn converse(
         written
     })?;
     let ended = listen(hub, &mut messages, pulse, &answers);
-    hub.forget(number);
+    // A face that hung was to log this.
+    hub.forget(number).iter().for_each(|event| log(&event.output));
     drop(answers);
-    // A panic of the writer was printed by its own thread.
+    // A panic of the writer would have ended the process.
     let written = writer.join().unwrap_or(Ok(()));
     ended.and(written)
 }

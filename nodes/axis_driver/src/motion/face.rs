@@ -172,6 +172,8 @@ impl Face {
 
     fn spawn(&self, hub: &Arc<Hub>) -> std::io::Result<Running> {
         let (ours, theirs) = UnixStream::pair()?;
+        // Before there is a process that nobody would wait for.
+        let pulse = serve(hub, ours, !self.was_ready)?;
         // The file that this process was started from, even if another has come in its place.
         let process = Command::new("/proc/self/exe")
             .arg0(FACE_NAME)
@@ -184,7 +186,6 @@ impl Face {
             // Ctrl-C and Ctrl-Z in a terminal are for this process.
             .process_group(0)
             .spawn()?;
-        let pulse = serve(hub, ours, !self.was_ready)?;
         Ok(Running {
             process,
             pulse,

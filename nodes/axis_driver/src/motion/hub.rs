@@ -186,6 +186,10 @@ impl Hub {
             Event { at: self.serial.epoch().elapsed(), output }
         };
         let refusal = match command_from_json(json.as_bytes(), &lookup) {
+            Ok((id, _)) if id >= OWN_IDS => {
+                drop(state);
+                return tracing::error!("a command of the ROS face has id {id}, which is not its");
+            }
             Ok((id, command)) => {
                 state.memory.note(id, &command);
                 if local_stops.is_some_and(|known| known != state.local_stops) {
@@ -238,14 +242,13 @@ impl Hub {
         (number, state.memory.events())
     }
 
-    /// The face has gone.
-    pub(super) fn forget(&self, number: u64) {
+    /// The face has gone; what it did not take is returned.
+    pub(super) fn forget(&self, number: u64) -> VecDeque<Event> {
         let mut state = self.state();
-        if state.face.as_ref().is_some_and(|queue| queue.number == number) {
-            state.face = None;
-        }
+        let unheard = state.face.take_if(|queue| queue.number == number);
         drop(state);
         self.news.notify_all();
+        unheard.map_or_else(VecDeque::new, |queue| queue.events)
     }
 
     /// Whether there is a face that hears.
@@ -311,7 +314,7 @@ impl Queue {
 }
 
 /// Logs what the driver says while there is no face to do it.
-fn log(output: &Output) {
+pub(super) fn log(output: &Output) {
     let Output::Log { level, message } = output else { return };
     match level {
         LogLevel::Info => tracing::info!("{message}"),
@@ -351,5 +354,50 @@ fn gather(entries: &Receiver<Entry>, push: impl Fn(Vec<Entry>)) {
 impl std::fmt::Debug for Hub {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Hub").finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::driver::DriverConfig;
+    use crate::journal::{Order, order_to_json};
+    use crate::serial::{Reopen, SerialConfig};
+
+    /// A hub whose port nobody opens.
+    fn hub() -> Arc<Hub> {
+        let config = SerialConfig {
+            path: "/nowhere".into(),
+            dtr: None,
+            rts: None,
+            reopen: Reopen::WhenTold,
+            driver: DriverConfig::default(),
+        };
+        let (event_sender, events) = sync_channel(16);
+        let (entry_sender, entries) = sync_channel(16);
+        let serial = Serial::start(config, event_sender, entry_sender).expect("threads");
+        Hub::start(serial, events, entries).expect("threads")
+    }
+
+    #[test]
+    fn an_id_that_is_not_of_a_face_spoils_no_later_one() {
+        let hub = hub();
+        let order = Order::from(Command::Heartbeat);
+        for id in [OWN_IDS, u64::MAX, 7] {
+            hub.command(&order_to_json(id, &order), None);
+        }
+        assert_eq!(hub.memory(|memory| memory.next_id()), 8);
+    }
+
+    #[test]
+    fn what_a_face_did_not_take_is_left_when_it_goes() {
+        let hub = hub();
+        let (first, _) = hub.greet();
+        let output = Output::Log { level: LogLevel::Warn, message: "damage".into() };
+        let event = Event { at: Duration::ZERO, output };
+        hub.take_event(event.clone());
+        assert!(hub.forget(first + 1).is_empty(), "another face");
+        assert_eq!(hub.forget(first), [event]);
+        assert!(!hub.has_face() && hub.forget(first).is_empty());
     }
 }

@@ -15,6 +15,8 @@ use std::time::Duration;
 
 /// All values that are kept, bytes.
 const KEPT_BYTES_MAX: usize = 4 << 20;
+/// How many there are: a face keeps one for each action, and few others.
+const KEPT_MAX: usize = 64;
 /// Ends of runs and moves, and answers to what began them, that are kept.
 const ENDS_MAX: usize = 256;
 /// Paths that are here: the one that runs, the newest, and one for the rest of a run.
@@ -27,7 +29,10 @@ const NAME_BYTES_MAX: usize = 256;
 
 /// A face wants more kept than there is room for.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{key}: {bytes} bytes are more than what is left of {KEPT_BYTES_MAX}")]
+#[error(
+    "{key}: {bytes} bytes are more than what is left of {KEPT_BYTES_MAX}, or {KEPT_MAX} values \
+     are kept already"
+)]
 pub(super) struct NoRoom {
     key: String,
     bytes: usize,
@@ -62,7 +67,8 @@ impl Memory {
             .map(|(other, value)| other.len() + value.len())
             .sum();
         let bytes = key.len() + value.len();
-        if others + bytes > KEPT_BYTES_MAX {
+        let is_one_more = !self.kept.contains_key(&key);
+        if others + bytes > KEPT_BYTES_MAX || is_one_more && self.kept.len() >= KEPT_MAX {
             return Err(NoRoom { key, bytes });
         }
         self.kept.insert(key, value);
@@ -86,7 +92,7 @@ impl Memory {
     }
 
     pub(super) fn next_id(&self) -> u64 {
-        self.id_max + 1
+        self.id_max.saturating_add(1)
     }
 
     /// Remembers what of an event matters later.
@@ -161,6 +167,9 @@ impl Paths {
             let text = format!("the program's name is longer than {NAME_BYTES_MAX} bytes");
             return Err(refusal(&manifest, &text));
         }
+        // One that announces too much takes the place of none that is here.
+        let collector =
+            Collector::for_path(&manifest).map_err(|error| refusal(&manifest, &error))?;
         let held = |held: &Held| held.path.elements.len() as u64;
         while !self.newest_last.is_empty()
             && self.newest_last.iter().map(held).sum::<u64>() + manifest.element_count
@@ -168,8 +177,6 @@ impl Paths {
         {
             self.newest_last.pop_front();
         }
-        let collector =
-            Collector::for_path(&manifest).map_err(|error| refusal(&manifest, &error))?;
         self.collecting = Some((manifest, collector));
         Ok(())
     }
@@ -285,6 +292,9 @@ mod tests {
         memory.keep("a".into(), None).expect("nothing");
         memory.keep("b".into(), Some(half)).expect("room again");
         assert_eq!(memory.kept().map(|(key, _)| key.as_str()).collect::<Vec<_>>(), ["b"]);
+        let kept = (0..10_000).filter(|n| memory.keep(n.to_string(), Some(vec![])).is_ok()).count();
+        assert_eq!(kept, KEPT_MAX - 1, "besides b");
+        memory.keep("b".into(), Some(vec![1])).expect("it is there already");
         for id in 0..1000 {
             let refusal = Refusal { error_code: 1, message: String::new() };
             memory.note(id, &Command::Home);
@@ -317,5 +327,8 @@ mod tests {
         assert_eq!(found, [false, true, true, true, false]);
         assert!(paths.get("q", 4).is_none());
         assert_eq!(paths.list().len(), PATHS_MAX);
+        let endless = wire::CompensatedPath { element_count: u64::MAX, ..Default::default() };
+        assert!(paths.begin(endless).is_err());
+        assert_eq!(paths.list().len(), PATHS_MAX, "what is refused drops nothing");
     }
 }
