@@ -9,6 +9,7 @@ mod machine;
 mod rtps;
 #[path = "../support/mod.rs"]
 mod support;
+mod systemd;
 
 use axis_driver::motion::ask_operator;
 use axis_driver::protocol::Wish;
