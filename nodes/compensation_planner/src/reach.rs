@@ -10,7 +10,9 @@ use crate::chain::{Link, Placed, Role, Turn, join, turn};
 use crate::distance::distance_to;
 use crate::element::{Element, Vec2, cross};
 use crate::intersect::crossings;
-use crate::tolerance::{CHORD_MM, CHORD_RADII, CHORD_TURN_RAD, LENGTH_MM};
+use crate::tolerance::{
+    CHORD_MM, CHORD_RADII, CHORD_TURN_RAD, CURVE_RADIUS_MM, LENGTH_MM, SHARP_TURN_RAD,
+};
 
 /// Elements in a row that the tool cannot reach.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -177,23 +179,39 @@ fn is_corner_of_curves(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: 
         return false;
     }
     let (before, after) = (along[0], along[along.len() - 1]);
-    if !along[1..along.len() - 1].iter().all(|&link| is_chord(&links[link])) {
+    let is_chord = |link: usize| is_chord(&links[link]) && bends_as_chords(&links[link]);
+    if !along[1..along.len() - 1].iter().all(|&link| is_chord(link)) {
         return false;
     }
-    let is_sharp = |pair: &[usize]| !are_chords(&links[pair[0]], &links[pair[1]]);
-    let mut sharp = (1..along.len()).filter(|&index| is_sharp(&along[index - 1..=index]));
+    let is_bent = |pair: &[usize]| !are_chords(&links[pair[0]], &links[pair[1]]);
+    let mut sharp = (1..along.len()).filter(|&index| is_bent(&along[index - 1..=index]));
     let (Some(corner), None) = (sharp.next(), sharp.next()) else { return false };
     // Beside a feature a few straights are no curve.
     let consumed = [corner - 1, along.len() - 1 - corner];
-    let is_curve = |(end, consumed): (usize, usize)| {
-        consumed == 0 || consumed >= CHORDS_MIN || is_chord(&links[end])
-    };
+    let is_curve =
+        |(end, consumed): (usize, usize)| consumed == 0 || consumed >= CHORDS_MIN || is_chord(end);
     let (last, first) = (along[corner - 1], along[corner]);
     [before, after].into_iter().zip(consumed).all(is_curve)
+        && is_sharp(&links[last].element, &links[first].element)
         && turn(&links[last].element, &links[first].element, links[first].d_in_mm) == Turn::Inside
         && [&links[before..=last], &links[first..=after]]
             .into_iter()
             .all(|side| !is_any_unreachable(side, &join(side, tolerance), tolerance))
+}
+
+/// Whether an arc bends no more than the chords of a curve: a short one of a small radius is a
+/// feature, however near it is to its chord.
+fn bends_as_chords(link: &Link) -> bool {
+    match link.element {
+        Element::Line(_) => true,
+        Element::Arc(arc) => arc.sweep <= CHORD_TURN_RAD || arc.radius >= CURVE_RADIUS_MM,
+    }
+}
+
+/// Whether two elements meet in a corner that is no coarse joint of one curve.
+fn is_sharp(a: &Element, b: &Element) -> bool {
+    let (before, after) = (a.end_tangent(), b.start_tangent());
+    before.dot(&after) <= 0.0 || cross(before, after).abs() > SHARP_TURN_RAD
 }
 
 /// Whether the tool, at the joint across a gap and where it runs on lengthened neighbours,

@@ -49,6 +49,14 @@ pub(crate) const CHORD_TURN_RAD: f64 = 0.1;
 /// See [`CHORD_TURN_RAD`], mm.
 pub(crate) const CHORD_MM: f64 = 0.05;
 
+/// An arc of a smaller radius that turns by more than [`CHORD_TURN_RAD`] is no chord of a curve,
+/// mm: a curve of the radius of this bends by that much in a third of a millimetre.
+pub(crate) const CURVE_RADIUS_MM: f64 = 3.0;
+
+/// Sine of the turn above which a corner between two curves is sharp, rad: between this and
+/// [`CHORD_TURN_RAD`] it may be one curve with a chord too few, whose chords are features.
+pub(crate) const SHARP_TURN_RAD: f64 = 0.125;
+
 /// A straight that is longer than this part of the radius is no chord of a curve but a
 /// feature of its own.
 pub(crate) const CHORD_RADII: f64 = 1.0;

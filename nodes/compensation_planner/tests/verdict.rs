@@ -373,3 +373,46 @@ fn a_cut_into_a_block_that_is_known_not_to_fit_is_no_disagreement() {
     assert_eq!(disagreement, None, "{}", findings(&plan));
     assert_eq!(finding(&plan, Code::Gouge).severity, Severity::Warning);
 }
+
+#[test]
+fn a_missing_point_of_a_curve_in_chords_is_no_sharp_corner() {
+    // A circle of radius 60 in chords of 3 degrees, and one of 6: from 48.3 mm on a tool does not
+    // touch the chord before that one. A turn of 4.5 degrees is no corner of two curves.
+    use std::fmt::Write;
+    let at = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        format!("X{:.3} Y{:.3}", 60.0 - 60.0 * cos, 60.0 * sin)
+    };
+    let text = |missing: u32| {
+        let mut text = String::from("N1 G0 X20 Y-20\nN2 G42 D1 G1 X0 Y0 F300");
+        for step in (1..=60).filter(|step| *step != missing) {
+            let _ = write!(text, "\nN{} {}", step + 9, at(3.0 * f64::from(step)));
+        }
+        text + "\nN70 G40 X100 Y-20"
+    };
+    let nct = profile("nct");
+    accepted(&text(58), &nct, 48.0);
+    for radius_mm in [48.5, 48.8795, 50.0] {
+        accepted(&text(0), &nct, radius_mm);
+        let Verdict { plan, disagreement, .. } = verdict(&text(58), &nct, radius_mm);
+        assert_eq!(disagreement, None, "{}", findings(&plan));
+        assert_eq!(finding(&plan, Code::Unreachable).severity, Severity::Error);
+    }
+}
+
+#[test]
+fn a_straight_and_a_small_arc_are_no_curve() {
+    // The lead-on and N5 meet in a sharp corner; from 2.738 mm on nothing of N5 is reached.
+    let text = "
+        N1 G0 X11.314 Y11.314
+        N2 G42 D1 G1 X0 Y0 F100
+        N5 X-1.853 Y2.779
+        N6 G3 X-2.238 Y3.119 I-0.832 J-0.555
+        N7 G1 X-6 Y5
+        N8 X0 Y0
+        N9 G40 X-16 Y0";
+    accepted(text, &rs274(), 2.7);
+    for radius_mm in [3.0, 3.5, 4.0, 5.000000001, 6.0] {
+        refused(text, &rs274(), radius_mm, Code::Unreachable, 3);
+    }
+}
