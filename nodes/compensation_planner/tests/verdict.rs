@@ -416,3 +416,64 @@ fn a_straight_and_a_small_arc_are_no_curve() {
         refused(text, &rs274(), radius_mm, Code::Unreachable, 3);
     }
 }
+
+#[test]
+fn a_step_as_wide_as_the_tool_is_touched_from_the_line_of_the_lead() {
+    // The lead-on and N3 are one line, which ends in an inside corner with N4. With 2 mm one point
+    // is left of N4, and the tool touches it and the line from there.
+    let text = "
+        N1 G0 X0 Y4
+        N2 G42 D1 G1 X0 Y0 F100
+        N3 X0 Y-1
+        N4 X-2
+        N5 Y-3
+        N6 X-5
+        N7 Y-6
+        N8 G40 X-9 Y-6";
+    for radius_mm in [1.5, 1.999, 2.0 - 1e-9, 2.0] {
+        accepted(text, &rs274(), radius_mm);
+    }
+    refused(text, &rs274(), 2.005, Code::Unreachable, 4);
+}
+
+#[test]
+fn a_fillet_as_large_as_the_tool_turns_what_follows_it_a_little() {
+    // Nothing is left of N5; N4 and N6 do not meet there but for 0.001 mm.
+    let text = "
+        N1 G0 X-9 Y-6
+        N3 G41 D1 G1 X-9 Y2 F100
+        N4 X-12.778 Y4.833
+        N5 G3 X-13.231 Y5.154 I-6 J-8
+        N6 G1 X-15.176 Y6.451
+        N7 G2 X-16.7 Y7.7 I5.547 J8.32
+        N8 G1 X-20 Y11
+        N9 X-16 Y14
+        N10 G40 X-16 Y20";
+    let mut trims = sinumerik();
+    trims.interference.react = Reaction::Trim;
+    for profile in [sinumerik(), trims] {
+        for off_mm in [0.0, 1e-9, 1e-6, 1e-4, -1e-4, -0.005] {
+            accepted(text, &profile, 10.0 + off_mm);
+        }
+    }
+}
+
+#[test]
+fn a_tail_bounds_no_corner_of_a_lead() {
+    // N9 crosses N7: what is before that is a tail. The corner between the lead-on and N3
+    // comes 0.029 mm too near to the end of N4, which is part of it.
+    let text = "
+        N1 G0 X1.768 Y1.768
+        N2 G41 D1 G1 X0 Y0 F100
+        N3 X0 Y3
+        N4 X0.811 Y-0.243
+        N5 G3 X1.781 Y-1 I0.97 J0.243
+        N6 G1 X3.613 Y-1
+        N7 G2 X4.561 Y-2.316 I0 J-1
+        N8 G1 X4 Y-4
+        N9 X5 Y0
+        N10 X6 Y-1
+        N11 Y2
+        N12 G40 X6 Y-0.5";
+    accepted(text, &rs274(), 0.4999);
+}

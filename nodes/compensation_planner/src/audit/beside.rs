@@ -16,7 +16,7 @@ use super::sharp::is_corner_of_curves;
 use super::spans::Span;
 use super::way::Way;
 use cnc_msgs::path::Role;
-use cnc_msgs::profile::Reaction;
+use cnc_msgs::profile::{Reaction, SelectTarget};
 
 pub(super) fn check(way: &mut Way<'_>, chains: &Chains<'_>, report: &mut Report<'_>) {
     let span = chains.span;
@@ -338,6 +338,11 @@ impl Check<'_> {
             let touched = stands.map(|at| ((point - at).norm() - d_mm.abs()).abs());
             touched.fold(of(&run_before).min(of(&run_after)), f64::min)
         };
+        // A lead whose offset the contour begins on is one line with a first leg that goes on in
+        // it: an inside corner at its end is theirs.
+        let is_entry = report.profile.select.target == SelectTarget::NormalEntry;
+        let lead_on = self.lead(way, true).filter(|_| is_entry && !self.span.from_side);
+        let lead_on = lead_on.map(|block| way.leg(block)).filter(Piece::is_line);
         let mut worst = (0.0_f64, left_out.start, Point::zeros());
         for index in left_out.clone() {
             let leg = self.chains.leg(way, index);
@@ -346,6 +351,8 @@ impl Check<'_> {
             let (all, whole) = self.whole_line(way, index, &left_out);
             let (is_first, is_last) =
                 (all.start == self.span.legs.start, all.end == self.span.legs.end);
+            let lead = lead_on.filter(|lead| is_first && runs_on(lead, &whole));
+            let whole = lead.map_or(whole, |lead| Piece::line(lead.from, whole.to));
             let touches = |at: Point| {
                 let (leg, length) = (&whole, whole.length());
                 // At a free end the tool has to come to the very end.

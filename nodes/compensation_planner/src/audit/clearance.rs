@@ -202,7 +202,7 @@ impl Search<'_> {
     #[cold]
     fn measure(&mut self, piece: &Piece, (element, tool): (usize, &Tool), leg: usize, limit: f64) {
         let role = self.way.roles[element];
-        let is_lead = !matches!(role, Role::Contour | Role::Corner);
+        let is_lead = !matches!(role, Role::Contour | Role::Corner) || self.is_of_lead(element);
         let [before, inner, after] = match role {
             Role::Contour => self.without_leads(piece, tool),
             _ => [None, Some(*piece), None],
@@ -278,16 +278,11 @@ impl Search<'_> {
         let element = &way.path.elements[found.element];
         let block = way.of[found.element];
         let kind = way.program.blocks[block as usize].kind;
-        let first = self.legs[0];
-        // Corners of the leads are judged with them.
-        let is_before = self.span.elements.start <= found.element
-            && element.role == Role::Corner
-            && (block == first || kind != Kind::Leg);
         let code = match element.role {
             Role::Link => Code::LinkGouge,
             _ if kind == Kind::Link => Code::LinkGouge,
             Role::LeadOn | Role::LeadOff => Code::LeadGouge,
-            _ if is_before || found.is_lead => Code::LeadGouge,
+            _ if found.is_lead => Code::LeadGouge,
             _ if found.is_other_pass => Code::CutsOtherPass,
             _ => Code::Gouge,
         };
@@ -305,6 +300,15 @@ impl Search<'_> {
             distance_mm: found.near.distance,
             is_excused: offset.is_negative && (is_lead || self.is_at_ends(found)),
         }
+    }
+
+    /// Whether an element is a corner between a lead and the contour: it is judged with the lead,
+    /// and a tail bounds neither.
+    fn is_of_lead(&self, element: usize) -> bool {
+        let block = self.way.of[element];
+        self.way.roles[element] == Role::Corner
+            && self.span.elements.start <= element
+            && (block == self.legs[0] || self.way.program.blocks[block as usize].kind != Kind::Leg)
     }
 
     fn position(&self, found: &Found, into: u32) -> Position {

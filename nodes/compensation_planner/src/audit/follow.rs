@@ -199,16 +199,26 @@ fn extent(follow: &Follow, opens: bool, place_mm: f64) -> Option<&'static str> {
         (None, None) => {
             // Of a merged line its own direction counts, not that of a short leg.
             let tangent = piece.tangent(piece.from);
-            let begin = (piece.from - leg.from).dot(&tangent);
-            let end = length + (piece.to - leg.to).dot(&tangent);
-            let ahead = tangent.dot(&leg.tangent(leg.from));
+            let along_leg = leg.tangent(leg.from);
+            let ahead = tangent.dot(&along_leg);
+            // Where the joints beside a block that is left out turn it a little, that of the leg
+            // counts as well: at the radius of the tool a little is more than its place.
+            let along = |off: Point| {
+                [off.dot(&tangent), off.dot(if follow.is_loose { &along_leg } else { &tangent })]
+            };
+            let begins = along(piece.from - leg.from);
+            let ends = along(piece.to - leg.to).map(|beyond| length + beyond);
+            let is_early = |at: [f64; 2], limit: f64| at.into_iter().all(|at| at < limit);
+            let is_late = |at: [f64; 2], limit: f64| at.into_iter().all(|at| at > limit);
             if long_enough && ahead <= 0.0 {
                 return Some("runs backwards");
             }
-            if (!follow.is_open && begin < -place_mm) || begin > length + place_mm {
+            if (!follow.is_open && is_early(begins, -place_mm))
+                || is_late(begins, length + place_mm)
+            {
                 return Some("begins where the block is not");
             }
-            if (!opens && end > length + place_mm) || end < -place_mm {
+            if (!opens && is_late(ends, length + place_mm)) || is_early(ends, -place_mm) {
                 return Some("ends where the block is not");
             }
         }
