@@ -477,3 +477,34 @@ fn a_tail_bounds_no_corner_of_a_lead() {
         N12 G40 X6 Y-0.5";
     accepted(text, &rs274(), 0.4999);
 }
+
+#[test]
+fn a_warning_about_a_far_block_hides_no_cut_into_a_near_one() {
+    // The mouth between N3 and N9 is too narrow; nct looks one block ahead and would not see it.
+    let text = "
+        N1 G0 X-30 Y5
+        N2 G41 D1 G1 X0 Y0 F100
+        N3 X60 Y0
+        N4 X60 Y-30
+        N5 X100 Y-30
+        N6 X100 Y40
+        N7 X60 Y40
+        N8 X60 Y8
+        N9 X0 Y8
+        N10 G40 X-30 Y3";
+    let mut profile = profile("nct");
+    profile.lookahead.strictness = Strictness::Warn;
+    profile.corner.default = cnc_msgs::contour::OutsideCorner::Arc;
+    let (contour, tools) = (contour(text, &profile), tool(5.0));
+    let mut plan = compensation_planner::plan(&contour, &profile, &tools);
+    assert!(plan.accepted(), "{}", findings(&plan));
+    let said = finding(&plan, Code::Gouge);
+    assert_eq!((said.source.line, said.other.map(|other| other.line)), (9, Some(3)));
+    assert_eq!(prove(plan.clone(), &contour, &profile, &tools).disagreement, None);
+    // Straight on at the corner of N8 and N9 the tool cuts into both.
+    let is_corner = |it: &&mut PathElement| it.role == Role::Corner && it.source.line == 9;
+    let corner = plan.path.elements.iter_mut().find(is_corner).expect("a corner");
+    corner.shape = cnc_msgs::geometry::Shape::Line;
+    let judged = prove(plan, &contour, &profile, &tools);
+    assert!(judged.disagreement.is_some(), "{}", findings(&judged.plan));
+}

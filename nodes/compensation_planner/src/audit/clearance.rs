@@ -98,7 +98,7 @@ pub(super) fn check(
         if found.near.distance < nearest_mm.unwrap_or(f64::INFINITY) {
             *nearest_mm = Some(found.near.distance);
         }
-        report.push_cut(report::cut(&search.cut(&found), report.profile));
+        report.push_cut(&search.cut(&found));
     }
 }
 

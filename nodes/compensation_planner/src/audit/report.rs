@@ -57,15 +57,18 @@ impl<'a> Report<'a> {
         self.push(finding);
     }
 
-    /// A cut into a block of which the planner has said that the tool does not fit it, in other
-    /// words, is as the profile takes that.
-    pub(super) fn push_cut(&mut self, mut finding: Diagnostic) {
-        let line = finding.source.line;
-        let is_run = self.misfits.iter().any(|lines| lines.contains(&line));
-        let is_said = |said: &Diagnostic| {
-            !said.is_error() && is_misfit(said.code) && share_a_block(said, &finding)
+    /// A cut; where it is into blocks that the planner has said the tool does not reach, it is as
+    /// the profile takes that: what is not followed is not cut into either.
+    pub(super) fn push_cut(&mut self, cut: &Cut) {
+        let mut finding = self::cut(cut, self.profile);
+        let is_of = |said: &&Diagnostic| said.code == Code::Unreachable && !said.is_error();
+        let lines = |said: &Diagnostic| {
+            let (line, other) = (said.source.line, said.other.map(|other| other.line));
+            line.min(other.unwrap_or(line))..=line.max(other.unwrap_or(line))
         };
-        if finding.code == Code::Gouge && is_run && self.said.iter().any(is_said) {
+        let mut lost = self.said.iter().filter(is_of).map(lines);
+        let is_run = self.misfits.iter().any(|lines| lines.contains(&finding.source.line));
+        if cut.code == Code::Gouge && is_run && lost.any(|lines| lines.contains(&cut.into.line)) {
             finding.severity = Severity::Warning;
         }
         self.push(finding);
@@ -78,18 +81,19 @@ impl<'a> Report<'a> {
 
 /// Whether a finding has been said already. A path may be wrong in more than what it was
 /// warned of.
-fn is_same(a: &Diagnostic, b: &Diagnostic) -> bool {
-    if b.code == Code::PathMismatch && a.severity != b.severity {
-        return false;
-    }
-    a.code == b.code && share_a_block(a, b)
-}
-
-fn share_a_block(a: &Diagnostic, b: &Diagnostic) -> bool {
-    let lines =
-        |finding: &Diagnostic| [Some(finding.source.line), finding.other.map(|other| other.line)];
-    let (of_a, of_b) = (lines(a), lines(b));
-    of_a.iter().flatten().any(|line| of_b.contains(&Some(*line)))
+fn is_same(said: &Diagnostic, finding: &Diagnostic) -> bool {
+    let lines = |of: &Diagnostic| [Some(of.source.line), of.other.map(|other| other.line)];
+    let (known, found) = (lines(said), lines(finding));
+    let mut found = found.iter().flatten();
+    let is_known = |line: &u32| known.contains(&Some(*line));
+    let is_worse = finding.is_error() && !said.is_error();
+    said.code == finding.code
+        && match finding.code {
+            Code::PathMismatch if said.severity != finding.severity => false,
+            // That it cuts into one far block says nothing of a cut into another near by.
+            Code::Gouge if is_worse => found.all(is_known),
+            _ => found.any(is_known),
+        }
 }
 
 /// What is said of a contour that the tool does not fit.
