@@ -3,21 +3,22 @@
 //! A lead-on needs the block behind it, and there is none: whatever the words of
 //! a single block select, it runs as it is programmed, or not at all (N09, C20).
 
-use crate::{Plan, Planning, judge};
+use crate::{Planning, Verdict, judge};
 use cnc_msgs::contour::{ContourEventKind, CutterSide, ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::profile::{MdiMode, Profile};
 use cnc_msgs::tool_table::ToolTable;
 
 /// Plans a single block by the rules of a control; its path is never compensated.
-pub fn plan_block(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Plan {
+pub fn plan_block(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Verdict {
     let selection = contour.events.iter().find_map(|event| match event.kind {
         ContourEventKind::Select { side, .. } => Some((side, event.source)),
         _ => None,
     });
     let mut uncompensated = contour.clone();
     uncompensated.events.retain(|event| !is_about_compensation(&event.kind));
-    let mut planned = judge(&uncompensated, profile, tools, Planning::default()).plan;
+    let mut verdict = judge(&uncompensated, profile, tools, Planning::default());
+    let planned = &mut verdict.plan;
     if let Some((side, source)) = selection {
         planned.diagnostics.insert(0, selected(side, source, profile));
         if !planned.accepted() {
@@ -25,7 +26,7 @@ pub fn plan_block(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTa
             planned.path.events.clear();
         }
     }
-    planned
+    verdict
 }
 
 const fn is_about_compensation(kind: &ContourEventKind) -> bool {
@@ -59,5 +60,23 @@ fn selected(side: CutterSide, source: Source, profile: &Profile) -> Diagnostic {
             .help("leave it out, or run it as a program"),
         Severity::Warning => Diagnostic::warning(Code::NeverActive, source, message)
             .help("the block runs as it is programmed, along the centre of the tool"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::tests::{offset, sinumerik, spoil_paths, square};
+
+    #[test]
+    fn a_block_whose_path_is_wrong_is_handed_out_for_a_report() {
+        let mut block = square();
+        block.events.truncate(1);
+        let (profile, tools) = (sinumerik(), offset(5.0));
+        assert!(plan_block(&block, &profile, &tools).plan.accepted());
+        spoil_paths();
+        let verdict = plan_block(&block, &profile, &tools);
+        assert_eq!(verdict.disagreement.expect("a disagreement").contour, block);
+        assert!(!verdict.plan.accepted());
     }
 }

@@ -39,7 +39,7 @@ use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use threads::Threads;
-use tokio::sync::watch;
+use tokio::sync::{mpsc, watch};
 use tool_file::ToolFile;
 
 /// Runs the node until it is told to stop.
@@ -70,7 +70,8 @@ pub fn parameters() -> Vec<Declared> {
 
 async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
     let (replan, mut work) = watch::channel(());
-    let planner = Arc::new(Planner::new(&node, replan)?);
+    let (reports, waiting) = mpsc::channel(disagreement::WAITING_MAX);
+    let planner = Arc::new(Planner::new(&node, replan, reports)?);
     let commands = CommandLog::new(&node)?;
 
     let shared = Arc::clone(&planner);
@@ -97,7 +98,14 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
     let shared = Arc::clone(&planner);
     node.service::<PlanBlock, _, _>("plan_block", move |request, _| {
         let answer = match shared.node.require_active() {
-            Ok(()) => block::plan(&request, &shared.state().tools.clone()),
+            Ok(()) => {
+                let tools = shared.state().tools.clone();
+                let (answer, disagreement) = block::plan(&request, &tools);
+                if let Some(disagreement) = disagreement {
+                    shared.keep(block::NAME, None, disagreement);
+                }
+                answer
+            }
             Err(why) => block::refuse(why),
         };
         std::future::ready(answer)
@@ -116,6 +124,8 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
         std::future::ready(shared.findings(&request))
     })?;
 
+    let shared = Arc::clone(&planner);
+    node.spawn("reports", async move { shared.keep_reports(waiting).await });
     live::follow(&node, &planner)?;
     let mut contours = node.subscription("programmed_contour", Qos::LATCHED)?;
     let chunks = node.client::<GetContourChunks>("programmed_contour/get_chunks")?;
@@ -187,6 +197,8 @@ struct Planner {
     chord_error_mm: f64,
     /// Where programs are kept on which planner and audit disagree.
     report_directory: PathBuf,
+    /// Those that wait for that.
+    reports: mpsc::Sender<disagreement::Waiting>,
     /// Asks the loader for the text of one.
     programs: Client<GetProgramChunks>,
     tool_table: Publisher<wire::ToolTable>,
@@ -245,12 +257,17 @@ impl Current {
 }
 
 impl Planner {
-    fn new(node: &Handle, replan: watch::Sender<()>) -> Result<Self, runtime::Error> {
+    fn new(
+        node: &Handle,
+        replan: watch::Sender<()>,
+        reports: mpsc::Sender<disagreement::Waiting>,
+    ) -> Result<Self, runtime::Error> {
         Ok(Self {
             node: node.clone(),
             replan,
             chord_error_mm: node.parameter("preview_chord_error_mm"),
             report_directory: PathBuf::from(node.parameter::<String>("report_directory")),
+            reports,
             programs: node.client("program/get_chunks")?,
             tool_table: node.publisher("tool_table", Qos::LATCHED)?,
             path: node.publisher("compensated_path", Qos::LATCHED)?,
@@ -301,7 +318,12 @@ impl Planner {
                 tracing::info!("{message}");
                 SetToolResponse { success: true, message, revision, ..SetToolResponse::default() }
             }
-            Err(Refusal { error_code, message }) => {
+            Err(Refusal { error_code, message, disagreement }) => {
+                let input = self.state().input.clone();
+                if let Some((disagreement, input)) = disagreement.zip(input) {
+                    let wire::ProgrammedContour { name, program_id, .. } = &input.manifest;
+                    self.keep(name, Some(program_id), *disagreement);
+                }
                 let revision = self.state().tools_revision;
                 SetToolResponse { error_code, message, revision, ..SetToolResponse::default() }
             }
@@ -317,7 +339,7 @@ impl Planner {
             let state = self.state();
             (state.tools.clone(), state.input.clone())
         };
-        let inactive = |message| Refusal { error_code: SetToolResponse::NOT_ACTIVE, message };
+        let inactive = |message: String| Refusal::new(SetToolResponse::NOT_ACTIVE, message);
         self.node.require_active().map_err(inactive)?;
         let change = set_tool::change(&tools, request)?;
         if let Some(Input { manifest, contour, profile }) = &input {
@@ -358,7 +380,7 @@ impl Planner {
         let judged = judge(&input.contour, &input.profile, &tools, planning);
         let Judged { plan: planned, disagreement, .. } = judged;
         if let Some(disagreement) = disagreement {
-            self.keep(&disagreement, &input, &tools, &planned.diagnostics);
+            self.keep(&input.manifest.name, Some(&input.manifest.program_id), disagreement);
         }
         let stamp = self.node.now();
         let accepted = planned.accepted();

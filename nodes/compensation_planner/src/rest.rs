@@ -9,7 +9,7 @@ use crate::frame::in_plane;
 use crate::radius::resolve;
 use crate::set_tool::{LoadedProgram, told};
 use crate::tolerance::MERGE_MM;
-use crate::verdict::prove;
+use crate::verdict::{Disagreement, Verdict, prove};
 use crate::{Plan, plan};
 use cnc_msgs::contour::{ContourEvent, ContourEventKind, ProgrammedContour, RadiusSource};
 use cnc_msgs::geometry::{Arc, Plane, Position, Shape};
@@ -29,6 +29,27 @@ pub struct Rest {
     pub from_line: u32,
 }
 
+/// Why the program goes on as it is.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{message}")]
+pub struct NoRest {
+    pub message: String,
+    /// Planner and audit disagree on the rest.
+    pub disagreement: Option<Box<Disagreement>>,
+}
+
+impl From<String> for NoRest {
+    fn from(message: String) -> Self {
+        Self { message, disagreement: None }
+    }
+}
+
+impl From<&str> for NoRest {
+    fn from(message: &str) -> Self {
+        message.to_owned().into()
+    }
+}
+
 /// Plans the rest of a program that runs along `running`, of which `settled` elements
 /// have been sent or are about to be.
 ///
@@ -41,11 +62,11 @@ pub fn plan_rest(
     after: &ToolTable,
     running: &CompensatedPath,
     settled: usize,
-) -> Result<Rest, String> {
+) -> Result<Rest, NoRest> {
     let LoadedProgram { contour, profile, .. } = program;
     let rules = &profile.radius;
     if rules.live_value != LiveValue::WhenStopped || rules.value_is != RadiusValue::Radius {
-        return Err(format!("{} takes a new value with the next run", profile.name));
+        return Err(format!("{} takes a new value with the next run", profile.name).into());
     }
     let (at, from_line) = next_straight(contour, running, settled)
         .ok_or("no straight block is left in which the radius could change")?;
@@ -63,7 +84,7 @@ pub fn plan_rest(
     let tools = with_lengths_of(before, after);
     let mut plan = plan(&changed, profile, &tools);
     if let Some(finding) = plan.diagnostics.iter().find(|finding| finding.is_error()) {
-        return Err(told(finding));
+        return Err(told(finding).into());
     }
     if plan.path == *running {
         return Err("the change does not touch what is left of the program".into());
@@ -73,9 +94,10 @@ pub fn plan_rest(
         return Err("what has been sent would be cut otherwise".into());
     };
     plan.path.elements[..settled].copy_from_slice(sent);
-    let plan = prove(plan, &changed, profile, &tools).plan;
+    let Verdict { plan, disagreement, .. } = prove(plan, &changed, profile, &tools);
     if let Some(finding) = plan.diagnostics.iter().find(|finding| finding.is_error()) {
-        return Err(told(finding));
+        let disagreement = disagreement.map(Box::new);
+        return Err(NoRest { message: told(finding), disagreement });
     }
     Ok(Rest { contour: changed, tools, plan, from_line })
 }
@@ -153,4 +175,22 @@ fn with_lengths_of(before: &ToolTable, after: &ToolTable) -> ToolTable {
         offset.length_mm = before.offsets.get(number).map_or(offset.length_mm, |old| old.length_mm);
     }
     tools
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::tests::{offset, sinumerik, spoil_paths, square};
+
+    #[test]
+    fn a_rest_whose_path_is_wrong_is_handed_out_for_a_report() {
+        let (profile, contour, before) = (sinumerik(), square(), offset(5.0));
+        let program = LoadedProgram { name: "square", contour: &contour, profile: &profile };
+        let running = plan(&contour, &profile, &before).path;
+        let rest = || plan_rest(program, &before, &offset(8.0), &running, 3);
+        let planned = rest().expect("a rest");
+        spoil_paths();
+        let disagreement = rest().expect_err("a wrong path").disagreement;
+        assert_eq!(disagreement.expect("a disagreement").contour, planned.contour);
+    }
 }

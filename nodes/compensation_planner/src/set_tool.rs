@@ -4,7 +4,8 @@
 //! can still be cut. The file of the table is `tool_file`'s; publishing is the
 //! shell's.
 
-use crate::{Plan, Planning, judge};
+use crate::verdict::Disagreement;
+use crate::{Planning, Verdict, judge};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::profile::Profile;
@@ -16,17 +17,19 @@ use cnc_msgs::wire::cnc_msgs::srv::{SetToolRequest, SetToolResponse};
 const SIZE_MM_MAX: f64 = 1_000.0;
 
 /// Why nothing was changed.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{message}")]
 pub struct Refusal {
     /// As in `SetTool`.
     pub error_code: u16,
     pub message: String,
+    /// Planner and audit disagree on the loaded program with the change.
+    pub disagreement: Option<Box<Disagreement>>,
 }
 
 impl Refusal {
-    fn new(error_code: u16, message: impl Into<String>) -> Self {
-        Self { error_code, message: message.into() }
+    pub(crate) fn new(error_code: u16, message: impl Into<String>) -> Self {
+        Self { error_code, message: message.into(), disagreement: None }
     }
 
     fn invalid(message: impl Into<String>) -> Self {
@@ -200,24 +203,47 @@ pub fn still_cuts(
     change: &Change,
 ) -> Result<(), Refusal> {
     let LoadedProgram { contour, profile, .. } = program;
-    let planned = |tools| judge(contour, profile, tools, Planning::default()).plan;
-    let after = planned(&change.tools);
-    if after.accepted() || !planned(before).accepted() {
+    let judged = |tools| judge(contour, profile, tools, Planning::default());
+    let Verdict { plan: after, disagreement, .. } = judged(&change.tools);
+    if after.accepted() || !judged(before).plan.accepted() {
         return Ok(());
     }
-    let Plan { diagnostics, .. } = after;
-    let first = diagnostics.iter().find(|finding| finding.is_error());
+    let first = after.diagnostics.iter().find(|finding| finding.is_error());
     let text = format!(
         "{} is refused: {} could not be cut any more: {}; nothing was changed",
         change.describe(),
         program.name,
         first.map(told).unwrap_or_default()
     );
-    Err(Refusal::new(SetToolResponse::PLAN_REFUSED, text))
+    let refusal = Refusal::new(SetToolResponse::PLAN_REFUSED, text);
+    Err(Refusal { disagreement: disagreement.map(Box::new), ..refusal })
 }
 
 /// A finding in one line, with its place.
 pub(crate) fn told(finding: &Diagnostic) -> String {
     let block = finding.source.block.map(|block| format!(" (N{block})")).unwrap_or_default();
     format!("line {}{block}: {}", finding.source.line, finding.message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::tests::{offset, sinumerik, spoil_if, square};
+
+    #[test]
+    fn a_change_with_which_the_path_is_wrong_is_handed_out_for_a_report() {
+        let (profile, contour, before) = (sinumerik(), square(), offset(5.0));
+        let program = LoadedProgram { name: "square", contour: &contour, profile: &profile };
+        let request = SetToolRequest {
+            offset_number: 1,
+            mask: SetToolRequest::DIAMETER,
+            diameter: 0.008,
+            ..SetToolRequest::default()
+        };
+        let change = change(&before, &request).expect("a change");
+        still_cuts(program, &before, &change).expect("it fits");
+        spoil_if(|tools| tools.offsets[&1].radius_mm == 4.0);
+        let refusal = still_cuts(program, &before, &change).expect_err("a wrong path");
+        assert_eq!(refusal.disagreement.expect("a disagreement").tools, change.tools);
+    }
 }

@@ -23,11 +23,16 @@ pub struct Verdict {
     pub disagreement: Option<Disagreement>,
 }
 
-/// A contour on which both algorithms disagree: a defect of Kerf.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// A contour on which both algorithms disagree, a defect of Kerf; with all that a report needs.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Disagreement {
     /// Name of the file that keeps the program; the same wherever the verdict is made.
     pub file_name: String,
+    pub contour: ProgrammedContour,
+    pub profile: Profile,
+    pub tools: ToolTable,
+    /// What was said of it, the internal error first.
+    pub findings: Vec<Diagnostic>,
 }
 
 /// Plans a contour and audits the path.
@@ -53,32 +58,45 @@ pub fn prove(
     if !plan.accepted() {
         return Verdict { plan, ..Verdict::default() };
     }
+    #[cfg(test)]
+    tests::spoil(&mut plan, tools);
     let audit = audit_after(contour, &plan.path, profile, tools, &plan.diagnostics);
-    let mut disagreement = None;
-    if audit.refuses() {
-        let found = disagree(contour, profile, tools);
-        plan.diagnostics.push(internal_error(&found));
-        plan.diagnostics.extend(audit.findings.iter().filter(|f| f.is_error()).cloned());
-        // What is about the program as a whole comes first.
-        plan.diagnostics.sort_by_key(|finding| finding.source.line);
-        plan.refused = std::mem::take(&mut plan.path).elements;
-        plan.uncut.clear();
-        disagreement = Some(found);
-    } else if !audit.findings.is_empty() {
+    if !audit.refuses() {
         plan.diagnostics.extend(audit.findings.iter().cloned());
         plan.diagnostics.sort_by_key(|finding| finding.source.line);
+        return Verdict { plan, audit: Some(audit), disagreement: None };
     }
+    let name = Some(file_name(contour, profile, tools));
+    let errors = audit.findings.iter().filter(|finding| finding.is_error()).cloned();
+    refuse(&mut plan, name.as_deref().map(internal_error).into_iter().chain(errors));
+    let disagreement = name.map(|file_name| Disagreement {
+        file_name,
+        contour: contour.clone(),
+        profile: profile.clone(),
+        tools: tools.clone(),
+        findings: plan.diagnostics.clone(),
+    });
     Verdict { plan, audit: Some(audit), disagreement }
 }
 
-fn disagree(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Disagreement {
+/// Refuses a plan that was accepted.
+fn refuse(plan: &mut Plan, why: impl IntoIterator<Item = Diagnostic>) {
+    plan.diagnostics.extend(why);
+    // What is about the program as a whole comes first.
+    plan.diagnostics.sort_by_key(|finding| finding.source.line);
+    plan.refused = std::mem::take(&mut plan.path).elements;
+    plan.uncut.clear();
+}
+
+/// Depends on what was judged, and on nothing else.
+fn file_name(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> String {
     let mut name = Fnv::default();
     // Writing to it cannot fail.
     let _ = write!(name, "{contour:?}{profile:?}{tools:?}");
-    Disagreement { file_name: format!("disagreement_{:016x}.yaml", name.0) }
+    format!("disagreement_{:016x}.yaml", name.0)
 }
 
-fn internal_error(disagreement: &Disagreement) -> Diagnostic {
+fn internal_error(file_name: &str) -> Diagnostic {
     Diagnostic::error(
         Code::InternalError,
         Source::default(),
@@ -86,8 +104,8 @@ fn internal_error(disagreement: &Disagreement) -> Diagnostic {
          a defect of Kerf, not of the program",
     )
     .help(format!(
-        "send {} to the developers of Kerf; it holds the program, the tools and the control",
-        disagreement.file_name
+        "send {file_name} to the developers of Kerf; it holds the program, the tools and the \
+         control"
     ))
 }
 
@@ -107,5 +125,78 @@ impl Write for Fnv {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use cnc_msgs::contour::{
+        ContourEvent, ContourEventKind as Kind, CutterSide, Motion, MotionClass, RadiusSource,
+    };
+    use cnc_msgs::geometry::{AxisSet, Shape};
+    use cnc_msgs::tool_table::Offset;
+    use std::cell::Cell;
+
+    thread_local! {
+        static SPOILS: Cell<fn(&ToolTable) -> bool> = const { Cell::new(|_| false) };
+    }
+
+    /// As if the planner were wrong, with these tools, in this thread from now on.
+    pub(crate) fn spoil_if(spoils: fn(&ToolTable) -> bool) {
+        SPOILS.set(spoils);
+    }
+
+    /// The same with all tools.
+    pub(crate) fn spoil_paths() {
+        spoil_if(|_| true);
+    }
+
+    pub(super) fn spoil(plan: &mut Plan, tools: &ToolTable) {
+        if SPOILS.get()(tools)
+            && let Some(last) = plan.path.elements.last_mut()
+        {
+            last.end[0] += 0.1;
+        }
+    }
+
+    pub(crate) fn sinumerik() -> Profile {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controllers");
+        let text = std::fs::read_to_string(format!("{path}/sinumerik_840c.yaml"));
+        serde_yaml::from_str(&text.expect("a profile")).expect("a profile")
+    }
+
+    /// D1 of this radius.
+    pub(crate) fn offset(radius_mm: f64) -> ToolTable {
+        let mut tools = ToolTable::default();
+        tools.offsets.insert(1, Offset { radius_mm, ..Offset::default() });
+        tools
+    }
+
+    /// Around the outside of a square of 100 mm, and straight moves to it and from it.
+    pub(crate) fn square() -> ProgrammedContour {
+        let points =
+            [[0.0, -20.0], [0.0, 0.0], [0.0, 100.0], [100.0, 100.0], [100.0, 0.0], [0.0, 0.0]];
+        let points = points.into_iter().chain([[-20.0, -20.0]]);
+        let mut contour = ProgrammedContour::default();
+        for (line, [x, y]) in (1..).zip(points) {
+            let source = Source { line, ..Source::default() };
+            let mut push = |kind| contour.events.push(ContourEvent { source, kind });
+            if line == 2 {
+                push(Kind::Radius(RadiusSource::Offset(1)));
+                push(Kind::Select { side: CutterSide::Left, approach: None, along: None });
+            }
+            if line == 7 {
+                push(Kind::Cancel { exit: None });
+            }
+            push(Kind::Motion(Motion {
+                shape: Shape::Line,
+                end: [x, y, 0.0],
+                class: MotionClass::Feed,
+                feed_mm_per_min: 100.0,
+                axes: AxisSet::default(),
+            }));
+        }
+        contour
     }
 }

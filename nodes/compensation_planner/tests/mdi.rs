@@ -20,7 +20,7 @@ fn n09_a_selection_in_a_single_block_is_without_effect_or_refused_as_the_profile
         let mut profile = profile("sinumerik_840c");
         profile.mdi = Rule { rule, strictness };
         let block = contour("G41 D1 G1 X10 F200", &profile);
-        let planned = plan_block(&block, &profile, &tool(5.0));
+        let planned = plan_block(&block, &profile, &tool(5.0)).plan;
         assert_eq!(planned.accepted(), is_accepted, "{}", findings(&planned));
         assert_eq!(planned.diagnostics.len(), 1);
         let text = &planned.diagnostics[0].message;
@@ -33,6 +33,6 @@ fn n09_a_selection_in_a_single_block_is_without_effect_or_refused_as_the_profile
 #[test]
 fn a_single_block_without_a_selection_has_no_findings() {
     let profile = profile("nct");
-    let planned = plan_block(&contour("G1 X10 Y5 F200", &profile), &profile, &tool(5.0));
+    let planned = plan_block(&contour("G1 X10 Y5 F200", &profile), &profile, &tool(5.0)).plan;
     assert!(planned.diagnostics.is_empty() && planned.path.elements.len() == 1);
 }

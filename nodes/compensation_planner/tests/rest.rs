@@ -66,7 +66,7 @@ fn a_rest_that_cannot_change_leaves_the_program_as_it_is() {
     let program = LoadedProgram { name: "square", contour: &square, profile: &profile };
     let running = plan(SQUARE, &profile, &before).path;
     let refused = |tools: &ToolTable, settled| {
-        plan_rest(program, &before, tools, &running, settled).expect_err("refused")
+        plan_rest(program, &before, tools, &running, settled).expect_err("refused").message
     };
     for (radius, settled, part) in [
         (-60.0, 2, "line "),
@@ -79,6 +79,7 @@ fn a_rest_that_cannot_change_leaves_the_program_as_it_is() {
     }
     let profile = masso();
     let program = LoadedProgram { profile: &profile, ..program };
-    let text = plan_rest(program, &before, &tool(8.0), &running, 2).expect_err("not this control");
+    let text =
+        plan_rest(program, &before, &tool(8.0), &running, 2).expect_err("not this control").message;
     assert_eq!(text, "masso takes a new value with the next run");
 }

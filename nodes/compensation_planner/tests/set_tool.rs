@@ -90,7 +90,7 @@ fn what_no_tool_can_be_is_refused_with_its_number() {
         (W { length: 0.05, ..offset(7, W::LENGTH) }, Code::UNKNOWN_TOOL, "D7 get T7 until then"),
     ];
     for (request, code, part) in cases {
-        let Refusal { error_code, message } = change(&table(), &request).expect_err(part);
+        let Refusal { error_code, message, .. } = change(&table(), &request).expect_err(part);
         assert_eq!(error_code, code, "{message}");
         assert!(message.contains(part), "{message}");
     }
@@ -108,7 +108,7 @@ fn a_value_that_the_loaded_program_does_not_take_is_refused_with_the_finding() {
     };
     // The contour of 11.15 takes tools up to 20.851449 mm.
     to(20.85, &before).expect("it fits");
-    let Refusal { error_code, message } = to(20.86, &before).expect_err("it does not fit");
+    let Refusal { error_code, message, .. } = to(20.86, &before).expect_err("it does not fit");
     assert_eq!(error_code, Code::PLAN_REFUSED);
     assert!(message.starts_with("D1: radius_mm 20.86 is refused: a6.mpf"), "{message}");
     assert!(

@@ -164,7 +164,7 @@ proptest! {
         let rest = match plan_rest(program, &old, &new, &running, settled) {
             Ok(rest) => rest,
             Err(why) => {
-                prop_assert!(is_refusal(&shape, &running.elements, settled, &why), "{why}");
+                prop_assert!(is_refusal(&shape, &running.elements, settled, &why.message), "{why}");
                 return Ok(());
             }
         };

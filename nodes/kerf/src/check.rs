@@ -83,7 +83,7 @@ pub(crate) fn run(args: &CheckArgs) -> Outcome {
     for name in names {
         let profile = files::profile(&name)?;
         let planned = Planned::new(&text, &profile, &tools, &options, Planning::default());
-        planned.keep_disagreement(&files::file_name(&args.file), &text, &profile, &tools);
+        planned.keep_disagreement(&files::file_name(&args.file), &text);
         answers.push(Answer { profile, planned });
     }
     let pairs = pairs(&answers);

@@ -17,6 +17,7 @@ use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::audit::Audit;
 use compensation_planner::node::disagreement;
 use compensation_planner::node::threads::Threads;
+use compensation_planner::verdict::Disagreement;
 use compensation_planner::{Certificate, Planning, UncutRegion, Verdict, judge};
 use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::{LoadOptions, Loaded};
@@ -73,7 +74,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
     // Nobody reads certificates of a quiet plan, and they cost more than the plan.
     let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
     let planned = Planned::new(&text, &profile, &tools, &options, planning);
-    planned.keep_disagreement(&name, &text, &profile, &tools);
+    planned.keep_disagreement(&name, &text);
 
     if let Some(file) = svg {
         file.write(&planned.svg(&name, &profile))?;
@@ -114,6 +115,18 @@ pub(crate) fn position(text: &str) -> Result<[f64; 3], String> {
     numbers.try_into().map_err(|_| format!("{text:?} is not three numbers X,Y,Z"))
 }
 
+/// Keeps a program on which the planner and its audit disagree, and says where.
+pub(crate) fn keep_for_report(name: &str, text: &[u8], found: &Disagreement) {
+    match disagreement::keep(Path::new(disagreement::FOLDER), name, text, found) {
+        Ok(path) => eprintln!("kerf: the program is kept for a report: {}", path.display()),
+        Err(error) => eprintln!(
+            "kerf: cannot keep the program in {}/{}: {error}",
+            disagreement::FOLDER,
+            found.file_name
+        ),
+    }
+}
+
 /// A program after both cores.
 #[derive(Debug)]
 pub(crate) struct Planned {
@@ -143,23 +156,9 @@ impl Planned {
     }
 
     /// Keeps a program on which the planner and its audit disagree, and says where.
-    pub(crate) fn keep_disagreement(
-        &self,
-        name: &str,
-        text: &[u8],
-        profile: &Profile,
-        tools: &ToolTable,
-    ) {
-        let Some(found) = &self.verdict.disagreement else { return };
-        let (contour, findings) = (&self.loaded.contour, &self.verdict.plan.diagnostics[..]);
-        let judged = disagreement::Judged { name, text, contour, profile, tools, findings };
-        match disagreement::keep(Path::new(disagreement::FOLDER), found, &judged) {
-            Ok(path) => eprintln!("kerf: the program is kept for a report: {}", path.display()),
-            Err(error) => eprintln!(
-                "kerf: cannot keep the program in {}/{}: {error}",
-                disagreement::FOLDER,
-                found.file_name
-            ),
+    pub(crate) fn keep_disagreement(&self, name: &str, text: &[u8]) {
+        if let Some(found) = &self.verdict.disagreement {
+            keep_for_report(name, text, found);
         }
     }
 

@@ -3,7 +3,9 @@
 //! Nothing is kept: the plan of the loaded program stays what it is.
 
 use super::report::{fitting, manifest_of};
+use crate::Verdict;
 use crate::mdi::plan_block;
+use crate::verdict::Disagreement;
 use cnc_msgs::chunk::{Collector, PathChunks};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::tool_table::ToolTable;
@@ -14,15 +16,22 @@ use std::sync::Arc;
 /// Arcs of a block are no picture.
 const CHORD_ERROR_MM: f64 = 1.0;
 
+/// What a report of one says that it is of.
+pub(super) const NAME: &str = "a single block";
+
 /// The answer of a planner that is not active.
 pub(super) fn refuse(message: String) -> PlanBlockResponse {
     let error_code = PlanBlockResponse::NOT_ACTIVE;
     PlanBlockResponse { error_code, message, ..PlanBlockResponse::default() }
 }
 
-pub(super) fn plan(request: &PlanBlockRequest, tools: &ToolTable) -> PlanBlockResponse {
+/// The answer, and on what planner and audit disagree.
+pub(super) fn plan(
+    request: &PlanBlockRequest,
+    tools: &ToolTable,
+) -> (PlanBlockResponse, Option<Disagreement>) {
     type W = PlanBlockResponse;
-    let invalid = |message| W { error_code: W::INVALID_REQUEST, message, ..W::default() };
+    let invalid = |message| (W { error_code: W::INVALID_REQUEST, message, ..W::default() }, None);
     let profile = match runtime::profile_from_yaml(&request.contour.profile) {
         Ok(profile) => profile,
         Err(error) => return invalid(error.to_string()),
@@ -31,7 +40,7 @@ pub(super) fn plan(request: &PlanBlockRequest, tools: &ToolTable) -> PlanBlockRe
         Ok(contour) => contour,
         Err(error) => return invalid(error),
     };
-    let planned = plan_block(&contour, &profile, tools);
+    let Verdict { plan: planned, disagreement, .. } = plan_block(&contour, &profile, tools);
     let accepted = planned.accepted();
     let said: Vec<&str> = planned
         .diagnostics
@@ -45,11 +54,11 @@ pub(super) fn plan(request: &PlanBlockRequest, tools: &ToolTable) -> PlanBlockRe
         ..W::default()
     };
     if !accepted {
-        return W { error_code: W::PLAN_REFUSED, ..response };
+        return (W { error_code: W::PLAN_REFUSED, ..response }, disagreement);
     }
     let path = Arc::new(planned.path);
     let chunks = PathChunks::new(request.contour.program_id.clone(), 0, path);
-    W {
+    let response = W {
         success: true,
         path: wire::CompensatedPath {
             header: request.contour.header.clone(),
@@ -59,7 +68,8 @@ pub(super) fn plan(request: &PlanBlockRequest, tools: &ToolTable) -> PlanBlockRe
         },
         chunks: (0..chunks.count()).filter_map(|index| chunks.chunk(index)).collect(),
         ..response
-    }
+    };
+    (response, None)
 }
 
 fn contour(request: &PlanBlockRequest) -> Result<ProgrammedContour, String> {

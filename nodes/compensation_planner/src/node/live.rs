@@ -6,7 +6,7 @@
 //! values that it began with.
 
 use super::{Current, Input, Planner};
-use crate::rest::{Rest, plan_rest};
+use crate::rest::{NoRest, Rest, plan_rest};
 use crate::set_tool::LoadedProgram;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::tool_table::ToolTable;
@@ -97,7 +97,13 @@ impl Planner {
         let rest = plan_rest(program, &running.tools, &tools, &running.path, settled_here);
         let Rest { contour, tools, plan, from_line } = match rest {
             Ok(rest) => rest,
-            Err(why) => return keeps(&why),
+            Err(NoRest { message, disagreement }) => {
+                if let Some(disagreement) = disagreement {
+                    let name = format!("the rest of {}", manifest.name);
+                    self.keep(&name, Some(&running.program_id), *disagreement);
+                }
+                return keeps(&message);
+            }
         };
         let revision = {
             let mut state = self.state();

@@ -30,9 +30,8 @@ impl ToolFile {
     /// Puts the row of a change into the file; returns where the change is kept.
     pub(super) fn write(&mut self, change: &Change) -> Result<String, Refusal> {
         let name = self.path.display().to_string();
-        let refuse = |why: String| Refusal {
-            error_code: SetToolResponse::TOOL_FILE,
-            message: format!("{why}; nothing was changed"),
+        let refuse = |why: String| {
+            Refusal::new(SetToolResponse::TOOL_FILE, format!("{why}; nothing was changed"))
         };
         let cannot = |error: io::Error| refuse(format!("{name} cannot be written: {error}"));
         let now = runtime::read_text(&self.path).map_err(|error| refuse(error.to_string()))?;
@@ -139,7 +138,7 @@ mod tests {
         let (mut file, tools) = ToolFile::open(&path).expect("a tool file");
         let mut refused = |part: &str| {
             let before = fs::read(&path).ok();
-            let Refusal { error_code, message } =
+            let Refusal { error_code, message, .. } =
                 file.write(&worn(&tools, -0.0005)).expect_err("refused");
             assert_eq!(error_code, SetToolResponse::TOOL_FILE);
             assert!(

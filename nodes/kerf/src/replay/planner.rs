@@ -6,6 +6,7 @@ use super::compare::{Comparison, Difference};
 use super::given::Given;
 use super::output::Output;
 use super::recording::{RecordedPlan, RecordedProgram, Recording};
+use crate::plan::keep_for_report;
 use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::profile::Profile;
@@ -91,7 +92,13 @@ fn replan(
     };
     let mut now = match &rest {
         Some(rest) => rest.plan.clone(),
-        None => prove(plan(contour, &profile, tools), contour, &profile, tools).plan,
+        None => {
+            let verdict = prove(plan(contour, &profile, tools), contour, &profile, tools);
+            if let Some(found) = &verdict.disagreement {
+                keep_for_report(&program.manifest.name, &program.text, found);
+            }
+            verdict.plan
+        }
     };
     let mut report_now = CompensationReport {
         header: report.header.clone(),
@@ -272,8 +279,11 @@ fn rest_of(
     };
     let name = &program.manifest.name;
     let settled = usize::try_from(manifest.settled_elements).unwrap_or(usize::MAX);
-    let program = LoadedProgram { name, contour, profile };
-    plan_rest(program, before, after, &running, settled)
-        .map(Some)
-        .map_err(|reason| ReplayError::Input { of: of(), reason })
+    let loaded = LoadedProgram { name, contour, profile };
+    plan_rest(loaded, before, after, &running, settled).map(Some).map_err(|why| {
+        if let Some(found) = &why.disagreement {
+            keep_for_report(&format!("the rest of {name}"), &program.text, found);
+        }
+        ReplayError::Input { of: of(), reason: why.message }
+    })
 }
