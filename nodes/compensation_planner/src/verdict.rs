@@ -3,10 +3,12 @@
 //! `kerf plan`, `kerf check`, the planner's node, `set_tool`, single blocks, the rest of a run
 //! and `kerf replay` all ask [`judge`] or [`prove`], and nobody asks only one of the two
 //! algorithms. Where both disagree, the path is refused and the verdict says that Kerf is wrong
-//! and not the program, with a name for the file that a shell keeps for a report.
+//! and not the program, with a name for the file that a shell keeps for a report. Where one of
+//! them has only reached a limit, that is no disagreement: the contour is refused with what to do.
 
 use crate::audit::{Audit, audit_after};
 use crate::{Plan, Planning, plan_with};
+use cnc_msgs::chunk::ITEM_COUNT_MAX;
 use cnc_msgs::contour::{ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::profile::Profile;
@@ -58,6 +60,11 @@ pub fn prove(
     if !plan.accepted() {
         return Verdict { plan, ..Verdict::default() };
     }
+    let items = [contour.events.len(), plan.path.elements.len(), plan.path.events.len()];
+    if let Some(limit) = too_long(items) {
+        refuse(&mut plan, [limit]);
+        return Verdict { plan, ..Verdict::default() };
+    }
     #[cfg(test)]
     tests::spoil(&mut plan, tools);
     let audit = audit_after(contour, &plan.path, profile, tools, &plan.diagnostics);
@@ -66,7 +73,10 @@ pub fn prove(
         plan.diagnostics.sort_by_key(|finding| finding.source.line);
         return Verdict { plan, audit: Some(audit), disagreement: None };
     }
-    let name = Some(file_name(contour, profile, tools));
+    // A limit of the audit is no other opinion.
+    let contradicts = |finding: &&Diagnostic| finding.is_error() && finding.code != Code::Limit;
+    let disagrees = audit.findings.iter().any(|finding| contradicts(&finding));
+    let name = disagrees.then(|| file_name(contour, profile, tools));
     let errors = audit.findings.iter().filter(|finding| finding.is_error()).cloned();
     refuse(&mut plan, name.as_deref().map(internal_error).into_iter().chain(errors));
     let disagreement = name.map(|file_name| Disagreement {
@@ -86,6 +96,17 @@ fn refuse(plan: &mut Plan, why: impl IntoIterator<Item = Diagnostic>) {
     plan.diagnostics.sort_by_key(|finding| finding.source.line);
     plan.refused = std::mem::take(&mut plan.path).elements;
     plan.uncut.clear();
+}
+
+/// What no node would take, however it is planned: longer than messages are.
+fn too_long(items: [usize; 3]) -> Option<Diagnostic> {
+    let whats = ["the contour has", "the path has", "the path has"];
+    let nouns = ["events", "elements", "functions"];
+    let mut all = items.into_iter().zip(whats.into_iter().zip(nouns));
+    let (count, (what, noun)) = all.find(|(count, _)| *count as u64 > ITEM_COUNT_MAX)?;
+    let message = format!("{what} {count} {noun}; at most {ITEM_COUNT_MAX} can be run");
+    let help = "split the program into several";
+    Some(Diagnostic::error(Code::Limit, Source::default(), message).help(help))
 }
 
 /// Depends on what was judged, and on nothing else.
@@ -198,5 +219,15 @@ pub(crate) mod tests {
             }));
         }
         contour
+    }
+
+    #[test]
+    fn a_path_that_is_longer_than_messages_are_is_a_limit_with_advice() {
+        let most = ITEM_COUNT_MAX as usize;
+        assert_eq!(too_long([most, most, most]), None);
+        for items in [[most + 1, 0, 0], [0, most + 1, 0], [0, 0, most + 1]] {
+            let limit = too_long(items).expect("a limit");
+            assert!(limit.is_error() && limit.code == Code::Limit && !limit.help.is_empty());
+        }
     }
 }

@@ -508,3 +508,25 @@ fn a_warning_about_a_far_block_hides_no_cut_into_a_near_one() {
     let judged = prove(plan, &contour, &profile, &tools);
     assert!(judged.disagreement.is_some(), "{}", findings(&judged.plan));
 }
+
+#[test]
+fn what_only_the_audit_cannot_look_at_is_a_limit_with_advice() {
+    // Each pass is a little smaller and cuts into all before it, which is ignored; of so many cuts
+    // the audit keeps fewer than the planner.
+    use std::fmt::Write;
+    let mut text = String::from("N1 G0 X-20 Y0\nN2 G41 D1 G1 X0 Y0 F100");
+    for pass in 0..100 {
+        let far = 100.0 - 0.01 * f64::from(pass);
+        let _ = write!(text, "\nX0 Y{far}\nX{far} Y{far}\nX{far} Y0\nX0 Y0");
+    }
+    text += "\nG40 X-20 Y-20";
+    let mut ignores = sinumerik();
+    ignores.interference.react = Reaction::Ignore;
+    let Verdict { plan, audit, disagreement } = verdict(&text, &ignores, 5.0);
+    assert!(audit.is_some_and(|audit| audit.refuses()), "{}", findings(&plan));
+    assert_eq!(disagreement, None, "{}", findings(&plan));
+    assert!(!plan.accepted() && plan.path.elements.is_empty() && !plan.refused.is_empty());
+    let limit = plan.diagnostics.iter().find(|it| it.is_error()).expect("an error");
+    assert_eq!(limit.code, Code::Limit);
+    assert!(limit.help.contains("split the contour"), "{limit:?}");
+}
