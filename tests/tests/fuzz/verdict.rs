@@ -6,15 +6,19 @@
 
 use crate::mutate::{Random, mutate};
 use crate::programs::{CONTROLS, profile};
-use cnc_msgs::chunk::{Collector, ContourChunks};
+use cnc_msgs::chunk::{Collector, ContourChunks, PathChunks};
 use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::profile::{Profile, Reaction, Strictness};
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
-use cnc_msgs::wire::cnc_msgs::msg::ProgrammedContour as ProgrammedContourMessage;
+use cnc_msgs::wire::cnc_msgs::msg::{
+    CompensatedPath as CompensatedPathMessage, ProgrammedContour as ProgrammedContourMessage,
+};
 use compensation_planner::{Planning, judge};
 use kerf_tests::{root, rows};
 use program_loader::{LoadOptions, load};
 use std::fmt::Write;
+use std::sync::Arc;
 
 /// A program with the control and the tools that it was made for.
 #[derive(Debug, Clone)]
@@ -175,6 +179,7 @@ fn verdict(program: &Program) -> Outcome {
     let node = judge(&over_the_wire(loaded.contour), profile, tools, Planning::default());
     let is_one = here.plan.accepted() == node.plan.accepted();
     if is_one && here.disagreement.is_none() && node.disagreement.is_none() {
+        path_over_the_wire(node.plan.path);
         return if here.plan.accepted() { Outcome::Accepted } else { Outcome::Refused };
     }
     let radius = tools.tools.get(&1).map(|tool| tool.diameter_mm / 2.0);
@@ -202,6 +207,18 @@ fn over_the_wire(contour: ProgrammedContour) -> ProgrammedContour {
         collector.add(chunks.chunk(index).expect("a chunk")).expect("it fits");
     }
     collector.finish(&manifest).expect("all of it")
+}
+
+/// What is accepted the driver gets from the planner's node.
+fn path_over_the_wire(path: CompensatedPath) {
+    let chunks = PathChunks::new("program".into(), 1, Arc::new(path));
+    let manifest =
+        CompensatedPathMessage { program_id: "program".into(), revision: 1, ..chunks.manifest() };
+    let mut collector = Collector::for_path(&manifest).expect("a manifest");
+    for index in 0..chunks.count() {
+        collector.add(chunks.chunk(index).expect("a chunk")).expect("it fits");
+    }
+    collector.finish(&manifest).expect("all of it");
 }
 
 type Point = [f64; 2];
