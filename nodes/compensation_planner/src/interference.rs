@@ -68,7 +68,17 @@ pub(crate) struct Joined<'a> {
 /// something was consumed, mm.
 pub(crate) fn cuts(walls: &Walls<'_>, joined: &Joined<'_>, tolerance: f64, gouge_mm: f64) -> Cuts {
     let (found, is_complete) = all_cuts(walls, joined, [gouge_mm, gouge_mm + tolerance]);
-    Cuts { cuts: deepest_of_each_place(found), is_complete }
+    // Only differences of radii are excused there.
+    let is_excused = |cut: &Cut| cut.is_at_ends && joined.corners.span.is_negative;
+    let (excused, others): (Vec<_>, Vec<_>) =
+        found.into_iter().partition(|(_, cut)| is_excused(cut));
+    // What is only a warning must not hide what is an error.
+    let mut cuts = deepest_of_each_place(others);
+    if !excused.is_empty() {
+        cuts.extend(deepest_of_each_place(excused));
+        cuts.sort_by_key(|cut| (cut.on.max(cut.into), cut.on));
+    }
+    Cuts { cuts, is_complete }
 }
 
 /// For each place whether the tool cuts into a wall of the same pass from there.

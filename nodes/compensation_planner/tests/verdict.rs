@@ -530,3 +530,25 @@ fn what_only_the_audit_cannot_look_at_is_a_limit_with_advice() {
     assert_eq!(limit.code, Code::Limit);
     assert!(limit.help.contains("split the contour"), "{limit:?}");
 }
+
+#[test]
+fn a_cut_that_is_excused_at_the_ends_hides_none_elsewhere() {
+    // Inside out: the tool is 7.5 mm on the other side. N40 crosses N20 and N30, which ends the
+    // loop; only of that a difference of radii says nothing.
+    let text = "
+        N1 G0 X80 Y45
+        N2 G42 D1 G456 G1 X-80 Y55 F400
+        N40 X95
+        N50 G2 X110 Y70 I15 J0
+        N60 G1 X105 Y55
+        N70 X110 Y35
+        N80 X90
+        N90 X65 Y15
+        N100 X40 Y40
+        N110 X30 Y60
+        N20 X40 Y80
+        N30 G2 X65 Y55 I0 J-25
+        N41 G1 X80
+        N120 G40 G456 X80 Y45";
+    refused(text, &sinumerik(), -7.5, Code::Gouge, 11);
+}
