@@ -552,3 +552,25 @@ fn a_cut_that_is_excused_at_the_ends_hides_none_elsewhere() {
         N120 G40 G456 X80 Y45";
     refused(text, &sinumerik(), -7.5, Code::Gouge, 11);
 }
+
+#[test]
+fn the_joint_across_what_is_not_reached_is_one_place() {
+    // N6 to N10 are not reached; where N5 and N11 meet the tool cuts into N12, seen from both.
+    let text = "
+        N1 G0 X-4.278 Y4.278
+        N4 G41 D1 G1 X0 Y0 F100
+        N5 X0 Y-1
+        N6 X-3 Y-1
+        N7 X-3 Y-2
+        N8 X-1 Y-2
+        N9 X-1 Y-5
+        N10 X2 Y-5
+        N11 X2 Y-7
+        N12 X0 Y0
+        N13 G40 X0 Y-6.05";
+    let mut profile = profile("nct");
+    profile.lookahead.strictness = Strictness::Warn;
+    let Verdict { plan, disagreement, .. } = verdict(text, &profile, 5.000001);
+    assert_eq!(disagreement, None, "{}", findings(&plan));
+    finding(&plan, Code::Gouge);
+}

@@ -90,10 +90,19 @@ fn is_same(said: &Diagnostic, finding: &Diagnostic) -> bool {
     said.code == finding.code
         && match finding.code {
             Code::PathMismatch if said.severity != finding.severity => false,
-            // That it cuts into one far block says nothing of a cut into another near by.
-            Code::Gouge if is_worse => found.all(is_known),
+            // That it cuts into a block in one place says nothing of another place.
+            Code::Gouge if is_worse => found.any(is_known) && is_one_place(said, finding),
             _ => found.any(is_known),
         }
+}
+
+/// Whether the tool touches the places of two cuts at the same time.
+fn is_one_place(a: &Diagnostic, b: &Diagnostic) -> bool {
+    let (Some(at), Some(other), Some(radius_mm)) = (a.position, b.position, b.needed_mm) else {
+        return false;
+    };
+    let apart_squared: f64 = (0..3).map(|axis| (at[axis] - other[axis]).powi(2)).sum();
+    apart_squared <= (2.0 * radius_mm).powi(2)
 }
 
 /// What is said of a contour that the tool does not fit.
