@@ -6,23 +6,27 @@
 //! and lines no longer match. Decides nothing about programs; that is
 //! [`crate::driver`]. `T` is whatever the caller wants back with a line's answer.
 
+mod at_rest;
 mod buffer;
 mod check;
+mod config;
 mod event;
 mod framing;
 mod health;
 pub mod realtime;
 mod watch;
 
+pub use at_rest::LinkAtRest;
+pub use config::LinkConfig;
 pub use event::{LinkEvent, LinkFault};
 
 use crate::report::{self, Message, Report, ReportUnits, StatusReport};
 use buffer::{Buffer, Counted};
 use check::{CHECK, LineCheck};
 use cnc_msgs::machine::LinkWatch;
+use config::BITS_PER_BYTE;
 use framing::Framer;
 use health::Health;
-use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::Duration;
 use watch::Means;
@@ -31,57 +35,9 @@ use watch::Means;
 const RECEIVE_BYTES_DEFAULT: u16 = 128;
 /// One byte of the ring stays free.
 const RECEIVE_BYTES_SPARE: u16 = 1;
-/// A long status report.
-const REPORT_BYTES_MAX: u64 = 100;
-/// What a controller and the systems between take for one, ms.
-const REPORT_LATENCY_MS: u64 = 40;
-/// A start, eight data and a stop bit.
-const BITS_PER_BYTE: u64 = 10;
-/// Reports take at most this part of what the line carries: one in so many bytes.
-const REPORT_SHARE: u64 = 10;
 /// More answers than these between two reports, and the line is left to lines: checks among
 /// them notice what a report would.
 const FEW_ANSWERS: u32 = 10;
-
-/// What the line is like.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LinkConfig {
-    /// Bits per second.
-    pub baud: u32,
-    /// What is queued before a real-time byte takes at most this long on the wire, ms.
-    pub hold_latency_ms_max: u32,
-    /// The size of the receive buffer where the controller does not tell it, bytes; where
-    /// it does, the smaller of the two holds.
-    pub receive_buffer_bytes: Option<u16>,
-    /// Time between two status requests, ms.
-    pub poll_interval_ms: u32,
-    /// The same while lines are under way, ms; 0: the same.
-    pub busy_poll_interval_ms: u32,
-    /// Time between two checks among the lines of a stream, ms; 0: there are none.
-    pub line_check_interval_ms: u32,
-}
-
-impl LinkConfig {
-    /// Time between two status requests while lines are under way: as configured, as the line
-    /// carries it, and never longer than at rest.
-    fn busy_poll_interval(&self) -> Duration {
-        let at_rest = u64::from(self.poll_interval_ms);
-        let wanted = match self.busy_poll_interval_ms {
-            0 => at_rest,
-            ms => u64::from(ms),
-        };
-        let report_ms = REPORT_BYTES_MAX * BITS_PER_BYTE * 1000 / u64::from(self.baud.max(1));
-        Duration::from_millis(wanted.max(report_ms * REPORT_SHARE).min(at_rest))
-    }
-
-    /// Whether the report to a request comes long before the next request, where nothing
-    /// else is under way.
-    fn is_prompt(&self) -> bool {
-        let bits = REPORT_BYTES_MAX * BITS_PER_BYTE;
-        let on_the_wire_ms = bits * 1000 / u64::from(self.baud.max(1));
-        2 * (on_the_wire_ms + REPORT_LATENCY_MS) <= u64::from(self.poll_interval_ms)
-    }
-}
 
 /// How a line behaves between being read and being answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,21 +67,6 @@ impl<T> Sent<T> {
     }
 }
 
-/// A link on which nothing is under way, written down.
-#[derive(Debug, Serialize, Deserialize)]
-pub struct LinkAtRest {
-    units: ReportUnits,
-    receive_bytes: u16,
-    is_forgiving: bool,
-    #[serde(default)]
-    asks_everything: bool,
-    health: Health,
-    #[serde(default)]
-    buffer: Buffer,
-    /// The beginning of a line whose end has not come yet.
-    unfinished: Vec<u8>,
-}
-
 /// The state of one link. Made anew when a port is opened.
 #[derive(Debug)]
 pub struct Link<T> {
@@ -150,53 +91,6 @@ pub struct Link<T> {
 }
 
 impl<T> Link<T> {
-    /// The link as it is; `None` when something is under way or not taken yet.
-    pub fn at_rest(&self) -> Option<LinkAtRest> {
-        let is_at_rest = self.in_flight.is_empty()
-            && self.urgent.is_empty()
-            && self.lines.is_empty()
-            && self.events.is_empty();
-        is_at_rest.then(|| LinkAtRest {
-            units: self.units,
-            receive_bytes: self.receive_bytes,
-            is_forgiving: self.is_forgiving,
-            asks_everything: self.asks_everything,
-            health: self.health.clone(),
-            buffer: self.buffer.clone(),
-            unfinished: self.framer.unfinished().to_vec(),
-        })
-    }
-
-    /// A link that goes on from there.
-    pub fn from_rest(config: LinkConfig, rest: LinkAtRest) -> Self {
-        let LinkAtRest {
-            units,
-            receive_bytes,
-            is_forgiving,
-            asks_everything,
-            health,
-            buffer,
-            unfinished,
-        } = rest;
-        Self {
-            config,
-            framer: Framer::with(unfinished),
-            units,
-            receive_bytes,
-            in_flight: VecDeque::new(),
-            in_flight_bytes: 0,
-            is_forgiving,
-            asks_everything,
-            health,
-            buffer,
-            check: LineCheck::new(config.line_check_interval_ms),
-            answers: 0,
-            urgent: Vec::new(),
-            lines: Vec::new(),
-            events: VecDeque::new(),
-        }
-    }
-
     /// A link on which nothing was sent or heard; asks for status from now on.
     pub fn new(config: LinkConfig, now: Duration) -> Self {
         Self {

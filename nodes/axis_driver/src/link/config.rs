@@ -1,0 +1,52 @@
+//! What a serial line is like, and how often a controller is asked over it.
+
+use std::time::Duration;
+
+/// A long status report.
+const REPORT_BYTES_MAX: u64 = 100;
+/// What a controller and the systems between take for one, ms.
+const REPORT_LATENCY_MS: u64 = 40;
+/// A start, eight data and a stop bit.
+pub(super) const BITS_PER_BYTE: u64 = 10;
+/// Reports take at most this part of what the line carries: one in so many bytes.
+const REPORT_SHARE: u64 = 10;
+
+/// What the line is like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LinkConfig {
+    /// Bits per second.
+    pub baud: u32,
+    /// What is queued before a real-time byte takes at most this long on the wire, ms.
+    pub hold_latency_ms_max: u32,
+    /// The size of the receive buffer where the controller does not tell it, bytes; where
+    /// it does, the smaller of the two holds.
+    pub receive_buffer_bytes: Option<u16>,
+    /// Time between two status requests, ms.
+    pub poll_interval_ms: u32,
+    /// The same while lines are under way, ms; 0: the same.
+    pub busy_poll_interval_ms: u32,
+    /// Time between two checks among the lines of a stream, ms; 0: there are none.
+    pub line_check_interval_ms: u32,
+}
+
+impl LinkConfig {
+    /// Time between two status requests while lines are under way: as configured, as the line
+    /// carries it, and never longer than at rest.
+    pub(super) fn busy_poll_interval(&self) -> Duration {
+        let at_rest = u64::from(self.poll_interval_ms);
+        let wanted = match self.busy_poll_interval_ms {
+            0 => at_rest,
+            ms => u64::from(ms),
+        };
+        let report_ms = REPORT_BYTES_MAX * BITS_PER_BYTE * 1000 / u64::from(self.baud.max(1));
+        Duration::from_millis(wanted.max(report_ms * REPORT_SHARE).min(at_rest))
+    }
+
+    /// Whether the report to a request comes long before the next request, where nothing
+    /// else is under way.
+    pub(super) fn is_prompt(&self) -> bool {
+        let bits = REPORT_BYTES_MAX * BITS_PER_BYTE;
+        let on_the_wire_ms = bits * 1000 / u64::from(self.baud.max(1));
+        2 * (on_the_wire_ms + REPORT_LATENCY_MS) <= u64::from(self.poll_interval_ms)
+    }
+}
