@@ -3,6 +3,7 @@
 //! Reads files, keeps the newest program and answers for it. What a program
 //! means is decided by [`load`](crate::load); nothing here is worth a test of its own.
 
+mod chunks;
 mod health;
 mod lifecycle;
 
@@ -17,16 +18,14 @@ use cnc_msgs::profile::{Profile, UnknownReaction};
 use cnc_msgs::units::{point_from_position, position_from_point};
 use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, Program, ProgramChunk, ProgrammedContour};
 use cnc_msgs::wire::cnc_msgs::srv::{
-    GetContourChunks, GetContourChunksRequest, GetContourChunksResponse, GetProgramChunks,
-    GetProgramChunksRequest, GetProgramChunksResponse, LoadProgram, LoadProgramRequest,
-    LoadProgramResponse, PutProgramChunk, PutProgramChunkRequest, PutProgramChunkResponse,
-    ReadBlock, ReadBlockRequest, ReadBlockResponse,
+    GetContourChunks, GetProgramChunks, LoadProgram, LoadProgramRequest, LoadProgramResponse,
+    PutProgramChunk, ReadBlock, ReadBlockRequest, ReadBlockResponse,
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
 use intake::file::ReadError;
 use intake::folders::{Folders, LookupError};
 use intake::text::one_line;
-use runtime::chunks::{ChunkTopic, Cut, page};
+use runtime::chunks::{ChunkTopic, Cut};
 use runtime::commands::{Answer, CommandLog};
 use runtime::{Declared, Handle, ProfileError, Publisher, Qos, RequestInfo};
 use std::path::Path;
@@ -402,76 +401,6 @@ impl Loader {
             bounds_max: point_from_position(max),
             ..chunks.manifest()
         }
-    }
-
-    fn put_chunk(&self, request: PutProgramChunkRequest) -> PutProgramChunkResponse {
-        use crate::upload::UploadError as E;
-        type W = PutProgramChunkResponse;
-        if let Err(message) = self.node.require_active() {
-            return W { error_code: W::NOT_ACTIVE, message, ..W::default() };
-        }
-        match self.state().uploads.put(request) {
-            Ok(received_count) => {
-                PutProgramChunkResponse { success: true, received_count, ..W::default() }
-            }
-            Err(error) => PutProgramChunkResponse {
-                error_code: match error {
-                    E::Damaged { .. } => W::CHECKSUM,
-                    E::TooLarge { .. } | E::ChunkTooLarge { .. } => W::TOO_LARGE,
-                    _ => W::INVALID_REQUEST,
-                },
-                message: error.to_string(),
-                ..W::default()
-            },
-        }
-    }
-
-    fn program_chunks(&self, request: &GetProgramChunksRequest) -> GetProgramChunksResponse {
-        type W = GetProgramChunksResponse;
-        match self.chunks(&request.program_id, request.first, |current| &current.program) {
-            Ok(chunks) => GetProgramChunksResponse { success: true, chunks, ..W::default() },
-            Err(Refusal { code, message }) => {
-                GetProgramChunksResponse { error_code: code, message, ..W::default() }
-            }
-        }
-    }
-
-    fn contour_chunks(&self, request: &GetContourChunksRequest) -> GetContourChunksResponse {
-        type W = GetContourChunksResponse;
-        match self.chunks(&request.program_id, request.first, |current| &current.contour) {
-            Ok(chunks) => GetContourChunksResponse { success: true, chunks, ..W::default() },
-            Err(Refusal { code, message }) => {
-                GetContourChunksResponse { error_code: code, message, ..W::default() }
-            }
-        }
-    }
-
-    /// A page of chunks of the loaded program, of which `cut` selects the text or the contour.
-    fn chunks<C: cnc_msgs::interface::Message>(
-        &self,
-        wanted: &str,
-        first: u32,
-        cut: impl Fn(&Current) -> &Cut<C>,
-    ) -> Result<Vec<C>, Refusal> {
-        type W = GetContourChunksResponse;
-        let state = self.state();
-        let current = match &state.current {
-            Some(current) if wanted.is_empty() || wanted == current.program_id => current,
-            Some(current) => {
-                return refuse(
-                    W::UNKNOWN_PROGRAM,
-                    format_args!("program {wanted} is not loaded; {} is", current.program_id),
-                );
-            }
-            None => return refuse(W::UNKNOWN_PROGRAM, "no program is loaded"),
-        };
-        let cut = Arc::clone(cut(current));
-        drop(state);
-        let chunks = page(first, &cut);
-        if chunks.is_empty() {
-            return refuse(W::UNKNOWN_CHUNK, format_args!("there is no chunk {first}"));
-        }
-        Ok(chunks)
     }
 }
 

@@ -5,6 +5,10 @@
 //! is answered: an offer that is dropped is rejected, a goal that is dropped is
 //! aborted, a result can be had for a quarter of an hour.
 
+mod goal;
+
+pub use goal::{Goal, GoalOffer, Unfinished};
+
 use super::GoalId;
 use super::goals::{Answer, Goals, Offer, Outcome};
 use super::kept::{self, Ledger};
@@ -36,38 +40,6 @@ const DECIDE_WITHIN: Duration = Duration::from_secs(4);
 pub struct ActionServer<A: Action> {
     offers: mpsc::Receiver<GoalOffer<A>>,
     unfinished: Vec<Unfinished<A>>,
-}
-
-/// What the process before this one had not brought to an end; see [`crate::Memory`].
-#[derive(Debug)]
-pub enum Unfinished<A: Action> {
-    /// It had not decided on it, or nobody was told.
-    Offer(GoalOffer<A>),
-    /// It was working on it.
-    Goal(Goal<A>),
-}
-
-/// Takes when the goal was accepted, or that it was not.
-type Decision = oneshot::Sender<Option<RosTime>>;
-
-/// A goal that somebody wants, not yet accepted.
-pub struct GoalOffer<A: Action> {
-    goal: A::Goal,
-    id: GoalId,
-    info: RequestInfo,
-    /// Taken when the decision falls. Nobody in this process waits for that of an offer from the
-    /// process before.
-    pending: Option<(Arc<Shared<A>>, Option<Decision>)>,
-}
-
-/// A goal that is being worked on.
-pub struct Goal<A: Action> {
-    goal: A::Goal,
-    id: GoalId,
-    info: RequestInfo,
-    shared: Arc<Shared<A>>,
-    /// Used when the goal is dropped without an end.
-    fallback: Option<A::Result>,
 }
 
 struct Shared<A: Action> {
@@ -183,153 +155,6 @@ impl<A: Action> ActionServer<A> {
     /// `None` when the node stops. It must be decided within 4 s.
     pub async fn next_goal(&mut self) -> Option<GoalOffer<A>> {
         self.offers.recv().await
-    }
-}
-
-impl<A: Action> GoalOffer<A> {
-    /// What is wanted.
-    pub fn goal(&self) -> &A::Goal {
-        &self.goal
-    }
-
-    /// The goal's name.
-    pub fn id(&self) -> GoalId {
-        self.id
-    }
-
-    /// Who wants it.
-    pub fn info(&self) -> RequestInfo {
-        self.info
-    }
-
-    /// Whether somebody has canceled the goal before it was decided on.
-    pub fn is_canceled(&self) -> bool {
-        self.pending.as_ref().is_some_and(|(shared, _)| shared.goals().is_canceling(self.id))
-    }
-
-    /// Keeps the node's own number for the goal, for the process after this one.
-    pub fn tag(&self, tag: u64) {
-        if let Some((shared, _)) = &self.pending {
-            shared.tag(self.id, tag);
-        }
-    }
-
-    /// The number that [`Self::tag`] was given, in this process or the one before; 0: none.
-    pub fn kept_tag(&self) -> u64 {
-        self.pending.as_ref().map_or(0, |(shared, _)| shared.kept_tag(self.id))
-    }
-
-    /// Takes the goal on: from now on it is executing.
-    ///
-    /// `None` when that took too long, or somebody has canceled it meanwhile: the client
-    /// is told "rejected", and nothing may move.
-    pub fn accept(mut self) -> Option<Goal<A>>
-    where
-        A::Result: Default,
-    {
-        // Only `drop`, `reject` and this take it.
-        let (shared, decision) = self.pending.take().expect("an offer is decided once");
-        let now = shared.handle.now();
-        let mut goals = shared.goals();
-        if goals.is_canceling(self.id) {
-            goals.reject(self.id, shared.start.elapsed());
-            drop(goals);
-            if let Some(decision) = decision {
-                // Its client may have been told already.
-                let _ = decision.send(None);
-            }
-            tracing::warn!("{}: goal {} was canceled before it began", shared.name, self.id);
-            shared.changed();
-            return None;
-        }
-        if decision.is_some_and(|decision| decision.send(Some(now)).is_err()) {
-            return None;
-        }
-        goals.accept(self.id, now);
-        drop(goals);
-        shared.changed();
-        let (goal, id, info) = (self.goal.clone(), self.id, self.info);
-        Some(Goal { goal, id, info, shared, fallback: Some(A::Result::default()) })
-    }
-
-    /// Refuses the goal. ROS carries no reason to the client; it goes to the log.
-    pub fn reject(mut self, reason: &str) {
-        self.refuse(reason);
-    }
-
-    fn refuse(&mut self, reason: &str) {
-        if let Some((shared, decision)) = self.pending.take() {
-            let mut goals = shared.goals();
-            if decision.is_none_or(|decision| decision.send(None).is_ok()) {
-                goals.reject(self.id, shared.start.elapsed());
-                drop(goals);
-                tracing::warn!("{}: goal {} is rejected: {reason}", shared.name, self.id);
-                shared.changed();
-            }
-        }
-    }
-}
-
-impl<A: Action> Drop for GoalOffer<A> {
-    fn drop(&mut self) {
-        self.refuse("the node did not decide on it");
-    }
-}
-
-impl<A: Action> Goal<A> {
-    /// What is wanted.
-    pub fn goal(&self) -> &A::Goal {
-        &self.goal
-    }
-
-    /// The goal's name.
-    pub fn id(&self) -> GoalId {
-        self.id
-    }
-
-    /// Who wanted it.
-    pub fn info(&self) -> RequestInfo {
-        self.info
-    }
-
-    /// The number that [`GoalOffer::tag`] was given, in this process or the one before; 0: none.
-    pub fn kept_tag(&self) -> u64 {
-        self.shared.kept_tag(self.id)
-    }
-
-    /// Tells how far it is; dropped when the transport is full.
-    pub fn feedback(&self, feedback: A::Feedback) {
-        let goal_id = UUID { uuid: self.id.0 };
-        self.shared.feedback.publish(FeedbackMessage { goal_id, feedback });
-    }
-
-    /// Whether somebody wants it canceled.
-    pub fn is_cancel_requested(&self) -> bool {
-        self.shared.goals().is_canceling(self.id)
-    }
-
-    /// Waits until somebody wants it canceled; may be dropped and asked again.
-    pub async fn cancel_requested(&self) {
-        let mut changes = self.shared.changes.subscribe();
-        while !self.is_cancel_requested() {
-            // The sender lives as long as `self`.
-            drop(changes.changed().await);
-        }
-    }
-
-    /// Ends the goal and hands its result to all who ask.
-    pub fn end(mut self, outcome: Outcome, result: A::Result) {
-        self.fallback = None;
-        self.shared.end(self.id, outcome, result);
-    }
-}
-
-impl<A: Action> Drop for Goal<A> {
-    fn drop(&mut self) {
-        if let Some(result) = self.fallback.take() {
-            tracing::error!("{}: goal {} was given up and is aborted", self.shared.name, self.id);
-            self.shared.end(self.id, Outcome::Aborted, result);
-        }
     }
 }
 
@@ -513,17 +338,5 @@ impl<A: Action> Drop for Waiting<A> {
 impl<A: Action> std::fmt::Debug for ActionServer<A> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("ActionServer").field("action", &A::TYPE_NAME).finish_non_exhaustive()
-    }
-}
-
-impl<A: Action> std::fmt::Debug for GoalOffer<A> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("GoalOffer").field("id", &self.id).finish_non_exhaustive()
-    }
-}
-
-impl<A: Action> std::fmt::Debug for Goal<A> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Goal").field("id", &self.id).finish_non_exhaustive()
     }
 }
