@@ -6,10 +6,10 @@
 use axis_driver::driver::{
     Command, Driver, DriverConfig, Input, MoveResult, Output, Refusal, RunRequest, RunResult,
 };
-use cnc_msgs::contour::Source;
+use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::geometry::{AxisSet, Shape};
 use cnc_msgs::machine::{MachineState, Mode};
-use cnc_msgs::path::{CompensatedPath, PathElement, Role};
+use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
 use std::sync::Arc;
 use std::time::Duration;
 use virtual_controller::{Build, Controller, Fault, FaultInjector, Pace, PacedLine};
@@ -245,6 +245,12 @@ pub fn straight(count: u32, length_mm: f64) -> CompensatedPath {
         source: Source { line, ..Source::default() },
     };
     CompensatedPath { elements: (1..=count).map(element).collect(), ..Default::default() }
+}
+
+/// Events at these elements, in order.
+pub fn events(events: &[(usize, Action)]) -> Vec<PathEvent> {
+    let event = |&(at_element, action)| PathEvent { at_element, action, source: Source::default() };
+    events.iter().map(event).collect()
 }
 
 /// A spiral of short lines, as a free-form surface is posted; source lines 1, 2, 3...

@@ -284,15 +284,7 @@ fn overrides_are_asked_for_again_when_a_byte_is_lost() {
 
 #[test]
 fn an_override_that_does_not_show_is_refused_with_the_numbers() {
-    let mut settings = Settings::small_router();
-    settings.set_line("$22=1").unwrap();
-    let start_in_machine = Some([-300.0, -200.0, -50.0]);
-    let build = Build { start_in_machine, ..Build::new(settings) };
-    let mut line = Line::new(DriverConfig::default(), build, &[]);
-    line.until("connected", |line| line.mode() == Mode::Alarm);
-    // It reports nothing while it homes.
-    line.begin(Command::Home);
-    line.wait(0.5);
+    let mut line = homing();
     let wanted = Overrides { feed: Some(57), rapid: Some(25), spindle: None };
     let refusal = line.ask(Command::SetOverrides(wanted)).expect_err("a refusal");
     assert_eq!(line.mode(), Mode::Home);

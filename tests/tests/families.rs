@@ -8,8 +8,8 @@ use axis_driver::report;
 use cnc_msgs::contour::{Action, CoolantMode, SpindleMode};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::machine::Mode;
-use cnc_msgs::path::{CompensatedPath, PathEvent};
-use kerf_tests::line::{Line, short_segments, straight};
+use cnc_msgs::path::CompensatedPath;
+use kerf_tests::line::{Line, events, short_segments, straight};
 use virtual_controller::{Build, Firmware, Settings};
 
 const START: [f64; 3] = [-300.0, -200.0, -50.0];
@@ -42,7 +42,7 @@ fn everything() -> CompensatedPath {
         element.end[1] = 4.0;
         element.end[2] = -7.0;
     }
-    let events = [
+    path.events = events(&[
         (0, Action::SpindleSpeed { rpm: 5_000.0 }),
         (0, Action::Spindle(SpindleMode::CounterClockwise)),
         (1, Action::Coolant(CoolantMode::Flood)),
@@ -51,11 +51,7 @@ fn everything() -> CompensatedPath {
         (9, Action::Coolant(CoolantMode::Off)),
         (9, Action::Spindle(SpindleMode::Off)),
         (9, Action::ProgramEnd { rewind: true }),
-    ];
-    path.events = events
-        .into_iter()
-        .map(|(at_element, action)| PathEvent { at_element, action, source: Default::default() })
-        .collect();
+    ]);
     path
 }
 

@@ -9,8 +9,8 @@ use axis_driver::driver::{
 use cnc_msgs::contour::{Action, SpindleMode};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::machine::{LinkWatch, Mode};
-use cnc_msgs::path::{CompensatedPath, PathEvent};
-use kerf_tests::line::{Line, short_segments, straight};
+use cnc_msgs::path::CompensatedPath;
+use kerf_tests::line::{Line, events, short_segments, straight};
 use std::time::Duration;
 use virtual_controller::{Build, Direction, FaultAction, Firmware, Settings, Spoil};
 
@@ -183,7 +183,7 @@ fn slow_things() -> CompensatedPath {
             Shape::Arc(Arc { center, plane: Plane::Xy, clockwise: false, turns: 1 });
         path.elements[index].end = from;
     }
-    let events = [
+    path.events = events(&[
         (0, Action::SpindleSpeed { rpm: 5_000.0 }),
         (0, Action::Spindle(SpindleMode::Clockwise)),
         (10, Action::Dwell { seconds: 3.0 }),
@@ -192,11 +192,7 @@ fn slow_things() -> CompensatedPath {
         (30, Action::ExactStop),
         (40, Action::Dwell { seconds: 0.2 }),
         (60, Action::ProgramEnd { rewind: true }),
-    ];
-    path.events = events
-        .into_iter()
-        .map(|(at_element, action)| PathEvent { at_element, action, source: Default::default() })
-        .collect();
+    ]);
     path
 }
 

@@ -203,24 +203,7 @@ fn equal_override_bytes_between_two_passes_count_once_and_act_in_an_order_of_the
 fn two_steps_down_at_the_lower_limit_end_at_the_upper_one() {
     let script = r"
         ^?
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
+        times 9 bytes \x92; wait 0.01
         ^?
         bytes \x92\x94
         wait 0.01
@@ -231,24 +214,7 @@ fn two_steps_down_at_the_lower_limit_end_at_the_upper_one() {
         script,
         expect![[r#"
         ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
-        bytes \x92
-        wait 0.01
+        times 9 bytes \x92; wait 0.01
         ^?                       <Idle|MPos:0.000,0.000,0.000|FS:0,0|Ov:10,100,100>
         bytes \x92\x94
         wait 0.01

@@ -4,7 +4,8 @@
 //! (`?`, `!`, `~` or hexadecimal); `bytes` sends text with `\r`, `\n` and
 //! `\xNN` and no line end of its own; `wait S` lets seconds pass; `settle` goes
 //! on until nothing is awaited. `limit X`, `release X`, `cut X`, `mend X`,
-//! `door`, `shut` and `power` act on the machine; `alarm N` raises an alarm.
+//! `door`, `shut` and `power` act on the machine; `alarm N` raises an alarm. `times N A; B` takes
+//! steps N times, and shows the last that is heard.
 
 use crate::common::{Bench, settings, settings_of};
 use expect_test::Expect;
@@ -31,12 +32,19 @@ fn unescaped(text: &str) -> Vec<u8> {
     bytes
 }
 
-fn step(bench: &mut Bench, step: &str) -> String {
-    let (verb, argument) = step.split_once(' ').unwrap_or((step, ""));
+fn step(bench: &mut Bench, text: &str) -> String {
+    let (verb, argument) = text.split_once(' ').unwrap_or((text, ""));
     match verb {
         "wait" => return bench.wait(argument.parse().unwrap()),
         "settle" => return bench.settle(),
         "bytes" => return bench.send(&unescaped(argument)),
+        "times" => {
+            let (count, steps) = argument.split_once(' ').unwrap();
+            let steps: Vec<&str> = steps.split(';').map(str::trim).collect();
+            let heard =
+                steps.repeat(count.parse().unwrap()).into_iter().map(|one| step(bench, one));
+            return heard.last().unwrap_or_default();
+        }
         "limit" => bench.controller.hold_limit(axis(argument), true),
         "release" => bench.controller.hold_limit(axis(argument), false),
         "mend" => bench.controller.cut_limit(axis(argument), false),
@@ -46,10 +54,10 @@ fn step(bench: &mut Bench, step: &str) -> String {
         "alarm" => bench.controller.raise_alarm(argument.parse().unwrap()),
         "power" => bench.controller.power_cycle(),
         _ => {
-            return match step.strip_prefix('^') {
+            return match text.strip_prefix('^') {
                 Some(raw) if raw.len() == 2 => bench.send(&[u8::from_str_radix(raw, 16).unwrap()]),
                 Some(raw) => bench.send(raw.as_bytes()),
-                None => bench.say(step),
+                None => bench.say(text),
             };
         }
     }
