@@ -13,6 +13,7 @@ mod face;
 mod hub;
 mod memory;
 mod operator;
+mod reading;
 
 pub(crate) use face::FACE_VARIABLE;
 pub use operator::{OperatorError, ask_operator};
@@ -70,7 +71,7 @@ pub fn main(program: &[&str], args: &[String]) -> ExitCode {
     let (event_sender, events) = sync_channel(WAITING_MAX);
     let (entry_sender, entries) = sync_channel(WAITING_MAX);
     let hub = Serial::start(config, event_sender, entry_sender)
-        .and_then(|serial| Hub::start(serial, events, entries));
+        .and_then(|serial| Hub::start(serial, events, entries, memory::Collected::checked));
     let hub = match hub {
         Ok(hub) => hub,
         Err(error) => return complain(&error, 1),

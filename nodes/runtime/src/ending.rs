@@ -33,7 +33,10 @@ pub(crate) fn say(logger: &str, text: &str) {
 }
 
 /// Runs something whose panics are expected; they end neither the process nor the thread.
-pub(crate) fn catch<R>(work: impl FnOnce() -> R) -> std::thread::Result<R> {
+///
+/// # Errors
+/// It panicked; this is what with.
+pub fn catch<R>(work: impl FnOnce() -> R) -> std::thread::Result<R> {
     let before = IS_CAUGHT.replace(true);
     let outcome = catch_unwind(AssertUnwindSafe(work));
     IS_CAUGHT.set(before);

@@ -122,7 +122,7 @@ pub use diagnostics::{Health, HealthLevel};
 pub use documents::{
     ToolTableFileError, load_tool_table, profile_from_yaml, profile_to_yaml, tool_table_from_yaml,
 };
-pub use ending::end_command_on_panic;
+pub use ending::{catch, end_command_on_panic};
 pub use graph::LOOPBACK_PARTICIPANTS_MAX;
 pub use lifecycle::{Managed, Step, Trouble};
 pub use logging::LogSettings;

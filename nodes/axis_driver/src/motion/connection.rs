@@ -1,9 +1,11 @@
 //! One connection to a ROS face: what it says is done, what it is to hear is written.
 
 use super::hub::{Hub, News, log, ns};
-use super::memory::{PathRefusal, checked};
+use super::memory::{Collected, PathRefusal, refusal};
+use super::reading::read;
 use crate::protocol::{Deframer, ProtocolError, ToFace, ToMotion, VERSION, Welcome, frame};
 use cnc_msgs::cdr;
+use cnc_msgs::path::CompensatedPath;
 use std::io::{self, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
@@ -108,18 +110,26 @@ fn listen(
             ToMotion::Close => full(hub.serial().close()),
             ToMotion::Command { json, local_stops } => hub.command(&json, local_stops),
             ToMotion::PathBegin { manifest } => {
-                let manifest = cdr::decode(&manifest).map_err(ProtocolError::Content)?;
+                let manifest = content("the manifest of a path", || cdr::decode(&manifest))?;
                 if let Err(refusal) = hub.paths(|paths| paths.begin(manifest)) {
                     tell(refusal);
                 }
             }
             ToMotion::PathChunk { chunk } => {
-                let chunk = cdr::decode(&chunk).map_err(ProtocolError::Content)?;
-                if let Err(refusal) = hub.paths(|paths| paths.add(chunk)) {
+                let bytes = chunk.len();
+                let chunk = content("a chunk of a path", || cdr::decode(&chunk))?;
+                if let Err(refusal) = hub.paths(|paths| paths.add(chunk, bytes)) {
                     tell(refusal);
                 }
             }
-            ToMotion::PathEnd => take_path(hub, answers)?,
+            ToMotion::PathEnd => {
+                if let Some(collected) = hub.paths(super::memory::Paths::end) {
+                    let job = Unchecked { collected, answers: answers.clone() };
+                    if let Err(refusal) = hub.check(job) {
+                        tell(refusal);
+                    }
+                }
+            }
             ToMotion::Keep { key, value } => {
                 let value = value.map(serde_bytes::ByteBuf::into_vec);
                 if let Err(error) = hub.memory(|memory| memory.keep(key, value)) {
@@ -140,12 +150,30 @@ fn full(taken: Result<(), crate::serial::Full>) {
     }
 }
 
-/// Checks the path that was sent, without keeping the face from being heard meanwhile.
-fn take_path(hub: &Arc<Hub>, answers: &SyncSender<ToFace>) -> io::Result<()> {
-    let Some((manifest, collector)) = hub.paths(super::memory::Paths::end) else { return Ok(()) };
-    let (hub, answers) = (Arc::clone(hub), answers.clone());
-    std::thread::Builder::new().name("path".into()).spawn(move || {
-        let answer = match checked(&manifest, collector) {
+/// Decodes what is in a message. The connection of a face that sends nonsense ends.
+fn content<T>(what: &str, decode: impl FnOnce() -> Result<T, cdr::CdrError>) -> Result<T, Broken> {
+    let decoded = read(what, decode).map_err(io::Error::other)?;
+    Ok(decoded.map_err(ProtocolError::Content)?)
+}
+
+/// A path that a face has sent, and where to answer.
+#[derive(Debug)]
+pub(super) struct Unchecked {
+    pub(super) collected: Collected,
+    answers: SyncSender<ToFace>,
+}
+
+/// Makes a path of what was collected; a parameter, so that a test can let it panic.
+pub(super) type Check = fn(Collected) -> Result<Arc<CompensatedPath>, PathRefusal>;
+
+/// Checks one path after the other, without keeping a face from being heard meanwhile.
+pub(super) fn check_paths(hub: &Hub, jobs: &Receiver<Unchecked>, check: Check) {
+    while let Ok(Unchecked { collected, answers }) = jobs.recv() {
+        let (manifest, bytes) = (collected.manifest.clone(), collected.bytes());
+        let checked = read("a path", || check(collected))
+            .unwrap_or_else(|defect| Err(refusal(&manifest, &defect)));
+        hub.paths(|paths| paths.forget(bytes));
+        let answer = match checked {
             Ok(path) => {
                 hub.paths(|paths| paths.put(&manifest, path));
                 let (program_id, revision) = (manifest.program_id, manifest.revision);
@@ -155,10 +183,10 @@ fn take_path(hub: &Arc<Hub>, answers: &SyncSender<ToFace>) -> io::Result<()> {
                 ToFace::PathRefused { program_id, revision, message }
             }
         };
+        // The face may have gone, or send more paths than it hears answers for.
         let _ = answers.try_send(answer);
         hub.news.notify_all();
-    })?;
-    Ok(())
+    }
 }
 
 /// Writes what the face is to hear, until it goes.
@@ -230,7 +258,8 @@ impl<'a> Messages<'a> {
     /// The next one; `None` at the end.
     fn next(&mut self) -> Result<Option<ToMotion>, Broken> {
         loop {
-            if let Some(message) = self.deframer.take()? {
+            let taken = read("a message of the ROS face", || self.deframer.take());
+            if let Some(message) = taken.map_err(io::Error::other)?? {
                 return Ok(Some(message));
             }
             match self.stream.read(&mut self.buffer) {
@@ -239,6 +268,61 @@ impl<'a> Messages<'a> {
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 Err(error) => return Err(error.into()),
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::hub::tests::hub_that_checks;
+    use cnc_msgs::wire::cnc_msgs::msg as wire;
+    use std::sync::Mutex;
+
+    const SOON: Duration = Duration::from_secs(10);
+
+    fn send(hub: &Hub, revision: u64, answers: &SyncSender<ToFace>) -> Result<(), PathRefusal> {
+        let manifest = wire::CompensatedPath { revision, chunk_count: 1, ..Default::default() };
+        hub.paths(|paths| paths.begin(manifest)).expect("a manifest");
+        let collected = hub.paths(super::super::memory::Paths::end).expect("it was begun");
+        hub.check(Unchecked { collected, answers: answers.clone() })
+    }
+
+    #[test]
+    fn a_panic_in_the_check_of_a_path_refuses_it_and_the_next_one_is_checked() {
+        let hub = hub_that_checks(|collected| match collected.manifest.revision {
+            1 => panic!("no such plane"),
+            _ => Ok(Arc::default()),
+        });
+        let (answers, heard) = sync_channel(ANSWERS_MAX);
+        send(&hub, 1, &answers).expect("there is room");
+        let Ok(ToFace::PathRefused { message, .. }) = heard.recv_timeout(SOON) else {
+            panic!("a refusal is missing");
+        };
+        assert!(message.ends_with("a defect in Kerf: no such plane"), "{message}");
+        send(&hub, 2, &answers).expect("there is room");
+        let taken = heard.recv_timeout(SOON);
+        assert!(matches!(taken, Ok(ToFace::PathTaken { revision: 2, .. })), "{taken:?}");
+    }
+
+    #[test]
+    fn of_many_paths_at_a_time_one_is_checked_and_one_waits() {
+        static CHECKING: Mutex<()> = Mutex::new(());
+        let held_up = CHECKING.lock().expect("no panic");
+        let hub = hub_that_checks(|_| {
+            drop(CHECKING.lock().expect("no panic"));
+            Ok(Arc::default())
+        });
+        let (answers, heard) = sync_channel(ANSWERS_MAX);
+        let refused: Vec<_> =
+            (1..=10).filter_map(|revision| send(&hub, revision, &answers).err()).collect();
+        // The worker may have taken the first one before the second came, or not.
+        assert!(refused.len() >= 8, "{}", refused.len());
+        assert!(refused[0].message.contains("is still being checked"), "{}", refused[0].message);
+        drop(held_up);
+        for _ in refused.len()..10 {
+            let taken = heard.recv_timeout(SOON);
+            assert!(matches!(taken, Ok(ToFace::PathTaken { .. })), "{taken:?}");
         }
     }
 }

@@ -3,7 +3,9 @@
 //! Nothing here waits for a face: what it is to hear is in bounded queues and in the ring of
 //! the journal, and a face that does not take it is replaced.
 
-use super::memory::{Memory, Paths};
+use super::connection::{Check, Unchecked, check_paths};
+use super::memory::{Memory, PathRefusal, Paths, refusal};
+use super::reading::read;
 use crate::driver::{Command, LogLevel, Output, Refusal};
 use crate::journal::{Entry, Ring, command_from_json};
 use crate::protocol::Vital;
@@ -12,7 +14,7 @@ use cnc_msgs::machine::MachineState;
 use std::collections::{BTreeMap, VecDeque};
 use std::io;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -26,6 +28,8 @@ const EVENTS_MAX: usize = 4_096;
 const ENTRIES_BYTES: usize = 128 << 10;
 /// What an entry takes besides its data, bytes.
 const ENTRY_BYTES: usize = 32;
+/// Paths that may wait while one is checked.
+const UNCHECKED_MAX: usize = 1;
 
 pub(super) type Reply = Result<String, Refusal>;
 
@@ -39,6 +43,7 @@ pub(super) struct Hub {
     state: Mutex<State>,
     /// Something waits for the face, or it is another.
     pub(super) news: Condvar,
+    unchecked: SyncSender<Unchecked>,
 }
 
 #[derive(Debug, Default)]
@@ -74,9 +79,11 @@ impl Hub {
         serial: Serial,
         events: Receiver<Event>,
         entries: Receiver<Entry>,
+        check: Check,
     ) -> io::Result<Arc<Self>> {
         let wall = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
         let zero = wall.unwrap_or_default().saturating_sub(serial.epoch().elapsed());
+        let (unchecked, jobs) = sync_channel(UNCHECKED_MAX);
         let hub = Arc::new(Self {
             serial,
             zero_wall_ns: i64::try_from(zero.as_nanos()).unwrap_or(0),
@@ -84,7 +91,12 @@ impl Hub {
             is_closed: AtomicBool::new(false),
             state: Mutex::default(),
             news: Condvar::new(),
+            unchecked,
         });
+        let shared = Arc::clone(&hub);
+        std::thread::Builder::new()
+            .name("paths".into())
+            .spawn(move || check_paths(&shared, &jobs, check))?;
         let shared = Arc::clone(&hub);
         std::thread::Builder::new().name("driver events".into()).spawn(move || {
             while let Ok(event) = events.recv() {
@@ -118,19 +130,11 @@ impl Hub {
             return;
         }
         state.memory.hear(&event);
-        let unheard = match &mut state.face {
-            Some(queue) => {
-                queue.push(event);
-                None
-            }
-            None => Some(event),
-        };
+        let unheard = state.tell(event);
         drop(state);
         self.news.notify_all();
         // There is nobody else to log it.
-        if let Some(event) = unheard {
-            log(&event.output);
-        }
+        unheard.iter().for_each(|event| log(&event.output));
     }
 
     fn take_entries(&self, batch: &[Entry]) {
@@ -185,7 +189,10 @@ impl Hub {
             let output = Output::Reply { id, result: Err(Refusal { error_code, message }) };
             Event { at: self.serial.epoch().elapsed(), output }
         };
-        let refusal = match command_from_json(json.as_bytes(), &lookup) {
+        let command = read("a command", || {
+            command_from_json(json.as_bytes(), &lookup).map_err(|error| error.to_string())
+        });
+        let refusal = match command.flatten() {
             Ok((id, _)) if id >= OWN_IDS => {
                 drop(state);
                 return tracing::error!("a command of the ROS face has id {id}, which is not its");
@@ -207,14 +214,13 @@ impl Hub {
                     drop(state);
                     return tracing::error!("a command of the ROS face has no id: {error}");
                 };
-                refuse(id, crate::codes::error_code::NO_ANSWER, error.to_string())
+                refuse(id, crate::codes::error_code::NO_ANSWER, error)
             }
         };
-        if let Some(queue) = &mut state.face {
-            queue.push(refusal);
-        }
+        let unheard = state.tell(refusal);
         drop(state);
         self.news.notify_all();
+        unheard.iter().for_each(|event| log(&event.output));
     }
 
     /// What outlives a face.
@@ -224,6 +230,16 @@ impl Hub {
 
     pub(super) fn paths<R>(&self, look: impl FnOnce(&mut Paths) -> R) -> R {
         look(&mut self.state().paths)
+    }
+
+    /// Has a path checked; the answer goes where the job says. One that cannot wait is refused.
+    pub(super) fn check(&self, job: Unchecked) -> Result<(), PathRefusal> {
+        let Err(error) = self.unchecked.try_send(job) else { return Ok(()) };
+        let (TrySendError::Full(job) | TrySendError::Disconnected(job)) = error;
+        self.paths(|paths| paths.forget(job.collected.bytes()));
+        let text = "a path that came before is still being checked, and another waits: send it \
+                    again later";
+        Err(refusal(&job.collected.manifest, &text))
     }
 
     /// The newest state, with the age of what was heard.
@@ -297,19 +313,34 @@ impl Hub {
     }
 }
 
-impl Queue {
-    fn push(&mut self, event: Event) {
-        if self.events.len() >= EVENTS_MAX {
-            let is_telemetry = |event: &Event| {
-                matches!(
-                    event.output,
-                    Output::State(_) | Output::Progress { .. } | Output::Log { .. }
-                )
-            };
-            let oldest = self.events.iter().position(is_telemetry).unwrap_or(0);
-            self.events.remove(oldest);
+impl State {
+    /// Lets the face hear something; what no face will hear is returned. A face that has left
+    /// so much unread that an answer or a result would have to be dropped is given up: the next
+    /// one hears all ends.
+    fn tell(&mut self, event: Event) -> VecDeque<Event> {
+        let Some(queue) = &mut self.face else { return [event].into() };
+        queue.events.push_back(event);
+        if queue.events.len() <= EVENTS_MAX || queue.drop_telemetry() {
+            return VecDeque::new();
         }
-        self.events.push_back(event);
+        let message =
+            format!("the ROS face has not taken {EVENTS_MAX} answers and results; it is replaced");
+        let mut unheard = self.face.take().map(|queue| queue.events).unwrap_or_default();
+        // The caller logs it, when it holds no lock.
+        let output = Output::Log { level: LogLevel::Error, message };
+        unheard.extend(unheard.back().map(|last| Event { at: last.at, output }));
+        unheard
+    }
+}
+
+impl Queue {
+    /// Makes room for one event; whether that was possible.
+    fn drop_telemetry(&mut self) -> bool {
+        let is_telemetry = |event: &Event| {
+            matches!(event.output, Output::State(_) | Output::Progress { .. } | Output::Log { .. })
+        };
+        let oldest = self.events.iter().position(is_telemetry);
+        oldest.and_then(|oldest| self.events.remove(oldest)).is_some()
     }
 }
 
@@ -358,14 +389,19 @@ impl std::fmt::Debug for Hub {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::driver::DriverConfig;
     use crate::journal::{Order, order_to_json};
+    use crate::motion::memory::Collected;
     use crate::serial::{Reopen, SerialConfig};
 
     /// A hub whose port nobody opens.
     fn hub() -> Arc<Hub> {
+        hub_that_checks(Collected::checked)
+    }
+
+    pub(in crate::motion) fn hub_that_checks(check: Check) -> Arc<Hub> {
         let config = SerialConfig {
             path: "/nowhere".into(),
             dtr: None,
@@ -376,7 +412,7 @@ mod tests {
         let (event_sender, events) = sync_channel(16);
         let (entry_sender, entries) = sync_channel(16);
         let serial = Serial::start(config, event_sender, entry_sender).expect("threads");
-        Hub::start(serial, events, entries).expect("threads")
+        Hub::start(serial, events, entries, check).expect("threads")
     }
 
     #[test]
@@ -399,5 +435,26 @@ mod tests {
         assert!(hub.forget(first + 1).is_empty(), "another face");
         assert_eq!(hub.forget(first), [event]);
         assert!(!hub.has_face() && hub.forget(first).is_empty());
+    }
+
+    #[test]
+    fn no_answer_is_dropped_from_what_waits_for_a_face_but_the_face() {
+        let hub = hub();
+        let (number, _) = hub.greet();
+        let event = |output| Event { at: Duration::ZERO, output };
+        let reply = |id| event(Output::Reply { id, result: Ok("done".into()) });
+        let progress = Output::Progress { line: 1, fraction: 0.1, time_left_s: 2.0 };
+        hub.take_event(event(progress));
+        for id in 1..=EVENTS_MAX as u64 {
+            hub.take_event(reply(id));
+        }
+        let news = hub.wait(number, Instant::now()).expect("the face is there");
+        assert_eq!(news.events.len(), EVENTS_MAX, "telemetry goes first");
+        assert_eq!(news.events[0], reply(1));
+        for id in 0..=EVENTS_MAX as u64 {
+            assert!(hub.has_face());
+            hub.take_event(reply(id));
+        }
+        assert!(!hub.has_face() && hub.wait(number, Instant::now()).is_none());
     }
 }

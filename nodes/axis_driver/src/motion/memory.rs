@@ -7,7 +7,7 @@ use crate::driver::{Command, ControllerSettings, Output};
 use crate::serial::Event;
 use cnc_msgs::chunk::Collector;
 use cnc_msgs::machine::MachineState;
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -21,9 +21,13 @@ const KEPT_MAX: usize = 64;
 const ENDS_MAX: usize = 256;
 /// Paths that are here: the one that runs, the newest, and one for the rest of a run.
 const PATHS_MAX: usize = 3;
-/// Elements of all paths that are here, unless the newest alone has more; what runs is held by
-/// the driver too.
-const ELEMENTS_MAX: u64 = 5_000_000;
+/// All paths that are here, bytes: one of 5 000 000 elements fits. What runs is held by the driver
+/// too.
+const PATHS_BYTES_MAX: u64 = 768 << 20;
+/// Chunks that are not checked yet, bytes as they came: 136 for an element, some more in memory.
+const UNCHECKED_BYTES_MAX: usize = 1 << 30;
+/// What a chunk takes besides its content, bytes.
+const CHUNK_BYTES: usize = 256;
 /// The longest name of a program, bytes.
 const NAME_BYTES_MAX: usize = 256;
 
@@ -140,7 +144,18 @@ impl Memory {
 #[derive(Debug, Default)]
 pub(super) struct Paths {
     newest_last: VecDeque<Held>,
-    collecting: Option<(wire::CompensatedPath, Collector<wire::PathChunk>)>,
+    collecting: Option<Collected>,
+    /// Of what is collected, waits for its check or is being checked.
+    unchecked_bytes: usize,
+}
+
+/// A path as it came, not checked yet.
+#[derive(Debug)]
+pub(super) struct Collected {
+    pub(super) manifest: wire::CompensatedPath,
+    collector: Collector<wire::PathChunk>,
+    bytes: usize,
+    items: u64,
 }
 
 #[derive(Debug)]
@@ -162,7 +177,7 @@ pub(super) struct PathRefusal {
 impl Paths {
     /// Begins to collect; what was being collected is dropped.
     pub(super) fn begin(&mut self, manifest: wire::CompensatedPath) -> Result<(), PathRefusal> {
-        self.collecting = None;
+        self.drop_collected();
         if manifest.program_id.len() > NAME_BYTES_MAX {
             let text = format!("the program's name is longer than {NAME_BYTES_MAX} bytes");
             return Err(refusal(&manifest, &text));
@@ -170,30 +185,62 @@ impl Paths {
         // One that announces too much takes the place of none that is here.
         let collector =
             Collector::for_path(&manifest).map_err(|error| refusal(&manifest, &error))?;
-        let held = |held: &Held| held.path.elements.len() as u64;
+        let (elements, events) = (manifest.element_count, manifest.event_count);
+        let needed = path_bytes(elements, events);
+        if needed > PATHS_BYTES_MAX {
+            let text = format!(
+                "a path of {elements} elements and {events} events takes {} MB; {} MB are allowed: \
+                 split the program",
+                needed >> 20,
+                PATHS_BYTES_MAX >> 20
+            );
+            return Err(refusal(&manifest, &text));
+        }
         while !self.newest_last.is_empty()
-            && self.newest_last.iter().map(held).sum::<u64>() + manifest.element_count
-                > ELEMENTS_MAX
+            && self.newest_last.iter().map(Held::bytes).sum::<u64>() + needed > PATHS_BYTES_MAX
         {
             self.newest_last.pop_front();
         }
-        self.collecting = Some((manifest, collector));
+        self.collecting = Some(Collected { manifest, collector, bytes: 0, items: 0 });
         Ok(())
     }
 
-    /// Adds a chunk to what is being collected.
-    pub(super) fn add(&mut self, chunk: wire::PathChunk) -> Result<(), PathRefusal> {
-        let Some((manifest, collector)) = &mut self.collecting else { return Ok(()) };
-        let added = collector.add(chunk).map_err(|error| refusal(manifest, &error));
+    /// Adds a chunk, which came in so many bytes, to what is being collected.
+    pub(super) fn add(&mut self, chunk: wire::PathChunk, bytes: usize) -> Result<(), PathRefusal> {
+        let Some(collected) = &mut self.collecting else { return Ok(()) };
+        let bytes = bytes + CHUNK_BYTES;
+        collected.bytes += bytes;
+        self.unchecked_bytes += bytes;
+        let added = if self.unchecked_bytes > UNCHECKED_BYTES_MAX {
+            let text = format!(
+                "the chunks of paths that are not checked yet take more than {} MB",
+                UNCHECKED_BYTES_MAX >> 20
+            );
+            Err(refusal(&collected.manifest, &text))
+        } else {
+            collected.add(chunk)
+        };
         if added.is_err() {
-            self.collecting = None;
+            self.drop_collected();
         }
         added
     }
 
-    /// Takes what was collected out, to be [`Self::check`]ed without holding anything up.
-    pub(super) fn end(&mut self) -> Option<(wire::CompensatedPath, Collector<wire::PathChunk>)> {
+    fn drop_collected(&mut self) {
+        if let Some(collected) = self.collecting.take() {
+            self.forget(collected.bytes);
+        }
+    }
+
+    /// Takes what was collected out, to be [`Collected::checked`] without holding anything up;
+    /// [`Self::forget`] follows.
+    pub(super) fn end(&mut self) -> Option<Collected> {
         self.collecting.take()
+    }
+
+    /// So many bytes that were taken out with [`Self::end`] are checked, or dropped.
+    pub(super) fn forget(&mut self, bytes: usize) {
+        self.unchecked_bytes -= bytes;
     }
 
     /// Puts a path in, in the place of one of the same program and revision.
@@ -221,15 +268,44 @@ impl Paths {
     }
 }
 
-/// Makes a path of what was collected.
-pub(super) fn checked(
-    manifest: &wire::CompensatedPath,
-    collector: Collector<wire::PathChunk>,
-) -> Result<Arc<CompensatedPath>, PathRefusal> {
-    collector.finish(manifest).map(Arc::new).map_err(|error| refusal(manifest, &error))
+impl Collected {
+    pub(super) fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    fn add(&mut self, chunk: wire::PathChunk) -> Result<(), PathRefusal> {
+        let announced = self.manifest.element_count + self.manifest.event_count;
+        // A chunk that comes twice is counted twice; the face sends none twice.
+        self.items += (chunk.elements.len() + chunk.events.len()) as u64;
+        if self.items > announced {
+            let text = format!("the chunks hold more than the {announced} items announced");
+            return Err(refusal(&self.manifest, &text));
+        }
+        self.collector.add(chunk).map_err(|error| refusal(&self.manifest, &error))
+    }
+
+    /// Makes a path of what was collected.
+    pub(super) fn checked(self) -> Result<Arc<CompensatedPath>, PathRefusal> {
+        let Self { manifest, collector, .. } = self;
+        collector.finish(&manifest).map(Arc::new).map_err(|error| refusal(&manifest, &error))
+    }
 }
 
-fn refusal(manifest: &wire::CompensatedPath, error: &dyn std::fmt::Display) -> PathRefusal {
+impl Held {
+    fn bytes(&self) -> u64 {
+        path_bytes(self.path.elements.len() as u64, self.path.events.len() as u64)
+    }
+}
+
+/// What a path takes once it is checked, bytes.
+fn path_bytes(elements: u64, events: u64) -> u64 {
+    elements * size_of::<PathElement>() as u64 + events * size_of::<PathEvent>() as u64
+}
+
+pub(super) fn refusal(
+    manifest: &wire::CompensatedPath,
+    error: &dyn std::fmt::Display,
+) -> PathRefusal {
     PathRefusal {
         program_id: manifest.program_id.clone(),
         revision: manifest.revision,
@@ -313,11 +389,12 @@ mod tests {
                 wire::CompensatedPath { program_id: "p".into(), revision, ..chunks.manifest() };
             paths.begin(manifest).expect("a manifest");
             for index in 0..chunks.count() {
-                paths.add(chunks.chunk(index).expect("a chunk")).expect("of this path");
+                paths.add(chunks.chunk(index).expect("a chunk"), 100).expect("of this path");
             }
-            let (manifest, collector) = paths.end().expect("collected");
-            let path = checked(&manifest, collector).expect("whole");
-            paths.put(&manifest, path);
+            let collected = paths.end().expect("collected");
+            let manifest = collected.manifest.clone();
+            paths.forget(collected.bytes());
+            paths.put(&manifest, collected.checked().expect("whole"));
         };
         for revision in 1..=4 {
             send(&mut paths, revision);
@@ -330,5 +407,47 @@ mod tests {
         let endless = wire::CompensatedPath { element_count: u64::MAX, ..Default::default() };
         assert!(paths.begin(endless).is_err());
         assert_eq!(paths.list().len(), PATHS_MAX, "what is refused drops nothing");
+    }
+
+    #[test]
+    fn five_million_elements_are_taken_and_what_would_fill_the_memory_is_not() {
+        let mut paths = Paths::default();
+        let manifest = |element_count, event_count| wire::CompensatedPath {
+            element_count,
+            event_count,
+            chunk_count: 100_000,
+            ..Default::default()
+        };
+        paths.begin(manifest(5_000_000, 100_000)).expect("a long program");
+        let refused = paths.begin(manifest(50_000_000, 0)).expect_err("gigabytes").message;
+        assert!(
+            refused.starts_with("a path of 50000000 elements and 0 events takes "),
+            "{refused}"
+        );
+        assert!(refused.contains(" MB; 768 MB are allowed"), "{refused}");
+        // The checksum of an empty chunk is that of two empty lists.
+        let crc32 = cnc_msgs::chunk::crc32(&[0; 8]);
+        let chunk =
+            |index| wire::PathChunk { index, crc32, chunk_count: 100_000, ..Default::default() };
+        paths.begin(manifest(5_000_000, 0)).expect("a long program");
+        let added = (0..5_000).map(|index| paths.add(chunk(index), 1 << 20));
+        let refused = added.filter_map(Result::err).next().expect("too much").message;
+        assert!(refused.contains("take more than 1024 MB"), "{refused}");
+        assert_eq!(paths.unchecked_bytes, 0, "and none of it is kept");
+        paths.begin(manifest(100_000, 0)).expect("a path");
+        paths.add(chunk(0), 1 << 20).expect("there is room again");
+    }
+
+    #[test]
+    fn chunks_that_hold_more_than_was_announced_are_refused_at_once() {
+        let mut paths = Paths::default();
+        let announced =
+            wire::CompensatedPath { chunk_count: 1, event_count: 1, ..Default::default() };
+        paths.begin(announced).expect("a path");
+        let events = vec![wire::PathEvent::default(); 2];
+        let chunk = wire::PathChunk { chunk_count: 1, events, ..Default::default() };
+        let refused = paths.add(chunk, 200).expect_err("one too many").message;
+        assert_eq!(refused, "the chunks hold more than the 1 items announced");
+        assert!(paths.end().is_none());
     }
 }
