@@ -40,8 +40,10 @@ const TICK: Duration = Duration::from_millis(50);
 const ALIVE_TICKS: u32 = 10;
 /// A driver that does not come round for so long hangs, and is not said to be alive.
 const TURN_WITHIN: Duration = Duration::from_secs(3);
-/// How long the face may take to bring everything to an end, and then this process without it.
-const END_WITHIN: Duration = Duration::from_secs(30);
+/// How long the face may take to bring everything to an end: it gives the machine 25 s.
+const FACE_ENDS_WITHIN: Duration = Duration::from_secs(28);
+/// The same with what this process does without a face. `kerf up` and systemd kill it after 40 s.
+const ALL_ENDS_WITHIN: Duration = Duration::from_secs(38);
 
 /// Runs the driver until it is told to stop.
 ///
@@ -134,25 +136,27 @@ fn supervise(hub: &Arc<Hub>, words: &[String], signals: &AtomicUsize) -> u8 {
         match face.look(hub, is_on_time, stopping.is_some()) {
             Ended::No => {}
             Ended::AsAsked(code) => {
-                return if shut_down(hub) { code } else { 1 };
+                let since = stopping.unwrap_or_else(Instant::now);
+                return if shut_down(hub, since + ALL_ENDS_WITHIN) { code } else { 1 };
             }
         }
-        if stopping.is_some_and(|since| since.elapsed() > END_WITHIN) {
-            tracing::error!("the ROS face did not end within {} s", END_WITHIN.as_secs());
+        if let Some(since) = stopping
+            && since.elapsed() > FACE_ENDS_WITHIN
+        {
+            tracing::error!("the ROS face did not end within {} s", FACE_ENDS_WITHIN.as_secs());
             face.kill();
-            return if shut_down(hub) { 1 } else { 130 };
+            return if shut_down(hub, since + ALL_ENDS_WITHIN) { 1 } else { 130 };
         }
     }
 }
 
 /// Brings the machine to a stop, where the face has not.
-fn shut_down(hub: &Hub) -> bool {
+fn shut_down(hub: &Hub, until: Instant) -> bool {
     if hub.is_closed() {
         return true;
     }
     hub.order(&Command::Shutdown);
-    let end = Instant::now() + END_WITHIN;
-    while Instant::now() < end {
+    while Instant::now() < until {
         if hub.is_closed() {
             return true;
         }
@@ -183,4 +187,18 @@ fn count_signal(signal: i32, count: &Arc<AtomicUsize>) -> std::io::Result<()> {
 fn complain(error: &dyn std::fmt::Display, code: u8) -> ExitCode {
     runtime::complain("axis_driver", error);
     ExitCode::from(code)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_driver_ends_before_systemd_kills_it_with_time_for_a_stop_without_a_face() {
+        let service = include_str!("../../../config/systemd/kerf-node@.service");
+        let allowed = service.lines().find_map(|line| line.strip_prefix("TimeoutStopSec="));
+        let allowed = Duration::from_secs(allowed.expect("a bound").parse().expect("seconds"));
+        assert!(ALL_ENDS_WITHIN + Duration::from_secs(1) < allowed);
+        assert!(FACE_ENDS_WITHIN + Duration::from_secs(10) <= ALL_ENDS_WITHIN);
+    }
 }

@@ -58,6 +58,8 @@ struct Running {
     messages: u64,
     silent_ticks: u32,
     ending_ticks: u32,
+    /// It hung, and this process has killed it.
+    is_killed: bool,
 }
 
 impl Face {
@@ -129,6 +131,7 @@ impl Face {
         if is_needed && (running.silent_ticks >= patience || is_cut_off) {
             // Before a word is said about it; what it ends with is seen in the next tick.
             let _ = running.process.kill();
+            running.is_killed = true;
             tracing::error!(
                 "the ROS face (process {}) hangs and is killed; the line is served on",
                 running.process.id()
@@ -139,7 +142,7 @@ impl Face {
 
     fn on_end(&mut self, hub: &Hub, status: ExitStatus, is_stopping: bool) -> Ended {
         let Some(running) = self.running.take() else { return Ended::No };
-        let code = status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1);
+        let code = exit_code(status, is_stopping && running.is_killed);
         // It was told to end, by its lifecycle or by a signal; or it cannot begin at all.
         if is_stopping || status.success() || !self.was_ready {
             return Ended::AsAsked(code);
@@ -194,6 +197,7 @@ impl Face {
             messages: 0,
             silent_ticks: 0,
             ending_ticks: 0,
+            is_killed: false,
         })
     }
 }
@@ -204,9 +208,31 @@ impl Drop for Face {
     }
 }
 
+/// What the driver ends with when its face has ended so. One that was killed because it hung
+/// spoils no stop that was asked for: this process brings the machine to a stop without it.
+fn exit_code(status: ExitStatus, is_killed_in_a_stop: bool) -> u8 {
+    let code = status.code().and_then(|code| u8::try_from(code).ok());
+    code.unwrap_or(if is_killed_in_a_stop { 0 } else { 1 })
+}
+
 fn send(process: &Child, signal: Signal) {
     if let Some(pid) = i32::try_from(process.id()).ok().and_then(Pid::from_raw) {
         // It may have ended by itself in this very moment.
         let _ = kill_process(pid, signal);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::process::ExitStatusExt;
+
+    #[test]
+    fn a_face_that_was_killed_in_a_stop_that_was_asked_for_does_not_make_it_a_failure() {
+        let ended = |code| ExitStatus::from_raw(code << 8);
+        let killed = ExitStatus::from_raw(9);
+        assert_eq!(exit_code(killed, true), 0);
+        assert_eq!(exit_code(killed, false), 1, "by somebody else");
+        assert_eq!([exit_code(ended(0), false), exit_code(ended(101), true)], [0, 101]);
     }
 }
