@@ -16,6 +16,7 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
 /// The folder of the sockets, where it is not that of the user.
@@ -26,6 +27,10 @@ const SERVICE_FOLDER: &str = "/run/kerf";
 const OPERATORS_MAX: usize = 8;
 /// How long an operator may take to say what it wishes, and to take the answer.
 const SPEAK_WITHIN: Duration = Duration::from_secs(2);
+/// How long a driver may take to accept an operator: one that is stopped never does.
+const CONNECT_WITHIN: Duration = Duration::from_secs(2);
+/// The pause after an operator could not be accepted: no descriptor is left, say.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 /// How long the driver may take: a cancel waits for nothing, a reset for the banner.
 const ANSWER_WITHIN: Duration = Duration::from_secs(10);
 /// How long an operator waits for all of that.
@@ -68,7 +73,10 @@ pub fn ask_operator(
 fn ask(path: PathBuf, wish: Wish) -> Result<Answer, OperatorError> {
     let nobody = |problem| OperatorError::Nobody { path: path.clone(), problem };
     let silent = |problem| OperatorError::Silent { path: path.clone(), problem };
-    let mut stream = UnixStream::connect(&path).map_err(nobody)?;
+    let mut stream = match connect(&path) {
+        Err(problem) if problem.kind() == io::ErrorKind::TimedOut => return Err(silent(problem)),
+        connected => connected.map_err(nobody)?,
+    };
     stream.set_write_timeout(Some(SPEAK_WITHIN)).map_err(silent)?;
     let protocol = |problem| OperatorError::Protocol { path: path.clone(), problem };
     let request = frame(&OperatorRequest { version: VERSION, wish }).map_err(protocol)?;
@@ -80,13 +88,34 @@ fn ask(path: PathBuf, wish: Wish) -> Result<Answer, OperatorError> {
     }
 }
 
+/// Connects, unless the other end accepts nobody in time.
+fn connect(path: &Path) -> io::Result<UnixStream> {
+    let path = path.to_owned();
+    within(CONNECT_WITHIN, move || UnixStream::connect(path))
+}
+
+/// Does what has no deadline of its own. Its thread stays behind when time is up, until it is
+/// done or this process ends.
+fn within<T: Send + 'static>(
+    patience: Duration,
+    work: impl FnOnce() -> io::Result<T> + Send + 'static,
+) -> io::Result<T> {
+    let (sender, done) = sync_channel(1);
+    std::thread::Builder::new().name("connect".into()).spawn(move || {
+        // Nobody may wait any more.
+        let _ = sender.send(work());
+    })?;
+    done.recv_timeout(patience).unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into()))
+}
+
 /// Listens for operators as long as the process lives.
 pub(super) fn listen(hub: &Arc<Hub>, configuration: &Configuration) -> io::Result<()> {
     let folder = folder();
     own(&folder)?;
     let path = socket_of(configuration);
     // One that nobody listens at is left from a process that was killed.
-    if path.exists() && UnixStream::connect(&path).is_err() {
+    let is_left = |error: io::Error| error.kind() == io::ErrorKind::ConnectionRefused;
+    if path.exists() && connect(&path).is_err_and(is_left) {
         std::fs::remove_file(&path)?;
     }
     let listener = UnixListener::bind(&path)
@@ -95,7 +124,8 @@ pub(super) fn listen(hub: &Arc<Hub>, configuration: &Configuration) -> io::Resul
     let hub = Arc::clone(hub);
     std::thread::Builder::new().name("operators".into()).spawn(move || {
         let served = Arc::new(AtomicUsize::new(0));
-        for stream in listener.incoming().flatten() {
+        loop {
+            let stream = accepted(|| listener.accept());
             if served.load(Ordering::Relaxed) >= OPERATORS_MAX {
                 continue;
             }
@@ -113,6 +143,22 @@ pub(super) fn listen(hub: &Arc<Hub>, configuration: &Configuration) -> io::Resul
         }
     })?;
     Ok(())
+}
+
+/// The next operator; where one cannot be accepted the thread pauses, and says so once.
+fn accepted<A>(mut accept: impl FnMut() -> io::Result<(UnixStream, A)>) -> UnixStream {
+    let mut is_told = false;
+    loop {
+        match accept() {
+            Ok((stream, _)) => return stream,
+            Err(error) => {
+                if !std::mem::replace(&mut is_told, true) {
+                    tracing::error!("a local operator cannot be accepted: {error}");
+                }
+                std::thread::sleep(ACCEPT_PAUSE);
+            }
+        }
+    }
 }
 
 /// Removes the name of the socket.
@@ -265,6 +311,31 @@ mod tests {
         assert!(matches!(heard, Err(Trouble::Io(_))), "{heard:?}");
         drop(ours);
         dripping.join().expect("no panic");
+    }
+
+    #[test]
+    fn a_driver_that_accepts_nobody_holds_an_operator_up_no_longer_than_the_deadline() {
+        let began = Instant::now();
+        let connected = within(Duration::from_millis(50), || {
+            std::thread::sleep(Duration::from_secs(20));
+            Ok(())
+        });
+        assert_eq!(connected.expect_err("too late").kind(), io::ErrorKind::TimedOut);
+        assert!(began.elapsed() < Duration::from_secs(10));
+        assert_eq!(within(Duration::from_secs(10), || Ok(7)).expect("in time"), 7);
+    }
+
+    #[test]
+    fn an_operator_that_cannot_be_accepted_is_waited_for_without_spinning() {
+        let (ours, _theirs) = UnixStream::pair().expect("a pair");
+        let mut ours = Some(ours);
+        let mut failures = 0..2;
+        let began = Instant::now();
+        accepted(|| match failures.next() {
+            Some(_) => Err(io::Error::other("no descriptor is left")),
+            None => Ok((ours.take().expect("asked once"), ())),
+        });
+        assert!(began.elapsed() >= 2 * ACCEPT_PAUSE);
     }
 
     #[test]
