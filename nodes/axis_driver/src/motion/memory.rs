@@ -278,7 +278,9 @@ impl Collected {
         // A chunk that comes twice is counted twice; the face sends none twice.
         self.items += (chunk.elements.len() + chunk.events.len()) as u64;
         if self.items > announced {
-            let text = format!("the chunks hold more than the {announced} items announced");
+            let items = self.items;
+            let text =
+                format!("the chunks hold {items} items so far; the manifest announced {announced}");
             return Err(refusal(&self.manifest, &text));
         }
         self.collector.add(chunk).map_err(|error| refusal(&self.manifest, &error))
@@ -447,7 +449,7 @@ mod tests {
         let events = vec![wire::PathEvent::default(); 2];
         let chunk = wire::PathChunk { chunk_count: 1, events, ..Default::default() };
         let refused = paths.add(chunk, 200).expect_err("one too many").message;
-        assert_eq!(refused, "the chunks hold more than the 1 items announced");
+        assert_eq!(refused, "the chunks hold 2 items so far; the manifest announced 1");
         assert!(paths.end().is_none());
     }
 }

@@ -99,7 +99,9 @@ const LIES: [Lie; 14] = [
     ("chunk 99 of 10 does not exist", |plan| plan.chunks[3].index = 99),
     ("is damaged", |plan| plan.chunks[1].elements[7].end.x += 1e-6),
     ("together have checksum", |plan| plan.manifest.sha256 = sha256_hex(b"another path")),
-    ("hold 1000 elements; the manifest announced 999", |plan| plan.manifest.element_count = 999),
+    ("hold 1000 items so far; the manifest announced 999", |plan| {
+        plan.manifest.element_count = 999
+    }),
     ("NaN", |plan| {
         let last = plan.chunks.last_mut().expect("a chunk");
         last.elements.last_mut().expect("an element").end.x = f64::NAN;
