@@ -1,7 +1,10 @@
 """The launch file starts the stack; on a stand-in for launch, see `launch_stand_in`."""
 
+import contextlib
 import os
 import signal
+import socket
+import struct
 import subprocess
 import time
 
@@ -11,7 +14,7 @@ import launch_stand_in
 from contract import NODES
 from machine import ROOT, TOOLS, die_with_parent, domain, kerf
 from programs import QUICK, MachineState, load, until_state
-from ros2 import ActionClient, Node, ParameterClient
+from ros2 import ActionClient, Node, NoAnswer, ParameterClient
 
 FILE = ROOT / 'config/kerf.launch.py'
 EXECUTABLES = {('kerf', 'kerf'): str(kerf())}
@@ -58,11 +61,18 @@ def test_a_virtual_controller_takes_no_arguments_of_ros():
     assert link in open(nodes[2][-1]).read()
 
 
+def test_folders_are_those_of_the_loader_and_count_more_than_the_file(tmp_path):
+    loader = commands(program_directories=f'{tmp_path}:relative')[0]
+    assert str(tmp_path) in open(loader[-1]).read()
+
+
 @pytest.fixture
 def stack(tmp_path):
     """The processes of the launch file, with a virtual controller, and a node beside them."""
     parameters = tmp_path / 'mine.yaml'
-    parameters.write_text('/**/axis_driver:\n  ros__parameters:\n    poll_interval_ms: 400\n')
+    parameters.write_text(
+        '/**/axis_driver:\n  ros__parameters:\n    poll_interval_ms: 400\n'
+        '/**/program_loader:\n  ros__parameters:\n    memory_mb_max: 64\n')
     namespace = f'/launched_{os.getpid()}'
     environment = {name: value for name, value in os.environ.items()
                    if not name.startswith(('ROS_', 'RMW_'))}
@@ -73,6 +83,7 @@ def stack(tmp_path):
                              stdin=subprocess.DEVNULL, preexec_fn=die_with_parent)
             for words in commands(
                 namespace=namespace, params_file=str(parameters), tool_table=str(TOOLS),
+                program_directories=str(tmp_path),
                 virtual_controller='true', time_factor='10', log_level='debug')]
     with Node('cell', namespace, domain()) as node:
         yield node, started, tmp_path
@@ -104,12 +115,60 @@ def test_a_node_that_was_stopped_and_continued_or_killed_is_restarted(stack):
             ('compensation_planner', (signal.SIGKILL,), 'ended (signal: 9 (SIGKILL))')):
         watching = started[1 + NODES.index(name)].pid
         child = children(watching)
-        for number in signals:
-            os.kill(child, number)
-            time.sleep(0.2)
+        # Where none of its DDS threads was waiting just then, it hears as before.
+        for _ in range(10):
+            for number in signals:
+                os.kill(child, number)
+                time.sleep(0.2)
+            with contextlib.suppress(AssertionError):
+                until(lambda: children(watching) not in (None, child), 5)
+                break
         until(lambda: children(watching) not in (None, child))
         assert f'kerf: {name} {said}' in (folder / 'log').read_text()
     load(node, text=QUICK, name='quick.ngc')
+
+
+def test_a_node_is_restarted_after_a_panic_of_the_dds_layer_and_when_its_memory_is_full(stack):
+    node, started, folder = stack
+    until_state(node, MachineState.STATE_IDLE)
+    provoke_panic(domain())
+    until(lambda: 'ended (exit status: 101)' in (folder / 'log').read_text())
+    until_state(node, MachineState.STATE_IDLE)
+    load(node, text=QUICK, name='quick.ngc')
+    # Read, it takes far more than the loader may.
+    moves = ''.join(f'G1 X{line % 90} F600\n' for line in range(300_000))
+    (folder / 'long.ngc').write_text(f'G21 G90\n{moves}M30\n')
+    with contextlib.suppress(NoAnswer):
+        client = node.client('cnc_msgs/srv/LoadProgram', 'load_program')
+        client.call(patience=10, path='long.ngc')
+    until(lambda: 'program_loader ended (exit status: 71)' in (folder / 'log').read_text())
+    load(node, text=QUICK, name='quick.ngc')
+
+
+def provoke_panic(domain_id):
+    """Sends each participant of a domain a NACK_FRAG with fragment 0 in its own name."""
+    ports = [7400 + 250 * domain_id + kind + 2 * number for number in range(12)
+             for kind in (10, 11)]
+    listening = []
+    for port in ports:
+        heard = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        heard.settimeout(0.01)
+        # Those that participants have say nothing here.
+        with contextlib.suppress(OSError):
+            heard.bind(('127.0.0.1', port))
+            listening.append(heard)
+    prefixes, end = set(), time.monotonic() + 5
+    while time.monotonic() < end:
+        for heard in listening:
+            with contextlib.suppress(TimeoutError):
+                packet = heard.recv(65536)
+                prefixes |= {packet[8:20]} if packet[:4] == b'RTPS' else set()
+    assert prefixes
+    body = (b'\0\0\3\xc7\0\0\3\xc2' + struct.pack('<6I', 0, 1, 0, 1, 1 << 31, 1))
+    for prefix in prefixes:
+        packet = b'RTPS\2\4\1\x12' + prefix + struct.pack('<BBH', 0x12, 1, len(body)) + body
+        for port in ports:
+            listening[0].sendto(packet, ('127.0.0.1', port))
 
 
 def children(process):

@@ -13,7 +13,7 @@ mod systemd;
 
 use axis_driver::motion::ask_operator;
 use axis_driver::protocol::Wish;
-use machine::{Machine, kill_at_once, until};
+use machine::{Machine, PATIENT, kill_at_once, until};
 use rtps::{PACKETS, Random, participants, send, socket};
 use runtime::environment::Environment;
 use runtime::names::{Names, Remap};
@@ -32,6 +32,20 @@ fn stop_and_continue(id: Pid) {
     kill_process(id, Signal::STOP).expect("the process is there");
     std::thread::sleep(Duration::from_millis(200));
     kill_process(id, Signal::CONT).expect("the process is there");
+}
+
+/// The same until the process ends: where none of its DDS threads was waiting just then, it
+/// hears as before.
+fn stop_and_continue_until_deaf(id: Pid) {
+    let is_there = || rustix::process::test_kill_process(id).is_ok();
+    let end = Instant::now() + support::PATIENCE;
+    while is_there() && Instant::now() < end {
+        stop_and_continue(id);
+        let noticed = Instant::now() + Duration::from_secs(4);
+        while is_there() && Instant::now() < noticed {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
 }
 
 /// The process of a node that speaks DDS: of the driver its ROS face.
@@ -86,7 +100,7 @@ fn a_node_that_was_stopped_and_continued_is_replaced_by_one_that_hears() {
     for name in NODES {
         let old = dds_process(&machine, name).expect("the node runs");
         let began = Instant::now();
-        stop_and_continue(old);
+        stop_and_continue_until_deaf(old);
         until_another(&machine, name, old);
         let (replaced, held) = (began.elapsed(), until_holdable(&machine));
         eprintln!("{name}: replaced after {replaced:.2?}, holdable {held:.2?} later");
@@ -120,6 +134,30 @@ fn a_node_that_is_stopped_for_good_or_killed_is_replaced() {
     kill_process(machine.node("run_recorder"), Signal::STOP).expect("the process is there");
     machine.kill();
     machine.until_gone();
+}
+
+#[test]
+fn a_node_that_takes_too_much_memory_is_replaced() {
+    /// Planned, they take far more than is allowed.
+    const LINES: usize = 300_000;
+    let bound = ["-p", "program_loader:memory_mb_max:=64"];
+    let machine = Machine::virtual_with(4, &[&PATIENT[..], &bound].concat());
+    let moves: Vec<String> = (0..LINES).map(|line| format!("G1 X{} F600\n", line % 90)).collect();
+    machine.folder.file("long.ngc", format!("G21 G90\n{}M30\n", moves.concat()));
+    let old = dds_process(&machine, "program_loader").expect("the node runs");
+    let mut loading = machine.command(&["load", "long.ngc", "--controller", "rs274"]);
+    let mut loading = loading.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("started");
+    until_another(&machine, "program_loader", old);
+    let held = until_holdable(&machine);
+    eprintln!("holdable {held:.2?} after a loader without memory");
+    // It waits for a plan that nobody makes any more.
+    loading.kill().expect("our child");
+    loading.wait().expect("our child");
+    until_loadable(&machine);
+    let log = machine.log();
+    for said in ["64 MB are allowed (memory_mb_max)", "program_loader ended (exit status: 71)"] {
+        assert!(log.contains(said), "{said} is not in\n{log}");
+    }
 }
 
 #[test]
