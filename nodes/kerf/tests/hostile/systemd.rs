@@ -3,7 +3,7 @@
 use super::machine::until;
 use super::rtps::{PACKETS, participants, send, socket};
 use super::support::Folder;
-use super::{NODES, stop_and_continue};
+use super::{NODES, stop_and_continue_until_deaf};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -62,7 +62,7 @@ fn inside() {
         until(node, || serving(node));
     }
     let to = |signal| move |id| kill_process(id, signal).expect("it is there");
-    check(&["program_loader"], "status=70", stop_and_continue);
+    check(&["program_loader"], "status=70", stop_and_continue_until_deaf);
     check(&["compensation_planner"], "status=9/KILL", to(Signal::KILL));
     check(&["run_recorder"], "Watchdog timeout", to(Signal::STOP));
     let driver = serving("axis_driver");
