@@ -143,6 +143,12 @@ fn open_tty(config: &SerialConfig) -> serialport::Result<(TTYPort, OwnedFd)> {
         .flow_control(FlowControl::None)
         .exclusive(true)
         .open_native()?;
+    // A pseudo-terminal stays exclusive when the process that opened it is killed, as long as its
+    // other side is open: the next driver could not have it. The lock of the file goes with the
+    // process.
+    if std::fs::canonicalize(&config.path).is_ok_and(|path| path.starts_with("/dev/pts")) {
+        let _ = rustix::termios::ioctl_tiocnxcl(&at_once);
+    }
     // A pseudo-terminal has no such lines and says so; that is no obstacle.
     if let Some(level) = config.dtr {
         let _ = port.write_data_terminal_ready(level);

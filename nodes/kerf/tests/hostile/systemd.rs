@@ -2,7 +2,7 @@
 
 use super::machine::until;
 use super::rtps::{PACKETS, participants, send, socket};
-use super::support::Folder;
+use super::support::{Folder, PATIENCE};
 use super::{NODES, stop_and_continue_until_deaf};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;
@@ -45,11 +45,21 @@ fn check(nodes: &[&str], said: &str, strike: impl FnOnce(Pid)) {
         assert!(journal.contains(said), "{node}: {said} is not in\n{journal}");
     }
     eprintln!("{nodes:?}: {said}: restarted after {:.2?}", began.elapsed());
-    until("an answer to hold", || {
+    let end = Instant::now() + PATIENCE;
+    loop {
         let mut hold = Command::new("/usr/bin/kerf");
         let ran = hold.arg("hold").env("ROS_DOMAIN_ID", DOMAIN.to_string()).output();
-        ran.expect("kerf").status.success().then_some(())
-    });
+        let ran = ran.expect("kerf");
+        if ran.status.success() {
+            break;
+        }
+        if Instant::now() > end {
+            let mut journal = Command::new("journalctl");
+            let journal = journal.args(["-o", "cat", "-u", &unit("axis_driver")]).output();
+            let journal = journal.expect("journalctl");
+            panic!("{ran:?}\n{}", String::from_utf8_lossy(&journal.stdout));
+        }
+    }
 }
 
 /// Runs as a service below the systemd of the test.
