@@ -29,10 +29,13 @@ impl Keys<'_> {
     }
 }
 
-/// Runs `kerf` beside a machine, with keys or without.
+/// Runs `kerf` beside a machine, with keys or without. Keys are of ROS: the local socket has the
+/// rights of its file, and nobody finds it here.
 fn beside(machine: &Machine, domain: &str, keys: Option<Keys<'_>>, args: &[&str]) -> Ran {
     let mut command = kerf();
-    command.env("ROS_DOMAIN_ID", domain).current_dir(machine.folder.path()).args(args).args([
+    let folder = machine.folder.path();
+    command.env("ROS_DOMAIN_ID", domain).env("KERF_RUNTIME_DIR", folder.join("no_sockets"));
+    command.current_dir(folder).args(args).args([
         "--ros-args",
         "-r",
         &format!("__ns:={}", machine.namespace),
