@@ -59,6 +59,11 @@ impl RunBagOptions {
             split: SplitLimits::default(),
         }
     }
+
+    /// The bag's directory, to be shown.
+    pub(crate) fn path(&self) -> String {
+        self.directory.join(&self.name).display().to_string()
+    }
 }
 
 /// Why a run cannot be recorded.
@@ -157,7 +162,7 @@ impl RunBag {
     /// Makes the bag's directory and starts its write thread. Waits for the disk, for a
     /// second at most.
     pub fn create(options: RunBagOptions) -> Result<Self, RunBagError> {
-        let path = options.directory.join(&options.name).display().to_string();
+        let path = options.path();
         let (directory, name) = (options.directory.clone(), options.name.clone());
         let made = within(CREATE_WITHIN, move || outlet(&directory, &name), Outlet::remove);
         let outlet = made.map_err(|cause| match cause.kind() {

@@ -3,7 +3,7 @@
 
 use super::numbers::Numbers;
 use super::prelude::{Kept, Prelude};
-use super::run_id::run_id;
+use super::run_id::create_bag;
 use crate::bag_writer::{ChannelIndex, ChannelSpec};
 use crate::run_bag::{RecordingStatus, RunBag, RunBagError, RunBagOptions, SplitLimits};
 use cnc_msgs::cdr;
@@ -159,6 +159,27 @@ impl Wanted {
     }
 }
 
+/// What a bag says of its run.
+fn described(run_id: &str, goal: [u8; 16], wanted: &Wanted) -> BTreeMap<String, String> {
+    let mut run = BTreeMap::from([
+        ("run_id".to_owned(), run_id.to_owned()),
+        ("goal_id".to_owned(), cnc_msgs::chunk::hex(&goal)),
+        ("software".to_owned(), concat!("kerf ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("build".to_owned(), option_env!("KERF_COMMIT").unwrap_or("unknown").to_owned()),
+    ]);
+    if let Some(program) = &wanted.program {
+        for (key, value) in [
+            ("program", &program.name),
+            ("program_id", &program.program_id),
+            ("program_sha256", &program.sha256),
+            ("controller", &program.controller),
+        ] {
+            run.insert(key.to_owned(), value.clone());
+        }
+    }
+    run
+}
+
 /// The bag of the run that is under way.
 #[derive(Debug)]
 pub(super) struct OpenRun {
@@ -190,26 +211,12 @@ impl OpenRun {
         split: SplitLimits,
         store: &mut Store,
     ) -> Result<Self, RunBagError> {
-        let run_id = run_id(now, goal);
-        let mut options = RunBagOptions::new(directory, &run_id);
-        options.split = split;
-        options.run = BTreeMap::from([
-            ("run_id".to_owned(), run_id.clone()),
-            ("goal_id".to_owned(), cnc_msgs::chunk::hex(&goal)),
-            ("software".to_owned(), concat!("kerf ", env!("CARGO_PKG_VERSION")).to_owned()),
-            ("build".to_owned(), option_env!("KERF_COMMIT").unwrap_or("unknown").to_owned()),
-        ]);
-        if let Some(program) = &wanted.program {
-            for (key, value) in [
-                ("program", &program.name),
-                ("program_id", &program.program_id),
-                ("program_sha256", &program.sha256),
-                ("controller", &program.controller),
-            ] {
-                options.run.insert(key.to_owned(), value.clone());
-            }
-        }
-        let bag = RunBag::create(options)?;
+        let (run_id, bag) = create_bag(now, goal, |run_id| {
+            let mut options = RunBagOptions::new(directory, run_id);
+            options.split = split;
+            options.run = described(run_id, goal, wanted);
+            options
+        })?;
         let mut open = Self {
             run_id,
             goal,
