@@ -10,7 +10,7 @@ use crate::output_file::OutputFile;
 use crate::plan::Planned;
 use crate::stack::{Stack, remove_dead_link, wait_for_file};
 use crate::up::STOP_ORDER;
-use crate::{files, operate, replay};
+use crate::{files, load, operate, replay};
 use clap::Args;
 use cnc_msgs::wire::cnc_msgs::action::RunProgramGoal;
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, Recording};
@@ -177,7 +177,7 @@ async fn commission(session: &Session, out: &Path) -> Result<PathBuf, Failure> {
         .await
         .map_err(|_| Failure::new(Status::NoAnswer, "the recorder is not there"))?;
 
-    let program_id = operate::load_file(node, &out.join("contour.mpf"), CONTROLLER, "").await?;
+    let program_id = load::load_file(node, &out.join("contour.mpf"), CONTROLLER, "").await?;
     let goal = RunProgramGoal { program_id, ..RunProgramGoal::default() };
     let result = operate::run_goal(node, goal, &operate::progress_bar()).await?;
     eprintln!("kerf: {}", result.message);

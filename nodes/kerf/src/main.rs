@@ -15,6 +15,7 @@ mod ctrl_c;
 mod demo;
 mod exit;
 mod files;
+mod load;
 mod local;
 mod move_by_hand;
 mod node;
@@ -57,7 +58,7 @@ enum Command {
     /// What each control would say of a program, side by side
     Check(check::CheckArgs),
     /// Load a program into the running nodes
-    Load(operate::LoadArgs),
+    Load(load::LoadArgs),
     /// Run the loaded program, or load one and run it
     Run(operate::RunArgs),
     /// Feed hold: decelerate and stay; the spindle keeps turning
@@ -127,7 +128,7 @@ fn run(command: Command, ros_args: &[String]) -> Outcome {
         Command::Node(_) => unreachable!("nodes have an exit code of their own"),
         Command::Plan(args) => plan::run(&args),
         Command::Check(args) => check::run(&args),
-        Command::Load(args) => operate::load(&args, ros_args),
+        Command::Load(args) => load::load(&args, ros_args),
         Command::Run(args) => operate::run(&args, ros_args),
         Command::Hold => operate::press(Button::Hold, ros_args),
         Command::Resume => operate::press(Button::Resume, ros_args),

@@ -1,55 +1,31 @@
-//! The commands that speak to running nodes over ROS 2: load, run, abort
-//! and the buttons of the machine. `kerf status` has a file of its own.
+//! The commands that speak to running nodes over ROS 2: run, abort and the
+//! buttons of the machine. `kerf load` and `kerf status` have files of their own.
 //!
 //! One short-lived node for each call. What the nodes answer is shown as it
 //! is; nothing is decided here.
 
 use crate::ctrl_c::CtrlC;
 use crate::exit::{Failure, Outcome, Status};
-use crate::files;
+use crate::load::load_file;
 use crate::local;
-use crate::terminal::show_findings;
 use axis_driver::protocol::Wish;
 use clap::Args;
 use cnc_msgs::convert::mode_from_wire;
-use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::interface::Action;
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal, RunProgramResult};
-use cnc_msgs::wire::cnc_msgs::msg::{Command, CompensationReport};
-use cnc_msgs::wire::cnc_msgs::srv::{
-    GetTools, GetToolsRequest, LoadProgram, LoadProgramRequest, LoadProgramResponse,
-    PutProgramChunk, PutProgramChunkRequest,
-};
+use cnc_msgs::wire::cnc_msgs::msg::Command;
 use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest};
 use indicatif::{ProgressBar, ProgressStyle};
-use program_loader::upload::CHUNK_BYTES_MAX;
 use runtime::action::{ActionClient, CancelAnswer, GoalError, GoalHandle};
 use runtime::{CallError, Handle, NodeError, Qos, Session, Subscription};
-use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 use tokio::time::timeout;
 
-/// How long a plan of a program that was loaded just now may take.
-const PLAN_WITHIN: Duration = Duration::from_secs(120);
 /// A driver that runs a program is never silent for so long.
 const SILENCE: Duration = Duration::from_secs(3);
 /// No program runs longer than this.
 const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
-
-/// What `kerf load` takes.
-#[derive(Debug, Args)]
-pub(crate) struct LoadArgs {
-    /// The part program
-    file: PathBuf,
-    /// Controller profile; the loader's parameter when left out
-    #[arg(long, value_name = "NAME|FILE", default_value = "")]
-    controller: String,
-    /// What is done about a contour that the tool does not fit: alarm, trim or ignore;
-    /// as the profile says when left out
-    #[arg(long, value_name = "REACTION", default_value = "")]
-    interference: String,
-}
 
 /// What `kerf run` takes.
 #[derive(Debug, Args)]
@@ -177,13 +153,6 @@ pub(crate) fn client_session(ros_args: &[String]) -> Result<Session, Failure> {
         .map_err(Failure::usage)
 }
 
-/// `kerf load`
-pub(crate) fn load(args: &LoadArgs, ros_args: &[String]) -> Outcome {
-    with_node(ros_args, async |node| {
-        load_file(node, &args.file, &args.controller, &args.interference).await.map(|_| ())
-    })
-}
-
 /// `kerf run`
 pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
     with_lasting_node(ros_args, async |node| {
@@ -234,119 +203,6 @@ pub(crate) fn abort(ros_args: &[String]) -> Outcome {
         }
     };
     local::over_ros_or_locally(ros_args, Wish::Cancel, over_ros, local::say)
-}
-
-/// Loads a file by its text, waits for the plan, and shows all findings.
-///
-/// Returns the program's id. The loader may run on another host: the text
-/// travels, not the name of the file.
-pub(crate) async fn load_file(
-    node: &Handle,
-    path: &Path,
-    controller: &str,
-    interference: &str,
-) -> Result<String, Failure> {
-    let text = files::read_program(path)?;
-    let name = files::file_name(path);
-    let mut reports: Subscription<CompensationReport> =
-        node.subscription("compensation_report", Qos::LATCHED)?;
-    let known = newest_revision(node, &mut reports).await?;
-    let response = send_program(node, (&name, &text), controller, interference).await?;
-    show(&name, &text, &response.diagnostics);
-    if !response.success {
-        return Err(Failure::new(Status::NodeRefused, response.message));
-    }
-    let report = timeout(PLAN_WITHIN, async {
-        loop {
-            let (report, _) = reports.next().await;
-            if report.program_id == response.program_id && Some(report.revision) > known {
-                break report;
-            }
-        }
-    });
-    let report = report.await.map_err(|_| {
-        Failure::new(
-            Status::NoAnswer,
-            format!("{name} is loaded, but nobody planned it within {} s", PLAN_WITHIN.as_secs()),
-        )
-    })?;
-    show(&name, &text, &report.diagnostics);
-    if !report.accepted {
-        return Err(Failure::new(
-            Status::NodeRefused,
-            format!("{name} is refused by the planner: {} errors", report.error_count),
-        ));
-    }
-    println!("{}, and planned", response.message);
-    Ok(response.program_id)
-}
-
-/// The newest plan that there was before: the same program may have been planned already, with
-/// other tools, and late joiners are told.
-async fn newest_revision(
-    node: &Handle,
-    reports: &mut Subscription<CompensationReport>,
-) -> Result<Option<u64>, Failure> {
-    const PLANNER_WITHIN: Duration = Duration::from_secs(2);
-    const QUIET: Duration = Duration::from_millis(200);
-    // Whoever answers has been discovered. Without a planner the wait for its plan will say so.
-    let planner = node.client::<GetTools>("get_tools")?;
-    let _ = planner.call_within(GetToolsRequest::default(), PLANNER_WITHIN).await;
-    let mut newest = None;
-    while let Ok((report, _)) = timeout(QUIET, reports.next()).await {
-        newest = newest.max(Some(report.revision));
-    }
-    Ok(newest)
-}
-
-/// Sends a text to the loader, in pieces if it is long.
-pub(crate) async fn send_program(
-    node: &Handle,
-    (name, text): (&str, &[u8]),
-    controller: &str,
-    interference: &str,
-) -> Result<LoadProgramResponse, Failure> {
-    let load = node.client::<LoadProgram>("load_program")?;
-    let mut request = LoadProgramRequest {
-        name: name.to_owned(),
-        controller: files::as_loader_finds_it(controller),
-        interference: interference.to_owned(),
-        ..LoadProgramRequest::default()
-    };
-    match std::str::from_utf8(text) {
-        Ok(text) if text.len() <= CHUNK_BYTES_MAX => request.text = text.to_owned(),
-        _ => request.upload_id = upload(node, text).await?,
-    }
-    Ok(load.call_within(request, PLAN_WITHIN).await?)
-}
-
-/// Sends a long text in pieces; returns the id of the upload.
-async fn upload(node: &Handle, text: &[u8]) -> Result<String, Failure> {
-    let put = node.client::<PutProgramChunk>("put_program_chunk")?;
-    let upload_id = cnc_msgs::chunk::sha256_hex(text);
-    let pieces: Vec<&[u8]> = text.chunks(CHUNK_BYTES_MAX).collect();
-    for (index, data) in pieces.iter().enumerate() {
-        let request = PutProgramChunkRequest {
-            upload_id: upload_id.clone(),
-            index: index as u32,
-            chunk_count: pieces.len() as u32,
-            data: data.to_vec(),
-            crc32: cnc_msgs::chunk::crc32(data),
-        };
-        let answer = put.call_idempotent(&request, PLAN_WITHIN).await?;
-        if !answer.success {
-            return Err(Failure::new(Status::NodeRefused, answer.message));
-        }
-    }
-    Ok(upload_id)
-}
-
-fn show(name: &str, text: &[u8], findings: &[cnc_msgs::wire::cnc_msgs::msg::Diagnostic]) {
-    let findings: Vec<Diagnostic> =
-        findings.iter().filter_map(|finding| finding.try_into().ok()).collect();
-    let text = String::from_utf8_lossy(text);
-    let color = std::io::stderr().is_terminal();
-    show_findings(&program_loader::render::render(name, &text, &findings, color));
 }
 
 /// The bar that shows how far a run is.

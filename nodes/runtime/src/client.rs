@@ -61,11 +61,14 @@ struct Shared<S: Service> {
     calls: Mutex<Calls<S>>,
 }
 
+/// A response and the endpoint that sent it.
+type Answer<S> = (<S as Service>::Response, Gid);
+
 struct Calls<S: Service> {
     writer: DataWriterCdr<Padded<Framed<S::Request>>>,
     /// The last number given to a request, where we give them.
     sequence: i64,
-    waiting: BTreeMap<i64, oneshot::Sender<S::Response>>,
+    waiting: BTreeMap<i64, oneshot::Sender<Answer<S>>>,
 }
 
 impl<S: Service> Clone for Client<S> {
@@ -123,7 +126,7 @@ impl<S: Service + 'static> Client<S> {
         let (sequence, answer) = self.send(request)?;
         let _forget = Forget { shared: &self.shared, sequences: vec![sequence] };
         match tokio::time::timeout(answer_within, answer).await {
-            Ok(Ok(response)) => Ok(response),
+            Ok(Ok((response, _))) => Ok(response),
             _ => Err(self.no_answer(answer_within)),
         }
     }
@@ -138,6 +141,18 @@ impl<S: Service + 'static> Client<S> {
         request: &S::Request,
         answer_within: Duration,
     ) -> Result<S::Response, CallError> {
+        self.call_for_server(request, answer_within).await.map(|(response, _)| response)
+    }
+
+    /// As [`Self::call_idempotent`]; also says which endpoint answered.
+    ///
+    /// # Errors
+    /// See [`CallError`].
+    pub async fn call_for_server(
+        &self,
+        request: &S::Request,
+        answer_within: Duration,
+    ) -> Result<Answer<S>, CallError> {
         self.call_again(request, answer_within, |_| RESEND_AFTER).await
     }
 
@@ -148,7 +163,7 @@ impl<S: Service + 'static> Client<S> {
         request: &S::Request,
         answer_within: Duration,
         resend_after: impl Fn(usize) -> Duration,
-    ) -> Result<S::Response, CallError> {
+    ) -> Result<Answer<S>, CallError> {
         let start = Instant::now();
         let mut forget = Forget { shared: &self.shared, sequences: Vec::new() };
         let mut answers = Vec::new();
@@ -164,7 +179,7 @@ impl<S: Service + 'static> Client<S> {
             let any = futures::future::select_ok(answers.iter_mut());
             let period = resend_after(forget.sequences.len());
             match tokio::time::timeout(left.min(period), any).await {
-                Ok(Ok((response, _))) => return Ok(response),
+                Ok(Ok((answer, _))) => return Ok(answer),
                 _ if left <= period => return Err(self.no_answer(answer_within)),
                 _ => {}
             }
@@ -186,10 +201,7 @@ impl<S: Service + 'static> Client<S> {
         &self.shared.name
     }
 
-    fn send(
-        &self,
-        request: S::Request,
-    ) -> Result<(i64, oneshot::Receiver<S::Response>), CallError> {
+    fn send(&self, request: S::Request) -> Result<(i64, oneshot::Receiver<Answer<S>>), CallError> {
         let mut calls = self.shared.calls();
         let options = WriteOptionsBuilder::new().source_timestamp(Timestamp::now());
         let header = match self.shared.mapping {
@@ -256,7 +268,7 @@ async fn dispatch<S: Service + 'static>(shared: Arc<Shared<S>>, mut replies: Rea
         };
         if let Some(caller) = shared.calls().waiting.remove(&sequence) {
             // The caller may have given up meanwhile.
-            drop(caller.send(framed.body));
+            drop(caller.send((framed.body, info.publisher_gid().into())));
         }
     }
 }

@@ -14,6 +14,7 @@ mod support;
 
 mod files;
 mod hanging;
+mod loader;
 mod planner;
 mod storms;
 mod stranger;

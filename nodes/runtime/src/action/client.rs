@@ -168,7 +168,7 @@ impl<A: Action + 'static> GoalHandle<A> {
                 let doublings = u32::try_from(sent).unwrap_or(u32::MAX).min(RESULT_AGAIN.1);
                 RESULT_AGAIN.0 * 2_u32.pow(doublings.saturating_sub(1))
             };
-            let response = shared.get_result.call_again(&request, within, again).await?;
+            let (response, _) = shared.get_result.call_again(&request, within, again).await?;
             match Outcome::from_status(response.status) {
                 Some(outcome) => Ok((outcome, response.result)),
                 None => Err(GoalError::Forgotten { action: shared.name.clone() }),

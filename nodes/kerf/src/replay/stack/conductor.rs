@@ -10,8 +10,8 @@ use super::nodes::{LINK, NODES};
 use super::script::{Cue, When};
 use super::track::Track;
 use crate::exit::{Failure, Status};
-use crate::operate;
 use crate::stack::Stack;
+use crate::{load, operate};
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal};
 use cnc_msgs::wire::cnc_msgs::msg::{
     CompensationReport, MachineState, NodeParameters, Recording as Bag,
@@ -121,7 +121,7 @@ async fn commission<'a>(
 
     let RecordedProgram { manifest, text, .. } = play.program;
     let profile = play.profile.display().to_string();
-    let loaded = operate::send_program(node, (&manifest.name, text), &profile, "").await?;
+    let loaded = load::send_program(node, (&manifest.name, text), &profile, "").await?;
     if !loaded.success {
         return Ok(Played::Refused { by: "program_loader", reason: loaded.message });
     }
