@@ -51,6 +51,21 @@ pub fn rpm_from_rad_per_s(rad_per_s: f64) -> f64 {
     on_grid(rad_per_s * 60.0 / TAU * GRID)
 }
 
+/// A length, mm, as the receiver of a message has it.
+pub fn received_mm(mm: f64) -> f64 {
+    mm_from_m(m_from_mm(mm))
+}
+
+/// A feed, mm/min, as the receiver of a message has it.
+pub fn received_mm_per_min(mm_per_min: f64) -> f64 {
+    mm_per_min_from_m_per_s(m_per_s_from_mm_per_min(mm_per_min))
+}
+
+/// A speed, rev/min, as the receiver of a message has it.
+pub fn received_rpm(rpm: f64) -> f64 {
+    rpm_from_rad_per_s(rad_per_s_from_rpm(rpm))
+}
+
 /// A position in millimetres as a point in metres.
 pub fn point_from_position(position: Position) -> Point {
     let [x, y, z] = position.map(m_from_mm);
@@ -82,6 +97,22 @@ mod tests {
             let positive = mm.abs();
             assert_eq!(mm_per_min_from_m_per_s(m_per_s_from_mm_per_min(positive)), positive);
             assert_eq!(rpm_from_rad_per_s(rad_per_s_from_rpm(positive)), positive);
+        }
+    }
+
+    #[test]
+    fn what_was_received_once_is_received_again_bit_for_bit() {
+        let mut state = 1u64;
+        for _ in 0..100_000 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let part = (state >> 11) as f64 / (1u64 << 53) as f64;
+            let magnitude = 10f64.powi((state % 13) as i32 - 6);
+            let value = (2.0 * part - 1.0) * magnitude;
+            for received in [received_mm, received_mm_per_min, received_rpm] {
+                let once = received(value);
+                assert!((once - value).abs() <= 1e-9 + value.abs() * 1e-15, "{value}");
+                assert_eq!(received(once).to_bits(), once.to_bits(), "{value}");
+            }
         }
     }
 }

@@ -7,9 +7,10 @@ use crate::contour::{
     Approach, ContourEvent, ContourEventKind, CutterSide, Motion, MotionClass, OutsideCorner,
     RadiusSource,
 };
-use crate::geometry::{AxisSet, Direction, Shape};
+use crate::geometry::{Arc, AxisSet, Direction, Shape};
 use crate::units::{
     m_from_mm, m_per_s_from_mm_per_min, mm_from_m, mm_per_min_from_m_per_s, point_from_position,
+    received_mm, received_mm_per_min,
 };
 use crate::wire::cnc_msgs::msg as wire;
 
@@ -111,6 +112,53 @@ impl From<&ContourEvent> for wire::ContourEvent {
             }
         }
         out
+    }
+}
+
+impl ContourEventKind {
+    /// The event as its receiver has it: with lengths, feeds and speeds rounded.
+    ///
+    /// Who judges what was received this way judges the same bits wherever it runs.
+    #[must_use]
+    pub fn received(self) -> Self {
+        match self {
+            Self::Motion(motion) => Self::Motion(Motion {
+                shape: match motion.shape {
+                    Shape::Line => Shape::Line,
+                    Shape::Arc(arc) => {
+                        Shape::Arc(Arc { center: arc.center.map(received_mm), ..arc })
+                    }
+                },
+                end: motion.end.map(received_mm),
+                feed_mm_per_min: received_mm_per_min(motion.feed_mm_per_min),
+                ..motion
+            }),
+            Self::Radius(RadiusSource::Diameter(mm)) => {
+                Self::Radius(RadiusSource::Diameter(received_mm(mm)))
+            }
+            Self::Radius(RadiusSource::Radius(mm)) => {
+                Self::Radius(RadiusSource::Radius(received_mm(mm)))
+            }
+            Self::Radius(RadiusSource::SpindleToolPlus(mm)) => {
+                Self::Radius(RadiusSource::SpindleToolPlus(received_mm(mm)))
+            }
+            Self::RadiusValue { radius_mm } => {
+                Self::RadiusValue { radius_mm: received_mm(radius_mm) }
+            }
+            Self::Action(action) => Self::Action(action.received()),
+            Self::Radius(
+                RadiusSource::SpindleTool
+                | RadiusSource::Tool(_)
+                | RadiusSource::Offset(_)
+                | RadiusSource::Nose(_),
+            )
+            | Self::Plane(_)
+            | Self::Select { .. }
+            | Self::Cancel { .. }
+            | Self::Corner(_)
+            | Self::HoldDirection { .. }
+            | Self::CornerArc { .. } => self,
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use crate::contour::{Action, CoolantMode, SpindleMode};
 use crate::geometry::AxisSet;
 use crate::units::{
     m_from_mm, m_per_s_from_mm_per_min, mm_from_m, mm_per_min_from_m_per_s, point_from_position,
-    rad_per_s_from_rpm, rpm_from_rad_per_s,
+    rad_per_s_from_rpm, received_mm, received_mm_per_min, received_rpm, rpm_from_rad_per_s,
 };
 use crate::wire::cnc_msgs::msg as wire;
 
@@ -71,6 +71,25 @@ impl From<&Action> for wire::MachineFunction {
             Action::ProgramEnd { rewind: true } => Self::PROGRAM_END_REWIND,
         };
         out
+    }
+}
+
+impl Action {
+    /// The action as its receiver has it.
+    pub(super) fn received(self) -> Self {
+        match self {
+            Self::SpindleSpeed { rpm } => Self::SpindleSpeed { rpm: received_rpm(rpm) },
+            Self::ToolLength { offset, length_mm } => {
+                Self::ToolLength { offset, length_mm: received_mm(length_mm) }
+            }
+            Self::MachineMove { target, axes, rapid, feed_mm_per_min } => Self::MachineMove {
+                target: target.map(received_mm),
+                axes,
+                rapid,
+                feed_mm_per_min: received_mm_per_min(feed_mm_per_min),
+            },
+            other => other,
+        }
     }
 }
 

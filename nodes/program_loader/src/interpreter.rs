@@ -26,6 +26,7 @@ use axes::Axes;
 use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
+use cnc_msgs::units::received_mm;
 use compensation::Compensation;
 use polar::Polar;
 use request::Request;
@@ -115,6 +116,7 @@ impl<'r> Interpreter<'r> {
     /// The state of a machine that has been switched on and homed: G21, the plane
     /// of the dialect, G90, G91.1, G94, G40, G49, G54, no motion mode, no feed.
     pub(crate) fn new(rules: &'r Rules<'r>, start: Position, events: usize) -> Self {
+        let start = start.map(received_mm);
         let mut contour = ProgrammedContour {
             start,
             assumed_axes: AxisSet::NONE,
@@ -245,9 +247,11 @@ impl<'r> Interpreter<'r> {
         (self.contour, (!self.bounds.axes.is_empty()).then_some(self.bounds))
     }
 
+    /// Adds an event with the numbers that the planner's node will receive: `kerf plan` judges
+    /// the same contour.
     #[inline]
     fn emit(&mut self, kind: ContourEventKind) {
-        self.contour.events.push(ContourEvent { source: self.source, kind });
+        self.contour.events.push(ContourEvent { source: self.source, kind: kind.received() });
     }
 
     #[inline]

@@ -24,6 +24,7 @@ mod orders;
 mod programs;
 mod responses;
 mod verdict;
+mod verdict_known;
 
 use mutate::Random;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};

@@ -29,6 +29,14 @@ pub(crate) struct Program {
     start: [f64; 3],
 }
 
+impl Program {
+    /// A program of a control, with tools of one radius.
+    pub(crate) fn of(control: &str, text: &str, radius_mm: f64) -> Self {
+        let (profile, text) = (profile(control), text.as_bytes().to_vec());
+        Self { profile, text, tools: table(radius_mm), start: [0.0; 3] }
+    }
+}
+
 /// Golden programs, golden runs, those that are refused, the demo, and the manuals' rows.
 pub(crate) fn corpus() -> Vec<Program> {
     let mut corpus: Vec<Program> = crate::programs::corpus()
@@ -168,7 +176,7 @@ fn fitting_radius(text: &[u8], random: &mut Random) -> f64 {
 }
 
 /// What `kerf plan` and the node say of a program.
-fn verdict(program: &Program) -> Outcome {
+pub(crate) fn verdict(program: &Program) -> Outcome {
     let Program { profile, text, tools, start } = program;
     let options = LoadOptions { start: *start, ..LoadOptions::default() };
     let loaded = load(text, profile, &options);
@@ -176,7 +184,10 @@ fn verdict(program: &Program) -> Outcome {
         return Outcome::Refused;
     }
     let here = judge(&loaded.contour, profile, tools, Planning::default());
-    let node = judge(&over_the_wire(loaded.contour), profile, tools, Planning::default());
+    let received = over_the_wire(loaded.contour.clone());
+    let text_shown = String::from_utf8_lossy(text);
+    assert_eq!(received, loaded.contour, "the wire changes the contour of {text_shown}");
+    let node = judge(&received, profile, tools, Planning::default());
     let is_one = here.plan.accepted() == node.plan.accepted();
     if is_one && here.disagreement.is_none() && node.disagreement.is_none() {
         path_over_the_wire(node.plan.path);
@@ -194,7 +205,7 @@ fn verdict(program: &Program) -> Outcome {
             shown += &format!("{place}: {severity:?} {code} line {line}: {message}\n");
         }
     }
-    shown += &String::from_utf8_lossy(text);
+    shown += &text_shown;
     Outcome::Disagreed(shown)
 }
 
@@ -277,12 +288,7 @@ fn grid_program(random: &mut Random) -> Program {
     let turn = |p: Point| [p[0] * cos - p[1] * sin, p[0] * sin + p[1] * cos];
     let points: Vec<Point> = points.into_iter().map(turn).collect();
     let text = written(control, &points, fillet, decimals, radius, random);
-    Program {
-        profile: profile(control),
-        text: text.into_bytes(),
-        tools: table(radius),
-        start: [0.0; 3],
-    }
+    Program::of(control, &text, radius)
 }
 
 fn written(
