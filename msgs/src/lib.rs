@@ -22,5 +22,6 @@ pub mod path;
 pub mod profile;
 pub mod schema;
 pub mod tool_table;
+mod unique;
 pub mod units;
 pub mod wire;

@@ -144,7 +144,7 @@ pub enum Dialect {
 #[serde(deny_unknown_fields)]
 pub struct CornerRules {
     /// What each G word of the control selects: `G450: arc`. Empty when there is no choice.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::unique::map")]
     pub words: BTreeMap<String, OutsideCorner>,
     pub default: OutsideCorner,
     /// The machine datum d: obtuse corners with arcs whose ends are nearer than

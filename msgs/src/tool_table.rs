@@ -1,7 +1,7 @@
 //! The tool table: what is in the spindle and in the offset registers.
 //!
-//! The YAML form is millimetres; a table that was read holds only finite
-//! numbers and no negative diameter.
+//! The YAML form is millimetres; a table that was read holds each number once,
+//! only finite values, no negative diameter, and no wear that turns the side.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -10,8 +10,10 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ToolTable {
+    #[serde(deserialize_with = "crate::unique::map")]
     pub tools: BTreeMap<u32, Tool>,
     /// For controls that have D registers; a D without an entry means the tool of that number.
+    #[serde(deserialize_with = "crate::unique::map")]
     pub offsets: BTreeMap<u32, Offset>,
 }
 
@@ -58,10 +60,30 @@ pub enum ToolTableError {
     TipDirection { row: String, value: u8 },
     #[error("{what} of {row} is {value_mm} mm; at most {max_mm} mm is taken")]
     TooLarge { row: String, what: &'static str, value_mm: f64, max_mm: f64 },
+    #[error("{row} is in the table twice; leave out one of them")]
+    Twice { row: String },
+    #[error(
+        "{wear} of {row} is {wear_mm} mm, more than its {what} of {value_mm} mm; wear alone never turns the side"
+    )]
+    WearTurnsSide {
+        row: String,
+        what: &'static str,
+        value_mm: f64,
+        wear: &'static str,
+        wear_mm: f64,
+    },
 }
 
 /// No tool is larger than this, mm; a larger number is a mistake of units.
 pub const SIZE_MM_MAX: f64 = 1e4;
+
+/// Whether wear takes more off a value than there is, and so turns the side.
+///
+/// A value of 0 has no side: there wear alone is the difference to the tool
+/// that a program was made for, and may be negative (M10).
+pub fn wear_turns_side(value_mm: f64, wear_mm: f64) -> bool {
+    value_mm * (value_mm + wear_mm) < 0.0
+}
 
 impl ToolTable {
     /// Checks every row, the first fault first.
@@ -90,6 +112,20 @@ impl ToolTable {
                     value_mm: tool.nose_radius_mm,
                 });
             }
+            // The corner radius of a mill has no wear of its own.
+            let (what, value_mm, wear_mm) = match tool.diameter_mm {
+                0.0 => ("nose_radius_mm", tool.nose_radius_mm, tool.wear_diameter_mm / 2.0),
+                diameter_mm => ("diameter_mm", diameter_mm, tool.wear_diameter_mm),
+            };
+            if wear_turns_side(value_mm, wear_mm) {
+                return Err(ToolTableError::WearTurnsSide {
+                    row: row(),
+                    what,
+                    value_mm,
+                    wear: "wear_diameter_mm",
+                    wear_mm: tool.wear_diameter_mm,
+                });
+            }
         }
         for (&number, offset) in &self.offsets {
             check_numbers(
@@ -101,6 +137,15 @@ impl ToolTable {
                 ],
                 offset.tip_direction,
             )?;
+            if wear_turns_side(offset.radius_mm, offset.wear_mm) {
+                return Err(ToolTableError::WearTurnsSide {
+                    row: format!("D{number}"),
+                    what: "radius_mm",
+                    value_mm: offset.radius_mm,
+                    wear: "wear_mm",
+                    wear_mm: offset.wear_mm,
+                });
+            }
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! The tool table.
 
 use super::WireError;
-use crate::tool_table::{Offset, Tool, ToolTable};
+use crate::tool_table::{Offset, Tool, ToolTable, ToolTableError};
 use crate::units::{m_from_mm, mm_from_m};
 use crate::wire::cnc_msgs::msg as wire;
 
@@ -59,8 +59,39 @@ impl TryFrom<&wire::ToolTable> for ToolTable {
             };
             (offset.number, row)
         });
-        let checked = Self { tools: tools.collect(), offsets: offsets.collect() };
+        let mut checked = Self::default();
+        for (number, row) in tools {
+            if checked.tools.insert(number, row).is_some() {
+                return Err(ToolTableError::Twice { row: format!("T{number}") }.into());
+            }
+        }
+        for (number, row) in offsets {
+            if checked.offsets.insert(number, row).is_some() {
+                return Err(ToolTableError::Twice { row: format!("D{number}") }.into());
+            }
+        }
         checked.check()?;
         Ok(checked)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_that_is_there_twice_is_refused() {
+        let tool = |number| wire::Tool { number, ..wire::Tool::default() };
+        let offset = |number| wire::ToolOffset { number, ..wire::ToolOffset::default() };
+        for (tools, offsets, says) in [
+            (vec![tool(1), tool(2), tool(1)], vec![], Some("T1 is in the table twice")),
+            (vec![], vec![offset(4), offset(4)], Some("D4 is in the table twice")),
+            (vec![tool(1)], vec![offset(1)], None),
+        ] {
+            let table = wire::ToolTable { tools, offsets, ..wire::ToolTable::default() };
+            let refusal = ToolTable::try_from(&table).err().map(|error| error.to_string());
+            assert_eq!(refusal.is_some(), says.is_some(), "{refusal:?}");
+            assert!(refusal.unwrap_or_default().contains(says.unwrap_or_default()));
+        }
     }
 }

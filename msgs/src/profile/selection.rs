@@ -13,7 +13,7 @@ pub struct SelectRules {
     /// Where the lead-on ends (C11).
     pub target: SelectTarget,
     /// What each G word of the control selects: `G455: corner`.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "crate::unique::map")]
     pub words: BTreeMap<String, Approach>,
     /// Start behind the contour without such a word.
     pub default: Approach,

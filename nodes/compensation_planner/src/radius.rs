@@ -6,7 +6,7 @@
 use cnc_msgs::contour::{RadiusSource, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::profile::{NegativeRadius, Profile, RadiusKind, RadiusValue};
-use cnc_msgs::tool_table::{Tool, ToolTable};
+use cnc_msgs::tool_table::{Offset, Tool, ToolTable, wear_turns_side};
 
 /// The radius in force, mm, signed, and what is to be said of it: an error when
 /// there is none, which goes with a radius of 0.
@@ -68,11 +68,11 @@ fn value(
         }
         Some(RadiusSource::Tool(number)) => of_number(number, tools, at, "T")?,
         Some(RadiusSource::Offset(number)) => match tools.offsets.get(&number) {
-            Some(offset) => offset.radius_mm + offset.wear_mm,
+            Some(offset) => of_offset(number, offset, at)?,
             None => of_number(number, tools, at, "D")?,
         },
         Some(RadiusSource::Nose(number)) => match tools.offsets.get(&number) {
-            Some(offset) => offset.radius_mm + offset.wear_mm,
+            Some(offset) => of_offset(number, offset, at)?,
             None => of_nose(number, tools, at)?,
         },
         Some(RadiusSource::Diameter(diameter_mm)) => diameter_mm / 2.0,
@@ -168,7 +168,9 @@ fn of_number(
     letter: &str,
 ) -> Result<f64, Box<Diagnostic>> {
     match tools.tools.get(&number) {
-        Some(tool) => Ok(of_tool(tool)),
+        Some(tool) => {
+            worn(tool.diameter_mm / 2.0, tool.wear_diameter_mm / 2.0, at, format_args!("T{number}"))
+        }
         // No tool and no offset (S22).
         None if number == 0 => Ok(0.0),
         None => Err(Box::new(unknown(format!("{letter}{number}"), tools, at))),
@@ -178,9 +180,37 @@ fn of_number(
 /// The nose radius of a turning tool, mm.
 fn of_nose(number: u32, tools: &ToolTable, at: Source) -> Result<f64, Box<Diagnostic>> {
     match tools.tools.get(&number) {
-        Some(tool) => Ok(tool.nose_radius_mm + tool.wear_diameter_mm / 2.0),
+        Some(tool) => worn(
+            tool.nose_radius_mm,
+            tool.wear_diameter_mm / 2.0,
+            at,
+            format_args!("the nose radius of T{number}"),
+        ),
         None => Err(Box::new(unknown(format!("nose radius {number}"), tools, at))),
     }
+}
+
+fn of_offset(number: u32, offset: &Offset, at: Source) -> Result<f64, Box<Diagnostic>> {
+    worn(offset.radius_mm, offset.wear_mm, at, format_args!("D{number}"))
+}
+
+/// A radius with its wear, mm. Wear alone never turns the side.
+fn worn(
+    value_mm: f64,
+    wear_mm: f64,
+    at: Source,
+    name: std::fmt::Arguments<'_>,
+) -> Result<f64, Box<Diagnostic>> {
+    if !wear_turns_side(value_mm, wear_mm) {
+        return Ok(value_mm + wear_mm);
+    }
+    let message = format!(
+        "the wear of {name} is larger than its value: radius {value_mm} mm, wear {wear_mm} mm on the radius"
+    );
+    Err(Box::new(
+        Diagnostic::error(Code::RadiusSource, at, message)
+            .help("correct the wear in the tool table; wear alone never turns the side"),
+    ))
 }
 
 /// A number that the tool table does not know.

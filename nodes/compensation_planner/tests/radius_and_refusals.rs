@@ -5,7 +5,7 @@ mod support;
 use cnc_msgs::diagnostic::{Code, Severity};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{LeadLength, NegativeRadius, Reselect};
-use cnc_msgs::tool_table::{Tool, ToolTable};
+use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use support::*;
 
 fn ends_of(text: &str, radius: f64) -> Vec<[f64; 2]> {
@@ -52,6 +52,33 @@ fn m03_to_m10_the_radius_is_half_the_worn_diameter_and_p() {
     ];
     for (diameter, wear, p, expected) in cases {
         assert!((radius(diameter, wear, p) - expected).abs() < 1e-9, "{diameter} {wear} {p}");
+    }
+}
+
+/// A tool table that was not checked does not turn the side either.
+#[test]
+fn wear_that_is_larger_than_the_tool_is_refused_and_turns_no_side() {
+    let by_tool = |diameter_mm, wear_diameter_mm| {
+        let mut tools = ToolTable::default();
+        tools.tools.insert(1, Tool { diameter_mm, wear_diameter_mm, ..Tool::default() });
+        plan(M12, &masso(), &tools)
+    };
+    let by_offset = |radius_mm, wear_mm| {
+        let mut tools = ToolTable::default();
+        tools.offsets.insert(1, Offset { radius_mm, wear_mm, ..Offset::default() });
+        plan("G0 X-20 Y-20\nG41 D1 G1 X0 Y0\nX50\nG40 X70", &sinumerik(), &tools)
+    };
+    for (plan, says) in [
+        (by_tool(10.0, -20.0), "wear of T1 is larger than its value: radius 5 mm, wear -10 mm"),
+        (by_offset(5.0, -5.1), "wear of D1 is larger than its value: radius 5 mm, wear -5.1 mm"),
+        (by_offset(-5.0, 6.0), "wear of D1 is larger than its value: radius -5 mm, wear 6 mm"),
+    ] {
+        let finding = finding(&plan, Code::RadiusSource);
+        assert_eq!(finding.severity, Severity::Error);
+        assert!(finding.message.contains(says), "{}", finding.message);
+    }
+    for plan in [by_tool(0.0, -0.5), by_tool(10.0, -10.0), by_offset(0.0, -0.2)] {
+        assert!(!codes(&plan).contains(&Code::RadiusSource), "{}", findings(&plan));
     }
 }
 

@@ -82,6 +82,14 @@ fn what_no_tool_can_be_is_refused_with_its_number() {
         (W { nose_radius: -0.001, ..tool(7, W::NOSE_RADIUS) }, invalid, "T7 is -1 mm"),
         (W { diameter: f64::NAN, ..tool(1, W::DIAMETER) }, invalid, "NaN"),
         (W { wear_diameter: f64::INFINITY, ..offset(1, W::WEAR_DIAMETER) }, invalid, "inf"),
+        // Wear that is larger than the tool, entered as wear or as another tool.
+        (W { wear_diameter: -0.02, ..tool(1, W::WEAR_DIAMETER) }, invalid, "T1 is -20 mm, more"),
+        (W { wear_diameter: -0.02, ..offset(1, W::WEAR_DIAMETER) }, invalid, "D1 is -10 mm, more"),
+        (
+            W { diameter: 0.001, wear_diameter: -0.002, ..tool(4, W::DIAMETER | W::WEAR_DIAMETER) },
+            invalid,
+            "T4 is -2 mm, more",
+        ),
         // Millimetres where metres are meant.
         (W { diameter: 10.0, ..tool(1, W::DIAMETER) }, invalid, "10000 mm; at most 1000 mm"),
         (W { tip_direction: 10, ..tool(7, W::TIP_DIRECTION) }, invalid, "T7 is 10; 0 to 9"),

@@ -57,6 +57,9 @@ fn place_of(error: &ToolTableError) -> Vec<String> {
         ToolTableError::NotFinite { row, what, .. }
         | ToolTableError::TooLarge { row, what, .. } => of_row(row, what),
         ToolTableError::TipDirection { row, .. } => of_row(row, "tip_direction"),
+        ToolTableError::WearTurnsSide { row, wear, .. } => of_row(row, wear),
+        // A text with a row twice is not read as far as here.
+        ToolTableError::Twice { .. } => Vec::new(),
         ToolTableError::NegativeDiameter { tool, .. } => {
             path("tools", &tool.to_string(), "diameter_mm")
         }
@@ -94,11 +97,45 @@ mod tests {
             ("offsets:\n  1: {radius_mm: 1.0}\n  12:\n    radius_mm: .inf\n", "tools.yaml:4: "),
             ("offsets:\n  1: {radius_mm: 1.0}\n  2: {tip_direction: 11}\n", "tools.yaml:3: "),
             ("{tools: {1: {diameter_mm: 2.0e+4}}}\n", "tools.yaml: "),
+            (
+                "tools:\n  1: {diameter_mm: 5.0}\n  0x1: {diameter_mm: 6.0}\n",
+                "tools.yaml:3:3: tools: duplicate entry: 1 is written twice",
+            ),
+            (
+                "offsets:\n  2: {radius_mm: 5.0}\n  1: {}\n  2: {radius_mm: 5.0}\n",
+                "tools.yaml:4:3: offsets: duplicate entry: 2 is written twice",
+            ),
+            (
+                "tools:\n  1: {diameter_mm: 10.0, wear_diameter_mm: -20.0}\n",
+                "tools.yaml:2: wear_diameter_mm of T1 is -20 mm, more than its diameter_mm of 10 mm",
+            ),
+            (
+                "tools:\n  7:\n    nose_radius_mm: 0.4\n    wear_diameter_mm: -0.9\n",
+                "tools.yaml:4: wear_diameter_mm of T7 is -0.9 mm, more than its nose_radius_mm",
+            ),
+            (
+                "offsets:\n  1: {radius_mm: 5.0}\n  4: {radius_mm: -5.0, wear_mm: 6.0}\n",
+                "tools.yaml:3: wear_mm of D4 is 6 mm, more than its radius_mm of -5 mm",
+            ),
         ];
         for (text, place) in table {
             std::fs::write(&path, text).expect("written");
             let error = load_tool_table(&path).expect_err(text).to_string();
             assert!(error.contains(place), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn wear_counts_alone_where_the_value_is_0_and_may_take_all_of_a_value() {
+        for text in [
+            "tools:\n  1: {wear_diameter_mm: -0.5}\n",
+            "tools:\n  1: {diameter_mm: 10.0, wear_diameter_mm: -10.0}\n",
+            // The corner radius of a mill.
+            "tools:\n  1: {diameter_mm: 10.0, nose_radius_mm: 0.2, wear_diameter_mm: -0.5}\n",
+            "offsets:\n  1: {wear_mm: -0.2}\n  2: {radius_mm: -0.2, wear_mm: -0.1}\n",
+            "tools:\noffsets:\n",
+        ] {
+            tool_table_from_yaml(text, "tools.yaml").expect(text);
         }
     }
 }
