@@ -4,11 +4,26 @@
 //! table that is another tool than its owner sees first, so it is an error, at
 //! the place of the second key.
 
-use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
-use serde::{Deserialize, de::IntoDeserializer as _};
+use serde::Deserialize;
+use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Unexpected, Visitor};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
+use std::str::FromStr;
+
+/// What a map can be sorted by.
+pub(crate) trait Key: FromStr + Ord + fmt::Display {
+    /// What a reader is told that has to be there.
+    const EXPECTED: &'static str;
+}
+
+impl Key for u32 {
+    const EXPECTED: &'static str = "a whole number";
+}
+
+impl Key for String {
+    const EXPECTED: &'static str = "a word";
+}
 
 /// Reads a map; for `#[serde(deserialize_with = "...")]`.
 ///
@@ -17,7 +32,7 @@ use std::marker::PhantomData;
 pub(crate) fn map<'de, D, K, V>(deserializer: D) -> Result<BTreeMap<K, V>, D::Error>
 where
     D: Deserializer<'de>,
-    K: Deserialize<'de> + Ord + fmt::Display,
+    K: Key,
     V: Deserialize<'de>,
 {
     deserializer.deserialize_map(Entries(PhantomData))
@@ -27,7 +42,7 @@ struct Entries<K, V>(PhantomData<(K, V)>);
 
 impl<'de, K, V> Visitor<'de> for Entries<K, V>
 where
-    K: Deserialize<'de> + Ord + fmt::Display,
+    K: Key,
     V: Deserialize<'de>,
 {
     type Value = BTreeMap<K, V>;
@@ -55,10 +70,7 @@ where
 /// the error has its place and not that of the map.
 struct NewKey<'a, K, V>(&'a BTreeMap<K, V>);
 
-impl<'de, K, V> DeserializeSeed<'de> for NewKey<'_, K, V>
-where
-    K: Deserialize<'de> + Ord + fmt::Display,
-{
+impl<'de, K: Key, V> DeserializeSeed<'de> for NewKey<'_, K, V> {
     type Value = K;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<K, D::Error> {
@@ -66,36 +78,31 @@ where
     }
 }
 
-impl<K: Ord + fmt::Display, V> NewKey<'_, K, V> {
-    fn checked<E: Error>(&self, key: K) -> Result<K, E> {
+impl<K: Key, V> Visitor<'_> for NewKey<'_, K, V> {
+    type Value = K;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(K::EXPECTED)
+    }
+
+    fn visit_u64<E: Error>(self, key: u64) -> Result<K, E> {
+        self.visit_str(&key.to_string())
+    }
+
+    fn visit_i64<E: Error>(self, key: i64) -> Result<K, E> {
+        self.visit_str(&key.to_string())
+    }
+
+    /// JSON has no keys but texts.
+    fn visit_str<E: Error>(self, key: &str) -> Result<K, E> {
+        let Ok(key) = key.parse::<K>() else {
+            return Err(E::invalid_value(Unexpected::Str(key), &self));
+        };
         if self.0.contains_key(&key) {
             return Err(E::custom(format_args!(
                 "duplicate entry: {key} is written twice; delete one of them"
             )));
         }
         Ok(key)
-    }
-}
-
-impl<'de, K, V> Visitor<'de> for NewKey<'_, K, V>
-where
-    K: Deserialize<'de> + Ord + fmt::Display,
-{
-    type Value = K;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a key")
-    }
-
-    fn visit_u64<E: Error>(self, key: u64) -> Result<K, E> {
-        self.checked(K::deserialize(key.into_deserializer())?)
-    }
-
-    fn visit_i64<E: Error>(self, key: i64) -> Result<K, E> {
-        self.checked(K::deserialize(key.into_deserializer())?)
-    }
-
-    fn visit_str<E: Error>(self, key: &str) -> Result<K, E> {
-        self.checked(K::deserialize(key.into_deserializer())?)
     }
 }

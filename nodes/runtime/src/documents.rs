@@ -98,7 +98,7 @@ mod tests {
             ("offsets:\n  1: {radius_mm: 1.0}\n  2: {tip_direction: 11}\n", "tools.yaml:3: "),
             ("{tools: {1: {diameter_mm: 2.0e+4}}}\n", "tools.yaml: "),
             (
-                "tools:\n  1: {diameter_mm: 5.0}\n  0x1: {diameter_mm: 6.0}\n",
+                "tools:\n  1: {diameter_mm: 5.0}\n  01: {diameter_mm: 6.0}\n",
                 "tools.yaml:3:3: tools: duplicate entry: 1 is written twice",
             ),
             (
