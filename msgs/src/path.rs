@@ -79,6 +79,50 @@ pub struct PathEvent {
     pub source: Source,
 }
 
+/// What the paths that a driver holds may take in its memory, bytes.
+pub const PATHS_BYTES_MAX: u64 = 768 << 20;
+/// What the text of a function takes besides, on its way to the driver, bytes.
+const FUNCTION_TEXT_BYTES: u64 = 96;
+
+/// What a path takes in the memory of a driver, bytes.
+pub fn path_bytes(elements: u64, functions: u64) -> u64 {
+    let element = size_of::<PathElement>() as u64;
+    let function = size_of::<PathEvent>() as u64 + FUNCTION_TEXT_BYTES;
+    elements.saturating_mul(element).saturating_add(functions.saturating_mul(function))
+}
+
+/// A path that no driver takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "a path of {elements} elements and {functions} functions takes {} MB of the driver's memory; \
+     {} MB are allowed",
+    path_bytes(*elements, *functions).div_ceil(1 << 20),
+    PATHS_BYTES_MAX >> 20
+)]
+pub struct PathTooLong {
+    pub elements: u64,
+    pub functions: u64,
+}
+
+impl PathTooLong {
+    /// What to do about it.
+    pub fn help() -> String {
+        let most = PATHS_BYTES_MAX / path_bytes(1, 0);
+        format!("split the program into several, each of at most {most} elements")
+    }
+}
+
+/// Whether a driver takes a path of so many elements and functions.
+///
+/// # Errors
+/// It takes more than [`PATHS_BYTES_MAX`].
+pub fn check_length(elements: u64, functions: u64) -> Result<(), PathTooLong> {
+    match path_bytes(elements, functions) <= PATHS_BYTES_MAX {
+        true => Ok(()),
+        false => Err(PathTooLong { elements, functions }),
+    }
+}
+
 impl CompensatedPath {
     /// Where the element of this index starts.
     pub fn start_of(&self, index: usize) -> Position {

@@ -11,6 +11,7 @@ use crate::{Plan, Planning, plan_with};
 use cnc_msgs::chunk::ITEM_COUNT_MAX;
 use cnc_msgs::contour::{ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::path::{PathTooLong, check_length};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use std::fmt::Write;
@@ -60,8 +61,8 @@ pub fn prove(
     if !plan.accepted() {
         return Verdict { plan, ..Verdict::default() };
     }
-    let items = [contour.events.len(), plan.path.elements.len(), plan.path.events.len()];
-    if let Some(limit) = too_long(items) {
+    let path = [plan.path.elements.len(), plan.path.events.len()];
+    if let Some(limit) = too_long(contour.events.len(), path) {
         refuse(&mut plan, [limit]);
         return Verdict { plan, ..Verdict::default() };
     }
@@ -98,15 +99,17 @@ fn refuse(plan: &mut Plan, why: impl IntoIterator<Item = Diagnostic>) {
     plan.uncut.clear();
 }
 
-/// What no node would take, however it is planned: longer than messages are.
-fn too_long(items: [usize; 3]) -> Option<Diagnostic> {
-    let whats = ["the contour has", "the path has", "the path has"];
-    let nouns = ["events", "elements", "functions"];
-    let mut all = items.into_iter().zip(whats.into_iter().zip(nouns));
-    let (count, (what, noun)) = all.find(|(count, _)| *count as u64 > ITEM_COUNT_MAX)?;
-    let message = format!("{what} {count} {noun}; at most {ITEM_COUNT_MAX} can be run");
-    let help = "split the program into several";
-    Some(Diagnostic::error(Code::Limit, Source::default(), message).help(help))
+/// What no node takes: a contour that is longer than messages are, a path that is too long for
+/// the driver.
+fn too_long(contour_events: usize, [elements, functions]: [usize; 2]) -> Option<Diagnostic> {
+    let limit = |message| Diagnostic::error(Code::Limit, Source::default(), message);
+    if contour_events as u64 > ITEM_COUNT_MAX {
+        let message =
+            format!("the contour has {contour_events} events; at most {ITEM_COUNT_MAX} can be run");
+        return Some(limit(message).help("split the program into several"));
+    }
+    let too_long = check_length(elements as u64, functions as u64).err()?;
+    Some(limit(too_long.to_string()).help(PathTooLong::help()))
 }
 
 /// Depends on what was judged, and on nothing else.
@@ -156,6 +159,7 @@ pub(crate) mod tests {
         ContourEvent, ContourEventKind as Kind, CutterSide, Motion, MotionClass, RadiusSource,
     };
     use cnc_msgs::geometry::{AxisSet, Shape};
+    use cnc_msgs::path::{PATHS_BYTES_MAX, path_bytes};
     use cnc_msgs::tool_table::Offset;
     use std::cell::Cell;
 
@@ -222,12 +226,23 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_path_that_is_longer_than_messages_are_is_a_limit_with_advice() {
-        let most = ITEM_COUNT_MAX as usize;
-        assert_eq!(too_long([most, most, most]), None);
-        for items in [[most + 1, 0, 0], [0, most + 1, 0], [0, 0, most + 1]] {
-            let limit = too_long(items).expect("a limit");
-            assert!(limit.is_error() && limit.code == Code::Limit && !limit.help.is_empty());
+    fn a_path_that_no_driver_takes_is_a_limit_with_numbers_and_advice() {
+        let elements_max = (PATHS_BYTES_MAX / path_bytes(1, 0)) as usize;
+        let functions_max = (PATHS_BYTES_MAX / path_bytes(0, 1)) as usize;
+        let events_max = ITEM_COUNT_MAX as usize;
+        for (events, path) in [(events_max, [elements_max, 0]), (events_max, [0, functions_max])] {
+            assert_eq!(too_long(events, path), None, "{path:?}");
+        }
+        for (events, path, numbers) in [
+            (events_max + 1, [0, 0], "50000001 events; at most 50000000 can be run"),
+            (0, [elements_max + 1, 0], "takes 769 MB of the driver's memory; 768 MB are allowed"),
+            (0, [0, functions_max + 1], "takes 769 MB of the driver's memory; 768 MB are allowed"),
+            (0, [elements_max, functions_max], "takes 1536 MB of the driver's memory"),
+        ] {
+            let limit = too_long(events, path).expect("a limit");
+            assert!(limit.is_error() && limit.code == Code::Limit, "{limit:?}");
+            assert!(limit.message.contains(numbers), "{limit:?}");
+            assert!(limit.help.contains("split the program into several"), "{limit:?}");
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::driver::{Command, ControllerSettings, Output};
 use crate::serial::Event;
 use cnc_msgs::chunk::Collector;
 use cnc_msgs::machine::MachineState;
-use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent};
+use cnc_msgs::path::{CompensatedPath, PATHS_BYTES_MAX, PathTooLong, check_length, path_bytes};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -21,9 +21,6 @@ const KEPT_MAX: usize = 64;
 const ENDS_MAX: usize = 256;
 /// Paths that are here: the one that runs, the newest, and one for the rest of a run.
 const PATHS_MAX: usize = 3;
-/// All paths that are here, bytes: one of 5 000 000 elements fits. What runs is held by the driver
-/// too.
-const PATHS_BYTES_MAX: u64 = 768 << 20;
 /// Chunks that are not checked yet, bytes as they came: 136 for an element, some more in memory.
 const UNCHECKED_BYTES_MAX: usize = 1 << 30;
 /// What a chunk takes besides its content, bytes.
@@ -186,16 +183,12 @@ impl Paths {
         let collector =
             Collector::for_path(&manifest).map_err(|error| refusal(&manifest, &error))?;
         let (elements, events) = (manifest.element_count, manifest.event_count);
+        // The planner has refused such a program already, if it is one of ours.
+        check_length(elements, events).map_err(|error| {
+            refusal(&manifest, &format_args!("{error}: {}", PathTooLong::help()))
+        })?;
+        // What runs is held by the driver too.
         let needed = path_bytes(elements, events);
-        if needed > PATHS_BYTES_MAX {
-            let text = format!(
-                "a path of {elements} elements and {events} events takes {} MB; {} MB are allowed: \
-                 split the program",
-                needed >> 20,
-                PATHS_BYTES_MAX >> 20
-            );
-            return Err(refusal(&manifest, &text));
-        }
         while !self.newest_last.is_empty()
             && self.newest_last.iter().map(Held::bytes).sum::<u64>() + needed > PATHS_BYTES_MAX
         {
@@ -297,11 +290,6 @@ impl Held {
     fn bytes(&self) -> u64 {
         path_bytes(self.path.elements.len() as u64, self.path.events.len() as u64)
     }
-}
-
-/// What a path takes once it is checked, bytes.
-fn path_bytes(elements: u64, events: u64) -> u64 {
-    elements * size_of::<PathElement>() as u64 + events * size_of::<PathEvent>() as u64
 }
 
 pub(super) fn refusal(
@@ -423,10 +411,13 @@ mod tests {
         paths.begin(manifest(5_000_000, 100_000)).expect("a long program");
         let refused = paths.begin(manifest(50_000_000, 0)).expect_err("gigabytes").message;
         assert!(
-            refused.starts_with("a path of 50000000 elements and 0 events takes "),
+            refused.starts_with("a path of 50000000 elements and 0 functions takes "),
             "{refused}"
         );
-        assert!(refused.contains(" MB; 768 MB are allowed"), "{refused}");
+        assert!(
+            refused.contains(" MB of the driver's memory; 768 MB are allowed: split"),
+            "{refused}"
+        );
         // The checksum of an empty chunk is that of two empty lists.
         let crc32 = cnc_msgs::chunk::crc32(&[0; 8]);
         let chunk =
