@@ -7,6 +7,7 @@ use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, PathEvent};
 use kerf_tests::line::{Line, straight};
+use std::time::Duration;
 use virtual_controller::{Build, Firmware, Settings};
 
 const X: AxisSet = AxisSet::from_bits(0b001);
@@ -51,6 +52,15 @@ fn jog(frame: JogFrame, x: f64) -> Command {
 fn restart(line: &mut Line, spoils: &[&str]) {
     spoils.iter().for_each(|spoil| line.inject(spoil));
     line.inject("reset");
+}
+
+/// A hold has been sent since then, and the tool stands.
+#[track_caller]
+fn assert_held(line: &mut Line, then: Duration) {
+    assert!(line.said_since(then).contains('!'), "{:?}", line.said_since(then));
+    let stands = line.axes();
+    line.wait(2.0);
+    assert_eq!(line.axes(), stands);
 }
 
 const LOST: &[&str] = &["mute:Grbl"];
@@ -235,10 +245,7 @@ fn words_that_fall_back_are_a_restart() {
     let state = line.state();
     assert!(!state.is_homed && state.needs_reset, "{state:?}");
     // The controller was well, and only the line about it was not: it no longer cuts.
-    assert!(line.said_since(then).contains('!'), "{:?}", line.said_since(then));
-    let stands = line.axes();
-    line.wait(2.0);
-    assert_eq!(line.axes(), stands);
+    assert_held(&mut line, then);
 }
 
 #[test]
@@ -273,10 +280,7 @@ fn what_still_moves_when_a_restart_has_been_looked_into_is_held() {
     line.wait(2.0);
     let state = line.state();
     assert!(state.needs_reset && state.reason.starts_with("RESTARTED"), "{state:?}");
-    assert!(line.said_since(then).contains('!'), "{:?}", line.said_since(then));
-    let stands = line.axes();
-    line.wait(2.0);
-    assert_eq!(line.axes(), stands);
+    assert_held(&mut line, then);
 }
 
 #[test]

@@ -415,7 +415,7 @@ impl<R: Read + Seek> Bag<R> {
         if !closing.complete {
             self.add_problem(Problem::RecorderSays { reason: closing.reasons });
         }
-        // What is damaged has fewer messages, and is told of already.
+        // A damaged bag has fewer messages; the damage is reported already.
         if self.problems().iter().any(Problem::is_damage) || closing.written.is_empty() {
             return;
         }

@@ -1,16 +1,16 @@
 //! What a recorder says of a bag as it closes it: the metadata record `cnc_run_result`.
 //!
-//! It stands in the file itself, so that a message that somebody takes out later is missed, and
-//! one that never came is told from it.
+//! The record counts the messages of each topic. A reader compares the counts with the bag: it
+//! notices messages that were removed later, and knows how many never reached the recorder.
 
 use std::collections::BTreeMap;
 
 const COMPLETE: &str = "complete";
 const REASONS: &str = "reasons";
 const LOST: &str = "messages_lost";
-/// With the topic's name behind it.
+/// Keys of [`Closing::written`]: the name of the topic follows the colon.
 const WRITTEN: &str = "messages_of:";
-/// With the topic's name behind it.
+/// Keys of [`Closing::missed`], in the same way.
 const MISSED: &str = "missed_of:";
 
 /// The values of [`crate::bag_reader::RESULT_RECORD`].

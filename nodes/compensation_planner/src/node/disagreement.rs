@@ -93,7 +93,7 @@ fn write(folder: &Path, file_name: &str, bytes: &[u8]) -> Result<PathBuf> {
         fs::rename(&unfinished, &path)
     });
     if let Err(error) = moved {
-        // It is of no use; that it cannot be removed either says nothing more.
+        // Only the first error matters: a failed removal has the same cause.
         let _ = fs::remove_file(&unfinished);
         return Err(error);
     }

@@ -148,7 +148,7 @@ mod tests {
             // It was stopped before it began, or what began it is not there.
             (&[], STOPPED, Ok(())),
             (&[], GOOD, Err(None)),
-            // That the journal stops in a run is told before, or the first difference is.
+            // The journal stops in the run: another check has reported that already.
             (&[None], GOOD, Ok(())),
         ] {
             assert_eq!(compare_end(outcomes, status), expected, "{outcomes:?} {status}");

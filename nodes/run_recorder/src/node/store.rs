@@ -399,11 +399,11 @@ mod tests {
         let (one, other) = ([1; 16], [2; 16]);
         // Number and time of arrival; how many before it did not come, and the time of the log.
         for (publisher, sequence, arrived, missed, logged) in [
-            // Whoever comes late has not missed what was before.
+            // Samples from before the first one received do not count as missed.
             (one, 7, 10, 0, 10),
             (one, 8, 40, 0, 40),
             (one, 11, 50, 2, 50),
-            // Sent again, and arrived after the one behind it.
+            // Number 13 has an earlier arrival time than 12, and is received twice.
             (one, 12, 70, 0, 70),
             (one, 13, 60, 0, 70),
             (one, 13, 80, 0, 80),

@@ -80,8 +80,8 @@ impl<A: Action> GoalOffer<A> {
 
     /// Takes the goal on: from now on it is executing.
     ///
-    /// `None` when that took too long, or somebody has canceled it meanwhile: the client
-    /// is told "rejected", and nothing may move.
+    /// Returns `None` if the decision came too late, or if the goal was canceled before it. The
+    /// client then gets a rejection, and the node must not start any motion.
     pub fn accept(mut self) -> Option<Goal<A>>
     where
         A::Result: Default,
