@@ -17,6 +17,9 @@ pub struct SelectRules {
     pub words: BTreeMap<String, Approach>,
     /// Start behind the contour without such a word.
     pub default: Approach,
+    /// Which move is the lead-on (A15, A16).
+    #[serde(default)]
+    pub lead: LeadMove,
     /// What the length of the lead-on must be, compared with the radius (C10).
     pub length: Rule<LeadLength>,
     /// A lead-on that is an arc; unless it is refused, it is run as a straight line.
@@ -41,6 +44,17 @@ pub enum SelectTarget {
     NormalEntry,
 }
 
+/// Which move in the plane is a lead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LeadMove {
+    /// The next one.
+    #[default]
+    Any,
+    /// The next one at feed; the state of compensation does not change with a rapid before it.
+    Coordinated,
+}
+
 /// What a lead must be long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -57,6 +71,9 @@ pub enum LeadLength {
 pub struct CancelRules {
     /// End behind the contour without a word that says so.
     pub default: Approach,
+    /// Which move is the lead-off (A20, A21).
+    #[serde(default)]
+    pub lead: LeadMove,
     /// The axes that the first move after the cancel must name.
     pub axes: Rule<CancelAxes>,
     /// What the length of the lead-off must be, compared with the radius.

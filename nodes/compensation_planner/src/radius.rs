@@ -11,8 +11,8 @@ use cnc_msgs::tool_table::{Offset, Tool, ToolTable, wear_turns_side};
 /// The radius in force, mm, signed, and what is to be said of it: an error when
 /// there is none, which goes with a radius of 0.
 ///
-/// Without a word the profile decides: the tool in the spindle (rs274, MASSO,
-/// Automation1), or nothing (where a register must be named).
+/// Without a word the profile decides: the tool in the spindle (rs274, MASSO), or
+/// nothing (where a register must be named, or the program sets the value).
 /// Source: MASSO M03 to M10; SINUMERIK 840C S17, S22, S49; Automation1 A03, A13.
 pub(crate) fn resolve(
     word: Option<RadiusSource>,
@@ -53,9 +53,9 @@ fn value(
     at: Source,
 ) -> Result<f64, Box<Diagnostic>> {
     let default = match profile.radius.source.rule {
-        RadiusKind::ToolNumber | RadiusKind::ProgramValue => Some(RadiusSource::SpindleTool),
+        RadiusKind::ToolNumber => Some(RadiusSource::SpindleTool),
         RadiusKind::SpindleToolPlusP => Some(RadiusSource::SpindleToolPlus(0.0)),
-        RadiusKind::DRegister | RadiusKind::NoseRegister => None,
+        RadiusKind::DRegister | RadiusKind::NoseRegister | RadiusKind::ProgramValue => None,
     };
     Ok(match word.or(default) {
         // T000101 names a tool and no nose radius.
@@ -84,13 +84,19 @@ fn value(
 }
 
 fn no_word(profile: &Profile, at: Source) -> Diagnostic {
-    let mut finding = Diagnostic::error(
-        Code::RadiusSource,
-        at,
-        "compensation is selected without a word for its radius, so it has none",
-    )
-    .help(match profile.radius.source.rule {
+    let rule = profile.radius.source.rule;
+    let message = match rule {
+        RadiusKind::ProgramValue => format!(
+            "compensation is selected and no radius has been set; {} takes none from the tool table",
+            profile.name
+        ),
+        _ => "compensation is selected without a word for its radius, so it has none".into(),
+    };
+    let mut finding = Diagnostic::error(Code::RadiusSource, at, message).help(match rule {
         RadiusKind::NoseRegister => "name the nose radius in a T word before: T010101",
+        RadiusKind::ProgramValue => {
+            "set the radius before the selection, in mm: G43 P5 or CutterCompensationSetRadius(5)"
+        }
         _ => "write the offset register in the same block: D1",
     });
     finding.severity = profile.radius.source.severity();

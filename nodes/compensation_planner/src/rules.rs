@@ -17,7 +17,7 @@ use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position, Shape};
 use cnc_msgs::profile::{
-    CancelAxes, FullCircle, LeadLength, Permission, Profile, RapidMode, Rule, Strictness,
+    CancelAxes, FullCircle, LeadLength, LeadMove, Permission, Profile, RapidMode, Rule, Strictness,
 };
 use std::f64::consts::TAU;
 
@@ -120,16 +120,22 @@ impl Rules<'_> {
             (_, MotionClass::NonCoordinated) => "a move whose axes go by themselves",
             _ => return,
         };
+        let needed = match self.profile.select.lead {
+            LeadMove::Any => "it must be a straight line".into(),
+            LeadMove::Coordinated => {
+                format!("{} does not say how the offset grows along it", self.profile.name)
+            }
+        };
         let instead = match strictness {
             Strictness::Error => "",
-            Strictness::Warn | Strictness::Emulate => ", and is run as one",
+            Strictness::Warn | Strictness::Emulate => "; it is run as a straight line",
         };
         self.diagnostics.push(
             of(
                 strictness,
                 Code::LeadType,
                 lead.source,
-                format!("the {name} is {what}; it must be a straight line{instead}"),
+                format!("the {name} is {what}; {needed}{instead}"),
             )
             .help("put a straight move in the plane before the arc"),
         );

@@ -17,13 +17,13 @@ use crate::span::{Item, ItemKind, Span};
 use crate::tolerance::LENGTH_MM;
 use crate::{Plan, Planning};
 use cnc_msgs::contour::{
-    Action, Approach, ContourEventKind, CutterSide, Motion, OutsideCorner, ProgrammedContour,
-    RadiusSource, Source,
+    Action, Approach, ContourEventKind, CutterSide, Motion, MotionClass, OutsideCorner,
+    ProgrammedContour, RadiusSource, Source,
 };
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::geometry::{Direction, Plane, Position, Shape};
 use cnc_msgs::path::Role;
-use cnc_msgs::profile::{OffPlaneAfterCancel, Profile, SideChange};
+use cnc_msgs::profile::{LeadMove, OffPlaneAfterCancel, Profile, SideChange};
 use cnc_msgs::tool_table::ToolTable;
 use output::Output;
 
@@ -290,10 +290,17 @@ impl<'a> Walk<'a> {
 
     /// Homing ends compensation at once, without a lead-off (A05).
     fn home(&mut self, source: Source) {
-        if let State::Active(active) = std::mem::replace(&mut self.state, State::Off) {
-            let since = active.span.entry.lead.source;
-            self.verdict.diagnostics.push(rules::homed(source, since, self.profile));
-            self.close(*active, Exit::None);
+        match std::mem::replace(&mut self.state, State::Off) {
+            State::Off => {}
+            State::Selected(selection) => {
+                let finding = rules::homed(source, selection.source, false, self.profile);
+                self.verdict.diagnostics.push(finding);
+            }
+            State::Active(active) => {
+                let since = active.span.entry.lead.source;
+                self.verdict.diagnostics.push(rules::homed(source, since, true, self.profile));
+                self.close(*active, Exit::None);
+            }
         }
     }
 
@@ -331,10 +338,13 @@ impl<'a> Walk<'a> {
         match std::mem::replace(&mut self.state, State::Off) {
             State::Off => self.out.programmed(motion, source, Role::None),
             State::Selected(selection) => {
-                if self.moves_in_plane(start, motion) {
+                let leads = is_lead(motion, self.profile.select.lead);
+                if leads && self.moves_in_plane(start, motion) {
                     self.open(selection, start, motion, source, None, false);
                 } else {
-                    self.rules().off_plane_move(source, start, motion);
+                    if height(self.plane, motion.end) != height(self.plane, start) {
+                        self.rules().off_plane_move(source, start, motion);
+                    }
                     self.out.programmed(motion, source, Role::None);
                     self.state = State::Selected(selection);
                 }
@@ -351,7 +361,11 @@ impl<'a> Walk<'a> {
         source: Source,
     ) {
         let plane = active.span.plane;
-        let leads = active.relink.is_some() || active.cancel.is_some();
+        let leads = match (&active.cancel, &active.relink) {
+            (Some(_), _) => is_lead(motion, self.profile.cancel.lead),
+            (None, Some(_)) => is_lead(motion, self.profile.select.lead),
+            (None, None) => false,
+        };
         let rises = height(plane, motion.end) != height(plane, start);
         let is_only_up = rises && !self.shifts(start, motion);
         if leads && self.moves_in_plane(start, motion) && !is_only_up {
@@ -419,6 +433,11 @@ impl<'a> Walk<'a> {
         far > LENGTH_MM * 1e-3
             || matches!(motion.shape, Shape::Arc(arc) if arc.turns > 0 && arc.plane == self.plane)
     }
+}
+
+/// Whether a motion in the plane can be a lead.
+fn is_lead(motion: &Motion, rule: LeadMove) -> bool {
+    rule == LeadMove::Any || motion.class == MotionClass::Feed
 }
 
 impl Active<'_> {

@@ -11,7 +11,9 @@ use cnc_msgs::contour::{
 };
 use cnc_msgs::diagnostic::Severity;
 use cnc_msgs::geometry::{Plane, Position, Shape};
-use cnc_msgs::profile::{ChangeAt, Profile, RapidMode, Reselect, SelectTarget, SideChange};
+use cnc_msgs::profile::{
+    ChangeAt, LeadMove, Profile, RapidMode, Reselect, SelectTarget, SideChange,
+};
 use cnc_msgs::tool_table::ToolTable;
 
 /// No index.
@@ -221,7 +223,7 @@ impl Reader<'_> {
                 }
             }
             ContourEventKind::Action(Action::ChangeTool { tool }) => self.spindle_tool = Some(tool),
-            ContourEventKind::Action(Action::Home { .. }) if is_active => self.state = State::Off,
+            ContourEventKind::Action(Action::Home { .. }) => self.state = State::Off,
             ContourEventKind::Select { side, approach, along } => {
                 self.select(side, approach.is_some(), along.is_some());
             }
@@ -277,7 +279,7 @@ impl Reader<'_> {
         match self.state {
             State::Off => (Kind::Free, false),
             State::Selected { side, is_along } => {
-                if !shifts && !names {
+                if (!shifts && !names) || self.is_too_fast(motion, self.profile.select.lead) {
                     return (Kind::Free, false);
                 }
                 self.open(side, source);
@@ -286,7 +288,10 @@ impl Reader<'_> {
                 (Kind::LeadOn, false)
             }
             State::Active { side, cancels, relinks, changes } => {
-                if (cancels || relinks.is_some()) && (shifts || (names && !rises)) {
+                let rules = self.profile;
+                let lead = if cancels { rules.cancel.lead } else { rules.select.lead };
+                let leads = (cancels || relinks.is_some()) && !self.is_too_fast(motion, lead);
+                if leads && (shifts || (names && !rises)) {
                     let Some(new) = relinks.filter(|_| !cancels) else {
                         self.state = State::Off;
                         return (Kind::LeadOff, false);
@@ -299,7 +304,11 @@ impl Reader<'_> {
                     return (if rises { Kind::OffPlane } else { Kind::Still }, false);
                 }
                 if motion.class != MotionClass::Feed && self.profile.rapid.rule == RapidMode::Raw {
-                    self.state = State::Selected { side, is_along: false };
+                    let side = relinks.unwrap_or(side);
+                    self.state = match cancels {
+                        true => State::Off,
+                        false => State::Selected { side, is_along: false },
+                    };
                     return (Kind::LeadOff, false);
                 }
                 if let Some(new) = changes {
@@ -316,6 +325,11 @@ impl Reader<'_> {
                 (Kind::Leg, changes.is_some())
             }
         }
+    }
+
+    /// A rapid, where leads are moves at feed.
+    fn is_too_fast(&self, motion: &Motion, lead: LeadMove) -> bool {
+        lead == LeadMove::Coordinated && motion.class != MotionClass::Feed
     }
 
     fn open(&mut self, side: CutterSide, source: Source) {

@@ -9,8 +9,8 @@ use cnc_msgs::contour::{Motion, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{Direction, Plane, Shape};
 use cnc_msgs::profile::{
-    CancelBeforeEnd, HomeMode, InsideArc, Profile, RadiusChange, RapidMode, Reselect, SideChange,
-    Strictness,
+    CancelBeforeEnd, HomeMode, InsideArc, LeadMove, Profile, RadiusChange, RapidMode, Reselect,
+    SideChange, Strictness,
 };
 
 /// Coordinates that can be computed with: finite, and no farther than 1000 km.
@@ -45,10 +45,19 @@ pub(crate) fn dominant_axes(source: Source, plane: Plane, profile: &Profile) -> 
 }
 
 /// Homing while compensation is active (A05, C16).
-pub(crate) fn homed(source: Source, since: Source, profile: &Profile) -> Diagnostic {
+pub(crate) fn homed(
+    source: Source,
+    since: Source,
+    was_active: bool,
+    profile: &Profile,
+) -> Diagnostic {
     let message = match profile.home.rule {
-        HomeMode::Drop => format!(
+        HomeMode::Drop if was_active => format!(
             "homing ends the compensation of {} at once, without a lead-off",
+            block_name(since)
+        ),
+        HomeMode::Drop => format!(
+            "homing ends the compensation of {} before its lead-on; what follows is not compensated",
             block_name(since)
         ),
         HomeMode::Forbidden => format!(
@@ -58,8 +67,13 @@ pub(crate) fn homed(source: Source, since: Source, profile: &Profile) -> Diagnos
         ),
     };
     let mut finding =
-        of(profile.home.strictness, Code::ForbiddenUnderCompensation, source, message)
-            .help("cancel with G40 and a lead-off before homing");
+        of(profile.home.strictness, Code::ForbiddenUnderCompensation, source, message).help(
+            if was_active {
+                "cancel with G40 and a lead-off before homing"
+            } else {
+                "home first, then select the compensation"
+            },
+        );
     finding.other = Some(since);
     finding
 }
@@ -302,14 +316,16 @@ pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> 
 
 /// Compensation that the program does not end (S32).
 pub(crate) fn not_cancelled(source: Source, has_cancel: bool, profile: &Profile) -> Diagnostic {
-    let message = if has_cancel {
-        "the cancel has no effect: no move in the plane follows it"
-    } else {
-        "the program ends while this compensation is active"
-    };
-    let mut finding = Diagnostic::error(Code::NotCancelled, source, message)
-        .help("end the contour with G40 and a straight move in the plane, then end the program");
     let rules = &profile.cancel;
+    let message = if has_cancel {
+        format!("the cancel has no effect: no {} in the plane follows it", lead_name(rules.lead))
+    } else {
+        "the program ends while this compensation is active".into()
+    };
+    let mut finding = Diagnostic::error(Code::NotCancelled, source, message).help(format!(
+        "end the contour with G40 and a straight {} in the plane, then end the program",
+        lead_name(rules.lead)
+    ));
     finding.severity = if has_cancel { rules.if_no_move } else { rules.missing }.severity();
     finding
 }
@@ -320,9 +336,23 @@ pub(crate) fn never_active(source: Source, profile: &Profile) -> Diagnostic {
         profile.select.if_no_move,
         Code::NeverActive,
         source,
-        "compensation is selected and never becomes active: no move in the plane follows",
+        format!(
+            "compensation is selected and never becomes active: no {} in the plane follows",
+            lead_name(profile.select.lead)
+        ),
     )
-    .help("move in the plane after the selection, or leave it out")
+    .help(format!(
+        "program a {} in the plane after the selection, or leave it out",
+        lead_name(profile.select.lead)
+    ))
+}
+
+/// What a lead has to be.
+fn lead_name(rule: LeadMove) -> &'static str {
+    match rule {
+        LeadMove::Any => "move",
+        LeadMove::Coordinated => "coordinated move (G1, G2 or G3)",
+    }
 }
 
 /// A move out of the plane right after the cancel (M13).

@@ -147,17 +147,24 @@ impl<'a> Walk<'a> {
     }
 
     /// A rapid that goes where it is programmed to: the offset is left and entered again.
+    ///
+    /// A cancel that waited for its move has nothing left to lead off from.
     fn leave_raw(&mut self, active: Active<'a>, start: Position, motion: &Motion, source: Source) {
-        let selection = Selection {
+        let same_side = Selection {
             side: active.side,
             approach: None,
             along: None,
             source: active.span.entry.lead.source,
         };
+        let next = match (active.cancel, active.relink) {
+            (Some(_), _) => State::Off,
+            (None, Some((selection, _))) => State::Selected(selection),
+            (None, None) => State::Selected(same_side),
+        };
         let approach = self.profile.cancel.default;
         let lead = Lead { motion: *motion, source, start, approach, along: None };
         self.close(active, Exit::LeadOff(lead));
-        self.state = State::Selected(selection);
+        self.state = next;
     }
 }
 

@@ -29,6 +29,10 @@ pub(super) struct Compensation {
     rounding_axes: Option<[usize; 2]>,
     /// The D that the planner has been told.
     told_offset: Option<u32>,
+    /// Where D0 has deselected, until G40, G41 or G42 says what holds.
+    deselected: Option<Source>,
+    /// A D after that, which selects nothing.
+    vain_offset: Option<Source>,
 }
 
 impl Compensation {
@@ -52,6 +56,10 @@ impl Interpreter<'_> {
         let offset = if is_modal_offset { self.take_number(scene, b'D') } else { None };
         if offset.is_some() {
             self.modal.compensation.offset = offset;
+        }
+        if word.is_some() {
+            (self.modal.compensation.deselected, self.modal.compensation.vain_offset) =
+                (None, None);
         }
         match word {
             None => {
@@ -84,11 +92,19 @@ impl Interpreter<'_> {
 
     /// A new D while G41 or G42 may be in force.
     fn change_offset(&mut self, scene: &mut Scene<'_>) {
-        let Some(side) = self.modal.compensation.side else { return };
-        if self.modal.compensation.offset == Some(0) {
+        let is_zero = self.modal.compensation.offset == Some(0);
+        let Some(side) = self.modal.compensation.side else {
+            if !is_zero && self.modal.compensation.deselected.is_some() {
+                let word = self.request.word(b'D');
+                self.modal.compensation.vain_offset = Some(scene.source_of(word));
+            }
+            return;
+        };
+        if is_zero {
             self.cancel(None);
             if self.rules.d0 == ZeroOffset::Deselect {
                 self.modal.compensation.side = None;
+                self.modal.compensation.deselected = Some(self.source);
             }
         } else if self.modal.compensation.is_selected() {
             self.tell_offset();
@@ -96,6 +112,39 @@ impl Interpreter<'_> {
             self.tell_offset();
             self.tell_selection(scene, side);
         }
+    }
+
+    /// A move at feed that runs uncompensated after D0 and another D (S29): a control
+    /// that only suspends with D0 would compensate it.
+    #[inline]
+    pub(super) fn lost_compensation(&mut self, scene: &mut Scene<'_>) {
+        if self.modal.compensation.vain_offset.is_none() {
+            return;
+        }
+        let [u, v, _] = self.modal.plane.axes();
+        let has = |letter| self.request.present.contains(letter);
+        let is_in_plane = has(AXIS_WORDS[u]) || has(AXIS_WORDS[v]);
+        if is_in_plane || !matches!(self.modal.mode, Some(Mode::Feed)) {
+            self.complain_of_lost_compensation(scene);
+        }
+    }
+
+    #[cold]
+    fn complain_of_lost_compensation(&mut self, scene: &mut Scene<'_>) {
+        let Some(at) = self.modal.compensation.vain_offset.take() else { return };
+        let Some(deselected) = self.modal.compensation.deselected.take() else { return };
+        let message = format!(
+            "this D does not bring back the compensation that D0 in line {} has ended: {} runs uncompensated",
+            deselected.line,
+            match self.source.block {
+                Some(block) => format!("N{block}"),
+                None => format!("line {}", self.source.line),
+            }
+        );
+        let mut finding = Diagnostic::warning(Code::NeverActive, at, message)
+            .help("write G41 or G42 beside this D, or G40 in place of D0");
+        finding.other = Some(deselected);
+        scene.findings.push(finding);
     }
 
     /// I, J and K as a direction; a missing one counts as 0.

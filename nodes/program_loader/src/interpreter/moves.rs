@@ -74,6 +74,9 @@ impl Interpreter<'_> {
         if self.modal.mode_is_poisoned {
             return self.skip_move(scene);
         }
+        if !matches!(self.modal.mode, None | Some(Mode::Rapid | Mode::Polar { rapid: true })) {
+            self.lost_compensation(scene);
+        }
         match self.modal.mode {
             None if self.request.has_refused_word => {
                 // The refused word may have been the motion.
