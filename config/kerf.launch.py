@@ -38,8 +38,9 @@ ARGUMENTS = (
     ('time_factor', '1', 'how many times faster than a real one it lives'),
 )
 
-# A driver brings its machine to a stop before it leaves, a recorder closes its bag.
-LEAVE_WITHIN_S = '35'
+# A driver brings its machine to a stop before it leaves, a recorder closes its bag. The watching
+# process kills a node after 40 s.
+LEAVE_WITHIN_S = '45'
 
 
 def generate_launch_description():

@@ -43,7 +43,7 @@ const TURN_WITHIN: Duration = Duration::from_secs(3);
 /// How long the face may take to bring everything to an end: it gives the machine 25 s.
 const FACE_ENDS_WITHIN: Duration = Duration::from_secs(28);
 /// The same with what this process does without a face. `kerf up` and systemd kill it after 40 s.
-const ALL_ENDS_WITHIN: Duration = Duration::from_secs(38);
+pub const ALL_ENDS_WITHIN: Duration = Duration::from_secs(38);
 
 /// Runs the driver until it is told to stop.
 ///

@@ -17,8 +17,9 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
-/// How long a child may take to leave before it is killed.
-const STOP_TIME_MAX: Duration = Duration::from_secs(35);
+/// How long a child may take to leave before it is killed: longer than the driver needs to bring
+/// the machine to a stop, whatever its ROS face does.
+const STOP_TIME_MAX: Duration = Duration::from_secs(40);
 /// How often the children are looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// The virtual controller is a board, not a node: it reports to nobody.
@@ -207,4 +208,14 @@ pub(crate) fn leave_with_parent() -> io::Result<()> {
             rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::TERM);
     })?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driver_that_brings_its_machine_to_a_stop_is_not_killed() {
+        assert!(axis_driver::motion::ALL_ENDS_WITHIN + Duration::from_secs(1) < STOP_TIME_MAX);
+    }
 }
