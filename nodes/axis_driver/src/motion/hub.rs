@@ -55,6 +55,8 @@ struct State {
     faces: u64,
     operators: BTreeMap<u64, SyncSender<Reply>>,
     local_stops: u64,
+    /// Telemetry that no face has read in time, since the start.
+    unread_dropped: u64,
 }
 
 /// What a face has still to hear.
@@ -183,16 +185,13 @@ impl Hub {
 
     /// Hands on a command that a face has given. What cannot be handed on is answered here.
     pub(super) fn command(&self, json: &str, local_stops: Option<u64>) {
+        let command = self.read_command(json);
         let mut state = self.state();
-        let lookup = |program_id: &str, revision| state.paths.get(program_id, revision);
         let refuse = |id, error_code, message: String| {
             let output = Output::Reply { id, result: Err(Refusal { error_code, message }) };
             Event { at: self.serial.epoch().elapsed(), output }
         };
-        let command = read("a command", || {
-            command_from_json(json.as_bytes(), &lookup).map_err(|error| error.to_string())
-        });
-        let refusal = match command.flatten() {
+        let refusal = match command {
             Ok((id, _)) if id >= OWN_IDS => {
                 drop(state);
                 return tracing::error!("a command of the ROS face has id {id}, which is not its");
@@ -221,6 +220,15 @@ impl Hub {
         drop(state);
         self.news.notify_all();
         unheard.iter().for_each(|event| log(&event.output));
+    }
+
+    /// Reads a command. No lock is held meanwhile: a defect is logged, which may take its time.
+    fn read_command(&self, json: &str) -> Result<(u64, Command), String> {
+        let lookup = |program_id: &str, revision| self.paths(|it| it.get(program_id, revision));
+        let command = read("a command", || {
+            command_from_json(json.as_bytes(), &lookup).map_err(|error| error.to_string())
+        });
+        command.flatten()
     }
 
     /// What outlives a face.
@@ -276,11 +284,12 @@ impl Hub {
         let dropped = self.serial.dropped();
         let age = Duration::try_from_secs_f64(self.serial.link_age_s()).ok();
         let heard = age.map(|age| self.serial.epoch().elapsed().saturating_sub(age));
+        let state = self.state();
         Vital {
             heard_ns: heard.map(ns),
-            events_dropped: dropped.events,
+            events_dropped: dropped.events + state.unread_dropped,
             entries_dropped: dropped.entries,
-            local_stops: self.state().local_stops,
+            local_stops: state.local_stops,
         }
     }
 
@@ -320,7 +329,11 @@ impl State {
     fn tell(&mut self, event: Event) -> VecDeque<Event> {
         let Some(queue) = &mut self.face else { return [event].into() };
         queue.events.push_back(event);
-        if queue.events.len() <= EVENTS_MAX || queue.drop_telemetry() {
+        if queue.events.len() <= EVENTS_MAX {
+            return VecDeque::new();
+        }
+        if queue.drop_telemetry() {
+            self.unread_dropped += 1;
             return VecDeque::new();
         }
         let message =
@@ -450,6 +463,7 @@ pub(super) mod tests {
         }
         let news = hub.wait(number, Instant::now()).expect("the face is there");
         assert_eq!(news.events.len(), EVENTS_MAX, "telemetry goes first");
+        assert_eq!(hub.vital().events_dropped, 1, "and is counted");
         assert_eq!(news.events[0], reply(1));
         for id in 0..=EVENTS_MAX as u64 {
             assert!(hub.has_face());
