@@ -70,7 +70,7 @@ impl<C: Message> ChunkTopic<C> {
 pub fn page<C: Message>(first: u32, cut: &Cut<C>) -> Vec<C> {
     let mut chunks = Vec::new();
     let mut bytes = ENVELOPE_BYTES;
-    for index in first.. {
+    for index in first..=u32::MAX {
         let Some(chunk) = cut(index) else { break };
         bytes += cdr::body(&chunk).len();
         if bytes > MESSAGE_BYTES_MAX && !chunks.is_empty() {
@@ -121,4 +121,19 @@ pub async fn pull<S: Service + 'static, C: Chunk>(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::wire::cnc_msgs::msg::ProgramChunk;
+
+    #[test]
+    fn whatever_chunk_is_asked_for_there_is_an_answer() {
+        let cut: Cut<ProgramChunk> =
+            Arc::new(|index| (index < 3).then(|| ProgramChunk { index, ..Default::default() }));
+        for (first, count) in [(0, 3), (2, 1), (3, 0), (u32::MAX, 0)] {
+            assert_eq!(page(first, &cut).len(), count, "{first}");
+        }
+    }
 }
