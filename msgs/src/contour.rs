@@ -74,7 +74,8 @@ pub struct Motion {
     pub shape: Shape,
     pub end: Position,
     pub class: MotionClass,
-    /// Feed rate in force, mm/min; 0 for rapids.
+    /// Feed rate in force, mm/min. 0 for rapids, but after a selection of compensation
+    /// when no motion has had this feed yet: a corner before a rapid may be an arc.
     pub feed_mm_per_min: f64,
     /// The axes that the block names (G1 X10 Y10: XY), whether they move or not.
     pub axes: AxisSet,

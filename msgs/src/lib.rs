@@ -18,6 +18,7 @@ pub mod diagnostic;
 pub mod geometry;
 pub mod interface;
 pub mod machine;
+pub mod numbers;
 pub mod path;
 pub mod profile;
 pub mod schema;

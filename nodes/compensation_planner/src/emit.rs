@@ -164,6 +164,11 @@ pub(crate) fn feed(motion: &Motion) -> Option<f64> {
     (motion.class == MotionClass::Feed).then_some(motion.feed_mm_per_min)
 }
 
+/// The feed that holds beside a rapid, where no motion has had it yet.
+pub(crate) fn feed_in_force(motion: &Motion) -> Option<f64> {
+    (motion.feed_mm_per_min > 0.0).then_some(motion.feed_mm_per_min)
+}
+
 /// Lines and arcs alike: from where the tool is to a point on a compensated
 /// element, `along` mm (line) or rad (arc) further.
 pub(crate) fn follow(

@@ -9,6 +9,7 @@ use crate::span::{Run, Span};
 use cnc_msgs::contour::Source;
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
+use cnc_msgs::numbers::told_apart;
 use cnc_msgs::profile::{Profile, Reaction, Strictness};
 
 /// `N40`, or the line where there is no number.
@@ -31,12 +32,16 @@ pub(crate) fn place(plane: Plane, position: Position) -> String {
 
 /// `the tool (radius 5.000 mm, on the right)`: G41 and G42 are often confused (O04).
 fn tool(d_mm: f64) -> String {
+    tool_of(d_mm, &format!("{:.3}", d_mm.abs()))
+}
+
+fn tool_of(d_mm: f64, radius: &str) -> String {
     let side = if d_mm < 0.0 { "right" } else { "left" };
-    format!("the tool (radius {:.3} mm, on the {side})", d_mm.abs())
+    format!("the tool (radius {radius} mm, on the {side})")
 }
 
 /// A radius that is surely small enough: cut off after three decimals.
-fn rounded_down(radius_mm: f64) -> f64 {
+pub(crate) fn rounded_down(radius_mm: f64) -> f64 {
     (radius_mm * 1e3).floor() / 1e3
 }
 
@@ -59,13 +64,14 @@ pub(crate) fn unreachable(
     } else {
         format!("{} to {}", block_name(first), block_name(last))
     };
+    let [radius, limit] = told_apart(radius_mm, limit_mm);
     let mut finding = Diagnostic::error(
         Code::Unreachable,
         leg.source,
         format!(
             "{} does not reach {blocks} at {}: \
-             nothing is left of the compensated path; at most {limit_mm:.3} mm fits",
-            tool(blamed.d_in_mm),
+             nothing is left of the compensated path; at most {limit} mm fits",
+            tool_of(blamed.d_in_mm, &radius),
             place(span.plane, position)
         ),
     );

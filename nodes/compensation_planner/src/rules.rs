@@ -15,7 +15,8 @@ use crate::span::Lead;
 use crate::tolerance::RADIUS_MM;
 use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
-use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position, Shape};
+use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Shape};
+use cnc_msgs::numbers::told_apart;
 use cnc_msgs::profile::{
     CancelAxes, FullCircle, LeadLength, LeadMove, Permission, Profile, RapidMode, Rule, Strictness,
 };
@@ -93,13 +94,14 @@ impl Rules<'_> {
         {
             // What programs are written in: the next longer one that three decimals tell.
             let enough_mm = (radius_mm * 1e3).floor() / 1e3 + 1e-3;
+            let [length, radius] = told_apart(length_mm, radius_mm);
             let mut finding = of(
                 rule.strictness,
                 Code::LeadLength,
                 lead.source,
                 format!(
-                    "the {name} is {length_mm:.3} mm long; {} needs it longer than the radius of \
-                     {radius_mm:.3} mm: {enough_mm:.3} mm or more",
+                    "the {name} is {length} mm long; {} needs it longer than the radius of \
+                     {radius} mm: {enough_mm:.3} mm or more",
                     self.profile.name
                 ),
             )
@@ -191,52 +193,47 @@ impl Rules<'_> {
     }
 
     /// A move of the third axis while compensation is selected (M18, M19).
-    pub(crate) fn off_plane_move(self, source: Source, start: Position, motion: &Motion) {
-        let moved: String = (0..3)
-            .filter(|&axis| motion.end[axis] != start[axis])
-            .map(|axis| AXIS_LETTERS[axis])
-            .collect();
+    pub(crate) fn off_plane_move(self, source: Source, plane: Plane) {
+        let [_, _, third] = plane.axes();
         let permission = self.profile.auxiliary.moves;
-        self.permit(
-            permission,
-            source,
-            &format!("a move of {moved}"),
-            "bring the tool to depth before the selection, and retract after the lead-off",
-        );
+        let what = format!("a move of {}", AXIS_LETTERS[third]);
+        let help = "bring the tool to depth before the selection, and retract after the lead-off";
+        let _ = self.permit(permission, source, &what, help);
     }
 
-    /// An action while compensation is selected (M20, S27).
-    pub(crate) fn action(self, action: &Action, source: Source, selected: Source) {
+    /// An action while compensation is selected (M20, S27); whether it is refused.
+    pub(crate) fn action(self, action: &Action, source: Source, selected: Source) -> bool {
         let always = Rule {
             rule: Permission::Forbidden,
             strictness: self.profile.forbidden_under_compensation.strictness,
         };
         match action {
-            Action::ProgramEnd { .. } => {}
+            Action::ProgramEnd { .. } => false,
             Action::WorkOffset { .. }
             | Action::Reference { .. }
             | Action::MachineMove { .. }
             | Action::ChangeTool { .. } => self.permit(
                 always,
                 source,
-                &action.text(),
+                &name(action),
                 "cancel the compensation before, and select it again after",
             ),
             // The walk has ended the compensation, and said so.
-            Action::Home { .. } => {}
+            Action::Home { .. } => false,
             // What stands in the block of the selection happens before it.
-            _ if source == selected => {}
+            _ if source == selected => false,
             _ => {
                 let permission = self.profile.auxiliary.functions;
                 let help = "put it before the selection or after the lead-off";
-                self.permit(permission, source, &action.text(), help);
+                self.permit(permission, source, &name(action), help)
             }
         }
     }
 
-    fn permit(self, permission: Rule<Permission>, source: Source, what: &str, help: &str) {
+    /// Says that something is forbidden; whether it is refused.
+    fn permit(self, permission: Rule<Permission>, source: Source, what: &str, help: &str) -> bool {
         if permission.rule == Permission::Allowed {
-            return;
+            return false;
         }
         let mut finding = Diagnostic::error(
             Code::ForbiddenUnderCompensation,
@@ -248,6 +245,21 @@ impl Rules<'_> {
         )
         .help(help);
         finding.severity = permission.severity();
+        let is_refused = finding.is_error();
         self.diagnostics.push(finding);
+        is_refused
+    }
+}
+
+/// An action as its reader knows it, whatever words the program has for it.
+fn name(action: &Action) -> String {
+    match action {
+        Action::SelectTool { tool } => format!("the selection of tool {tool}"),
+        Action::ChangeTool { tool } => format!("the change to tool {tool}"),
+        Action::Dwell { seconds } => format!("a dwell of {seconds} s"),
+        Action::ToolLength { .. } => "a change of the length offset".into(),
+        Action::Reference { .. } => "a move to the reference point".into(),
+        Action::MachineMove { .. } => "a move in machine coordinates".into(),
+        _ => action.text(),
     }
 }

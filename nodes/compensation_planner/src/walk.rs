@@ -76,6 +76,8 @@ pub(crate) struct Walk<'a> {
     /// What the program has made of the value of the offset in force, mm.
     radius_value_mm: Option<f64>,
     spindle_tool: Option<u32>,
+    /// The block of the last change of tool that was refused.
+    refused_tool: Option<Source>,
     /// The block of the last lead-off.
     led_off_in: Option<Source>,
     /// Where the program is; the tool may be elsewhere.
@@ -101,6 +103,7 @@ impl<'a> Walk<'a> {
             radius: None,
             radius_value_mm: None,
             spindle_tool: None,
+            refused_tool: None,
             led_off_in: None,
             programmed: contour.start,
             state: State::Off,
@@ -112,6 +115,8 @@ impl<'a> Walk<'a> {
         match *kind {
             ContourEventKind::Motion(ref motion) => self.motion(motion, source),
             ContourEventKind::Plane(plane) => self.select_plane(plane, source),
+            // A T word that is refused as a change of tool changes no radius either.
+            ContourEventKind::Radius(_) if self.refused_tool == Some(source) => {}
             ContourEventKind::Radius(word) => {
                 self.radius = Some(word);
                 self.radius_value_mm = None;
@@ -277,11 +282,15 @@ impl<'a> Walk<'a> {
         match &mut self.state {
             State::Off => self.out.action(action, source),
             State::Selected(selection) => {
-                rules.action(&action, source, selection.source);
+                let _ = rules.action(&action, source, selection.source);
                 self.out.action(action, source);
             }
             State::Active(active) => {
-                rules.action(&action, source, active.span.entry.lead.source);
+                let since = active.span.entry.lead.source;
+                let is_refused = rules.action(&action, source, since);
+                if is_refused && matches!(action, Action::ChangeTool { .. }) {
+                    self.refused_tool = Some(source);
+                }
                 active.between.block(source);
                 active.push_item(source, ItemKind::Action(action));
             }
@@ -342,8 +351,9 @@ impl<'a> Walk<'a> {
                 if leads && self.moves_in_plane(start, motion) {
                     self.open(selection, start, motion, source, None, false);
                 } else {
-                    if height(self.plane, motion.end) != height(self.plane, start) {
-                        self.rules().off_plane_move(source, start, motion);
+                    let plane = self.plane;
+                    if height(plane, motion.end) != height(plane, start) {
+                        self.rules().off_plane_move(source, plane);
                     }
                     self.out.programmed(motion, source, Role::None);
                     self.state = State::Selected(selection);
@@ -388,7 +398,7 @@ impl<'a> Walk<'a> {
         match element(plane, start, motion).filter(|element| element.length() > 0.0) {
             Some(element) => {
                 if rises {
-                    self.rules().off_plane_move(source, start, motion);
+                    self.rules().off_plane_move(source, plane);
                 }
                 self.rules().leg(source, motion, &element);
                 let excess = self.off_plane_blocks(&mut active, source);
@@ -407,7 +417,7 @@ impl<'a> Walk<'a> {
                     {
                         self.verdict.diagnostics.push(rules::no_lead_off(source, self.profile));
                     } else {
-                        self.rules().off_plane_move(source, start, motion);
+                        self.rules().off_plane_move(source, plane);
                     }
                     active.push_item(source, ItemKind::OffPlane(*motion));
                 }

@@ -9,7 +9,7 @@ use crate::chain::{Link, Placed, Role as LinkRole};
 use crate::compensate::side_of;
 use crate::corner::{Around, Corners};
 use crate::element::{Element, Vec2};
-use crate::emit::{Emitter, Label, feed, follow};
+use crate::emit::{Emitter, Label, feed, feed_in_force, follow};
 use crate::finding;
 use crate::frame::{height, in_plane, in_work, plane_axes};
 use crate::span::{ItemKind, Lead, Leg, Run, Span};
@@ -118,11 +118,12 @@ impl Writer<'_> {
         context: (&[Link], &[Placed], usize),
     ) -> f64 {
         let plane = self.span.plane;
-        let (source, own_feed) = match (self.span.legs.get(next_leg), exit) {
-            (Some(leg), _) => (leg.source, leg.feed_mm_per_min()),
-            (None, Some(exit)) => (exit.source, feed(&exit.motion)),
+        let (source, motion) = match (self.span.legs.get(next_leg), exit) {
+            (Some(leg), _) => (leg.source, leg.motion),
+            (None, Some(exit)) => (exit.source, &exit.motion),
             (None, None) => return 0.0,
         };
+        let own_feed = feed(motion);
         let mut label = Label {
             role: Role::Corner,
             source,
@@ -140,7 +141,8 @@ impl Writer<'_> {
                 };
                 // A chord across the corner would cut into it, so a rapid must not
                 // take its place.
-                label.feed_mm_per_min = own_feed.or(self.out.last_feed_mm_per_min);
+                let in_force = own_feed.or(feed_in_force(motion));
+                label.feed_mm_per_min = in_force.or(self.out.last_feed_mm_per_min);
                 if label.feed_mm_per_min.is_none() {
                     self.diagnostics.push(finding::corner_without_feed(source));
                 }

@@ -13,6 +13,7 @@ mod compensation;
 mod home;
 mod moves;
 mod polar;
+mod refusals;
 mod request;
 
 use crate::block::Block;
@@ -41,6 +42,8 @@ struct Scene<'s> {
     findings: &'s mut Findings,
     /// Where compensation was selected, if it is on when the block begins.
     under_compensation: Option<Source>,
+    /// The plane when the block begins.
+    plane: Plane,
 }
 
 impl Scene<'_> {
@@ -84,6 +87,8 @@ struct Modal {
     units: Units,
     /// 0 until F.
     feed_mm_per_min: f64,
+    /// That of the last motion at feed.
+    told_feed_mm_per_min: f64,
     feed_is_poisoned: bool,
     /// T.
     selected_tool: Option<u32>,
@@ -137,6 +142,7 @@ impl<'r> Interpreter<'r> {
                 centers: Distance::Incremental,
                 units: Units::Millimetre,
                 feed_mm_per_min: 0.0,
+                told_feed_mm_per_min: 0.0,
                 feed_is_poisoned: false,
                 selected_tool: None,
                 spindle_tool: None,
@@ -164,7 +170,8 @@ impl<'r> Interpreter<'r> {
     ) -> bool {
         let under_compensation = self.modal.compensation.selected_at();
         let rules = self.rules;
-        let mut scene = Scene { line, block, rules, findings, under_compensation };
+        let plane = self.modal.plane;
+        let mut scene = Scene { line, block, rules, findings, under_compensation, plane };
         self.source = scene.source();
         self.used = Letters::NONE;
         self.shared = Letters::NONE;

@@ -116,6 +116,11 @@ impl Lexer<'_> {
         trouble: NotANumber,
     ) {
         let text = self.line.text;
+        let sign = usize::from(matches!(text.get(digits), Some(b'+' | b'-')));
+        if matches!(text.get(digits + sign), Some(b'[' | b'#')) {
+            self.at = digits + sign;
+            return self.expression(letter, start);
+        }
         if trouble.what == Trouble::Missing {
             if self.rules.written_line_feed
                 && letter == b'L'
@@ -129,7 +134,7 @@ impl Lexer<'_> {
                 self.at = end_of_alphanumeric(text, start);
                 return self.covers(start);
             }
-            if matches!(text.get(digits), Some(b'[' | b'#' | b'=' | b'"' | b'<')) {
+            if matches!(text.get(digits), Some(b'=' | b'"' | b'<')) {
                 self.at = digits;
                 return self.expression(letter, start);
             }
@@ -337,23 +342,7 @@ impl Lexer<'_> {
                 "post the program with plain numbers",
             );
         }
-        if text[self.at] == b'[' {
-            let mut depth = 0_usize;
-            while let Some(byte) = text.get(self.at) {
-                depth += usize::from(*byte == b'[');
-                self.at += 1;
-                if *byte == b']' {
-                    depth -= 1;
-                    if depth == 0 {
-                        break;
-                    }
-                }
-            }
-        } else {
-            while matches!(text.get(self.at), Some(b'#' | b'<' | b'>' | b'_' | b'0'..=b'9')) {
-                self.at += 1;
-            }
-        }
+        self.at = end_of_expression(text, self.at);
         if letter == b' ' {
             self.covers(start);
         } else {
@@ -392,6 +381,30 @@ impl Lexer<'_> {
         self.block.has_remark = true;
         let source = self.line.source(self.block.number, start, self.at);
         self.findings.push(Diagnostic::error(code, source, message).help(help));
+    }
+}
+
+/// Where `[#1+2]`, `#12`, `#<name>`, `##1` or `#[1+2]` ends.
+fn end_of_expression(text: &[u8], start: usize) -> usize {
+    let mut at = start;
+    while text.get(at) == Some(&b'#') {
+        at += 1;
+    }
+    match text.get(at) {
+        Some(b'[') => {
+            let mut depth = 0_usize;
+            let closes = |byte: &u8| {
+                depth = match byte {
+                    b'[' => depth + 1,
+                    b']' => depth - 1,
+                    _ => depth,
+                };
+                depth == 0
+            };
+            text[at..].iter().position(closes).map_or(text.len(), |length| at + length + 1)
+        }
+        Some(b'<') => memchr::memchr(b'>', &text[at..]).map_or(text.len(), |end| at + end + 1),
+        _ => at + text[at..].iter().take_while(|byte| byte.is_ascii_digit()).count(),
     }
 }
 

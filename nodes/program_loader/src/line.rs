@@ -35,6 +35,9 @@ impl Line<'_> {
         const LONG: usize = 24;
         let end = end.min(self.text.len());
         let text = String::from_utf8_lossy(&self.text[start.min(end)..end]);
+        if let Some(name) = name_of_call(&text) {
+            return name.to_owned();
+        }
         let mut quote: String = text
             .chars()
             .filter(|letter| !letter.is_whitespace())
@@ -46,6 +49,14 @@ impl Line<'_> {
         }
         quote
     }
+}
+
+/// `CutterCompensationSetRadius`: whole and as it is written. A word has one letter.
+fn name_of_call(text: &str) -> Option<&str> {
+    let is_name = text.len() > 1 && text.bytes().all(|byte| byte.is_ascii_alphabetic());
+    // No call has a longer one.
+    const LONGEST: usize = 40;
+    (is_name && text.len() <= LONGEST).then_some(text)
 }
 
 fn characters(bytes: &[u8]) -> usize {

@@ -6,6 +6,7 @@
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use cnc_msgs::contour::Source;
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use cnc_msgs::numbers::told_apart;
 use intake::text::one_line;
 
 /// Characters of a line that are shown around a finding.
@@ -108,7 +109,8 @@ fn label(diagnostic: &Diagnostic) -> String {
     if let (Some(needed), Some(available)) = (diagnostic.needed_mm, diagnostic.available_mm)
         && diagnostic.position.is_some()
     {
-        label += &format!("; {needed:.3} mm needed, {available:.3} mm there");
+        let [needed, available] = told_apart(needed, available);
+        label += &format!("; {needed} mm needed, {available} mm there");
     }
     if let Some(other) = diagnostic.other.filter(|other| other.line > 0) {
         if !label.is_empty() {

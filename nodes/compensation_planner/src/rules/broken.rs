@@ -3,11 +3,12 @@
 
 use super::of;
 use crate::element::{Element, Vec2};
-use crate::finding::block_name;
+use crate::finding::{block_name, rounded_down};
 use crate::tolerance::{MERGE_MM, RADIUS_MM};
 use cnc_msgs::contour::{Motion, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{Direction, Plane, Shape};
+use cnc_msgs::numbers::told_apart;
 use cnc_msgs::profile::{
     CancelBeforeEnd, HomeMode, InsideArc, LeadMove, Profile, RadiusChange, RapidMode, Reselect,
     SideChange, Strictness,
@@ -140,16 +141,17 @@ pub(crate) fn inside_arc(
     {
         return None;
     }
+    let [radius, needed] = told_apart(arc.radius, needed_mm);
     let mut finding = of(
         rule.strictness,
         Code::ArcRadius,
         source,
         format!(
-            "the tool runs inside an arc of radius {:.3} mm; {} needs twice the radius of the tool, {needed_mm:.3} mm",
-            arc.radius, profile.name
+            "the tool runs inside an arc of radius {radius} mm; {} needs twice the radius of the tool, {needed} mm",
+            profile.name
         ),
     )
-    .help(format!("use a nose radius of at most {:.3} mm", arc.radius / 2.0));
+    .help(format!("use a nose radius of at most {:.3} mm", rounded_down(arc.radius / 2.0)));
     finding.needed_mm = Some(needed_mm);
     finding.available_mm = Some(arc.radius);
     Some(finding)
@@ -171,12 +173,13 @@ pub(crate) fn uneven_arc(
         return None;
     }
     let at_end = (end - arc.center).norm();
+    let [begin, end] = told_apart(arc.radius, at_end);
     let mut finding = Diagnostic::error(
         Code::ArcRadius,
         source,
         format!(
-            "the arc begins {:.4} mm and ends {at_end:.4} mm from its centre, and its ends are too near to each other to correct that; at most {} mm are accepted under compensation",
-            arc.radius, profile.accept_tolerance_mm
+            "the arc begins {begin} mm and ends {end} mm from its centre, and its ends are too near to each other to correct that; at most {} mm are accepted under compensation",
+            profile.accept_tolerance_mm
         ),
     )
     .help("write the end or the centre with more decimals, or split the arc");
@@ -227,41 +230,38 @@ pub(crate) fn not_sane(source: Source, motion: &Motion) -> Diagnostic {
 }
 
 /// A new radius while compensation is active that cannot be taken, or only with
-/// a warning (A14, S43, S44).
+/// a warning (A14, S43, S44). The radii are those of the program, with its sign.
 pub(crate) fn radius_change(
     source: Source,
     element: &Element,
     (old_mm, new_mm): (f64, f64),
     profile: &Profile,
 ) -> Option<Diagnostic> {
+    const STRAIGHT: &str = "change the radius in a straight block";
+    const ANEW: &str = "cancel the compensation before, and select it again with the new radius";
     let rule = profile.radius.change;
     let mut strictness = rule.strictness;
-    let (message, code) = if rule.rule == RadiusChange::WhenOff {
-        ("the radius changes while compensation is active", Code::RadiusSource)
+    let mut code = Code::RadiusSource;
+    let (what, help) = if rule.rule == RadiusChange::WhenOff {
+        ("while compensation is active", ANEW)
     } else if rule.rule == RadiusChange::StraightBlocks && !element.is_line() {
-        ("the radius changes in an arc; it may only change in a straight block", Code::RadiusSource)
+        ("in an arc; it may only change in a straight block", STRAIGHT)
     } else if !element.is_line() {
         strictness = Strictness::Error;
-        ("the radius changes in an arc, which has no offset of two radii", Code::RadiusSource)
+        ("in an arc, which has no offset of two radii", STRAIGHT)
     } else if new_mm.abs() < RADIUS_MM || old_mm.abs() < RADIUS_MM {
-        ("the radius changes from or to 0 while compensation is active", Code::RadiusSource)
+        ("from or to 0 while compensation is active", ANEW)
     } else if new_mm.signum() != old_mm.signum() {
-        (
-            "the radius changes its sign while compensation is active, and with it the side",
-            Code::SideChange,
-        )
+        code = Code::SideChange;
+        ("its sign while compensation is active, and with it the side", ANEW)
     } else {
         return None;
     };
-    let mut finding = of(
-        strictness,
-        code,
-        source,
-        format!("{message} ({:.3} mm to {:.3} mm)", old_mm.abs(), new_mm.abs()),
-    )
-    .help("change the radius in a straight block, or cancel the compensation before");
-    finding.needed_mm = Some(new_mm.abs());
-    finding.available_mm = Some(old_mm.abs());
+    let [old, new] = told_apart(old_mm, new_mm);
+    let message = format!("the radius changes {what} ({old} mm to {new} mm)");
+    let mut finding = of(strictness, code, source, message).help(help);
+    finding.needed_mm = Some(new_mm);
+    finding.available_mm = Some(old_mm);
     Some(finding)
 }
 

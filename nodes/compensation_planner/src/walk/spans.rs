@@ -48,7 +48,8 @@ impl<'a> Walk<'a> {
         if let Some(at) = active.radius_changes.take() {
             let resolved = self.signed_offset(active.side, at);
             if (resolved - d_out_mm).abs() >= RADIUS_MM {
-                let radii = (d_out_mm, resolved);
+                let sign = if active.side == CutterSide::Left { 1.0 } else { -1.0 };
+                let radii = (sign * d_out_mm, sign * resolved);
                 let finding = rules::radius_change(source, element, radii, self.profile);
                 let is_refused = finding.as_ref().is_some_and(Diagnostic::is_error);
                 self.verdict.diagnostics.extend(finding);
@@ -105,7 +106,7 @@ impl<'a> Walk<'a> {
         if link.is_none() {
             self.rules().lead_on(&lead, plane, d_mm.abs());
             if height(plane, motion.end) != height(plane, start) {
-                self.rules().off_plane_move(source, start, motion);
+                self.rules().off_plane_move(source, plane);
             }
         } else {
             self.rules().link(&lead);

@@ -13,6 +13,7 @@ use crate::limits::{
 use cnc_msgs::contour::MotionClass;
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{Arc, AxisSet, Shape};
+use cnc_msgs::numbers::told_apart;
 
 impl Interpreter<'_> {
     pub(super) fn arc(&mut self, scene: &mut Scene<'_>, clockwise: bool) {
@@ -146,21 +147,27 @@ impl Interpreter<'_> {
                 None,
             ),
             ArcTrouble::Mismatch { start_mm, end_mm, allowed_mm } => (
-                format!(
-                    "the radii of the arc differ by {:.3} mm: {start_mm:.3} mm at its start, \
-                     {end_mm:.3} mm at its end; {allowed_mm:.3} mm is allowed",
-                    (start_mm - end_mm).abs()
-                ),
+                {
+                    let [off, allowed] = told_apart((start_mm - end_mm).abs(), allowed_mm);
+                    let [start, end] = told_apart(start_mm, end_mm);
+                    format!(
+                        "the radii of the arc differ by {off} mm: {start} mm at its start, \
+                         {end} mm at its end; {allowed} mm is allowed"
+                    )
+                },
                 "check the end and the centre; I, J and K count from the start of the arc \
                  unless G90.1 is in force",
                 Some((allowed_mm, (start_mm - end_mm).abs())),
             ),
             ArcTrouble::TooShort { radius_mm, half_chord_mm } => (
-                format!(
-                    "radius {radius_mm:.3} mm does not reach: start and end are {:.3} mm apart, \
-                     which takes {half_chord_mm:.3} mm",
-                    2.0 * half_chord_mm
-                ),
+                {
+                    let [radius, needed] = told_apart(radius_mm, half_chord_mm);
+                    format!(
+                        "radius {radius} mm does not reach: start and end are {:.3} mm apart, \
+                         which takes {needed} mm",
+                        2.0 * half_chord_mm
+                    )
+                },
                 "check the end and the radius",
                 Some((half_chord_mm, radius_mm)),
             ),

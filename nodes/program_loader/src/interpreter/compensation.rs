@@ -22,6 +22,7 @@ pub(super) struct Compensation {
     side: Option<CutterSide>,
     /// Where the planner has been told to compensate from.
     selected: Option<Source>,
+    was_selected: bool,
     /// The D in force, where D is modal.
     offset: Option<u32>,
     /// The axes of compensation and of corner rounding, where words set them.
@@ -40,6 +41,12 @@ impl Compensation {
     #[inline]
     pub(super) fn selected_at(&self) -> Option<Source> {
         self.selected
+    }
+
+    /// Whether it has ever been selected.
+    #[inline]
+    pub(super) fn was_selected(&self) -> bool {
+        self.was_selected
     }
 
     #[inline]
@@ -272,6 +279,7 @@ impl Interpreter<'_> {
 
     fn tell_selection(&mut self, scene: &mut Scene<'_>, side: CutterSide) {
         self.modal.compensation.selected.get_or_insert(self.source);
+        self.modal.compensation.was_selected = true;
         let is_arc =
             matches!(self.request.g(Group::Motion), Some((GWord::Motion(Mode::Arc { .. }), _)));
         let along = match self.rules.dialect.approach {

@@ -30,8 +30,8 @@ impl Interpreter<'_> {
     pub(super) fn motion(&mut self, scene: &mut Scene<'_>) {
         let word = self.request.g(Group::Motion);
         if self.request.g(Group::CycleCancel).is_some() {
+            // It ends a cycle that was refused: what moves after that is not known either.
             self.modal.mode = None;
-            self.modal.mode_is_poisoned = false;
         }
         match word {
             Some((GWord::Motion(mode), _)) => {
@@ -175,9 +175,23 @@ impl Interpreter<'_> {
         class: MotionClass,
         axes: AxisSet,
     ) {
-        let feed_mm_per_min =
-            if class == MotionClass::Feed { self.modal.feed_mm_per_min } else { 0.0 };
+        let feed_mm_per_min = match class {
+            MotionClass::Feed => {
+                self.modal.told_feed_mm_per_min = self.modal.feed_mm_per_min;
+                self.modal.feed_mm_per_min
+            }
+            // The corner before a compensated rapid may be an arc, which needs a feed.
+            _ if self.modal.compensation.was_selected() && !self.has_told_feed() => {
+                self.modal.feed_mm_per_min
+            }
+            _ => 0.0,
+        };
         self.emit(ContourEventKind::Motion(Motion { shape, end, class, feed_mm_per_min, axes }));
+    }
+
+    /// Whether a motion at the feed in force has been emitted.
+    fn has_told_feed(&self) -> bool {
+        self.modal.feed_mm_per_min == self.modal.told_feed_mm_per_min
     }
 
     /// A move whose command was refused: what it names absolutely is known all the same.

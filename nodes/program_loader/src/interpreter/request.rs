@@ -3,11 +3,12 @@
 //! Knows which words exclude each other in a block; not what they do.
 
 use super::Scene;
+use super::refusals::{Elsewhere, of_g, of_m};
 use crate::block::Word;
 use crate::dialect::{GWord, Group, Letters, MWord, automation1};
 use crate::limits::CODE_FUZZ;
 use cnc_msgs::contour::{Approach, CoolantMode, OutsideCorner};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::diagnostic::Code;
 
 const M_WORDS_MAX: usize = 12;
 
@@ -29,6 +30,10 @@ pub(super) struct Request {
     pub(super) is_damaged: bool,
     /// A word was refused that may have used other words of the block.
     pub(super) has_refused_word: bool,
+    /// A G word was refused: letters without a meaning may be its own.
+    pub(super) has_refused_g: bool,
+    /// Words whose letters have no meaning.
+    pub(super) unknown: Vec<usize>,
 }
 
 impl Default for Request {
@@ -46,6 +51,8 @@ impl Default for Request {
             approach: None,
             is_damaged: false,
             has_refused_word: false,
+            has_refused_g: false,
+            unknown: Vec::new(),
         }
     }
 }
@@ -59,6 +66,8 @@ impl Request {
         (self.corner, self.approach) = (None, None);
         self.is_damaged = scene.block.is_damaged;
         self.has_refused_word = scene.block.is_damaged;
+        self.has_refused_g = false;
+        self.unknown.clear();
         for at in 0..scene.block.words.len() {
             let word = scene.block.words[at];
             match word.letter {
@@ -68,6 +77,9 @@ impl Request {
                 b'@' => self.at_word(scene, word, at),
                 _ => self.value_word(scene, word, at),
             }
+        }
+        if !self.unknown.is_empty() {
+            self.unknown_letters(scene);
         }
     }
 
@@ -132,7 +144,7 @@ impl Request {
         let letter = word.letter;
         let dialect = scene.rules.dialect;
         if !dialect.letters.contains(letter) {
-            return self.unknown_letter(scene, word, at);
+            return self.unknown.push(at);
         }
         if self.present.contains(letter) {
             return self.letter_twice(scene, letter, at);
@@ -142,47 +154,24 @@ impl Request {
         self.words[usize::from(letter - b'A')] = at as u8;
     }
 
-    #[cold]
-    fn letter_twice(&mut self, scene: &mut Scene<'_>, letter: u8, at: usize) {
-        let message = format!("{} twice in one block", char::from(letter));
-        let help = "a block takes each letter but G and M once; write two blocks";
-        self.refuse(scene, at, Code::ModalConflict, message, help);
-    }
-
-    #[cold]
-    fn unknown_letter(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
-        let letter = char::from(word.letter);
-        if word.value.is_nan() {
-            return;
-        }
-        if scene.rules.dialect.foreign_axes.contains(word.letter) {
-            let message = format!("{letter} is not an axis of this machine");
-            let help = if scene.rules.dialect.letters.contains(b'Y') {
-                "post the program for three axes: X, Y and Z"
-            } else {
-                "post the program for two axes: X and Z"
-            };
-            return self.refuse(scene, at, Code::Axes, message, help);
-        }
-        self.unknown(scene, at);
-    }
-
     #[inline]
     fn g_word(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
         let Some(tenths) = code_in_tenths(word.value) else {
             return self.no_code(scene, word, at);
         };
+        let meaning = (scene.rules.dialect.g)(tenths);
         if scene.under_compensation.is_some()
             && scene.rules.forbids(b'G', tenths)
-            && self.forbidden(scene, at)
+            && meaning != GWord::Plane(scene.plane)
+            && self.forbidden(scene, at, of_g(meaning))
         {
             return;
         }
-        let meaning = (scene.rules.dialect.g)(tenths);
         let Some(group) = meaning.group() else {
             return self.unusual_g(scene, tenths, meaning, at);
         };
         if let GWord::RefusedMotion(help) = meaning {
+            self.has_refused_g = true;
             self.not_done(scene, at, help);
         }
         if self.claim(scene, group, at) {
@@ -206,6 +195,7 @@ impl Request {
     #[cold]
     fn unusual_g(&mut self, scene: &mut Scene<'_>, tenths: u16, meaning: GWord, at: usize) {
         if let GWord::Refused(help) = meaning {
+            self.has_refused_g = true;
             return self.not_done(scene, at, help);
         }
         if let Some(corner) = scene.rules.corner(tenths) {
@@ -217,6 +207,7 @@ impl Request {
                 self.approach = Some(approach);
             }
         } else {
+            self.has_refused_g = true;
             self.unknown(scene, at);
         }
     }
@@ -228,7 +219,7 @@ impl Request {
         };
         if scene.under_compensation.is_some()
             && scene.rules.forbids(b'M', tenths)
-            && self.forbidden(scene, at)
+            && self.forbidden(scene, at, of_m((scene.rules.dialect.m)(tenths / 10)))
         {
             return;
         }
@@ -261,7 +252,7 @@ impl Request {
         if meaning == GWord::SetAxes
             && scene.under_compensation.is_some()
             && scene.rules.forbids(b'G', 440)
-            && self.forbidden(scene, at)
+            && self.forbidden(scene, at, Elsewhere::Done)
         {
             return;
         }
@@ -277,93 +268,25 @@ impl Request {
     fn at_word(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
         // @714 stops the reading ahead, which has no meaning where the whole program is known.
         const STOP_READING_AHEAD: u16 = 7140;
+        const CALCULATIONS: &str = "write calculations and jumps out as plain blocks";
         match code_in_tenths(word.value) {
             None => self.no_code(scene, word, at),
             Some(tenths)
                 if scene.under_compensation.is_some() && scene.rules.forbids(b'@', tenths) =>
             {
-                let _ = self.forbidden(scene, at);
+                let elsewhere = match tenths {
+                    STOP_READING_AHEAD => Elsewhere::Done,
+                    _ => Elsewhere::Refused(CALCULATIONS),
+                };
+                let _ = self.forbidden(scene, at, elsewhere);
             }
             Some(STOP_READING_AHEAD) => {}
             Some(_) => {
                 let message = format!("{} is not done here", scene.quote(at));
-                let help = "write calculations and jumps out as plain blocks";
+                let help = CALCULATIONS;
                 self.refuse(scene, at, Code::Unsupported, message, help);
             }
         }
-    }
-
-    /// A word that must not stand under compensation; whether it is refused.
-    #[cold]
-    fn forbidden(&mut self, scene: &mut Scene<'_>, at: usize) -> bool {
-        let Some(since) = scene.under_compensation else { return false };
-        let word = scene.quote(at);
-        let message = format!(
-            "{word} must not stand under cutter radius compensation, which is on since line {}",
-            since.line
-        );
-        let help = format!(
-            "cancel with G40 and a straight move before line {}, program {word}, then select again",
-            scene.line.number
-        );
-        let mut diagnostic =
-            Diagnostic::error(Code::ForbiddenUnderCompensation, scene.source_of(at), message);
-        diagnostic.other = Some(since);
-        diagnostic.severity = scene.rules.forbidden_severity;
-        let is_refused = diagnostic.is_error();
-        self.is_damaged |= is_refused;
-        self.has_refused_word |= is_refused;
-        scene.findings.push(diagnostic.help(help));
-        is_refused
-    }
-
-    /// A G or M number that cannot be one.
-    #[cold]
-    fn no_code(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
-        self.is_damaged = true;
-        self.has_refused_word = true;
-        if !word.value.is_nan() {
-            let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
-            let help = "G and M take numbers from 0 to 999; G with one place after the point";
-            self.refuse(scene, at, Code::UnknownWord, message, help);
-        }
-    }
-
-    /// A word of another control.
-    #[cold]
-    fn unknown(&mut self, scene: &mut Scene<'_>, at: usize) {
-        let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
-        let help = "delete it, or choose the controller that the program was written for";
-        self.refuse(scene, at, Code::UnknownWord, message, help);
-    }
-
-    #[cold]
-    fn not_done(&mut self, scene: &mut Scene<'_>, at: usize, help: &str) {
-        let message = format!("{} is not done here", scene.quote(at));
-        self.refuse(scene, at, Code::Unsupported, message, help);
-    }
-
-    /// Two words of which a block takes one.
-    #[cold]
-    fn exclude(&mut self, scene: &mut Scene<'_>, first: usize, at: usize) {
-        let (first, second) = (scene.quote(first), scene.quote(at));
-        let message = format!("{first} and {second} exclude each other in one block");
-        let help = "delete one of them, or write two blocks";
-        self.refuse(scene, at, Code::ModalConflict, message, help);
-    }
-
-    #[cold]
-    fn refuse(
-        &mut self,
-        scene: &mut Scene<'_>,
-        at: usize,
-        code: Code,
-        message: String,
-        help: &str,
-    ) {
-        self.is_damaged = true;
-        self.has_refused_word = true;
-        scene.findings.push(Diagnostic::error(code, scene.source_of(at), message).help(help));
     }
 }
 

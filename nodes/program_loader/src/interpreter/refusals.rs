@@ -1,0 +1,159 @@
+//! What is said of words that a block must not have.
+//!
+//! Decides nothing but the words: what is refused is decided in `request`.
+
+use super::Scene;
+use super::request::Request;
+use crate::block::Word;
+use crate::dialect::{GWord, MWord};
+use cnc_msgs::diagnostic::{Code, Diagnostic};
+
+/// What a word that must not stand under compensation does elsewhere.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Elsewhere {
+    Done,
+    /// It is refused with this help.
+    Refused(&'static str),
+    Unknown,
+}
+
+pub(super) fn of_g(meaning: GWord) -> Elsewhere {
+    match meaning {
+        GWord::Refused(help) | GWord::RefusedMotion(help) => Elsewhere::Refused(help),
+        // The words of corners and approaches are the profile's, and no profile forbids them.
+        GWord::Unknown => Elsewhere::Unknown,
+        _ => Elsewhere::Done,
+    }
+}
+
+pub(super) fn of_m(meaning: MWord) -> Elsewhere {
+    match meaning {
+        MWord::Refused(help) => Elsewhere::Refused(help),
+        MWord::Unknown => Elsewhere::Unknown,
+        _ => Elsewhere::Done,
+    }
+}
+
+impl Request {
+    #[cold]
+    pub(super) fn letter_twice(&mut self, scene: &mut Scene<'_>, letter: u8, at: usize) {
+        let message = format!("{} twice in one block", char::from(letter));
+        let help = "a block takes each letter but G and M once; write two blocks";
+        self.refuse(scene, at, Code::ModalConflict, message, help);
+    }
+
+    /// Letters that the control does not have. Beside a G word that is refused
+    /// they are its own: that word is the one cause.
+    #[cold]
+    pub(super) fn unknown_letters(&mut self, scene: &mut Scene<'_>) {
+        if self.has_refused_g {
+            return;
+        }
+        for at in std::mem::take(&mut self.unknown) {
+            self.unknown_letter(scene, scene.block.words[at], at);
+        }
+    }
+
+    fn unknown_letter(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
+        let letter = char::from(word.letter);
+        if word.value.is_nan() {
+            return;
+        }
+        if scene.rules.dialect.foreign_axes.contains(word.letter) {
+            let message = format!("{letter} is not an axis of this machine");
+            let help = if scene.rules.dialect.letters.contains(b'Y') {
+                "post the program for three axes: X, Y and Z"
+            } else {
+                "post the program for two axes: X and Z"
+            };
+            return self.refuse(scene, at, Code::Axes, message, help);
+        }
+        self.unknown(scene, at);
+    }
+
+    /// A word that must not stand under compensation; whether it is refused.
+    #[cold]
+    pub(super) fn forbidden(
+        &mut self,
+        scene: &mut Scene<'_>,
+        at: usize,
+        elsewhere: Elsewhere,
+    ) -> bool {
+        let Some(since) = scene.under_compensation else { return false };
+        let word = scene.quote(at);
+        let message = format!(
+            "{word} must not stand under cutter radius compensation, which is on since line {}",
+            since.line
+        );
+        let help = match elsewhere {
+            Elsewhere::Done => format!(
+                "cancel with G40 and a straight move before line {}, program {word}, then select again",
+                scene.line.number
+            ),
+            Elsewhere::Refused(help) => {
+                format!("delete {word}, which is not done without compensation either; {help}")
+            }
+            Elsewhere::Unknown => {
+                format!("delete {word}, which {} does not have", scene.rules.control)
+            }
+        };
+        let mut diagnostic =
+            Diagnostic::error(Code::ForbiddenUnderCompensation, scene.source_of(at), message);
+        diagnostic.other = Some(since);
+        diagnostic.severity = scene.rules.forbidden_severity;
+        let is_refused = diagnostic.is_error();
+        self.is_damaged |= is_refused;
+        self.has_refused_word |= is_refused;
+        scene.findings.push(diagnostic.help(help));
+        is_refused
+    }
+
+    /// A G or M number that cannot be one.
+    #[cold]
+    pub(super) fn no_code(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
+        self.is_damaged = true;
+        self.has_refused_word = true;
+        if !word.value.is_nan() {
+            let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
+            let help = "G and M take numbers from 0 to 999; G with one place after the point";
+            self.refuse(scene, at, Code::UnknownWord, message, help);
+        }
+    }
+
+    /// A word of another control.
+    #[cold]
+    pub(super) fn unknown(&mut self, scene: &mut Scene<'_>, at: usize) {
+        let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
+        let help = "delete it, or choose the controller that the program was written for";
+        self.refuse(scene, at, Code::UnknownWord, message, help);
+    }
+
+    #[cold]
+    pub(super) fn not_done(&mut self, scene: &mut Scene<'_>, at: usize, help: &str) {
+        let message = format!("{} is not done here", scene.quote(at));
+        self.refuse(scene, at, Code::Unsupported, message, help);
+    }
+
+    /// Two words of which a block takes one.
+    #[cold]
+    pub(super) fn exclude(&mut self, scene: &mut Scene<'_>, first: usize, at: usize) {
+        let (first, second) = (scene.quote(first), scene.quote(at));
+        let message = format!("{first} and {second} exclude each other in one block");
+        let help = "delete one of them, or write two blocks";
+        self.refuse(scene, at, Code::ModalConflict, message, help);
+    }
+
+    #[cold]
+    pub(super) fn refuse(
+        &mut self,
+        scene: &mut Scene<'_>,
+        at: usize,
+        code: Code,
+        message: String,
+        help: &str,
+    ) {
+        self.is_damaged = true;
+        self.has_refused_word = true;
+        scene.findings.push(Diagnostic::error(code, scene.source_of(at), message).help(help));
+    }
+}
