@@ -6,6 +6,7 @@
 mod block;
 pub mod disagreement;
 mod health;
+mod input;
 mod lifecycle;
 mod live;
 mod report;
@@ -14,24 +15,23 @@ mod tool_file;
 
 use crate::set_tool::{self, LoadedProgram, Refusal};
 use crate::{Planning, Verdict as Judged, judge, plan_with, preview};
-use cnc_msgs::chunk::{Collector, PathChunks};
-use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::interface::Service;
-use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{
-    GetContourChunks, GetContourChunksRequest, GetFindings, GetPathChunks, GetPathChunksRequest,
-    GetPathChunksResponse, GetProgramChunks, GetTools, GetToolsResponse, PlanBlock, SetTool,
-    SetToolRequest, SetToolResponse,
+    GetContourChunks, GetFindings, GetPathChunks, GetPathChunksRequest, GetPathChunksResponse,
+    GetProgramChunks, GetTools, GetToolsResponse, PlanBlock, SetTool, SetToolRequest,
+    SetToolResponse,
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
 use cnc_msgs::wire::{nav_msgs, visualization_msgs};
 use health::Verdict;
+use input::{Input, fetch};
 use live::{Live, RunningPlan};
 use report::uncut_to_wire;
 pub use report::{certify, manifest_of, report_of};
-use runtime::chunks::{ChunkTopic, Cut, page, pull};
+use runtime::chunks::{ChunkTopic, Cut, page};
 use runtime::commands::{Answer, CommandLog};
 use runtime::{Client, Complaints, Declared, Handle, Publisher, Qos, RosTime};
 use std::path::PathBuf;
@@ -130,13 +130,14 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
     let mut contours = node.subscription("programmed_contour", Qos::LATCHED)?;
     let chunks = node.client::<GetContourChunks>("programmed_contour/get_chunks")?;
     let shared = Arc::clone(&planner);
+    let memory = node.memory_bytes_max();
     node.spawn("programmed contour", async move {
         let mut complaints = Complaints::default();
         loop {
             // Of several that waited only a loader's newest matters.
             for (manifest, info) in contours.newest_of_each().await {
                 let sender = info.publisher;
-                match fetch(&chunks, manifest).await {
+                match fetch(&chunks, manifest, memory).await {
                     Ok(input) => shared.take(input),
                     Err(error) if complaints.are_due(sender, Instant::now()) => {
                         tracing::error!("the contour of {sender} cannot be had: {error}");
@@ -160,34 +161,6 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
         }
     });
     Ok(planner)
-}
-
-/// What is planned.
-#[derive(Clone)]
-struct Input {
-    manifest: wire::ProgrammedContour,
-    contour: Arc<ProgrammedContour>,
-    profile: Arc<Profile>,
-}
-
-async fn fetch(
-    client: &Client<GetContourChunks>,
-    manifest: wire::ProgrammedContour,
-) -> Result<Input, runtime::Error> {
-    let profile = runtime::profile_from_yaml(&manifest.profile)?;
-    let mut collector = Collector::for_contour(&manifest)?;
-    let request =
-        |first| GetContourChunksRequest { program_id: manifest.program_id.clone(), first };
-    pull(client, &mut collector, request, |response| {
-        if response.success { Ok(response.chunks) } else { Err(response.message) }
-    })
-    .await?;
-    let contour = tokio::task::spawn_blocking({
-        let manifest = manifest.clone();
-        move || collector.finish(&manifest)
-    })
-    .await??;
-    Ok(Input { manifest, contour: Arc::new(contour), profile: Arc::new(profile) })
 }
 
 /// The newest plan, the tool table, and the ways to tell of them.
@@ -342,7 +315,7 @@ impl Planner {
         let inactive = |message: String| Refusal::new(SetToolResponse::NOT_ACTIVE, message);
         self.node.require_active().map_err(inactive)?;
         let change = set_tool::change(&tools, request)?;
-        if let Some(Input { manifest, contour, profile }) = &input {
+        if let Some(Input { manifest, contour, profile, .. }) = &input {
             let program = LoadedProgram { name: &manifest.name, contour, profile };
             set_tool::still_cuts(program, &tools, &change)?;
         }
@@ -377,7 +350,10 @@ impl Planner {
         };
         let threads = Threads::all();
         let mut planning = Planning { certifies: false, workers: &threads };
-        let judged = judge(&input.contour, &input.profile, &tools, planning);
+        let judged = match &input.too_long {
+            Some(limit) => Judged::refused(limit.clone()),
+            None => judge(&input.contour, &input.profile, &tools, planning),
+        };
         let Judged { plan: planned, disagreement, .. } = judged;
         if let Some(disagreement) = disagreement {
             self.keep(&input.manifest.name, Some(&input.manifest.program_id), disagreement);

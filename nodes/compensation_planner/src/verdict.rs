@@ -38,6 +38,13 @@ pub struct Disagreement {
     pub findings: Vec<Diagnostic>,
 }
 
+impl Verdict {
+    /// A contour that is refused before it is planned.
+    pub fn refused(why: Diagnostic) -> Self {
+        Self { plan: Plan { diagnostics: vec![why], ..Plan::default() }, ..Self::default() }
+    }
+}
+
 /// Plans a contour and audits the path.
 ///
 /// Never panics. The verdict depends neither on certificates nor on the workers.

@@ -16,6 +16,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 use program_loader::upload::CHUNK_BYTES_MAX;
 use runtime::{Client, Gid, Handle, Qos, Subscription};
 use std::cell::OnceCell;
+use std::collections::BTreeSet;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -63,7 +64,8 @@ pub(crate) async fn load_file(
     let name = files::file_name(path);
     let mut reports: Subscription<CompensationReport> =
         node.subscription("compensation_report", Qos::LATCHED)?;
-    let known = newest_revision(node, &mut reports).await?;
+    let planner = node.client::<GetTools>("get_tools")?;
+    let known = newest_revision(&planner, &mut reports).await;
     let loader = Loader::new(node)?;
     let response = tokio::select! {
         response = send_program(node, (&name, &text), controller, interference) => response?,
@@ -78,6 +80,16 @@ pub(crate) async fn load_file(
         report = next_report(&mut reports, &response.program_id, known) => report,
         loss = loader.lost(&response.program_id) => {
             return Err(loss.failure(&name, "planned"));
+        }
+        () = planner_ends_twice(&planner) => {
+            return Err(Failure::new(
+                Status::NoAnswer,
+                format!(
+                    "{name} is loaded, but the planner ended twice while it planned it; its log \
+                     says why: if its memory was too small, split the program, or start the \
+                     planner with a larger memory_mb_max"
+                ),
+            ));
         }
         () = sleep(PLAN_WITHIN) => {
             let seconds = PLAN_WITHIN.as_secs();
@@ -191,19 +203,30 @@ impl Loader {
 /// The newest plan that there was before: the same program may have been planned already, with
 /// other tools, and late joiners are told.
 async fn newest_revision(
-    node: &Handle,
+    planner: &Client<GetTools>,
     reports: &mut Subscription<CompensationReport>,
-) -> Result<Option<u64>, Failure> {
+) -> Option<u64> {
     const PLANNER_WITHIN: Duration = Duration::from_secs(2);
     const QUIET: Duration = Duration::from_millis(200);
     // Whoever answers has been discovered. Without a planner the wait for its plan will say so.
-    let planner = node.client::<GetTools>("get_tools")?;
     let _ = planner.call_within(GetToolsRequest::default(), PLANNER_WITHIN).await;
     let mut newest = None;
     while let Ok((report, _)) = timeout(QUIET, reports.next()).await {
         newest = newest.max(Some(report.revision));
     }
-    Ok(newest)
+    newest
+}
+
+/// Waits until two processes of the planner have ended. The first end may have had another
+/// reason than the program, which the next process plans.
+async fn planner_ends_twice(planner: &Client<GetTools>) {
+    let mut processes = BTreeSet::new();
+    while processes.len() < 3 {
+        // One that is being restarted does not answer.
+        let answer = planner.call_for_server(&GetToolsRequest::default(), PLAN_WITHIN).await;
+        processes.extend(answer.map(|(_, server)| server.participant()));
+        sleep(ASK_EVERY).await;
+    }
 }
 
 /// Sends a text to the loader, in pieces if it is long.

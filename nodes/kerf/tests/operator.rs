@@ -47,6 +47,34 @@ fn a_tool_is_confirmed_only_when_the_path_was_made_with_it() {
 }
 
 #[test]
+fn a_program_for_which_the_planner_has_too_little_memory_is_refused_with_numbers() {
+    let (machine, _folder) =
+        machine("tools: {}\n", &["-p", "compensation_planner:memory_mb_max:=64"]);
+    let long = (0..150_000).map(|line| format!("X{} Y{}\n", line % 100, line % 7));
+    let long: String = long.collect();
+    machine.folder.file("long.ngc", format!("G21 G90 G94\nG1 X5 F2000\n{long}M30\n"));
+    machine.kerf(&["load", "long.ngc"]).expect(4).says(&[
+        "error[limit]: planning 150",
+        "takes 88 MB of memory or more; the planner may take 64 MB",
+        "split the program into several, or start the planner with a larger memory_mb_max",
+        "long.ngc is refused by the planner: 1 errors",
+    ]);
+    // This is short enough to be tried, and compensation takes more.
+    let zigzag = (0..70_000).map(|line| format!("X{} Y{}\n", line + 1, line % 2));
+    let zigzag: String = zigzag.collect();
+    let tool = "G41.1 D0.01";
+    let text =
+        format!("G21 G90 G94\nG0 X0 Y-1\n{tool} G1 X0 Y0 F900\n{zigzag}G40 X70000 Y50\nM30\n");
+    machine.folder.file("zigzag.ngc", text);
+    machine.kerf(&["load", "zigzag.ngc"]).expect(3).says(&[
+        "zigzag.ngc is loaded, but the planner ended twice while it planned it",
+        "split the program, or start the planner with a larger memory_mb_max",
+    ]);
+    machine.folder.file("short.ngc", "G21 G90 G94\nG1 X5 F2000\nM30\n");
+    machine.kerf(&["run", "short.ngc"]).expect(0).says(&["done"]);
+}
+
+#[test]
 fn ctrl_c_at_the_command_cancels_what_it_began() {
     let machine = Machine::virtual_one(4);
     machine.folder.file("slow.ngc", "G21 G90 G94\nG1 X500 F300\nM30\n");

@@ -1,5 +1,6 @@
 //! The parameters of a running node, as the node itself sees them.
 
+use crate::memory_bound::{self, MemoryBound};
 use crate::node::{Handle, lock};
 use crate::parameters::{ParameterValue, Parameters};
 use std::sync::Mutex;
@@ -61,6 +62,16 @@ impl Handle {
         let type_name = value.type_name();
         T::try_from(value)
             .unwrap_or_else(|_| panic!("parameter \"{name}\" is declared as {type_name}"))
+    }
+
+    /// What this process may take before it ends, bytes: `memory_mb_max`, or less on a small
+    /// computer.
+    pub fn memory_bytes_max(&self) -> u64 {
+        match self.inner.parameters.get(memory_bound::PARAMETER) {
+            Some(ParameterValue::Integer(megabytes)) => MemoryBound::of(megabytes),
+            _ => MemoryBound::usual(),
+        }
+        .bytes()
     }
 
     /// Has a say in changes of parameters while the node runs: all of them

@@ -14,7 +14,7 @@ use std::io::Read;
 
 /// The parameter that sets the bound.
 pub(crate) const PARAMETER: &str = "memory_mb_max";
-/// Of nodes and commands; a program of a million lines takes up to 700 MB.
+/// Of nodes and commands; a program of a million lines takes up to 800 MB.
 const USUAL_MB: i64 = 2_048;
 /// Below this a node does not start.
 const LEAST_MB: i64 = 64;
@@ -51,6 +51,10 @@ impl MemoryBound {
         let asked = u64::try_from(megabytes.max(LEAST_MB)).unwrap_or(u64::MAX).saturating_mul(MB);
         // Three quarters: the rest of the stack has to run too.
         Self(physical.map_or(asked, |bytes| asked.min(bytes / 4 * 3)))
+    }
+
+    pub(crate) fn bytes(self) -> u64 {
+        self.0
     }
 
     /// Has the kernel refuse what is far above the bound; a lower limit is kept.

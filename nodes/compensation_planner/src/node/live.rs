@@ -91,7 +91,7 @@ impl Planner {
         if settled == 0 {
             return keeps("it does not stand in a hold");
         }
-        let Input { manifest, contour, profile } = &running.input;
+        let Input { manifest, contour, profile, .. } = &running.input;
         let program = LoadedProgram { name: &manifest.name, contour, profile };
         let settled_here = usize::try_from(settled).unwrap_or(usize::MAX);
         let rest = plan_rest(program, &running.tools, &tools, &running.path, settled_here);

@@ -93,11 +93,12 @@ fn a_loader_that_is_gone_ends_a_load_that_waits_for_its_plan() {
 #[test]
 fn a_loader_that_comes_back_without_the_program_ends_a_load() {
     let cell = Cell::new();
-    let loader = cell.loader();
+    let mut loader = cell.loader();
     let loading = cell.load();
     cell.until_loaded();
-    // The command has seen that it is loaded.
+    // The command has seen that it is loaded, and asks for it.
     std::thread::sleep(Duration::from_secs(2));
+    assert_eq!(loader.0.try_wait().expect("our child"), None, "it answers and lives");
     kill_at_once(Pid::from_child(&loader.0));
     let killed = Instant::now();
     let _again = cell.loader();
