@@ -90,9 +90,9 @@ fn a_tool_or_register_that_the_table_does_not_have() {
     for control in CONTROLS.into_iter().filter(|control| *control != "automation1") {
         refused(control, program(control, "G41", ""), &other, &["unknown_tool"]);
     }
-    // Its radius is in the program; without one the tool in the spindle counts.
+    // Its radius is in the program, whatever the table holds.
     let bare = program("automation1", "G41", "").replace("G43 P5\n", "");
-    refused("automation1", bare, &other, &["unknown_tool"]);
+    refused("automation1", bare, &tools(), &["radius_source"]);
 }
 
 #[test]

@@ -254,7 +254,7 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
     finding.available_mm = Some(cut.distance_mm);
     if what == "change of side" {
         return finding.help(
-            "end the contour with G40 before, and select the other side with a lead-on behind",
+            "end the contour with G40 before, and select the other side with a lead-on after it",
         );
     }
     let word = profile
@@ -284,7 +284,7 @@ pub(crate) fn no_corner(source: Source, profile: &Profile) -> Diagnostic {
         ),
     )
     .help(
-        "split the turn with a short block, or end the contour before it and begin another behind",
+        "split the turn with a short block, or end the contour before it and begin a new one after it",
     );
     finding.severity = rule.severity();
     finding

@@ -216,7 +216,9 @@ impl Writer<'_> {
             Element::Arc(arc) => arc.sweep,
         };
         let (mut low, high) = (trims.0 / unit, full - trims.1 / unit);
-        if !element.is_line() && high - low > TAU && full <= TAU {
+        // Written as two arcs, neither is lengthened over a whole one.
+        let is_one_block = run.legs.len() == 1;
+        if is_one_block && !element.is_line() && high - low > TAU && full <= TAU {
             low += self.over_360(run, high - low);
         }
         let mut from = f64::NEG_INFINITY;

@@ -347,7 +347,7 @@ impl Reader<'_> {
         if !is_remark && !is_reported {
             let start = line.text.len() - line.text.trim_ascii_start().len();
             let source = line.source(None, start, start + visible.len());
-            let message = format!("this stands behind the end of the program in line {end_line}");
+            let message = format!("this stands after the end of the program in line {end_line}");
             self.findings.push(
                 Diagnostic::warning(Code::Syntax, source, message)
                     .help("it is not run; delete it, or delete the end before it"),

@@ -92,7 +92,7 @@ pub(crate) fn cancelled_with_the_end(source: Source, profile: &Profile) -> Optio
                 profile.name
             ),
         )
-        .help("write G40 and its move into a block of their own, and the end of the program behind")
+        .help("write G40 and its move into a block of their own, and the end of the program after it")
     })
 }
 
@@ -101,7 +101,7 @@ pub(crate) fn rapid(source: Source, profile: &Profile) -> Option<Diagnostic> {
     let what = match profile.rapid.rule {
         RapidMode::Compensated => return None,
         RapidMode::Endpoint => "its ends are compensated, the way between them is the machine's",
-        RapidMode::Raw => "it goes to the programmed point, and compensation begins anew behind it",
+        RapidMode::Raw => "it goes to the programmed point, and compensation begins anew after it",
     };
     Some(
         of(

@@ -152,7 +152,7 @@ impl Interpreter<'_> {
                 let names: Vec<String> =
                     dwell.iter().map(|letter| char::from(letter).to_string()).collect();
                 let message = format!("{} without a time", scene.quote(at));
-                let help = format!("write the seconds behind {}", names.join(" or "));
+                let help = format!("write the seconds after {}", names.join(" or "));
                 self.complain_at(scene, at, Code::MissingWord, message, &help);
             }
             return;

@@ -179,7 +179,7 @@ impl Interpreter<'_> {
                 at,
                 Code::MissingWord,
                 message,
-                "write the radius behind P",
+                "write the radius after P",
             );
         };
         if radius < 0.0 {
@@ -314,7 +314,7 @@ impl Interpreter<'_> {
                 let Some(diameter) = self.take_within(scene, b'D', scale, COORDINATE_MM_MAX, "mm")
                 else {
                     let message = format!("{} has no D", scene.quote(at));
-                    let help = "write the diameter of the tool behind D";
+                    let help = "write the diameter of the tool after D";
                     return self.complain_at(scene, at, Code::MissingWord, message, help);
                 };
                 self.emit(ContourEventKind::Radius(RadiusSource::Diameter(diameter)));

@@ -76,7 +76,7 @@ impl Interpreter<'_> {
         let Some((pole, radius_mm, angle_deg)) = known else {
             self.axes.poison(end.named);
             let message = "a polar move without its pole, radius and angle".to_owned();
-            let help = "write the pole in both axes of the plane, the radius behind B or U, and the angle behind A";
+            let help = "write the pole in both axes of the plane, the radius after B or U, and the angle after A";
             return self.complain_of_block(scene, Code::MissingWord, message, help);
         };
         state.pole = Some((plane, pole));
