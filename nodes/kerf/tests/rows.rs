@@ -91,10 +91,10 @@ fn sides(bag: &Path) -> Value {
 fn a18_a19_the_side_is_told_from_the_lead_on_to_the_end_of_the_lead_off() {
     // Each line is to be seen.
     let machine = Machine::virtual_with(4, &[]);
-    let program = "G21 G17 G90\nG1 X10 Y20 F600\nG41.1 D4 X30 Y0\nX60\nG40 X80 Y20\nY60\n\
-                   G42.1 D4 X60 Y40\nX30\nG40 X10 Y60\nX0\nM30\n";
-    machine.folder.file("sides.ngc", program);
-    machine.kerf(&["run", "sides.ngc", "--controller", "rs274"]).expect(0);
+    let program = "G71 G17 G90 G43 P2\nG1 X10 Y20 F600\nG41 G1 X30 Y0\nMoveLinear(X, 60)\n\
+                   G40 G1 X80 Y20\nY60\nG42 G1 X60 Y40\nX30\nG40 X10 Y60\nX0\nM30\n";
+    machine.folder.file("sides.ascript", program);
+    machine.kerf(&["run", "sides.ascript", "--controller", "automation1"]).expect(0);
     let bags = machine.until_bags(1);
     let seen = sides(&bags[0]);
     for row in ["A18", "A19"] {

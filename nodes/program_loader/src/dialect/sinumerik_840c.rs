@@ -33,6 +33,9 @@ pub(super) static DIALECT: Dialect = Dialect {
     percent_delimits: false,
 };
 
+/// TRANSMIT and its like: G131, G231, G331 select one, G130 deselects (NC MD 5061).
+const TRANSFORMATION: &str =
+    "post the program for the axes of the machine, without a transformation";
 const POLAR: &str = "program arcs with G2 and G3, X, Y and Z";
 
 fn g(tenths: u16) -> GWord {
@@ -71,6 +74,7 @@ fn g(tenths: u16) -> GWord {
         940 => GWord::Accepted(Group::Feed, Letters::NONE),
         950 => GWord::Refused(FEED_MODE),
         970 => GWord::Accepted(Group::SpindleMode, Letters::NONE),
+        1300 | 1310 | 2310 | 3310 => GWord::Refused(TRANSFORMATION),
         _ => GWord::Unknown,
     }
 }

@@ -206,14 +206,17 @@ impl Interpreter<'_> {
         } else {
             state.axes = Some(pair);
         }
-        self.axes_agree(scene, at);
+        if self.modal.compensation.axes.is_some() || self.modal.compensation.is_selected() {
+            self.axes_agree(scene, at);
+        }
     }
 
-    /// Whether the axes of compensation are those of the plane and of corner rounding.
+    /// Whether the axes of compensation, without a word those of the plane, are those of
+    /// the plane and of corner rounding.
     fn axes_agree(&mut self, scene: &mut Scene<'_>, at: usize) -> bool {
-        let Some(axes) = self.modal.compensation.axes else { return true };
         let name = |axes: [usize; 2]| axes.map(|axis| AXIS_LETTERS[axis].to_string()).join(" ");
         let [u, v, _] = self.modal.plane.axes();
+        let axes = self.modal.compensation.axes.unwrap_or([u, v]);
         let message = match self.modal.compensation.rounding_axes {
             _ if axes != [u, v] => format!(
                 "compensation has the axes {}, and the plane {} has {}",

@@ -35,22 +35,26 @@ pub(super) fn of_m(meaning: MWord) -> Elsewhere {
 }
 
 impl Request {
-    #[cold]
-    pub(super) fn letter_twice(&mut self, scene: &mut Scene<'_>, letter: u8, at: usize) {
+    fn letter_twice(&mut self, scene: &mut Scene<'_>, letter: u8, at: usize) {
         let message = format!("{} twice in one block", char::from(letter));
         let help = "a block takes each letter but G and M once; write two blocks";
         self.refuse(scene, at, Code::ModalConflict, message, help);
     }
 
-    /// Letters that the control does not have. Beside a G word that is refused
-    /// they are its own: that word is the one cause.
+    /// Letters that the control does not have, or that stand there twice. Beside a word
+    /// that is refused they are its own: that word is the one cause.
     #[cold]
-    pub(super) fn unknown_letters(&mut self, scene: &mut Scene<'_>) {
-        if self.has_refused_g {
+    pub(super) fn doubtful_words(&mut self, scene: &mut Scene<'_>) {
+        if self.has_refused_code {
             return;
         }
-        for at in std::mem::take(&mut self.unknown) {
-            self.unknown_letter(scene, scene.block.words[at], at);
+        for at in std::mem::take(&mut self.doubtful) {
+            let word = scene.block.words[at];
+            if scene.rules.dialect.letters.contains(word.letter) {
+                self.letter_twice(scene, word.letter, at);
+            } else {
+                self.unknown_letter(scene, word, at);
+            }
         }
     }
 

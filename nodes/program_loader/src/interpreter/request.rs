@@ -30,10 +30,10 @@ pub(super) struct Request {
     pub(super) is_damaged: bool,
     /// A word was refused that may have used other words of the block.
     pub(super) has_refused_word: bool,
-    /// A G word was refused: letters without a meaning may be its own.
-    pub(super) has_refused_g: bool,
-    /// Words whose letters have no meaning.
-    pub(super) unknown: Vec<usize>,
+    /// A G or @ word was refused: letters without a meaning here may be its own.
+    pub(super) has_refused_code: bool,
+    /// Words whose letters have no meaning, or stand there a second time.
+    pub(super) doubtful: Vec<usize>,
 }
 
 impl Default for Request {
@@ -51,8 +51,8 @@ impl Default for Request {
             approach: None,
             is_damaged: false,
             has_refused_word: false,
-            has_refused_g: false,
-            unknown: Vec::new(),
+            has_refused_code: false,
+            doubtful: Vec::new(),
         }
     }
 }
@@ -66,8 +66,8 @@ impl Request {
         (self.corner, self.approach) = (None, None);
         self.is_damaged = scene.block.is_damaged;
         self.has_refused_word = scene.block.is_damaged;
-        self.has_refused_g = false;
-        self.unknown.clear();
+        self.has_refused_code = false;
+        self.doubtful.clear();
         for at in 0..scene.block.words.len() {
             let word = scene.block.words[at];
             match word.letter {
@@ -78,8 +78,8 @@ impl Request {
                 _ => self.value_word(scene, word, at),
             }
         }
-        if !self.unknown.is_empty() {
-            self.unknown_letters(scene);
+        if !self.doubtful.is_empty() {
+            self.doubtful_words(scene);
         }
     }
 
@@ -144,10 +144,10 @@ impl Request {
         let letter = word.letter;
         let dialect = scene.rules.dialect;
         if !dialect.letters.contains(letter) {
-            return self.unknown.push(at);
+            return self.doubtful.push(at);
         }
         if self.present.contains(letter) {
-            return self.letter_twice(scene, letter, at);
+            return self.doubtful.push(at);
         }
         self.present = self.present.union(Letters::of(&[letter]));
         self.values[usize::from(letter - b'A')] = word.value;
@@ -171,7 +171,7 @@ impl Request {
             return self.unusual_g(scene, tenths, meaning, at);
         };
         if let GWord::RefusedMotion(help) = meaning {
-            self.has_refused_g = true;
+            self.has_refused_code = true;
             self.not_done(scene, at, help);
         }
         if self.claim(scene, group, at) {
@@ -195,7 +195,7 @@ impl Request {
     #[cold]
     fn unusual_g(&mut self, scene: &mut Scene<'_>, tenths: u16, meaning: GWord, at: usize) {
         if let GWord::Refused(help) = meaning {
-            self.has_refused_g = true;
+            self.has_refused_code = true;
             return self.not_done(scene, at, help);
         }
         if let Some(corner) = scene.rules.corner(tenths) {
@@ -207,7 +207,7 @@ impl Request {
                 self.approach = Some(approach);
             }
         } else {
-            self.has_refused_g = true;
+            self.has_refused_code = true;
             self.unknown(scene, at);
         }
     }
@@ -284,6 +284,7 @@ impl Request {
             Some(_) => {
                 let message = format!("{} is not done here", scene.quote(at));
                 let help = CALCULATIONS;
+                self.has_refused_code = true;
                 self.refuse(scene, at, Code::Unsupported, message, help);
             }
         }
