@@ -99,7 +99,8 @@ impl Interpreter<'_> {
 
     /// A new D while G41 or G42 may be in force.
     fn change_offset(&mut self, scene: &mut Scene<'_>) {
-        let is_zero = self.modal.compensation.offset == Some(0);
+        let is_zero =
+            self.modal.compensation.offset == Some(0) && self.rules.d0 != ZeroOffset::None;
         let Some(side) = self.modal.compensation.side else {
             if !is_zero && self.modal.compensation.deselected.is_some() {
                 let word = self.request.word(b'D');
@@ -348,7 +349,7 @@ impl Interpreter<'_> {
                     "write D with the number of the tool offset into this block or before it";
                 self.complain_at(scene, at, Code::MissingWord, message, help);
             }
-            Some(0) => {
+            Some(0) if self.rules.d0 != ZeroOffset::None => {
                 self.cancel(self.request.approach);
                 let message = format!("{} selects nothing while D0 is in force", scene.quote(at));
                 scene.findings.push(
