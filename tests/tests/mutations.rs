@@ -15,6 +15,9 @@ use std::fmt::Write;
 /// Rows that a worked program belongs to; others show parts of it.
 const OWNERS: [&str; 4] = ["M12", "S72", "W1", "W2"];
 
+/// What a case becomes by small mistakes.
+type Mutate = fn(&Case) -> Vec<Case>;
+
 /// All rows with their control.
 fn rows() -> Vec<(&'static str, Row)> {
     CONTROLS
@@ -159,7 +162,7 @@ fn each_row_has_a_case_of_its_own() {
 
 #[test]
 fn a_case_notices_another_radius_the_other_side_and_a_moved_coordinate() {
-    let mutants: [(&str, fn(&Case) -> Vec<Case>); 3] = [
+    let mutants: [(&str, Mutate); 3] = [
         ("radius", with_another_radius),
         ("side", on_the_other_side),
         ("coordinate", with_a_moved_coordinate),

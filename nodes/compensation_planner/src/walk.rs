@@ -26,6 +26,7 @@ use cnc_msgs::path::Role;
 use cnc_msgs::profile::{LeadMove, OffPlaneAfterCancel, Profile, SideChange};
 use cnc_msgs::tool_table::ToolTable;
 use output::Output;
+use std::collections::BTreeSet;
 
 /// A selection that waits for its first move in the plane.
 #[derive(Debug, Clone, Copy)]
@@ -76,6 +77,8 @@ pub(crate) struct Walk<'a> {
     /// What the program has made of the value of the offset in force, mm.
     radius_value_mm: Option<f64>,
     spindle_tool: Option<u32>,
+    /// Offsets whose length is not applied, which has been said.
+    told_lengths: BTreeSet<u32>,
     /// The block of the last change of tool that was refused.
     refused_tool: Option<Source>,
     /// The block of the last lead-off.
@@ -103,6 +106,7 @@ impl<'a> Walk<'a> {
             radius: None,
             radius_value_mm: None,
             spindle_tool: None,
+            told_lengths: BTreeSet::new(),
             refused_tool: None,
             led_off_in: None,
             programmed: contour.start,
@@ -120,6 +124,7 @@ impl<'a> Walk<'a> {
             ContourEventKind::Radius(word) => {
                 self.radius = Some(word);
                 self.radius_value_mm = None;
+                self.length_of(word, source);
                 if let State::Active(active) = &mut self.state {
                     active.radius_changes = Some(source);
                 }
@@ -317,6 +322,15 @@ impl<'a> Walk<'a> {
     fn end_of_program(&mut self, source: Source) {
         if self.led_off_in == Some(source) && matches!(self.state, State::Off) {
             self.verdict.diagnostics.extend(rules::cancelled_with_the_end(source, self.profile));
+        }
+    }
+
+    /// The length of a D, which nothing applies; said once for each number (S34).
+    fn length_of(&mut self, word: RadiusSource, source: Source) {
+        let RadiusSource::Offset(number) = word else { return };
+        let length_mm = self.tools.offsets.get(&number).map_or(0.0, |offset| offset.length_mm);
+        if length_mm != 0.0 && self.told_lengths.insert(number) {
+            self.verdict.diagnostics.push(rules::length_of_d(source, number, length_mm));
         }
     }
 

@@ -265,6 +265,18 @@ pub(crate) fn radius_change(
     Some(finding)
 }
 
+/// A D whose offset has a length (S34): on the control it acts on Z, here it does not.
+pub(crate) fn length_of_d(source: Source, number: u32, length_mm: f64) -> Diagnostic {
+    Diagnostic::warning(
+        Code::SuspiciousValue,
+        source,
+        format!(
+            "D{number} has a length of {length_mm} mm in the tool table, which D does not apply here: Z is not offset"
+        ),
+    )
+    .help("set the length on the machine before the run, and length_mm of the offset to 0")
+}
+
 /// A plane that the control does not compensate in (M16).
 pub(crate) fn wrong_plane(source: Source, plane: Plane, profile: &Profile) -> Diagnostic {
     let planes: Vec<&str> = profile.language.planes.rule.iter().map(|plane| plane.name()).collect();
