@@ -95,6 +95,23 @@ fn every_rule_has_its_row() -> Result<(), Failed> {
     if missing.is_empty() { Ok(()) } else { Err(format!("not there once: {missing:?}").into()) }
 }
 
+/// How many rules hold, and which fall short.
+fn tally() -> String {
+    let rows: Vec<Row> = CONTROLS.iter().flat_map(|control| of(control)).collect();
+    // The worked programs are no rules.
+    let is_rule = |row: &&Row| !row.id.starts_with('W');
+    let short: Vec<&str> = (rows.iter().filter(is_rule))
+        .filter(|row| row.falls_short.is_some())
+        .map(|row| row.id.as_str())
+        .collect();
+    let count = rows.iter().filter(is_rule).count();
+    format!(
+        "\n{} of {count} rules hold whole; {} fall short, and say of what.\n",
+        count - short.len(),
+        short.join(", ")
+    )
+}
+
 fn the_page_is_up_to_date() -> Result<(), Failed> {
     let mut page = String::from(
         "# Controls\n\n\
@@ -103,8 +120,11 @@ fn the_page_is_up_to_date() -> Result<(), Failed> {
          each are in `tests/controls/`; this page is made from there: change a row, then run\n\
          `UPDATE_EXPECT=1 cargo test -p kerf_tests --test controls page`.\n\n\
          A *switch* is the key of the profile that changes the rule; where the manual's figure\n\
-         is lost, the reading is told.\n",
+         is lost, the reading is told. Each row has a case of its own. The suite changes the\n\
+         radius, the side and the coordinates of every case; `tests/controls/unnoticed.txt`\n\
+         lists what a case without a path does not notice.\n",
     );
+    page += &tally();
     for control in CONTROLS {
         write!(page, "\n## `{control}`\n\n| row | rule | proof | switch |\n|---|---|---|---|\n")?;
         for row in of(control) {
