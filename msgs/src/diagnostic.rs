@@ -45,6 +45,7 @@ pub enum Code {
     Gouge,
     CutsOtherPass,
     LeadGouge,
+    LeadNick,
     LinkGouge,
     SideChange,
     Restart,
@@ -57,7 +58,7 @@ pub enum Code {
 
 impl Code {
     /// Every code, in the order of declaration.
-    pub const ALL: [Self; 31] = [
+    pub const ALL: [Self; 32] = [
         Self::Syntax,
         Self::UnknownWord,
         Self::ModalConflict,
@@ -83,6 +84,7 @@ impl Code {
         Self::Gouge,
         Self::CutsOtherPass,
         Self::LeadGouge,
+        Self::LeadNick,
         Self::LinkGouge,
         Self::SideChange,
         Self::Restart,
@@ -119,6 +121,7 @@ impl Code {
             Self::Gouge => "gouge",
             Self::CutsOtherPass => "cuts_other_pass",
             Self::LeadGouge => "lead_gouge",
+            Self::LeadNick => "lead_nick",
             Self::LinkGouge => "link_gouge",
             Self::SideChange => "side_change",
             Self::Restart => "restart",

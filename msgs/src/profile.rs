@@ -282,6 +282,17 @@ pub struct InterferenceRules {
     pub react: Reaction,
     /// A lead that cuts into its contour.
     pub leads: Strictness,
+    /// A lead that only passes over the free end of what it leads onto or leaves.
+    #[serde(default = "warn")]
+    pub lead_nick: Strictness,
+    /// A cut between what a contour begins and what it ends with, where it closes: there some
+    /// manuals' own figures begin in an inside corner.
+    #[serde(default = "error")]
+    pub at_closing: Strictness,
+    /// Where the material begins, work coordinate along the tool, mm: a lead above this and
+    /// above all cuts of a contour passes over its walls.
+    #[serde(default)]
+    pub stock_top_mm: f64,
     /// What the radius of an arc must be that the tool runs inside of.
     #[serde(default = "any_arc")]
     pub inside_arc: Rule<InsideArc>,
@@ -319,6 +330,14 @@ impl FromStr for Reaction {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0:?} is no reaction to interference; it is alarm, trim or ignore")]
 pub struct UnknownReaction(String);
+
+const fn error() -> Strictness {
+    Strictness::Error
+}
+
+const fn warn() -> Strictness {
+    Strictness::Warn
+}
 
 const fn any_arc() -> Rule<InsideArc> {
     Rule { rule: InsideArc::Any, strictness: Strictness::Error }

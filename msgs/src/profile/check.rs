@@ -27,6 +27,10 @@ impl Profile {
                 format!("{tolerance} mm; more than 0 and at most 1 mm is needed"),
             );
         }
+        let stock_top = self.interference.stock_top_mm;
+        if !stock_top.is_finite() {
+            return refuse(&["interference", "stock_top_mm"], format!("{stock_top} is no height"));
+        }
         let planes = &self.language.planes.rule;
         if planes.is_empty() {
             return refuse(&["language", "planes"], "at least one plane is needed".into());

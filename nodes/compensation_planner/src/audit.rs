@@ -8,7 +8,8 @@
 //! takes), `bounds` finds what bounds the tool, and `clearance` measures the exact distance of
 //! the path from it. Millions of pieces lie side by side in memory (`pieces`); strip trees
 //! find those that are near (`strip`), directions those that cannot meet (`fans`), and lower
-//! bounds settle most of the rest (`apart`) before anything is measured (`planar`).
+//! bounds settle most of the rest (`apart`) before anything is measured (`planar`). What a
+//! contour retraces is looked at once (`copies`).
 //! Blocks may be left out within the tolerance that the profile accepts.
 
 mod align;
@@ -16,6 +17,7 @@ mod apart;
 mod beside;
 mod bounds;
 mod clearance;
+mod copies;
 mod events;
 mod fans;
 mod follow;

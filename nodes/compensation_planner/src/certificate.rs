@@ -290,8 +290,14 @@ impl Subject<'_> {
         let (head, tail) = (&self.runs[..self.runs.len().min(END_RUNS)], {
             &self.runs[self.runs.len().saturating_sub(END_RUNS)..]
         });
-        let is_free = |way: &lead::Way, radius_mm: f64| {
-            way.deepest_cut(walls, radius_mm - touch_mm).is_none()
+        let is_free = |way: &lead::Way, end, lead: &Lead, radius_mm: f64| {
+            let cuts = |is_above: &dyn Fn(usize) -> bool| {
+                way.cuts(walls, end, radius_mm - touch_mm, is_above).gouge.is_some()
+            };
+            !cuts(&|_| false) || {
+                let below = lead::Below::of(self.span, self.runs, walls, lead, self.profile);
+                !cuts(&|run| below.is(walls, run))
+            }
         };
         let way = |(links, placed): (&[Link], &[Placed]), is_on, outside| {
             let joined = Joined { links, placed, corners: self.corners() };
@@ -300,8 +306,10 @@ impl Subject<'_> {
         if !self.span.entry.is_link {
             let links = links(self.span, head, None, self.profile, scale);
             let placed = join(&links, 0.0);
-            let from = in_plane(plane, self.span.entry.lead.start);
-            if way((&links, &placed), true, from).is_some_and(|way| !is_free(&way, radius_mm)) {
+            let on = &self.span.entry.lead;
+            let end = lead::FreeEnd::first(walls);
+            let way = way((&links, &placed), true, in_plane(plane, on.start));
+            if way.is_some_and(|way| !is_free(&way, end, on, radius_mm)) {
                 return false;
             }
         }
@@ -309,7 +317,8 @@ impl Subject<'_> {
         let links = links(self.span, tail, Some(lead), self.profile, scale);
         let placed = join(&links, 0.0);
         let to = in_plane(plane, lead.motion.end);
+        let end = lead::FreeEnd::last(walls);
         let radius_mm = self.span.d_out_mm.abs() * scale;
-        way((&links, &placed), false, to).is_none_or(|way| is_free(&way, radius_mm))
+        way((&links, &placed), false, to).is_none_or(|way| is_free(&way, end, lead, radius_mm))
     }
 }

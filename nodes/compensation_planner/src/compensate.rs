@@ -103,7 +103,8 @@ pub(crate) fn solve(
     let Verdict { diagnostics, certificates, uncut } = &mut verdict;
     let is_identity = is_zero(span.d_mm) && span.legs.iter().all(|leg| is_zero(leg.d_out_mm));
     let tolerance = profile.accept_tolerance_mm;
-    let mut chain = Chain::new(span, MERGE_MM, exit.lead(), is_identity, profile);
+    let mut straight_mm = MERGE_MM;
+    let mut chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
     if let Some(certificates) = certificates.as_mut().filter(|_| !is_zero(span.d_mm)) {
         let lead_off = exit.lead().filter(|_| matches!(exit, Exit::LeadOff(_)));
         let subject = Subject { span, runs: &chain.runs, lead_off, profile };
@@ -114,14 +115,16 @@ pub(crate) fn solve(
         // and break straight walls. Taken as straight as is accepted, the contour
         // shows what is really too narrow.
         let exact = chain.runs;
-        chain = Chain::new(span, tolerance, exit.lead(), is_identity, profile);
+        straight_mm = tolerance;
+        chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
         chain.measure_straights(&exact);
         unreachable_places(span, &chain, profile, diagnostics);
         if profile.interference.react == Reaction::Trim
             && is_any_unreachable(&chain.links, &chain.placed, tolerance)
         {
             // What is cut all the same is to be exact.
-            chain = Chain::new(span, MERGE_MM, exit.lead(), is_identity, profile);
+            straight_mm = MERGE_MM;
+            chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
         }
     }
     let (mut layout, mut cuts) = chain.cuts(span, profile);
@@ -134,7 +137,7 @@ pub(crate) fn solve(
         {
             (chain, layout, cuts) = (straight, other_layout, other_cuts);
         } else {
-            chain = Chain::new(span, MERGE_MM, exit.lead(), is_identity, profile);
+            chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
         }
     }
     let Chain { runs, links, mut placed } = chain;
@@ -150,10 +153,11 @@ pub(crate) fn solve(
     if profile.interference.react == Reaction::Trim
         && (!cuts.cuts.is_empty() || reach::left_out(&links, &placed, tolerance).next().is_some())
     {
-        walls = Walls::all(&runs, &links, &placed);
+        let rule = profile.interference.at_closing;
+        walls = Walls::all(&runs, &links, &placed).forgiving_closing(rule);
         let trimmed = trim(&walls, &joined, tolerance);
         for cut in &trimmed.cuts {
-            diagnostics.extend(finding::not_trimmed(span, &runs, cut, profile));
+            diagnostics.push(finding::not_trimmed(span, &runs, cut, profile));
         }
         if !trimmed.placed.iter().any(|p| matches!(links[p.link].role, LinkRole::Run(_))) {
             diagnostics.push(finding::nothing_left(span));
@@ -283,7 +287,8 @@ impl Chain {
         let Self { runs, links, placed } = self;
         let corners = Corners { span, short_mm: profile.corner.short_block_mm };
         let joined = Joined { links, placed, corners };
-        let walls = Walls::new(runs, links, placed);
+        let rule = profile.interference.at_closing;
+        let walls = Walls::new(runs, links, placed).forgiving_closing(rule);
         let cuts = interference::cuts(&walls, &joined, profile.accept_tolerance_mm, GOUGE_MM);
         (walls.into_layout(), cuts)
     }

@@ -104,7 +104,7 @@ fn is_on_line(line: &Line, point: Vec2) -> bool {
     (0.0..=line.length).contains(&along)
 }
 
-fn nearest_on_element(element: &Element, point: Vec2) -> Vec2 {
+pub(crate) fn nearest_on_element(element: &Element, point: Vec2) -> Vec2 {
     match element {
         Element::Line(line) => {
             let along = (point - line.start).dot(&line.tangent);

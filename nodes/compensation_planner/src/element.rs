@@ -263,6 +263,11 @@ impl Element {
         !self.is_line() && (self.end() - self.start()).norm() <= LENGTH_MM
     }
 
+    /// Whether it comes back to where it has been.
+    pub(crate) fn goes_around(&self) -> bool {
+        matches!(self, Self::Arc(arc) if arc.sweep > std::f64::consts::TAU)
+    }
+
     /// How far beside its circle an arc was programmed to end, mm: 0 where its centre could be
     /// moved to where both ends are equally far.
     pub(crate) fn unevenness(&self, programmed_end: Vec2) -> f64 {

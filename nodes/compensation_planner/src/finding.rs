@@ -157,8 +157,9 @@ pub(crate) fn cut(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -
     );
     let apart = runs[cut.on].legs.start.abs_diff(runs[cut.into].legs.start);
     soften(&mut finding, apart, profile);
-    // A difference of radii says nothing of the tool where a contour closes (M10, N03).
-    if cut.is_other_pass || (span.is_negative && cut.is_at_ends) {
+    if cut.is_other_pass {
+        finding.severity = Severity::Warning;
+    } else if cut.is_forgiven {
         finding.severity = Severity::Warning;
     }
     finding.other = [into.source, on].into_iter().find(|other| other.line != later.line);
@@ -176,16 +177,12 @@ pub(crate) fn not_trimmed(
     runs: &[Run],
     cut: &Cut,
     profile: &Profile,
-) -> Option<Diagnostic> {
-    // A difference of radii says nothing of the tool there, and was no reason to trim.
-    if span.is_negative && cut.is_at_ends {
-        return None;
-    }
+) -> Diagnostic {
     let mut finding = self::cut(span, runs, cut, profile);
     finding.severity = Severity::Error;
     let tells_so = "; what does not fit is left out";
     finding.message = finding.message.replace(tells_so, "; leaving blocks out does not help");
-    Some(finding)
+    finding
 }
 
 /// A contour that the tool fits nowhere.
@@ -223,8 +220,6 @@ pub(crate) struct LeadCut {
     /// The signed offset, mm.
     pub d_mm: f64,
     pub distance_mm: f64,
-    /// See `Span::is_negative`.
-    pub is_negative: bool,
 }
 
 /// A lead or link that cuts into the element next to it.
@@ -238,15 +233,18 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
         format!(
             "{} cuts {depth_mm:.4} mm into {} on the {what}: it comes as near as {:.4} mm",
             tool(cut.d_mm),
-            block_name(cut.other),
+            match cut.code {
+                Code::LeadNick => format!("the free end of {}", block_name(cut.other)),
+                _ => block_name(cut.other),
+            },
             cut.distance_mm
         ),
     );
-    // With a difference of radii the programmed contour is no wall to lead through.
-    finding.severity = match profile.interference.leads.severity() {
-        Severity::Error if !cut.is_negative => Severity::Error,
-        _ => Severity::Warning,
+    let rule = match cut.code {
+        Code::LeadNick => profile.interference.lead_nick,
+        _ => profile.interference.leads,
     };
+    finding.severity = rule.severity();
     finding.other = Some(cut.other);
     finding.position = Some(cut.at);
     finding.depth_mm = Some(depth_mm);

@@ -27,8 +27,15 @@ pub(crate) struct Cut {
     /// Of the tool centre from the wall, mm.
     pub distance_mm: f64,
     pub is_other_pass: bool,
-    /// The contour is entered or left where it closes, in an inside corner.
-    pub is_at_ends: bool,
+    /// Between what the contour begins with and what it ends with, where that is forgiven.
+    pub is_forgiven: bool,
+}
+
+impl Cut {
+    /// Cuts of one kind are as bad as each other.
+    const fn kind(&self) -> (bool, bool) {
+        (self.is_other_pass, self.is_forgiven)
+    }
 }
 
 /// What was found, and whether everything was looked at.
@@ -68,17 +75,7 @@ pub(crate) struct Joined<'a> {
 /// something was consumed, mm.
 pub(crate) fn cuts(walls: &Walls<'_>, joined: &Joined<'_>, tolerance: f64, gouge_mm: f64) -> Cuts {
     let (found, is_complete) = all_cuts(walls, joined, [gouge_mm, gouge_mm + tolerance]);
-    // Only differences of radii are excused there.
-    let is_excused = |cut: &Cut| cut.is_at_ends && joined.corners.span.is_negative;
-    let (excused, others): (Vec<_>, Vec<_>) =
-        found.into_iter().partition(|(_, cut)| is_excused(cut));
-    // What is only a warning must not hide what is an error.
-    let mut cuts = deepest_of_each_place(others);
-    if !excused.is_empty() {
-        cuts.extend(deepest_of_each_place(excused));
-        cuts.sort_by_key(|cut| (cut.on.max(cut.into), cut.on));
-    }
-    Cuts { cuts, is_complete }
+    Cuts { cuts: deepest_of_each_place(found), is_complete }
 }
 
 /// For each place whether the tool cuts into a wall of the same pass from there.
@@ -92,6 +89,10 @@ pub(crate) fn cut_places(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]
 
 /// All cuts with the place that each is made from that makes each, and whether that is all.
 fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(usize, Cut)>, bool) {
+    if !walls.is_complete() {
+        // Without its passes each copy of a wall would be in the way of the others.
+        return (Vec::new(), false);
+    }
     let Joined { links, placed, corners } = *joined;
     let ways = ways(walls, joined, slack);
     let element = |way: &Way| match way.piece {
@@ -181,6 +182,7 @@ fn cut(
     link: &Link,
     into: usize,
 ) -> Option<Cut> {
+    let into = walls.in_pass_of(on.run, into);
     // What the tool does not touch has been judged as unreachable, or accepted.
     if !walls.is_judged(into) || (on.chain != NO_CHAIN && on.chain == walls.chain(into)) {
         return None;
@@ -201,9 +203,6 @@ fn cut(
         return None;
     }
     let is_other_pass = walls.pass(on.run) != walls.pass(into);
-    if is_other_pass && walls.leads_away(into) {
-        return None;
-    }
     Some(Cut {
         on: on.run,
         into,
@@ -212,7 +211,7 @@ fn cut(
         radius_mm,
         distance_mm: near.distance,
         is_other_pass,
-        is_at_ends: walls.are_ends(on.run, into),
+        is_forgiven: walls.forgives_closing() && walls.close_on(on.run, into),
     })
 }
 
@@ -235,7 +234,7 @@ fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
     for place in places {
         // What is only a warning must not hide what is an error.
         let is_other_side = |other: &Place| {
-            other.deepest.is_other_pass == place.deepest.is_other_pass
+            other.deepest.kind() == place.deepest.kind()
                 && (overlap(place.on, other.into) && overlap(place.into, other.on)
                     || overlap(place.on, other.on) && overlap(place.into, other.into))
         };
@@ -266,7 +265,7 @@ impl Place {
         way <= self.last_way + 2
             && cut.into + 2 >= self.into.0
             && cut.into <= self.into.1 + 2
-            && cut.is_other_pass == self.deepest.is_other_pass
+            && cut.kind() == self.deepest.kind()
     }
 
     fn take(&mut self, way: usize, cut: Cut) {

@@ -5,13 +5,13 @@
 use crate::chain::Role;
 use crate::compensate::WallBehind;
 use crate::corner::PIECES;
-use crate::distance::{Nearest, nearest, nearest_on_way};
+use crate::distance::{Nearest, nearest, nearest_on_element, nearest_on_way};
 use crate::element::{Element, Vec2};
 use crate::finding::{self, LeadCut};
 use crate::frame::{height, in_work};
 use crate::interference::{self, Joined};
 use crate::span::{Lead, Run, Span};
-use crate::tolerance::GOUGE_MM;
+use crate::tolerance::{GOUGE_MM, LENGTH_MM};
 use crate::tree::{Bounds, NO_CHAIN, Tree, budget};
 use crate::walls::Walls;
 use cnc_msgs::contour::Source;
@@ -65,12 +65,114 @@ impl Way {
         Some(Self { straight: (start, outside), corner })
     }
 
-    /// The wall that it comes nearest to, if nearer than `limit` mm.
-    pub(crate) fn deepest_cut(&self, walls: &Walls<'_>, limit: f64) -> Option<(usize, Nearest)> {
-        let straight = Element::line(self.straight.0, self.straight.1);
-        let ways = straight.into_iter().chain(self.corner.into_iter().flatten());
-        let cuts = ways.filter_map(|way| deepest_cut(walls, &way, None, limit, |_| true));
-        cuts.min_by(|a, b| a.1.distance.total_cmp(&b.1.distance))
+    /// What it cuts of the walls, if nearer than `limit` mm; of the walls of runs that it is
+    /// above only its corner cuts anything.
+    pub(crate) fn cuts(
+        &self,
+        walls: &Walls<'_>,
+        free_end: Option<FreeEnd>,
+        limit: f64,
+        is_above: impl Fn(usize) -> bool,
+    ) -> LeadCuts {
+        let mut cuts = LeadCuts::default();
+        for way in self.corner.iter().flatten() {
+            cuts.gouge = nearer(cuts.gouge, deepest_cut(walls, way, None, limit, |_| true));
+        }
+        let Some(way) = Element::line(self.straight.0, self.straight.1) else { return cuts };
+        let passed = free_end.map_or(Vec::new(), |end| end.passed(walls, self.straight, limit));
+        let counts = |run: usize| !is_above(run) && passed.iter().all(|part| part.run != run);
+        cuts.gouge = nearer(cuts.gouge, deepest_cut(walls, &way, None, limit, counts));
+        for part in passed.iter().filter(|part| !is_above(part.run)) {
+            let near = |wall: Element| (part.run, nearest_on_way(&way, &wall));
+            let is_cut = |found: &(usize, Nearest)| found.1.distance < limit;
+            cuts.gouge = nearer(cuts.gouge, part.rest.map(near).filter(is_cut));
+            match part.passed.map(near).filter(is_cut) {
+                Some(found) if found.1.distance < part.nearest_mm - LENGTH_MM => {
+                    cuts.gouge = nearer(cuts.gouge, Some(found));
+                }
+                found => cuts.nick = nearer(cuts.nick, found),
+            }
+        }
+        cuts
+    }
+}
+
+type Found = Option<(usize, Nearest)>;
+
+fn nearer(one: Found, other: Found) -> Found {
+    one.into_iter().chain(other).min_by(|a, b| a.1.distance.total_cmp(&b.1.distance))
+}
+
+/// What a lead cuts: the run of the deepest place of each, and how near the tool comes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct LeadCuts {
+    pub gouge: Found,
+    /// Only the free end of the run that it leads onto or leaves.
+    pub nick: Found,
+}
+
+/// The end of the contour that a lead leads to or from: before it there is only air.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FreeEnd {
+    at: Vec2,
+    is_start: bool,
+}
+
+/// A run at a free end, and the part of it that a lead passes over.
+#[derive(Debug)]
+struct Part {
+    run: usize,
+    passed: Option<Element>,
+    rest: Option<Element>,
+    /// How near the lead comes to the end.
+    nearest_mm: f64,
+}
+
+impl FreeEnd {
+    /// Where the contour begins; `None` where that is a tail, which bounds nothing.
+    pub(crate) fn first(walls: &Walls<'_>) -> Option<Self> {
+        let at = walls.of(0)?.start();
+        (at == walls.element(0).start()).then_some(Self { at, is_start: true })
+    }
+
+    /// Where it ends.
+    pub(crate) fn last(walls: &Walls<'_>) -> Option<Self> {
+        let run = walls.count().checked_sub(1)?;
+        let at = walls.of(run)?.end();
+        (at == walls.element(run).end()).then_some(Self { at, is_start: false })
+    }
+
+    /// What a lead passes over that joins the contour one radius away from its end: for the
+    /// angle φ by which it misses being perpendicular to that radius it comes as near to the
+    /// end as R cos φ, and nearer than R to what is no farther from there than R tan φ/2; twice
+    /// that where the contour bends to it.
+    fn passed(&self, walls: &Walls<'_>, straight: (Vec2, Vec2), radius_mm: f64) -> Vec<Part> {
+        let out = (straight.0 - self.at).norm().min((straight.1 - self.at).norm());
+        let Some(way) = Element::line(straight.0, straight.1) else { return Vec::new() };
+        let nearest_mm = (nearest_on_element(&way, self.at) - self.at).norm();
+        if out > radius_mm + 2.0 * GOUGE_MM || nearest_mm >= radius_mm {
+            return Vec::new();
+        }
+        let part = (radius_mm - nearest_mm) / (radius_mm + nearest_mm);
+        let mut left_mm = 2.0 * radius_mm * part.sqrt();
+        let mut parts = Vec::new();
+        for index in 0..walls.count() {
+            let run = if self.is_start { index } else { walls.count() - 1 - index };
+            let whole = *walls.element(run);
+            let (passed, rest) = match self.is_start {
+                true => (whole.before(left_mm), whole.after(left_mm)),
+                false => {
+                    let from = whole.length() - left_mm;
+                    (whole.after(from), whole.before(from))
+                }
+            };
+            parts.push(Part { run, passed, rest, nearest_mm });
+            left_mm -= whole.length();
+            if left_mm <= 0.0 {
+                break;
+            }
+        }
+        parts
     }
 }
 
@@ -145,19 +247,20 @@ impl Check<'_> {
     ) {
         let lead = &span.entry.lead;
         let code = if span.entry.is_link { Code::LinkGouge } else { Code::LeadGouge };
-        self.span(code, span, runs, way, span.d_mm, lead);
+        let free_end = FreeEnd::first(self.walls).filter(|_| !span.entry.is_link);
+        self.span(code, (span, runs), (way, span.d_mm, free_end), lead);
         if let Some(behind) = behind {
             let near = nearest(way.straight.0, way.straight.1, &behind.wall);
             if near.distance < behind.d_mm.abs() - GOUGE_MM {
-                let negative = span.is_negative;
-                self.report(Code::LinkGouge, near, behind.d_mm, lead, behind.source, negative);
+                self.report(Code::LinkGouge, near, behind.d_mm, lead, behind.source);
             }
         }
     }
 
     /// The lead-off, from the end of the contour.
     pub(crate) fn lead_off(&mut self, span: &Span<'_>, runs: &[Run], way: &Way, lead: &Lead) {
-        self.span(Code::LeadGouge, span, runs, way, span.d_out_mm, lead);
+        let free_end = FreeEnd::last(self.walls);
+        self.span(Code::LeadGouge, (span, runs), (way, span.d_out_mm, free_end), lead);
     }
 
     /// The ways along the last block on one side and the first on the other (O02):
@@ -181,8 +284,8 @@ impl Check<'_> {
                 let at = in_work(self.plane, near.on_wall, height(self.plane, to.motion.end));
                 let what = "change of side";
                 let code = Code::LinkGouge;
-                let (distance_mm, is_negative) = (near.distance, span.is_negative);
-                let cut = LeadCut { code, what, source, other, at, d_mm, distance_mm, is_negative };
+                let distance_mm = near.distance;
+                let cut = LeadCut { code, what, source, other, at, d_mm, distance_mm };
                 self.diagnostics.push(finding::lead_cut(&cut, self.profile));
             }
         }
@@ -203,28 +306,28 @@ impl Check<'_> {
     fn span(
         &mut self,
         code: Code,
-        span: &Span<'_>,
-        runs: &[Run],
-        way: &Way,
-        d_mm: f64,
+        (span, runs): (&Span<'_>, &[Run]),
+        (way, d_mm, free_end): (&Way, f64, Option<FreeEnd>),
         lead: &Lead,
     ) {
         let limit = d_mm.abs() - GOUGE_MM;
-        if let Some((run, near)) = way.deepest_cut(self.walls, limit) {
+        let mut cuts = way.cuts(self.walls, free_end, limit, |_| false);
+        if cuts.gouge.is_some() || cuts.nick.is_some() {
+            let below = Below::of(span, runs, self.walls, lead, self.profile);
+            cuts = way.cuts(self.walls, free_end, limit, |run| below.is(self.walls, run));
+        }
+        let is_deep = |(_, near): &(usize, Nearest)| {
+            d_mm.abs() - near.distance > self.profile.accept_tolerance_mm
+        };
+        let gouge = cuts.gouge.map(|gouge| (code, gouge));
+        let nick = cuts.nick.filter(is_deep).map(|nick| (Code::LeadNick, nick));
+        if let Some((code, (run, near))) = gouge.or(nick) {
             let other = span.legs[runs[run].legs.start].source;
-            self.report(code, near, d_mm, lead, other, span.is_negative);
+            self.report(code, near, d_mm, lead, other);
         }
     }
 
-    fn report(
-        &mut self,
-        code: Code,
-        near: Nearest,
-        d_mm: f64,
-        lead: &Lead,
-        other: Source,
-        is_negative: bool,
-    ) {
+    fn report(&mut self, code: Code, near: Nearest, d_mm: f64, lead: &Lead, other: Source) {
         let cut = LeadCut {
             code,
             what: if code == Code::LinkGouge { "link" } else { "lead" },
@@ -233,8 +336,37 @@ impl Check<'_> {
             at: in_work(self.plane, near.on_wall, height(self.plane, lead.motion.end)),
             d_mm,
             distance_mm: near.distance,
-            is_negative,
         };
         self.diagnostics.push(finding::lead_cut(&cut, self.profile));
+    }
+}
+
+/// The passes of a span that a lead is above all along.
+#[derive(Debug)]
+pub(crate) struct Below(Vec<bool>);
+
+impl Below {
+    pub(crate) fn of(
+        span: &Span<'_>,
+        runs: &[Run],
+        walls: &Walls<'_>,
+        lead: &Lead,
+        profile: &Profile,
+    ) -> Self {
+        let at = |position| height(span.plane, position);
+        let lowest = at(lead.start).min(at(lead.motion.end));
+        let heights = span.leg_heights();
+        let mut is_below = vec![lowest > profile.interference.stock_top_mm; walls.passes()];
+        for (index, run) in runs.iter().enumerate() {
+            let highest =
+                heights[run.legs.clone()].iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+            is_below[walls.pass(index)] &= lowest > highest;
+        }
+        Self(is_below)
+    }
+
+    /// Whether the lead is above the wall of a run.
+    pub(crate) fn is(&self, walls: &Walls<'_>, run: usize) -> bool {
+        walls.copies(run).all(|copy| self.0[walls.pass(copy)])
     }
 }

@@ -20,6 +20,7 @@ pub mod audit;
 mod certificate;
 mod chain;
 mod compensate;
+mod copies;
 mod corner;
 mod distance;
 mod element;

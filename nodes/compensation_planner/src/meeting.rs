@@ -3,6 +3,7 @@
 //! The contour between two passings of one place is a loop. A loop without width is none:
 //! the contour went back over itself, or posted coordinates jumped to and fro.
 
+use crate::copies::Copies;
 use crate::distance::is_near;
 use crate::element::{Element, Vec2, cross};
 use crate::intersect::crossings;
@@ -11,8 +12,10 @@ use crate::tolerance::{LENGTH_MM, LOOP_MM};
 use crate::tree::{Bounds, Tree, budget};
 use std::ops::ControlFlow;
 
-/// Meetings that are kept for one run, and for any contour.
-const MEETINGS_MAX: (usize, usize) = (4, 10_000);
+/// Meetings that are kept for one run, and for any contour; and before it is asked whether the
+/// contour retraces itself.
+const MEETINGS_MAX: (usize, usize) = (4, 200_000);
+const FEW: (usize, usize) = (4, 100);
 
 /// A place on a run, mm from its start.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
@@ -30,24 +33,95 @@ pub(crate) struct Meeting {
     pub is_return: bool,
 }
 
-/// All places where the contour meets itself, in the order of the later place.
-pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Vec<Meeting> {
+/// All places where the contour meets itself, in the order of the later place; `None` where
+/// there are too many.
+pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Option<Vec<Meeting>> {
+    places(runs, tree, FEW, |_| true).map(|found| wide(runs, found))
+}
+
+/// The same of a contour that retraces itself: of each run with its copies before it the first
+/// place and the last ones. The tree holds the first of all copies alone.
+pub(crate) fn meetings_of_copies(
+    runs: &[Run],
+    tree: &Tree,
+    copies: &Copies,
+) -> Option<Vec<Meeting>> {
+    let mut partners: Vec<Vec<(usize, Meeting)>> = vec![Vec::new(); runs.len()];
+    for meeting in places(runs, tree, MEETINGS_MAX, |run| copies.is_first(run))? {
+        let Meeting { early, late, .. } = meeting;
+        partners[late.run].push((early.run, meeting));
+        if early.run != late.run {
+            let turned = Meeting { early: late, late: early, is_return: false };
+            partners[early.run].push((late.run, turned));
+        }
+    }
+    for (index, run) in runs.iter().enumerate().filter(|(index, _)| copies.is_first(*index)) {
+        for along in [0.0, run.element.length()] {
+            let place = Place { run: index, along };
+            partners[index].push((index, Meeting { early: place, late: place, is_return: false }));
+        }
+    }
     let mut found: Vec<Meeting> = Vec::new();
-    for (index, run) in runs.iter().enumerate() {
-        if run.element.is_closed() {
+    for late in 0..runs.len() {
+        let Some(first) = copies.of_run(late).next() else { continue };
+        for (partner, meeting) in &partners[first] {
+            let is_own = *partner == first && meeting.early.along != meeting.late.along;
+            let before = || copies.within(*partner, 0..late + usize::from(is_own));
+            for early in before().take(1).chain(before().rev().take(2)) {
+                found.extend(between(runs, meeting, early, late));
+            }
+        }
+    }
+    Some(wide(runs, found))
+}
+
+/// A meeting of copies, but for the joint of two that follow each other.
+fn between(runs: &[Run], meeting: &Meeting, early: usize, late: usize) -> Option<Meeting> {
+    let length = |run: usize| runs[run].element.length();
+    let is_joint = early + 1 == late
+        && meeting.late.along <= LENGTH_MM
+        && meeting.early.along >= length(early) - LENGTH_MM;
+    let place = |run: usize, along: f64| Place { run, along };
+    (!is_joint).then(|| Meeting {
+        early: place(early, meeting.early.along),
+        late: place(late, meeting.late.along),
+        is_return: meeting.late.along >= length(late) - LENGTH_MM,
+    })
+}
+
+/// Meetings after loops that have a width, in the order of the later place.
+fn wide(runs: &[Run], mut found: Vec<Meeting>) -> Vec<Meeting> {
+    if !found.is_empty() {
+        let areas = Areas::of(runs);
+        found.retain(|meeting| areas.width(meeting) > LOOP_MM);
+    }
+    found.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
+    found
+}
+
+/// All places where runs that count meet; `None` where there are too many.
+fn places(
+    runs: &[Run],
+    tree: &Tree,
+    most: (usize, usize),
+    counts: impl Fn(usize) -> bool,
+) -> Option<Vec<Meeting>> {
+    let mut found: Vec<Meeting> = Vec::new();
+    for (index, run) in runs.iter().enumerate().filter(|(index, _)| counts(*index)) {
+        if run.element.is_closed() || run.element.goes_around() {
             let late = Place { run: index, along: run.element.length() };
             let early = Place { run: index, along: 0.0 };
             found.push(Meeting { early, late, is_return: true });
         }
     }
-    let most = MEETINGS_MAX.0 * runs.len() + MEETINGS_MAX.1;
-    tree.near_pairs(tree, LENGTH_MM, budget(runs.len()), |early, late| {
+    let most = most.0 * runs.len() + most.1;
+    let is_complete = tree.near_pairs(tree, LENGTH_MM, budget(runs.len()), |early, late| {
         if early.start > late.start {
             return ControlFlow::Continue(());
         }
-        for late in late {
+        for late in late.filter(|late| counts(*late)) {
             let late_box = Bounds::of(&runs[late].element);
-            for early in early.start..early.end.min(late) {
+            for early in (early.start..early.end.min(late)).filter(|early| counts(*early)) {
                 let early_box = Bounds::of(&runs[early].element);
                 if early_box.gap_squared(&late_box) <= LENGTH_MM * LENGTH_MM {
                     meet(runs, early, late, &mut found);
@@ -56,12 +130,7 @@ pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Vec<Meeting> {
         }
         if found.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
-    if !found.is_empty() {
-        let areas = Areas::of(runs);
-        found.retain(|meeting| areas.width(meeting) > LOOP_MM);
-    }
-    found.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
-    found
+    (is_complete && found.len() < most).then_some(found)
 }
 
 fn meet(runs: &[Run], early: usize, late: usize, found: &mut Vec<Meeting>) {

@@ -4,7 +4,7 @@
 
 use crate::element::{Element, Vec2};
 use crate::emit::feed;
-use crate::frame::element_from;
+use crate::frame::{element_from, height};
 use cnc_msgs::contour::{Action, Approach, Motion, OutsideCorner, Source};
 use cnc_msgs::geometry::{Plane, Position};
 
@@ -93,9 +93,6 @@ pub(crate) struct Span<'a> {
     pub d_mm: f64,
     /// The signed offset at the end of the last leg.
     pub d_out_mm: f64,
-    /// The radius is below 0: a difference to the tool that the program was made for
-    /// (M10, S49), or the other of two parts that mate (N04).
-    pub is_negative: bool,
     /// Tip direction of the edge at the lead-on, 0 to 9.
     pub tip: u8,
     pub entry: Entry,
@@ -105,6 +102,24 @@ pub(crate) struct Span<'a> {
     pub next: Option<OtherSide>,
     /// How an outside corner before the lead-off is rounded.
     pub exit_corner: OutsideCorner,
+}
+
+impl Span<'_> {
+    /// The highest place of each leg along the tool, mm: where it starts or ends.
+    pub(crate) fn leg_heights(&self) -> Vec<f64> {
+        let mut items = self.items.iter().peekable();
+        let mut now = height(self.plane, self.entry.lead.motion.end);
+        let highest = |(index, leg): (usize, &Leg<'_>)| {
+            while let Some(item) = items.next_if(|item| item.before <= index) {
+                if let ItemKind::OffPlane(motion) = item.what {
+                    now = height(self.plane, motion.end);
+                }
+            }
+            let start = std::mem::replace(&mut now, height(self.plane, leg.motion.end));
+            start.max(now)
+        };
+        self.legs.iter().enumerate().map(highest).collect()
+    }
 }
 
 /// Legs that are one line or arc for the geometry.

@@ -7,11 +7,14 @@
 //! (M12), but for a tool that runs along the same tail.
 
 use crate::chain::{Link, Placed, Role};
-use crate::element::{Element, Vec2, cross};
-use crate::meeting::{Meeting, Place, meetings};
+use crate::copies::Copies;
+use crate::element::{Element, Vec2};
+use crate::meeting::{Meeting, Place, meetings, meetings_of_copies};
 use crate::span::Run;
-use crate::tolerance::{BEND_RAD, LENGTH_MM};
+use crate::tolerance::{LENGTH_MM, MERGE_MM};
 use crate::tree::{Bounds, Chains, NO_CHAIN, Tree};
+use cnc_msgs::diagnostic::Severity;
+use cnc_msgs::profile::Strictness;
 use std::ops::Range;
 
 /// The walls of a span.
@@ -31,6 +34,12 @@ pub(crate) struct Layout {
     chains: Vec<u32>,
     /// Whether it may be cut into: it is followed, or all are judged.
     is_judged: Vec<bool>,
+    /// Where the contour retraces itself so often that each wall is looked at once.
+    copies: Option<Copies>,
+    /// Whether all places were found where it meets itself.
+    is_complete: bool,
+    /// A cut where the contour closes is only told.
+    forgives_closing: bool,
 }
 
 /// Runs without a return, and what of them bounds nothing.
@@ -77,11 +86,51 @@ impl<'a> Walls<'a> {
         if judges_all {
             is_judged.fill(true);
         }
-        let boxes = runs.iter().zip(&chains).map(|(run, &chain)| (Bounds::of(&run.element), chain));
-        let tree = Tree::new(boxes);
-        let meetings = meetings(runs, &tree);
-        let passes = passes(runs, &meetings);
-        Self { runs, layout: Layout { passes, tree, chains, is_judged } }
+        let tree = tree_of(runs, &chains, |_| true);
+        let mut copies = None;
+        let found = meetings(runs, &tree).or_else(|| {
+            let copies = copies.insert(Copies::of(runs, |_| true));
+            let firsts = tree_of(runs, &chains, |run| copies.is_first(run));
+            meetings_of_copies(runs, &firsts, copies)
+        });
+        let is_complete = found.is_some();
+        let passes = passes(runs, &found.unwrap_or_default());
+        let (forgives_closing, copies) = (false, copies.filter(|_| !judges_all));
+        let retraces = copies.is_some();
+        let layout =
+            Layout { passes, tree, chains, is_judged, copies, is_complete, forgives_closing };
+        let mut walls = Self { runs, layout };
+        if retraces {
+            walls.look_once();
+        }
+        walls
+    }
+
+    /// Of whole walls that are the same the tree holds the first.
+    fn look_once(&mut self) {
+        let copies = Copies::of(self.runs, |run| self.is_whole(run));
+        let is_judged = |run: usize| copies.of_run(run).any(|copy| self.is_judged(copy));
+        let is_judged = (0..self.runs.len()).map(|run| copies.is_first(run) && is_judged(run));
+        let is_judged: Vec<bool> = is_judged.collect();
+        let tree = tree_of(self.runs, &self.layout.chains, |run| copies.is_first(run));
+        for run in 0..self.runs.len() {
+            let first = copies.of_run(run).next().unwrap_or(run);
+            self.layout.is_judged[run] = is_judged[first];
+        }
+        self.layout.tree = tree;
+        self.layout.copies = Some(copies);
+    }
+
+    /// As a control whose manual shows it begins a closed contour in an inside corner.
+    #[must_use]
+    pub(crate) fn forgiving_closing(mut self, rule: Strictness) -> Self {
+        self.layout.forgives_closing = rule.severity() == Severity::Warning;
+        self
+    }
+
+    /// Whether a cut between what a pass begins and what it ends with is forgiven.
+    pub(crate) fn forgives_closing(&self) -> bool {
+        self.layout.forgives_closing
     }
 
     /// The same again, of the same runs.
@@ -104,6 +153,33 @@ impl<'a> Walls<'a> {
         &self.layout.tree
     }
 
+    /// Whether all places were found where the contour meets itself.
+    pub(crate) fn is_complete(&self) -> bool {
+        self.layout.is_complete
+    }
+
+    /// All runs that are the same wall, where the tree holds one of them.
+    pub(crate) fn copies(&self, run: usize) -> impl Iterator<Item = usize> + '_ {
+        let copies = self.layout.copies.as_ref();
+        let others = copies.into_iter().flat_map(move |copies| copies.of_run(run));
+        std::iter::once(run).chain(others)
+    }
+
+    /// The copy of a wall that is in the pass of a run; itself where there is none.
+    pub(crate) fn in_pass_of(&self, on: usize, into: usize) -> usize {
+        let Some(copies) = &self.layout.copies else { return into };
+        let pass = self.layout.passes[self.pass(on)].runs.clone();
+        copies.within(into, pass).next().unwrap_or(into)
+    }
+
+    /// Whether no part of a run is a tail.
+    fn is_whole(&self, run: usize) -> bool {
+        let Some(pass) = self.layout.passes.get(self.pass(run)) else { return false };
+        let length = self.runs[run].element.length();
+        pass.begin.is_none_or(|begin| begin <= Place { run, along: 0.0 })
+            && pass.end.is_none_or(|end| end >= Place { run, along: length })
+    }
+
     /// Whether a run is one that must not be cut into.
     pub(crate) fn is_judged(&self, run: usize) -> bool {
         self.layout.is_judged[run]
@@ -119,30 +195,26 @@ impl<'a> Walls<'a> {
         self.layout.chains[run]
     }
 
+    /// Number of passes.
+    pub(crate) fn passes(&self) -> usize {
+        self.layout.passes.len()
+    }
+
     /// Number of the pass that a run belongs to.
     pub(crate) fn pass(&self, run: usize) -> usize {
         self.layout.passes.partition_point(|pass| pass.runs.end <= run)
     }
 
-    /// Whether a run is of what leads at a tangent away from the loop that it begins on, as an
-    /// arc behind a full circle does: it bounds nothing of the loop.
-    pub(crate) fn leads_away(&self, run: usize) -> bool {
-        const RUNS_MAX: usize = 2;
-        let [.., _, last] = &self.layout.passes[..] else { return false };
-        let is_few = last.runs.contains(&run) && last.runs.len() <= RUNS_MAX;
-        is_few && last.begin.is_none() && last.end.is_none() && {
-            let behind = self.runs[last.runs.start - 1].element.end_tangent();
-            let ahead = self.runs[last.runs.start].element.start_tangent();
-            behind.dot(&ahead) > 0.0 && cross(behind, ahead).abs() <= BEND_RAD
-        }
-    }
-
-    /// Whether the walls of a pass begin on one of two runs and end on the other.
-    pub(crate) fn are_ends(&self, one: usize, other: usize) -> bool {
+    /// Whether the walls of a pass begin on one of two runs and close on the other.
+    pub(crate) fn close_on(&self, one: usize, other: usize) -> bool {
         let Some(pass) = self.layout.passes.get(self.pass(one)) else { return false };
         let first = pass.begin.map_or(pass.runs.start, |begin| begin.run);
         let last = pass.end.map_or(pass.runs.end.saturating_sub(1), |end| end.run);
-        first != last && (one.min(other), one.max(other)) == (first, last)
+        let closes = || {
+            let ends = self.of(first).zip(self.of(last));
+            ends.is_some_and(|(first, last)| (first.start() - last.end()).norm() <= MERGE_MM)
+        };
+        first != last && (one.min(other), one.max(other)) == (first, last) && closes()
     }
 
     /// The wall in the element of a run; `None` when all of it is a tail.
@@ -185,39 +257,70 @@ impl<'a> Walls<'a> {
     }
 }
 
+/// Boxes over the runs that it is to hold, by number of run.
+fn tree_of(runs: &[Run], chains: &[u32], holds: impl Fn(usize) -> bool) -> Tree {
+    let bounds = |run: usize| match holds(run) {
+        true => Bounds::of(&runs[run].element),
+        false => Bounds::EMPTY,
+    };
+    Tree::new((0..runs.len()).map(|run| (bounds(run), chains[run])))
+}
+
 fn passes(runs: &[Run], meetings: &[Meeting]) -> Vec<Pass> {
-    let mut passes: Vec<Range<usize>> = Vec::new();
+    let mut passes: Vec<Pass> = Vec::new();
+    let mut closings: Vec<Meeting> = Vec::new();
     let mut start = 0;
     for meeting in meetings.iter().filter(|meeting| meeting.is_return) {
         if meeting.early.run >= start && meeting.late.run >= start {
-            passes.push(start..meeting.late.run + 1);
+            passes.push(Pass { runs: start..meeting.late.run + 1, begin: None, end: None });
+            closings.push(*meeting);
             start = meeting.late.run + 1;
         }
     }
     if start < runs.len() {
-        passes.push(start..runs.len());
+        passes.push(Pass { runs: start..runs.len(), begin: None, end: None });
     }
-    let with_tails = |runs: Range<usize>| {
-        let mut pass = Pass { runs, begin: None, end: None };
-        // Meetings are in the order of their later place.
-        let from = meetings.partition_point(|meeting| meeting.late.run < pass.runs.start);
-        for meeting in &meetings[from..] {
-            if meeting.late.run >= pass.runs.end {
-                break;
-            }
-            if meeting.early.run < pass.runs.start {
-                continue;
-            }
-            if pass.begin.is_none_or(|begin| meeting.early < begin) {
-                pass.begin = Some(meeting.early);
-            }
-            if pass.end.is_none_or(|end| meeting.late > end) {
-                pass.end = Some(meeting.late);
+    // Meetings are in the order of their later place.
+    let mut next = 0;
+    for pass in &mut passes {
+        while let Some(meeting) = meetings.get(next).filter(|it| it.late.run < pass.runs.end) {
+            next += 1;
+            if meeting.early.run >= pass.runs.start {
+                pass.take(meeting);
             }
         }
-        pass
-    };
-    passes.into_iter().map(with_tails).collect()
+    }
+    let free_ends = closings.first().zip(closings.last());
+    if let (Some((first, last)), [front, .., back]) = (free_ends, &mut passes[..]) {
+        // What leads onto the first loop, and what leads away from the last, may cross each
+        // other: that is no wall.
+        let leads_on = meetings.iter().filter(|meeting| meeting.late <= last.late);
+        front.begin = leads_on.map(|meeting| meeting.early).reduce(Place::first);
+        if back.runs.start > last.late.run {
+            let leads_off = meetings.iter().filter(|meeting| meeting.early >= first.early);
+            let behind = Place { run: back.runs.start, along: 0.0 };
+            back.end = leads_off.map(|meeting| meeting.late).chain([behind]).reduce(Place::last);
+        }
+    }
+    passes
+}
+
+impl Place {
+    fn first(self, other: Self) -> Self {
+        if other < self { other } else { self }
+    }
+
+    fn last(self, other: Self) -> Self {
+        if other > self { other } else { self }
+    }
+}
+
+impl Pass {
+    /// The walls begin and end where it meets itself.
+    fn take(&mut self, meeting: &Meeting) {
+        self.begin = Some(self.begin.map_or(meeting.early, |begin| begin.first(meeting.early)));
+        self.end = Some(self.end.map_or(meeting.late, |end| end.last(meeting.late)));
+    }
 }
 
 #[cfg(test)]
@@ -286,6 +389,6 @@ mod tests {
         let walls = Walls::new(&runs, &[], &[]);
         let passes: Vec<usize> = (0..6).map(|run| walls.pass(run)).collect();
         assert_eq!(passes, [0, 0, 0, 1, 1, 1]);
-        assert!(walls.are_ends(2, 0) && !walls.are_ends(1, 0) && !walls.are_ends(2, 3));
+        assert!(walls.close_on(2, 0) && !walls.close_on(1, 0) && !walls.close_on(2, 3));
     }
 }

@@ -74,7 +74,7 @@ fn a_d_shaped_pocket_entered_in_its_corner_is_cut() {
 }
 
 #[test]
-fn a_closed_circle_is_a_pass_and_what_follows_is_another() {
+fn what_leads_away_from_a_closed_circle_bounds_nothing() {
     let text = "
         N1 G0 X40 Y5
         N2 G42 D1 G456 G1 X20 Y0 F100
@@ -82,6 +82,25 @@ fn a_closed_circle_is_a_pass_and_what_follows_is_another() {
         N4 G1 X24 Y-30
         N5 G40 G456 X60 Y-30";
     let plan = plan(text, &sinumerik(), &tool(5.0));
+    assert_eq!(findings(&plan), "");
+}
+
+#[test]
+fn a_roughing_pass_that_cuts_what_a_finishing_pass_leaves_is_told() {
+    let text = "
+        N1 G0 X0 Y20
+        N2 G41 D1 G456 G1 X0 Y0 F100
+        N3 X20
+        N4 Y40
+        N5 X-20
+        N6 Y0
+        N7 X12
+        N8 Y30
+        N9 X-12
+        N10 Y0
+        N11 X0
+        N12 G40 G456 X0 Y20";
+    let plan = plan(text, &sinumerik(), &tool(3.0));
     let finding = finding(&plan, Code::CutsOtherPass);
     assert_eq!(finding.severity, Severity::Warning);
     assert!(plan.accepted(), "{}", findings(&plan));
@@ -287,7 +306,7 @@ fn the_corner_between_a_lead_and_the_contour_is_part_of_the_lead() {
         plan(&text, &sinumerik(), &tool(5.0))
     };
     // An oblique lead nicks the corner itself, whatever else there is (S18).
-    let nicked = finding(&run(11.0), Code::LeadGouge).other.unwrap().block;
+    let nicked = finding(&run(11.0), Code::LeadNick).other.unwrap().block;
     assert_eq!(nicked, Some(3));
     let near = run(9.0);
     let swung = finding(&near, Code::LeadGouge);

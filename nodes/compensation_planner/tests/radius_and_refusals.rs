@@ -14,16 +14,24 @@ fn ends_of(text: &str, radius: f64) -> Vec<[f64; 2]> {
 
 #[test]
 fn n03_a_negative_radius_runs_on_the_other_side() {
-    let square = "G0 X-20 Y-20\nG41 D1 G456 G1 X0 Y0\nY50\nX50\nY0\nX0\nG40 G456 X-20 Y20";
-    let outside = ends_of(square, 5.0);
-    assert_eq!(outside[1], [-5.0, 0.0]);
-    let inside = ends_of(square, -5.0);
-    assert_eq!(&inside[1..6], &[[5.0, 0.0], [5.0, 45.0], [45.0, 45.0], [45.0, 5.0], [0.0, 5.0]]);
-    // P5; of a tool that is known to be so large the entry in the corner is a gouge.
-    let gouging = plan(&square.replace("G41", "G42"), &sinumerik(), &tool(5.0));
-    assert_eq!(finding(&gouging, Code::Gouge).depth_mm, Some(5.0));
-    let same: Vec<_> = gouging.refused.iter().map(|e| [e.end[0], e.end[1]]).collect();
-    assert_eq!(inside, same);
+    let square = "G0 X-20 Y-20\nG41 D1 G1 X0 Y0 F100\nY50\nX50\nY0\nX0\nG40 X-20 Y20";
+    let run = |text: &str, radius: f64| plan(text, &profile("nct"), &tool(radius));
+    assert_eq!(ends(&run(square, 5.0))[1], [-5.0, 0.0]);
+    let inside = run(square, -5.0);
+    let expected = [[5.0, 0.0], [5.0, 45.0], [45.0, 45.0], [45.0, 5.0], [0.0, 5.0]];
+    assert_eq!(&ends(&inside)[1..6], &expected);
+    // P5: the same on the other side, to the letter; the figure begins in an inside corner.
+    let other = run(&square.replace("G41", "G42"), 5.0);
+    assert_eq!(findings(&inside), findings(&other));
+    assert_eq!(inside.path.elements, other.path.elements);
+    assert_eq!(finding(&inside, Code::Gouge).severity, Severity::Warning);
+    // No figure of that control does so.
+    for (text, radius) in [(square, -5.0), (&square.replace("G41", "G42"), 5.0)] {
+        let text = text.replace("G41", "G41 G456").replace("G42", "G42 G456");
+        let refused = plan(&text, &sinumerik(), &tool(radius));
+        assert_eq!(finding(&refused, Code::Gouge).severity, Severity::Error);
+        assert_eq!(finding(&refused, Code::Gouge).depth_mm, Some(5.0));
+    }
     let mut strict = sinumerik();
     strict.radius.negative.rule = NegativeRadius::Forbidden;
     finding(&plan(square, &strict, &tool(-5.0)), Code::RadiusSource);

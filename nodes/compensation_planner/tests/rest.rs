@@ -2,6 +2,7 @@
 
 mod support;
 
+use cnc_msgs::profile::{Profile, Strictness};
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::rest::plan_rest;
 use compensation_planner::set_tool::LoadedProgram;
@@ -14,9 +15,16 @@ const SQUARE: &str = "N10 G41 D1 G1 X0 Y0 F500
     N50 X0 Y0
     N60 G40 X-20 Y-20";
 
+/// A control that begins a closed contour in its inside corner.
+fn from_a_corner() -> Profile {
+    let mut profile = sinumerik();
+    profile.interference.at_closing = Strictness::Warn;
+    profile
+}
+
 #[test]
 fn s48_a_value_entered_in_a_stop_is_in_force_from_the_next_corner_on() {
-    let (profile, before, after) = (sinumerik(), tool(-5.0), tool(-8.0));
+    let (profile, before, after) = (from_a_corner(), tool(-5.0), tool(-8.0));
     let square = contour(SQUARE, &profile);
     let program = LoadedProgram { name: "square", contour: &square, profile: &profile };
     let running = plan(SQUARE, &profile, &before).path;
@@ -61,7 +69,7 @@ fn a_value_may_change_within_a_line_that_is_written_in_pieces() {
 
 #[test]
 fn a_rest_that_cannot_change_leaves_the_program_as_it_is() {
-    let (profile, before) = (sinumerik(), tool(-5.0));
+    let (profile, before) = (from_a_corner(), tool(-5.0));
     let square = contour(SQUARE, &profile);
     let program = LoadedProgram { name: "square", contour: &square, profile: &profile };
     let running = plan(SQUARE, &profile, &before).path;

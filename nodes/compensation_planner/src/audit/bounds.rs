@@ -4,6 +4,7 @@
 //! piece from a free end of a pass to the first place where the pass meets itself.
 
 use super::apart;
+use super::copies::Copies;
 use super::pieces::Pieces;
 use super::planar::{Piece, Point, cross, crossings, unit};
 use super::strip::{self, StripTree};
@@ -15,8 +16,10 @@ const MEET_MM: f64 = 1.5e-6;
 const MERGE_MM: f64 = 1e-4;
 /// A loop that is narrower in the mean has no inside, mm.
 const LOOP_MM: f64 = 2e-3;
-/// Meetings kept for each leg, and for any span.
-const MEETINGS_MAX: (usize, usize) = (4, 10_000);
+/// Meetings kept for each leg, and for any span; and before it is asked whether the contour
+/// retraces itself.
+const MEETINGS_MAX: (usize, usize) = (4, 200_000);
+const FEW: (usize, usize) = (4, 100);
 
 /// A place on a leg, mm from its start.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
@@ -47,15 +50,34 @@ pub(super) struct Bounds {
 impl Bounds {
     /// Of the legs of a span; `None` when they meet too often to look at.
     pub(super) fn of(tree: &StripTree<'_>) -> Option<Self> {
-        let legs = tree.pieces;
-        let mut meetings = meetings(tree)?;
+        let meetings = meetings(tree, FEW, |_| true)?;
+        Some(Self::between(tree.pieces, meetings))
+    }
+
+    /// Of the legs of a span that retraces itself.
+    pub(super) fn of_copies(tree: StripTree<'_>, copies: &Copies) -> Option<Self> {
+        let is_first = |leg: usize| copies.is_first(leg);
+        let tree = tree.holding(is_first);
+        let meetings = meetings(&tree, MEETINGS_MAX, is_first)?;
+        Some(Self::between(tree.pieces, of_all(tree.pieces, copies, &meetings)))
+    }
+
+    fn between(legs: &Pieces, mut meetings: Vec<Meeting>) -> Self {
+        if !meetings.is_empty() {
+            let sums = Sums::of(legs);
+            meetings.retain(|meeting| sums.is_wide(legs, meeting));
+        }
         meetings.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
         let mut passes: Vec<Pass> = Vec::new();
+        // The place that the first loop closes on, and where the last loop ends.
+        let mut loops: Option<(Place, Place)> = None;
         let mut start = 0;
         for meeting in meetings.iter().filter(|meeting| meeting.is_return) {
             if meeting.early.leg >= start && meeting.late.leg >= start {
                 passes.push(Pass { legs: start..meeting.late.leg + 1, begin: None, end: None });
                 start = meeting.late.leg + 1;
+                let (first, _) = loops.unwrap_or((meeting.early, meeting.late));
+                loops = Some((first, meeting.late));
             }
         }
         if start < legs.count() {
@@ -76,7 +98,10 @@ impl Bounds {
                 }
             }
         }
-        Some(Self { passes })
+        if let Some((first, last)) = loops.filter(|_| passes.len() > 1) {
+            free_ends(&mut passes, &meetings, first, last);
+        }
+        Self { passes }
     }
 
     /// Number of the pass of a leg.
@@ -85,19 +110,6 @@ impl Bounds {
             return 0;
         }
         self.passes.partition_point(|pass| pass.legs.end <= leg)
-    }
-
-    /// Whether a leg is one of the few that run out of the last loop at a tangent: they lead
-    /// away from it.
-    pub(super) fn leads_away(&self, legs: &Pieces, leg: usize) -> bool {
-        const LEGS_MAX: usize = 2;
-        const TURN: f64 = 1e-2;
-        let Some(last) = self.passes.last().filter(|_| self.passes.len() > 1) else { return false };
-        if !last.legs.contains(&leg) || last.legs.len() > LEGS_MAX || last.begin.is_some() {
-            return false;
-        }
-        let (loops, leaves) = (legs.piece(last.legs.start - 1), legs.piece(last.legs.start));
-        (loops.tangent(loops.to) - leaves.tangent(leaves.from)).norm() <= TURN
     }
 
     /// Whether all of a leg is a wall for what runs beside any other, so that nothing has to
@@ -155,12 +167,35 @@ impl Bounds {
         let last = pass.end.map_or(pass.legs.end.saturating_sub(1), |end| end.leg);
         Some((first, last))
     }
+
+    /// The legs of a pass.
+    pub(super) fn legs(&self, pass: usize) -> Range<usize> {
+        self.passes[pass].legs.clone()
+    }
 }
 
-fn meetings(tree: &StripTree<'_>) -> Option<Vec<Meeting>> {
+/// The tails before the first loop and behind the last. They may cross each other: only where
+/// they meet a loop is an end of theirs.
+fn free_ends(passes: &mut [Pass], meetings: &[Meeting], first: Place, last: Place) {
+    let least = |a: Place, b: Place| if b < a { b } else { a };
+    let most = |a: Place, b: Place| if b > a { b } else { a };
+    let before_end = meetings.iter().filter(|meeting| meeting.late <= last);
+    passes[0].begin = before_end.map(|meeting| meeting.early).reduce(least);
+    let Some(behind) = passes.last_mut().filter(|pass| pass.legs.start > last.leg) else { return };
+    let behind_begin = meetings.iter().filter(|meeting| meeting.early >= first);
+    let start = Place { leg: behind.legs.start, along: 0.0 };
+    behind.end = behind_begin.map(|meeting| meeting.late).chain([start]).reduce(most);
+}
+
+/// Where the legs meet that count.
+fn meetings(
+    tree: &StripTree<'_>,
+    most: (usize, usize),
+    counts: impl Fn(usize) -> bool,
+) -> Option<Vec<Meeting>> {
     let legs = tree.pieces;
     let mut found: Vec<Meeting> = Vec::new();
-    for leg in 0..legs.count() {
+    for leg in (0..legs.count()).filter(|leg| counts(*leg)) {
         if (legs.end(leg) - legs.begin(leg)).norm_squared() > MEET_MM * MEET_MM {
             continue;
         }
@@ -170,22 +205,53 @@ fn meetings(tree: &StripTree<'_>) -> Option<Vec<Meeting>> {
             found.push(Meeting { early: Place { leg, along: 0.0 }, late, is_return: true });
         }
     }
-    let most = MEETINGS_MAX.0 * legs.count() + MEETINGS_MAX.1;
+    let most = most.0 * legs.count() + most.1;
     // Along a fan of legs two places are as far apart as half the way between them: those that
     // meet are on one place of the contour, which is no meeting.
     let is_complete = strip::near_itself(tree, MEET_MM, |early, late| {
-        for late in late {
-            for early in early.start..early.end.min(late) {
+        for late in late.filter(|late| counts(*late)) {
+            for early in (early.start..early.end.min(late)).filter(|early| counts(*early)) {
                 meet(legs, early, late, &mut found);
             }
         }
         found.len() < most
     });
-    if !found.is_empty() {
-        let sums = Sums::of(legs);
-        found.retain(|meeting| sums.is_wide(legs, meeting));
-    }
     is_complete.then_some(found)
+}
+
+/// The meetings of all copies: of each leg with those before it, the first and the last.
+fn of_all(legs: &Pieces, copies: &Copies, of_firsts: &[Meeting]) -> Vec<Meeting> {
+    let mut meetings: Vec<Vec<(Place, Place)>> = vec![Vec::new(); legs.count()];
+    for leg in (0..legs.count()).filter(|leg| copies.is_first(*leg)) {
+        let place = |along: f64| Place { leg, along };
+        let length = legs.piece(leg).length();
+        meetings[leg].extend([0.0, length].map(|along| (place(along), place(along))));
+    }
+    for &Meeting { early, late, .. } in of_firsts {
+        meetings[late.leg].push((late, early));
+        if early.leg != late.leg {
+            meetings[early.leg].push((early, late));
+        }
+    }
+    let mut found = Vec::new();
+    for leg in 0..legs.count() {
+        let length = legs.piece(leg).length();
+        for &(own, other) in &meetings[copies.of_leg(leg)[0]] {
+            let is_own_loop = own.leg == other.leg && own.along > other.along;
+            let itself = is_own_loop.then_some(leg);
+            for before in copies.before(other.leg, leg).chain(itself) {
+                let is_joint = before + 1 == leg
+                    && own.along <= MEET_MM
+                    && other.along >= legs.piece(before).length() - MEET_MM;
+                if !is_joint {
+                    let is_return = own.along >= length - MEET_MM && !runs_on(legs, leg);
+                    let early = Place { leg: before, ..other };
+                    found.push(Meeting { early, late: Place { leg, ..own }, is_return });
+                }
+            }
+        }
+    }
+    found
 }
 
 /// Twice the area that the way from the first leg sweeps about its start, mm², and its length.

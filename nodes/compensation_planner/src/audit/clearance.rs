@@ -2,6 +2,7 @@
 
 use super::apart;
 use super::bounds::Bounds;
+use super::copies::Copies;
 use super::pieces::{Chains, Pieces};
 use super::planar::{Near, Piece, Point, cross, nearest};
 use super::program::{Kind, NONE};
@@ -9,14 +10,17 @@ use super::report::{self, Cut, Report};
 use super::spans::Span;
 use super::strip::{self, StripTree};
 use super::way::Way;
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::diagnostic::{Code, Severity};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
+use cnc_msgs::profile::Profile;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
 /// How much nearer than its radius the tool may be, mm.
 pub(super) const GOUGE_MM: f64 = 1e-4;
+/// How much nearer a lead may come to its leg than to the free end of that, mm: rounding.
+const FREE_END_MM: f64 = 2e-6;
 /// Cuts that are kept of a span; what is cut everywhere needs no more.
 const CUTS_MAX: usize = 20_000;
 /// Places of a span that are told.
@@ -34,6 +38,10 @@ struct Found {
     is_other_pass: bool,
     /// The element is a lead, which is judged apart.
     is_lead: bool,
+    /// A lead that only passes over the free end of what it leads onto or leaves.
+    is_nick: bool,
+    /// Where the contour closes, and that is forgiven.
+    is_forgiven: bool,
 }
 
 pub(super) fn check(
@@ -52,8 +60,20 @@ pub(super) fn check(
         return;
     }
     let first = way.program.source(legs[0]);
-    let wall_tree = StripTree::new(walls).with_fans();
-    let Some(bounds) = Bounds::of(&wall_tree) else {
+    let mut wall_tree = StripTree::new(walls).with_fans();
+    let (mut bounds, mut copies) = (Bounds::of(&wall_tree), None);
+    if bounds.is_none() {
+        let all = Copies::of(walls, |_| true);
+        bounds = Bounds::of_copies(wall_tree, &all);
+        let is_whole = |leg| {
+            let piece = walls.piece(leg);
+            let wall = bounds.as_ref().and_then(|bounds| bounds.wall(None, leg, &piece));
+            wall.is_some_and(|wall| (wall.from, wall.to) == (piece.from, piece.to))
+        };
+        let whole = copies.insert(Copies::of(walls, is_whole));
+        wall_tree = StripTree::new(walls).holding(|leg| whole.is_first(leg));
+    }
+    let Some(bounds) = bounds else {
         report.push(report::too_entangled(first));
         return;
     };
@@ -64,6 +84,7 @@ pub(super) fn check(
     };
     let slacks = legs.iter().map(slack).collect();
     let mut search = Search {
+        profile: report.profile,
         way,
         span,
         all_legs: chains.all_legs,
@@ -71,6 +92,7 @@ pub(super) fn check(
         walls,
         slacks,
         bounds,
+        copies,
         found: Vec::new(),
     };
     let tools = search.tools();
@@ -114,6 +136,7 @@ struct Tool {
 }
 
 struct Search<'a> {
+    profile: &'a Profile,
     way: &'a Way<'a>,
     span: &'a Span,
     all_legs: &'a [u32],
@@ -122,6 +145,8 @@ struct Search<'a> {
     /// How far the path may be off beside each leg.
     slacks: Vec<f32>,
     bounds: Bounds,
+    /// Where each wall is looked at once.
+    copies: Option<Copies>,
     found: Vec<Found>,
 }
 
@@ -188,6 +213,14 @@ impl Search<'_> {
         }
         let (chord, bow) = (elements.chord(index), elements.bow(index));
         for leg in into {
+            let leg = match &self.copies {
+                Some(copies) if !copies.is_first(leg) => continue,
+                Some(copies) => {
+                    let pass = self.bounds.pass(tool.on as usize);
+                    copies.within(leg, &self.bounds.legs(pass))
+                }
+                None => leg,
+            };
             let limit = tool.limit_mm - f64::from(self.slacks[leg]);
             let bow_of_leg = self.walls.bow(leg);
             let is_own_line = leg == tool.own as usize && bow_of_leg.is_none();
@@ -259,7 +292,25 @@ impl Search<'_> {
             }
         }
         let is_other_pass = self.bounds.pass(on) != self.bounds.pass(leg);
-        if is_other_pass && !is_lead && self.bounds.leads_away(self.walls, leg) {
+        if is_lead && self.is_above(element, leg) {
+            return;
+        }
+        let mut is_nick = false;
+        if is_lead && let Some((nearest_mm, part, rest)) = self.at_free_end(piece, element, leg) {
+            // What is cut farther from the end than that is no nick, nor what is cut deeper.
+            let is_cut = |near: &Near| near.distance < limit;
+            let of = |part: Option<Piece>| part.map(|part| nearest(piece, &part)).filter(is_cut);
+            match (of(rest), of(part)) {
+                (Some(farther), _) => near = farther,
+                (None, Some(at_end)) => {
+                    near = at_end;
+                    is_nick = at_end.distance >= nearest_mm - FREE_END_MM;
+                }
+                (None, None) => return,
+            }
+        }
+        let radius_mm = self.radius_mm(element);
+        if is_nick && radius_mm - near.distance <= self.profile.accept_tolerance_mm {
             return;
         }
         self.found.push(Found {
@@ -267,10 +318,82 @@ impl Search<'_> {
             on,
             into: leg,
             near,
-            radius_mm: self.radius_mm(element),
+            radius_mm,
             is_other_pass,
             is_lead,
+            is_nick,
+            is_forgiven: self.forgives_closing() && self.is_at_closing(on, leg),
         });
+    }
+
+    /// Whether a lead passes above all cuts of the pass of a leg, and above the material.
+    fn is_above(&self, element: usize, leg: usize) -> bool {
+        let way = self.way;
+        if matches!(way.roles[element], Role::Corner | Role::Contour) {
+            return false;
+        }
+        let along = way.program.offset(self.legs[leg]).plane.axes()[2];
+        let lowest = way.position_before(element)[along].min(way.path.elements[element].end[along]);
+        let pass = self.bounds.pass(leg);
+        let highest = |leg: usize| {
+            let block = self.legs[leg];
+            way.program.start(block)[along].max(way.program.motion(block).end[along])
+        };
+        lowest > self.profile.interference.stock_top_mm
+            && self.bounds.legs(pass).all(|leg| lowest > highest(leg))
+            && self
+                .copies
+                .as_ref()
+                .is_none_or(|copies| copies.of_leg(leg).iter().all(|copy| lowest > highest(*copy)))
+    }
+
+    /// For a lead that joins the contour one radius away from its free end, before which there
+    /// is only air: how near it comes to that, the part of a leg that it then passes over, and
+    /// the rest of the leg. `None`: the lead or the leg is no such one.
+    fn at_free_end(
+        &self,
+        lead: &Piece,
+        element: usize,
+        leg: usize,
+    ) -> Option<(f64, Option<Piece>, Option<Piece>)> {
+        let leads_on = self.span.lead_on == Some(element);
+        let is_straight = leads_on || self.span.lead_off == Some(element);
+        if !is_straight || self.way.roles[element] == Role::Link {
+            return None;
+        }
+        let last = self.legs.len() - 1;
+        let first = if leads_on { 0 } else { last };
+        let piece = self.walls.piece(first);
+        let wall = self.bounds.wall(None, first, &piece)?;
+        let (end, begins) = match leads_on {
+            true => (piece.from, wall.from),
+            false => (piece.to, wall.to),
+        };
+        let (radius_mm, nearest_mm) = (self.radius_mm(element), (lead.nearest(end) - end).norm());
+        let side = if leads_on { lead.to - end } else { lead.from - end };
+        if begins != end || side.norm() > radius_mm + GOUGE_MM || nearest_mm >= radius_mm {
+            return None;
+        }
+        // Beside this much of the contour it is nearer than the radius, bent as it may be.
+        let tangent = ((radius_mm - nearest_mm) / (radius_mm + nearest_mm)).sqrt();
+        let mut left = 2.0 * radius_mm * tangent;
+        let between = if leads_on { 0..leg } else { leg + 1..last + 1 };
+        for other in between {
+            left -= self.walls.piece(other).length();
+            if left <= 0.0 {
+                return None;
+            }
+        }
+        let piece = self.walls.piece(leg);
+        let length = piece.length();
+        if left >= length {
+            return Some((nearest_mm, Some(piece), None));
+        }
+        let (before, behind) = match leads_on {
+            true => (piece.part(0.0, left), piece.part(left, length)),
+            false => (piece.part(length - left, length), piece.part(0.0, length - left)),
+        };
+        Some((nearest_mm, Some(before), Some(behind)))
     }
 
     fn cut(&self, found: &Found) -> Cut {
@@ -281,6 +404,7 @@ impl Search<'_> {
         let code = match element.role {
             Role::Link => Code::LinkGouge,
             _ if kind == Kind::Link => Code::LinkGouge,
+            _ if found.is_nick => Code::LeadNick,
             Role::LeadOn | Role::LeadOff => Code::LeadGouge,
             _ if found.is_lead => Code::LeadGouge,
             _ if found.is_other_pass => Code::CutsOtherPass,
@@ -288,7 +412,6 @@ impl Search<'_> {
         };
         let into = self.legs[found.into];
         let offset = way.program.offset(self.legs[found.on]);
-        let is_lead = matches!(code, Code::LeadGouge | Code::LinkGouge);
         Cut {
             code,
             on: element.source,
@@ -298,7 +421,7 @@ impl Search<'_> {
             plane: offset.plane,
             radius_mm: found.radius_mm,
             distance_mm: found.near.distance,
-            is_excused: offset.is_negative && (is_lead || self.is_at_ends(found)),
+            is_forgiven: found.is_forgiven,
         }
     }
 
@@ -320,17 +443,25 @@ impl Search<'_> {
         at
     }
 
+    fn forgives_closing(&self) -> bool {
+        self.profile.interference.at_closing.severity() == Severity::Warning
+    }
+
     /// Whether the cut is between what the walls of a pass begin with and what they end with.
-    fn is_at_ends(&self, found: &Found) -> bool {
-        let Some((first, last)) = self.bounds.ends(found.on) else { return false };
-        let (low, high) = (found.on.min(found.into), found.on.max(found.into));
+    fn is_at_closing(&self, on: usize, into: usize) -> bool {
+        let Some((first, last)) = self.bounds.ends(on) else { return false };
+        let (low, high) = (on.min(into), on.max(into));
         let is_straight = |from: usize, to: usize| {
             (from..to).all(|leg| {
                 let (a, b) = (self.walls.piece(leg), self.walls.piece(leg + 1));
                 (a.tangent(a.to) - b.tangent(b.from)).norm() <= 1e-2
             })
         };
+        let wall = |leg: usize| self.bounds.wall(None, leg, &self.walls.piece(leg));
+        let ends = wall(first).zip(wall(last));
+        let closes = ends.is_some_and(|(first, last)| (first.from - last.to).norm() <= GOUGE_MM);
         first != last
+            && closes
             && low >= first
             && high <= last
             && is_straight(first, low)
@@ -355,6 +486,7 @@ fn foot(leg: &Piece, element: &Piece, at: Point) -> f64 {
 
 /// Cuts that hang together are one place, and so is a pair of walls that is cut from both.
 fn deepest_places(mut found: Vec<Found>) -> Vec<Found> {
+    let kind = |it: &Found| (it.is_lead, it.is_nick, it.is_other_pass, it.is_forgiven);
     let depth = |found: &Found| found.radius_mm - found.near.distance;
     // Of what is as deep the first, in whatever order it was found.
     let place = |found: &Found| (found.element, found.into);
@@ -366,8 +498,7 @@ fn deepest_places(mut found: Vec<Found>) -> Vec<Found> {
         let known = places.iter_mut().find(|(deepest, [a, b, c, d])| {
             let same = within(*a, *b, cut.on) && within(*c, *d, cut.into);
             let turned = within(*c, *d, cut.on) && within(*a, *b, cut.into);
-            let alike =
-                (deepest.is_lead, deepest.is_other_pass) == (cut.is_lead, cut.is_other_pass);
+            let alike = kind(deepest) == kind(&cut);
             (same || turned) && alike
         });
         match known {

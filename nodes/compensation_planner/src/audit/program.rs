@@ -66,8 +66,6 @@ pub(super) struct Offset {
     pub tip_in: u8,
     pub tip: u8,
     pub plane: Plane,
-    /// The radius is below 0: a difference to another tool.
-    pub is_negative: bool,
     /// The lead-on meets the first leg as a corner, so that it may begin anywhere.
     pub is_joined: bool,
 }
@@ -156,7 +154,6 @@ pub(super) fn read<'a>(
         tip_in: 0,
         tip: 0,
         plane: Plane::default(),
-        is_negative: false,
         is_joined: false,
     };
     let mut reader = Reader {
@@ -335,14 +332,7 @@ impl Reader<'_> {
     fn open(&mut self, side: CutterSide, source: Source) {
         let d_mm = self.signed(side, source);
         let tip = radius::tip(self.word, self.spindle_tool, self.tools);
-        self.offset = Offset {
-            d_in: d_mm,
-            d_out: d_mm,
-            tip_in: tip,
-            tip,
-            is_negative: (d_mm < 0.0) != (side == CutterSide::Right),
-            ..self.offset
-        };
+        self.offset = Offset { d_in: d_mm, d_out: d_mm, tip_in: tip, tip, ..self.offset };
         self.state = State::Active { side, cancels: false, relinks: None, changes: None };
         (self.radius_changes, self.value_waits, self.legs) = (false, None, 0);
     }

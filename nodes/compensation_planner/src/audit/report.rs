@@ -87,7 +87,9 @@ fn is_same(said: &Diagnostic, finding: &Diagnostic) -> bool {
     let mut found = found.iter().flatten();
     let is_known = |line: &u32| known.contains(&Some(*line));
     let is_worse = finding.is_error() && !said.is_error();
-    said.code == finding.code
+    // A lead that cuts is told with the deepest place.
+    let is_of_lead = (said.code, finding.code) == (Code::LeadGouge, Code::LeadNick);
+    (said.code == finding.code || is_of_lead && said.source.line == finding.source.line)
         && match finding.code {
             Code::PathMismatch if said.severity != finding.severity => false,
             // That it cuts into a block in one place says nothing of another place.
@@ -254,8 +256,8 @@ pub(super) struct Cut {
     pub plane: Plane,
     pub radius_mm: f64,
     pub distance_mm: f64,
-    /// A difference of radii where the contour closes is no wall (M10, N03).
-    pub is_excused: bool,
+    /// Where the contour closes, and the profile forgives that.
+    pub is_forgiven: bool,
 }
 
 pub(super) fn cut(cut: &Cut, profile: &Profile) -> Diagnostic {
@@ -277,19 +279,18 @@ pub(super) fn cut(cut: &Cut, profile: &Profile) -> Diagnostic {
     finding.depth_mm = Some(depth_mm);
     finding.needed_mm = Some(cut.radius_mm);
     finding.available_mm = Some(cut.distance_mm);
-    finding.severity = if is_lead(cut.code) {
-        profile.interference.leads.severity()
-    } else {
-        contour_severity(cut.legs_apart, profile)
+    finding.severity = match cut.code {
+        Code::LeadNick => profile.interference.lead_nick.severity(),
+        Code::LeadGouge | Code::LinkGouge => profile.interference.leads.severity(),
+        Code::CutsOtherPass => Severity::Warning,
+        Code::Gouge if cut.is_forgiven => Severity::Warning,
+        _ => contour_severity(cut.legs_apart, profile),
     };
-    if cut.code == Code::CutsOtherPass || cut.is_excused {
-        finding.severity = Severity::Warning;
-    }
     finding
 }
 
 fn is_lead(code: Code) -> bool {
-    matches!(code, Code::LeadGouge | Code::LinkGouge)
+    matches!(code, Code::LeadGouge | Code::LeadNick | Code::LinkGouge)
 }
 
 /// What the profile says of a contour that the tool does not fit, and of one that its control

@@ -25,13 +25,15 @@ pub(super) struct StripTree<'a> {
     levels: Vec<usize>,
     /// The directions of each node, if they are asked for.
     fans: Vec<Fan>,
+    /// The nodes that hold nothing to look at, if there are any.
+    idle: Vec<bool>,
 }
 
 impl<'a> StripTree<'a> {
     pub(super) fn new(pieces: &'a Pieces) -> Self {
         let leaves = pieces.count().div_ceil(LEAF);
         let widths = Vec::with_capacity(2 * leaves + 8);
-        let mut tree = Self { pieces, widths, levels: vec![0], fans: Vec::new() };
+        let mut tree = Self { pieces, widths, levels: vec![0], fans: Vec::new(), idle: Vec::new() };
         if leaves == 0 {
             return tree;
         }
@@ -94,6 +96,27 @@ impl<'a> StripTree<'a> {
         self
     }
 
+    /// Only these pieces are to be looked at.
+    #[must_use]
+    pub(super) fn holding(mut self, holds: impl Fn(usize) -> bool) -> Self {
+        let mut idle: Vec<bool> = Vec::with_capacity(self.widths.len());
+        for level in 0..self.levels.len() {
+            for node in 0..self.nodes(level) {
+                let is_idle = match level {
+                    0 => !self.range(0, node).any(&holds),
+                    _ => self.children((level, node)).all(|(at, it)| idle[self.levels[at] + it]),
+                };
+                idle.push(is_idle);
+            }
+        }
+        self.idle = idle;
+        self
+    }
+
+    fn is_idle(&self, (level, node): Node) -> bool {
+        self.idle.get(self.levels[level] + node).is_some_and(|idle| *idle)
+    }
+
     fn range(&self, level: usize, node: usize) -> Range<usize> {
         let size = LEAF << level;
         node * size..((node + 1) * size).min(self.pieces.count())
@@ -146,6 +169,9 @@ pub(super) fn near(
             return false;
         }
         visits -= 1;
+        if b.is_idle(node_b) {
+            continue;
+        }
         let (range_a, range_b) = (a.range(node_a.0, node_a.1), b.range(node_b.0, node_b.1));
         let (width_a, width_b) = (a.width(node_a), b.width(node_b));
         let reach = limit + width_a + width_b;
@@ -192,6 +218,9 @@ pub(super) fn near_itself(
             return false;
         }
         visits -= 1;
+        if tree.is_idle(early) || tree.is_idle(late) {
+            continue;
+        }
         let (of_early, of_late) = (tree.range(early.0, early.1), tree.range(late.0, late.1));
         if early == late {
             if tree.fan(early).is_any() {

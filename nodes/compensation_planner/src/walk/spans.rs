@@ -116,7 +116,6 @@ impl<'a> Walk<'a> {
             d_mm,
             d_out_mm: d_mm,
             tip: radius::tip(self.radius, self.spindle_tool, self.tools),
-            is_negative: (d_mm < 0.0) != (selection.side == CutterSide::Right),
             entry: Entry { lead, is_link: link.is_some(), is_joined, from: None },
             legs: Vec::new(),
             items: Vec::new(),

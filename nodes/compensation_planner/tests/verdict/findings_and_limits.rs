@@ -225,9 +225,9 @@ fn what_only_the_audit_cannot_look_at_is_a_limit_with_advice() {
 }
 
 #[test]
-fn a_cut_that_is_excused_at_the_ends_hides_none_elsewhere() {
-    // Inside out: the tool is 7.5 mm on the other side. N40 crosses N20 and N30, which ends the
-    // loop; only of that a difference of radii says nothing.
-    let text = BOTTLENECK.replacen("X80 Y55", "X-80 Y55", 1);
-    refused(&text, &sinumerik(), -7.5, Code::Gouge, 11);
+fn a_negative_radius_excuses_no_cut() {
+    // Inside out: the tool is 7.5 mm on the other side, and N40 crosses N20 and N30.
+    let inside_out = BOTTLENECK.replacen("X80 Y55", "X-80 Y55", 1);
+    refused(&inside_out, &sinumerik(), -7.5, Code::Gouge, 12);
+    refused(&inside_out.replacen("G42", "G41", 1), &sinumerik(), 7.5, Code::Gouge, 12);
 }

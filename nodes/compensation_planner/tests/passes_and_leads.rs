@@ -1,0 +1,153 @@
+//! What every CAM system posts: leads along the contour, arcs to it and away from it, more than
+//! a whole turn, many passes, and leads above the part. Accepted by planner and audit.
+
+mod support;
+
+use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::tool_table::ToolTable;
+use compensation_planner::{Plan, Planning, Verdict, judge};
+use std::fmt::Write;
+use support::{codes, contour, finding, findings, profile, tool};
+
+/// Planned and audited; both say the same.
+#[track_caller]
+fn judged(text: &str, control: &str, tools: &ToolTable) -> Plan {
+    let profile = profile(control);
+    let contour = contour(text, &profile);
+    let Verdict { plan, disagreement, .. } = judge(&contour, &profile, tools, Planning::default());
+    assert_eq!(disagreement, None, "{}", findings(&plan));
+    plan
+}
+
+#[track_caller]
+fn of_rs274(text: &str) -> Plan {
+    judged(text, "rs274", &ToolTable::default())
+}
+
+#[test]
+fn a_lead_along_the_contour_nicks_its_free_end() {
+    // As LinuxCNC's pages show it.
+    let plan = of_rs274("F100\nG0 X-20\nG41.1 D2 G1 X-10\nG1 X0\nG1 X20\nG40 G1 X20 Y20");
+    let nick = finding(&plan, Code::LeadNick);
+    assert_eq!(nick.severity, Severity::Warning);
+    // R (1 - cos φ), where the lead of 10 mm misses the radius at its end by R.
+    let depth_mm = 1.0 - (0.1_f64.atan()).cos();
+    assert!((nick.depth_mm.unwrap() - depth_mm).abs() < 1e-9, "{nick:?}");
+    assert_eq!(codes(&plan), [Code::LeadNick], "{}", findings(&plan));
+    // Short chords behind the end are passed over with it.
+    let chords = of_rs274(
+        "F100\nG0 X-20\nG41.1 D6 G1 X-10\nG1 X-9.9 Y0.001\nG1 X-9.8 Y0.003\nG1 X-9.6 Y0.009\n\
+         G1 X20 Y2\nG40 G1 X20 Y20",
+    );
+    assert_eq!(codes(&chords), [Code::LeadNick], "{}", findings(&chords));
+    // What is too small to be seen is not told.
+    let long = of_rs274("F100\nG0 X-200\nG41.1 D2 G1 X-10\nG1 X20\nG40 G1 X20 Y20");
+    assert_eq!(findings(&long), "");
+}
+
+#[test]
+fn a_lead_that_cuts_more_than_the_free_end_gouges() {
+    // The corner belongs to the last block of a closed contour too.
+    let plan =
+        of_rs274("F100\nG0 X-20\nG42.1 D6 G1 X0\nG1 X20\nG1 Y20\nG1 X0\nG1 Y0\nG40 G1 X0 Y-20");
+    assert_eq!(finding(&plan, Code::LeadGouge).severity, Severity::Error);
+    // Through the middle of the first block.
+    let text = "G0 X50 Y-20\nG41 D1 G1 X0 Y0 F100\nX100\nG40 X100 Y20";
+    let plan = judged(text, "nct", &tool(5.0));
+    assert_eq!(codes(&plan), [Code::LeadGouge], "{}", findings(&plan));
+}
+
+#[test]
+fn arcs_that_lead_to_a_circle_and_away_from_it_bound_nothing() {
+    for text in [
+        "G0 X12 Y-4\nG41.1 D4 G1 X16 Y-4 F100\nG3 X20 Y0 I0 J4\nG3 X20 Y0 I-20 J0\n\
+         G3 X16 Y4 I-4 J0\nG40 G1 X12 Y4",
+        // A quarter of the circle twice.
+        "G0 X0 Y0\nG41.1 D6 G1 X20 Y-10 F100\nG3 X30 Y0 I0 J10\nG3 X30 Y0 I-30 J0\n\
+         G3 X0 Y30 I-30 J0\nG3 X-10 Y20 I0 J-10\nG40 G1 X0 Y0",
+        // The leads cross each other.
+        "G0 X5 Y9\nG41.1 D4 G1 X9.1716 Y1.1716 F100\nG1 X13.1716 Y-2.8284\n\
+         G3 X20 Y0 I2.8284 J2.8284\nG3 X20 Y0 I-20 J0\nG3 X13.1716 Y2.8284 I-4 J0\n\
+         G1 X9.1716 Y-1.1716\nG40 G1 X5 Y-9",
+    ] {
+        assert_eq!(findings(&of_rs274(text)), "", "{text}");
+    }
+}
+
+#[test]
+fn as_many_passes_as_there_are_are_one_wall() {
+    let square = |passes: usize| {
+        let mut text = String::from("F100\nG0 X-20 Y-20\nG41.1 D6 G1 X-10 Y0");
+        for pass in 1..=passes {
+            let _ = write!(text, "\nG1 Z-{pass}\nX0 Y0\nX0 Y40\nX40 Y40\nX40 Y0\nX0 Y0");
+        }
+        text + "\nG40 G1 X-20 Y-20"
+    };
+    for passes in [1, 2, 23, 24, 80, 200] {
+        let plan = of_rs274(&square(passes));
+        assert_eq!(findings(&plan), "", "{passes}");
+    }
+    // A wall that is too near is still seen, once, in the pass that cuts it.
+    let narrow =
+        square(60).replace("X40 Y0\nX0 Y0", "X40 Y0\nX20 Y0\nX20 Y5\nX15 Y5\nX15 Y0\nX0 Y0");
+    let plan = of_rs274(&narrow.replace("D6", "D12"));
+    assert!(plan.diagnostics.iter().any(|it| it.is_error()), "{}", findings(&plan));
+    assert!(!codes(&plan).contains(&Code::Limit), "{}", findings(&plan));
+}
+
+#[test]
+fn a_lead_above_the_part_cuts_nothing() {
+    let away = |height: f64| {
+        format!(
+            "F100\nG0 X20 Y60 Z5\nG0 Z-1\nG41.1 D6 G1 X20 Y40\nX40 Y40\nX40 Y0\nX0 Y0\nX0 Y40\n\
+             X20 Y40\nG40\nG0 Z{height}\nG0 X20 Y-30"
+        )
+    };
+    assert_eq!(findings(&of_rs274(&away(5.0))), "");
+    for height in [-1.0, -0.5, 0.0] {
+        let plan = of_rs274(&away(height));
+        assert_eq!(codes(&plan), [Code::LeadGouge], "{height}: {}", findings(&plan));
+    }
+    // The top of the material is higher.
+    let mut control = profile("rs274");
+    control.interference.stock_top_mm = 10.0;
+    let contour = contour(&away(5.0), &control);
+    let verdict = judge(&contour, &control, &ToolTable::default(), Planning::default());
+    assert_eq!(codes(&verdict.plan), [Code::LeadGouge]);
+}
+
+#[test]
+fn a_corner_between_a_lead_and_the_contour_is_where_the_contour_is() {
+    // The tool plunges and goes around the start: there it cuts the block that closes.
+    let plan = of_rs274(
+        "F100\nG0 X34 Y0 Z5\nG41.1 D6 G1 X30 Y0\nG1 Z-1\nX60 Y0\nX60 Y34\nX0 Y34\nX0 Y0\nX30 Y0\n\
+         G40 G1 X30 Y8",
+    );
+    assert_eq!(finding(&plan, Code::LeadGouge).severity, Severity::Error);
+}
+
+#[test]
+fn a_negative_radius_is_the_positive_one_on_the_other_side() {
+    let text = "G0 X-50 Y-25\nG1 Z-5 F100\nG41\nX-25\nX100\nY-100\nX25\nY25\nG40\nX25 Y50";
+    for (radius, control) in
+        [(4.0, "masso"), (0.25, "masso"), (5.0, "sinumerik_840c"), (5.0, "nct")]
+    {
+        let text = match control {
+            "masso" => text.to_owned(),
+            _ => text.replace("G41\nX-25", "G41 D1 G1 X-25").replace("G40\nX25", "G40 X25"),
+        };
+        let mut runs = [radius, -radius].map(|radius: f64| {
+            let mut tools = tool(radius);
+            tools.tools.entry(1).or_default().diameter_mm = 0.0;
+            tools.tools.entry(1).or_default().wear_diameter_mm = 2.0 * radius;
+            let word = if radius < 0.0 { "G41" } else { "G42" };
+            let text = format!("T1 M6\n{}", text.replace("G41", word));
+            judged(&text, control, &tools)
+        });
+        for plan in &mut runs {
+            plan.spans.clear();
+        }
+        assert_eq!(findings(&runs[0]), findings(&runs[1]), "{control} {radius}");
+        assert_eq!(runs[0].path.elements, runs[1].path.elements, "{control} {radius}");
+    }
+}
