@@ -6,10 +6,10 @@
 //! every element its block, `events` counts what is not motion, `beside` and `follow` prove
 //! that elements run at their radius beside their own blocks (`sharp`: what a sharp corner
 //! takes), `bounds` finds what bounds the tool, and `clearance` measures the exact distance of
-//! the path from it. Millions of pieces lie side by side in memory (`pieces`); strip trees
-//! find those that are near (`strip`), directions those that cannot meet (`fans`), and lower
-//! bounds settle most of the rest (`apart`) before anything is measured (`planar`). What a
-//! contour retraces is looked at once (`copies`).
+//! the path from it (`leads`: what a lead may pass over). Millions of pieces lie side by side
+//! in memory (`pieces`); strip trees find those that are near (`strip`), directions those that
+//! cannot meet (`fans`), and lower bounds settle most of the rest (`apart`) before anything is
+//! measured (`planar`). What a contour retraces is looked at once (`copies`).
 //! Blocks may be left out within the tolerance that the profile accepts.
 
 mod align;
@@ -21,6 +21,7 @@ mod copies;
 mod events;
 mod fans;
 mod follow;
+mod leads;
 mod pieces;
 mod planar;
 mod program;

@@ -12,7 +12,7 @@ use crate::frame::{height, in_plane, in_work};
 use crate::interference::{self, Cut, Joined};
 use crate::lead;
 use crate::links::{links, push_runs};
-use crate::reach::{Unreachable, consumed, left_of};
+use crate::reach::{Unreachable, consumed, is_any_unreachable, left_of};
 use crate::span::{Lead, Run, Span};
 use crate::tolerance::{BEND_RAD, GOUGE_MM, LENGTH_MM};
 use crate::walls::Walls;
@@ -306,6 +306,9 @@ impl Subject<'_> {
         if !self.span.entry.is_link {
             let links = links(self.span, head, None, self.profile, scale);
             let placed = join(&links, 0.0);
+            if is_any_unreachable(&links, &placed, self.profile.accept_tolerance_mm) {
+                return false;
+            }
             let on = &self.span.entry.lead;
             let end = lead::FreeEnd::first(walls);
             let way = way((&links, &placed), true, in_plane(plane, on.start));
@@ -316,6 +319,9 @@ impl Subject<'_> {
         let Some(lead) = self.lead_off else { return true };
         let links = links(self.span, tail, Some(lead), self.profile, scale);
         let placed = join(&links, 0.0);
+        if is_any_unreachable(&links, &placed, self.profile.accept_tolerance_mm) {
+            return false;
+        }
         let to = in_plane(plane, lead.motion.end);
         let end = lead::FreeEnd::last(walls);
         let radius_mm = self.span.d_out_mm.abs() * scale;

@@ -83,6 +83,12 @@ pub(crate) fn unreachable(
     finding.needed_mm = Some(radius_mm);
     finding.available_mm = Some(limit_mm);
     let fits = rounded_down(limit_mm);
+    if place_of.is_by_lead {
+        finding.message += "; the lead meets the contour in an inside corner";
+        return finding.help(
+            "turn the lead so that it meets the contour at a right angle or less, from the side of the tool, or use a smaller tool",
+        );
+    }
     finding.help(if fits > 0.0 {
         format!("this place takes tools up to radius {fits:.3} mm")
     } else {
@@ -157,9 +163,7 @@ pub(crate) fn cut(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -
     );
     let apart = runs[cut.on].legs.start.abs_diff(runs[cut.into].legs.start);
     soften(&mut finding, apart, profile);
-    if cut.is_other_pass {
-        finding.severity = Severity::Warning;
-    } else if cut.is_forgiven {
+    if cut.is_other_pass || cut.is_forgiven {
         finding.severity = Severity::Warning;
     }
     finding.other = [into.source, on].into_iter().find(|other| other.line != later.line);

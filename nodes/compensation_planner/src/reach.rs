@@ -24,6 +24,9 @@ pub(crate) struct Unreachable {
     /// The largest radius, mm, for which the tool reaches all of them; 0 when
     /// none was found.
     pub radius_mm_max: f64,
+    /// Between the contour and a lead that joins it as a corner: the direction of the lead is
+    /// what the tool does not fit.
+    pub is_by_lead: bool,
 }
 
 /// Whether there is any place that the tool cannot reach.
@@ -62,7 +65,11 @@ fn place(
     let longest = runs().fold(first, |best, run| if run.1 > best.1 { run } else { best });
     let from = gap.before.unwrap_or(gap.from);
     let to = gap.after.map_or(gap.to, |after| after + 1);
+    let is_lead = |link: Option<usize>| {
+        link.is_some_and(|link| matches!(links[link].role, Role::Entry | Role::Exit))
+    };
     Some(Unreachable {
+        is_by_lead: is_lead(gap.before) || is_lead(gap.after),
         first: first.0,
         last: last.0,
         longest: longest.0,

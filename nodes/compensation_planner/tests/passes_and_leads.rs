@@ -127,6 +127,30 @@ fn a_corner_between_a_lead_and_the_contour_is_where_the_contour_is() {
 }
 
 #[test]
+fn a_lead_that_keeps_the_tool_off_the_first_block_is_to_blame() {
+    let text = |diameter: f64| {
+        format!(
+            "F100\nG0 X0 Y20\nG41.1 D{diameter} G1 X0 Y0\nG1 X1 Y0\nG1 X2 Y0.2\nG1 X20 Y4\n\
+             G40 G1 X15 Y20"
+        )
+    };
+    let plan = of_rs274(&text(6.0));
+    let lost = finding(&plan, Code::Unreachable);
+    assert!(lost.message.contains("the lead meets the contour"), "{lost:?}");
+    // The certificate says the same: accepted below, refused above.
+    let fits_mm = lost.available_mm.unwrap();
+    let certificate = compensation_planner::plan_certified(
+        &contour(&text(1.0), &profile("rs274")),
+        &profile("rs274"),
+        &ToolTable::default(),
+    );
+    let leads_mm = certificate.certificates[0].leads_valid_to_mm;
+    assert!((leads_mm - fits_mm).abs() < 0.01, "{leads_mm} {fits_mm}");
+    assert!(of_rs274(&text(2.0 * leads_mm - 1e-3)).accepted());
+    assert!(!of_rs274(&text(2.0 * leads_mm + 0.02)).accepted());
+}
+
+#[test]
 fn a_negative_radius_is_the_positive_one_on_the_other_side() {
     let text = "G0 X-50 Y-25\nG1 Z-5 F100\nG41\nX-25\nX100\nY-100\nX25\nY25\nG40\nX25 Y50";
     for (radius, control) in

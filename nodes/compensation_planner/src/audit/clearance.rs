@@ -28,7 +28,7 @@ const PLACES_MAX: usize = 100;
 
 /// The tool on an element comes too near to a leg.
 #[derive(Debug, Clone, Copy)]
-struct Found {
+pub(super) struct Found {
     element: usize,
     /// The leg it follows and the one it cuts, in the span.
     on: usize,
@@ -126,28 +126,28 @@ pub(super) fn check(
 
 /// How near the tool may come to walls while it is on an element.
 #[derive(Debug, Clone, Copy)]
-struct Tool {
+pub(super) struct Tool {
     /// The leg it follows or leads to, in the span; [`NONE`]: it need not keep away.
-    on: u32,
+    pub on: u32,
     /// Its own leg.
-    own: u32,
+    pub own: u32,
     /// Without what merging and acceptance took beside it.
-    limit_mm: f64,
+    pub limit_mm: f64,
 }
 
-struct Search<'a> {
-    profile: &'a Profile,
-    way: &'a Way<'a>,
-    span: &'a Span,
-    all_legs: &'a [u32],
-    legs: &'a [u32],
-    walls: &'a Pieces,
+pub(super) struct Search<'a> {
+    pub profile: &'a Profile,
+    pub way: &'a Way<'a>,
+    pub span: &'a Span,
+    pub all_legs: &'a [u32],
+    pub legs: &'a [u32],
+    pub walls: &'a Pieces,
     /// How far the path may be off beside each leg.
-    slacks: Vec<f32>,
-    bounds: Bounds,
+    pub slacks: Vec<f32>,
+    pub bounds: Bounds,
     /// Where each wall is looked at once.
-    copies: Option<Copies>,
-    found: Vec<Found>,
+    pub copies: Option<Copies>,
+    pub found: Vec<Found>,
 }
 
 impl Search<'_> {
@@ -177,7 +177,7 @@ impl Search<'_> {
     }
 
     /// Of the tool on an element.
-    fn radius_mm(&self, element: usize) -> f64 {
+    pub(super) fn radius_mm(&self, element: usize) -> f64 {
         let block = self.way.of[element];
         match self.way.roles[element] {
             // A corner runs at the radius before it; a leg that changes it has both.
@@ -191,13 +191,6 @@ impl Search<'_> {
             }
             _ => self.way.program.offset(self.legs[self.legs.len() - 1]).d_out.abs(),
         }
-    }
-
-    fn lead(&self, element: usize) -> Tool {
-        let leads_on = self.span.lead_on == Some(element);
-        let leg = if leads_on { 0 } else { self.legs.len() - 1 };
-        let own = if self.way.of[element] == self.legs[leg] { leg as u32 } else { NONE };
-        Tool { on: leg as u32, own, limit_mm: self.radius_mm(element) - GOUGE_MM }
     }
 
     /// The tool on one of some elements, beside some walls.
@@ -246,27 +239,6 @@ impl Search<'_> {
         for outer in [before, after].into_iter().flatten() {
             self.near(&outer, (element, tool), leg, (limit, true));
         }
-    }
-
-    /// An element between what it is lengthened by at outside corners with the leads: that is
-    /// part of them.
-    fn without_leads(&self, piece: &Piece, tool: &Tool) -> [Option<Piece>; 3] {
-        let own = tool.own as usize;
-        let is_first = own == 0 && self.span.lead_on.is_some() && !self.span.from_side;
-        let is_last =
-            own + 1 == self.legs.len() && self.span.lead_off.is_some() && !self.span.to_side;
-        if tool.own == NONE || !piece.is_line() || !(is_first || is_last) {
-            return [None, Some(*piece), None];
-        }
-        let (leg, length) = (self.walls.piece(own), piece.length());
-        let begin = if is_first { piece.along(leg.from) } else { 0.0 };
-        let end = if is_last { piece.along(leg.to) } else { length };
-        let (begin, end) = (begin.clamp(0.0, length), end.clamp(0.0, length));
-        let part = |from: f64, to: f64| (to - from > GOUGE_MM).then(|| piece.part(from, to));
-        if begin <= GOUGE_MM && end >= length - GOUGE_MM {
-            return [None, Some(*piece), None];
-        }
-        [part(0.0, begin), part(begin, end), part(end, length)]
     }
 
     fn near(
@@ -326,76 +298,6 @@ impl Search<'_> {
         });
     }
 
-    /// Whether a lead passes above all cuts of the pass of a leg, and above the material.
-    fn is_above(&self, element: usize, leg: usize) -> bool {
-        let way = self.way;
-        if matches!(way.roles[element], Role::Corner | Role::Contour) {
-            return false;
-        }
-        let along = way.program.offset(self.legs[leg]).plane.axes()[2];
-        let lowest = way.position_before(element)[along].min(way.path.elements[element].end[along]);
-        let pass = self.bounds.pass(leg);
-        let highest = |leg: usize| {
-            let block = self.legs[leg];
-            way.program.start(block)[along].max(way.program.motion(block).end[along])
-        };
-        lowest > self.profile.interference.stock_top_mm
-            && self.bounds.legs(pass).all(|leg| lowest > highest(leg))
-            && self
-                .copies
-                .as_ref()
-                .is_none_or(|copies| copies.of_leg(leg).iter().all(|copy| lowest > highest(*copy)))
-    }
-
-    /// For a lead that joins the contour one radius away from its free end, before which there
-    /// is only air: how near it comes to that, the part of a leg that it then passes over, and
-    /// the rest of the leg. `None`: the lead or the leg is no such one.
-    fn at_free_end(
-        &self,
-        lead: &Piece,
-        element: usize,
-        leg: usize,
-    ) -> Option<(f64, Option<Piece>, Option<Piece>)> {
-        let leads_on = self.span.lead_on == Some(element);
-        let is_straight = leads_on || self.span.lead_off == Some(element);
-        if !is_straight || self.way.roles[element] == Role::Link {
-            return None;
-        }
-        let last = self.legs.len() - 1;
-        let first = if leads_on { 0 } else { last };
-        let piece = self.walls.piece(first);
-        let wall = self.bounds.wall(None, first, &piece)?;
-        let (end, begins) = match leads_on {
-            true => (piece.from, wall.from),
-            false => (piece.to, wall.to),
-        };
-        let (radius_mm, nearest_mm) = (self.radius_mm(element), (lead.nearest(end) - end).norm());
-        let side = if leads_on { lead.to - end } else { lead.from - end };
-        if begins != end || side.norm() > radius_mm + GOUGE_MM || nearest_mm >= radius_mm {
-            return None;
-        }
-        // Beside this much of the contour it is nearer than the radius, bent as it may be.
-        let tangent = ((radius_mm - nearest_mm) / (radius_mm + nearest_mm)).sqrt();
-        let mut left = 2.0 * radius_mm * tangent;
-        let between = if leads_on { 0..leg } else { leg + 1..last + 1 };
-        for other in between {
-            left -= self.walls.piece(other).length();
-            if left <= 0.0 {
-                return None;
-            }
-        }
-        let piece = self.walls.piece(leg);
-        let length = piece.length();
-        if left >= length {
-            return Some((nearest_mm, Some(piece), None));
-        }
-        let (before, behind) = match leads_on {
-            true => (piece.part(0.0, left), piece.part(left, length)),
-            false => (piece.part(length - left, length), piece.part(0.0, length - left)),
-        };
-        Some((nearest_mm, Some(before), Some(behind)))
-    }
-
     fn cut(&self, found: &Found) -> Cut {
         let way = self.way;
         let element = &way.path.elements[found.element];
@@ -423,15 +325,6 @@ impl Search<'_> {
             distance_mm: found.near.distance,
             is_forgiven: found.is_forgiven,
         }
-    }
-
-    /// Whether an element is a corner between a lead and the contour: it is judged with the lead,
-    /// and a tail bounds neither.
-    fn is_of_lead(&self, element: usize) -> bool {
-        let block = self.way.of[element];
-        self.way.roles[element] == Role::Corner
-            && self.span.elements.start <= element
-            && (block == self.legs[0] || self.way.program.blocks[block as usize].kind != Kind::Leg)
     }
 
     fn position(&self, found: &Found, into: u32) -> Position {
