@@ -6,7 +6,7 @@
 use crate::element::{Element, Vec2};
 use crate::span::Run;
 use crate::tolerance::LENGTH_MM;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Which runs are the same, in the same direction.
@@ -21,7 +21,7 @@ pub(crate) struct Copies {
 impl Copies {
     /// Runs that do not count have no copies.
     pub(crate) fn of(runs: &[Run], counts: impl Fn(usize) -> bool) -> Self {
-        let mut known: HashMap<[i64; 8], usize> = HashMap::with_capacity(runs.len());
+        let mut known: BTreeMap<[i64; 8], usize> = BTreeMap::new();
         let first = |(index, run): (usize, &Run)| match counts(index) {
             true => *known.entry(key(&run.element)).or_insert(index),
             false => index,
