@@ -6,7 +6,7 @@ use crate::frame::{height, in_work};
 use crate::interference::Cut;
 use crate::reach::Unreachable;
 use crate::span::{Run, Span};
-use cnc_msgs::contour::Source;
+use cnc_msgs::contour::{Approach, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
 use cnc_msgs::numbers::told_apart;
@@ -224,6 +224,8 @@ pub(crate) struct LeadCut {
     /// The signed offset, mm.
     pub d_mm: f64,
     pub distance_mm: f64,
+    /// It goes straight to the normal position already.
+    pub is_straight: bool,
 }
 
 /// A lead or link that cuts into the element next to it.
@@ -263,7 +265,7 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
         .select
         .words
         .iter()
-        .find(|(_, approach)| **approach == cnc_msgs::contour::Approach::Normal)
+        .find(|(_, approach)| !cut.is_straight && **approach == Approach::Normal)
         .map_or(String::new(), |(word, _)| format!(", or {word} with the tool above the part"));
     finding.help(format!(
         "lead from the side of the tool, perpendicular to the contour, or with a longer {what}{word}"

@@ -14,7 +14,7 @@ use crate::span::{Lead, Run, Span};
 use crate::tolerance::{GOUGE_MM, LENGTH_MM};
 use crate::tree::{Bounds, NO_CHAIN, Tree, budget};
 use crate::walls::Walls;
-use cnc_msgs::contour::Source;
+use cnc_msgs::contour::{Approach, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::Profile;
@@ -285,7 +285,8 @@ impl Check<'_> {
                 let what = "change of side";
                 let code = Code::LinkGouge;
                 let distance_mm = near.distance;
-                let cut = LeadCut { code, what, source, other, at, d_mm, distance_mm };
+                let is_straight = true;
+                let cut = LeadCut { code, what, source, other, at, d_mm, distance_mm, is_straight };
                 self.diagnostics.push(finding::lead_cut(&cut, self.profile));
             }
         }
@@ -336,6 +337,7 @@ impl Check<'_> {
             at: in_work(self.plane, near.on_wall, height(self.plane, lead.motion.end)),
             d_mm,
             distance_mm: near.distance,
+            is_straight: lead.approach == Approach::Normal,
         };
         self.diagnostics.push(finding::lead_cut(&cut, self.profile));
     }
