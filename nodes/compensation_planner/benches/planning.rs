@@ -2,9 +2,9 @@
 //! `cavalier_contours` offsets the same ones.
 //!
 //! ```text
-//! cargo bench -p compensation_planner --no-default-features            all
-//! cargo bench -p compensation_planner --no-default-features -- closed  beside cavalier_contours
-//! cargo bench -p compensation_planner --no-default-features -- --test  each once
+//! cargo bench -p compensation_planner            all
+//! cargo bench -p compensation_planner -- closed  beside cavalier_contours
+//! cargo bench -p compensation_planner -- --test  each once
 //! ```
 //!
 //! At its end it prints the ratios to `cavalier_contours` measured in this run.

@@ -1,8 +1,8 @@
 //! How fast programs are read.
 //!
 //! ```text
-//! cargo bench -p program_loader --no-default-features            in lines and bytes a second
-//! cargo bench -p program_loader --no-default-features -- --test  each once
+//! cargo bench -p program_loader            in lines and bytes a second
+//! cargo bench -p program_loader -- --test  each once
 //! ```
 
 use cnc_msgs::profile::Profile;
