@@ -9,7 +9,9 @@
 use crate::distance::distance_to;
 use crate::element::{Element, Vec2, cross, left};
 use crate::intersect::{Meeting, meet, meet_across};
-use crate::tolerance::{FLAT_MM, LENGTH_MM, SHORT_CORNER_MM, SMALL_TURN_RAD, TANGENT_RAD};
+use crate::tolerance::{
+    FLAT_MM, LENGTH_MM, MERGE_MM, SHORT_CORNER_MM, SMALL_TURN_RAD, TANGENT_RAD,
+};
 
 /// What a link of the chain stands for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -325,5 +327,26 @@ pub(crate) fn joint(
             return Some(Meeting { point, trim_a: trim, trim_b: trim });
         }
     }
-    meet(behind, ahead, LENGTH_MM)
+    let meeting = meet(behind, ahead, LENGTH_MM);
+    if !is_hardly_bent(a, b) {
+        return meeting;
+    }
+    // What was merged ends a hair beside what comes next: nearly tangent, both offsets then meet
+    // far from the joint, or not at all.
+    let is_near = |it: &Meeting| it.trim_a.max(it.trim_b) <= 2.0 * MERGE_MM;
+    meeting.filter(is_near).or_else(|| {
+        let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
+        let point = line_corner(b.element.start(), before, after, b.d_in_mm);
+        Some(Meeting { point, trim_a: 0.0, trim_b: 0.0 })
+    })
+}
+
+/// Whether one goes on in the other but for what merging allows.
+fn is_hardly_bent(a: &Link, b: &Link) -> bool {
+    let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
+    let sine = cross(before, after).abs();
+    before.dot(&after) > 0.0
+        && sine < SMALL_TURN_RAD
+        && sine * b.d_in_mm.abs() <= MERGE_MM
+        && (LENGTH_MM..=MERGE_MM).contains(&(b.element.start() - a.element.end()).norm())
 }

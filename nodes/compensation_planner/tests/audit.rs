@@ -117,6 +117,22 @@ fn a_corner_or_a_block_that_is_left_out_is_found() {
 }
 
 #[test]
+fn a_full_circle_that_is_left_out_is_found() {
+    let text = "N10 G0 X30 Y10\nN20 G42 D1 G1 X30 Y30 F600\nN25 G1 X50 Y30\n\
+                N30 G3 X50 Y30 I0 J20\nN40 G3 X70 Y50 I0 J20\nN50 G40 G1 X90 Y50";
+    let planned = Planned::new(text, rs274(), 5.0);
+    let circle = planned.index(30, Role::Contour);
+    assert!(matches!(planned.path.elements[circle].shape, Shape::Arc(_)));
+    planned.check(Code::Unreachable, |path| remove(path, circle));
+    // A turn less, nothing is left of it.
+    let codes = planned.codes_after(|path| {
+        let Shape::Arc(arc) = &mut path.elements[circle].shape else { unreachable!() };
+        arc.turns -= 1;
+    });
+    assert!(!codes.is_empty());
+}
+
+#[test]
 fn events_that_are_lost_doubled_or_swapped_are_found() {
     let planned = a6();
     let count = planned.path.events.len();

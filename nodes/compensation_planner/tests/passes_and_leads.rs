@@ -4,8 +4,10 @@
 mod support;
 
 use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::geometry::Shape;
+use cnc_msgs::path::{PathElement, Role};
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::{Plan, Planning, Verdict, judge};
+use compensation_planner::{Plan, Planning, Verdict, judge, plan_certified};
 use std::fmt::Write;
 use support::{codes, contour, finding, findings, profile, tool};
 
@@ -72,6 +74,46 @@ fn arcs_that_lead_to_a_circle_and_away_from_it_bound_nothing() {
     ] {
         assert_eq!(findings(&of_rs274(text)), "", "{text}");
     }
+}
+
+#[test]
+fn a_full_circle_between_arcs_is_cut_whatever_its_decimals() {
+    // Where posted coordinates leave the joints off tangent by 1e-7 rad, the tool leaves the
+    // circle a hair before where it came onto it, or a hair behind.
+    for text in [
+        "F600\nG0 X-10.215609 Y20.359677\nG41.1 D10 G1 X-6.807122 Y4.726948\n\
+         G3 X0.333333 Y0.142857 I5.862273 J1.278183\nG3 X0.333333 Y0.142857 I-4.260607 J19.540912\n\
+         G3 X4.917424 Y7.283313 I-1.278182 J5.862274\nG40 G1 X1.508938 Y22.916042",
+        "F600\nG0 X-0.842272 Y-22.630328\nG42.1 D10 G1 X-4.250758 Y-6.997599\n\
+         G2 X0.333333 Y0.142857 I5.862274 J1.278183\nG3 X0.333333 Y0.142857 I-4.260607 J19.540912\n\
+         G3 X0.674629 Y0.220406 I-4.260607 J19.540912\nG2 X7.894209 Y-4.238032 I1.380572 J-5.839009\n\
+         G40 G1 X11.575732 Y-19.808722",
+        "F600\nG0 X-16.165988 Y24.179753\nG41.1 D10 G1 X-12.757502 Y8.547024\n\
+         G3 X0.333333 Y0.142857 I10.747501 J2.343334\nG2 X0.333333 Y0.142857 I4.260608 J-19.540911\n\
+         G2 X0.675934 Y0.214422 I4.260608 J-19.540911\nG3 X9.307892 Y13.156188 I-2.154904 J10.786862\n\
+         G40 G1 X6.173487 Y28.846168",
+    ] {
+        let plan = of_rs274(text);
+        assert!(plan.accepted(), "{}", findings(&plan));
+        let is_circle = |it: &&PathElement| it.source.line == 5 && it.role == Role::Contour;
+        let circle = plan.path.elements.iter().find(is_circle).expect("the circle");
+        assert!(matches!(circle.shape, Shape::Arc(arc) if arc.turns == 1), "{circle:?}");
+    }
+}
+
+#[test]
+fn an_arc_after_a_circle_that_goes_on_is_reached_whatever_its_decimals() {
+    // Four decimals: the circle and the half radian after it are one, and end 1e-5 mm beside
+    // the start of the arc that leads away.
+    let text = "F600\nG0 X-0.8423 Y-22.6303\nG42.1 D10 G1 X-4.2508 Y-6.9976\n\
+                G2 X0.3333 Y0.1429 I5.8623 J1.2782\nG2 X0.3333 Y0.1429 I4.2606 J-19.5410\n\
+                G2 X10.2233 Y-0.2066 I4.2606 J-19.5410\nG2 X14.2919 Y-7.6529 I-1.6888 J-5.7575\n\
+                G40 G1 X9.7884 Y-23.0060";
+    assert_eq!(findings(&of_rs274(text)), "");
+    let profile = profile("rs274");
+    let plan = plan_certified(&contour(text, &profile), &profile, &ToolTable::default());
+    // The arc that leads away has a radius of 6.
+    assert!((plan.certificates[0].valid_to_mm - 6.0).abs() < 1e-3, "{:?}", plan.certificates);
 }
 
 #[test]

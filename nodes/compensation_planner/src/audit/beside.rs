@@ -362,6 +362,11 @@ impl Check<'_> {
                 let most = if is_late { PLACE_MM } else { length + PLACE_MM };
                 least <= most && is_touched(leg, at, d_mm, least..=most)
             };
+            if let Some(across_mm) = across(&leg, d_mm).filter(|across| *across > worst.0) {
+                // Its joints are one point, and so much is missed on the other side of it.
+                worst = (across_mm, index, leg.at(length / 2.0));
+                continue;
+            }
             if [from.at, to.at].into_iter().flatten().any(touches) {
                 // Its joints leave one point of it, and the tool is there.
                 continue;
@@ -416,6 +421,13 @@ impl Check<'_> {
             report.push(report::left_out(sources, (worst.0, left_out.len()), at, report.profile));
         }
     }
+}
+
+/// How wide the way is along a full circle, mm: at its start the tool is nowhere else on it.
+fn across(leg: &Piece, d_mm: f64) -> Option<f64> {
+    let round = leg.round.filter(|_| (leg.to - leg.from).norm() <= PLACE_MM)?;
+    let goes_around = round.sweep.abs() > std::f64::consts::PI;
+    goes_around.then(|| 2.0 * (round.radius - d_mm * round.sweep.signum()).max(0.0))
 }
 
 /// Whether a tool that stands there touches a leg, so far along.

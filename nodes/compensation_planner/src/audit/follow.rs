@@ -5,6 +5,7 @@ use super::pieces::Chains;
 use super::planar::{Piece, Point, carriers_cross, cross};
 use super::report::{self, Report};
 use super::way::Way;
+use std::f64::consts::TAU;
 
 /// How far an element may be off its place, mm: the longest that is not put out, some times.
 pub(super) const PLACE_MM: f64 = 5e-6;
@@ -225,7 +226,7 @@ fn extent(follow: &Follow, opens: bool, place_mm: f64) -> Option<&'static str> {
         (Some(way), Some(of_leg)) => {
             let (begin, end) = (leg.along(piece.from), leg.along(piece.to));
             let swept = way.sweep.abs() * of_leg.radius;
-            let full = std::f64::consts::TAU * of_leg.radius;
+            let full = TAU * of_leg.radius;
             let more = if follow.is_open || opens { full } else { 0.0 };
             if swept > length + more + place_mm {
                 return Some("turns too far");
@@ -366,7 +367,15 @@ fn nearer_joint(a: &Follow, b: &Follow, short_mm: f64) -> Option<f64> {
     let sine = |root: Point| cross(behind.tangent(root), ahead.tangent(root)).abs();
     // What both lose at a joint. The least wins: inside, where both get shorter; outside,
     // where they get longer by no more than a short block.
-    let lost = |root: Point| (behind.length() - behind.along(root), ahead.along(root));
+    // A hair beyond the joint of a full circle is not all of it.
+    let of = |piece: &Piece, lost: f64| {
+        let around = piece.round.map_or(f64::INFINITY, |round| TAU * round.radius);
+        if lost > around - PLACE_MM { lost - around } else { lost }
+    };
+    let lost = |root: Point| {
+        let of_a = of(&behind, behind.length() - behind.along(root));
+        (of_a, of(&ahead, ahead.along(root)))
+    };
     let mut roots = carriers_cross(&behind, &ahead)
         .into_iter()
         .flatten()
