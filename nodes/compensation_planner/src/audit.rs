@@ -133,6 +133,9 @@ pub fn audit_after(
         for chains in &chains {
             clearance::check(&way, chains, &mut result.nearest_mm, &mut report);
         }
+        for pair in chains.windows(2).filter(|pair| pair[1].span.from_side) {
+            clearance::check_change_of_side(&way, (&pair[0], &pair[1]), &mut report);
+        }
     }
     result.findings = report.findings;
     result.findings.sort_by_key(|finding| finding.source.line);

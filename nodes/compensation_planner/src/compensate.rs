@@ -220,7 +220,7 @@ impl Solution {
         }
         let way_of = |run: usize| {
             let place = placed.iter().find(|place| links[place.link].role == LinkRole::Run(run))?;
-            interference::element(&links[place.link], place)
+            interference::lengthened(&links[place.link], place)
         };
         if let (Some(behind), Some(_)) = (behind, span.entry.from) {
             check.change_of_side(span, way_of(0), behind);

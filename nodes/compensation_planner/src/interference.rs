@@ -296,3 +296,11 @@ pub(crate) fn element(link: &Link, place: &Placed) -> Option<Element> {
         }
     }
 }
+
+/// The same with what joints lengthen it by.
+pub(crate) fn lengthened(link: &Link, place: &Placed) -> Option<Element> {
+    match link.element.offset(link.d_in_mm)? {
+        Element::Line(_) => Element::line(place.start, place.end),
+        Element::Arc(arc) => Element::arc(place.start, place.end, arc.center, arc.turn > 0.0, 0),
+    }
+}

@@ -124,6 +124,50 @@ pub(super) fn check(
     }
 }
 
+/// Where the tool changes from one side of the contour to the other at an intersection: it may
+/// cut into the leg before with the first element behind, and into the leg behind with the last
+/// before, lengthened as they are.
+pub(super) fn check_change_of_side(
+    way: &Way<'_>,
+    (before, behind): (&Chains<'_>, &Chains<'_>),
+    report: &mut Report<'_>,
+) {
+    let is_contour = |element: &usize| way.roles[*element] == Role::Contour;
+    let last = before.span.elements.clone().rev().find(is_contour);
+    let first = behind.span.elements.clone().find(is_contour);
+    let legs = [before.blocks().last().copied(), behind.blocks().first().copied()];
+    let (Some(last), Some(first), [Some(leg_before), Some(leg_behind)]) = (last, first, legs)
+    else {
+        return;
+    };
+    let pairs = [
+        (last, leg_before, leg_behind, way.program.offset(leg_before).d_out),
+        (first, leg_behind, leg_before, way.program.offset(leg_behind).d_in),
+    ];
+    for (element, on, into, d_mm) in pairs {
+        let near = nearest(&way.piece(element), &way.leg(into));
+        let radius_mm = d_mm.abs();
+        if near.distance >= radius_mm - GOUGE_MM {
+            continue;
+        }
+        let plane = way.program.offset(into).plane;
+        let [u, v, _] = plane.axes();
+        let mut at = way.program.motion(into).end;
+        (at[u], at[v]) = (near.on_b.x, near.on_b.y);
+        report.push_cut(&Cut {
+            code: Code::LinkGouge,
+            on: way.program.source(on),
+            into: way.program.source(into),
+            legs_apart: 1,
+            at,
+            plane,
+            radius_mm,
+            distance_mm: near.distance,
+            is_forgiven: false,
+        });
+    }
+}
+
 /// How near the tool may come to walls while it is on an element.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tool {
