@@ -158,16 +158,16 @@ impl FreeEnd {
         let mut parts = Vec::new();
         for index in 0..walls.count() {
             let run = if self.is_start { index } else { walls.count() - 1 - index };
-            let whole = *walls.element(run);
+            let Some(wall) = walls.of(run) else { break };
             let (passed, rest) = match self.is_start {
-                true => (whole.before(left_mm), whole.after(left_mm)),
+                true => (wall.before(left_mm), wall.after(left_mm)),
                 false => {
-                    let from = whole.length() - left_mm;
-                    (whole.after(from), whole.before(from))
+                    let from = wall.length() - left_mm;
+                    (wall.after(from), wall.before(from))
                 }
             };
             parts.push(Part { run, passed, rest, nearest_mm });
-            left_mm -= whole.length();
+            left_mm -= wall.length();
             if left_mm <= 0.0 {
                 break;
             }

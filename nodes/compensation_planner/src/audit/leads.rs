@@ -93,7 +93,7 @@ impl Search<'_> {
                 return None;
             }
         }
-        let piece = self.walls.piece(leg);
+        let piece = self.bounds.wall(None, leg, &self.walls.piece(leg))?;
         let length = piece.length();
         if left >= length {
             return Some((nearest_mm, Some(piece), None));
