@@ -47,6 +47,7 @@ pub enum Code {
     LeadGouge,
     LeadNick,
     LinkGouge,
+    Uncut,
     SideChange,
     Restart,
     SuspiciousValue,
@@ -58,7 +59,7 @@ pub enum Code {
 
 impl Code {
     /// Every code, in the order of declaration.
-    pub const ALL: [Self; 32] = [
+    pub const ALL: [Self; 33] = [
         Self::Syntax,
         Self::UnknownWord,
         Self::ModalConflict,
@@ -86,6 +87,7 @@ impl Code {
         Self::LeadGouge,
         Self::LeadNick,
         Self::LinkGouge,
+        Self::Uncut,
         Self::SideChange,
         Self::Restart,
         Self::SuspiciousValue,
@@ -123,6 +125,7 @@ impl Code {
             Self::LeadGouge => "lead_gouge",
             Self::LeadNick => "lead_nick",
             Self::LinkGouge => "link_gouge",
+            Self::Uncut => "uncut",
             Self::SideChange => "side_change",
             Self::Restart => "restart",
             Self::SuspiciousValue => "suspicious_value",

@@ -141,6 +141,9 @@ pub(crate) fn solve(
         }
     }
     let Chain { runs, links, mut placed } = chain;
+    for skipped in reach::skipped_by_leads(&links, &placed, tolerance) {
+        diagnostics.push(finding::skipped_by_lead(span, &runs, &skipped, exit.lead()));
+    }
     let corners = Corners { span, short_mm: profile.corner.short_block_mm };
     let joined = Joined { links: &links, placed: &placed, corners };
     let mut walls = Walls::of_layout(&runs, layout);

@@ -4,8 +4,8 @@
 
 use crate::frame::{height, in_work};
 use crate::interference::Cut;
-use crate::reach::Unreachable;
-use crate::span::{Run, Span};
+use crate::reach::{Skipped, Unreachable};
+use crate::span::{Lead, Run, Span};
 use cnc_msgs::contour::{Approach, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
@@ -136,6 +136,39 @@ pub(crate) fn more_unreachable(
     if profile.interference.react != Reaction::Alarm {
         finding.severity = Severity::Warning;
     }
+    finding
+}
+
+/// Blocks that a lead keeps the tool off.
+pub(crate) fn skipped_by_lead(
+    span: &Span<'_>,
+    runs: &[Run],
+    skipped: &Skipped,
+    exit: Option<&Lead>,
+) -> Diagnostic {
+    let (first, last) = (&span.legs[runs[skipped.first].legs.start], {
+        &span.legs[runs[skipped.last].legs.end - 1]
+    });
+    let lead = match exit {
+        Some(exit) if !skipped.is_by_entry => exit.source,
+        _ => span.entry.lead.source,
+    };
+    let blocks = match first.source.line == last.source.line {
+        true => block_name(first.source),
+        false => format!("{} to {}", block_name(first.source), block_name(last.source)),
+    };
+    let stays_mm = skipped.stays_mm;
+    let message = format!(
+        "{} meets the contour in an inside corner with the lead and skips {blocks}: up to \
+         {stays_mm:.4} mm of them stays",
+        tool(span.d_mm)
+    );
+    let mut finding = Diagnostic::warning(Code::Uncut, lead, message)
+        .help("lead from the side of the tool, at a right angle to the contour");
+    finding.other = Some(first.source).filter(|other| other.line != lead.line);
+    let at = runs[skipped.first].element.start();
+    finding.position = Some(in_work(span.plane, at, height(span.plane, first.motion.end)));
+    finding.available_mm = Some(stays_mm);
     finding
 }
 

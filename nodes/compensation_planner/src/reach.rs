@@ -110,6 +110,54 @@ pub(crate) fn left_out<'a>(
         .map(|gap| gap.index.checked_sub(1))
 }
 
+/// Runs that a lead keeps the tool off, and how much of them stays beside its way, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Skipped {
+    pub first: usize,
+    pub last: usize,
+    pub stays_mm: f64,
+    pub is_by_entry: bool,
+}
+
+/// What a lead skips of a curve that it meets in an inside corner: the tool takes chords from
+/// the end of a curve as it takes a piece of an arc, and a lead cuts no wall beside them.
+pub(crate) fn skipped_by_leads<'a>(
+    links: &'a [Link],
+    placed: &'a [Placed],
+    tolerance: f64,
+) -> impl Iterator<Item = Skipped> + 'a {
+    let skipped = move |gap: Gap| {
+        let is = |link: Option<usize>, role| link.is_some_and(|link| links[link].role == role);
+        let is_by_entry = is(gap.before, Role::Entry);
+        if !is_by_entry && !is(gap.after, Role::Exit) {
+            return None;
+        }
+        let runs = || {
+            links[gap.from..gap.to].iter().filter_map(|link| match link.role {
+                Role::Run(run) => Some((run, link)),
+                _ => None,
+            })
+        };
+        let stand = placed.get(gap.index)?.start;
+        let lead = &links[if is_by_entry { gap.before? } else { gap.after? }];
+        let offset = lead.element.offset(lead.d_in_mm)?;
+        let outside = if is_by_entry { offset.start() } else { offset.end() };
+        let way = Element::line(outside, stand)?;
+        let stays = |link: &Link, point: Vec2| distance_to(&way, point) - link.d_in_mm.abs();
+        let parts = [0.0, 0.5, 1.0];
+        let all = runs().flat_map(|(_, link)| {
+            let at = move |part: f64| link.element.point_at(link.element.length() * part);
+            parts.into_iter().map(move |part| stays(link, at(part)))
+        });
+        let stays_mm = all.fold(0.0, f64::max);
+        let (first, last) = (runs().next()?.0, runs().next_back()?.0);
+        (stays_mm > tolerance).then_some(Skipped { first, last, stays_mm, is_by_entry })
+    };
+    gaps(links, placed)
+        .filter(move |gap| !is_deep(links, placed, gap, tolerance))
+        .filter_map(skipped)
+}
+
 /// Links `from..to` are consumed; `before` and `after` are the neighbours that stay,
 /// the one after at an index of what is placed.
 struct Gap {

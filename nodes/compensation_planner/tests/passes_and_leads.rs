@@ -217,3 +217,23 @@ fn a_negative_radius_is_the_positive_one_on_the_other_side() {
         assert_eq!(runs[0].path.elements, runs[1].path.elements, "{control} {radius}");
     }
 }
+
+#[test]
+fn what_an_entry_skips_of_a_curve_is_told() {
+    // Along a curve of 40 mm in chords, entered along its tangent or from its inside.
+    let curve = |start: &str| {
+        let mut text = format!("F100\nG0 {start}\nG41.1 D6 G1 X40 Y0");
+        for step in 1..=30 {
+            let (sin, cos) = (f64::from(step) * 3.0_f64.to_radians()).sin_cos();
+            let _ = write!(text, "\nG1 X{:.4} Y{:.4}", 40.0 * cos, 40.0 * sin);
+        }
+        text + "\nG40 G1 X-0.5 Y30"
+    };
+    let skips = of_rs274(&curve("X0 Y20"));
+    let uncut = finding(&skips, Code::Uncut);
+    assert_eq!((uncut.severity, uncut.source.line), (Severity::Warning, 3));
+    assert!((0.1..5.0).contains(&uncut.available_mm.unwrap()), "{uncut:?}");
+    assert!(skips.accepted(), "{}", findings(&skips));
+    let touches = of_rs274(&curve("X40 Y-20"));
+    assert!(!codes(&touches).contains(&Code::Uncut), "{}", findings(&touches));
+}
