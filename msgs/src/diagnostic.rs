@@ -44,6 +44,7 @@ pub enum Code {
     Unreachable,
     Gouge,
     CutsOtherPass,
+    CutsOtherSpan,
     LeadGouge,
     LeadNick,
     LinkGouge,
@@ -59,7 +60,7 @@ pub enum Code {
 
 impl Code {
     /// Every code, in the order of declaration.
-    pub const ALL: [Self; 33] = [
+    pub const ALL: [Self; 34] = [
         Self::Syntax,
         Self::UnknownWord,
         Self::ModalConflict,
@@ -84,6 +85,7 @@ impl Code {
         Self::Unreachable,
         Self::Gouge,
         Self::CutsOtherPass,
+        Self::CutsOtherSpan,
         Self::LeadGouge,
         Self::LeadNick,
         Self::LinkGouge,
@@ -122,6 +124,7 @@ impl Code {
             Self::Unreachable => "unreachable",
             Self::Gouge => "gouge",
             Self::CutsOtherPass => "cuts_other_pass",
+            Self::CutsOtherSpan => "cuts_other_span",
             Self::LeadGouge => "lead_gouge",
             Self::LeadNick => "lead_nick",
             Self::LinkGouge => "link_gouge",

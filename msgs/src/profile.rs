@@ -289,6 +289,9 @@ pub struct InterferenceRules {
     /// manuals' own figures begin in an inside corner.
     #[serde(default = "error")]
     pub at_closing: Strictness,
+    /// A cut into what an earlier contour of the program has left.
+    #[serde(default)]
+    pub other_spans: OtherSpans,
     /// Where the material begins, work coordinate along the tool, mm: a lead above this and
     /// above all cuts of a contour passes over its walls.
     #[serde(default)]
@@ -298,6 +301,19 @@ pub struct InterferenceRules {
     pub inside_arc: Rule<InsideArc>,
     /// The control's alarm for a contour that the tool does not fit.
     pub alarm: Option<String>,
+}
+
+/// What is done where the tool cuts into what an earlier contour of the program has left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OtherSpans {
+    /// The program is refused.
+    Error,
+    /// A warning: a finishing contour is meant to cut what a roughing contour left.
+    #[default]
+    Warn,
+    /// Contours are not compared: each may be of a part of its own.
+    Ignore,
 }
 
 /// What is done about a contour that the tool does not fit.

@@ -42,7 +42,7 @@ pub(crate) enum Exit {
 }
 
 impl Exit {
-    fn lead(&self) -> Option<&Lead> {
+    pub(crate) fn lead(&self) -> Option<&Lead> {
         match self {
             Self::LeadOff(lead) | Self::Link(lead) => Some(lead),
             Self::None => None,
@@ -90,6 +90,8 @@ pub(crate) struct Solution {
     layout: Layout,
     is_identity: bool,
     verdict: Verdict,
+    /// The lead-on and the lead-off, once they are put out: radius, mm, and way.
+    leads: [Option<(f64, lead::Way)>; 2],
 }
 
 /// Finds the way of the tool along a span.
@@ -146,7 +148,6 @@ pub(crate) fn solve(
     }
     let corners = Corners { span, short_mm: profile.corner.short_block_mm };
     let joined = Joined { links: &links, placed: &placed, corners };
-    let mut walls = Walls::of_layout(&runs, layout);
     for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
         diagnostics.push(finding::cut(span, &runs, cut, profile));
     }
@@ -157,7 +158,7 @@ pub(crate) fn solve(
         && (!cuts.cuts.is_empty() || reach::left_out(&links, &placed, tolerance).next().is_some())
     {
         let rule = profile.interference.at_closing;
-        walls = Walls::all(&runs, &links, &placed).forgiving_closing(rule);
+        let walls = Walls::all(&runs, &links, &placed).forgiving_closing(rule);
         let trimmed = trim(&walls, &joined, tolerance);
         for cut in &trimmed.cuts {
             diagnostics.push(finding::not_trimmed(span, &runs, cut, profile));
@@ -168,16 +169,16 @@ pub(crate) fn solve(
         let joined = Joined { placed: &trimmed.placed, ..joined };
         uncut.extend(uncut::regions(&joined, &runs, &trimmed.loops, tolerance));
         placed = trimmed.placed;
+        layout = walls.into_layout();
     }
-    let layout = walls.into_layout();
-    Solution { runs, links, placed, layout, is_identity, verdict }
+    Solution { runs, links, placed, layout, is_identity, verdict, leads: [None; 2] }
 }
 
 impl Solution {
     /// Puts the span out. `behind` is the wall that a link at its start leaves; the
     /// wall that a link at its end leaves is given back.
     pub(crate) fn put_out(
-        self,
+        &mut self,
         span: &Span<'_>,
         exit: &Exit,
         behind: Option<WallBehind>,
@@ -185,11 +186,11 @@ impl Solution {
         out: &mut Emitter,
         verdict: &mut Verdict,
     ) -> Option<WallBehind> {
-        let Self { runs, links, placed, layout, is_identity, verdict: own } = self;
-        verdict.extend(own);
+        let Self { runs, links, placed, layout, is_identity, verdict: own, leads } = self;
+        verdict.extend(std::mem::take(own));
         let diagnostics = &mut verdict.diagnostics;
         let corners = Corners { span, short_mm: profile.corner.short_block_mm };
-        let joined = Joined { links: &links, placed: &placed, corners };
+        let joined = Joined { links, placed, corners };
         out.side = side_of(span.d_mm);
         // What is compensated is computed at the centre, and put out there or at the tip.
         let to_tip = tip::Shift::new(span, profile);
@@ -205,21 +206,24 @@ impl Solution {
         };
         let first_element = writer.out.path.elements.len();
         let lead_start = in_plane(span.plane, writer.out.position);
-        writer.lead_on(&links, &placed);
-        if is_identity {
+        writer.lead_on(links, placed);
+        if *is_identity {
             writer.as_programmed();
         } else {
-            writer.links(&runs, &links, &placed, exit.lead());
+            writer.links(runs, links, placed, exit.lead());
         }
         writer.items_before(span.legs.len(), false);
         to_tip.apply(span, &mut out.path.elements[first_element..]);
         out.position = to_tip.tip(span.plane, out.position, to_tip.last);
-        let walls = Walls::of_layout(&runs, layout);
+        let walls = Walls::of_layout(runs, layout);
         let mut check = lead::Check { profile, plane: span.plane, walls: &walls, diagnostics };
         if span.entry.from.is_none()
             && let Some(way) = lead::Way::on(&joined, lead_start)
         {
-            check.lead_on(span, &runs, &way, behind);
+            check.lead_on(span, runs, &way, behind);
+            // A link begins with the offset of the span before.
+            let from_mm = behind.map_or(f64::INFINITY, |behind| behind.d_mm.abs());
+            leads[0] = Some((span.d_mm.abs().min(from_mm), way));
         }
         let way_of = |run: usize| {
             let place = placed.iter().find(|place| links[place.link].role == LinkRole::Run(run))?;
@@ -239,11 +243,39 @@ impl Solution {
             out.line_to(span.plane, end, height(span.plane, lead.motion.end), label);
             let centre = to_tip.centre(span.plane, lead.motion.end, to_tip.last);
             if let Some(way) = lead::Way::off(&joined, in_plane(span.plane, centre)) {
-                check.lead_off(span, &runs, &way, lead);
+                check.lead_off(span, runs, &way, lead);
+                leads[1] = Some((span.d_out_mm.abs(), way));
             }
         }
         out.side = None;
-        check.wall_behind(span, &runs, runs.len().checked_sub(1).and_then(way_of))
+        check.wall_behind(span, runs, runs.len().checked_sub(1).and_then(way_of))
+    }
+}
+
+impl Solution {
+    pub(crate) fn runs(&self) -> &[Run] {
+        &self.runs
+    }
+
+    /// What the contour bounds.
+    pub(crate) fn walls(&self) -> Walls<'_> {
+        Walls::of_layout(&self.runs, &self.layout)
+    }
+
+    /// The way of the tool between the leads.
+    pub(crate) fn joined<'a>(&'a self, span: &'a Span<'_>, profile: &Profile) -> Joined<'a> {
+        let corners = Corners { span, short_mm: profile.corner.short_block_mm };
+        Joined { links: &self.links, placed: &self.placed, corners }
+    }
+
+    /// The lead-on and the lead-off, once they are put out: radius, mm, and way.
+    pub(crate) fn leads(&self) -> [Option<(f64, lead::Way)>; 2] {
+        self.leads
+    }
+
+    /// The path is what the program says: nothing is compensated.
+    pub(crate) fn is_identity(&self) -> bool {
+        self.is_identity
     }
 }
 

@@ -4,13 +4,14 @@
 
 use crate::frame::{height, in_work};
 use crate::interference::Cut;
+use crate::other_spans::OtherCut;
 use crate::reach::{Skipped, Unreachable};
 use crate::span::{Lead, Run, Span};
 use cnc_msgs::contour::{Approach, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
 use cnc_msgs::numbers::told_apart;
-use cnc_msgs::profile::{Profile, Reaction, Strictness};
+use cnc_msgs::profile::{OtherSpans, Profile, Reaction, Strictness};
 
 /// `N40`, or the line where there is no number.
 pub(crate) fn block_name(source: Source) -> String {
@@ -163,8 +164,11 @@ pub(crate) fn skipped_by_lead(
          {stays_mm:.4} mm of them stays",
         tool(span.d_mm)
     );
-    let mut finding = Diagnostic::warning(Code::Uncut, lead, message)
-        .help("lead from the side of the tool, at a right angle to the contour");
+    let mut finding =
+        Diagnostic::warning(Code::Uncut, lead, message).help(match skipped.is_by_entry {
+            true => "lead onto the contour in the direction of its first block",
+            false => "leave the contour in the direction of its last block",
+        });
     finding.other = Some(first.source).filter(|other| other.line != lead.line);
     let at = runs[skipped.first].element.start();
     finding.position = Some(in_work(span.plane, at, height(span.plane, first.motion.end)));
@@ -206,6 +210,49 @@ pub(crate) fn cut(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -
     finding.available_mm = Some(cut.radius_mm - depth_mm / 2.0);
     finding.alarm.clone_from(&profile.interference.alarm);
     finding.help("use a smaller tool, or begin and end the contour where it does not bend back")
+}
+
+/// A cut into what an earlier contour has left.
+pub(crate) fn cuts_other_span(
+    cut: &OtherCut,
+    plane: Plane,
+    is_last: bool,
+    profile: &Profile,
+) -> Diagnostic {
+    let depth_mm = cut.depth_mm();
+    let position = in_work(plane, cut.on_wall, cut.height_mm);
+    let message = format!(
+        "{} cuts {depth_mm:.4} mm into {}, of an earlier contour, at {} while it follows {}{}",
+        tool(cut.d_mm),
+        block_name(cut.into),
+        place(plane, position),
+        block_name(cut.on),
+        if is_last { "; contours after this one are not compared with earlier ones" } else { "" }
+    );
+    let mut finding = Diagnostic::error(Code::CutsOtherSpan, cut.on, message).help(
+        "check the distance between both contours; where each is of a part of its own, set \
+         interference.other_spans to ignore",
+    );
+    if profile.interference.other_spans != OtherSpans::Error {
+        finding.severity = Severity::Warning;
+    }
+    finding.other = Some(cut.into);
+    finding.position = Some(position);
+    finding.depth_mm = Some(depth_mm);
+    finding.needed_mm = Some(cut.d_mm.abs());
+    finding.available_mm = Some(cut.distance_mm);
+    finding
+}
+
+/// More contours lie near each other than can be compared.
+pub(crate) fn too_many_spans(span: &Span<'_>) -> Diagnostic {
+    Diagnostic::warning(
+        Code::Limit,
+        span.entry.lead.source,
+        "so many contours lie near each other that those after this block are not compared with \
+         earlier ones",
+    )
+    .help("split the program in two, or set interference.other_spans to ignore")
 }
 
 /// A cut that is still there after everything that does not fit was left out.

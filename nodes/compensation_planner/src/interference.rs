@@ -93,12 +93,9 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
         // Without its passes each copy of a wall would be in the way of the others.
         return (Vec::new(), false);
     }
-    let Joined { links, placed, corners } = *joined;
+    let Joined { links, placed, .. } = *joined;
     let ways = ways(walls, joined, slack);
-    let element = |way: &Way| match way.piece {
-        None => element(&links[placed[way.place].link], &placed[way.place]),
-        Some(piece) => corners.pieces(links, placed, way.place)?[piece],
-    };
+    let element = |way: &Way| way.element(joined);
     let boxes = ways
         .iter()
         .map(|way| (element(way).map_or(Bounds::EMPTY, |element| Bounds::of(&element)), way.chain));
@@ -106,7 +103,7 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     let reach = links.iter().map(|link| link.d_in_mm.abs().max(link.d_out_mm.abs()));
     let reach = reach.fold(0.0, f64::max);
     let mut found: Vec<(usize, Cut)> = Vec::new();
-    let is_complete = tree.near_pairs(walls.tree(), reach, budget(ways.len()), |on, into| {
+    let is_complete = tree.near_pairs(walls.tree(), reach, &mut budget(ways.len()), |on, into| {
         // Once for all pairs: most are far enough apart by these alone.
         let mut wall_boxes = [Bounds::EMPTY; LEAF];
         for (wall_box, run) in wall_boxes.iter_mut().zip(into.clone()) {
@@ -126,6 +123,29 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
         if found.len() < CUTS_MAX { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
     (found, is_complete)
+}
+
+impl Way {
+    fn element(&self, joined: &Joined<'_>) -> Option<Element> {
+        let Joined { links, placed, corners } = *joined;
+        match self.piece {
+            None => element(&links[placed[self.place].link], &placed[self.place]),
+            Some(piece) => corners.pieces(links, placed, self.place)?[piece],
+        }
+    }
+}
+
+/// The way of the tool between the leads: the run that each piece belongs to, and the radius
+/// there, mm.
+pub(crate) fn pieces(
+    walls: &Walls<'_>,
+    joined: &Joined<'_>,
+) -> impl Iterator<Item = (usize, f64, Element)> {
+    ways(walls, joined, [0.0; 2]).into_iter().filter_map(|way| {
+        let link = &joined.links[joined.placed[way.place].link];
+        let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
+        Some((way.run, radius_mm, way.element(joined)?))
+    })
 }
 
 /// What there is between the leads. A corner belongs to the run behind it, or before

@@ -11,7 +11,7 @@ use crate::finding::{self, LeadCut};
 use crate::frame::{height, in_work};
 use crate::interference::{self, Joined};
 use crate::span::{Lead, Run, Span};
-use crate::tolerance::{GOUGE_MM, LENGTH_MM};
+use crate::tolerance::{CHORD_TURN_RAD, GOUGE_MM, LENGTH_MM};
 use crate::tree::{Bounds, NO_CHAIN, Tree, budget};
 use crate::walls::Walls;
 use cnc_msgs::contour::{Approach, Source};
@@ -63,6 +63,12 @@ impl Way {
             None => last.start,
         };
         Some(Self { straight: (start, outside), corner })
+    }
+
+    /// Its pieces.
+    pub(crate) fn elements(&self) -> impl Iterator<Item = Element> {
+        let straight = Element::line(self.straight.0, self.straight.1);
+        self.corner.into_iter().flatten().chain(straight)
     }
 
     /// What it cuts of the walls, if nearer than `limit` mm; of the walls of runs that it is
@@ -150,7 +156,9 @@ impl FreeEnd {
         let out = (straight.0 - self.at).norm().min((straight.1 - self.at).norm());
         let Some(way) = Element::line(straight.0, straight.1) else { return Vec::new() };
         let nearest_mm = (nearest_on_element(&way, self.at) - self.at).norm();
-        if out > radius_mm + 2.0 * GOUGE_MM || nearest_mm >= radius_mm {
+        // A curve in chords bends from the lead at once: there they meet a little farther out.
+        let farthest_mm = radius_mm / (CHORD_TURN_RAD / 2.0).cos() + 2.0 * GOUGE_MM;
+        if out > farthest_mm || nearest_mm >= radius_mm {
             return Vec::new();
         }
         let part = (radius_mm - nearest_mm) / (radius_mm + nearest_mm);
@@ -207,7 +215,7 @@ pub(crate) fn deepest_cut(
     let bounds = Bounds::of(way);
     let tree = Tree::new(std::iter::once((bounds, NO_CHAIN)));
     let mut deepest: Option<(usize, Nearest)> = None;
-    tree.near_pairs(walls.tree(), limit, budget(walls.count()), |_, into| {
+    tree.near_pairs(walls.tree(), limit, &mut budget(walls.count()), |_, into| {
         for run in into.filter(|&run| counts(run)) {
             let whole = walls.element(run);
             // The quick looks first.
@@ -361,7 +369,7 @@ impl Below {
         let mut is_below = vec![lowest > profile.interference.stock_top_mm; walls.passes()];
         for (index, run) in runs.iter().enumerate() {
             let highest =
-                heights[run.legs.clone()].iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+                heights[run.legs.clone()].iter().fold(f64::NEG_INFINITY, |a, b| a.max(b.1));
             is_below[walls.pass(index)] &= lowest > highest;
         }
         Self(is_below)

@@ -11,7 +11,8 @@
 //! says what the tool does not fit into, `walls` what bounds it (`meeting`: where the
 //! contour meets itself), `interference` where it cuts into that (`tree`: who is near), `trim` cuts off
 //! what does not fit and `uncut` tells what that leaves, `corner` shapes outside corners,
-//! `lead` checks the leads, `write` and `emit` put it all out.
+//! `lead` checks the leads, `write` and `emit` put it all out, and `other_spans` compares it
+//! with the spans before it.
 //!
 //! Beside it: `mdi` plans a single block, `set_tool` decides on a change of the tool
 //! table and `tool_file` writes it into the file of its owner.
@@ -36,6 +37,7 @@ mod meeting;
 #[cfg(feature = "node")]
 pub mod node;
 mod normalise;
+mod other_spans;
 #[cfg(feature = "node")]
 mod preview;
 mod radius;

@@ -115,7 +115,7 @@ fn places(
         }
     }
     let most = most.0 * runs.len() + most.1;
-    let is_complete = tree.near_pairs(tree, LENGTH_MM, budget(runs.len()), |early, late| {
+    let is_complete = tree.near_pairs(tree, LENGTH_MM, &mut budget(runs.len()), |early, late| {
         if early.start > late.start {
             return ControlFlow::Continue(());
         }

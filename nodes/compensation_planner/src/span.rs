@@ -105,20 +105,20 @@ pub(crate) struct Span<'a> {
 }
 
 impl Span<'_> {
-    /// The highest place of each leg along the tool, mm: where it starts or ends.
-    pub(crate) fn leg_heights(&self) -> Vec<f64> {
+    /// The lowest and the highest place of each leg along the tool, mm: where it starts or ends.
+    pub(crate) fn leg_heights(&self) -> Vec<(f64, f64)> {
         let mut items = self.items.iter().peekable();
         let mut now = height(self.plane, self.entry.lead.motion.end);
-        let highest = |(index, leg): (usize, &Leg<'_>)| {
+        let ends = |(index, leg): (usize, &Leg<'_>)| {
             while let Some(item) = items.next_if(|item| item.before <= index) {
                 if let ItemKind::OffPlane(motion) = item.what {
                     now = height(self.plane, motion.end);
                 }
             }
             let start = std::mem::replace(&mut now, height(self.plane, leg.motion.end));
-            start.max(now)
+            (start.min(now), start.max(now))
         };
-        self.legs.iter().enumerate().map(highest).collect()
+        self.legs.iter().enumerate().map(ends).collect()
     }
 }
 

@@ -54,7 +54,7 @@ impl Bounds {
         Self { low: chord.low - sagitta, high: chord.high + sagitta }
     }
 
-    fn union(self, other: Self) -> Self {
+    pub(crate) fn union(self, other: Self) -> Self {
         Self { low: self.low.inf(&other.low), high: self.high.sup(&other.high) }
     }
 
@@ -107,13 +107,13 @@ impl Tree {
 
     /// Visits the elements of all pairs of lowest boxes that are nearer than
     /// `reach` mm and not within one chain; of a tree with itself each pair
-    /// twice. Gives up after `budget` boxes, where a visit counts as a box for each
-    /// element: whether it saw all.
+    /// twice. Gives up when the budget of boxes is used up, where a visit counts as a box for
+    /// each element: whether it saw all.
     pub(crate) fn near_pairs(
         &self,
         other: &Self,
         reach: f64,
-        mut budget: usize,
+        budget: &mut usize,
         mut visit: impl FnMut(Range<usize>, Range<usize>) -> ControlFlow<()>,
     ) -> bool {
         if self.count == 0 || other.count == 0 {
@@ -122,10 +122,10 @@ impl Tree {
         let reach_squared = reach * reach;
         let mut stack = vec![((self.levels.len() - 1, 0), (other.levels.len() - 1, 0))];
         while let Some(((level_a, a), (level_b, b))) = stack.pop() {
-            if budget == 0 {
+            if *budget == 0 {
                 return false;
             }
-            budget -= 1;
+            *budget -= 1;
             let (node_a, node_b) = (&self.levels[level_a][a], &other.levels[level_b][b]);
             if (node_a.chain == node_b.chain && node_a.chain != NO_CHAIN)
                 || node_a.bounds.gap_squared(&node_b.bounds) > reach_squared
@@ -133,7 +133,7 @@ impl Tree {
                 continue;
             }
             if level_a == 0 && level_b == 0 {
-                budget = budget.saturating_sub(LEAF);
+                *budget = budget.saturating_sub(LEAF);
                 if visit(self.items(a), other.items(b)).is_break() {
                     return true;
                 }
@@ -250,7 +250,7 @@ mod tests {
             let (a, b) = (boxes(&lines), boxes(&others));
             let tree = |boxes: &[Bounds]| Tree::new(boxes.iter().map(|bounds| (*bounds, NO_CHAIN)));
             let mut seen = BTreeSet::new();
-            let is_complete = tree(&a).near_pairs(&tree(&b), reach, usize::MAX, |a, b| {
+            let is_complete = tree(&a).near_pairs(&tree(&b), reach, &mut usize::MAX.clone(), |a, b| {
                 seen.extend(a.flat_map(|a| b.clone().map(move |b| (a, b))));
                 ControlFlow::Continue(())
             });

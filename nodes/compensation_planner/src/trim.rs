@@ -249,7 +249,7 @@ fn all_crossings(ways: &[Option<Element>], joints: Vec<Crossing>) -> Vec<Crossin
     let tree = Tree::new(ways.iter().map(|way| (bounds(way), NO_CHAIN)));
     let mut found = joints;
     let most = CROSSINGS_MAX.0 * ways.len() + CROSSINGS_MAX.1;
-    tree.near_pairs(&tree, LENGTH_MM, budget(ways.len()), |early, late| {
+    tree.near_pairs(&tree, LENGTH_MM, &mut budget(ways.len()), |early, late| {
         for late in late {
             for early in early.start..early.end.min(late) {
                 if let (Some(a), Some(b)) = (&ways[early], &ways[late]) {

@@ -15,17 +15,18 @@ use crate::tolerance::{LENGTH_MM, MERGE_MM};
 use crate::tree::{Bounds, Chains, NO_CHAIN, Tree};
 use cnc_msgs::diagnostic::Severity;
 use cnc_msgs::profile::Strictness;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// The walls of a span.
 #[derive(Debug)]
 pub(crate) struct Walls<'a> {
     runs: &'a [Run],
-    layout: Layout,
+    layout: Cow<'a, Layout>,
 }
 
 /// What bounds the tool, by number of run.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Layout {
     passes: Vec<Pass>,
     /// Over all runs; those that the tool does not touch are in it too.
@@ -99,7 +100,7 @@ impl<'a> Walls<'a> {
         let retraces = copies.is_some();
         let layout =
             Layout { passes, tree, chains, is_judged, copies, is_complete, forgives_closing };
-        let mut walls = Self { runs, layout };
+        let mut walls = Self { runs, layout: Cow::Owned(layout) };
         if retraces {
             walls.look_once();
         }
@@ -113,18 +114,19 @@ impl<'a> Walls<'a> {
         let is_judged = (0..self.runs.len()).map(|run| copies.is_first(run) && is_judged(run));
         let is_judged: Vec<bool> = is_judged.collect();
         let tree = tree_of(self.runs, &self.layout.chains, |run| copies.is_first(run));
-        for run in 0..self.runs.len() {
+        let layout = self.layout.to_mut();
+        for (run, is_any_judged) in layout.is_judged.iter_mut().enumerate() {
             let first = copies.of_run(run).next().unwrap_or(run);
-            self.layout.is_judged[run] = is_judged[first];
+            *is_any_judged = is_judged[first];
         }
-        self.layout.tree = tree;
-        self.layout.copies = Some(copies);
+        layout.tree = tree;
+        layout.copies = Some(copies);
     }
 
     /// As a control whose manual shows it begins a closed contour in an inside corner.
     #[must_use]
     pub(crate) fn forgiving_closing(mut self, rule: Strictness) -> Self {
-        self.layout.forgives_closing = rule.severity() == Severity::Warning;
+        self.layout.to_mut().forgives_closing = rule.severity() == Severity::Warning;
         self
     }
 
@@ -134,13 +136,13 @@ impl<'a> Walls<'a> {
     }
 
     /// The same again, of the same runs.
-    pub(crate) fn of_layout(runs: &'a [Run], layout: Layout) -> Self {
-        Self { runs, layout }
+    pub(crate) fn of_layout(runs: &'a [Run], layout: &'a Layout) -> Self {
+        Self { runs, layout: Cow::Borrowed(layout) }
     }
 
     /// What is left to keep when the runs are not borrowed any more.
     pub(crate) fn into_layout(self) -> Layout {
-        self.layout
+        self.layout.into_owned()
     }
 
     /// Number of runs.

@@ -235,5 +235,6 @@ fn what_an_entry_skips_of_a_curve_is_told() {
     assert!((0.1..5.0).contains(&uncut.available_mm.unwrap()), "{uncut:?}");
     assert!(skips.accepted(), "{}", findings(&skips));
     let touches = of_rs274(&curve("X40 Y-20"));
+    assert!(touches.accepted(), "{}", findings(&touches));
     assert!(!codes(&touches).contains(&Code::Uncut), "{}", findings(&touches));
 }

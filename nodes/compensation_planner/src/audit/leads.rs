@@ -6,6 +6,10 @@ use super::planar::Piece;
 use super::program::{Kind, NONE};
 use cnc_msgs::path::Role;
 
+/// How much a contour may bend from the lead where it begins and still have a free end there, as
+/// a curve in chords does.
+const BEND_RAD: f64 = 0.1;
+
 impl Search<'_> {
     pub(super) fn lead(&self, element: usize) -> Tool {
         let leads_on = self.span.lead_on == Some(element);
@@ -80,7 +84,8 @@ impl Search<'_> {
         };
         let (radius_mm, nearest_mm) = (self.radius_mm(element), (lead.nearest(end) - end).norm());
         let side = if leads_on { lead.to - end } else { lead.from - end };
-        if begins != end || side.norm() > radius_mm + GOUGE_MM || nearest_mm >= radius_mm {
+        let farthest_mm = radius_mm / (BEND_RAD / 2.0).cos() + GOUGE_MM;
+        if begins != end || side.norm() > farthest_mm || nearest_mm >= radius_mm {
             return None;
         }
         // Beside this much of the contour it is nearer than the radius, bent as it may be.

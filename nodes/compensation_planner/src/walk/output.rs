@@ -6,6 +6,7 @@
 
 use crate::compensate::{Exit, Solution, Verdict, WallBehind, empty_span, solve};
 use crate::emit::Emitter;
+use crate::other_spans::Earlier;
 use crate::span::{ItemKind, Span};
 use crate::{Planning, SpanSummary};
 use cnc_msgs::contour::{Action, CutterSide, Motion, ProgrammedContour, Source};
@@ -22,6 +23,7 @@ pub(super) struct Output<'a> {
     planning: Planning<'a>,
     emitter: Emitter,
     spans: Vec<SpanSummary>,
+    earlier: Earlier<'a>,
     /// The first is a span, if there is any.
     waiting: Vec<Order<'a>>,
     /// Orders and the blocks of spans among them.
@@ -53,7 +55,15 @@ impl<'a> Output<'a> {
     ) -> Self {
         let mut emitter = Emitter::new(contour.start, contour.assumed_axes);
         emitter.path.elements.reserve(contour.events.len() + contour.events.len() / 2);
-        Self { profile, planning, emitter, spans: Vec::new(), waiting: Vec::new(), weight: 0 }
+        Self {
+            profile,
+            planning,
+            emitter,
+            spans: Vec::new(),
+            earlier: Earlier::new(),
+            waiting: Vec::new(),
+            weight: 0,
+        }
     }
 
     /// A motion as it is programmed.
@@ -103,7 +113,7 @@ impl<'a> Output<'a> {
 
     fn order(&mut self, order: Order<'a>) {
         if self.waiting.is_empty() {
-            put_out(&mut self.emitter, order);
+            self.put_out(order);
             return;
         }
         self.weight += 1;
@@ -124,7 +134,7 @@ impl<'a> Output<'a> {
                     let solution = solutions.next().flatten();
                     behind = self.put_out_span(*job, solution, verdict);
                 }
-                order => put_out(&mut self.emitter, order),
+                order => self.put_out(order),
             }
         }
         verdict.diagnostics.extend(said);
@@ -152,16 +162,33 @@ impl<'a> Output<'a> {
         places.into_iter().map(solution).collect()
     }
 
+    /// Puts out what is no span.
+    fn put_out(&mut self, order: Order<'_>) {
+        match order {
+            Order::Programmed(motion, source, role) => {
+                self.emitter.programmed(&motion, source, role);
+            }
+            Order::Action(action, source) => {
+                self.earlier.action(&action);
+                self.emitter.action(action, source);
+            }
+            Order::StopExactlyIn(source) => self.emitter.stop_exactly_in(source),
+            Order::Span(_) => {}
+        }
+    }
+
     fn put_out_span(
         &mut self,
-        job: Job<'_>,
+        job: Job<'a>,
         solution: Option<Solution>,
         verdict: &mut Verdict,
     ) -> Option<WallBehind> {
         let Job { span, exit, behind, said } = job;
         verdict.diagnostics.extend(said);
+        let found = verdict.diagnostics.len();
         let before = self.emitter.path.elements.len();
-        let (Some(solution), [first, ..], [.., last]) = (solution, &span.legs[..], &span.legs[..])
+        let (Some(mut solution), [first, ..], [.., last]) =
+            (solution, &span.legs[..], &span.legs[..])
         else {
             self.without_contour(&span, &exit, verdict);
             return None;
@@ -181,6 +208,9 @@ impl<'a> Output<'a> {
                 last_element: before + last_element,
             });
         }
+        let found = &verdict.diagnostics[found..];
+        let cut = self.earlier.compare(span, &exit, solution, self.profile, found);
+        verdict.diagnostics.extend(cut);
         rest
     }
 
@@ -198,14 +228,5 @@ impl<'a> Output<'a> {
         if let Exit::LeadOff(lead) = exit {
             out.programmed(&lead.motion, lead.source, Role::LeadOff);
         }
-    }
-}
-
-fn put_out(emitter: &mut Emitter, order: Order<'_>) {
-    match order {
-        Order::Programmed(motion, source, role) => emitter.programmed(&motion, source, role),
-        Order::Action(action, source) => emitter.action(action, source),
-        Order::StopExactlyIn(source) => emitter.stop_exactly_in(source),
-        Order::Span(_) => {}
     }
 }

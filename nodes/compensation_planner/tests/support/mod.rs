@@ -155,6 +155,9 @@ impl Reader {
                 170 => self.plane = Plane::Xy,
                 180 => self.plane = Plane::Zx,
                 190 => self.plane = Plane::Yz,
+                540 | 550 => {
+                    push(ContourEventKind::Action(Action::WorkOffset { system: value as u8 - 53 }))
+                }
                 4500 => push(ContourEventKind::Corner(OutsideCorner::Arc)),
                 4510 => push(ContourEventKind::Corner(OutsideCorner::ExtendByRadius)),
                 4520 => push(ContourEventKind::Corner(OutsideCorner::Intersection)),
