@@ -8,6 +8,7 @@ import time
 
 import pytest
 
+import hostile
 import launch_stand_in
 from contract import NODES
 from machine import ROOT, TOOLS, die_with_parent, domain, kerf
@@ -65,8 +66,8 @@ def test_folders_are_those_of_the_loader_and_count_more_than_the_file(tmp_path):
 
 
 @pytest.fixture
-def stack(tmp_path):
-    """The processes of the launch file, with a virtual controller, and a node beside them."""
+def launched(tmp_path):
+    """The processes of the launch file, with a virtual controller."""
     parameters = tmp_path / 'mine.yaml'
     parameters.write_text(
         '/**/axis_driver:\n  ros__parameters:\n    poll_interval_ms: 400\n'
@@ -83,11 +84,18 @@ def stack(tmp_path):
                 namespace=namespace, params_file=str(parameters), tool_table=str(TOOLS),
                 program_directories=str(tmp_path),
                 virtual_controller='true', time_factor='10', log_level='debug')]
-    with Node('cell', namespace, domain()) as node:
-        yield node, started, tmp_path
+    yield namespace, environment, started
     for process in started:
         process.kill()
         process.wait()
+
+
+@pytest.fixture
+def stack(launched, tmp_path):
+    """The same, and a node with them."""
+    namespace, _, started = launched
+    with Node('cell', namespace, domain()) as node:
+        yield node, started, tmp_path
 
 
 def test_the_stack_that_was_launched_runs_a_program_and_leaves_in_order(stack):
@@ -137,6 +145,31 @@ def test_a_node_that_takes_too_much_memory_is_restarted(stack):
         client.call(patience=10, path='long.ngc')
     until(lambda: 'program_loader ended (exit status: 71)' in (folder / 'log').read_text())
     load(node, text=QUICK, name='quick.ngc')
+
+
+def test_packets_that_the_dds_layer_cannot_handle_cost_restarts_and_no_more(launched, tmp_path):
+    namespace, environment, started = launched
+    log = tmp_path / 'log'
+
+    def is_idle():
+        said = subprocess.run([kerf(), 'status', '--ros-args', '-r', f'__ns:={namespace}'],
+                              env=environment, cwd=tmp_path, capture_output=True, text=True)
+        return said.stdout.startswith('IDLE')
+
+    until(is_idle)
+    for name, make in hostile.PACKETS.items():
+        hostile.send(domain(), make)
+        # What a packet does, it does in this time; what hangs is given five seconds.
+        time.sleep(6)
+        until(is_idle)
+        assert all(process.poll() is None for process in started), (name, log.read_text())
+    # The first of them ends every node that it reaches.
+    assert log.read_text().count(' ended (') >= len(NODES), log.read_text()
+    with Node('cell', namespace, domain()) as node:
+        until_state(node, MachineState.STATE_IDLE)
+        load(node, text=QUICK, name='quick.ngc')
+        runs = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program')
+        assert runs.send_goal().result().status == 4
 
 
 def children(process):
