@@ -14,7 +14,7 @@ mod tool_table;
 pub use machine::{
     link_watch_from_wire, link_watch_to_wire, machine_state_to_wire, mode_from_wire, mode_to_wire,
 };
-pub use path::path_element_to_wire;
+pub use path::{path_element_to_wire, start_in_span_from_wire, start_in_span_to_wire};
 
 use crate::contour::Source;
 use crate::geometry::{Arc, Plane, Position, Shape};

@@ -1,7 +1,11 @@
 //! The compensated path: the only thing that can be sent to a machine.
 
+mod entry;
+
 use crate::contour::{Action, CutterSide, Source};
 use crate::geometry::{AxisSet, Position, Shape};
+
+pub use entry::{Entry, PastEnd, StartInSpan, in_force};
 
 /// The path of the tool centre, with everything that happens along it.
 #[derive(Debug, Clone, PartialEq, Default)]

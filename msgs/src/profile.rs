@@ -258,7 +258,7 @@ pub enum MdiMode {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RestartMode {
-    /// Compensation is entered anew.
+    /// The run begins at the compensated point.
     Rebuild,
     /// The program starts before the selection (M28).
     Forbidden,

@@ -52,7 +52,8 @@ SERVICES = {
         'programmed_contour/get_chunks': 'GetContourChunks', 'read_block': 'ReadBlock'},
     'compensation_planner': {
         'set_tool': 'SetTool', 'get_tools': 'GetTools', 'get_findings': 'GetFindings',
-        'compensated_path/get_chunks': 'GetPathChunks', 'plan_block': 'PlanBlock'},
+        'compensated_path/get_chunks': 'GetPathChunks', 'plan_block': 'PlanBlock',
+        'plan_start': 'PlanStart'},
     'axis_driver': {
         'set_overrides': 'SetOverrides', 'set_work_offset': 'SetWorkOffset',
         'execute_mdi': 'ExecuteMdi', 'get_traffic': 'GetTraffic',

@@ -197,6 +197,7 @@ impl Line {
             revision: 1,
             path: Arc::new(path),
             start_line,
+            in_span: Default::default(),
             check_only: false,
         };
         self.finished = None;

@@ -7,6 +7,7 @@
 
 pub mod compare;
 pub mod observe;
+mod start;
 
 use crate::files;
 use cnc_msgs::tool_table::ToolTable;

@@ -73,6 +73,7 @@ fn request(path: &CompensatedPath, start_line: u32) -> Command {
         revision: 1,
         path: Arc::new(path.clone()),
         start_line,
+        in_span: Default::default(),
         check_only: false,
     })
 }

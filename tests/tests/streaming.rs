@@ -32,6 +32,7 @@ fn rate(path: CompensatedPath) -> (f64, f64) {
         revision: 1,
         path: Arc::new(path),
         start_line: 0,
+        in_span: Default::default(),
         check_only: false,
     };
     line.ask(Command::RunProgram(request)).unwrap();

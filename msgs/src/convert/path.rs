@@ -5,9 +5,10 @@ use super::{
 };
 use crate::contour::CutterSide;
 use crate::geometry::{AxisSet, Position, Shape};
-use crate::path::{PathElement, PathEvent, Role};
+use crate::path::{PathElement, PathEvent, Role, StartInSpan};
 use crate::units::{m_per_s_from_mm_per_min, mm_per_min_from_m_per_s, point_from_position};
 use crate::wire::cnc_msgs::msg as wire;
+use crate::wire::cnc_msgs::srv::PlanStartResponse;
 
 const ROLES: [(u8, Role); 7] = [
     (wire::PathElement::ROLE_NONE, Role::None),
@@ -24,6 +25,24 @@ const SIDES: [(u8, Option<CutterSide>); 3] = [
     (wire::PathElement::SIDE_LEFT, Some(CutterSide::Left)),
     (wire::PathElement::SIDE_RIGHT, Some(CutterSide::Right)),
 ];
+
+/// What a planner says of a start under compensation.
+pub fn start_in_span_to_wire(start: StartInSpan) -> u8 {
+    match start {
+        StartInSpan::Refused => PlanStartResponse::ENTRY_OUTSIDE,
+        StartInSpan::Standing => PlanStartResponse::ENTRY_STANDING,
+        StartInSpan::FromAbove => PlanStartResponse::ENTRY_FROM_ABOVE,
+    }
+}
+
+/// The same, read; of a number that is not known nothing begins under compensation.
+pub fn start_in_span_from_wire(entry: u8) -> StartInSpan {
+    match entry {
+        PlanStartResponse::ENTRY_STANDING => StartInSpan::Standing,
+        PlanStartResponse::ENTRY_FROM_ABOVE => StartInSpan::FromAbove,
+        _ => StartInSpan::Refused,
+    }
+}
 
 /// An element with its start, as a message.
 pub fn path_element_to_wire(start: Position, element: &PathElement) -> wire::PathElement {

@@ -205,6 +205,7 @@ mod tests {
     use super::*;
     use crate::driver::{Command, JogRequest, Overrides, RestRequest, RunRequest};
     use cnc_msgs::geometry::AxisSet;
+    use cnc_msgs::path::StartInSpan;
 
     #[test]
     fn every_command_reads_back_as_it_was_written() {
@@ -214,6 +215,7 @@ mod tests {
             revision: 3,
             path: path.clone(),
             start_line: 12,
+            in_span: StartInSpan::FromAbove,
             check_only: true,
         });
         let commands = [

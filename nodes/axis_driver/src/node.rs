@@ -14,6 +14,7 @@ mod mdi;
 mod motion_link;
 mod parameters;
 mod path;
+mod run_start;
 mod services;
 mod source;
 mod traffic;

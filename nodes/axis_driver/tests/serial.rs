@@ -200,6 +200,7 @@ impl Shell {
             revision: 0,
             path: path.clone(),
             start_line: 0,
+            in_span: Default::default(),
             check_only: false,
         };
         self.command(1, Command::RunProgram(request)).unwrap();

@@ -60,7 +60,7 @@ mod walls;
 mod write;
 
 pub use certificate::{Certificate, CertificateLimit};
-pub use restart::{Restart, restart};
+pub use restart::{NoStart, Start, start};
 pub use uncut::{OutlinePiece, UncutRegion};
 pub use verdict::{Verdict, judge};
 

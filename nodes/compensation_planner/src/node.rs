@@ -10,6 +10,7 @@ mod input;
 mod lifecycle;
 mod live;
 mod report;
+mod run_start;
 pub mod threads;
 mod tool_file;
 
@@ -21,7 +22,7 @@ use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{
     GetContourChunks, GetFindings, GetPathChunks, GetPathChunksRequest, GetPathChunksResponse,
-    GetProgramChunks, GetTools, GetToolsResponse, PlanBlock, SetTool, SetToolRequest,
+    GetProgramChunks, GetTools, GetToolsResponse, PlanBlock, PlanStart, SetTool, SetToolRequest,
     SetToolResponse,
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
@@ -109,6 +110,11 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
             Err(why) => block::refuse(why),
         };
         std::future::ready(answer)
+    })?;
+    let shared = Arc::clone(&planner);
+    node.service::<PlanStart, _, _>("plan_start", move |request, _| {
+        let newest = shared.state().live.newest.clone();
+        std::future::ready(run_start::plan(newest.as_ref(), &request))
     })?;
     let shared = Arc::clone(&planner);
     node.service::<GetTools, _, _>("get_tools", move |_, _| {

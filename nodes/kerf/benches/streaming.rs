@@ -129,6 +129,7 @@ fn with_driver(port: &Path, path: CompensatedPath) -> (usize, Sent) {
         revision: 1,
         path: Arc::new(path),
         start_line: 0,
+        in_span: Default::default(),
         check_only: false,
     };
     serial.command(1, Command::RunProgram(request)).expect("nothing waits yet");

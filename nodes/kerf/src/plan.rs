@@ -18,7 +18,7 @@ use compensation_planner::audit::Audit;
 use compensation_planner::node::disagreement;
 use compensation_planner::node::threads::Threads;
 use compensation_planner::verdict::Disagreement;
-use compensation_planner::{Certificate, Planning, UncutRegion, Verdict, judge};
+use compensation_planner::{Certificate, Planning, Start, UncutRegion, Verdict, judge, start};
 use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::{LoadOptions, Loaded};
 use std::io::IsTerminal;
@@ -42,6 +42,9 @@ pub(crate) struct PlanArgs {
     /// as the profile says when left out
     #[arg(long, value_name = "REACTION")]
     interference: Option<Reaction>,
+    /// Also say how `kerf run --start-line` begins at this line
+    #[arg(long, value_name = "LINE", default_value_t = 0)]
+    start_line: u32,
     /// Print one JSON object
     #[arg(long, conflicts_with = "quiet")]
     json: bool,
@@ -73,7 +76,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
     // Nobody reads certificates of a quiet plan, and they cost more than the plan.
     let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
-    let planned = Planned::new(&text, &profile, &tools, &options, planning);
+    let mut planned = Planned::new(&text, &profile, &tools, &options, planning);
     planned.keep_disagreement(&name, &text);
 
     if let Some(file) = svg {
@@ -82,8 +85,9 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
     if let Some(file) = html {
         file.write(&planned.page(&name, &text, &profile).to_html())?;
     }
+    let start = planned.start_at(args.start_line, &profile);
     if args.json {
-        println!("{:#}", planned.report(&profile.name).to_json());
+        println!("{:#}", planned.report(&profile.name, start.as_ref()).to_json());
     } else {
         let shown: Vec<_> = planned
             .diagnostics
@@ -98,6 +102,9 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
         }
         if !args.quiet {
             println!("{}", planned.summary(&name, &profile.name));
+            if let Some(start) = start {
+                println!("  a run from line {} {start}", args.start_line);
+            }
         }
     }
     if planned.accepted() { Ok(()) } else { Err(Failure::said(Status::Refused)) }
@@ -175,11 +182,26 @@ impl Planned {
         self.loaded.contour.start
     }
 
-    fn report<'a>(&'a self, controller: &'a str) -> PlanReport<'a> {
+    /// How a run begins at a line; where it does not, that is a finding more.
+    fn start_at(&mut self, line: u32, profile: &Profile) -> Option<Start> {
+        if line <= 1 || !self.accepted() {
+            return None;
+        }
+        let started = start(&self.loaded.contour, profile, self.path(), line);
+        let finding = match &started {
+            Ok(start) => start.warning.clone(),
+            Err(refused) => Some(refused.finding.clone()),
+        };
+        self.diagnostics.extend(finding);
+        started.ok()
+    }
+
+    fn report<'a>(&'a self, controller: &'a str, run_start: Option<&'a Start>) -> PlanReport<'a> {
         PlanReport {
             controller,
             accepted: self.accepted(),
             start: self.start(),
+            run_start,
             elements: &self.path().elements,
             events: &self.path().events,
             refused_elements: &self.verdict.plan.refused,

@@ -6,9 +6,9 @@
 use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
 use cnc_msgs::geometry::{Position, Shape};
-use cnc_msgs::path::{PathElement, PathEvent};
+use cnc_msgs::path::{PathElement, PathEvent, StartInSpan};
 use compensation_planner::audit::Audit;
-use compensation_planner::{Certificate, CertificateLimit, OutlinePiece, UncutRegion};
+use compensation_planner::{Certificate, CertificateLimit, OutlinePiece, Start, UncutRegion};
 use serde_json::{Map, Value, json};
 
 /// What is printed.
@@ -18,6 +18,8 @@ pub(crate) struct PlanReport<'a> {
     pub(crate) accepted: bool,
     /// Start of the first element.
     pub(crate) start: Position,
+    /// How a run begins at the line that was asked for.
+    pub(crate) run_start: Option<&'a Start>,
     pub(crate) elements: &'a [PathElement],
     pub(crate) events: &'a [PathEvent],
     /// What a refused program would have cut, for pictures.
@@ -44,10 +46,22 @@ impl PlanReport<'_> {
         let certificates = self.certificates.iter().map(certificate).collect();
         object.insert("certificates".into(), certificates);
         object.insert("uncut".into(), self.uncut.iter().map(uncut).collect());
+        if let Some(start) = self.run_start {
+            object.insert("start".into(), Self::begun(start));
+        }
         if let Some(audit) = self.audit {
             object.insert("audit".into(), self::audit(audit));
         }
         Value::Object(object)
+    }
+
+    fn begun(start: &Start) -> Value {
+        json!({
+            "at_element": start.entry.element,
+            "position": start.at,
+            "in_span": start.in_span != StartInSpan::Refused,
+            "message": start.to_string(),
+        })
     }
 }
 

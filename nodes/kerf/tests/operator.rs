@@ -124,7 +124,7 @@ fn jogs_zeros_overrides_and_probes_are_typed() {
 }
 
 #[test]
-fn m28_a_run_from_the_middle_goes_there_by_itself_or_names_the_nearest_lines() {
+fn m28_without_a_home_the_tool_has_to_stand_where_a_run_from_the_middle_begins() {
     let (machine, _folder) = machine(
         "tools:\n  1: {diameter_mm: 4.0}\n",
         &["-p", "axis_driver:approach:=lift", "-p", "axis_driver:approach_z_mm:=0.0"],
@@ -134,13 +134,20 @@ fn m28_a_run_from_the_middle_goes_there_by_itself_or_names_the_nearest_lines() {
                    G1 Y30\nG40 G1 X0 Y40\nG1 X-20\nG0 Z0\nM30\n";
     machine.folder.file("part.ngc", program);
     machine.kerf(&["load", "part.ngc"]).expect(0);
+    // Not homed: heights of the machine frame mean nothing, and the tool is not there. Under
+    // compensation that is the compensated point.
     machine.kerf(&["run", "--start-line", "6"]).expect(4).says(&[
-        "line 6 is under cutter compensation",
-        "4, where it begins, and 8, where it has ended",
+        "the path begins at X8.000 Y20.000 Z-1.000 but the tool is at X0.000 Y0.000 Z0.000",
+        "move it there first",
     ]);
-    // Not homed: heights of the machine frame mean nothing, and the tool is not there.
     machine.kerf(&["run", "--start-line", "8"]).expect(4).says(&["move it there first"]);
+    machine.kerf(&["run", "--start-line", "11"]).expect(4).says(&[
+        "the program has no motion from line 11 on; its last is in line 9",
+        "begin at line 9 or before",
+    ]);
     machine.kerf(&["run"]).expect(0);
+    machine.kerf(&["jog", "X8", "Y20", "Z-1", "--from", "work"]).expect(0);
+    machine.kerf(&["run", "--start-line", "6"]).expect(0).says(&["done"]);
     machine.kerf(&["jog", "X0", "Y40", "Z-1", "--from", "work"]).expect(0);
     machine.kerf(&["run", "--start-line", "8"]).expect(0).says(&["done"]);
     let status = machine.kerf(&["status"]).expect(0).out;

@@ -8,8 +8,9 @@ mod support;
 
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, PathChunk, PathElement, ToolTable};
 use kerf_tests::rows::check_at_node;
-use machine::{Machine, messages, until};
+use machine::{Machine, PATIENT, Turn, domain, messages, transmitted, until};
 use serde_json::{Value, json};
+use std::f64::consts::PI;
 use std::path::Path;
 use support::Folder;
 
@@ -250,6 +251,74 @@ fn s48_a_value_that_is_entered_in_a_stop_is_in_force_from_the_next_corner_on() {
     );
     reproduced(&machine, &bag);
     reproduced(&machine, &machine.until_bags(2)[1]);
+}
+
+const M11_15: &str = include_str!("../../../tests/golden_runs/contour.mpf");
+
+#[test]
+fn m28_a_run_from_the_middle_of_a_contour_is_refused_or_rebuilt_as_its_control_does() {
+    let folder = Folder::new();
+    let text = "tools:\n  1: {diameter_mm: 10.0}\noffsets:\n  1: {radius_mm: 5.0}\n";
+    let tools = folder.file("tools.yaml", text).display().to_string();
+    let scenario = folder.file("homing.yaml", "homing: true\n").display().to_string();
+    let args = ["--virtual-controller", "--time-factor", "10", "--scenario", &scenario];
+    let table = format!("compensation_planner:tool_table:={tools}");
+    let lifts = ["axis_driver:approach:=lift", "axis_driver:approach_z_mm:=60.0"];
+    let ros_args = [PATIENT.as_slice(), &["-p", &table, "-p", lifts[0], "-p", lifts[1]]].concat();
+    let machine = Machine::start(&domain(), "mill", &args, &ros_args, Some(Turn::wait()));
+    machine.until_state("ALARM");
+    machine.kerf(&["home"]).expect(0);
+    machine.kerf(&["zero", "X0", "Y0", "Z0"]).expect(0);
+    machine.folder.file("m12.nc", M12);
+    machine.folder.file("contour.mpf", M11_15);
+    let said = |arguments: &[&str], status: i32| {
+        let ran = machine.kerf(arguments).expect(status);
+        json!({ "message": format!("{}{}", ran.out, ran.err) })
+    };
+    let controller = |name| ["--controller", name];
+    let planned = |file, name, line, status| {
+        let arguments = ["plan", file, "--tools", &tools, "--start-line", line];
+        said(&[arguments.as_slice(), &controller(name)].concat(), status)
+    };
+    let forbidden = json!({
+        "plan": planned("m12.nc", "masso", "7", 1),
+        "run": said(&["run", "m12.nc", "--controller", "masso", "--start-line", "7"], 4),
+        "nothing_was_sent": machine.bags().is_empty(),
+    });
+
+    let plan = planned("contour.mpf", "sinumerik_840c", "8", 0);
+    let run = ["run", "contour.mpf", "--controller", "sinumerik_840c", "--start-line", "8"];
+    machine.kerf(&run).expect(0).says(&["done"]);
+    let status = machine.kerf(&["status"]).expect(0).out;
+    let bag = machine.until_bags(1).remove(0);
+    let cutting = messages::<MachineState>(&bag).into_iter().filter(|state| state.line >= 8);
+    let rpm = cutting.map(|state| (state.spindle_speed * 30.0 / PI).round()).fold(0.0, f64::max);
+    check_at_node(
+        "M28",
+        "m28_a_run_from_the_middle_of_a_contour_is_refused_or_rebuilt_as_its_control_does",
+        &json!({
+            "forbidden": forbidden,
+            "rebuilt": {
+                "plan": plan,
+                "sent": lines_of_the_run(&bag),
+                "rpm": rpm,
+                "end": {
+                    "x": number_behind(&status, "work", "X"),
+                    "y": number_behind(&status, "work", "Y"),
+                },
+            },
+        }),
+    );
+    reproduced(&machine, &bag);
+}
+
+/// The first lines after the words that every run begins with, without checks among them.
+fn lines_of_the_run(bag: &Path) -> Vec<String> {
+    let sent = transmitted(bag).concat();
+    let sent = String::from_utf8_lossy(&sent).replace(['?', '\u{18}'], "");
+    let (_, lines) = sent.rsplit_once("G21G90G94G17G40G49G54\n").expect("the run has begun");
+    let lines = lines.lines().filter(|line| !line.starts_with('$') && !line.starts_with("G4P"));
+    lines.take(7).map(str::to_owned).collect()
 }
 
 /// Fails unless every core does today what it did then.

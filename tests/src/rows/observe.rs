@@ -11,12 +11,13 @@
 //! | `certificates` | the radii that each piece is good for, and the blocks that limit them |
 //! | `uncut` | what is left beside blocks that are left out |
 //! | `table_fault` | what is wrong with the tool table |
-//! | `restart` | what is said about starting at `start_line` |
+//! | `restart` | what is said against starting at `start_line` |
+//! | `start` | the first element of such a start, what is said of it, and what the driver sends up to it |
 //! | `length_mm` | by role |
 //! | `offset_mm` | smallest and largest distance of contour elements from their blocks, and of corner arcs from their vertex |
 //! | `same_mm` | largest distance between ends of elements and those of the other program |
 
-use super::{Case, Other};
+use super::{Case, Other, start};
 use crate::root;
 use cnc_msgs::contour::{ContourEvent, ContourEventKind, CutterSide, ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
@@ -67,14 +68,7 @@ pub fn observe(case: &Case, control: &str) -> Value {
     }
     if let Some(line) = case.start_line {
         let profile = profile(control, &case.profile);
-        let restart = compensation_planner::restart(&run.contour, &profile, line);
-        let told = restart.map(|restart| {
-            let mut told = finding(&restart.finding);
-            told["nearest_line"] = json!(restart.nearest.line);
-            told["nearest_block"] = json!(restart.nearest.block);
-            told
-        });
-        observed.insert("restart".into(), json!(told));
+        start::observe(&mut observed, &run.contour, &profile, &run.path, line);
     }
     if let Some(other) = &case.other {
         observed.insert("same_mm".into(), json!(run.distance(&other_run(case, other, control))));
@@ -242,7 +236,7 @@ impl Run {
     }
 }
 
-fn element(start: Position, element: &PathElement) -> Value {
+pub(super) fn element(start: Position, element: &PathElement) -> Value {
     let ([x, y, z], from) = (element.end, start);
     let mut object = json!({
         "from": {"x": from[0], "y": from[1], "z": from[2]}, "x": x, "y": y, "z": z,
@@ -263,7 +257,7 @@ fn element(start: Position, element: &PathElement) -> Value {
     object
 }
 
-fn finding(finding: &Diagnostic) -> Value {
+pub(super) fn finding(finding: &Diagnostic) -> Value {
     let [x, y, z] = finding.position.map_or([None; 3], |position| position.map(Some));
     json!({
         "severity": if finding.severity == Severity::Error { "error" } else { "warning" },

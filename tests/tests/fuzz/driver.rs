@@ -13,7 +13,7 @@ use axis_driver::driver::{
 use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
-use cnc_msgs::path::{CompensatedPath, PathEvent};
+use cnc_msgs::path::{CompensatedPath, PathEvent, StartInSpan};
 use kerf_tests::line::straight;
 use std::sync::Arc;
 use std::time::Duration;
@@ -261,6 +261,11 @@ impl Bench {
                     revision: revision as u64,
                     path: self.paths[revision].clone(),
                     start_line: if random.once_in(6) { random.below(70) as u32 } else { 0 },
+                    in_span: *random.of(&[
+                        StartInSpan::Refused,
+                        StartInSpan::Standing,
+                        StartInSpan::FromAbove,
+                    ]),
                     check_only: random.once_in(5),
                 })
             }

@@ -13,7 +13,7 @@ use crate::encoder::{EncoderConfig, StartProblem, start_at};
 use crate::report::Firmware;
 use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::path::{CompensatedPath, StartInSpan};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -106,6 +106,8 @@ pub struct RunRequest {
     pub path: Arc<CompensatedPath>,
     /// The source line to begin at; 0 and 1 are the whole program.
     pub start_line: u32,
+    /// What the control of the program says of a start under cutter compensation.
+    pub in_span: StartInSpan,
     /// Nothing moves: the path is encoded from end to end for this controller, and
     /// read by its own check mode where the configuration says so.
     pub check_only: bool,
@@ -124,7 +126,8 @@ impl RunRequest {
     /// The path of a single block.
     fn mdi(path: Arc<CompensatedPath>) -> Self {
         let program_id = MDI.to_owned();
-        Self { program_id, revision: 0, path, start_line: 0, check_only: false }
+        let in_span = StartInSpan::Refused;
+        Self { program_id, revision: 0, path, start_line: 0, in_span, check_only: false }
     }
 
     /// Whether it has a bag: a block by hand has none.
@@ -235,7 +238,7 @@ impl Driver {
             approach_z_mm: self.config.encoder.approach_z_mm.filter(|_| self.machine.is_homed),
             ..self.config.encoder
         };
-        let started = start_at(request.path.clone(), config, request.start_line);
+        let started = start_at(request.path.clone(), config, request.start_line, request.in_span);
         let (encoder, first_element) = match started {
             Ok(started) => started,
             Err(StartProblem::Encode(problem)) => {

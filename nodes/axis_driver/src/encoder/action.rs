@@ -3,7 +3,7 @@
 use super::words::{to_grid, write_word};
 use super::{EncodeProblem, EncodedLine, Encoder, HeldSpeed, Homing, Modal, Step, spindle_word};
 use crate::link::LineKind;
-use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
+use cnc_msgs::contour::{Action, CoolantMode, Source};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::path::{PathEvent, Role};
 
@@ -282,9 +282,4 @@ pub(super) fn word_after(prefix: &str, letter: char, value: f64) -> String {
     let mut text = prefix.to_owned();
     write_word(&mut text, letter, to_grid(value));
     text
-}
-
-/// Whether the spindle turns after this.
-pub(super) const fn turns(mode: SpindleMode) -> bool {
-    !matches!(mode, SpindleMode::Off)
 }

@@ -1,21 +1,24 @@
 //! Beginning in the middle of a program.
 //!
-//! A run may begin at the first element of a source line that is not under cutter
-//! compensation. What the words before it have set is sent first: tool (to be
+//! A run may begin at the first element of a source line; under cutter compensation only
+//! where it is told that the control of the program begins there. What the words before
+//! it have set is sent first: tool (to be
 //! confirmed), work system, tool length, spindle, coolant. Dwells, stops and moves are
 //! not repeated. The tool must stand where that element starts, in all axes, which is
 //! looked at behind the words that move the frame; or, where a height is given at which
 //! it is clear of everything, it is lifted there before anything else, goes over the
-//! place, and down to it at feed rate. Where the program has left an axis elsewhere since
+//! place, and down to it at feed rate. Under compensation it comes down at a point of the
+//! compensated path, along its own axis: where it is on the way down, it is also when it
+//! follows the path. Where Z lies in the plane of compensation that is not so, and the tool
+//! must stand there. Where the program has left an axis elsewhere since
 //! it gave its place (a retract in the machine frame, a reference point, another work
 //! system), nothing is known that could be gone to: the tool stays at that height if it is
 //! Z, and else the start is refused.
 
-use super::action::turns;
 use super::{EncodeError, Encoder, EncoderConfig};
-use cnc_msgs::contour::{Action, CoolantMode};
+use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::AxisSet;
-use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
+use cnc_msgs::path::{CompensatedPath, PastEnd, PathElement, Role, StartInSpan, in_force};
 use std::sync::Arc;
 
 const Z: AxisSet = AxisSet::from_bits(0b100);
@@ -23,8 +26,8 @@ const Z: AxisSet = AxisSet::from_bits(0b100);
 /// Why a run cannot begin at a line.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StartProblem {
-    #[error("the program has no motion from line {line} on; its last is in line {last}")]
-    PastEnd { line: u32, last: u32 },
+    #[error(transparent)]
+    PastEnd(#[from] PastEnd),
     #[error(
         "line {line} is under cutter compensation: the nearest lines to begin at are {}",
         nearest(*.before, *.after)
@@ -45,21 +48,22 @@ pub enum StartProblem {
 }
 
 /// An encoder that begins with the first element of `line` or after it, and the
-/// index of that element. Lines 0 and 1 are the whole program.
+/// index of that element. Lines 0 and 1 are the whole program. `in_span` is what the
+/// control of the program says of a start under compensation.
 pub fn start_at(
     path: Arc<CompensatedPath>,
     config: EncoderConfig,
     line: u32,
+    in_span: StartInSpan,
 ) -> Result<(Encoder, usize), StartProblem> {
     let mut encoder = Encoder::new(path.clone(), config);
     if line <= 1 {
         return Ok((encoder, 0));
     }
-    let last = path.elements.iter().map(|element| element.source.line).max().unwrap_or(0);
-    let Some(index) = path.elements.iter().position(|element| element.source.line >= line) else {
-        return Err(StartProblem::PastEnd { line, last });
-    };
-    if !matches!(path.elements[index].role, Role::None | Role::LeadOn) {
+    let entry = path.entry(line)?;
+    let index = entry.element;
+    let is_in_span = path.begins_in_span(index);
+    if is_in_span && in_span == StartInSpan::Refused {
         let before = path.elements[..index].iter().rfind(|element| element.role == Role::LeadOn);
         let before = before.map_or(1, |element| element.source.line);
         let is_free = |element: &&PathElement| {
@@ -69,11 +73,7 @@ pub fn start_at(
         return Err(StartProblem::UnderCompensation { line, before, after });
     }
     encoder.next_element = index;
-    encoder.next_event = path
-        .events
-        .iter()
-        .position(|event| event.at_element > index || event.source.line >= line)
-        .unwrap_or(path.events.len());
+    encoder.next_event = entry.event;
     let restored = in_force(&path.events[..encoder.next_event]);
     let source_place = path.elements[index].source;
     // Before the first motion the tool is wherever the path expects it, as for the whole.
@@ -81,7 +81,13 @@ pub fn start_at(
         0 => Place::default(),
         _ => Place::before(&path, index, encoder.next_event),
     };
-    let pushed = match config.approach_z_mm.filter(|_| index > 0) {
+    if is_in_span && !place.unknown.is_empty() {
+        // From elsewhere the first element would leave the path.
+        let axes = place.unknown;
+        return Err(place.refuse(line, axes));
+    }
+    let comes_down = !is_in_span || in_span == StartInSpan::FromAbove;
+    let pushed = match config.approach_z_mm.filter(|_| index > 0 && comes_down) {
         Some(height) => {
             // At the safe height the axes may come from anywhere to where the line takes them.
             let in_plane = place.unknown.without(Z);
@@ -179,27 +185,4 @@ fn nearest(before: u32, after: Option<u32>) -> String {
         Some(after) => format!("{before}, where it begins, and {after}, where it has ended"),
         None => format!("{before}, where it begins; it does not end before the program does"),
     }
-}
-
-/// The words that are still in force after these events, in the order to send them.
-pub(super) fn in_force(events: &[PathEvent]) -> Vec<PathEvent> {
-    let mut slots: [Option<PathEvent>; 7] = [None; 7];
-    for event in events {
-        match event.action {
-            Action::ChangeTool { .. } => slots[0] = Some(*event),
-            Action::WorkOffset { .. } => slots[1] = Some(*event),
-            Action::ToolLength { .. } => slots[2] = Some(*event),
-            Action::SpindleSpeed { .. } => slots[3] = Some(*event),
-            Action::Spindle(mode) => slots[4] = turns(mode).then_some(*event),
-            Action::Coolant(CoolantMode::Mist) => slots[5] = Some(*event),
-            Action::Coolant(CoolantMode::Flood) => slots[6] = Some(*event),
-            Action::Coolant(CoolantMode::Off) => (slots[5], slots[6]) = (None, None),
-            _ => {}
-        }
-        if matches!(event.action, Action::ChangeTool { .. }) {
-            // The change stops the spindle.
-            slots[4] = None;
-        }
-    }
-    slots.into_iter().flatten().collect()
 }

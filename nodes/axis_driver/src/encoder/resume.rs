@@ -3,12 +3,11 @@
 
 use super::action::word_after;
 use super::config::Board;
-use super::restart::in_force;
 use super::{EncodeProblem, Encoder, Step};
 use crate::link::LineKind;
 use cnc_msgs::contour::{Action, CoolantMode, Source};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::path::{CompensatedPath, in_force};
 
 /// Less than this is no move, mm.
 const STEP_MM: f64 = 1e-4;

@@ -6,7 +6,7 @@ mod read_back;
 use super::*;
 use cnc_msgs::contour::{Action, CoolantMode};
 use cnc_msgs::geometry::Arc;
-use cnc_msgs::path::PathEvent;
+use cnc_msgs::path::{PastEnd, PathEvent, StartInSpan};
 
 fn source(line: u32) -> Source {
     Source { line, ..Source::default() }
@@ -277,7 +277,7 @@ fn nothing_follows_the_end_of_the_program() {
 }
 
 #[test]
-fn a_run_does_not_begin_under_compensation() {
+fn m28_a_run_begins_under_compensation_where_its_control_does() {
     let with_role = |line: u32, role| PathElement {
         side: None,
         role,
@@ -293,11 +293,22 @@ fn a_run_does_not_begin_under_compensation() {
             with_role(5, Role::None),
         ],
     ));
-    let at = |line| start_at(path.clone(), EncoderConfig::default(), line).map(|(_, index)| index);
-    assert_eq!(at(2), Ok(1));
-    assert_eq!(at(5), Ok(4));
-    assert_eq!(at(3), Err(StartProblem::UnderCompensation { line: 3, before: 2, after: Some(5) }));
-    assert_eq!(at(6), Err(StartProblem::PastEnd { line: 6, last: 5 }));
+    let at = |line, in_span| {
+        start_at(path.clone(), EncoderConfig::default(), line, in_span).map(|(_, index)| index)
+    };
+    let refused = |line| Err(StartProblem::UnderCompensation { line, before: 2, after: Some(5) });
+    for (in_span, third, fourth) in [
+        (StartInSpan::Refused, refused(3), refused(4)),
+        (StartInSpan::Standing, Ok(2), Ok(3)),
+        (StartInSpan::FromAbove, Ok(2), Ok(3)),
+    ] {
+        assert_eq!(at(2, in_span), Ok(1), "{in_span:?}");
+        assert_eq!(at(3, in_span), third, "{in_span:?}");
+        assert_eq!(at(4, in_span), fourth, "{in_span:?}");
+        assert_eq!(at(5, in_span), Ok(4), "{in_span:?}");
+        let past_end = Err(StartProblem::PastEnd(PastEnd { line: 6, last: 5 }));
+        assert_eq!(at(6, in_span), past_end, "{in_span:?}");
+    }
 }
 
 #[test]
@@ -326,7 +337,7 @@ fn a_start_in_the_middle_repeats_what_is_in_force_and_no_more() {
         path.events.push(PathEvent { at_element, action, source });
     }
     let (mut encoder, index) =
-        start_at(sync::Arc::new(path), EncoderConfig::default(), 29).unwrap();
+        start_at(sync::Arc::new(path), EncoderConfig::default(), 29, StartInSpan::Refused).unwrap();
     assert_eq!(index, 2);
     let steps: Vec<String> =
         std::iter::from_fn(|| encoder.next_step()).map(|step| text_of(&step.unwrap())).collect();

@@ -7,7 +7,7 @@ use super::mdi;
 use crate::driver::{
     Command, JogRequest, OffsetRequest, Overrides, ProbeRequest, RestRequest, RunRequest,
 };
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::path::{CompensatedPath, StartInSpan};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -25,6 +25,7 @@ pub struct RunOrder {
     pub program_id: String,
     pub revision: u64,
     pub start_line: u32,
+    pub in_span: StartInSpan,
     pub check_only: bool,
 }
 
@@ -57,6 +58,7 @@ pub fn order_to_json(id: u64, order: &Order) -> String {
             program_id: order.program_id.clone(),
             revision: order.revision,
             start_line: order.start_line,
+            in_span: order.in_span,
             check_only: order.check_only,
         },
         Order::TakeRest(order) => CommandForm::TakeRest {
@@ -83,6 +85,9 @@ enum CommandForm {
         program_id: String,
         revision: u64,
         start_line: u32,
+        /// Records from before it was asked say nothing: such a start was refused.
+        #[serde(default, skip_serializing_if = "is_refused")]
+        in_span: StartInSpan,
         check_only: bool,
     },
     CancelRun {
@@ -130,6 +135,10 @@ enum CommandForm {
     },
 }
 
+fn is_refused(in_span: &StartInSpan) -> bool {
+    *in_span == StartInSpan::Refused
+}
+
 /// Writes a command: `{"id":7,"command":"feed_hold"}`.
 pub fn command_to_json(id: u64, command: &Command) -> String {
     let command = match command {
@@ -137,6 +146,7 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
             program_id: request.program_id.clone(),
             revision: request.revision,
             start_line: request.start_line,
+            in_span: request.in_span,
             check_only: request.check_only,
         },
         Command::CancelRun { run } => CommandForm::CancelRun { run: *run },
@@ -186,11 +196,18 @@ pub fn command_from_json(
 ) -> Result<(u64, Command), CommandError> {
     let record: CommandRecord = serde_json::from_slice(json)?;
     let command = match record.command {
-        CommandForm::RunProgram { program_id, revision, start_line, check_only } => {
+        CommandForm::RunProgram { program_id, revision, start_line, in_span, check_only } => {
             let Some(path) = lookup(&program_id, revision) else {
                 return Err(CommandError::UnknownPath { program_id, revision });
             };
-            Command::RunProgram(RunRequest { program_id, revision, path, start_line, check_only })
+            Command::RunProgram(RunRequest {
+                program_id,
+                revision,
+                path,
+                start_line,
+                in_span,
+                check_only,
+            })
         }
         CommandForm::CancelRun { run } => Command::CancelRun { run },
         CommandForm::FeedHold => Command::FeedHold,

@@ -1,6 +1,7 @@
 //! The action `run_program`: one goal at a time, always with a result.
 
 use super::path::{Paths, Planned};
+use super::run_start;
 use super::source::text_of;
 use super::{Driver, Reply};
 use crate::codes::error_code;
@@ -10,9 +11,10 @@ use cnc_msgs::convert::mode_to_wire;
 use cnc_msgs::interface::Action;
 use cnc_msgs::wire::builtin_interfaces::msg::Duration as WireDuration;
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramFeedback, RunProgramResult};
+use cnc_msgs::wire::cnc_msgs::srv::PlanStart;
 use runtime::action::{Goal, GoalOffer, Outcome, Unfinished};
 use runtime::commands::Answer;
-use runtime::{Handle, NodeError};
+use runtime::{Client, Handle, NodeError};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -30,6 +32,7 @@ pub(super) const FEEDBACK_PERIOD: Duration = Duration::from_millis(100);
 /// Offers `run_program`.
 pub(super) fn offer(node: &Handle, driver: &Arc<Driver>, paths: Paths) -> Result<(), NodeError> {
     let mut runs = node.action_server::<RunProgram>("run_program")?;
+    let planner = Arc::new(node.client::<PlanStart>("plan_start")?);
     for unfinished in runs.take_unfinished() {
         let shared = Arc::clone(driver);
         node.spawn("run of a program", async move { go_on(&shared, unfinished).await });
@@ -38,7 +41,8 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>, paths: Paths) -> Result
     node.spawn("run_program", async move {
         while let Some(offer) = runs.next_goal().await {
             let (driver, paths) = (Arc::clone(&shared), paths.clone());
-            let run = async move { decide(&driver, &paths, offer).await };
+            let planner = Arc::clone(&planner);
+            let run = async move { decide(&driver, &paths, &planner, offer).await };
             handle.spawn("run of a program", run);
         }
     });
@@ -82,13 +86,18 @@ pub(super) fn answer(reply: &Reply) -> Answer<'_> {
 }
 
 /// Accepts a goal when the driver does, and follows it to its end.
-async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram>) {
+async fn decide(
+    driver: &Arc<Driver>,
+    paths: &Paths,
+    planner: &Client<PlanStart>,
+    offer: GoalOffer<RunProgram>,
+) {
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
     offer.tag(id);
     let finished = driver.waiting().runs.wait(id);
     // What is only checked has no record; it may be checked while another runs.
     let _expected = (!offer.goal().check_only).then(|| driver.recorder.expect(&offer.id()));
-    let reply = begin(driver, paths, id, &offer).await;
+    let reply = begin(driver, paths, planner, id, &offer).await;
     let (info, wanted) = (offer.info(), offer.goal().clone());
     let record = |reply: &Reply| {
         let answer = answer(reply);
@@ -119,12 +128,19 @@ async fn decide(driver: &Arc<Driver>, paths: &Paths, offer: GoalOffer<RunProgram
     }
 }
 
-async fn begin(driver: &Driver, paths: &Paths, id: u64, offer: &GoalOffer<RunProgram>) -> Reply {
+async fn begin(
+    driver: &Driver,
+    paths: &Paths,
+    planner: &Client<PlanStart>,
+    id: u64,
+    offer: &GoalOffer<RunProgram>,
+) -> Reply {
     driver.require_active()?;
     let (goal, stops) = (offer.goal(), driver.stops());
     let planned = paths.get(&goal.program_id, PATH_WITHIN).await;
     let planned = planned
         .map_err(|message| Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message })?;
+    let in_span = run_start::ask(planner, &planned, goal.start_line).await?;
     if offer.is_canceled() {
         let message = "it was canceled before it began".into();
         return Err(Refusal { error_code: error_code::CANCELED, message });
@@ -135,7 +151,7 @@ async fn begin(driver: &Driver, paths: &Paths, id: u64, offer: &GoalOffer<RunPro
         return Err(Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message });
     }
     let (start_line, check_only) = (goal.start_line, goal.check_only);
-    let order = Order::Run(RunOrder { program_id, revision, start_line, check_only });
+    let order = Order::Run(RunOrder { program_id, revision, start_line, in_span, check_only });
     let reply = driver.ask_unless_stopped(stops, id, order, PROVE_WITHIN).await;
     if reply.is_ok() && !goal.check_only {
         paths.begin(&planned);

@@ -48,8 +48,14 @@ pub(crate) fn write(file: &Path, blocks: u32) -> (u64, Duration) {
     let (id, path) = plan(&mut bag, blocks);
     let mut run = Run::new(bag);
     run.until(|run| run.driver.state(run.now).mode == Mode::Idle);
-    let request =
-        RunRequest { program_id: id, revision: 1, path, start_line: 0, check_only: false };
+    let request = RunRequest {
+        program_id: id,
+        revision: 1,
+        path,
+        start_line: 0,
+        in_span: Default::default(),
+        check_only: false,
+    };
     run.handle(Input::Command { id: 1, command: Command::RunProgram(request) });
     run.until(|run| run.has_finished);
     run.publish_entries();

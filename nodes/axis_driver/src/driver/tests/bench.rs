@@ -9,7 +9,7 @@ use crate::journal::{Entry, EntryKind, Journal, replay};
 use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::geometry::{AxisSet, Position, Shape};
 use cnc_msgs::machine::Mode;
-use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
+use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role, StartInSpan};
 use std::sync::Arc;
 
 pub(super) const BANNER: &str = "\r\nGrbl 1.1h ['$' for help]\r\n";
@@ -288,7 +288,8 @@ impl Bench {
         let path = Arc::new(path);
         let (program_id, revision) = ("part".to_owned(), self.paths.len() as u64);
         self.paths.push(path.clone());
-        let request = RunRequest { program_id, revision, path, start_line, check_only };
+        let in_span = StartInSpan::Refused;
+        let request = RunRequest { program_id, revision, path, start_line, in_span, check_only };
         self.command(100, Command::RunProgram(request));
     }
 

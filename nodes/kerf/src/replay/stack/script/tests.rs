@@ -53,6 +53,7 @@ fn script_of(
         revision: 1,
         path,
         start_line: 0,
+        in_span: Default::default(),
         check_only: false,
     };
     let ns = |second: usize| second as i64 * 1_000_000_000;

@@ -1,0 +1,38 @@
+//! A run that begins at a line, over the wire: the line in, how it begins out.
+
+use super::live::RunningPlan;
+use crate::restart::start;
+use cnc_msgs::convert::start_in_span_to_wire;
+use cnc_msgs::wire::cnc_msgs::srv::{PlanStartRequest, PlanStartResponse};
+
+/// The answer of a planner whose newest plan is this one.
+pub(super) fn plan(newest: Option<&RunningPlan>, request: &PlanStartRequest) -> PlanStartResponse {
+    type W = PlanStartResponse;
+    let is_meant = |plan: &&RunningPlan| {
+        plan.revision == request.revision && plan.program_id == request.program_id
+    };
+    let Some(RunningPlan { input, path, .. }) = newest.filter(is_meant) else {
+        let PlanStartRequest { program_id, revision, .. } = request;
+        let message = format!("revision {revision} of {program_id} is not the newest plan");
+        return W { error_code: W::UNKNOWN_PLAN, message, ..W::default() };
+    };
+    match start(&input.contour, &input.profile, path, request.line) {
+        Ok(start) => {
+            let message = match &start.warning {
+                Some(warning) => format!("{}; the run {start}", warning.message),
+                None => format!("the run {start}"),
+            };
+            W {
+                success: true,
+                message,
+                entry: start_in_span_to_wire(start.in_span),
+                ..W::default()
+            }
+        }
+        Err(refused) => {
+            let finding = &refused.finding;
+            let message = format!("{}; {}", finding.message, finding.help);
+            W { error_code: W::START_REFUSED, message, ..W::default() }
+        }
+    }
+}
