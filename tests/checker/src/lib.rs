@@ -1,0 +1,52 @@
+//! An independent check of cutter radius compensation.
+//!
+//! [`draw`] makes programs for the six shipped profiles and writes down what they mean while it
+//! writes them. [`product`] lets the loader and the planner judge them. [`judge`](mod@judge)
+//! decides whether that verdict is right, with the geometry of [`piece`] and nothing else: no
+//! cut without a finding, no refusal of what fits.
+
+pub mod draw;
+pub mod fit;
+pub mod judge;
+pub mod piece;
+pub mod program;
+pub mod random;
+pub mod tally;
+
+use crate::judge::Verdict;
+use crate::program::{CONTROLS, Program};
+use cnc_msgs::profile::Profile;
+use compensation_planner::Planning;
+use program_loader::{LoadOptions, load};
+use std::path::Path;
+
+/// The shipped profiles, in the order of [`CONTROLS`].
+///
+/// # Panics
+/// One of them cannot be read.
+pub fn profiles() -> Vec<Profile> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/controllers");
+    let read = |control: &&str| {
+        let path = folder.join(format!("{control}.yaml"));
+        let yaml = std::fs::read_to_string(path).expect("a shipped profile");
+        serde_yaml::from_str(&yaml).expect("a valid profile")
+    };
+    CONTROLS.iter().map(read).collect()
+}
+
+/// What loader and planner say of a program.
+///
+/// # Panics
+/// There is no profile for its control.
+pub fn product(program: &Program, profiles: &[Profile]) -> Verdict {
+    let profile = profiles.iter().find(|profile| profile.name == program.control);
+    let profile = profile.expect("a profile for each control");
+    let loaded = load(program.text.as_bytes(), profile, &LoadOptions::default());
+    if !loaded.is_accepted() {
+        return Verdict { findings: loaded.diagnostics, is_unread: true, ..Verdict::default() };
+    }
+    let judged =
+        compensation_planner::judge(&loaded.contour, profile, &program.tools, Planning::default());
+    let plan = judged.plan;
+    Verdict { path: plan.path, findings: plan.diagnostics, refused: plan.refused, is_unread: false }
+}
