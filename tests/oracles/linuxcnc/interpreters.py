@@ -1,0 +1,103 @@
+"""LinuxCNC's interpreter and Kerf's planner, each as a process."""
+
+import json
+import os
+import re
+import subprocess
+from dataclasses import dataclass
+
+from clearance import moved
+from geometry import apart
+from programs import MARK
+
+
+@dataclass
+class Answer:
+    """What an interpreter says: whether it takes the program, why not, and its path."""
+    takes: bool
+    words: str
+    path: list
+    codes: frozenset = frozenset()
+
+
+class LinuxCnc:
+    def __init__(self, root, folder):
+        libraries = [root / "usr/lib", *(root / "usr/lib").glob("*-linux-gnu*")]
+        self.environment = dict(os.environ, LD_LIBRARY_PATH=":".join(map(str, libraries)))
+        # It has a Python in it, whose library was unpacked where none is installed.
+        if next((root / "usr/lib").glob("python3.*/os.py"), None):
+            self.environment["PYTHONHOME"] = str(root / "usr")
+        self.command = root / "usr/bin/rs274"
+        self.folder = folder
+
+    def run(self, program, size):
+        folder = self.folder / f"linuxcnc_{size}"
+        folder.mkdir()
+        (folder / "part.ngc").write_text(program.text(size))
+        # Without a machine, LinuxCNC takes the tool table for inches.
+        (folder / "tool.tbl").write_text(f"T1 P1 D{2 * program.radius * size / 25.4:.15f} Z0\n")
+        (folder / "rs274.var").write_text("")
+        # It keeps its tools in a file at home, which two processes would share.
+        ran = subprocess.run(
+            [self.command, "-g", "-t", "tool.tbl", "-v", "rs274.var", "part.ngc"],
+            cwd=folder, env=self.environment | {"HOME": str(folder)}, capture_output=True,
+            text=True, timeout=60)
+        words = [line for line in ran.stderr.splitlines() if line and line != "executing"]
+        takes = "PROGRAM_END()" in ran.stdout
+        # Nothing understood is neither.
+        assert takes or words, (program.name, ran)
+        return Answer(takes, words[0] if words else "", self.path(ran.stdout, size))
+
+    def path(self, text, size):
+        at, block, path = (0.0, 0.0, 0.0), -1, []
+        for word, arguments in re.findall(r"N\S* +(\w+)\((.*)\)$", text, re.MULTILINE):
+            if word == "COMMENT" and arguments.startswith('"' + MARK):
+                block = int(arguments[1 + len(MARK):-1])
+            if word not in ("STRAIGHT_TRAVERSE", "STRAIGHT_FEED", "ARC_FEED"):
+                assert not re.match("ARC|STRAIGHT|NURBS", word), word
+                continue
+            values = [float(value) for value in arguments.split(",")]
+            lengths = [value / size for value in values]
+            if word == "ARC_FEED":
+                end = (lengths[0], lengths[1], lengths[5])
+                path.append(moved(block, False, at, end, tuple(lengths[2:4]), int(values[4])))
+            else:
+                end = tuple(lengths[:3])
+                path.append(moved(block, word == "STRAIGHT_TRAVERSE", at, end))
+            at = end
+        return path
+
+
+class Kerf:
+    def __init__(self, command, folder):
+        self.command = command
+        self.folder = folder
+
+    def run(self, program):
+        folder = self.folder / "kerf"
+        folder.mkdir()
+        (folder / "part.ngc").write_text(program.text())
+        (folder / "tools.yaml").write_text(f"tools:\n  1: {{diameter_mm: {2 * program.radius}}}\n")
+        ran = subprocess.run(
+            [self.command, "plan", "part.ngc", "--controller", "rs274", "--tools", "tools.yaml",
+             "--json"], cwd=folder, capture_output=True, text=True, timeout=60)
+        assert ran.returncode in (0, 1), (program.name, ran)
+        said = json.loads(ran.stdout)
+        assert said["accepted"] == (ran.returncode == 0), program.name
+        found = said["diagnostics"]
+        errors = [it for it in found if it["severity"] == "error"]
+        words = "; ".join(f"{it['code']} in line {it['line']}: {it['message']}" for it in errors)
+        path = [self.piece(program, it) for it in said["elements"] or said["refused_elements"]]
+        codes = frozenset(it["code"] for it in found)
+        return Answer(said["accepted"], words, path, codes)
+
+    @staticmethod
+    def piece(program, it):
+        block = program.block_of_line(it["line"])
+        start, end = tuple(it["start"]), tuple(it["end"])
+        if it["kind"] == "line":
+            return moved(block, it["rapid"], start, end)
+        assert it["plane"] == "xy", it
+        turns = it["turns"] + (apart(start, end) > 1e-9)
+        turn = -turns if it["clockwise"] else turns
+        return moved(block, it["rapid"], start, end, tuple(it["center"][:2]), turn)
