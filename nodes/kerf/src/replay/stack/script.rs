@@ -9,6 +9,7 @@ use super::place::{Place, Position, SLACK_ANSWERS, Stand, Watch};
 use super::run::{Event, Happened, Run};
 use super::track::{REPORT_MM, Track};
 use axis_driver::driver::{COMMANDER_LOST, Command, Overrides};
+use axis_driver::encoder::PREAMBLE;
 use axis_driver::link::realtime::{FEED_HOLD, RESUME, SOFT_RESET};
 use axis_driver::report::{ControllerState, Report, StatusReport};
 use cnc_msgs::cdr::{self, LITTLE_ENDIAN};
@@ -360,6 +361,11 @@ fn unplayable(run: &Run<'_>, index: usize) -> Option<String> {
         Happened::Acted(FEED_HOLD) if !is_asked_to_stop(before) => {
             Some("a hold that the driver gave by itself".into())
         }
+        // Lifting is the first thing that is sent, and the machine here is not homed.
+        Happened::Sent(text) if run.goal.start_line > 1 && text.starts_with("G53G0Z") => {
+            let is_first = last_line(before) == Some(PREAMBLE);
+            is_first.then(|| "an approach (it wants a homed machine)".into())
+        }
         Happened::Opened => Some("a port that was opened again".into()),
         Happened::Closed(reason) => Some(format!("a cut link ({reason})")),
         Happened::Asked(command) => match command {
@@ -377,6 +383,14 @@ fn unplayable(run: &Run<'_>, index: usize) -> Option<String> {
         },
         _ => None,
     }
+}
+
+/// The line that was sent last, checks left out.
+fn last_line(before: &[Event]) -> Option<&str> {
+    before.iter().rev().find_map(|event| match &event.what {
+        Happened::Sent(text) if !text.starts_with('$') => Some(text.as_str()),
+        _ => None,
+    })
 }
 
 /// Whether somebody wanted a stop since the machine was let go on.

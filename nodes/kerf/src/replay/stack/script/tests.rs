@@ -37,6 +37,15 @@ fn script_of(
     happened: Vec<Happened>,
     states: &[(i64, MachineState)],
 ) -> Result<Vec<Cue>, ReplayError> {
+    script_from(0, happened, states)
+}
+
+/// The same, begun at a line of the program.
+fn script_from(
+    start_line: u32,
+    happened: Vec<Happened>,
+    states: &[(i64, MachineState)],
+) -> Result<Vec<Cue>, ReplayError> {
     let element = |x: f64| PathElement {
         shape: Shape::Line,
         end: [x, 0.0, 0.0],
@@ -52,7 +61,7 @@ fn script_of(
         program_id: "part".into(),
         revision: 1,
         path,
-        start_line: 0,
+        start_line,
         in_span: Default::default(),
         check_only: false,
     };
@@ -223,6 +232,20 @@ fn what_cannot_be_played_is_refused_by_name_line_and_time() {
     let over = [(0, state(RUN, 3, 1)), (1, state(IDLE, 4, 0))];
     let cues = script_of(vec![heard("ok"), heard("ALARM:1")], &over).unwrap();
     assert_eq!(cues, []);
+}
+
+#[test]
+fn a_start_in_the_middle_is_played_unless_the_tool_was_lifted_first() {
+    let sent = |second: &str| {
+        let lines = [PREAMBLE, "$G", second];
+        lines.map(|text| Happened::Sent(text.into())).to_vec()
+    };
+    let states = [(0, state(RUN, 3, 1))];
+    let refused = script_from(8, sent("G53G0Z60"), &states).unwrap_err().to_string();
+    assert!(refused.contains("an approach (it wants a homed machine)"), "{refused}");
+    script_from(8, sent("S80"), &states).unwrap();
+    // A program that goes to the machine frame first was not begun in the middle.
+    script_from(0, sent("G53G0Z60"), &states).unwrap();
 }
 
 #[test]
