@@ -35,8 +35,9 @@ pub enum StartInSpan {
     /// The tool has to stand on the path: Z lies in the plane of compensation, and coming
     /// down along it would cut.
     Standing,
-    /// The tool may come down to the path: Z is its axis, so on the way down it is nowhere
-    /// where it is not when it follows the path.
+    /// The tool may come down to the path: Z is its axis, so the plunge removes only what
+    /// the path removes at that point too. (Not with a cutter that is wider than its shank;
+    /// the tool table does not know of those.)
     FromAbove,
 }
 

@@ -8,8 +8,8 @@
 //! looked at behind the words that move the frame; or, where a height is given at which
 //! it is clear of everything, it is lifted there before anything else, goes over the
 //! place, and down to it at feed rate. Under compensation it comes down at a point of the
-//! compensated path, along its own axis: where it is on the way down, it is also when it
-//! follows the path. Where Z lies in the plane of compensation that is not so, and the tool
+//! compensated path, along its own axis, so that the plunge removes only what the path
+//! removes there too. Where Z lies in the plane of compensation that is not so, and the tool
 //! must stand there. Where the program has left an axis elsewhere since
 //! it gave its place (a retract in the machine frame, a reference point, another work
 //! system), nothing is known that could be gone to: the tool stays at that height if it is
