@@ -8,7 +8,8 @@ use cnc_msgs::diagnostic::Code;
 use cnc_msgs::interface::Message;
 use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::cnc_msgs::msg::{
-    Command, CompensatedPath, CompensationReport, MachineState, ProgrammedContour,
+    Command, CompensatedPath, CompensationReport, ControllerTraffic, MachineState,
+    ProgrammedContour, TrafficEntry,
 };
 use kerf_tests::root;
 use run_recorder::bag_reader::BagMessage;
@@ -42,6 +43,8 @@ enum In {
     Goal,
     /// What the planner went on from: another plan in the middle of a run.
     Plan,
+    /// What the driver was ordered.
+    Order,
 }
 
 /// Everything that is said in the golden runs.
@@ -104,6 +107,13 @@ fn hear(said: &mut BTreeSet<(In, String)>, message: &BagMessage) {
                 said.insert((In::Goal, end.into()));
             }
         }
+        ControllerTraffic::TYPE_NAME => {
+            for entry in of::<ControllerTraffic>(message).into_iter().flat_map(|it| it.entries) {
+                if entry.kind == TrafficEntry::KIND_COMMAND {
+                    said.insert((In::Order, String::from_utf8_lossy(&entry.data).into_owned()));
+                }
+            }
+        }
         CompensatedPath::TYPE_NAME => {
             let path = of::<CompensatedPath>(message);
             if path.is_some_and(|path| path.continues_revision > 0) {
@@ -151,6 +161,7 @@ const CLASSES: &[(In, &str)] = &[
     (In::Goal, "canceled"),
     (In::Goal, "aborted"),
     (In::Plan, "the rest of a run"),
+    (In::Order, r#""in_span":"from_above""#),
 ];
 
 #[test]
