@@ -108,10 +108,9 @@ impl Emitter {
         let mut base = 0.0;
         let gap_mm = (point - start).norm();
         // All around, but for a hair: were its ends to stay apart, it would be as short as that.
+        // Its joints may have moved each of them by more.
         let whole = TAU * (sweep / TAU).round();
-        let goes_around = whole > 0.0
-            && gap_mm <= LENGTH_MM
-            && (sweep - whole).abs() * arc.radius <= 2.0 * LENGTH_MM;
+        let goes_around = whole > 0.0 && gap_mm <= LENGTH_MM && (sweep - whole).abs() < 0.5;
         if goes_around || (gap_mm < 1e-3 * LENGTH_MM && sweep > 1.0) {
             point = start;
         } else {

@@ -92,6 +92,10 @@ fn a_full_circle_between_arcs_is_cut_whatever_its_decimals() {
          G3 X0.333333 Y0.142857 I10.747501 J2.343334\nG2 X0.333333 Y0.142857 I4.260608 J-19.540911\n\
          G2 X0.675934 Y0.214422 I4.260608 J-19.540911\nG3 X9.307892 Y13.156188 I-2.154904 J10.786862\n\
          G40 G1 X6.173487 Y28.846168",
+        // Four decimals: both ends are moved by 2e-5 mm.
+        "F600\nG0 X-20.3743 Y9.5036\nG42.1 D10 G1 X1.5113 Y6.7900\n\
+         G2 X8.8102 Y-2.5749 I-1.0330 J-8.3319\nG2 X8.8102 Y-2.5749 I-32.1743 J3.9892\n\
+         G2 X-0.5548 Y-9.8738 I-8.3319 J1.0330\nG40 G1 X-22.1028 Y-7.2020",
     ] {
         let plan = of_rs274(text);
         assert!(plan.accepted(), "{}", findings(&plan));
