@@ -134,8 +134,9 @@ fn signed(element: &Element, along: f64) -> f64 {
 pub(crate) fn meet(a: &Element, b: &Element, slack: f64) -> Option<Meeting> {
     let mut best: Option<Meeting> = None;
     for &point in crossings(a, b, slack).points() {
-        let trim_a = a.back_from_end(point, slack);
-        let trim_b = b.along_from_start(point, slack);
+        // What takes more than half a circle lengthens it the other way around.
+        let trim_a = signed(a, a.back_from_end(point, slack));
+        let trim_b = signed(b, b.along_from_start(point, slack));
         let shortens = trim_a >= -slack && trim_b >= -slack;
         if shortens && best.is_none_or(|best| trim_a + trim_b < best.trim_a + best.trim_b) {
             best = Some(Meeting { point, trim_a, trim_b });

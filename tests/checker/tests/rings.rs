@@ -1,0 +1,42 @@
+//! A ring that was left out of the path without a finding; the drawn programs found it.
+
+use cnc_msgs::diagnostic::Code;
+use cnc_msgs::tool_table::{Offset, ToolTable};
+use kerf_checker::program::Program;
+use kerf_checker::{product, profiles};
+
+/// A ring in three blocks, half of the first again, and an arc that leaves it beside the tool.
+const RETRACED: &str = "G18 G90 F600
+G451
+G0 Z0.714 X1.236
+G1 Y-2
+G41 D1 G456 G1 Z3.221 X5.580
+G3 Z-6.443 X0.000 K-3.221 I-5.580
+G3 Z3.221 X-5.580 K6.443 I0.000
+G3 Z3.221 X5.580 K-3.221 I5.580
+G3 Z-3.221 X5.580 K-3.221 I-5.580
+G3 Z-3.221 X-7.296 K3.717 I-6.438
+G40 G456 G1 Z-7.072 X7.075
+G0 Y5
+M5
+M30
+";
+
+#[test]
+fn a_ring_is_not_left_out_for_an_arc_that_the_tool_does_not_reach() {
+    let mut tools = ToolTable::default();
+    tools.offsets.insert(1, Offset { radius_mm: 4.956, ..Offset::default() });
+    let program = Program {
+        seed: 0,
+        control: "sinumerik_840c",
+        text: RETRACED.into(),
+        tools,
+        axes: [2, 0, 1],
+        spans: Vec::new(),
+        features: Vec::new(),
+    };
+    let verdict = product(&program, &profiles());
+    let unreachable = verdict.findings.iter().find(|finding| finding.code == Code::Unreachable);
+    let lines = unreachable.map(|finding| (finding.is_error(), finding.source.line));
+    assert_eq!(lines, Some((true, 10)), "{:?}", verdict.findings);
+}
