@@ -541,6 +541,15 @@ fn is_simple(span: &Span) -> bool {
             return false;
         }
     }
+    // Behind a corner it does not come back through what was before it.
+    let comes_back = |pair: &[Element]| {
+        let (before, after) = (&pair[0].shape, &pair[1].shape);
+        let is_corner = before.direction(1.0).cross(after.direction(0.0)).abs() > 0.02;
+        is_corner && after.meets(before).into_iter().any(|at| at.to(after.start()) > 1e-6)
+    };
+    if span.elements.windows(2).any(comes_back) {
+        return false;
+    }
     // A reversal is no corner.
     span.elements
         .windows(2)

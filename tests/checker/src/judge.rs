@@ -4,11 +4,12 @@
 //! [`fit`](crate::fit) says. What neither proves is counted as not judged.
 
 use crate::fit::{self, Fit};
-use crate::piece::{Piece, point};
+use crate::piece::{Piece, Point, point};
 use crate::program::{Element, End, Program, Role, Span};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role as PathRole};
+use std::f64::consts::TAU;
 
 /// How much nearer than its radius the tool may come, mm: the definition.
 pub const GOUGE_MM: f64 = 1e-4;
@@ -128,13 +129,25 @@ fn ways(start: Position, elements: &[PathElement], axes: [usize; 3]) -> Vec<Way>
         let shape = match element.shape {
             Shape::Line if a == b => continue,
             Shape::Line => Piece::line(a, b),
-            // A whole turn, however far apart rounding has put its ends.
-            Shape::Arc(arc) if arc.turns > 0 => Piece::arc(a, a, flat(arc.center), !arc.clockwise),
-            Shape::Arc(arc) => Piece::arc(a, b, flat(arc.center), !arc.clockwise),
+            Shape::Arc(arc) => around(a, b, flat(arc.center), !arc.clockwise, arc.turns > 0),
         };
         ways.push(Way { shape, line: element.source.line, role: element.role });
     }
     ways
+}
+
+/// An arc of the path about its own centre; a whole turn, however far apart rounding has put its
+/// ends.
+fn around(start: Point, end: Point, center: Point, is_ccw: bool, is_whole: bool) -> Piece {
+    let angle = |at: Point| (at.v - center.v).atan2(at.u - center.u);
+    let ccw = (angle(end) - angle(start)).rem_euclid(TAU);
+    let sweep = match (is_whole || start == end, is_ccw) {
+        (true, true) => TAU,
+        (true, false) => -TAU,
+        (false, true) => ccw,
+        (false, false) => ccw - TAU,
+    };
+    Piece::Arc { center, radius: center.to(start), from: angle(start), sweep }
 }
 
 fn accepted(program: &Program, verdict: &Verdict, wrong: &mut Vec<Wrong>) {
@@ -158,10 +171,10 @@ fn accepted(program: &Program, verdict: &Verdict, wrong: &mut Vec<Wrong>) {
             }
         }
         followed(span, &own, wrong);
-        let is_told = verdict
-            .findings
-            .iter()
-            .any(|finding| is_about_fitting(finding.code) && span.contains(finding.source.line));
+        let is_told = verdict.findings.iter().any(|finding| {
+            let is_about = is_about_fitting(finding.code) || finding.code == Code::Uncut;
+            is_about && span.contains(finding.source.line)
+        });
         if !is_told
             && is_plain(span)
             && fit::fits(span, 0.0) != Fit::Fits
@@ -236,15 +249,19 @@ const fn is_about_fitting(code: Code) -> bool {
 fn is_told(span: &Span, way: &Way, depth_mm: f64, findings: &[Diagnostic]) -> bool {
     findings.iter().any(|finding| {
         let lines = [Some(finding.source.line), finding.other.map(|other| other.line)];
+        // At a change of side both contours share a place, and either may be named.
+        let is_shared = [span.begin, span.end].contains(&End::OtherSide)
+            && matches!(finding.code, Code::LinkGouge | Code::CutsOtherSpan)
+            && lines.into_iter().flatten().any(|line| span.contains(line));
         let is_here = match way.role {
             PathRole::Contour | PathRole::Corner => {
-                lines.into_iter().flatten().all(|line| span.contains(line))
+                is_shared || lines.into_iter().flatten().all(|line| span.contains(line))
             }
             _ => finding.source.line == way.line,
         };
         let is_deep = finding.depth_mm.is_none_or(|told_mm| told_mm > 0.9 * depth_mm - ACCEPTED_MM);
         let is_deep = is_deep || !matches!(way.role, PathRole::Contour | PathRole::Corner);
-        is_about_fitting(finding.code) && is_here && is_deep
+        (is_about_fitting(finding.code) || is_shared) && is_here && is_deep
     })
 }
 
@@ -268,6 +285,11 @@ fn followed(span: &Span, own: &[&Way], wrong: &mut Vec<Wrong>) {
             let way_mm: f64 = between.iter().map(|element| element.shape.length()).sum();
             !matches!(end, End::Normal { .. }) && (between.len() < 2 || way_mm < 8.0 * radius_mm)
         };
+        // A leg that crosses is cut in two; its tail shortens its neighbours too.
+        let near = index.saturating_sub(2)..(index + 3).min(span.elements.len());
+        if span.elements[near].windows(2).any(|pair| pair[0].line == pair[1].line) {
+            continue;
+        }
         let is_normal = |end: End| matches!(end, End::Normal { .. });
         let part = match (
             is_taken(span.begin, &span.elements[..=index]),
@@ -275,8 +297,8 @@ fn followed(span: &Span, own: &[&Way], wrong: &mut Vec<Wrong>) {
         ) {
             (false, false) => 0.5,
             // At its other end it is followed all the same.
-            (true, false) if index + 1 == span.elements.len() && is_normal(span.end) => 0.99,
-            (false, true) if index == 0 && is_normal(span.begin) => 0.01,
+            (true, false) if index + 1 == span.elements.len() && is_normal(span.end) => 1.0 - 1e-6,
+            (false, true) if index == 0 && is_normal(span.begin) => 1e-6,
             _ => continue,
         };
         let at = way.at(low + (high - low) * part);

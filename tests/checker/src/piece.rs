@@ -272,9 +272,14 @@ impl Piece {
         least[0]
     }
 
-    /// Whether both have a place in common that is inside both.
+    /// The places that both have in common.
+    pub fn meets(&self, other: &Self) -> Vec<Point> {
+        let places = other.parts_at_carrier(self).into_iter().map(|part| other.at(part));
+        places.filter(|at| self.distance(*at) < 1e-9).collect()
+    }
+
     fn crosses(&self, other: &Self) -> bool {
-        other.parts_at_carrier(self).into_iter().any(|part| self.distance(other.at(part)) < 1e-9)
+        !self.meets(other).is_empty()
     }
 
     /// Parts of this way at which it crosses the whole line or circle that another lies on.
