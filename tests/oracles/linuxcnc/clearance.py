@@ -169,7 +169,9 @@ def measure_lead(cuts, radius, contour, span, piece, is_on):
     joint = way.end if is_on else way.start
     to_end = to_point(way, point)[0]
     passed_mm = 0.0
-    if is_free and apart(joint, point) <= radius + 2.0 * GOUGE_MM and to_end < radius:
+    # A curve in chords bends from the lead at once: there they meet a little farther out.
+    farthest = radius / math.cos(0.05) + 2.0 * GOUGE_MM
+    if is_free and apart(joint, point) <= farthest and to_end < radius:
         # Nearer than a radius to the contour within 2 R tan(phi/2) of its end, where the lead
         # misses the perpendicular by phi, and as near to the end as R cos(phi).
         passed_mm = 2.0 * radius * math.sqrt((radius - to_end) / (radius + to_end))
