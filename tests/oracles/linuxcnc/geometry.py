@@ -270,8 +270,8 @@ class Contour:
             for before, early in enumerate(self.elements[:number]):
                 for a, b in touches(early, late):
                     way = lengths[number] + b * late.length - lengths[before] - a * early.length
-                    # The joint of neighbours is none.
-                    if way > 10.0 * MEETS_MM:
+                    # The joint of neighbours is none; at a cusp they part slowly.
+                    if way > (0.1 if before + 1 == number else 10.0 * MEETS_MM):
                         at_joint = min(b, 1.0 - b) * late.length < MEETS_MM
                         at_start = before == 0 and a * early.length < MEETS_MM
                         found.append((before + a, number + b, at_joint or at_start))
