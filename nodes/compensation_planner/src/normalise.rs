@@ -7,9 +7,12 @@
 
 use crate::element::{Element, Vec2, cross, left};
 use crate::frame::{element_from, in_plane};
-use crate::span::{Run, Span};
+use crate::span::{Leg, Run, Span};
 use crate::tolerance::{LENGTH_MM, MERGE_MM};
 use cnc_msgs::geometry::Shape;
+
+/// As many legs as may lead to a closed contour, and one.
+const LEADING_LEGS: usize = 4;
 
 /// The runs of a span, and each leg's place in its run.
 ///
@@ -29,7 +32,8 @@ pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
         let Some(element) = element_from(span.plane, start, leg.motion) else { continue };
         let end = in_plane(span.plane, leg.motion.end);
         let changes = leg.d_out_mm != d_mm;
-        let open = runs.last_mut().filter(|run| !changes && run.d_in_mm == run.d_out_mm);
+        let closes = element.is_line() && closes(&span.legs[..index], leg.start);
+        let open = runs.last_mut().filter(|run| !changes && run.d_in_mm == run.d_out_mm && !closes);
         let reach = open.and_then(|run| {
             let reach = extend(run, &element, end, &mut cone)?;
             run.legs.end = index + 1;
@@ -57,6 +61,13 @@ pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
         settle(run, span);
     }
     runs
+}
+
+/// Whether a contour comes back to where it began, or to where what leads to it ended: a line that
+/// went on over that point would pass it by as far as merging takes it.
+fn closes(before: &[Leg<'_>], start: Vec2) -> bool {
+    let is_there = |leg: &Leg<'_>| (leg.start - start).norm() <= LENGTH_MM;
+    before.iter().take(LEADING_LEGS).any(is_there)
 }
 
 /// Whether a point is beside another by more than rounding and less than what is merged.

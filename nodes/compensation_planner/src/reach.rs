@@ -106,7 +106,7 @@ pub(crate) fn left_out<'a>(
     tolerance: f64,
 ) -> impl Iterator<Item = Option<usize>> + 'a {
     gaps(links, placed)
-        .filter(move |gap| deviation(links, gap, tolerance) > tolerance)
+        .filter(move |gap| deviation(links, placed, gap, tolerance) > tolerance)
         .map(|gap| gap.index.checked_sub(1))
 }
 
@@ -181,7 +181,7 @@ fn gaps<'a>(links: &'a [Link], placed: &'a [Placed]) -> impl Iterator<Item = Gap
 
 /// Whether what is consumed is more than noise, and not what a sharp corner takes.
 fn is_deep(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
-    deviation(links, gap, tolerance) > tolerance
+    deviation(links, placed, gap, tolerance) > tolerance
         && !is_curve_that_is_touched(links, placed, gap, tolerance)
         && !is_corner_of_curves(links, placed, gap, tolerance)
 }
@@ -310,16 +310,21 @@ fn are_chords(a: &Link, b: &Link) -> bool {
 
 /// How far what was consumed and the programmed corner that takes its place are
 /// apart where they are farthest, mm: the neighbours lengthened until they meet.
-fn deviation(links: &[Link], gap: &Gap, tolerance: f64) -> f64 {
+fn deviation(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> f64 {
     let before = gap.before.map(|index| links[index].element);
     let after = gap.after.map(|index| links[index].element);
     let ends = [links[gap.from].element.start(), links[gap.to - 1].element.end()];
     let Some(corner) = programmed_corner(before, after, ends, tolerance) else {
         return f64::INFINITY;
     };
+    let before_place = gap.index.checked_sub(1).and_then(|index| placed.get(index));
+    let is_backwards = [
+        before_place.is_some_and(|place| place.trim_out >= 0.0),
+        placed.get(gap.index).is_some_and(|place| place.trim_in < 0.0),
+    ];
     let longer = [
-        before.and_then(|element| piece(&element, element.end(), corner)),
-        after.and_then(|element| piece(&element, element.start(), corner)),
+        before.and_then(|element| piece(&element, element.end(), corner, is_backwards[0])),
+        after.and_then(|element| piece(&element, element.start(), corner, is_backwards[1])),
     ];
     let to_corner = |point: Vec2| {
         let to_pieces = longer.iter().flatten().map(|piece| distance_to(piece, point));
@@ -335,11 +340,16 @@ fn deviation(links: &[Link], gap: &Gap, tolerance: f64) -> f64 {
 }
 
 /// The way along the line or circle of an element between two of its points, the
-/// shorter way around; straight when the second is beside it.
-fn piece(element: &Element, from: Vec2, to: Vec2) -> Option<Element> {
+/// shorter way around; straight when the second is beside it. About half a circle is as long both
+/// ways around: there it is known whether the way goes against the direction of the element.
+fn piece(element: &Element, from: Vec2, to: Vec2, is_backwards: bool) -> Option<Element> {
     let straight = Element::line(from, to);
     let Element::Arc(arc) = element else { return straight };
-    let ccw = cross(from - arc.center, to - arc.center) >= 0.0;
+    let (from_center, to_center) = (from - arc.center, to - arc.center);
+    let ccw = match from_center.dot(&to_center) < 0.0 {
+        true => (arc.turn > 0.0) != is_backwards,
+        false => cross(from_center, to_center) >= 0.0,
+    };
     Element::arc(from, to, arc.center, ccw, 0).or(straight)
 }
 

@@ -77,6 +77,20 @@ fn arcs_that_lead_to_a_circle_and_away_from_it_bound_nothing() {
 }
 
 #[test]
+fn a_contour_that_closes_within_a_line_is_closed() {
+    // The posted blocks before and after the beginning are one line to 1e-4 mm, which passes the
+    // beginning by; the end of the overlap is 5e-5 mm beside the first block.
+    let plan = of_rs274(
+        "F600\nG0 X98.2608 Y61.0233\nG41.1 D10 G1 X109.5245 Y70.9445\nG1 X38.7691 Y151.2740\n\
+         G1 X-47.7313 Y144.6142\nG1 X-137.3187 Y50.1976\nG1 X-125.4162 Y-92.4945\n\
+         G1 X-25.5774 Y-151.4079\nG1 X122.6345 Y-82.7981\nG1 X152.2660 Y22.4195\n\
+         G1 X109.5245 Y70.9445\nG1 X74.1468 Y111.1092\nG3 X70.5391 Y112.8786 I-3.9397 J-3.4701\n\
+         G1 X61.2600 Y113.4666\nG40 G1 X60.7851 Y105.9716",
+    );
+    assert!(plan.accepted(), "{}", findings(&plan));
+}
+
+#[test]
 fn a_full_circle_between_arcs_is_cut_whatever_its_decimals() {
     // Where posted coordinates leave the joints off tangent by 1e-7 rad, the tool leaves the
     // circle a hair before where it came onto it, or a hair behind.

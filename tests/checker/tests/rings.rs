@@ -40,3 +40,36 @@ fn a_ring_is_not_left_out_for_an_arc_that_the_tool_does_not_reach() {
     let lines = unreachable.map(|finding| (finding.is_error(), finding.source.line));
     assert_eq!(lines, Some((true, 10)), "{:?}", verdict.findings);
 }
+
+/// A ring in three blocks that are rounded to three decimals, half of the first again, and an arc
+/// that leaves it on the other side.
+const ROUNDED: &str = "G17 G90 F600
+G0 X173.907 Y14.512
+G1 Z-3
+G41 D1 G1 X177.718 Y16.924
+G2 X179.891 Y21.065 R2.700
+G2 X182.391 Y17.113 I0.109 J-2.698
+G2 X177.718 Y16.924 I-2.391 J1.254
+G2 X177.609 Y19.621 I2.282 J1.443
+G3 X169.274 Y32.795 R9.000
+G40 G1 X172.325 Y34.725
+G0 Z5
+M2
+";
+
+#[test]
+fn half_a_ring_is_not_taken_for_the_way_back_along_the_other_half() {
+    let mut tools = ToolTable::default();
+    tools.offsets.insert(1, Offset { radius_mm: 3.0, ..Offset::default() });
+    let program = Program {
+        seed: 0,
+        control: "nct",
+        text: ROUNDED.into(),
+        tools,
+        axes: [0, 1, 2],
+        spans: Vec::new(),
+        features: Vec::new(),
+    };
+    let verdict = product(&program, &profiles());
+    assert!(verdict.findings.iter().any(|finding| finding.is_error()), "{:?}", verdict.findings);
+}

@@ -305,13 +305,18 @@ fn swept(piece: &Piece, from: Point) -> [f64; 2] {
     [cross(piece.from - from, piece.to - from) + bend, piece.length()]
 }
 
-/// Whether one line runs on in the next, so that its end is no end of a wall.
+/// As many legs as may lead to a closed contour, and one.
+const LEADING_LEGS: usize = 4;
+
+/// Whether one line runs on in the next, so that its end is no end of a wall. Where a contour
+/// comes back to its beginning, or to where what leads to it ended, it is one all the same.
 fn runs_on(legs: &Pieces, leg: usize) -> bool {
     if leg + 1 >= legs.count() {
         return false;
     }
     let (a, b) = (legs.piece(leg), legs.piece(leg + 1));
-    if !(a.is_line() && b.is_line()) {
+    let comes_back = |first: usize| (legs.begin(first) - a.to).norm() <= MEET_MM;
+    if !(a.is_line() && b.is_line()) || (0..LEADING_LEGS.min(leg)).any(comes_back) {
         return false;
     }
     let (da, db) = (a.to - a.from, b.to - b.from);
