@@ -23,7 +23,7 @@ fn no_program_is_cut_silently_and_no_fitting_tool_is_refused() {
     let count = setting("KERF_CHECKER_PROGRAMS").unwrap_or(PROGRAMS);
     let tally = tally::run(first..first + count);
     let told = tally.told();
-    // Five in the first million are known.
+    // One in the first million is known.
     let silent: Vec<u64> = [Kind::SilentCut, Kind::NotFollowed]
         .iter()
         .flat_map(|kind| tally.wrong_of(*kind))
