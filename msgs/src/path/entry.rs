@@ -2,7 +2,7 @@
 //!
 //! Knows which element and which functions come next, and which words before them are
 //! still in force. Whether a control begins there is the planner's business, how a
-//! controller is told so is the driver's.
+//! controller is sent for it is the driver's.
 
 use super::{CompensatedPath, PathEvent, Role};
 use crate::contour::{Action, CoolantMode, SpindleMode};

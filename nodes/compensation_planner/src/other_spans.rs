@@ -9,7 +9,7 @@ use crate::distance::nearest_on_way;
 use crate::element::{Element, Vec2};
 use crate::finding;
 use crate::interference;
-use crate::span::{Run, Span};
+use crate::span::{ItemKind, Run, Span};
 use crate::tolerance::{GOUGE_MM, LENGTH_MM};
 use crate::tree::{Bounds, NO_CHAIN, Tree, budget};
 use cnc_msgs::contour::{Action, Source};
@@ -18,7 +18,7 @@ use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::{OtherSpans, Profile};
 use std::ops::ControlFlow;
 
-/// Contours of a program that are told to cut into others; more help nobody.
+/// Findings of this kind in a program; more help nobody.
 const FINDINGS_MAX: usize = 100;
 
 /// What is one part: a plane, and the number of a work coordinate system.
@@ -95,7 +95,7 @@ impl<'a> Earlier<'a> {
         }
     }
 
-    /// An action between spans.
+    /// An action, in the order of the program.
     pub(crate) fn action(&mut self, action: &Action) {
         if let Action::WorkOffset { system } = action {
             self.work_system = *system;
@@ -111,13 +111,18 @@ impl<'a> Earlier<'a> {
         profile: &Profile,
         said: &[Diagnostic],
     ) -> Option<Diagnostic> {
+        let part = (span.plane, self.work_system);
+        for item in &span.items {
+            if let ItemKind::Action(action) = &item.what {
+                self.action(action);
+            }
+        }
         let is_over = profile.interference.other_spans == OtherSpans::Ignore
             || self.findings_left == 0
             || solution.is_identity();
         if is_over {
             return None;
         }
-        let part = (span.plane, self.work_system);
         if self.first.is_none() && self.left.is_empty() {
             self.first = Some(Box::new((part, span, solution)));
             return None;
@@ -128,9 +133,9 @@ impl<'a> Earlier<'a> {
         let left = Left::of(part, &span, &solution)?;
         // A link is checked against what it leaves by itself.
         let by_link = |said: &&Diagnostic| said.code == Code::LinkGouge;
-        let told: Vec<Source> = said.iter().filter(by_link).filter_map(|it| it.other).collect();
+        let checked: Vec<Source> = said.iter().filter(by_link).filter_map(|it| it.other).collect();
         let pieces = pieces(&span, exit, &solution, profile, said);
-        let found = self.cut(&left, pieces, &told, &span, profile);
+        let found = self.cut(&left, pieces, &checked, &span, profile);
         match self.left.iter_mut().find(|other| other.is_same(&left)) {
             Some(same) => same.is_cut_again(&left),
             None => self.left.push(left),
@@ -144,7 +149,7 @@ impl<'a> Earlier<'a> {
         &mut self,
         of: &Left,
         pieces: Vec<Piece>,
-        told: &[Source],
+        checked: &[Source],
         span: &Span<'_>,
         profile: &Profile,
     ) -> Option<Diagnostic> {
@@ -167,7 +172,7 @@ impl<'a> Earlier<'a> {
                     for wall in &left.walls[into.clone()] {
                         let cut = piece.cut_into(wall, profile, span.d_mm);
                         let is_deeper = |cut: &OtherCut| {
-                            !told.contains(&cut.into)
+                            !checked.contains(&cut.into)
                                 && deepest.is_none_or(|other| cut.depth_mm() > other.depth_mm())
                         };
                         deepest = cut.filter(is_deeper).or(deepest);

@@ -1,7 +1,7 @@
 //! How a run begins at a line of a program, by the rules of its control.
 //!
 //! Knows where compensation is on and which point of the path comes next. How the tool
-//! gets there and what a controller is told is the driver's business.
+//! gets there and what is sent to a controller is the driver's business.
 
 use crate::finding::block_name;
 use cnc_msgs::contour::{Action, ContourEventKind, CutterSide, ProgrammedContour, Source};

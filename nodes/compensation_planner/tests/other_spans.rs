@@ -3,7 +3,7 @@
 mod support;
 
 use cnc_msgs::diagnostic::{Code, Severity};
-use cnc_msgs::profile::OtherSpans;
+use cnc_msgs::profile::{OtherSpans, Strictness};
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::{Plan, Planning, Verdict, judge};
 use std::fmt::Write;
@@ -112,6 +112,22 @@ fn another_work_coordinate_system_is_another_part() {
     assert_eq!(findings(&judged(&moved)), "");
     let back = judged(&format!("{moved}G0 Z5\nG54\n{second}"));
     assert_eq!(codes(&back), [Code::CutsOtherSpan], "{}", findings(&back));
+}
+
+#[test]
+fn a_work_coordinate_system_that_changes_within_a_contour_counts_from_the_next() {
+    let mut profile = profile("rs274");
+    profile.forbidden_under_compensation.strictness = Strictness::Warn;
+    let cuts = |first: &str| {
+        let text = first.to_owned() + &bore(38.6, 0.0, 20.0, -2.0);
+        let contour = contour(&text, &profile);
+        judge(&contour, &profile, &ToolTable::default(), Planning::default()).plan
+    };
+    let first = bore(0.0, 0.0, 20.0, -2.0);
+    assert!(codes(&cuts(&first)).contains(&Code::CutsOtherSpan));
+    let plan = cuts(&first.replace("\nG40", "\nG55\nG40"));
+    assert_eq!(codes(&plan), [Code::ForbiddenUnderCompensation], "{}", findings(&plan));
+    assert!(plan.accepted());
 }
 
 #[test]

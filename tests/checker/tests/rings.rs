@@ -1,6 +1,6 @@
 //! A ring that was left out of the path without a finding; the drawn programs found it.
 
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::diagnostic::{Code, Diagnostic};
 use cnc_msgs::tool_table::{Offset, ToolTable};
 use kerf_checker::program::Program;
 use kerf_checker::{product, profiles};
@@ -22,23 +22,27 @@ M5
 M30
 ";
 
+/// What loader and planner say of a program with one offset.
+fn findings(
+    control: &'static str,
+    axes: [usize; 3],
+    radius_mm: f64,
+    text: &str,
+) -> Vec<Diagnostic> {
+    let mut tools = ToolTable::default();
+    tools.offsets.insert(1, Offset { radius_mm, ..Offset::default() });
+    let text = text.into();
+    let (spans, features) = (Vec::new(), Vec::new());
+    let program = Program { seed: 0, control, text, tools, axes, spans, features };
+    product(&program, &profiles()).findings
+}
+
 #[test]
 fn a_ring_is_not_left_out_for_an_arc_that_the_tool_does_not_reach() {
-    let mut tools = ToolTable::default();
-    tools.offsets.insert(1, Offset { radius_mm: 4.956, ..Offset::default() });
-    let program = Program {
-        seed: 0,
-        control: "sinumerik_840c",
-        text: RETRACED.into(),
-        tools,
-        axes: [2, 0, 1],
-        spans: Vec::new(),
-        features: Vec::new(),
-    };
-    let verdict = product(&program, &profiles());
-    let unreachable = verdict.findings.iter().find(|finding| finding.code == Code::Unreachable);
+    let findings = findings("sinumerik_840c", [2, 0, 1], 4.956, RETRACED);
+    let unreachable = findings.iter().find(|finding| finding.code == Code::Unreachable);
     let lines = unreachable.map(|finding| (finding.is_error(), finding.source.line));
-    assert_eq!(lines, Some((true, 10)), "{:?}", verdict.findings);
+    assert_eq!(lines, Some((true, 10)), "{findings:?}");
 }
 
 /// A ring in three blocks that are rounded to three decimals, half of the first again, and an arc
@@ -59,17 +63,6 @@ M2
 
 #[test]
 fn half_a_ring_is_not_taken_for_the_way_back_along_the_other_half() {
-    let mut tools = ToolTable::default();
-    tools.offsets.insert(1, Offset { radius_mm: 3.0, ..Offset::default() });
-    let program = Program {
-        seed: 0,
-        control: "nct",
-        text: ROUNDED.into(),
-        tools,
-        axes: [0, 1, 2],
-        spans: Vec::new(),
-        features: Vec::new(),
-    };
-    let verdict = product(&program, &profiles());
-    assert!(verdict.findings.iter().any(|finding| finding.is_error()), "{:?}", verdict.findings);
+    let findings = findings("nct", [0, 1, 2], 3.0, ROUNDED);
+    assert!(findings.iter().any(Diagnostic::is_error), "{findings:?}");
 }

@@ -1,7 +1,7 @@
 //! Beginning in the middle of a program.
 //!
 //! A run may begin at the first element of a source line; under cutter compensation only
-//! where it is told that the control of the program begins there. What the words before
+//! where the control of the program begins there. What the words before
 //! it have set is sent first: tool (to be
 //! confirmed), work system, tool length, spindle, coolant. Dwells, stops and moves are
 //! not repeated. The tool must stand where that element starts, in all axes, which is
