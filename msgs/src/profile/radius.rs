@@ -26,6 +26,9 @@ pub struct RadiusRules {
     /// What a running program does when `set_tool` changes its offset (S46, S48).
     #[serde(default)]
     pub live_value: LiveValue,
+    /// What the length of the offset does that D names (S34).
+    #[serde(default)]
+    pub length_of_d: LengthOfD,
 }
 
 /// What a control calls the radius.
@@ -96,4 +99,15 @@ pub enum LiveValue {
     AtStart,
     /// The new one from the next corner on, when it is set while the machine holds (S48).
     WhenStopped,
+}
+
+/// What the length of the offset does that D names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LengthOfD {
+    /// Nothing: another word selects lengths, or none does.
+    #[default]
+    Ignored,
+    /// It shifts Z from the next move of Z on (S34).
+    WithZ,
 }

@@ -112,7 +112,7 @@ pub fn audit_after(
         is_of_tip: profile.output == OutputPoint::Tip,
     };
     if is_sane && align::align(&mut way, &mut report) {
-        events::check(&way, tools, &mut report);
+        events::check(&way, profile, tools, &mut report);
         let Spans { spans, legs } = Spans::of(&way);
         result.spans = spans.len();
         let line = |block: u32| way.program.source(block).line;
@@ -158,7 +158,8 @@ fn sane(path: &CompensatedPath, report: &mut Report<'_>) -> bool {
         }
         let stays =
             element.end == start && !matches!(element.shape, Shape::Arc(arc) if arc.turns > 0);
-        if stays && element.role != Role::None {
+        // A move out of the plane may only let a tool length act; its block says so.
+        if stays && !matches!(element.role, Role::None | Role::OffPlane) {
             report.push(report::no_length(element, index));
         }
         start = element.end;

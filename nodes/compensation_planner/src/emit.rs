@@ -135,7 +135,8 @@ impl Emitter {
         let stays = moves.fold(0.0, f64::max) <= LENGTH_MM;
         let turns_around = matches!(shape, Shape::Arc(arc) if arc.turns > 0);
         if stays && !turns_around {
-            let says_nothing = label.role != Role::None || label.axes.without(self.told).is_empty();
+            let is_programmed = matches!(label.role, Role::None | Role::OffPlane);
+            let says_nothing = !is_programmed || label.axes.without(self.told).is_empty();
             if says_nothing {
                 return;
             }

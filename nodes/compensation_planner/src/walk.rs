@@ -23,7 +23,7 @@ use cnc_msgs::contour::{
 use cnc_msgs::diagnostic::Diagnostic;
 use cnc_msgs::geometry::{Direction, Plane, Position, Shape};
 use cnc_msgs::path::Role;
-use cnc_msgs::profile::{LeadMove, OffPlaneAfterCancel, Profile, SideChange};
+use cnc_msgs::profile::{LeadMove, LengthOfD, OffPlaneAfterCancel, Profile, SideChange};
 use cnc_msgs::tool_table::ToolTable;
 use output::Output;
 use std::collections::BTreeSet;
@@ -35,6 +35,15 @@ struct Selection {
     approach: Option<Approach>,
     along: Option<Direction>,
     source: Source,
+}
+
+/// Tool lengths where D selects them: `None` without one (S34).
+#[derive(Debug, Default)]
+struct Lengths {
+    /// That of the last D.
+    selected: Option<(u32, f64)>,
+    /// That of the last move of Z.
+    in_force: Option<(u32, f64)>,
 }
 
 /// A span that is being gathered.
@@ -77,6 +86,7 @@ pub(crate) struct Walk<'a> {
     /// What the program has made of the value of the offset in force, mm.
     radius_value_mm: Option<f64>,
     spindle_tool: Option<u32>,
+    lengths: Lengths,
     /// Offsets whose length is not applied, which has been said.
     told_lengths: BTreeSet<u32>,
     /// The block of the last change of tool that was refused.
@@ -106,6 +116,7 @@ impl<'a> Walk<'a> {
             radius: None,
             radius_value_mm: None,
             spindle_tool: None,
+            lengths: Lengths::default(),
             told_lengths: BTreeSet::new(),
             refused_tool: None,
             led_off_in: None,
@@ -124,7 +135,6 @@ impl<'a> Walk<'a> {
             ContourEventKind::Radius(word) => {
                 self.radius = Some(word);
                 self.radius_value_mm = None;
-                self.length_of(word, source);
                 if let State::Active(active) = &mut self.state {
                     active.radius_changes = Some(source);
                 }
@@ -274,6 +284,12 @@ impl<'a> Walk<'a> {
     }
 
     fn action(&mut self, action: Action, source: Source) {
+        if let Action::ToolLength { offset, .. } = action
+            && self.profile.radius.length_of_d == LengthOfD::WithZ
+        {
+            self.lengths.selected = offset.map(|number| (number, self.length_of(number)));
+            return;
+        }
         let action = self.with_length(action, source);
         match action {
             Action::ChangeTool { tool } => self.spindle_tool = Some(tool),
@@ -325,13 +341,41 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The length of a D, which nothing applies; said once for each number (S34).
-    fn length_of(&mut self, word: RadiusSource, source: Source) {
-        let RadiusSource::Offset(number) = word else { return };
-        let length_mm = self.tools.offsets.get(&number).map_or(0.0, |offset| offset.length_mm);
-        if length_mm != 0.0 && self.told_lengths.insert(number) {
-            self.verdict.diagnostics.push(rules::length_of_d(source, number, length_mm));
+    /// The length of the register D, or of the tool of that number where there is no register.
+    fn length_of(&self, number: u32) -> f64 {
+        let register = self.tools.offsets.get(&number).map(|offset| offset.length_mm);
+        let tool = || self.tools.tools.get(&number).map(|tool| tool.length_mm);
+        register.or_else(tool).unwrap_or(0.0)
+    }
+
+    /// The length of the last D acts with the next move of Z (S34); whether it does so now.
+    ///
+    /// In another plane the control shifts another axis, which no controller can do: that is
+    /// said once a number.
+    fn apply_length_of_d(&mut self, motion: &Motion, source: Source) -> bool {
+        let Lengths { selected, in_force } = self.lengths;
+        let length_mm = |it: Option<(u32, f64)>| it.map_or(0.0, |(_, length_mm)| length_mm);
+        let [.., normal] = self.plane.axes();
+        if length_mm(selected) == length_mm(in_force) || !motion.axes.contains(normal) {
+            return false;
         }
+        if normal != 2 {
+            if let Some((number, length_mm)) = selected
+                && self.told_lengths.insert(number)
+            {
+                let finding = rules::length_of_d(source, number, length_mm, normal);
+                self.verdict.diagnostics.push(finding);
+            }
+            return false;
+        }
+        self.lengths.in_force = selected;
+        let offset = selected.map(|(number, _)| number);
+        let action = Action::ToolLength { offset, length_mm: length_mm(selected) };
+        match &mut self.state {
+            State::Active(active) => active.push_item(source, ItemKind::Action(action)),
+            State::Off | State::Selected(_) => self.out.action(action, source),
+        }
+        true
     }
 
     fn with_length(&mut self, action: Action, source: Source) -> Action {
@@ -356,6 +400,7 @@ impl<'a> Walk<'a> {
             self.verdict.diagnostics.push(rules::not_sane(source, motion));
             return;
         }
+        let shifts_z = self.apply_length_of_d(motion, source);
         let start = self.programmed;
         self.programmed = motion.end;
         match std::mem::replace(&mut self.state, State::Off) {
@@ -373,7 +418,10 @@ impl<'a> Walk<'a> {
                     self.state = State::Selected(selection);
                 }
             }
-            State::Active(active) => self.active_motion(active, start, motion, source),
+            State::Active(active) => {
+                let rises = shifts_z || height(self.plane, motion.end) != height(self.plane, start);
+                self.active_motion(active, start, motion, source, rises);
+            }
         }
     }
 
@@ -383,6 +431,7 @@ impl<'a> Walk<'a> {
         start: Position,
         motion: &'a Motion,
         source: Source,
+        rises: bool,
     ) {
         let plane = active.span.plane;
         let leads = match (&active.cancel, &active.relink) {
@@ -390,7 +439,6 @@ impl<'a> Walk<'a> {
             (None, Some(_)) => is_lead(motion, self.profile.select.lead),
             (None, None) => false,
         };
-        let rises = height(plane, motion.end) != height(plane, start);
         let is_only_up = rises && !self.shifts(start, motion);
         if leads && self.moves_in_plane(start, motion) && !is_only_up {
             self.off_plane_blocks(&mut active, source);

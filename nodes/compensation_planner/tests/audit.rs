@@ -2,7 +2,7 @@
 
 mod support;
 
-use cnc_msgs::contour::{Action, CutterSide, ProgrammedContour};
+use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, CutterSide, ProgrammedContour};
 use cnc_msgs::diagnostic::Code;
 use cnc_msgs::geometry::{Plane, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
@@ -155,6 +155,41 @@ fn events_that_are_lost_doubled_or_swapped_are_found() {
 
 fn path_end(planned: &Planned) -> usize {
     planned.path.elements.len() - 2
+}
+
+/// The length of D acts with N15 and with N34 (S34).
+#[test]
+fn a_length_of_d_that_is_lost_moved_or_changed_is_found() {
+    let text = "N5 G0 X0 Y20 Z10\nN10 G1 G41 D1 X0 Y0 F100\nN15 Z-5\nN20 X50\nN30 G40 X50 Y20\n\
+        N32 X60\nN34 Z100\nN40 M30";
+    let (profile, mut tools) = (sinumerik(), tool(5.0));
+    let mut contour = contour(text, &profile);
+    for (line, offset) in [(2, Some(1)), (6, None)] {
+        let events = &mut contour.events;
+        let at = events.iter().position(|event| event.source.line == line).expect("the block");
+        let kind = ContourEventKind::Action(Action::ToolLength { offset, length_mm: 0.0 });
+        events.insert(at, ContourEvent { kind, ..events[at] });
+    }
+    tools.offsets.entry(1).or_default().radius_mm = 5.0;
+    tools.offsets.entry(1).or_default().length_mm = 60.0;
+    let plan = plan_of(&contour, &profile, &tools);
+    let planned = Planned { contour, profile, tools, path: plan.path };
+    assert_eq!(planned.path.events.len(), 3, "{:?}", planned.path.events);
+    planned.check(Code::PathMismatch, |path| {
+        path.events.remove(0);
+    });
+    planned.check(Code::PathMismatch, |path| {
+        path.events.remove(1);
+    });
+    planned.check(Code::PathMismatch, |path| path.events.insert(0, path.events[0]));
+    for (event, by) in [(0, -1), (0, 1), (1, -1), (1, 1)] {
+        planned.check(Code::PathMismatch, |path| {
+            path.events[event].at_element = path.events[event].at_element.saturating_add_signed(by);
+        });
+    }
+    let other = Action::ToolLength { offset: Some(1), length_mm: 61.0 };
+    planned.check(Code::PathMismatch, |path| path.events[0].action = other);
+    assert_eq!(planned.codes_after(|_| ()), []);
 }
 
 #[test]

@@ -4,7 +4,7 @@
 
 use cnc_msgs::contour::{Approach, OutsideCorner, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
-use cnc_msgs::profile::{Profile, RadiusKind, ZeroOffset};
+use cnc_msgs::profile::{LengthOfD, Profile, RadiusKind, ZeroOffset};
 
 use crate::dialect::{self, Dialect, RadiusWord};
 
@@ -21,6 +21,8 @@ pub(crate) struct Rules<'p> {
     pub(crate) no_radius: Severity,
     /// What D0 does.
     pub(crate) d0: ZeroOffset,
+    /// Whether D selects a length as well (S34).
+    pub(crate) d_selects_length: bool,
     /// By G number in tenths.
     corners: Vec<(u16, OutsideCorner)>,
     approaches: Vec<(u16, Approach)>,
@@ -64,6 +66,7 @@ impl<'p> Rules<'p> {
             radius_word: radius_word(profile),
             no_radius: profile.radius.source.severity(),
             d0: profile.d0,
+            d_selects_length: profile.radius.length_of_d == LengthOfD::WithZ,
             corners,
             approaches,
             forbidden,

@@ -19,6 +19,7 @@
 
 use super::{Case, Other, start};
 use crate::root;
+use cnc_msgs::contour::Action;
 use cnc_msgs::contour::{ContourEvent, ContourEventKind, CutterSide, ProgrammedContour, Source};
 use cnc_msgs::diagnostic::{Diagnostic, Severity};
 use cnc_msgs::geometry::{Position, Shape};
@@ -142,11 +143,15 @@ impl Run {
         observed.insert("moves".into(), elements(&|_| true));
         let event = |event: &cnc_msgs::path::PathEvent| {
             let [x, y, z] = path.start_of(event.at_element);
-            json!({
+            let mut observed = json!({
                 "text": event.action.text(), "kind": event.action.kind(),
                 "x": x, "y": y, "z": z, "at": event.at_element,
                 "line": event.source.line, "block": event.source.block,
-            })
+            });
+            if let Action::ToolLength { length_mm, .. } = event.action {
+                observed["length_mm"] = json!(length_mm);
+            }
+            observed
         };
         observed.insert("events".into(), path.events.iter().map(event).collect());
         let findings = self.diagnostics.iter().map(finding).collect();

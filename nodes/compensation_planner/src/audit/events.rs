@@ -4,20 +4,27 @@ use super::program::NONE;
 use super::report::{self, Report};
 use super::way::Way;
 use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind};
-use cnc_msgs::path::{PathEvent, Role};
+use cnc_msgs::path::{PathElement, PathEvent, Role};
+use cnc_msgs::profile::{LengthOfD, Profile};
 use cnc_msgs::tool_table::ToolTable;
 
-pub(super) fn check(way: &Way<'_>, tools: &ToolTable, report: &mut Report<'_>) {
+pub(super) fn check(way: &Way<'_>, profile: &Profile, tools: &ToolTable, report: &mut Report<'_>) {
+    let is_of_d = |action: &Action| {
+        profile.radius.length_of_d == LengthOfD::WithZ
+            && matches!(action, Action::ToolLength { .. })
+    };
     let actions = way.program.actions.iter().map(|&index| index as usize);
     let actions = actions.map(|index| (index, &way.program.contour.events[index]));
     let stops = exact_stops(actions.clone().map(|(_, event)| event));
-    let mut happened = way.path.events.iter().filter(|event| event.action != Action::ExactStop);
+    let is_in_order =
+        |event: &&PathEvent| event.action != Action::ExactStop && !is_of_d(&event.action);
+    let mut happened = way.path.events.iter().filter(is_in_order);
     let mut last = 0;
     // The first block behind the action, and the first element that is not before it.
     let (mut block, mut element) = (0, 0);
     for (index, event) in actions {
         let ContourEventKind::Action(action) = event.kind else { continue };
-        if action == Action::ExactStop {
+        if action == Action::ExactStop || is_of_d(&action) {
             continue;
         }
         let Some(found) = happened.next() else {
@@ -52,6 +59,50 @@ pub(super) fn check(way: &Way<'_>, tools: &ToolTable, report: &mut Report<'_>) {
         report.push(report::extra(extra));
     }
     check_stops(way, &stops, report);
+    if profile.radius.length_of_d == LengthOfD::WithZ {
+        check_lengths(way, report);
+    }
+}
+
+/// Lengths of D act with the first element of the next block that moves Z, and nowhere else (S34).
+fn check_lengths(way: &Way<'_>, report: &mut Report<'_>) {
+    let is_length = |event: &&PathEvent| matches!(event.action, Action::ToolLength { .. });
+    let mut found = way.path.events.iter().filter(is_length);
+    let elements = &way.path.elements;
+    let mut first = 0;
+    for (index, action) in &way.program.lengths {
+        let source = way.program.contour.events[*index as usize].source;
+        let Some(event) = found.next() else {
+            return report.push(report::lost(source, action));
+        };
+        if event.source != source || !same_length(action, &event.action) {
+            return report.push(report::other_event(source, action, event));
+        }
+        // What comes before it is of other blocks, and what comes next begins this block.
+        let is_of_block = |element: &PathElement| element.source == source;
+        let at = event.at_element.min(elements.len());
+        while first < at && !is_of_block(&elements[first]) {
+            first += 1;
+        }
+        let mut rest = elements[at..].iter();
+        let begins = rest.find(|it| !matches!(it.role, Role::Corner | Role::Link));
+        if first < at || !begins.is_some_and(is_of_block) {
+            report.push(report::misplaced(event, first));
+        }
+    }
+    if let Some(extra) = found.next() {
+        report.push(report::extra(extra));
+    }
+}
+
+fn same_length(a: &Action, b: &Action) -> bool {
+    match (a, b) {
+        (
+            Action::ToolLength { offset: a, length_mm: p },
+            Action::ToolLength { offset: b, length_mm: q },
+        ) => a == b && (p - q).abs() <= 1e-9,
+        _ => false,
+    }
 }
 
 fn is_same(programmed: &Action, found: &Action, tools: &ToolTable) -> bool {

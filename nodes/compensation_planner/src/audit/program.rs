@@ -12,7 +12,7 @@ use cnc_msgs::contour::{
 use cnc_msgs::diagnostic::Severity;
 use cnc_msgs::geometry::{Plane, Position, Shape};
 use cnc_msgs::profile::{
-    ChangeAt, LeadMove, Profile, RapidMode, Reselect, SelectTarget, SideChange,
+    ChangeAt, LeadMove, LengthOfD, Profile, RapidMode, Reselect, SelectTarget, SideChange,
 };
 use cnc_msgs::tool_table::ToolTable;
 
@@ -76,6 +76,8 @@ pub(super) struct Program<'a> {
     pub blocks: Vec<Block>,
     /// The events that are actions.
     pub actions: Vec<u32>,
+    /// Tool lengths that D has selected, before the event that lets them act (S34).
+    pub lengths: Vec<(u32, Action)>,
     pub offsets: Vec<Offset>,
 }
 
@@ -136,6 +138,9 @@ struct Reader<'a> {
     word: Option<RadiusSource>,
     value_mm: Option<f64>,
     spindle_tool: Option<u32>,
+    /// The length of the last D, and that of the last move of Z (S34).
+    length: (Option<u32>, f64),
+    length_in_force: f64,
     /// A new radius waits for the next leg, or for so many legs more.
     radius_changes: bool,
     value_waits: Option<u32>,
@@ -164,13 +169,16 @@ pub(super) fn read<'a>(
         word: None,
         value_mm: None,
         spindle_tool: None,
+        length: (None, 0.0),
+        length_in_force: 0.0,
         radius_changes: false,
         value_waits: None,
         offset: none,
         legs: 0,
     };
     let blocks = Vec::with_capacity(contour.events.len());
-    let mut program = Program { contour, blocks, actions: Vec::new(), offsets: vec![none] };
+    let mut program =
+        Program { contour, blocks, actions: Vec::new(), lengths: Vec::new(), offsets: vec![none] };
     let mut before = NONE;
     let mut at = contour.start;
     for (index, event) in contour.events.iter().enumerate() {
@@ -181,7 +189,9 @@ pub(super) fn read<'a>(
             }
             continue;
         };
-        let (kind, begins) = reader.motion(at, motion, event.source);
+        let length = reader.length_that_acts(motion);
+        program.lengths.extend(length.map(|action| (index as u32, action)));
+        let (kind, begins) = reader.motion(at, motion, event.source, length.is_some());
         reader.offset.plane = reader.plane;
         if program.offsets.last() != Some(&reader.offset) {
             program.offsets.push(reader.offset);
@@ -218,6 +228,10 @@ impl Reader<'_> {
                 if is_active {
                     self.value_waits = Some(self.profile.radius.value_latency_blocks);
                 }
+            }
+            ContourEventKind::Action(Action::ToolLength { offset, .. }) => {
+                let length_mm = offset.map_or(0.0, |number| length_of(number, self.tools));
+                self.length = (offset, length_mm);
             }
             ContourEventKind::Action(Action::ChangeTool { tool }) => self.spindle_tool = Some(tool),
             ContourEventKind::Action(Action::Home { .. }) => self.state = State::Off,
@@ -264,15 +278,34 @@ impl Reader<'_> {
         }
     }
 
+    /// The length that D has selected, where a motion of Z lets it act (S34).
+    fn length_that_acts(&mut self, motion: &Motion) -> Option<Action> {
+        let (offset, length_mm) = self.length;
+        let acts = self.profile.radius.length_of_d == LengthOfD::WithZ
+            && self.plane == Plane::Xy
+            && motion.axes.contains(2)
+            && length_mm != self.length_in_force;
+        acts.then(|| {
+            self.length_in_force = length_mm;
+            Action::ToolLength { offset, length_mm }
+        })
+    }
+
     /// What a motion is, and whether a contour begins with it without a move.
-    fn motion(&mut self, start: Position, motion: &Motion, source: Source) -> (Kind, bool) {
+    fn motion(
+        &mut self,
+        start: Position,
+        motion: &Motion,
+        source: Source,
+        shifts_z: bool,
+    ) -> (Kind, bool) {
         let [u, v, w] = self.plane.axes();
         let moved = (motion.end[u] - start[u]).abs().max((motion.end[v] - start[v]).abs());
         let turns =
             matches!(motion.shape, Shape::Arc(arc) if arc.turns > 0 && arc.plane == self.plane);
         let shifts = moved > STILL_MM || turns;
         let names = motion.axes.contains(u) || motion.axes.contains(v);
-        let rises = motion.end[w] != start[w];
+        let rises = shifts_z || motion.end[w] != start[w];
         match self.state {
             State::Off => (Kind::Free, false),
             State::Selected { side, is_along } => {
@@ -375,5 +408,14 @@ impl Reader<'_> {
         let word = radius::resolve(self.word, self.spindle_tool, self.profile, self.tools, at).0;
         let radius_mm = self.value_mm.unwrap_or(word);
         if side == CutterSide::Left { radius_mm } else { -radius_mm }
+    }
+}
+
+/// The length of register D; a tool of that number stands in for one that is not there.
+fn length_of(number: u32, tools: &ToolTable) -> f64 {
+    match (tools.offsets.get(&number), tools.tools.get(&number)) {
+        (Some(register), _) => register.length_mm,
+        (None, Some(tool)) => tool.length_mm,
+        (None, None) => 0.0,
     }
 }

@@ -7,7 +7,7 @@ use crate::finding::{block_name, rounded_down};
 use crate::tolerance::{MERGE_MM, RADIUS_MM};
 use cnc_msgs::contour::{Motion, Source};
 use cnc_msgs::diagnostic::{Code, Diagnostic};
-use cnc_msgs::geometry::{Direction, Plane, Shape};
+use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Plane, Shape};
 use cnc_msgs::numbers::told_apart;
 use cnc_msgs::profile::{
     CancelBeforeEnd, HomeMode, InsideArc, LeadMove, Profile, RadiusChange, RapidMode, Reselect,
@@ -265,16 +265,17 @@ pub(crate) fn radius_change(
     Some(finding)
 }
 
-/// A D whose offset has a length (S34): on the control it acts on Z, here it does not.
-pub(crate) fn length_of_d(source: Source, number: u32, length_mm: f64) -> Diagnostic {
+/// A D whose length would shift another axis than Z (S34).
+pub(crate) fn length_of_d(source: Source, number: u32, length_mm: f64, axis: usize) -> Diagnostic {
     Diagnostic::warning(
         Code::SuspiciousValue,
         source,
         format!(
-            "D{number} has a length of {length_mm} mm in the tool table, which D does not apply here: Z is not offset"
+            "D{number} has a length of {length_mm} mm, which acts on {} in this plane; controllers offset only Z, so it is not applied",
+            AXIS_LETTERS[axis]
         ),
     )
-    .help("set the length on the machine before the run, and length_mm of the offset to 0")
+    .help("shift the work offset by the length, and set length_mm of the offset to 0")
 }
 
 /// A plane that the control does not compensate in (M16).

@@ -25,6 +25,8 @@ pub(super) struct Compensation {
     was_selected: bool,
     /// The D in force, where D is modal.
     offset: Option<u32>,
+    /// The D whose length is selected, where D selects lengths.
+    length: Option<u32>,
     /// The axes of compensation and of corner rounding, where words set them.
     axes: Option<[usize; 2]>,
     rounding_axes: Option<[usize; 2]>,
@@ -61,7 +63,10 @@ impl Interpreter<'_> {
         let word = self.request.g(Group::Compensation);
         let is_modal_offset = self.rules.radius_word == RadiusWord::ModalOffset;
         let offset = if is_modal_offset { self.take_number(scene, b'D') } else { None };
-        if offset.is_some() {
+        if let Some(number) = offset {
+            if self.rules.d_selects_length {
+                self.select_length(number);
+            }
             self.modal.compensation.offset = offset;
         }
         if word.is_some() {
@@ -269,6 +274,16 @@ impl Interpreter<'_> {
             return;
         }
         self.emit(ContourEventKind::CornerArc { along });
+    }
+
+    /// D selects the length of its offset too, with G41 or without; D0 selects none (S34).
+    fn select_length(&mut self, number: u32) {
+        let number = (number != 0 || self.rules.d0 == ZeroOffset::None).then_some(number);
+        let before = std::mem::replace(&mut self.modal.compensation.length, number);
+        if before != number {
+            let action = Action::ToolLength { offset: number, length_mm: 0.0 };
+            self.emit(ContourEventKind::Action(action));
+        }
     }
 
     fn tell_offset(&mut self) {
