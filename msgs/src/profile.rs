@@ -1,6 +1,6 @@
-//! A controller profile: every rule in which controls differ.
+//! A control profile: every rule in which controls differ.
 //!
-//! The values come from `config/controllers/*.yaml`, where each is explained
+//! The values come from `config/controls/*.yaml`, where each is explained
 //! beside its value. A rule that a program can break is a [`Rule`]: what the
 //! control does, and how strictly a program is held to it. Keys are added as
 //! rules need them; an unknown key is an error, because a rule that nobody
@@ -66,7 +66,7 @@ impl<R> Rule<R> {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
-    /// The name that `--controller` takes.
+    /// The name that `--control` takes.
     pub name: String,
     pub language: Language,
     pub radius: RadiusRules,

@@ -1,10 +1,10 @@
-//! Lists the controller profiles that come with the program.
+//! Lists the control profiles that come with the program.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let folder = Path::new(&std::env::var("CARGO_MANIFEST_DIR")?).join("../../config/controllers");
+    let folder = Path::new(&std::env::var("CARGO_MANIFEST_DIR")?).join("../../config/controls");
     println!("cargo::rerun-if-changed={}", folder.display());
     let mut files: Vec<PathBuf> = std::fs::read_dir(&folder)?
         .map(|entry| entry.map(|entry| entry.path()))

@@ -25,7 +25,7 @@ def load(node, patience=60.0, **request):
 
 def load_demo(node):
     """The contour of the demo."""
-    return load(node, text=CONTOUR.read_text(), name=CONTOUR.name, controller='sinumerik_840c')
+    return load(node, text=CONTOUR.read_text(), name=CONTOUR.name, control='sinumerik_840c')
 
 
 def states(node):

@@ -44,7 +44,7 @@ def test_a_node_publishes_what_it_should(machine, node, graph, name):
     expected |= {node.resolve(topic.replace('~', name)): kind
                  for topic, (kind, _) in COMMON.items()}
     if name != 'run_recorder':
-        expected[node.resolve('commands')] = 'cnc_msgs/msg/Command'
+        expected[node.resolve('command_log')] = 'cnc_msgs/msg/Command'
     assert published == expected
 
 

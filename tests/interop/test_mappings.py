@@ -35,7 +35,7 @@ def machine():
 ])
 def test_a_request_of_another_middleware_is_passed_over_with_a_reason(
         machine, node, type_name, name, request_fields):
-    commands = node.subscription('cnc_msgs/msg/Command', 'commands', Qos(depth=100))
+    commands = node.subscription('cnc_msgs/msg/Command', 'command_log', Qos(depth=100))
     commands.wait_for_publishers(3)
     client = node.client(type_name, name).wait_for_service()
     number = client.send(**request_fields)

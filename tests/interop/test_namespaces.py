@@ -61,4 +61,4 @@ def test_a_node_that_was_renamed_has_its_services_under_its_name(cell):
     _, right = cell
     with right.node() as node:
         client = node.client('rcl_interfaces/srv/ListParameters', 'reader/list_parameters')
-        assert 'controller' in client.call().result.names
+        assert 'control' in client.call().result.names

@@ -76,7 +76,7 @@ def test_who_looks_at_the_log_later_sees_what_was_said_before(machine, node):
 
 
 def test_every_command_is_told_with_its_sender_and_its_answer(node):
-    commands = node.subscription('cnc_msgs/msg/Command', 'commands', Qos(depth=100))
+    commands = node.subscription('cnc_msgs/msg/Command', 'command_log', Qos(depth=100))
     settle(node, 'axis_driver')
     client = node.client('std_srvs/srv/Trigger', 'confirm_tool_change')
     answer = client.call()
@@ -137,7 +137,7 @@ def test_a_recorder_of_bags_can_subscribe_everything_with_what_is_offered(machin
         'program', 'program/chunks', 'programmed_contour', 'programmed_contour/chunks',
         'compensated_path', 'compensated_path/chunks', 'compensated_path/preview', 'markers',
         'compensation_report', 'tool_table', 'machine_state', 'controller_settings',
-        'controller_traffic', 'joint_states', 'tool_pose', 'recording', 'commands',
+        'controller_traffic', 'joint_states', 'tool_pose', 'recording', 'command_log',
         'node_parameters', 'run_program/_action/status', 'run_program/_action/feedback')}
     got = set()
 

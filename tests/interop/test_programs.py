@@ -19,7 +19,7 @@ def test_a_program_is_loaded_from_a_file_and_planned(node):
     assert len(answer.program_id) == 16
     # Metres: the contour reaches from X15 to X110.
     assert abs(answer.bounds_max.x - 0.110) < 1e-9
-    assert path.controller == 'sinumerik_840c'
+    assert path.control == 'sinumerik_840c'
     assert path.header.frame_id == 'work'
     assert path.element_count > 0 and path.chunk_count > 0
 

@@ -48,7 +48,7 @@ def test_the_loaded_program_runs_when_none_is_named(node, runs):
 
 
 def test_a_goal_that_cannot_be_run_is_rejected_and_the_reason_is_published(node, runs):
-    commands = node.subscription('cnc_msgs/msg/Command', 'commands', Qos(depth=100))
+    commands = node.subscription('cnc_msgs/msg/Command', 'command_log', Qos(depth=100))
     log = node.subscription('rcl_interfaces/msg/Log', '/rosout', Qos(depth=1000))
     settle(node, 'axis_driver')
     goal = runs.send_goal(program_id='0123456789abcdef')

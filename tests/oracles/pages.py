@@ -58,7 +58,7 @@ def main():
             return opened(page)
 
         demo = ROOT / 'config/demo'
-        plan = ['plan', str(demo / 'contour.mpf'), '--controller', 'sinumerik_840c', '--quiet',
+        plan = ['plan', str(demo / 'contour.mpf'), '--control', 'sinumerik_840c', '--quiet',
                 '--html', str(page), '--tools']
         shown = make(0, *plan, str(demo / 'tools.yaml'))
         expect(shown, 'an accepted plan', 'accepted', 'compensated (19)', 'N40 G1 X95')

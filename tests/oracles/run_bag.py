@@ -23,7 +23,7 @@ from rosbags.rosbag2 import Reader
 EXPECTED = [
     "program", "program/chunks", "programmed_contour", "programmed_contour/chunks",
     "compensated_path", "compensated_path/chunks", "compensation_report", "tool_table",
-    "machine_state", "controller_traffic", "commands", "node_parameters",
+    "machine_state", "controller_traffic", "command_log", "node_parameters",
     "run_program/_action/status",
 ]
 

@@ -50,7 +50,7 @@ pub struct Case {
     pub name: String,
     /// The profile; that of the file when absent.
     #[serde(default)]
-    pub controller: Option<String>,
+    pub control: Option<String>,
     /// Keys that differ from the profile.
     #[serde(default)]
     pub profile: Value,
@@ -81,7 +81,7 @@ pub struct Case {
 #[serde(deny_unknown_fields)]
 pub struct Other {
     #[serde(default)]
-    pub controller: Option<String>,
+    pub control: Option<String>,
     #[serde(default)]
     pub profile: Value,
     #[serde(default)]

@@ -26,7 +26,7 @@ fn outcome(control: &str, program: String, table: &Value) -> Value {
     let table: ToolTable = serde_json::from_value(table.clone()).expect("a table");
     let case = Case {
         name: String::new(),
-        controller: Some(control.into()),
+        control: Some(control.into()),
         profile: Value::Null,
         table,
         start: [0.0; 3],

@@ -29,7 +29,7 @@ fn rows() -> Vec<(&'static str, Row)> {
 /// What a case is made of, without what it expects.
 fn inputs(control: &str, case: &Case) -> String {
     let Case { profile, table, start, program, radius_value, start_line, other, .. } = case;
-    let control = case.controller.as_deref().unwrap_or(control);
+    let control = case.control.as_deref().unwrap_or(control);
     format!(
         "{control} {profile} {table:?} {start:?} {program} {radius_value:?} {start_line:?} {other:?}"
     )

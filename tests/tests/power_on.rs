@@ -12,7 +12,7 @@ fn moves(program: &str, profile: Value) -> Value {
         serde_json::from_value(json!({"offsets": {"1": {"radius_mm": 5.0}}})).expect("a table");
     let case = Case {
         name: String::new(),
-        controller: None,
+        control: None,
         profile,
         table,
         start: [0.0; 3],

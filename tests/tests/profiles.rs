@@ -1,4 +1,4 @@
-//! No key of a controller profile is idle, and each is explained to users.
+//! No key of a control profile is idle, and each is explained to users.
 
 use cnc_msgs::tool_table::ToolTable;
 use kerf_tests::root;
@@ -21,7 +21,7 @@ struct Table {
 #[serde(deny_unknown_fields)]
 struct Row {
     key: String,
-    controller: String,
+    control: String,
     /// What differs from the shipped profile on both sides.
     #[serde(default)]
     base: Value,
@@ -78,7 +78,7 @@ fn every_key_changes_what_comes_of_some_program() {
         let outcome = |changes: Value| {
             let case = Case {
                 name: row.key.clone(),
-                controller: Some(row.controller.clone()),
+                control: Some(row.control.clone()),
                 profile: changes,
                 table: row.table.clone().unwrap_or_else(default_tools),
                 start: [0.0; 3],
@@ -89,7 +89,7 @@ fn every_key_changes_what_comes_of_some_program() {
                 tolerance: 1e-6,
                 expect: Value::Null,
             };
-            observe(&case, &row.controller)
+            observe(&case, &row.control)
         };
         let mut changed = row.base.clone();
         merge(&mut changed, &row.change);

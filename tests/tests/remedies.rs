@@ -59,7 +59,7 @@ impl Remedy {
         }
         Case {
             name: self.help.clone(),
-            controller: None,
+            control: None,
             profile: changes,
             table,
             start: [0.0; 3],

@@ -57,7 +57,7 @@ impl Best {
 }
 
 fn profile() -> Profile {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controllers/sinumerik_840c.yaml");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controls/sinumerik_840c.yaml");
     let yaml = std::fs::read_to_string(path).expect("the shipped profile");
     serde_yaml::from_str(&yaml).expect("a valid profile")
 }

@@ -424,7 +424,7 @@ impl Planner {
             header: self.header(input, stamp),
             program_id: current.program_id.clone(),
             revision: current.revision,
-            controller: input.manifest.controller.clone(),
+            control: input.manifest.control.clone(),
             tool_table_revision,
             continues_revision,
             settled_elements,

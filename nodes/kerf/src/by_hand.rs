@@ -22,9 +22,9 @@ const PLAN_WITHIN: Duration = Duration::from_secs(120);
 pub(crate) struct MdiArgs {
     /// The block: "G1 X10 F200"
     block: String,
-    /// Controller profile; the loader's parameter when left out
+    /// Control profile; the loader's parameter when left out
     #[arg(long, value_name = "NAME|FILE", default_value = "")]
-    controller: String,
+    control: String,
 }
 
 /// What `kerf single-block` takes.
@@ -75,8 +75,7 @@ fn row(text: &str) -> Result<(char, u32), String> {
 pub(crate) fn mdi(args: &MdiArgs, ros_args: &[String]) -> Outcome {
     with_node(ros_args, async |node| {
         let client = node.client::<ExecuteMdi>("execute_mdi")?;
-        let request =
-            ExecuteMdiRequest { text: args.block.clone(), controller: args.controller.clone() };
+        let request = ExecuteMdiRequest { text: args.block.clone(), control: args.control.clone() };
         let cancel = Arc::new(node.client::<Trigger>("cancel")?);
         let mut ctrl_c = CtrlC::listen()?;
         let mut answer = pin!(client.call_within(request, BLOCK_WITHIN));

@@ -22,10 +22,10 @@ pub(crate) struct CheckArgs {
     file: PathBuf,
     /// Every control that comes along, also when no other is named
     #[arg(long)]
-    all_controllers: bool,
-    /// A controller profile, built in or a YAML file; may be repeated
-    #[arg(long = "controller", value_name = "NAME|FILE", id = "controllers")]
-    controllers: Vec<String>,
+    all_controls: bool,
+    /// A control profile, built in or a YAML file; may be repeated
+    #[arg(long = "control", value_name = "NAME|FILE", id = "controls")]
+    controls: Vec<String>,
     /// Tool table, YAML, millimetres
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
@@ -74,10 +74,10 @@ pub(crate) fn run(args: &CheckArgs) -> Outcome {
     let text = files::read_program(&args.file)?;
     let tools = files::tool_table(args.tools.as_deref())?;
     let mut names: Vec<String> = Vec::new();
-    if args.all_controllers || args.controllers.is_empty() {
+    if args.all_controls || args.controls.is_empty() {
         names.extend(runtime::known_profiles().map(str::to_owned));
     }
-    names.extend(args.controllers.iter().cloned());
+    names.extend(args.controls.iter().cloned());
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
     let mut answers = Vec::new();
     for name in names {
@@ -114,11 +114,11 @@ fn pairs(answers: &[Answer]) -> Vec<Pair> {
 }
 
 fn to_json(name: &str, answers: &[Answer], pairs: &[Pair]) -> Value {
-    let controllers: Vec<Value> = answers
+    let controls: Vec<Value> = answers
         .iter()
         .map(|answer| {
             json!({
-                "controller": answer.profile.name,
+                "control": answer.profile.name,
                 "read": answer.is_read(),
                 "accepted": answer.planned.accepted(),
                 "error_count": answer.count(Severity::Error),
@@ -144,7 +144,7 @@ fn to_json(name: &str, answers: &[Answer], pairs: &[Pair]) -> Value {
             })
         })
         .collect();
-    json!({"file": name, "controllers": controllers, "differences": differences})
+    json!({"file": name, "controls": controls, "differences": differences})
 }
 
 fn to_text(name: &str, answers: &[Answer], pairs: &[Pair]) -> String {
@@ -169,7 +169,7 @@ fn to_text(name: &str, answers: &[Answer], pairs: &[Pair]) -> String {
         let more = shown.count().saturating_sub(SHOWN_MAX);
         if more > 0 {
             text += &format!(
-                "{:width$}  and {more} more: kerf plan --controller {}\n",
+                "{:width$}  and {more} more: kerf plan --control {}\n",
                 "", answer.profile.name
             );
         }

@@ -23,7 +23,7 @@ use tokio::time::timeout;
 
 const PROGRAM: &str = include_str!("../../../config/demo/contour.mpf");
 const TOOLS: &str = include_str!("../../../config/demo/tools.yaml");
-const CONTROLLER: &str = "sinumerik_840c";
+const CONTROL: &str = "sinumerik_840c";
 /// How much faster than a real machine the axes move.
 const TIME_FACTOR: &str = "10";
 /// How long the nodes and the controller may take to be ready.
@@ -177,7 +177,7 @@ async fn commission(session: &Session, out: &Path) -> Result<PathBuf, Failure> {
         .await
         .map_err(|_| Failure::new(Status::NoAnswer, "the recorder is not there"))?;
 
-    let program_id = load::load_file(node, &out.join("contour.mpf"), CONTROLLER, "").await?;
+    let program_id = load::load_file(node, &out.join("contour.mpf"), CONTROL, "").await?;
     let goal = RunProgramGoal { program_id, ..RunProgramGoal::default() };
     let result = operate::run_goal(node, goal, &operate::progress_bar()).await?;
     eprintln!("kerf: {}", result.message);
@@ -220,7 +220,7 @@ async fn wait_until<M: cnc_msgs::interface::Message>(
 }
 
 fn draw(path: &Path) -> Result<(), Failure> {
-    let profile = files::profile(CONTROLLER)?;
+    let profile = files::profile(CONTROL)?;
     let tools = runtime::from_yaml_str(TOOLS, "tools.yaml").map_err(Failure::usage)?;
     let planned = Planned::new(
         PROGRAM.as_bytes(),

@@ -19,7 +19,7 @@ pub(crate) fn file_name(path: &Path) -> String {
         .into_owned()
 }
 
-/// A controller profile by name, or from a file.
+/// A control profile by name, or from a file.
 pub(crate) fn profile(name_or_path: &str) -> Result<Profile, Failure> {
     runtime::load_profile(name_or_path).map_err(Failure::usage)
 }
@@ -35,12 +35,12 @@ pub(crate) fn tool_table(path: Option<&Path>) -> Result<ToolTable, Failure> {
 /// The files that a command reads, which it must not write over.
 pub(crate) fn inputs<'a>(
     files: impl IntoIterator<Item = Option<&'a Path>>,
-    controller: &'a str,
+    control: &'a str,
 ) -> Vec<&'a Path> {
-    files.into_iter().flatten().chain([Path::new(controller)]).collect()
+    files.into_iter().flatten().chain([Path::new(control)]).collect()
 }
 
-/// A controller as the loader finds it: it runs in another folder, so a file of this one is
+/// A control as the loader finds it: it runs in another folder, so a file of this one is
 /// named from the root.
 pub(crate) fn as_loader_finds_it(name: &str) -> String {
     let is_built_in = runtime::known_profiles().any(|known| known == name);

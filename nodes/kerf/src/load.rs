@@ -34,9 +34,9 @@ const LOADER_SILENCE: Duration = Duration::from_secs(10);
 pub(crate) struct LoadArgs {
     /// The part program
     file: PathBuf,
-    /// Controller profile; the loader's parameter when left out
+    /// Control profile; the loader's parameter when left out
     #[arg(long, value_name = "NAME|FILE", default_value = "")]
-    controller: String,
+    control: String,
     /// What is done about a contour that the tool does not fit: alarm, trim or ignore;
     /// as the profile says when left out
     #[arg(long, value_name = "REACTION", default_value = "")]
@@ -46,7 +46,7 @@ pub(crate) struct LoadArgs {
 /// `kerf load`
 pub(crate) fn load(args: &LoadArgs, ros_args: &[String]) -> Outcome {
     with_node(ros_args, async |node| {
-        load_file(node, &args.file, &args.controller, &args.interference).await.map(|_| ())
+        load_file(node, &args.file, &args.control, &args.interference).await.map(|_| ())
     })
 }
 
@@ -57,7 +57,7 @@ pub(crate) fn load(args: &LoadArgs, ros_args: &[String]) -> Outcome {
 pub(crate) async fn load_file(
     node: &Handle,
     path: &Path,
-    controller: &str,
+    control: &str,
     interference: &str,
 ) -> Result<String, Failure> {
     let text = files::read_program(path)?;
@@ -68,7 +68,7 @@ pub(crate) async fn load_file(
     let known = newest_revision(&planner, &mut reports).await;
     let loader = Loader::new(node)?;
     let response = tokio::select! {
-        response = send_program(node, (&name, &text), controller, interference) => response?,
+        response = send_program(node, (&name, &text), control, interference) => response?,
         loss = loader.lost("") => return Err(loss.failure(&name, "loaded")),
     };
     show(&name, &text, &response.diagnostics);
@@ -233,13 +233,13 @@ async fn planner_ends_twice(planner: &Client<GetTools>) {
 pub(crate) async fn send_program(
     node: &Handle,
     (name, text): (&str, &[u8]),
-    controller: &str,
+    control: &str,
     interference: &str,
 ) -> Result<LoadProgramResponse, Failure> {
     let load = node.client::<LoadProgram>("load_program")?;
     let mut request = LoadProgramRequest {
         name: name.to_owned(),
-        controller: files::as_loader_finds_it(controller),
+        control: files::as_loader_finds_it(control),
         interference: interference.to_owned(),
         ..LoadProgramRequest::default()
     };

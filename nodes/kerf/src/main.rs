@@ -112,6 +112,9 @@ fn main() -> ExitCode {
         Err(error) => return conclude(Err(Failure::usage(error))),
     };
     let (args, ros_args) = split_ros_args(words);
+    if let Some(renamed) = renamed_flag(&args) {
+        return conclude(Err(Failure::usage(renamed)));
+    }
     let cli = Cli::parse_from(std::iter::once("kerf".to_owned()).chain(args));
     if let Command::Node(args) = cli.command {
         return node::run(&args, ros_args);
@@ -119,6 +122,20 @@ fn main() -> ExitCode {
     // A node has its own, once it knows its log.
     runtime::end_command_on_panic();
     conclude(run(cli.command, &ros_args))
+}
+
+/// Flags that had another name in earlier versions.
+const RENAMED_FLAGS: [(&str, &str); 2] =
+    [("--controller", "--control"), ("--all-controllers", "--all-controls")];
+
+/// What to say of the first flag that has another name now.
+fn renamed_flag(args: &[String]) -> Option<String> {
+    let flags = args.iter().take_while(|word| *word != "--");
+    let names = flags.map(|word| word.split_once('=').map_or(word.as_str(), |(name, _)| name));
+    names
+        .filter_map(|name| RENAMED_FLAGS.iter().find(|(before, _)| *before == name))
+        .map(|(before, now)| format!("{before} is called {now} now"))
+        .next()
 }
 
 fn run(command: Command, ros_args: &[String]) -> Outcome {

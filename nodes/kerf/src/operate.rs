@@ -32,9 +32,9 @@ const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
 pub(crate) struct RunArgs {
     /// Load this program first
     file: Option<PathBuf>,
-    /// Controller profile; the loader's parameter when left out
+    /// Control profile; the loader's parameter when left out
     #[arg(long, value_name = "NAME|FILE", default_value = "", requires = "file")]
-    controller: String,
+    control: String,
     /// What is done about a contour that the tool does not fit: alarm, trim or ignore;
     /// as the profile says when left out
     #[arg(long, value_name = "REACTION", default_value = "", requires = "file")]
@@ -158,7 +158,7 @@ pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
     with_lasting_node(ros_args, async |node| {
         let program_id = match &args.file {
             Some(file) => {
-                let loading = load_file(node, file, &args.controller, &args.interference);
+                let loading = load_file(node, file, &args.control, &args.interference);
                 unless_deaf(node, loading).await?
             }
             None => String::new(),
@@ -220,7 +220,7 @@ pub(crate) async fn begin<A: Action + 'static>(
 ) -> Result<GoalHandle<A>, Failure> {
     let client: ActionClient<A> = node.action_client(name)?;
     // The reason of a rejection is told here; the action has no room for it.
-    let mut commands: Subscription<Command> = node.subscription("commands", Qos::EVENTS)?;
+    let mut commands: Subscription<Command> = node.subscription("command_log", Qos::EVENTS)?;
     match client.send_goal(goal).await {
         Ok(handle) => Ok(handle),
         Err(GoalError::Call(error)) => Err(error.into()),

@@ -29,9 +29,9 @@ use std::path::{Path, PathBuf};
 pub(crate) struct PlanArgs {
     /// The part program
     file: PathBuf,
-    /// Controller profile: a built-in name, or a YAML file
+    /// Control profile: a built-in name, or a YAML file
     #[arg(long, default_value = "rs274", value_name = "NAME|FILE")]
-    controller: String,
+    control: String,
     /// Tool table, YAML, millimetres
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
@@ -64,11 +64,10 @@ pub(crate) struct PlanArgs {
 
 /// Loads and plans, prints, and says whether the program was accepted.
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
-    let inputs =
-        files::inputs([Some(args.file.as_path()), args.tools.as_deref()], &args.controller);
+    let inputs = files::inputs([Some(args.file.as_path()), args.tools.as_deref()], &args.control);
     let [svg, html] = OutputFile::claim_both([args.svg.as_deref(), args.html.as_deref()], &inputs)?;
     let text = files::read_program(&args.file)?;
-    let mut profile = files::profile(&args.controller)?;
+    let mut profile = files::profile(&args.control)?;
     profile.interference.react = args.interference.unwrap_or(profile.interference.react);
     let tools = files::tool_table(args.tools.as_deref())?;
     let name = files::file_name(&args.file);
@@ -196,9 +195,9 @@ impl Planned {
         started.ok()
     }
 
-    fn report<'a>(&'a self, controller: &'a str, run_start: Option<&'a Start>) -> PlanReport<'a> {
+    fn report<'a>(&'a self, control: &'a str, run_start: Option<&'a Start>) -> PlanReport<'a> {
         PlanReport {
-            controller,
+            control,
             accepted: self.accepted(),
             start: self.start(),
             run_start,
@@ -249,12 +248,12 @@ impl Planned {
     }
 
     /// What people read: the verdict and the size of it.
-    fn summary(&self, name: &str, controller: &str) -> String {
+    fn summary(&self, name: &str, control: &str) -> String {
         let count = |error| self.diagnostics.iter().filter(|d| d.is_error() == error).count();
         let (errors, warnings) = (count(true), count(false));
         let verdict = if self.accepted() { "accepted" } else { "refused" };
         let mut summary = format!(
-            "{name}: {verdict} by {controller}, {}, {}",
+            "{name}: {verdict} by {control}, {}, {}",
             plural(errors, "error"),
             plural(warnings, "warning")
         );

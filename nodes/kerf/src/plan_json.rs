@@ -14,7 +14,7 @@ use serde_json::{Map, Value, json};
 /// What is printed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PlanReport<'a> {
-    pub(crate) controller: &'a str,
+    pub(crate) control: &'a str,
     pub(crate) accepted: bool,
     /// Start of the first element.
     pub(crate) start: Position,
@@ -35,7 +35,7 @@ impl PlanReport<'_> {
     /// The whole object.
     pub(crate) fn to_json(self) -> Value {
         let mut object = Map::new();
-        object.insert("controller".into(), json!(self.controller));
+        object.insert("control".into(), json!(self.control));
         object.insert("accepted".into(), json!(self.accepted));
         object.insert("elements".into(), elements(self.start, self.elements));
         if !self.accepted {

@@ -40,7 +40,7 @@ fn stop_of(status: &str) -> Value {
 /// Runs a program block by block and returns every stop.
 fn stops(machine: &Machine, program: &str, mut at_stop: impl FnMut(&Value)) -> Vec<Value> {
     machine.kerf(&["single-block", "on"]).expect(0).says(&["every block waits"]);
-    let running = machine.kerf_meanwhile(&["run", program, "--controller", "sinumerik_840c"]);
+    let running = machine.kerf_meanwhile(&["run", program, "--control", "sinumerik_840c"]);
     let mut stops: Vec<Value> = Vec::new();
     while !running.is_finished() {
         let status = machine.kerf(&["status"]).out;
@@ -95,7 +95,7 @@ fn a18_a19_the_side_is_told_from_the_lead_on_to_the_end_of_the_lead_off() {
     let program = "G71 G17 G90 G43 P2\nG1 X10 Y20 F600\nG41 G1 X30 Y0\nMoveLinear(X, 60)\n\
                    G40 G1 X80 Y20\nY60\nG42 G1 X60 Y40\nX30\nG40 X10 Y60\nX0\nM30\n";
     machine.folder.file("sides.ascript", program);
-    machine.kerf(&["run", "sides.ascript", "--controller", "automation1"]).expect(0);
+    machine.kerf(&["run", "sides.ascript", "--control", "automation1"]).expect(0);
     let bags = machine.until_bags(1);
     let seen = sides(&bags[0]);
     for row in ["A18", "A19"] {
@@ -111,10 +111,10 @@ fn a18_a19_the_side_is_told_from_the_lead_on_to_the_end_of_the_lead_off() {
 fn n09_c20_compensation_in_a_single_block_does_nothing_or_is_refused() {
     let machine = Machine::virtual_one(10);
     let block = "G41 D1 G1 X10 F3000";
-    let done = machine.kerf(&["mdi", block, "--controller", "nct"]).expect(0);
+    let done = machine.kerf(&["mdi", block, "--control", "nct"]).expect(0);
     let status = machine.until_state("IDLE");
     let refused =
-        machine.kerf(&["mdi", "G41 D1 G1 X20 F3000", "--controller", "sinumerik_840c"]).expect(4);
+        machine.kerf(&["mdi", "G41 D1 G1 X20 F3000", "--control", "sinumerik_840c"]).expect(4);
     let after = machine.until_state("IDLE");
     // Not in the middle of a program, and not two blocks.
     machine.kerf(&["mdi", "G0 X1\nG0 X2"]).expect(4).says(&["2 lines are not a single block"]);
@@ -173,7 +173,7 @@ fn m30_s46_an_offset_that_is_set_from_outside_moves_every_straight_and_is_kept()
     let machine = Machine::virtual_with(20, &["-p", &table]);
     machine.folder.file("m12.nc", M12);
     let run = |count: usize| {
-        let running = machine.kerf_meanwhile(&["run", "m12.nc", "--controller", "masso"]);
+        let running = machine.kerf_meanwhile(&["run", "m12.nc", "--control", "masso"]);
         // The program asks for its tool.
         machine.until_state("TOOL_CHANGE");
         machine.kerf(&["confirm"]).expect(0);
@@ -275,19 +275,19 @@ fn m28_a_run_from_the_middle_of_a_contour_is_refused_or_rebuilt_as_its_control_d
         let ran = machine.kerf(arguments).expect(status);
         json!({ "message": format!("{}{}", ran.out, ran.err) })
     };
-    let controller = |name| ["--controller", name];
+    let control = |name| ["--control", name];
     let planned = |file, name, line, status| {
         let arguments = ["plan", file, "--tools", &tools, "--start-line", line];
-        said(&[arguments.as_slice(), &controller(name)].concat(), status)
+        said(&[arguments.as_slice(), &control(name)].concat(), status)
     };
     let forbidden = json!({
         "plan": planned("m12.nc", "masso", "7", 1),
-        "run": said(&["run", "m12.nc", "--controller", "masso", "--start-line", "7"], 4),
+        "run": said(&["run", "m12.nc", "--control", "masso", "--start-line", "7"], 4),
         "nothing_was_sent": machine.bags().is_empty(),
     });
 
     let plan = planned("contour.mpf", "sinumerik_840c", "8", 0);
-    let run = ["run", "contour.mpf", "--controller", "sinumerik_840c", "--start-line", "8"];
+    let run = ["run", "contour.mpf", "--control", "sinumerik_840c", "--start-line", "8"];
     machine.kerf(&run).expect(0).says(&["done"]);
     let status = machine.kerf(&["status"]).expect(0).out;
     let bag = machine.until_bags(1).remove(0);
@@ -359,7 +359,7 @@ fn s02_in_front_of_the_centre_the_picture_has_x_downwards() {
     let program = "G18\nG0 X30 Z5\nN10 G42 G0 D1 X20 Z2\nN20 G1 Z-30 F100\nN30 G40 X40\nM30\n";
     let program = folder.file("turn.mpf", program);
     let tools = folder.file("tools.yaml", "offsets:\n  1: {radius_mm: 0.8, tip_direction: 3}\n");
-    let shipped = kerf_tests::root().join("config/controllers/sinumerik_840c.yaml");
+    let shipped = kerf_tests::root().join("config/controls/sinumerik_840c.yaml");
     let behind = std::fs::read_to_string(shipped).expect("a shipped profile");
     let front = behind.replace("mirror_x: false", "mirror_x: true");
     assert_ne!(behind, front);
@@ -368,7 +368,7 @@ fn s02_in_front_of_the_centre_the_picture_has_x_downwards() {
         let svg = folder.path().join(format!("{name}.svg"));
         let mut command = support::kerf();
         command.arg("plan").arg(&program).arg("--tools").arg(&tools);
-        command.arg("--controller").arg(profile).arg("--svg").arg(&svg);
+        command.arg("--control").arg(profile).arg("--svg").arg(&svg);
         support::run(&mut command).expect(0);
         end_of_path(&std::fs::read_to_string(svg).expect("the picture"))
     };

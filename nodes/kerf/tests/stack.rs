@@ -35,7 +35,7 @@ fn reproduced(machine: &Machine, bag: &Path) {
 fn two_programs_of_one_session_make_two_bags_that_replay() {
     let machine = Machine::virtual_one(10);
     machine
-        .kerf(&["load", CONTOUR, "--controller", "sinumerik_840c"])
+        .kerf(&["load", CONTOUR, "--control", "sinumerik_840c"])
         .expect(0)
         .says(&["contour.mpf is loaded: 14 lines, and planned"]);
     machine.kerf(&["run"]).expect(0);

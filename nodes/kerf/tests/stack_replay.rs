@@ -223,7 +223,7 @@ fn wear_that_is_entered_in_a_hold_is_entered_there_again() {
     let tools = format!("compensation_planner:tool_table:={}", tools.display());
     let own = [&machine::PATIENT[..], &["-p", &tools]].concat();
     let machine = Machine::virtual_with(4, &own);
-    let running = machine.kerf_meanwhile(&["run", CONTOUR, "--controller", "sinumerik_840c"]);
+    let running = machine.kerf_meanwhile(&["run", CONTOUR, "--control", "sinumerik_840c"]);
     machine.until_state("RUN");
     machine.kerf(&["hold"]).expect(0);
     machine.until_state("HOLD");

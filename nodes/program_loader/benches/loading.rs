@@ -19,7 +19,7 @@ type WriteBlock = fn(&mut String, u32);
 
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controllers/rs274.yaml");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controls/rs274.yaml");
     let yaml = std::fs::read_to_string(path).expect("the shipped profile");
     let profile: Profile = serde_yaml::from_str(&yaml).expect("a valid profile");
     let programs: [(&str, WriteBlock); 3] =

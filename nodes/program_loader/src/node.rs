@@ -44,11 +44,12 @@ pub fn main(args: Vec<String>) -> ExitCode {
 pub fn parameters() -> Vec<Declared> {
     vec![
         Declared::new(
-            "controller",
+            "control",
             "rs274",
-            "controller profile of programs that do not name one: a built-in name, or a YAML file",
+            "control profile of programs that do not name one: a built-in name, or a YAML file",
         )
-        .read_only(),
+        .read_only()
+        .formerly("controller"),
         Declared::new("frame_id", "work", "frame of the programmed contour").read_only(),
         Declared::new("block_delete", false, "whether blocks that begin with / are skipped")
             .read_only(),
@@ -62,7 +63,7 @@ pub fn parameters() -> Vec<Declared> {
         Declared::new(
             "control_directories",
             Vec::<String>::new(),
-            "folders in which a YAML file that a request names as its `controller` is looked up",
+            "folders in which a YAML file that a request names as its `control` is looked up",
         )
         .read_only(),
     ]
@@ -133,7 +134,7 @@ async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
 /// The newest program and the ways to tell of it.
 struct Loader {
     node: Handle,
-    controller: String,
+    control: String,
     /// Where the files are that peers may name.
     programs: Folders,
     controls: Folders,
@@ -176,12 +177,12 @@ fn refuse<T>(code: u16, message: impl std::fmt::Display) -> Result<T, Refusal> {
 
 impl Loader {
     fn new(node: &Handle) -> Result<Self, runtime::Error> {
-        let controller: String = node.parameter("controller");
+        let control: String = node.parameter("control");
         let options =
             LoadOptions { block_delete: node.parameter("block_delete"), ..LoadOptions::default() };
         Ok(Self {
             node: node.clone(),
-            controller,
+            control,
             programs: Folders::new(
                 node.parameter::<Vec<String>>("program_directories"),
                 "program_directories",
@@ -223,9 +224,8 @@ impl Loader {
         type W = LoadProgramResponse;
         self.node.require_active().or_else(|why| refuse(W::NOT_ACTIVE, why))?;
         let (text, name) = self.text_of(&request)?;
-        let mut profile = self
-            .profile(&request.controller)
-            .or_else(|error| refuse(W::UNKNOWN_CONTROLLER, error))?;
+        let mut profile =
+            self.profile(&request.control).or_else(|error| refuse(W::UNKNOWN_CONTROL, error))?;
         if !request.interference.is_empty() {
             profile.interference.react = request
                 .interference
@@ -269,9 +269,9 @@ impl Loader {
         if let Err(why) = self.node.require_active() {
             return refused(W::NOT_ACTIVE, why);
         }
-        let profile = match self.profile(&request.controller) {
+        let profile = match self.profile(&request.control) {
             Ok(profile) => profile,
-            Err(error) => return refused(W::UNKNOWN_CONTROLLER, error.to_string()),
+            Err(error) => return refused(W::UNKNOWN_CONTROL, error.to_string()),
         };
         let start = position_from_point(&request.start);
         if !start.iter().all(|value| value.is_finite()) {
@@ -303,8 +303,8 @@ impl Loader {
 
     /// The profile that a request names; the operator's own where it names none.
     fn profile(&self, named: &str) -> Result<Profile, ProfileError> {
-        if named.is_empty() || named == self.controller {
-            runtime::load_profile(&self.controller)
+        if named.is_empty() || named == self.control {
+            runtime::load_profile(&self.control)
         } else {
             runtime::load_foreign_profile(named, &self.controls)
         }
@@ -358,7 +358,7 @@ impl Loader {
             stamp: stamp.into(),
             program_id: program_id.clone(),
             name: name.clone(),
-            controller: profile.name.clone(),
+            control: profile.name.clone(),
             sha256: sha256_hex(&text),
             size: text.len() as u64,
             line_count: loaded.line_count,
@@ -395,7 +395,7 @@ impl Loader {
             header: Header { stamp: self.node.now().into(), frame_id: self.frame_id.clone() },
             program_id: chunks.program_id().to_owned(),
             name,
-            controller: profile.name.clone(),
+            control: profile.name.clone(),
             profile: runtime::profile_to_yaml(profile),
             bounds_min: point_from_position(min),
             bounds_max: point_from_position(max),

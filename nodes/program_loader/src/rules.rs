@@ -1,4 +1,4 @@
-//! What the loader takes from a controller profile.
+//! What the loader takes from a control profile.
 //!
 //! Knows words and planes; the rules that need geometry are the planner's.
 

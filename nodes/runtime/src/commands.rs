@@ -1,4 +1,4 @@
-//! What a node was asked, by whom, and what it answered: the `commands` topic.
+//! What a node was asked, by whom, and what it answered: the `command_log` topic.
 
 use crate::interface::Message;
 use crate::node::{Handle, NodeError};
@@ -33,7 +33,7 @@ impl CommandLog {
     /// # Errors
     /// DDS refused.
     pub fn new(handle: &Handle) -> Result<Self, NodeError> {
-        let publisher = handle.publisher::<Command>("commands", Qos::EVENTS)?;
+        let publisher = handle.publisher::<Command>("command_log", Qos::EVENTS)?;
         Ok(Self { handle: handle.clone(), publisher: Arc::new(publisher) })
     }
 

@@ -39,6 +39,8 @@ pub struct Declared {
     pub choices: Vec<String>,
     /// Set at the start, never while the node runs.
     pub read_only: bool,
+    /// What it was called in earlier versions; files that still say so are told.
+    pub formerly: Option<String>,
 }
 
 impl Declared {
@@ -51,6 +53,7 @@ impl Declared {
             range: None,
             choices: Vec::new(),
             read_only: false,
+            formerly: None,
         }
     }
 
@@ -79,6 +82,13 @@ impl Declared {
     #[must_use]
     pub fn read_only(mut self) -> Self {
         self.read_only = true;
+        self
+    }
+
+    /// Had another name before.
+    #[must_use]
+    pub fn formerly(mut self, name: &str) -> Self {
+        self.formerly = Some(name.to_owned());
         self
     }
 

@@ -1,4 +1,4 @@
-//! Tool tables and controller profiles as text.
+//! Tool tables and control profiles as text.
 //!
 //! A table is a file; a profile travels with the contour that was read under
 //! it, so that planner and replay apply the same rules, built in or not.

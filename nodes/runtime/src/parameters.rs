@@ -18,6 +18,8 @@ pub enum ParameterError {
     Value { origin: Origin, name: String, reason: String },
     #[error("{origin}parameter \"{name}\" is not one of this node's: {known}")]
     Unknown { origin: Origin, name: String, known: String },
+    #[error("{origin}parameter \"{name}\" is called \"{now}\" now")]
+    Renamed { origin: Origin, name: String, now: String },
     #[error(
         "{origin}parameter \"{name}\" is of no node{}",
         meant.as_ref().map(|meant| format!("; did you mean \"{meant}\"?")).unwrap_or_default()
@@ -91,7 +93,8 @@ impl Parameters {
         let mut taken = self.entries.clone();
         for found in overrides {
             let Some((declared, value)) = taken.get_mut(&found.name) else {
-                if found.is_shared || Self::is_of_ros(&found.name) {
+                let is_meant_here = !found.is_shared || self.renamed(&found.name).is_some();
+                if !is_meant_here || Self::is_of_ros(&found.name) {
                     let (origin, name) = (&found.origin, &found.name);
                     warnings.push(format!("{origin}parameter \"{name}\" has no effect here"));
                 } else {
@@ -187,7 +190,16 @@ impl Parameters {
         self.entries.values().map(|(declared, value)| (declared, value))
     }
 
+    /// What a parameter is called now that had this name before.
+    pub(crate) fn renamed(&self, name: &str) -> Option<&str> {
+        let mut declared = self.entries.values().map(|(declared, _)| declared);
+        declared.find(|it| it.formerly.as_deref() == Some(name)).map(|it| it.name.as_str())
+    }
+
     fn unknown(&self, name: &str, origin: Origin) -> ParameterError {
+        if let Some(now) = self.renamed(name) {
+            return ParameterError::Renamed { origin, name: name.to_owned(), now: now.to_owned() };
+        }
         let known: Vec<&str> = self.entries.keys().map(String::as_str).collect();
         ParameterError::Unknown { origin, name: name.to_owned(), known: known.join(", ") }
     }
@@ -202,7 +214,9 @@ mod tests {
             Declared::new("port", "", "the serial port").read_only(),
             Declared::new("baud", 115_200, "bits per second").integer_within(1200, 4_000_000),
             Declared::new("hold_latency_ms_max", 20.0, "ms").within(1.0, 1000.0),
-            Declared::new("controller", "rs274", "the profile").one_of(&["rs274", "masso"]),
+            Declared::new("control", "rs274", "the profile")
+                .one_of(&["rs274", "masso"])
+                .formerly("controller"),
             Declared::new("home_axes", Vec::<i64>::new(), "axes").integer_within(0, 5),
         ]
     }
@@ -220,6 +234,10 @@ mod tests {
         }
     }
 
+    fn is_shared(found: Override) -> Override {
+        Override { is_shared: true, ..found }
+    }
+
     #[test]
     fn a_value_that_does_not_fit_is_refused_with_its_place_and_a_help() {
         let table: Vec<(Override, &str)> = vec![
@@ -231,8 +249,13 @@ mod tests {
             (found("hold_latency_ms_max", f64::INFINITY), "not within 1 and 1000"),
             (found("baud", 300), "300 is not within 1200 and 4000000"),
             (found("home_axes", vec![0, 9]), "9 is not within 0 and 5"),
-            (found("controller", "fanuc"), "\"fanuc\" is none of rs274, masso"),
-            (found("prot", "/dev/ttyS0"), "not one of this node's: baud, controller"),
+            (found("control", "fanuc"), "\"fanuc\" is none of rs274, masso"),
+            (found("controller", "masso"), "parameter \"controller\" is called \"control\" now"),
+            (
+                is_shared(found("controller", "masso")),
+                "parameter \"controller\" is called \"control\" now",
+            ),
+            (found("prot", "/dev/ttyS0"), "not one of this node's: baud, control"),
         ];
         for (bad, part) in table {
             let mut parameters = parameters();
@@ -250,7 +273,7 @@ mod tests {
         assert_eq!(parameters.apply(&overrides), Ok(vec![]));
         assert_eq!(parameters.get("baud"), Some(&ParameterValue::Integer(19_200)));
         assert_eq!(parameters.get("port"), Some(&"a".into()));
-        let bad = [found("baud", 1), found("x", 1), found("controller", 1)];
+        let bad = [found("baud", 1), found("x", 1), found("control", 1)];
         assert_eq!(parameters.apply(&bad).expect_err("three").len(), 3);
     }
 

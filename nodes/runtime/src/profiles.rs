@@ -1,6 +1,6 @@
-//! Controller profiles: those that come with the program, and files.
+//! Control profiles: those that come with the program, and files.
 //!
-//! The rules themselves are in `config/controllers/*.yaml`, each explained
+//! The rules themselves are in `config/controls/*.yaml`, each explained
 //! beside its value; what they mean is in `cnc_msgs::profile`.
 
 use crate::parameter_file::line_of;
@@ -16,7 +16,7 @@ include!(concat!(env!("OUT_DIR"), "/profiles.rs"));
 /// Why there is no such profile.
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
-    #[error("there is no controller \"{name}\"; known are {known}, or the path of a YAML file")]
+    #[error("there is no control \"{name}\"; known are {known}, or the path of a YAML file")]
     Unknown { name: String, known: String },
     #[error(transparent)]
     Lookup(#[from] LookupError),
@@ -31,7 +31,7 @@ pub enum ProfileError {
     },
 }
 
-/// The names that `--controller` knows, in order.
+/// The names that `--control` knows, in order.
 pub fn known_profiles() -> impl Iterator<Item = &'static str> {
     BUILT_IN.iter().map(|(name, _)| *name)
 }
@@ -64,7 +64,7 @@ pub fn load_foreign_profile(name: &str, folders: &Folders) -> Result<Profile, Pr
 /// `None` for a word that looks like a path.
 fn built_in(name: &str) -> Result<Option<Profile>, ProfileError> {
     if let Some((name, text)) = BUILT_IN.iter().find(|(known, _)| *known == name) {
-        let file = format!("config/controllers/{name}.yaml");
+        let file = format!("config/controls/{name}.yaml");
         return checked(text, &file, from_yaml_str).map(Some);
     }
     if name.contains('/') || [".yaml", ".yml"].iter().any(|end| name.ends_with(end)) {

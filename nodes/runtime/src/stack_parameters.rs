@@ -75,7 +75,9 @@ impl StackParameters {
         let mut said = BTreeSet::new();
         for Override { name, origin, .. } in shared {
             let is_new = said.insert((origin.0.clone(), name.clone()));
-            if is_new && !known.contains(name.as_str()) && !Parameters::is_of_ros(&name) {
+            let is_known = known.contains(name.as_str())
+                || read.values().any(|node| node.renamed(&name).is_some());
+            if is_new && !is_known && !Parameters::is_of_ros(&name) {
                 let meant = nearest(&name, known.iter().copied()).map(str::to_owned);
                 errors.push(ParameterError::OfNoNode { origin, name, meant });
             }

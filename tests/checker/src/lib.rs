@@ -25,7 +25,7 @@ use std::path::Path;
 /// # Panics
 /// One of them cannot be read.
 pub fn profiles() -> Vec<Profile> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/controllers");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/controls");
     let read = |control: &&str| {
         let path = folder.join(format!("{control}.yaml"));
         let yaml = std::fs::read_to_string(path).expect("a shipped profile");

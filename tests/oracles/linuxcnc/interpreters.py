@@ -79,7 +79,7 @@ class Kerf:
         (folder / "part.ngc").write_text(program.text())
         (folder / "tools.yaml").write_text(f"tools:\n  1: {{diameter_mm: {2 * program.radius}}}\n")
         ran = subprocess.run(
-            [self.command, "plan", "part.ngc", "--controller", "rs274", "--tools", "tools.yaml",
+            [self.command, "plan", "part.ngc", "--control", "rs274", "--tools", "tools.yaml",
              "--json"], cwd=folder, capture_output=True, text=True, timeout=60)
         assert ran.returncode in (0, 1), (program.name, ran)
         said = json.loads(ran.stdout)

@@ -36,7 +36,7 @@ use std::collections::BTreeMap;
 /// # Panics
 /// There is no such profile, or the keys do not belong to one.
 pub fn profile(name: &str, changes: &Value) -> Profile {
-    let path = root().join(format!("config/controllers/{name}.yaml"));
+    let path = root().join(format!("config/controls/{name}.yaml"));
     let text = std::fs::read_to_string(path).expect("a shipped profile");
     let mut value: Value = serde_yaml::from_str(&text).expect("a shipped profile is YAML");
     merge(&mut value, changes);
@@ -61,7 +61,7 @@ pub fn merge(into: &mut Value, changes: &Value) {
 
 /// What comes of a case.
 pub fn observe(case: &Case, control: &str) -> Value {
-    let control = case.controller.as_deref().unwrap_or(control);
+    let control = case.control.as_deref().unwrap_or(control);
     let run = Run::of(control, &case.profile, &case.table, case);
     let mut observed = run.observed();
     if let Err(fault) = case.table.check() {
@@ -85,7 +85,7 @@ fn other_run(case: &Case, other: &Other, control: &str) -> Run {
     merge(&mut changes, &other.profile);
     let program = other.program.as_ref().unwrap_or(&case.program).clone();
     let case = &Case { program, ..case.clone() };
-    let control = other.controller.as_deref().unwrap_or(control);
+    let control = other.control.as_deref().unwrap_or(control);
     Run::of(control, &changes, other.table.as_ref().unwrap_or(&case.table), case)
 }
 

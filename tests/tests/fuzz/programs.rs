@@ -35,7 +35,7 @@ pub(crate) fn corpus() -> Vec<(Profile, Vec<u8>)> {
 }
 
 pub(crate) fn profile(control: &str) -> Profile {
-    let path = root().join(format!("config/controllers/{control}.yaml"));
+    let path = root().join(format!("config/controls/{control}.yaml"));
     let yaml = std::fs::read_to_string(path).expect("a shipped profile");
     serde_yaml::from_str(&yaml).expect("a valid profile")
 }

@@ -75,7 +75,7 @@ pub(crate) fn corpus() -> Vec<Program> {
     }
     for control in rows::CONTROLS {
         for case in rows::of(control).into_iter().flat_map(|row| row.cases) {
-            let name = case.controller.as_deref().unwrap_or(control);
+            let name = case.control.as_deref().unwrap_or(control);
             corpus.push(Program {
                 profile: rows::observe::profile(name, &case.profile),
                 text: case.program.into_bytes(),

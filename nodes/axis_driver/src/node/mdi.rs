@@ -119,7 +119,7 @@ async fn advise(
     };
     let question = ReadBlockRequest {
         text: request.text.clone(),
-        controller: request.controller.clone(),
+        control: request.control.clone(),
         start: point_from_position(start),
     };
     let read = advisers.loader.call_within(question, ASK_WITHIN).await;

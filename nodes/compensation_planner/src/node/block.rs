@@ -63,7 +63,7 @@ pub(super) fn plan(
         path: wire::CompensatedPath {
             header: request.contour.header.clone(),
             program_id: request.contour.program_id.clone(),
-            controller: request.contour.controller.clone(),
+            control: request.contour.control.clone(),
             ..manifest_of(&chunks, CHORD_ERROR_MM)
         },
         chunks: (0..chunks.count()).filter_map(|index| chunks.chunk(index)).collect(),

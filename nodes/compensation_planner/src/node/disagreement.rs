@@ -156,7 +156,7 @@ fn document_of(name: &str, text: &[u8], length: usize, disagreement: &Disagreeme
         ("start_mm", yaml(serde_yaml::to_value(contour.start))),
         ("findings", yaml(serde_yaml::to_value(findings))),
         ("tools", yaml(serde_yaml::to_value(tools))),
-        ("controller", yaml(serde_yaml::to_value(profile))),
+        ("control", yaml(serde_yaml::to_value(profile))),
         ("events", yaml(serde_yaml::to_value(events))),
         ("text_bytes", Value::from(text.len())),
         ("text", Value::from(String::from_utf8_lossy(&text[..length]).into_owned())),

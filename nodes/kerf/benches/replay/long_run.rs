@@ -123,7 +123,7 @@ fn plan(bag: &mut Bag, blocks: u32) -> (String, Arc<cnc_msgs::path::CompensatedP
     let contour = ContourChunks::new(id.clone(), loaded.contour);
     let manifest = wire::ProgrammedContour {
         program_id: id.clone(),
-        controller: profile.name.clone(),
+        control: profile.name.clone(),
         profile: yaml,
         bounds_min: point_from_position(min),
         bounds_max: point_from_position(max),

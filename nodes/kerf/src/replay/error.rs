@@ -94,7 +94,7 @@ impl ReplayError {
     pub(crate) fn request(command: &Command, error: impl Display) -> Self {
         let Command { endpoint, endpoint_type, stamp, .. } = command;
         let place = format!(
-            "the request to {endpoint} ({endpoint_type}) on commands, stamped {}.{:09} s",
+            "the request to {endpoint} ({endpoint_type}) on command_log, stamped {}.{:09} s",
             stamp.sec, stamp.nanosec
         );
         Self::Content { place, error: error.to_string() }

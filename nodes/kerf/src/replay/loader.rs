@@ -46,7 +46,7 @@ pub(super) fn replay(
             header: then.header.clone(),
             program_id: id.clone(),
             name: then.name.clone(),
-            controller: then.controller.clone(),
+            control: then.control.clone(),
             profile: then.profile.clone(),
             bounds_min: point_from_position(bounds.0),
             bounds_max: point_from_position(bounds.1),

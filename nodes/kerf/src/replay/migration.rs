@@ -59,6 +59,14 @@ const MIGRATIONS: &[Migration] = &[
     },
 ];
 
+/// Fields that have another name today: type, name of then, name of today. Their bytes are the
+/// same, whatever else a definition had.
+const RENAMED: &[(&str, &str, &str)] = &[
+    ("cnc_msgs/msg/Program", "controller", "control"),
+    ("cnc_msgs/msg/ProgrammedContour", "controller", "control"),
+    ("cnc_msgs/msg/CompensatedPath", "controller", "control"),
+];
+
 /// What profiles of then said, and what says the same today.
 const PROFILE_CHANGES: &[(&str, &str)] = &[("contour: error", "react: alarm")];
 
@@ -161,6 +169,7 @@ fn way<M: Message>(channel: &BagChannel) -> Result<Way, ReplayError> {
         return Err(content(&format_args!("it is defined in \"{defined}\", not in ros2msg")));
     }
     let old = recorded.parse().map_err(|error| content(&error))?;
+    let old = with_names_of_today(M::TYPE_NAME, old);
     let new = MessageSchema::parse(M::TYPE_NAME, today.schema_text)
         .expect("our own definitions are valid; a test in cnc_msgs reads them all");
     let mut gaps = Vec::new();
@@ -194,6 +203,18 @@ fn way<M: Message>(channel: &BagChannel) -> Result<Way, ReplayError> {
         }
     }
     Err(refused())
+}
+
+/// The definition of then, with fields under the names that they have today.
+fn with_names_of_today(of: &str, mut old: Arc<MessageSchema>) -> Arc<MessageSchema> {
+    for (type_name, then, today) in RENAMED {
+        if *type_name == of
+            && let Some(index) = old.fields.iter().position(|field| *field.name == **then)
+        {
+            Arc::make_mut(&mut old).fields[index].name = (*today).into();
+        }
+    }
+    old
 }
 
 /// One way in which two definitions are not the same.

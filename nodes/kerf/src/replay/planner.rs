@@ -157,7 +157,7 @@ fn compare_accepted(
         header: manifest.header.clone(),
         program_id: manifest.program_id.clone(),
         revision: manifest.revision,
-        controller: manifest.controller.clone(),
+        control: manifest.control.clone(),
         tool_table_revision: manifest.tool_table_revision,
         continues_revision: manifest.continues_revision,
         settled_elements: manifest.settled_elements,

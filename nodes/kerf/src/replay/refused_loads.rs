@@ -1,6 +1,6 @@
 //! Programs that the loader refused then: today's has to refuse them in the same words.
 //!
-//! Nothing of a refused program is published; its text is in the request, on `commands`.
+//! Nothing of a refused program is published; its text is in the request, on `command_log`.
 
 use super::ReplayError;
 use super::compare::Comparison;
@@ -61,17 +61,19 @@ fn again(
     if request.text.is_empty() {
         return Ok(Err("its text came from a file or in pieces and is not in the bag"));
     }
-    let controller = match request.controller.as_str() {
-        "" => parameter(recording, "controller").map_or("", |value| &value.string_value),
+    let control = match request.control.as_str() {
+        // The parameter was called `controller` before.
+        "" => parameter(recording, "control")
+            .or_else(|| parameter(recording, "controller"))
+            .map_or("", |value| &value.string_value),
         name => name,
     };
     // A file that has that name here may be another one.
-    if !runtime::known_profiles().any(|known| known == controller) {
+    if !runtime::known_profiles().any(|known| known == control) {
         return Ok(Err("its profile came from a file"));
     }
     let problem = |reason: String| ReplayError::Input { of: command.message.clone(), reason };
-    let mut profile =
-        runtime::load_profile(controller).map_err(|error| problem(error.to_string()))?;
+    let mut profile = runtime::load_profile(control).map_err(|error| problem(error.to_string()))?;
     if !request.interference.is_empty() {
         let reaction = request.interference.parse();
         profile.interference.react = reaction

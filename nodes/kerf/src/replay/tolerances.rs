@@ -79,7 +79,7 @@ pub(crate) const ROWS: &[Row] = &[
     ),
     row("*", "sha256", Rule::Remark, "over the last bits of numbers that are compared themselves"),
     row(wire::ProgrammedContour::TYPE_NAME, "name", Rule::Given, "the name that was loaded"),
-    row(wire::ProgrammedContour::TYPE_NAME, "controller", Rule::Given, "the name of the profile"),
+    row(wire::ProgrammedContour::TYPE_NAME, "control", Rule::Given, "the name of the profile"),
     row(wire::ProgrammedContour::TYPE_NAME, "profile", Rule::Given, "the rules of the control"),
     row(
         wire::ProgrammedContour::TYPE_NAME,
@@ -126,7 +126,7 @@ pub(crate) const ROWS: &[Row] = &[
     ),
     length(wire::CompensationReport::TYPE_NAME, "uncut[*].outline[*].*"),
     row(wire::CompensatedPath::TYPE_NAME, "revision", Rule::Given, "counts plans of that day"),
-    row(wire::CompensatedPath::TYPE_NAME, "controller", Rule::Given, "the name of the profile"),
+    row(wire::CompensatedPath::TYPE_NAME, "control", Rule::Given, "the name of the profile"),
     row(
         wire::CompensatedPath::TYPE_NAME,
         "tool_table_revision",

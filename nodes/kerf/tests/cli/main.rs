@@ -114,11 +114,14 @@ fn what_cannot_be_read_or_understood_as_arguments_ends_with_2() {
         (&["plan"], &["<FILE>", "Usage"]),
         (&["plan", "ok.ngc", "--json", "--quiet"], &["--quiet"]),
         (
-            &["plan", "ok.ngc", "--controller", "fanuc"],
-            &["no controller \"fanuc\"", "rs274, sinumerik_840c", "YAML file"],
+            &["plan", "ok.ngc", "--control", "fanuc"],
+            &["no control \"fanuc\"", "rs274, sinumerik_840c", "YAML file"],
         ),
-        (&["plan", "ok.ngc", "--controller", "./broken.yaml"], &["./broken.yaml:2:11: language"]),
-        (&["plan", "ok.ngc", "--controller", "./no.yaml"], &["./no.yaml: No such file"]),
+        (&["plan", "ok.ngc", "--controller", "masso"], &["--controller is called --control now"]),
+        (&["plan", "--controller=masso", "ok.ngc"], &["--controller is called --control now"]),
+        (&["check", "ok.ngc", "--all-controllers"], &["is called --all-controls now"]),
+        (&["plan", "ok.ngc", "--control", "./broken.yaml"], &["./broken.yaml:2:11: language"]),
+        (&["plan", "ok.ngc", "--control", "./no.yaml"], &["./no.yaml: No such file"]),
         (
             &["plan", "ok.ngc", "--tools", "unknown_key.yaml"],
             &["unknown_key.yaml:2:26: tools.1: unknown field `colour`", "diameter_mm"],
@@ -148,7 +151,7 @@ fn what_cannot_be_read_or_understood_as_arguments_ends_with_2() {
         (&["up", "--time-factor", "2"], &["--virtual-controller"]),
         (&["up", "--virtual-controller", "--time-factor", "0"], &["from 0.001 to 10000"]),
         (&["load", "none.ngc"], &["cannot read none.ngc: No such file"]),
-        (&["run", "--controller", "masso"], &["<FILE>"]),
+        (&["run", "--control", "masso"], &["<FILE>"]),
     ];
     for (args, says) in table {
         said(&folder, args).expect(2).says(says);
@@ -165,16 +168,8 @@ fn what_cannot_be_read_or_understood_as_arguments_ends_with_2() {
 fn a_tool_that_does_not_fit_is_refused_with_place_and_numbers() {
     let folder = Folder::new();
     folder.file("big.yaml", "offsets:\n  1: {radius_mm: 25.0}\n");
-    let args = [
-        "plan",
-        CONTOUR,
-        "--controller",
-        "sinumerik_840c",
-        "--tools",
-        "big.yaml",
-        "--svg",
-        "x.svg",
-    ];
+    let args =
+        ["plan", CONTOUR, "--control", "sinumerik_840c", "--tools", "big.yaml", "--svg", "x.svg"];
     let ran = said(&folder, &args).expect(1).says(&[
         "error[unreachable]: the tool (radius 25.000 mm, on the left) does not reach block N40",
         "contour.mpf:5:1",
@@ -350,7 +345,7 @@ fn controls_are_put_side_by_side() {
     let folder = Folder::new();
     folder.file("part.nc", PORTABLE);
     folder.file("tools.yaml", "tools:\n  1: {diameter_mm: 10.0}\n");
-    let args = ["check", "part.nc", "--all-controllers", "--tools", "tools.yaml"];
+    let args = ["check", "part.nc", "--all-controls", "--tools", "tools.yaml"];
     let ran = said(&folder, &args).expect(0);
     for line in [
         "masso           cannot read  1 error",
@@ -365,12 +360,12 @@ fn controls_are_put_side_by_side() {
 
     let ran = said(&folder, &[&args[..], &["--json"]].concat()).expect(0);
     let report: Value = serde_json::from_str(&ran.out).expect("one JSON object");
-    let controllers = report["controllers"].as_array().expect("a list");
+    let controls = report["controls"].as_array().expect("a list");
     let verdict = |name: &str| {
-        let row = controllers.iter().find(|row| row["controller"] == name).expect("the control");
+        let row = controls.iter().find(|row| row["control"] == name).expect("the control");
         (row["read"].clone(), row["accepted"].clone(), row["error_count"].clone())
     };
-    assert_eq!(controllers.len(), 6);
+    assert_eq!(controls.len(), 6);
     assert_eq!(verdict("masso"), (false.into(), false.into(), 1.into()));
     assert_eq!(verdict("sinumerik_840c"), (true.into(), true.into(), 0.into()));
     let differences = report["differences"].as_array().expect("a list");
@@ -386,24 +381,24 @@ fn a_program_that_nobody_takes_and_controls_that_nobody_knows() {
     folder.file("junk.nc", "G1 X1 Q9 F100\n");
     folder.file("mine.yaml", "name: mine\nlanguage: {dialect: fanuc}\n");
     folder.file("odd.yaml", odd_profile());
-    let all = said(&folder, &["check", "junk.nc", "--all-controllers"]).expect(1);
+    let all = said(&folder, &["check", "junk.nc", "--all-controls"]).expect(1);
     let none_named = said(&folder, &["check", "junk.nc"]).expect(1);
     assert_eq!(none_named.out, all.out);
-    said(&folder, &["check", "junk.nc", "--controller", "fanuc"]).expect(2).says(&["known are"]);
-    said(&folder, &["check", "junk.nc", "--controller", "./mine.yaml"])
+    said(&folder, &["check", "junk.nc", "--control", "fanuc"]).expect(2).says(&["known are"]);
+    said(&folder, &["check", "junk.nc", "--control", "./mine.yaml"])
         .expect(2)
         .says(&["mine.yaml:2", "unknown variant `fanuc`"]);
-    said(&folder, &["check", "junk.nc", "--controller", "./odd.yaml"]).expect(2).says(&[
+    said(&folder, &["check", "junk.nc", "--control", "./odd.yaml"]).expect(2).says(&[
         "odd.yaml:",
         "radius.source",
         "no word for it",
     ]);
-    said(&folder, &["check", "none.nc", "--all-controllers"]).expect(2);
+    said(&folder, &["check", "none.nc", "--all-controls"]).expect(2);
 }
 
 /// A profile with a combination that no control could have.
 fn odd_profile() -> String {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controllers/masso.yaml");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controls/masso.yaml");
     let text = std::fs::read_to_string(path).expect("a profile");
     text.replace("rule: spindle_tool_plus_p", "rule: nose_register")
 }
@@ -411,7 +406,7 @@ fn odd_profile() -> String {
 #[test]
 fn plan_audits_every_path() {
     let folder = Folder::new();
-    let plain = ["plan", CONTOUR, "--controller", "sinumerik_840c", "--tools", TOOLS];
+    let plain = ["plan", CONTOUR, "--control", "sinumerik_840c", "--tools", TOOLS];
     let ran = said(&folder, &plain).expect(0);
     assert!(ran.out.contains("in 1 span and"), "{}", ran.out);
     assert!(ran.out.contains(": nothing found"), "{}", ran.out);

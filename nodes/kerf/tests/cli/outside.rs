@@ -42,8 +42,8 @@ fn what_is_no_file_or_too_large_is_refused_before_it_is_read() {
         (&["plan", "ok.ngc", "--tools", "fifo"], "named pipe"),
         (&["plan", "ok.ngc", "--tools", "/dev/zero"], "it is a device"),
         (&["plan", "ok.ngc", "--tools", "large"], "2147483648 bytes; at most 4194304"),
-        (&["plan", "ok.ngc", "--controller", "./fifo"], "named pipe"),
-        (&["plan", "ok.ngc", "--controller", "/dev/zero"], "it is a device"),
+        (&["plan", "ok.ngc", "--control", "./fifo"], "named pipe"),
+        (&["plan", "ok.ngc", "--control", "/dev/zero"], "it is a device"),
         (&["load", "fifo"], "named pipe"),
         (&["load", "/dev/zero"], "it is a device"),
         (&["load", "large"], "2147483648 bytes"),
@@ -72,9 +72,9 @@ fn yaml_beyond_any_real_file_is_refused_before_it_is_parsed() {
     folder.file("wide.yaml", "? ".repeat(4_000_000));
     folder.file("tokens.yaml", "? ".repeat(1_000_000));
     for (flag, file, says) in [
-        ("--controller", "./deep.yaml", "./deep.yaml:1:50: more than 48 lists and maps"),
+        ("--control", "./deep.yaml", "./deep.yaml:1:50: more than 48 lists and maps"),
         ("--tools", "deep.yaml", "deep.yaml:1:50: more than 48 lists and maps"),
-        ("--controller", "./wide.yaml", "8000000 bytes; at most 4194304"),
+        ("--control", "./wide.yaml", "8000000 bytes; at most 4194304"),
         ("--tools", "wide.yaml", "8000000 bytes; at most 4194304"),
         ("--tools", "tokens.yaml", "lists and maps within each other"),
     ] {
@@ -250,7 +250,7 @@ fn a_name_and_a_program_that_steer_terminals_are_shown_as_text() {
         &["plan", name, "--json"],
         &["check", name],
         &["plan", "no\x1b[2J.ngc"],
-        &["plan", name, "--controller", "no\x1b[2J"],
+        &["plan", name, "--control", "no\x1b[2J"],
         &["plan", name, "--tools", "no\x1b[2J.yaml"],
         &["bag", "info", name],
         &["node", "no\x1b[2J"],

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 const REPORT_KEYS: &[&str] =
-    &["controller", "accepted", "elements", "events", "diagnostics", "certificates", "uncut"];
+    &["control", "accepted", "elements", "events", "diagnostics", "certificates", "uncut"];
 const ELEMENT_KEYS: &[&str] =
     &["kind", "start", "end", "rapid", "feed_mm_per_min", "role", "line", "block"];
 const ARC_KEYS: &[&str] = &["center", "clockwise", "turns", "plane"];
@@ -126,10 +126,10 @@ fn check_path(report: &Value, rows: &[Row]) {
 #[test]
 fn a6_as_json_is_the_path_of_the_840c() {
     let folder = Folder::new();
-    let args = ["plan", CONTOUR, "--controller", "sinumerik_840c", "--tools", TOOLS, "--json"];
+    let args = ["plan", CONTOUR, "--control", "sinumerik_840c", "--tools", TOOLS, "--json"];
     let ran = said(&folder, &args).expect(0);
     let report: Value = serde_json::from_str(&ran.out).expect("one JSON object");
-    assert_eq!(report["controller"], "sinumerik_840c");
+    assert_eq!(report["control"], "sinumerik_840c");
     check_path(
         &report,
         &[
@@ -183,7 +183,7 @@ fn m12_as_json_is_the_path_of_the_masso() {
     for (wear, radius) in [(0.0, 5.0), (-0.5, 4.75)] {
         let tools = format!("tools:\n  1: {{diameter_mm: 10.0, wear_diameter_mm: {wear:.1}}}\n");
         folder.file("tools.yaml", tools);
-        let args = ["plan", "m12.nc", "--controller", "masso", "--tools", "tools.yaml", "--json"];
+        let args = ["plan", "m12.nc", "--control", "masso", "--tools", "tools.yaml", "--json"];
         let ran = said(&folder, &args).expect(0);
         let report: Value = serde_json::from_str(&ran.out).expect("one JSON object");
         let r = radius;
@@ -213,7 +213,7 @@ fn m12_as_json_is_the_path_of_the_masso() {
 fn a_refusal_has_its_loops_and_findings_with_numbers() {
     let folder = Folder::new();
     folder.file("big.yaml", "offsets:\n  1: {radius_mm: 25.0}\n");
-    let args = ["plan", CONTOUR, "--controller", "sinumerik_840c", "--tools", "big.yaml", "--json"];
+    let args = ["plan", CONTOUR, "--control", "sinumerik_840c", "--tools", "big.yaml", "--json"];
     let ran = said(&folder, &args).expect(1);
     let report: Value = serde_json::from_str(&ran.out).expect("one JSON object");
     assert_eq!(report["accepted"], false);
@@ -256,7 +256,7 @@ fn the_page_on_json_names_all_that_is_printed() {
     let none = folder.path().join("none").display().to_string();
     let lists = [REPORT_KEYS, ELEMENT_KEYS, ARC_KEYS, EVENT_KEYS, DIAGNOSTIC_KEYS, ROLES, EVENTS];
     let mut found: BTreeSet<String> = lists.concat().into_iter().map(str::to_owned).collect();
-    let part = [CONTOUR, "--controller", "sinumerik_840c", "--tools", TOOLS, "--json"];
+    let part = [CONTOUR, "--control", "sinumerik_840c", "--tools", TOOLS, "--json"];
     for (arguments, status) in [
         ([&["plan"][..], &part].concat(), 0),
         (vec!["plan", "bad.ngc", "--json"], 1),

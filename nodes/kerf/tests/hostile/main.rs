@@ -92,7 +92,7 @@ fn hold_within_a_second(machine: &Machine) -> Duration {
 #[track_caller]
 fn until_loadable(machine: &Machine) {
     until("a plan", || {
-        let ran = machine.kerf(&["load", CONTOUR, "--controller", "sinumerik_840c"]);
+        let ran = machine.kerf(&["load", CONTOUR, "--control", "sinumerik_840c"]);
         (ran.status == 0).then_some(())
     });
 }
@@ -148,7 +148,7 @@ fn a_node_that_takes_too_much_memory_is_replaced() {
     let moves: Vec<String> = (0..LINES).map(|line| format!("G1 X{} F600\n", line % 90)).collect();
     machine.folder.file("long.ngc", format!("G21 G90\n{}M30\n", moves.concat()));
     let old = dds_process(&machine, "program_loader").expect("the node runs");
-    let mut loading = machine.command(&["load", "long.ngc", "--controller", "rs274"]);
+    let mut loading = machine.command(&["load", "long.ngc", "--control", "rs274"]);
     let mut loading = loading.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("started");
     until_another(&machine, "program_loader", old);
     let held = until_holdable(&machine);

@@ -48,7 +48,7 @@ fn a_whole_run_on_one_host_sends_no_packet_out_of_it() {
     {
         // As it is without any word about the range: LOCALHOST is the default.
         let _machine = machine(&host, "", &folder);
-        let args = ["run", CONTOUR, "--controller", "sinumerik_840c"];
+        let args = ["run", CONTOUR, "--control", "sinumerik_840c"];
         run(&mut host.kerf("", &args)).expect(0).says(&["done"]);
         assert!(open_ports(&host).len() > 4, "the nodes have ports");
         let groups = host.proc_net("igmp");

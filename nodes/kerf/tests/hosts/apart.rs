@@ -71,7 +71,7 @@ fn bags(folder: &Path) -> Vec<std::path::PathBuf> {
 #[test]
 fn nodes_on_two_hosts_load_plan_run_and_record() {
     let Some(cell) = Cell::new("50") else { return };
-    let args = ["run", CONTOUR, "--controller", "sinumerik_840c"];
+    let args = ["run", CONTOUR, "--control", "sinumerik_840c"];
     cell.kerf(&cell.office, &args).expect(0).says(&["done"]);
     let bag = until("a bag", || bags(cell.folder.path()).pop());
     let bag = bag.to_str().expect("a path of ours is UTF-8");

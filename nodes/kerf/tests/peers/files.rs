@@ -118,12 +118,12 @@ fn no_file_of_others_is_quoted_in_an_answer_or_the_log() {
         ("../secret.yaml", "control_directories"),
         ("notes.yaml", "notes.yaml:"),
     ] {
-        let controller = name.to_owned();
-        let request = Request { text: "G0 X1\n".into(), controller, ..Request::default() };
+        let control = name.to_owned();
+        let request = Request { text: "G0 X1\n".into(), control, ..Request::default() };
         let answer = stranger.wait(load(&loads, request));
-        assert_eq!(answer.error_code, Response::UNKNOWN_CONTROLLER, "{}", answer.message);
-        let controller = name.to_owned();
-        let request = ReadBlockRequest { text: "G0 X1".into(), controller, ..Default::default() };
+        assert_eq!(answer.error_code, Response::UNKNOWN_CONTROL, "{}", answer.message);
+        let control = name.to_owned();
+        let request = ReadBlockRequest { text: "G0 X1".into(), control, ..Default::default() };
         let block = stranger.wait(reads.call_within(request, PATIENCE)).expect("an answer");
         for message in [answer.message, block.message] {
             assert!(message.contains(says), "{message}");

@@ -66,7 +66,7 @@ fn listen_if_told_to() {
             MachineState: "machine_state",
             ControllerTraffic: "controller_traffic",
             JointState: "joint_states",
-            Asked: "commands"
+            Asked: "command_log"
         );
         node.client::<ListParameters>("axis_driver/list_parameters").expect("a client")
     });

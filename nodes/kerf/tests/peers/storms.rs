@@ -172,7 +172,7 @@ fn runs(machine: &Machine, commander: &Commander) {
     commander.until("the hold that was wished", |state| state.state == MachineState::STATE_HOLD);
     commander.press("resume").expect("it is held");
     commander.until("an idle machine", |state| state.state == MachineState::STATE_IDLE);
-    machine.kerf(&["run", CONTOUR, "--controller", "sinumerik_840c"]).expect(0).says(&["done"]);
+    machine.kerf(&["run", CONTOUR, "--control", "sinumerik_840c"]).expect(0).says(&["done"]);
 }
 
 /// Asks as fast as it can, with many calls at a time.

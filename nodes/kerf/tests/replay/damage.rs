@@ -122,7 +122,11 @@ fn a_request_that_cannot_be_read_is_named_by_whom_it_was_sent_to_and_when() {
     let when = format!("stamped {}.{:09} s: ", stamp.sec, stamp.nanosec);
     bag.write(&path, Form::OURS);
     let ran = replay(&path, &["--level", "loader"]).expect(2);
-    ran.says(&["the request to /", "load_program (cnc_msgs/srv/LoadProgram) on commands", &when]);
+    ran.says(&[
+        "the request to /",
+        "load_program (cnc_msgs/srv/LoadProgram) on command_log",
+        &when,
+    ]);
 }
 
 #[test]

@@ -133,7 +133,7 @@ fn another_split_of_the_same_path_is_a_remark() {
 fn every_field_that_the_cores_make_is_compared() {
     const OF_THE_NODE: [&str; 4] = ["header", "program_id", "revision", "tool_table_revision"];
     const INPUTS: [&str; 5] =
-        ["name", "controller", "profile", "continues_revision", "settled_elements"];
+        ["name", "control", "profile", "continues_revision", "settled_elements"];
     let folder = Folder::new();
     let mut seen = std::collections::BTreeSet::new();
     for name in [BAG, "rs274_trimmed_slot", "osp_lathe_shaft"] {

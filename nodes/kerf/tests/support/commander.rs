@@ -252,7 +252,7 @@ fn listen(node: &Handle, heard: &Arc<Mutex<Heard>>) {
     }
     keep!("machine_state", Qos::LATCHED, states);
     keep!("recording", Qos::LATCHED, recordings);
-    keep!("commands", Qos::EVENTS, commands);
+    keep!("command_log", Qos::EVENTS, commands);
     keep!("/diagnostics", Qos::DEFAULT, diagnostics);
 }
 

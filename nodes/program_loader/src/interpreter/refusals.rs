@@ -128,7 +128,7 @@ impl Request {
     #[cold]
     pub(super) fn unknown(&mut self, scene: &mut Scene<'_>, at: usize) {
         let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
-        let help = "delete it, or choose the controller that the program was written for";
+        let help = "delete it, or choose the control that the program was written for";
         self.refuse(scene, at, Code::UnknownWord, message, help);
     }
 

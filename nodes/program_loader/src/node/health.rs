@@ -18,7 +18,7 @@ pub(super) fn health(loaded: Option<&Program>, refused: Option<&str>) -> Health 
     let values = loaded.map_or_else(Vec::new, |program| {
         [
             ("program id", program.program_id.clone()),
-            ("controller", program.controller.clone()),
+            ("control", program.control.clone()),
             ("lines", program.line_count.to_string()),
             ("bytes", program.size.to_string()),
         ]

@@ -172,7 +172,7 @@ fn described(run_id: &str, goal: [u8; 16], wanted: &Wanted) -> BTreeMap<String, 
             ("program", &program.name),
             ("program_id", &program.program_id),
             ("program_sha256", &program.sha256),
-            ("controller", &program.controller),
+            ("control", &program.control),
         ] {
             run.insert(key.to_owned(), value.clone());
         }

@@ -41,7 +41,7 @@ const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
 #[derive(Debug)]
 pub(super) struct Play<'a> {
     pub(super) program: &'a RecordedProgram,
-    /// The controller profile, in a file.
+    /// The control profile, in a file.
     pub(super) profile: PathBuf,
     pub(super) goal: RunProgramGoal,
     pub(super) is_single_block: bool,

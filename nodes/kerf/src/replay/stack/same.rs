@@ -90,9 +90,9 @@ fn contours(was: Told<'_>, now: Told<'_>, comparison: &mut Comparison) {
     comparison.message("programmed_contour", &was.manifest, &now.manifest);
     // Inputs of the core, which the node has to hand on. The text of the profile grows with new
     // rules.
-    let handed_on = |of: &ProgrammedContour| (of.name.clone(), of.controller.clone());
-    let ((name, controller), is) = (handed_on(&was.manifest), handed_on(&now.manifest));
-    for (field, was, now) in [("name", name, is.0), ("controller", controller, is.1)] {
+    let handed_on = |of: &ProgrammedContour| (of.name.clone(), of.control.clone());
+    let ((name, control), is) = (handed_on(&was.manifest), handed_on(&now.manifest));
+    for (field, was, now) in [("name", name, is.0), ("control", control, is.1)] {
         if was != now {
             comparison.differs("programmed_contour", field, format!("{was:?} became {now:?}"));
         }
