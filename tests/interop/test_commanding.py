@@ -122,9 +122,9 @@ def test_a_commander_that_is_killed_leaves_the_machine_held(machine, node):
     until_state(node, MachineState.STATE_IDLE)
 
 
-def test_the_example_of_the_readme_runs_a_program(machine, node):
+def test_the_first_program_of_the_documents_runs(machine, node):
     path = machine.file('bracket.ngc', 'G21 G90\nG0 X5\nG1 X15 F3000\nM30\n')
-    program = program_of('README.md').replace('/parts/bracket.ngc', path)
+    program = program_of('docs/ros.md').replace('/parts/bracket.ngc', path)
     assert path in program
     child = start(machine, program)
     said, _ = child.communicate(timeout=60)

@@ -113,8 +113,8 @@ def test_every_node_announces_itself_with_its_endpoints_alone(machine, graph):
     assert len({next(iter(writers))[:12] for _, writers in own.values()}) == len(NODES)
 
 
-def test_no_type_hash_is_announced_as_the_readme_says(machine, graph):
-    assert 'type hash as INVALID' in (ROOT / 'README.md').read_text()
+def test_no_type_hash_is_announced_as_the_documents_say(machine, graph):
+    assert 'type hash as INVALID' in (ROOT / 'docs/ros.md').read_text()
     own = [end for end in graph.writers() if machine.namespace in end.dds_topic]
     assert own
     assert not any(Policy.Userdata in end.qos for end in own)

@@ -61,6 +61,32 @@ fn continuous_integration_runs_the_two_commands_of_the_readme() {
 }
 
 #[test]
+fn the_first_pages_stay_short() {
+    for (page, words_max) in [("README.md", 900), ("ARCHITECTURE.md", 2000)] {
+        let text = std::fs::read_to_string(root().join(page)).expect("a page");
+        let words = text.split_whitespace().count();
+        assert!(words <= words_max, "{page} has {words} words, and {words_max} at most");
+    }
+}
+
+#[test]
+fn every_link_of_a_page_leads_to_a_file() {
+    let mut broken = Vec::new();
+    for path in files(".md") {
+        let text = std::fs::read_to_string(&path).expect("pages are UTF-8");
+        let folder = path.parent().expect("a folder");
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            let file = link.split('#').next().unwrap_or_default();
+            let is_local = !file.is_empty() && !file.contains("://") && !file.contains(' ');
+            if is_local && !folder.join(file).exists() {
+                broken.push(format!("{}: {link}", path.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "links to nothing: {broken:#?}");
+}
+
+#[test]
 fn nothing_is_named_an_emergency_stop() {
     for ending in [".msg", ".srv", ".action"] {
         for path in files(ending) {

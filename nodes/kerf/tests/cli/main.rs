@@ -403,6 +403,16 @@ fn odd_profile() -> String {
     text.replace("rule: spindle_tool_plus_p", "rule: nose_register")
 }
 
+/// `UPDATE_EXPECT=1 cargo test -p kerf --test cli picture` draws it anew.
+#[test]
+fn the_picture_of_the_readme_is_of_today() {
+    let folder = Folder::new();
+    let plain = ["plan", CONTOUR, "--control", "sinumerik_840c", "--tools", TOOLS];
+    said(&folder, &[&plain[..], &["--quiet", "--svg", "contour.svg"]].concat()).expect(0);
+    let drawn = std::fs::read_to_string(folder.path().join("contour.svg")).expect("a picture");
+    expect_test::expect_file!["../../../../docs/images/contour.svg"].assert_eq(&drawn);
+}
+
 #[test]
 fn plan_audits_every_path() {
     let folder = Folder::new();
