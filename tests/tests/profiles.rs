@@ -120,6 +120,66 @@ fn every_key_is_explained_to_users() {
     assert!(missing.is_empty(), "docs/profiles.md does not explain {missing:#?}");
 }
 
+/// The rows C1 to C21 of `docs/rules.md`, and the keys that decide them.
+const QUESTIONS: [(&str, &[&str]); 21] = [
+    ("C1", &["off_plane.max_blocks", "off_plane.strictness"]),
+    ("C2", &["auxiliary.functions.rule", "auxiliary.moves.rule", "auxiliary.anchor"]),
+    ("C3", &["radius.source.rule"]),
+    ("C4", &["radius.negative.rule"]),
+    ("C5", &["language.dialect"]),
+    ("C6", &["corner.words", "corner.default"]),
+    ("C7", &["full_circle.rule"]),
+    ("C8", &["language.planes.rule"]),
+    ("C9", &["rapid.rule"]),
+    ("C10", &["select.length.rule"]),
+    ("C11", &["select.target"]),
+    ("C12", &["side_change.rule"]),
+    ("C13", &["reselect.rule"]),
+    ("C14", &["cancel.axes.rule", "cancel.missing"]),
+    ("C15", &["radius.change.rule"]),
+    ("C16", &["home.rule"]),
+    ("C17", &["lookahead.blocks"]),
+    ("C18", &["interference.react", "interference.leads"]),
+    ("C19", &["restart.rule"]),
+    ("C20", &["mdi.rule"]),
+    ("C21", &["d0"]),
+];
+
+/// `UPDATE_EXPECT=1 cargo test -p kerf_tests --test profiles decides` writes it anew.
+#[test]
+fn the_page_says_how_each_profile_decides() {
+    let controls = ["rs274", "masso", "automation1", "osp_lathe", "sinumerik_840c", "nct"];
+    let profiles = controls.map(|name| {
+        serde_json::to_value(profile(name, &Value::Null)).expect("a profile is plain data")
+    });
+    let mut page = String::from(
+        "# How each control decides\n\nMade from `config/controls/` by a test. The rows are those \
+         of [rules.md](rules.md).\n\n",
+    );
+    page += &format!("| row | key | {} |\n|---|---|{}\n", controls.join(" | "), "---|".repeat(6));
+    for (row, keys) in QUESTIONS {
+        for key in keys {
+            let pointer = format!("/{}", key.replace('.', "/"));
+            let values = profiles.each_ref().map(|profile| match profile.pointer(&pointer) {
+                None | Some(Value::Null) => "no limit".to_owned(),
+                Some(Value::String(word)) => word.clone(),
+                Some(Value::Array(words)) => {
+                    let words = words.iter().map(|word| word.as_str().unwrap_or("?"));
+                    words.collect::<Vec<_>>().join(", ")
+                }
+                Some(Value::Object(words)) if words.is_empty() => "none".to_owned(),
+                Some(Value::Object(words)) => {
+                    let words = words.iter().map(|(word, is)| format!("{word}: {is}"));
+                    words.collect::<Vec<_>>().join(", ").replace('"', "")
+                }
+                Some(other) => other.to_string(),
+            });
+            page += &format!("| {row} | `{key}` | {} |\n", values.join(" | "));
+        }
+    }
+    expect_test::expect_file!["../../docs/rules_by_control.md"].assert_eq(&page);
+}
+
 #[test]
 fn the_sixth_profile_of_the_page_works() {
     let text = std::fs::read_to_string(root().join("config/examples/workshop.yaml")).expect("it");
