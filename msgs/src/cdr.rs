@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 /// The encapsulation of plain CDR, little-endian.
 pub const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
 
-/// Bytes that may be left behind the last field: padding to a multiple of four.
+/// Bytes that may follow the last field: padding to a multiple of four.
 const PADDING_MAX: usize = 3;
 
 /// Why some bytes are not the message they should be.
@@ -23,7 +23,9 @@ pub enum CdrError {
     Encapsulation { type_name: &'static str, kind: [u8; 2] },
     #[error("{type_name}: {reason}")]
     Body { type_name: &'static str, reason: String },
-    #[error("{type_name}: {count} bytes are left behind the last field: it is of another version")]
+    #[error(
+        "{type_name}: {count} bytes follow the last field; the message has a different version"
+    )]
     LeftOver { type_name: &'static str, count: usize },
 }
 

@@ -5,7 +5,7 @@
 //! [`units`](crate::units) alone.
 
 mod contour;
-mod diagnostic;
+mod finding;
 mod function;
 mod machine;
 mod path;

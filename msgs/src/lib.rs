@@ -1,7 +1,7 @@
 //! What travels between Kerf's nodes.
 //!
 //! The checked types of the field come first: [`contour`], [`path`],
-//! [`machine`], [`diagnostic`], [`tool_table`], [`profile`]. Cores use these
+//! [`machine`], [`finding`], [`tool_table`], [`profile`]. Cores use these
 //! and nothing else; they are in millimetres, as part programs are.
 //!
 //! [`wire`] holds what ROS 2 sends, in SI units, made of the interface files;
@@ -14,7 +14,7 @@ pub mod cdr;
 pub mod chunk;
 pub mod contour;
 pub mod convert;
-pub mod diagnostic;
+pub mod finding;
 pub mod geometry;
 pub mod interface;
 pub mod machine;

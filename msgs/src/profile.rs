@@ -16,7 +16,7 @@ pub use radius::*;
 pub use selection::*;
 
 use crate::contour::OutsideCorner;
-use crate::diagnostic::Severity;
+use crate::finding::Severity;
 use crate::geometry::{AxisSet, Plane};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -15,7 +15,7 @@ LoadProgram = service('cnc_msgs/srv/LoadProgram')
 def test_a_program_is_loaded_from_a_file_and_planned(node):
     answer, path = load_demo(node)
     assert answer.line_count == 14
-    assert answer.diagnostics == []
+    assert answer.findings == []
     assert len(answer.program_id) == 16
     # Metres: the contour reaches from X15 to X110.
     assert abs(answer.bounds_max.x - 0.110) < 1e-9
@@ -36,7 +36,7 @@ def test_a_program_with_an_error_is_refused_with_its_place(node):
     assert not answer.success
     assert answer.error_code == LoadProgram.Response.PROGRAM_REFUSED
     assert answer.program_id == ''
-    [finding] = answer.diagnostics
+    [finding] = answer.findings
     assert (finding.line, finding.column, finding.code) == (2, 1, 'unknown_word')
 
 
@@ -45,7 +45,7 @@ def test_a_program_with_a_tool_that_is_not_expected_is_refused(node):
     client = node.client(LoadProgram.name, 'load_program')
     answer = client.call(text=program, name='tools.ngc', expected_tools=[1, 2])
     assert answer.error_code == LoadProgram.Response.PROGRAM_REFUSED
-    [finding] = answer.diagnostics
+    [finding] = answer.findings
     assert (finding.line, finding.code) == (4, 'unknown_tool')
     assert 'T7' in finding.message and 'T1, T2' in finding.message
     assert client.call(text=program, name='tools.ngc', expected_tools=[7, 2]).success

@@ -4,7 +4,7 @@
 //! with `tests/golden_runs/record`.
 
 use cnc_msgs::cdr;
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::interface::Message;
 use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::cnc_msgs::msg::{
@@ -91,7 +91,7 @@ fn hear(said: &mut BTreeSet<(In, String)>, message: &BagMessage) {
             said.extend(contour.map(|contour| (In::Control, contour.control)));
         }
         CompensationReport::TYPE_NAME => {
-            for row in of::<CompensationReport>(message).into_iter().flat_map(|it| it.diagnostics) {
+            for row in of::<CompensationReport>(message).into_iter().flat_map(|it| it.findings) {
                 said.insert((In::Code, row.code));
             }
         }

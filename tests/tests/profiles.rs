@@ -188,8 +188,8 @@ fn the_sixth_profile_of_the_page_works() {
     // LinuxCNC words under 840C rules: registers, G456 and the normal position.
     let program = "G0 X0 Y20\nG41 G456 D1 G1 X0 Y0 F400\nX50\nG40 G456 X50 Y20\nM30\n";
     let loaded = program_loader::load(program.as_bytes(), &own, &Default::default());
-    assert_eq!(loaded.diagnostics, []);
+    assert_eq!(loaded.findings, []);
     let plan = compensation_planner::plan(&loaded.contour, &own, &default_tools());
-    assert_eq!(plan.diagnostics, []);
+    assert_eq!(plan.findings, []);
     assert_eq!(plan.path.elements[1].end, [0.0, 5.0, 0.0]);
 }

@@ -126,7 +126,7 @@ fn helps() -> BTreeSet<String> {
         for entry in std::fs::read_dir(&folder).expect("there") {
             let bytes = std::fs::read(entry.expect("an entry").path()).expect("a program");
             let loaded = load(&bytes, &profile(&control, &Value::Null), &LoadOptions::default());
-            helps.extend(loaded.diagnostics.into_iter().map(|finding| finding.help));
+            helps.extend(loaded.findings.into_iter().map(|finding| finding.help));
         }
     }
     helps.remove("");

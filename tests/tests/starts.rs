@@ -44,7 +44,7 @@ impl Part {
         let tools: ToolTable =
             serde_yaml::from_slice(&read("tools.yaml")).expect("a table of tools");
         let plan = judge(&loaded.contour, &profile, &tools, Planning::default()).plan;
-        assert!(plan.accepted(), "{:#?}", plan.diagnostics);
+        assert!(plan.accepted(), "{:#?}", plan.findings);
         Self { profile, contour: loaded.contour, path: plan.path }
     }
 

@@ -31,7 +31,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 use watch::Means;
 
-/// The receive buffer of grbl 1.1 on an ATmega328, bytes; what is not told is this.
+/// The receive buffer of grbl 1.1 on an ATmega328, bytes; used when the controller reports none.
 const RECEIVE_BYTES_DEFAULT: u16 = 128;
 /// One byte of the ring stays free.
 const RECEIVE_BYTES_SPARE: u16 = 1;

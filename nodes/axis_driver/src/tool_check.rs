@@ -54,7 +54,7 @@ pub fn objection(
         return None;
     }
     Some(format!(
-        "the path was made for another T{tool}: {}; cancel, and run again from behind this change",
+        "the path was made for another T{tool}: {}; cancel, and restart at the first block after the tool change",
         differences.join("; ")
     ))
 }

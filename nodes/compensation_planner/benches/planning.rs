@@ -107,7 +107,7 @@ fn closed(criterion: &mut Criterion, best: &mut Best) {
             let (contour, tools) = (outline.programmed(), tool(radius_mm, 0.0));
             measure(criterion, best, [&group, "kerf"], outline.count(), || {
                 let plan = plan(black_box(&contour), &profile, &tools);
-                assert!(plan.accepted(), "{:?}", plan.diagnostics.first());
+                assert!(plan.accepted(), "{:?}", plan.findings.first());
             });
             let polyline = outline.polyline();
             measure(criterion, best, [&group, "cavalier_contours"], outline.count(), || {
@@ -134,7 +134,7 @@ fn worst(criterion: &mut Criterion, best: &mut Best) {
         let (contour, tools) = (outline.programmed(), tool(radius_mm, 0.0));
         measure(criterion, best, ["worst", name], outline.count(), || {
             let plan = plan(black_box(&contour), &profile, &tools);
-            assert_eq!(plan.accepted(), is_good, "{name}: {:?}", plan.diagnostics.first());
+            assert_eq!(plan.accepted(), is_good, "{name}: {:?}", plan.findings.first());
         });
     }
 }
@@ -148,7 +148,7 @@ fn again(criterion: &mut Criterion, best: &mut Best) {
         let worn = tool(radius_mm, -0.02);
         measure(criterion, best, ["replan_after_wear_10000", name], outline.count(), || {
             let plan = plan(black_box(&contour), &profile, &worn);
-            assert!(plan.accepted(), "{:?}", plan.diagnostics.first());
+            assert!(plan.accepted(), "{:?}", plan.findings.first());
         });
         for count in [10_000, 100_000] {
             let outline = make(count);

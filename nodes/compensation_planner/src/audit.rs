@@ -32,7 +32,7 @@ mod strip;
 mod way;
 
 use cnc_msgs::contour::ProgrammedContour;
-use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{CompensatedPath, Role};
 use cnc_msgs::profile::{OutputPoint, Profile, Reaction};
@@ -46,7 +46,7 @@ use way::Way;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Audit {
     /// Sound paths have none, but for the warnings that their profile allows.
-    pub findings: Vec<Diagnostic>,
+    pub findings: Vec<Finding>,
     pub elements: usize,
     pub spans: usize,
     pub events: usize,
@@ -57,7 +57,7 @@ pub struct Audit {
 impl Audit {
     /// Whether the path must not be run.
     pub fn refuses(&self) -> bool {
-        self.findings.iter().any(Diagnostic::is_error)
+        self.findings.iter().any(Finding::is_error)
     }
 }
 
@@ -98,7 +98,7 @@ pub fn audit_after(
     path: &CompensatedPath,
     profile: &Profile,
     tools: &ToolTable,
-    said: &[Diagnostic],
+    said: &[Finding],
 ) -> Audit {
     let mut report = Report::new(profile, said);
     let mut result =

@@ -23,7 +23,7 @@ use crate::uncut::{self, UncutRegion};
 use crate::walls::{Layout, Walls};
 use crate::write::Writer;
 use cnc_msgs::contour::{CutterSide, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{Profile, Reaction};
 
@@ -63,7 +63,7 @@ pub(crate) struct WallBehind {
 /// What is said about the spans of a contour.
 #[derive(Debug, Default)]
 pub(crate) struct Verdict {
-    pub diagnostics: Vec<Diagnostic>,
+    pub findings: Vec<Finding>,
     /// Where certificates go, if they are wanted.
     pub certificates: Option<Vec<Certificate>>,
     pub uncut: Vec<UncutRegion>,
@@ -72,7 +72,7 @@ pub(crate) struct Verdict {
 impl Verdict {
     /// Adds what is said about a later span.
     fn extend(&mut self, later: Self) {
-        self.diagnostics.extend(later.diagnostics);
+        self.findings.extend(later.findings);
         if let Some(certificates) = &mut self.certificates {
             certificates.extend(later.certificates.into_iter().flatten());
         }
@@ -102,7 +102,7 @@ pub(crate) fn solve(
     certifies: bool,
 ) -> Solution {
     let mut verdict = Verdict { certificates: certifies.then(Vec::new), ..Verdict::default() };
-    let Verdict { diagnostics, certificates, uncut } = &mut verdict;
+    let Verdict { findings, certificates, uncut } = &mut verdict;
     let is_identity = is_zero(span.d_mm) && span.legs.iter().all(|leg| is_zero(leg.d_out_mm));
     let tolerance = profile.accept_tolerance_mm;
     let mut straight_mm = MERGE_MM;
@@ -120,7 +120,7 @@ pub(crate) fn solve(
         straight_mm = tolerance;
         chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
         chain.measure_straights(&exact);
-        unreachable_places(span, &chain, profile, diagnostics);
+        unreachable_places(span, &chain, profile, findings);
         if profile.interference.react == Reaction::Trim
             && is_any_unreachable(&chain.links, &chain.placed, tolerance)
         {
@@ -144,15 +144,15 @@ pub(crate) fn solve(
     }
     let Chain { runs, links, mut placed } = chain;
     for skipped in reach::skipped_by_leads(&links, &placed, tolerance) {
-        diagnostics.push(finding::skipped_by_lead(span, &runs, &skipped, exit.lead()));
+        findings.push(finding::skipped_by_lead(span, &runs, &skipped, exit.lead()));
     }
     let corners = Corners { span, short_mm: profile.corner.short_block_mm };
     let joined = Joined { links: &links, placed: &placed, corners };
     for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
-        diagnostics.push(finding::cut(span, &runs, cut, profile));
+        findings.push(finding::cut(span, &runs, cut, profile));
     }
     if !cuts.is_complete {
-        diagnostics.push(finding::too_entangled(span));
+        findings.push(finding::too_entangled(span));
     }
     if profile.interference.react == Reaction::Trim
         && (!cuts.cuts.is_empty() || reach::left_out(&links, &placed, tolerance).next().is_some())
@@ -161,10 +161,10 @@ pub(crate) fn solve(
         let walls = Walls::all(&runs, &links, &placed).forgiving_closing(rule);
         let trimmed = trim(&walls, &joined, tolerance);
         for cut in &trimmed.cuts {
-            diagnostics.push(finding::not_trimmed(span, &runs, cut, profile));
+            findings.push(finding::not_trimmed(span, &runs, cut, profile));
         }
         if !trimmed.placed.iter().any(|p| matches!(links[p.link].role, LinkRole::Run(_))) {
-            diagnostics.push(finding::nothing_left(span));
+            findings.push(finding::nothing_left(span));
         }
         let joined = Joined { placed: &trimmed.placed, ..joined };
         uncut.extend(uncut::regions(&joined, &runs, &trimmed.loops, tolerance));
@@ -188,7 +188,7 @@ impl Solution {
     ) -> Option<WallBehind> {
         let Self { runs, links, placed, layout, is_identity, verdict: own, leads } = self;
         verdict.extend(std::mem::take(own));
-        let diagnostics = &mut verdict.diagnostics;
+        let findings = &mut verdict.findings;
         let corners = Corners { span, short_mm: profile.corner.short_block_mm };
         let joined = Joined { links, placed, corners };
         out.side = side_of(span.d_mm);
@@ -200,7 +200,7 @@ impl Solution {
             corners,
             profile,
             out,
-            diagnostics,
+            findings,
             item: 0,
             exit_source: exit.lead().map(|lead| lead.source),
         };
@@ -216,7 +216,7 @@ impl Solution {
         to_tip.apply(span, &mut out.path.elements[first_element..]);
         out.position = to_tip.tip(span.plane, out.position, to_tip.last);
         let walls = Walls::of_layout(runs, layout);
-        let mut check = lead::Check { profile, plane: span.plane, walls: &walls, diagnostics };
+        let mut check = lead::Check { profile, plane: span.plane, walls: &walls, findings };
         if span.entry.from.is_none()
             && let Some(way) = lead::Way::on(&joined, lead_start)
         {
@@ -284,14 +284,14 @@ fn unreachable_places(
     span: &Span<'_>,
     Chain { runs, links, placed }: &Chain,
     profile: &Profile,
-    diagnostics: &mut Vec<Diagnostic>,
+    findings: &mut Vec<Finding>,
 ) {
     let mut places = unreachable(links, placed, profile.accept_tolerance_mm);
     for place in places.by_ref().take(FINDINGS_MAX) {
-        diagnostics.push(finding::unreachable(span, runs, &place, profile));
+        findings.push(finding::unreachable(span, runs, &place, profile));
     }
     if let Some(place) = places.next() {
-        diagnostics.push(finding::more_unreachable(span, runs, &place, FINDINGS_MAX, profile));
+        findings.push(finding::more_unreachable(span, runs, &place, FINDINGS_MAX, profile));
     }
 }
 
@@ -366,8 +366,8 @@ fn is_zero(d_mm: f64) -> bool {
 }
 
 /// Reports a span that has no contour between its leads.
-pub(crate) fn empty_span(span: &Span<'_>) -> Diagnostic {
-    Diagnostic::error(
+pub(crate) fn empty_span(span: &Span<'_>) -> Finding {
+    Finding::error(
         Code::NeverActive,
         span.entry.lead.source,
         "compensation is selected and cancelled with no contour in between",

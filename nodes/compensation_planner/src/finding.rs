@@ -8,7 +8,7 @@ use crate::other_spans::OtherCut;
 use crate::reach::{Skipped, Unreachable};
 use crate::span::{Lead, Run, Span};
 use cnc_msgs::contour::{Approach, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::finding::{Code, Finding, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
 use cnc_msgs::numbers::told_apart;
 use cnc_msgs::profile::{OtherSpans, Profile, Reaction, Strictness};
@@ -52,7 +52,7 @@ pub(crate) fn unreachable(
     runs: &[Run],
     place_of: &Unreachable,
     profile: &Profile,
-) -> Diagnostic {
+) -> Finding {
     let blamed = &runs[place_of.longest];
     let leg = &span.legs[blamed.legs.start];
     let radius_mm = blamed.d_in_mm.abs();
@@ -66,7 +66,7 @@ pub(crate) fn unreachable(
         format!("{} to {}", block_name(first), block_name(last))
     };
     let [radius, limit] = told_apart(radius_mm, limit_mm);
-    let mut finding = Diagnostic::error(
+    let mut finding = Finding::error(
         Code::Unreachable,
         leg.source,
         format!(
@@ -99,7 +99,7 @@ pub(crate) fn unreachable(
 
 /// What the profile says of a contour that the tool does not fit (C18), and of
 /// one that its control is too short-sighted to see (C17).
-fn soften(finding: &mut Diagnostic, apart: usize, profile: &Profile) {
+fn soften(finding: &mut Finding, apart: usize, profile: &Profile) {
     let mut severity = match profile.interference.react {
         Reaction::Alarm => Severity::Error,
         Reaction::Trim | Reaction::Ignore => Severity::Warning,
@@ -127,12 +127,12 @@ pub(crate) fn more_unreachable(
     next: &Unreachable,
     listed: usize,
     profile: &Profile,
-) -> Diagnostic {
+) -> Finding {
     let source = span.legs[runs[next.longest].legs.start].source;
     let message = format!(
         "from here on there is more that the tool does not reach; {listed} places are listed"
     );
-    let mut finding = Diagnostic::error(Code::Limit, source, message)
+    let mut finding = Finding::error(Code::Limit, source, message)
         .help("use a smaller tool, or check that the compensation is on the right side");
     if profile.interference.react != Reaction::Alarm {
         finding.severity = Severity::Warning;
@@ -146,7 +146,7 @@ pub(crate) fn skipped_by_lead(
     runs: &[Run],
     skipped: &Skipped,
     exit: Option<&Lead>,
-) -> Diagnostic {
+) -> Finding {
     let (first, last) = (&span.legs[runs[skipped.first].legs.start], {
         &span.legs[runs[skipped.last].legs.end - 1]
     });
@@ -165,7 +165,7 @@ pub(crate) fn skipped_by_lead(
         tool(span.d_mm)
     );
     let mut finding =
-        Diagnostic::warning(Code::Uncut, lead, message).help(match skipped.is_by_entry {
+        Finding::warning(Code::Uncut, lead, message).help(match skipped.is_by_entry {
             true => "lead onto the contour in the direction of its first block",
             false => "leave the contour in the direction of its last block",
         });
@@ -177,7 +177,7 @@ pub(crate) fn skipped_by_lead(
 }
 
 /// An element on which the tool cuts into another one.
-pub(crate) fn cut(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -> Diagnostic {
+pub(crate) fn cut(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -> Finding {
     let into = &span.legs[runs[cut.into].legs.start];
     let (on, later) = (
         span.legs[runs[cut.on].legs.start].source,
@@ -187,7 +187,7 @@ pub(crate) fn cut(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -
     let position =
         in_work(span.plane, (cut.foot + cut.on_wall) / 2.0, height(span.plane, into.motion.end));
     let code = if cut.is_other_pass { Code::CutsOtherPass } else { Code::Gouge };
-    let mut finding = Diagnostic::error(
+    let mut finding = Finding::error(
         code,
         later,
         format!(
@@ -218,7 +218,7 @@ pub(crate) fn cuts_other_span(
     plane: Plane,
     is_last: bool,
     profile: &Profile,
-) -> Diagnostic {
+) -> Finding {
     let depth_mm = cut.depth_mm();
     let position = in_work(plane, cut.on_wall, cut.height_mm);
     let message = format!(
@@ -229,7 +229,7 @@ pub(crate) fn cuts_other_span(
         block_name(cut.on),
         if is_last { "; contours after this one are not compared with earlier ones" } else { "" }
     );
-    let mut finding = Diagnostic::error(Code::CutsOtherSpan, cut.on, message).help(
+    let mut finding = Finding::error(Code::CutsOtherSpan, cut.on, message).help(
         "check the distance between both contours; where each is of a part of its own, set \
          interference.other_spans to ignore",
     );
@@ -245,8 +245,8 @@ pub(crate) fn cuts_other_span(
 }
 
 /// More contours lie near each other than can be compared.
-pub(crate) fn too_many_spans(span: &Span<'_>) -> Diagnostic {
-    Diagnostic::warning(
+pub(crate) fn too_many_spans(span: &Span<'_>) -> Finding {
+    Finding::warning(
         Code::Limit,
         span.entry.lead.source,
         "so many contours lie near each other that those after this block are not compared with \
@@ -256,12 +256,7 @@ pub(crate) fn too_many_spans(span: &Span<'_>) -> Diagnostic {
 }
 
 /// A cut that is still there after everything that does not fit was left out.
-pub(crate) fn not_trimmed(
-    span: &Span<'_>,
-    runs: &[Run],
-    cut: &Cut,
-    profile: &Profile,
-) -> Diagnostic {
+pub(crate) fn not_trimmed(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -> Finding {
     let mut finding = self::cut(span, runs, cut, profile);
     finding.severity = Severity::Error;
     let tells_so = "; what does not fit is left out";
@@ -270,9 +265,9 @@ pub(crate) fn not_trimmed(
 }
 
 /// A contour that the tool fits nowhere.
-pub(crate) fn nothing_left(span: &Span<'_>) -> Diagnostic {
+pub(crate) fn nothing_left(span: &Span<'_>) -> Finding {
     let at = span.legs.first().map_or(span.entry.lead.source, |leg| leg.source);
-    let mut finding = Diagnostic::error(
+    let mut finding = Finding::error(
         Code::Unreachable,
         at,
         format!("{} fits nowhere on the contour that begins here", tool(span.d_mm)),
@@ -283,8 +278,8 @@ pub(crate) fn nothing_left(span: &Span<'_>) -> Diagnostic {
 }
 
 /// A contour that meets itself so often that not all of it could be checked.
-pub(crate) fn too_entangled(span: &Span<'_>) -> Diagnostic {
-    Diagnostic::error(
+pub(crate) fn too_entangled(span: &Span<'_>) -> Finding {
+    Finding::error(
         Code::Limit,
         span.entry.lead.source,
         "the contour after this block comes near to itself in so many places that they cannot all be checked",
@@ -309,11 +304,11 @@ pub(crate) struct LeadCut {
 }
 
 /// A lead or link that cuts into the element next to it.
-pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
+pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Finding {
     let radius_mm = cut.d_mm.abs();
     let depth_mm = radius_mm - cut.distance_mm;
     let what = cut.what;
-    let mut finding = Diagnostic::error(
+    let mut finding = Finding::error(
         cut.code,
         cut.source,
         format!(
@@ -353,13 +348,13 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Diagnostic {
 }
 
 /// An outside corner whose offsets do not meet (O08).
-pub(crate) fn no_corner(source: Source, profile: &Profile) -> Diagnostic {
+pub(crate) fn no_corner(source: Source, profile: &Profile) -> Finding {
     let rule = profile.corner.no_intersection;
     let what = match rule {
         Strictness::Error => format!(", and {} goes to their intersection", profile.name),
         Strictness::Warn | Strictness::Emulate => "; an arc goes around the corner".into(),
     };
-    let mut finding = Diagnostic::error(
+    let mut finding = Finding::error(
         Code::Unsupported,
         source,
         format!(
@@ -375,8 +370,8 @@ pub(crate) fn no_corner(source: Source, profile: &Profile) -> Diagnostic {
 }
 
 /// An outside corner whose offsets meet far off.
-pub(crate) fn far_corner(source: Source, distance_mm: f64, d_mm: f64) -> Diagnostic {
-    let mut finding = Diagnostic::warning(
+pub(crate) fn far_corner(source: Source, distance_mm: f64, d_mm: f64) -> Finding {
+    let mut finding = Finding::warning(
         Code::SuspiciousValue,
         source,
         format!(
@@ -392,19 +387,14 @@ pub(crate) fn far_corner(source: Source, distance_mm: f64, d_mm: f64) -> Diagnos
 }
 
 /// A circle that its joints lengthen over 360 degrees (S70).
-pub(crate) fn over_360(
-    source: Source,
-    sweep: f64,
-    rule: Strictness,
-    profile: &Profile,
-) -> Diagnostic {
+pub(crate) fn over_360(source: Source, sweep: f64, rule: Strictness, profile: &Profile) -> Finding {
     let degrees = sweep.to_degrees();
     let what = if rule == Strictness::Emulate {
         format!("only {:.3} degrees are run", degrees - 360.0)
     } else {
         format!("{} would run {:.3} degrees of it", profile.name, degrees - 360.0)
     };
-    let mut finding = Diagnostic::error(
+    let mut finding = Finding::error(
         Code::ArcOver360,
         source,
         format!("the arc is lengthened to {degrees:.3} degrees to meet its neighbour; {what}"),
@@ -415,8 +405,8 @@ pub(crate) fn over_360(
 }
 
 /// A corner arc between rapids before any feed rate.
-pub(crate) fn corner_without_feed(source: Source) -> Diagnostic {
-    Diagnostic::error(
+pub(crate) fn corner_without_feed(source: Source) -> Finding {
+    Finding::error(
         Code::Unsupported,
         source,
         "an outside corner before a rapid needs an arc, and no feed rate was given for it",

@@ -15,7 +15,7 @@ use crate::tolerance::{CHORD_TURN_RAD, GOUGE_MM, LENGTH_MM};
 use crate::tree::{Bounds, NO_CHAIN, Tree, budget};
 use crate::walls::Walls;
 use cnc_msgs::contour::{Approach, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::Profile;
 use std::ops::ControlFlow;
@@ -241,7 +241,7 @@ pub(crate) struct Check<'a> {
     pub profile: &'a Profile,
     pub plane: Plane,
     pub walls: &'a Walls<'a>,
-    pub diagnostics: &'a mut Vec<Diagnostic>,
+    pub findings: &'a mut Vec<Finding>,
 }
 
 impl Check<'_> {
@@ -295,7 +295,7 @@ impl Check<'_> {
                 let distance_mm = near.distance;
                 let is_straight = true;
                 let cut = LeadCut { code, what, source, other, at, d_mm, distance_mm, is_straight };
-                self.diagnostics.push(finding::lead_cut(&cut, self.profile));
+                self.findings.push(finding::lead_cut(&cut, self.profile));
             }
         }
     }
@@ -347,7 +347,7 @@ impl Check<'_> {
             distance_mm: near.distance,
             is_straight: lead.approach == Approach::Normal,
         };
-        self.diagnostics.push(finding::lead_cut(&cut, self.profile));
+        self.findings.push(finding::lead_cut(&cut, self.profile));
     }
 }
 

@@ -65,7 +65,7 @@ pub use uncut::{OutlinePiece, UncutRegion};
 pub use verdict::{Verdict, judge};
 
 use cnc_msgs::contour::{CutterSide, ProgrammedContour};
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::path::{CompensatedPath, PathElement};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
@@ -78,7 +78,7 @@ pub struct Plan {
     /// What would have been cut, for pictures, when the contour is refused.
     pub refused: Vec<PathElement>,
     /// All findings, by line.
-    pub diagnostics: Vec<Diagnostic>,
+    pub findings: Vec<Finding>,
     /// The compensated pieces, in order.
     pub spans: Vec<SpanSummary>,
     /// The radii that each of them is good for, by [`plan_certified`].
@@ -106,7 +106,7 @@ pub struct SpanSummary {
 impl Plan {
     /// Whether no finding is an error.
     pub fn accepted(&self) -> bool {
-        !self.diagnostics.iter().any(Diagnostic::is_error)
+        !self.findings.iter().any(Finding::is_error)
     }
 }
 

@@ -5,7 +5,7 @@
 
 use crate::{Planning, Verdict, judge};
 use cnc_msgs::contour::{ContourEventKind, CutterSide, ProgrammedContour, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::finding::{Code, Finding, Severity};
 use cnc_msgs::profile::{MdiMode, Profile};
 use cnc_msgs::tool_table::ToolTable;
 
@@ -20,7 +20,7 @@ pub fn plan_block(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTa
     let mut verdict = judge(&uncompensated, profile, tools, Planning::default());
     let planned = &mut verdict.plan;
     if let Some((side, source)) = selection {
-        planned.diagnostics.insert(0, selected(side, source, profile));
+        planned.findings.insert(0, selected(side, source, profile));
         if !planned.accepted() {
             planned.refused.append(&mut planned.path.elements);
             planned.path.events.clear();
@@ -42,7 +42,7 @@ const fn is_about_compensation(kind: &ContourEventKind) -> bool {
     }
 }
 
-fn selected(side: CutterSide, source: Source, profile: &Profile) -> Diagnostic {
+fn selected(side: CutterSide, source: Source, profile: &Profile) -> Finding {
     let side = match side {
         CutterSide::Left => "left",
         CutterSide::Right => "right",
@@ -56,9 +56,9 @@ fn selected(side: CutterSide, source: Source, profile: &Profile) -> Diagnostic {
         profile.name
     );
     match profile.mdi.severity() {
-        Severity::Error => Diagnostic::error(Code::NeverActive, source, message)
+        Severity::Error => Finding::error(Code::NeverActive, source, message)
             .help("leave it out, or run it as a program"),
-        Severity::Warning => Diagnostic::warning(Code::NeverActive, source, message)
+        Severity::Warning => Finding::warning(Code::NeverActive, source, message)
             .help("the block runs as it is programmed, along the centre of the tool"),
     }
 }

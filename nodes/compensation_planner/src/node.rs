@@ -215,7 +215,7 @@ struct State {
 struct Current {
     program_id: String,
     revision: u64,
-    diagnostics: Arc<Vec<wire::Diagnostic>>,
+    findings: Arc<Vec<wire::Finding>>,
     uncut: Arc<Vec<wire::UncutRegion>>,
     /// `None` when the program was refused.
     chunks: Option<Cut<wire::PathChunk>>,
@@ -228,7 +228,7 @@ impl Current {
         Self {
             program_id,
             revision,
-            diagnostics: Arc::new(plan.diagnostics.iter().map(Into::into).collect()),
+            findings: Arc::new(plan.findings.iter().map(Into::into).collect()),
             uncut: Arc::new(uncut.collect()),
             chunks: None,
         }

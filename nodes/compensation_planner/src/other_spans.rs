@@ -13,7 +13,7 @@ use crate::span::{ItemKind, Run, Span};
 use crate::tolerance::{GOUGE_MM, LENGTH_MM};
 use crate::tree::{Bounds, NO_CHAIN, Tree, budget};
 use cnc_msgs::contour::{Action, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::{OtherSpans, Profile};
 use std::ops::ControlFlow;
@@ -109,8 +109,8 @@ impl<'a> Earlier<'a> {
         exit: &Exit,
         solution: Solution,
         profile: &Profile,
-        said: &[Diagnostic],
-    ) -> Option<Diagnostic> {
+        said: &[Finding],
+    ) -> Option<Finding> {
         let part = (span.plane, self.work_system);
         for item in &span.items {
             if let ItemKind::Action(action) = &item.what {
@@ -132,7 +132,7 @@ impl<'a> Earlier<'a> {
         }
         let left = Left::of(part, &span, &solution)?;
         // A link is checked against what it leaves by itself.
-        let by_link = |said: &&Diagnostic| said.code == Code::LinkGouge;
+        let by_link = |said: &&Finding| said.code == Code::LinkGouge;
         let checked: Vec<Source> = said.iter().filter(by_link).filter_map(|it| it.other).collect();
         let pieces = pieces(&span, exit, &solution, profile, said);
         let found = self.cut(&left, pieces, &checked, &span, profile);
@@ -152,7 +152,7 @@ impl<'a> Earlier<'a> {
         checked: &[Source],
         span: &Span<'_>,
         profile: &Profile,
-    ) -> Option<Diagnostic> {
+    ) -> Option<Finding> {
         self.budget += budget(pieces.len()) - budget(0);
         let boxes = || pieces.iter().map(|piece| Bounds::of(&piece.way));
         let reach = pieces.iter().fold(0.0, |reach: f64, piece| reach.max(piece.radius_mm));
@@ -260,7 +260,7 @@ fn pieces(
     exit: &Exit,
     solution: &Solution,
     profile: &Profile,
-    said: &[Diagnostic],
+    said: &[Finding],
 ) -> Vec<Piece> {
     let runs = solution.runs();
     let heights = span.leg_heights();
@@ -276,7 +276,7 @@ fn pieces(
     let leads = [Some(&span.entry.lead), exit.lead()];
     for (lead, way) in leads.into_iter().zip(solution.leads()) {
         let (Some(lead), Some((radius_mm, way))) = (lead, way) else { continue };
-        let is_cut = |said: &&Diagnostic| {
+        let is_cut = |said: &&Finding| {
             said.source == lead.source && matches!(said.code, Code::LeadGouge | Code::LinkGouge)
         };
         if said.iter().find(is_cut).is_some() {

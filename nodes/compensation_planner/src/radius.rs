@@ -4,7 +4,7 @@
 //! one signed number; what its sign does to the side is decided in `walk`.
 
 use cnc_msgs::contour::{RadiusSource, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::profile::{NegativeRadius, Profile, RadiusKind, RadiusValue};
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable, wear_turns_side};
 
@@ -20,17 +20,17 @@ pub(crate) fn resolve(
     profile: &Profile,
     tools: &ToolTable,
     at: Source,
-) -> (f64, Option<Diagnostic>) {
+) -> (f64, Option<Finding>) {
     let radius_mm = match value(word, spindle_tool, profile, tools, at) {
         Ok(radius_mm) => radius_mm,
         Err(finding) => return (0.0, Some(*finding)),
     };
     if !radius_mm.is_finite() {
         let message = format!("the compensation radius is {radius_mm}, not a finite number");
-        return (0.0, Some(Diagnostic::error(Code::RadiusSource, at, message)));
+        return (0.0, Some(Finding::error(Code::RadiusSource, at, message)));
     }
     if radius_mm < 0.0 && profile.radius.negative.rule == NegativeRadius::Forbidden {
-        let mut finding = Diagnostic::error(
+        let mut finding = Finding::error(
             Code::RadiusSource,
             at,
             format!(
@@ -51,7 +51,7 @@ fn value(
     profile: &Profile,
     tools: &ToolTable,
     at: Source,
-) -> Result<f64, Box<Diagnostic>> {
+) -> Result<f64, Box<Finding>> {
     let default = match profile.radius.source.rule {
         RadiusKind::ToolNumber => Some(RadiusSource::SpindleTool),
         RadiusKind::SpindleToolPlusP => Some(RadiusSource::SpindleToolPlus(0.0)),
@@ -83,7 +83,7 @@ fn value(
     })
 }
 
-fn no_word(profile: &Profile, at: Source) -> Diagnostic {
+fn no_word(profile: &Profile, at: Source) -> Finding {
     let rule = profile.radius.source.rule;
     let message = match rule {
         RadiusKind::ProgramValue => format!(
@@ -92,7 +92,7 @@ fn no_word(profile: &Profile, at: Source) -> Diagnostic {
         ),
         _ => "compensation is selected without a word for its radius, so it has none".into(),
     };
-    let mut finding = Diagnostic::error(Code::RadiusSource, at, message).help(match rule {
+    let mut finding = Finding::error(Code::RadiusSource, at, message).help(match rule {
         RadiusKind::NoseRegister => "name the nose radius in a T word before: T010101",
         RadiusKind::ProgramValue => {
             "set the radius before the selection, in mm: G43 P5 or CutterCompensationSetRadius(5)"
@@ -109,12 +109,12 @@ fn double_radius(
     spindle_tool: Option<u32>,
     tools: &ToolTable,
     at: Source,
-) -> Option<Diagnostic> {
+) -> Option<Finding> {
     let Some(RadiusSource::SpindleToolPlus(more_mm)) = word else { return None };
     let tool = spindle_tool.and_then(|number| tools.tools.get(&number))?;
     (more_mm > 0.0 && tool.diameter_mm > 0.0).then(|| {
         let own_mm = of_tool(tool);
-        Diagnostic::warning(
+        Finding::warning(
             Code::SuspiciousValue,
             at,
             format!(
@@ -150,11 +150,11 @@ fn of_spindle(
     spindle_tool: Option<u32>,
     tools: &ToolTable,
     at: Source,
-) -> Result<f64, Box<Diagnostic>> {
+) -> Result<f64, Box<Finding>> {
     match spindle_tool {
         Some(number) => of_number(number, tools, at, "T"),
         None => Err(Box::new(
-            Diagnostic::error(
+            Finding::error(
                 Code::UnknownTool,
                 at,
                 format!(
@@ -172,7 +172,7 @@ fn of_number(
     tools: &ToolTable,
     at: Source,
     letter: &str,
-) -> Result<f64, Box<Diagnostic>> {
+) -> Result<f64, Box<Finding>> {
     match tools.tools.get(&number) {
         Some(tool) => {
             worn(tool.diameter_mm / 2.0, tool.wear_diameter_mm / 2.0, at, format_args!("T{number}"))
@@ -184,7 +184,7 @@ fn of_number(
 }
 
 /// The nose radius of a turning tool, mm.
-fn of_nose(number: u32, tools: &ToolTable, at: Source) -> Result<f64, Box<Diagnostic>> {
+fn of_nose(number: u32, tools: &ToolTable, at: Source) -> Result<f64, Box<Finding>> {
     match tools.tools.get(&number) {
         Some(tool) => worn(
             tool.nose_radius_mm,
@@ -196,7 +196,7 @@ fn of_nose(number: u32, tools: &ToolTable, at: Source) -> Result<f64, Box<Diagno
     }
 }
 
-fn of_offset(number: u32, offset: &Offset, at: Source) -> Result<f64, Box<Diagnostic>> {
+fn of_offset(number: u32, offset: &Offset, at: Source) -> Result<f64, Box<Finding>> {
     worn(offset.radius_mm, offset.wear_mm, at, format_args!("D{number}"))
 }
 
@@ -206,7 +206,7 @@ fn worn(
     wear_mm: f64,
     at: Source,
     name: std::fmt::Arguments<'_>,
-) -> Result<f64, Box<Diagnostic>> {
+) -> Result<f64, Box<Finding>> {
     if !wear_turns_side(value_mm, wear_mm) {
         return Ok(value_mm + wear_mm);
     }
@@ -214,14 +214,14 @@ fn worn(
         "the wear of {name} is larger than its value: radius {value_mm} mm, wear {wear_mm} mm on the radius"
     );
     Err(Box::new(
-        Diagnostic::error(Code::RadiusSource, at, message)
+        Finding::error(Code::RadiusSource, at, message)
             .help("correct the wear in the tool table; wear alone never turns the side"),
     ))
 }
 
 /// A number that the tool table does not know.
-pub(crate) fn unknown(name: String, tools: &ToolTable, at: Source) -> Diagnostic {
-    Diagnostic::error(
+pub(crate) fn unknown(name: String, tools: &ToolTable, at: Source) -> Finding {
+    Finding::error(
         Code::UnknownTool,
         at,
         format!("{name} is not in the tool table; {}", what_it_holds(tools)),

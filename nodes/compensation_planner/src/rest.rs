@@ -83,7 +83,7 @@ pub fn plan_rest(
     changed.events.insert(at, ContourEvent { source, kind });
     let tools = with_lengths_of(before, after);
     let mut plan = plan(&changed, profile, &tools);
-    if let Some(finding) = plan.diagnostics.iter().find(|finding| finding.is_error()) {
+    if let Some(finding) = plan.findings.iter().find(|finding| finding.is_error()) {
         return Err(told(finding).into());
     }
     if plan.path == *running {
@@ -95,7 +95,7 @@ pub fn plan_rest(
     };
     plan.path.elements[..settled].copy_from_slice(sent);
     let Verdict { plan, disagreement, .. } = prove(plan, &changed, profile, &tools);
-    if let Some(finding) = plan.diagnostics.iter().find(|finding| finding.is_error()) {
+    if let Some(finding) = plan.findings.iter().find(|finding| finding.is_error()) {
         let disagreement = disagreement.map(Box::new);
         return Err(NoRest { message: told(finding), disagreement });
     }

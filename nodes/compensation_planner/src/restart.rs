@@ -5,7 +5,7 @@
 
 use crate::finding::block_name;
 use cnc_msgs::contour::{Action, ContourEventKind, CutterSide, ProgrammedContour, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
 use cnc_msgs::path::{CompensatedPath, Entry, PathElement, PathEvent, StartInSpan, in_force};
 use cnc_msgs::profile::{HomeMode, Profile, RestartMode};
@@ -19,7 +19,7 @@ pub struct Start {
     pub at: Position,
     pub in_span: StartInSpan,
     /// The control would not begin there, and its profile says to warn of it.
-    pub warning: Option<Diagnostic>,
+    pub warning: Option<Finding>,
     first: PathElement,
     in_force: Vec<PathEvent>,
 }
@@ -27,7 +27,7 @@ pub struct Start {
 /// Why no run begins at a line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoStart {
-    pub finding: Diagnostic,
+    pub finding: Finding,
     /// The block before the selection: the nearest place to begin at.
     pub nearest: Source,
 }
@@ -49,7 +49,7 @@ pub fn start(
     let of_line = Source { line, ..Source::default() };
     let entry = path.entry(line).map_err(|past_end| {
         let text = past_end.to_string();
-        let finding = Diagnostic::error(Code::Restart, of_line, text)
+        let finding = Finding::error(Code::Restart, of_line, text)
             .help(format!("begin at line {} or before", past_end.last));
         Box::new(NoStart { finding, nearest: Source { line: past_end.last, ..of_line } })
     })?;
@@ -67,11 +67,10 @@ pub fn start(
             block_name(selected),
             profile.name
         );
-        let mut finding =
-            Diagnostic::error(Code::Restart, of_line, text).help(match nearest.line {
-                0 => "start at the beginning".into(),
-                line => format!("start at line {line} ({}) or before", block_name(nearest)),
-            });
+        let mut finding = Finding::error(Code::Restart, of_line, text).help(match nearest.line {
+            0 => "start at the beginning".into(),
+            line => format!("start at line {line} ({}) or before", block_name(nearest)),
+        });
         finding.severity = profile.restart.severity();
         finding.other = Some(selected);
         if finding.is_error() {

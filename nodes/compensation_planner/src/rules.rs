@@ -14,7 +14,7 @@ use crate::element::Element;
 use crate::span::Lead;
 use crate::tolerance::RADIUS_MM;
 use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Shape};
 use cnc_msgs::numbers::told_apart;
 use cnc_msgs::profile::{
@@ -23,13 +23,8 @@ use cnc_msgs::profile::{
 use std::f64::consts::TAU;
 
 /// The finding about a broken rule.
-fn of(
-    strictness: Strictness,
-    code: Code,
-    source: Source,
-    message: impl Into<String>,
-) -> Diagnostic {
-    let mut finding = Diagnostic::error(code, source, message);
+fn of(strictness: Strictness, code: Code, source: Source, message: impl Into<String>) -> Finding {
+    let mut finding = Finding::error(code, source, message);
     finding.severity = strictness.severity();
     finding
 }
@@ -37,7 +32,7 @@ fn of(
 /// Applies a profile's rules.
 pub(crate) struct Rules<'a> {
     pub profile: &'a Profile,
-    pub diagnostics: &'a mut Vec<Diagnostic>,
+    pub findings: &'a mut Vec<Finding>,
 }
 
 impl Rules<'_> {
@@ -53,7 +48,7 @@ impl Rules<'_> {
         let (axes, profile) = (lead.motion.axes, self.profile);
         if profile.cancel.axes.rule == CancelAxes::Both && !(axes.contains(u) && axes.contains(v)) {
             let names = axes.letters();
-            self.diagnostics.push(
+            self.findings.push(
                 of(
                     profile.cancel.axes.strictness,
                     Code::Cancel,
@@ -111,7 +106,7 @@ impl Rules<'_> {
             finding.needed_mm = Some(radius_mm);
             finding.available_mm = Some(length_mm);
             finding.position = Some(lead.motion.end);
-            self.diagnostics.push(finding);
+            self.findings.push(finding);
         }
         self.lead_type(lead, arc_lead, name);
     }
@@ -132,7 +127,7 @@ impl Rules<'_> {
             Strictness::Error => "",
             Strictness::Warn | Strictness::Emulate => "; it is run as a straight line",
         };
-        self.diagnostics.push(
+        self.findings.push(
             of(
                 strictness,
                 Code::LeadType,
@@ -148,8 +143,8 @@ impl Rules<'_> {
         if motion.class == MotionClass::NonCoordinated
             && self.profile.rapid.rule == RapidMode::Compensated
         {
-            self.diagnostics.push(
-                Diagnostic::error(
+            self.findings.push(
+                Finding::error(
                     Code::Unsupported,
                     source,
                     "under compensation a move must follow a line or an arc; here each axis goes by itself",
@@ -159,7 +154,7 @@ impl Rules<'_> {
         }
         let Element::Arc(arc) = element else { return };
         if self.profile.full_circle.rule == FullCircle::Forbidden && arc.sweep >= TAU - 1e-9 {
-            self.diagnostics.push(
+            self.findings.push(
                 of(
                     self.profile.full_circle.strictness,
                     Code::FullCircle,
@@ -180,7 +175,7 @@ impl Rules<'_> {
         if let Shape::Arc(arc) = motion.shape
             && arc.plane != plane
         {
-            self.diagnostics.push(Diagnostic::error(
+            self.findings.push(Finding::error(
                 Code::Plane,
                 source,
                 format!(
@@ -235,7 +230,7 @@ impl Rules<'_> {
         if permission.rule == Permission::Allowed {
             return false;
         }
-        let mut finding = Diagnostic::error(
+        let mut finding = Finding::error(
             Code::ForbiddenUnderCompensation,
             source,
             format!(
@@ -246,7 +241,7 @@ impl Rules<'_> {
         .help(help);
         finding.severity = permission.severity();
         let is_refused = finding.is_error();
-        self.diagnostics.push(finding);
+        self.findings.push(finding);
         is_refused
     }
 }

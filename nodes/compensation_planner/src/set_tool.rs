@@ -7,7 +7,7 @@
 use crate::verdict::Disagreement;
 use crate::{Planning, Verdict, judge};
 use cnc_msgs::contour::ProgrammedContour;
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::units::mm_from_m;
@@ -208,7 +208,7 @@ pub fn still_cuts(
     if after.accepted() || !judged(before).plan.accepted() {
         return Ok(());
     }
-    let first = after.diagnostics.iter().find(|finding| finding.is_error());
+    let first = after.findings.iter().find(|finding| finding.is_error());
     let text = format!(
         "{} is refused: {} could not be cut any more: {}; nothing was changed",
         change.describe(),
@@ -220,7 +220,7 @@ pub fn still_cuts(
 }
 
 /// A finding in one line, with its place.
-pub(crate) fn told(finding: &Diagnostic) -> String {
+pub(crate) fn told(finding: &Finding) -> String {
     let block = finding.source.block.map(|block| format!(" (N{block})")).unwrap_or_default();
     format!("line {}{block}: {}", finding.source.line, finding.message)
 }

@@ -10,7 +10,7 @@ use crate::audit::{Audit, audit_after};
 use crate::{Plan, Planning, plan_with};
 use cnc_msgs::chunk::ITEM_COUNT_MAX;
 use cnc_msgs::contour::{ProgrammedContour, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::path::{PathTooLong, check_length};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
@@ -35,13 +35,13 @@ pub struct Disagreement {
     pub profile: Profile,
     pub tools: ToolTable,
     /// What was said of it, the internal error first.
-    pub findings: Vec<Diagnostic>,
+    pub findings: Vec<Finding>,
 }
 
 impl Verdict {
     /// A contour that is refused before it is planned.
-    pub fn refused(why: Diagnostic) -> Self {
-        Self { plan: Plan { diagnostics: vec![why], ..Plan::default() }, ..Self::default() }
+    pub fn refused(why: Finding) -> Self {
+        Self { plan: Plan { findings: vec![why], ..Plan::default() }, ..Self::default() }
     }
 }
 
@@ -75,14 +75,14 @@ pub fn prove(
     }
     #[cfg(test)]
     tests::spoil(&mut plan, tools);
-    let audit = audit_after(contour, &plan.path, profile, tools, &plan.diagnostics);
+    let audit = audit_after(contour, &plan.path, profile, tools, &plan.findings);
     if !audit.refuses() {
-        plan.diagnostics.extend(audit.findings.iter().cloned());
-        plan.diagnostics.sort_by_key(|finding| finding.source.line);
+        plan.findings.extend(audit.findings.iter().cloned());
+        plan.findings.sort_by_key(|finding| finding.source.line);
         return Verdict { plan, audit: Some(audit), disagreement: None };
     }
     // A limit of the audit is no other opinion.
-    let contradicts = |finding: &&Diagnostic| finding.is_error() && finding.code != Code::Limit;
+    let contradicts = |finding: &&Finding| finding.is_error() && finding.code != Code::Limit;
     let disagrees = audit.findings.iter().any(|finding| contradicts(&finding));
     let name = disagrees.then(|| file_name(contour, profile, tools));
     let errors = audit.findings.iter().filter(|finding| finding.is_error()).cloned();
@@ -92,24 +92,24 @@ pub fn prove(
         contour: contour.clone(),
         profile: profile.clone(),
         tools: tools.clone(),
-        findings: plan.diagnostics.clone(),
+        findings: plan.findings.clone(),
     });
     Verdict { plan, audit: Some(audit), disagreement }
 }
 
 /// Refuses a plan that was accepted.
-fn refuse(plan: &mut Plan, why: impl IntoIterator<Item = Diagnostic>) {
-    plan.diagnostics.extend(why);
+fn refuse(plan: &mut Plan, why: impl IntoIterator<Item = Finding>) {
+    plan.findings.extend(why);
     // What is about the program as a whole comes first.
-    plan.diagnostics.sort_by_key(|finding| finding.source.line);
+    plan.findings.sort_by_key(|finding| finding.source.line);
     plan.refused = std::mem::take(&mut plan.path).elements;
     plan.uncut.clear();
 }
 
 /// What no node takes: a contour that is longer than messages are, a path that is too long for
 /// the driver.
-fn too_long(contour_events: usize, [elements, functions]: [usize; 2]) -> Option<Diagnostic> {
-    let limit = |message| Diagnostic::error(Code::Limit, Source::default(), message);
+fn too_long(contour_events: usize, [elements, functions]: [usize; 2]) -> Option<Finding> {
+    let limit = |message| Finding::error(Code::Limit, Source::default(), message);
     if contour_events as u64 > ITEM_COUNT_MAX {
         let message =
             format!("the contour has {contour_events} events; at most {ITEM_COUNT_MAX} can be run");
@@ -127,8 +127,8 @@ fn file_name(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) 
     format!("disagreement_{:016x}.yaml", name.0)
 }
 
-fn internal_error(file_name: &str) -> Diagnostic {
-    Diagnostic::error(
+fn internal_error(file_name: &str) -> Finding {
+    Finding::error(
         Code::InternalError,
         Source::default(),
         "the planner accepts this program, and the audit refuses the path that it made: this is \

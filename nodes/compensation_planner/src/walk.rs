@@ -20,7 +20,7 @@ use cnc_msgs::contour::{
     Action, Approach, ContourEventKind, CutterSide, Motion, MotionClass, OutsideCorner,
     ProgrammedContour, RadiusSource, Source,
 };
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::{Direction, Plane, Position, Shape};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{LeadMove, LengthOfD, OffPlaneAfterCancel, Profile, SideChange};
@@ -151,7 +151,7 @@ impl<'a> Walk<'a> {
             }
             ContourEventKind::RadiusValue { radius_mm } => self.radius_value(radius_mm, source),
             ContourEventKind::HoldDirection { .. } => {
-                self.verdict.diagnostics.push(rules::no_held_direction(source));
+                self.verdict.findings.push(rules::no_held_direction(source));
             }
             ContourEventKind::CornerArc { along } => {
                 if let State::Active(active) = &mut self.state {
@@ -172,7 +172,7 @@ impl<'a> Walk<'a> {
                     Some((_, source)) => source,
                     None => active.span.entry.lead.source,
                 };
-                self.verdict.diagnostics.push(rules::not_cancelled(
+                self.verdict.findings.push(rules::not_cancelled(
                     source,
                     active.cancel.is_some(),
                     self.profile,
@@ -181,10 +181,10 @@ impl<'a> Walk<'a> {
             }
         }
         let (path, spans) = self.out.finish(&mut self.verdict);
-        self.verdict.diagnostics.sort_by_key(|diagnostic| diagnostic.source.line);
-        let is_refused = self.verdict.diagnostics.iter().any(Diagnostic::is_error);
+        self.verdict.findings.sort_by_key(|finding| finding.source.line);
+        let is_refused = self.verdict.findings.iter().any(Finding::is_error);
         let mut plan = Plan {
-            diagnostics: self.verdict.diagnostics,
+            findings: self.verdict.findings,
             spans,
             certificates: self.verdict.certificates.unwrap_or_default(),
             uncut: self.verdict.uncut,
@@ -200,7 +200,7 @@ impl<'a> Walk<'a> {
 
     fn select_plane(&mut self, plane: Plane, source: Source) {
         if plane != self.plane && !matches!(self.state, State::Off) {
-            self.verdict.diagnostics.push(rules::plane_change(source));
+            self.verdict.findings.push(rules::plane_change(source));
             return;
         }
         self.plane = plane;
@@ -210,12 +210,12 @@ impl<'a> Walk<'a> {
         if !self.profile.language.planes.rule.contains(&self.plane) {
             let finding = rules::wrong_plane(selection.source, self.plane, self.profile);
             let is_refused = finding.is_error();
-            self.verdict.diagnostics.push(finding);
+            self.verdict.findings.push(finding);
             if is_refused {
                 return;
             }
         }
-        self.verdict.diagnostics.extend(rules::dominant_axes(
+        self.verdict.findings.extend(rules::dominant_axes(
             selection.source,
             self.plane,
             self.profile,
@@ -229,7 +229,7 @@ impl<'a> Walk<'a> {
         if forbids {
             let finding = rules::reselected(selection.source, is_repeat, self.profile);
             let is_refused = finding.is_error();
-            self.verdict.diagnostics.push(finding);
+            self.verdict.findings.push(finding);
             if is_refused {
                 return;
             }
@@ -280,7 +280,7 @@ impl<'a> Walk<'a> {
     }
 
     fn never_active(&mut self, source: Source) {
-        self.verdict.diagnostics.push(rules::never_active(source, self.profile));
+        self.verdict.findings.push(rules::never_active(source, self.profile));
     }
 
     fn action(&mut self, action: Action, source: Source) {
@@ -299,7 +299,7 @@ impl<'a> Walk<'a> {
             Action::ProgramEnd { .. } => self.end_of_program(source),
             _ => {}
         }
-        let rules = Rules { profile: self.profile, diagnostics: &mut self.verdict.diagnostics };
+        let rules = Rules { profile: self.profile, findings: &mut self.verdict.findings };
         match &mut self.state {
             State::Off => self.out.action(action, source),
             State::Selected(selection) => {
@@ -324,11 +324,11 @@ impl<'a> Walk<'a> {
             State::Off => {}
             State::Selected(selection) => {
                 let finding = rules::homed(source, selection.source, false, self.profile);
-                self.verdict.diagnostics.push(finding);
+                self.verdict.findings.push(finding);
             }
             State::Active(active) => {
                 let since = active.span.entry.lead.source;
-                self.verdict.diagnostics.push(rules::homed(source, since, true, self.profile));
+                self.verdict.findings.push(rules::homed(source, since, true, self.profile));
                 self.close(*active, Exit::None);
             }
         }
@@ -337,7 +337,7 @@ impl<'a> Walk<'a> {
     /// The cancel with its move stands in a block before that of the end (S32).
     fn end_of_program(&mut self, source: Source) {
         if self.led_off_in == Some(source) && matches!(self.state, State::Off) {
-            self.verdict.diagnostics.extend(rules::cancelled_with_the_end(source, self.profile));
+            self.verdict.findings.extend(rules::cancelled_with_the_end(source, self.profile));
         }
     }
 
@@ -364,7 +364,7 @@ impl<'a> Walk<'a> {
                 && self.told_lengths.insert(number)
             {
                 let finding = rules::length_of_d(source, number, length_mm, normal);
-                self.verdict.diagnostics.push(finding);
+                self.verdict.findings.push(finding);
             }
             return false;
         }
@@ -385,10 +385,10 @@ impl<'a> Walk<'a> {
             None => {
                 let mut finding = radius::unknown(format!("H{number}"), self.tools, source);
                 if self.tools.tools.is_empty() {
-                    finding.severity = cnc_msgs::diagnostic::Severity::Warning;
+                    finding.severity = cnc_msgs::finding::Severity::Warning;
                     finding.message += "; a length of 0 is taken";
                 }
-                self.verdict.diagnostics.push(finding);
+                self.verdict.findings.push(finding);
                 0.0
             }
         };
@@ -397,7 +397,7 @@ impl<'a> Walk<'a> {
 
     fn motion(&mut self, motion: &'a Motion, source: Source) {
         if !rules::is_sane(motion) {
-            self.verdict.diagnostics.push(rules::not_sane(source, motion));
+            self.verdict.findings.push(rules::not_sane(source, motion));
             return;
         }
         let shifts_z = self.apply_length_of_d(motion, source);
@@ -477,7 +477,7 @@ impl<'a> Walk<'a> {
                         && self.profile.cancel.before_off_plane.rule
                             == OffPlaneAfterCancel::LeadOffFirst
                     {
-                        self.verdict.diagnostics.push(rules::no_lead_off(source, self.profile));
+                        self.verdict.findings.push(rules::no_lead_off(source, self.profile));
                     } else {
                         self.rules().off_plane_move(source, plane);
                     }
@@ -489,7 +489,7 @@ impl<'a> Walk<'a> {
     }
 
     fn rules(&mut self) -> Rules<'_> {
-        Rules { profile: self.profile, diagnostics: &mut self.verdict.diagnostics }
+        Rules { profile: self.profile, findings: &mut self.verdict.findings }
     }
 
     /// Whether a motion is one in the plane: it moves there, or names one of its axes (S21).

@@ -13,7 +13,7 @@ use crate::meeting::{Meeting, Place, meetings, meetings_of_copies};
 use crate::span::Run;
 use crate::tolerance::{LENGTH_MM, MERGE_MM};
 use crate::tree::{Bounds, Chains, NO_CHAIN, Tree};
-use cnc_msgs::diagnostic::Severity;
+use cnc_msgs::finding::Severity;
 use cnc_msgs::profile::Strictness;
 use std::borrow::Cow;
 use std::ops::Range;

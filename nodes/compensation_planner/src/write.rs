@@ -15,7 +15,7 @@ use crate::frame::{height, in_plane, in_work, plane_axes};
 use crate::span::{ItemKind, Lead, Leg, Run, Span};
 use crate::tolerance::{FAR_CORNER_RADII, LENGTH_MM};
 use cnc_msgs::contour::{Motion, OutsideCorner, Source};
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::{AxisSet, Shape};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{Anchor, Profile, Strictness};
@@ -27,7 +27,7 @@ pub(crate) struct Writer<'a> {
     pub corners: Corners<'a>,
     pub profile: &'a Profile,
     pub out: &'a mut Emitter,
-    pub diagnostics: &'a mut Vec<Diagnostic>,
+    pub findings: &'a mut Vec<Finding>,
     /// The next item that has not been put out.
     pub item: usize,
     pub exit_source: Option<Source>,
@@ -144,7 +144,7 @@ impl Writer<'_> {
                 let in_force = own_feed.or(feed_in_force(motion));
                 label.feed_mm_per_min = in_force.or(self.out.last_feed_mm_per_min);
                 if label.feed_mm_per_min.is_none() {
-                    self.diagnostics.push(finding::corner_without_feed(source));
+                    self.findings.push(finding::corner_without_feed(source));
                 }
                 let cut = (place.trim_in + place.trim_out) / arc.radius;
                 self.out.arc_to(plane, &arc, arc.sweep - cut, place.end, here, label);
@@ -198,7 +198,7 @@ impl Writer<'_> {
         found.other = end.map(|leg| leg.source).filter(|other| other.line != source.line);
         let at = end.map_or(0.0, |leg| height(self.span.plane, leg.motion.end));
         found.position = Some(in_work(self.span.plane, corner.center, at));
-        self.diagnostics.push(found);
+        self.findings.push(found);
     }
 
     /// The blocks of a run, cut at their normal points.
@@ -253,7 +253,7 @@ impl Writer<'_> {
     fn over_360(&mut self, run: &Run, sweep: f64) -> f64 {
         let rule = self.profile.corner.arc_over_360;
         let leg = &self.span.legs[run.legs.start];
-        self.diagnostics.push(finding::over_360(leg.source, sweep, rule, self.profile));
+        self.findings.push(finding::over_360(leg.source, sweep, rule, self.profile));
         if rule == Strictness::Emulate { TAU } else { 0.0 }
     }
 

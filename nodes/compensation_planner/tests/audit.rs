@@ -3,7 +3,7 @@
 mod support;
 
 use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, CutterSide, ProgrammedContour};
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::{Plane, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use cnc_msgs::profile::{OutputPoint, Profile};
@@ -407,7 +407,7 @@ fn what_every_control_accepts_is_sound() {
                     let contour = contour(BLOCKS, &reader);
                     let plan = plan_of(&contour, &profile, &tools);
                     assert!(plan.accepted(), "{name} {radius}: {}", findings(&plan));
-                    let said = &plan.diagnostics;
+                    let said = &plan.findings;
                     let new = audit_after(&contour, &plan.path, &profile, &tools, said).findings;
                     assert_eq!(new, [], "{name} {radius} {output:?} {tip}");
                 }

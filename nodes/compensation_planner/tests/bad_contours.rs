@@ -4,7 +4,7 @@
 mod support;
 
 use cnc_msgs::contour::{ContourEvent, ContourEventKind, Motion, ProgrammedContour, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use compensation_planner::{Plan, plan_certified};
 use std::time::{Duration, Instant};
 use support::*;
@@ -24,8 +24,8 @@ fn timed(contour: &ProgrammedContour, radius_mm: f64) -> Plan {
 }
 
 fn assert_places(plan: &Plan) {
-    assert!(!plan.diagnostics.is_empty());
-    for finding in &plan.diagnostics {
+    assert!(!plan.findings.is_empty());
+    for finding in &plan.findings {
         assert!(finding.source.line > 0, "{finding:?}");
         let numbers = [finding.depth_mm, finding.needed_mm, finding.available_mm];
         let numbers = numbers.into_iter().chain(finding.position.into_iter().flatten().map(Some));
@@ -127,11 +127,11 @@ fn an_end_or_a_centre_that_is_no_number_is_refused_at_its_block() {
             arc.center[0] = f64::NAN;
         }
     };
-    let is_refused_if_arc = |plan: &Plan| assert!(plan.diagnostics.iter().all(has_place));
+    let is_refused_if_arc = |plan: &Plan| assert!(plan.findings.iter().all(has_place));
     each_motion(&contour, no_centre, is_refused_if_arc);
 }
 
-fn has_place(finding: &Diagnostic) -> bool {
+fn has_place(finding: &Finding) -> bool {
     finding.source.line > 0
 }
 
@@ -143,7 +143,7 @@ fn coordinates_of_a_million_metres_are_planned_or_refused_at_a_place() {
                 &contour(A6, &sinumerik()),
                 |motion| motion.end[axis] = far,
                 |plan| {
-                    assert!(plan.diagnostics.iter().all(has_place), "{}", findings(plan));
+                    assert!(plan.findings.iter().all(has_place), "{}", findings(plan));
                     let elements = plan.path.elements.iter().chain(&plan.refused);
                     for element in elements {
                         assert!(element.end.iter().all(|value| value.is_finite()), "{element:?}");
@@ -161,7 +161,7 @@ fn coordinates_of_a_million_metres_are_planned_or_refused_at_a_place() {
         }
     }
     let plan = timed(&contour, 5.0);
-    assert!(plan.diagnostics.iter().all(has_place), "{}", findings(&plan));
+    assert!(plan.findings.iter().all(has_place), "{}", findings(&plan));
 }
 
 #[test]
@@ -177,7 +177,7 @@ fn a_contour_that_never_closes_and_never_ends_is_told() {
     // Cancelled at its end it is a contour like any other.
     text += "G40 G456 X99980 Y40";
     let ended = timed(&contour(&text, &sinumerik()), 2.0);
-    assert!(ended.diagnostics.is_empty(), "{}", findings(&ended));
+    assert!(ended.findings.is_empty(), "{}", findings(&ended));
 }
 
 #[test]
@@ -208,7 +208,7 @@ fn a_contour_that_crosses_itself_as_programmed_is_told_where() {
     text += "G40 G456 X240 Y0";
     let star = timed(&contour(&text, &sinumerik()), 5.0);
     assert_places(&star);
-    assert!(!star.accepted() && star.diagnostics.len() < 1000, "{}", star.diagnostics.len());
+    assert!(!star.accepted() && star.findings.len() < 1000, "{}", star.findings.len());
 }
 
 #[test]

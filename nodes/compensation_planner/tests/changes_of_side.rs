@@ -3,7 +3,7 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{PathElement, Role};
 use compensation_planner::{Plan, Planning, Verdict, audit, judge};
@@ -112,7 +112,7 @@ fn no_change_of_side_cuts_without_a_word() {
                 }
                 let near = nearest(&plan, &before.points).min(nearest(&plan, &behind.points));
                 let alone = compensation_planner::plan(&contour, &profile, &tools);
-                let is_told = alone.diagnostics.iter().any(|it| it.code == Code::LinkGouge);
+                let is_told = alone.findings.iter().any(|it| it.code == Code::LinkGouge);
                 assert!(is_told || near > RADIUS_MM - 0.06, "{near} {text}\n{}", findings(&plan));
                 // The audit sees it by itself.
                 let audited = audit::audit(&contour, &plan.path, &profile, &tools);

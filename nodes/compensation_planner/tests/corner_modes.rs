@@ -2,7 +2,7 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::profile::Profile;
 use compensation_planner::Plan;
 use proptest::prelude::*;

@@ -2,7 +2,7 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::path::Role;
 use cnc_msgs::tool_table::Offset;
 use support::*;
@@ -152,7 +152,7 @@ fn s31_an_end_behind_the_contour_mirrors_the_start() {
     let with = |words: &str| plan(&text(words), &sinumerik(), &tool(10.0));
     let arc = with("G455 G450");
     assert_eq!(&ends(&arc)[2..], &[[40.0, 0.0], [50.0, 10.0], [100.0, 0.0]][..]);
-    let cut = arc.diagnostics.iter().rfind(|d| d.code == Code::LeadNick).unwrap();
+    let cut = arc.findings.iter().rfind(|d| d.code == Code::LeadNick).unwrap();
     assert!((cut.available_mm.unwrap() - 9.8058).abs() < 1e-4);
     let lines = with("G455 G451");
     assert_eq!(&ends(&lines)[2..], &[[40.0, 10.0], [100.0, 0.0]][..]);

@@ -2,7 +2,7 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::tool_table::Tool;
 use support::*;
 

@@ -2,7 +2,7 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::Role;
 use compensation_planner::tessellate;
@@ -120,7 +120,7 @@ fn ten_thousand_segments_of_ten_nanometres_are_one_line() {
     }
     text += "X60 Y0\nY50\nG40 G456 X20 Y60";
     let plan = plan(&text, &sinumerik(), &tool(5.0));
-    assert!(plan.diagnostics.is_empty(), "{}", findings(&plan));
+    assert!(plan.findings.is_empty(), "{}", findings(&plan));
     let elements = &plan.path.elements;
     assert!(elements.iter().all(|element| (element.end[1] - 5.0).abs() < 1e-9
         || !matches!(element.role, Role::Contour)

@@ -2,7 +2,7 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::profile::Reaction;
 use compensation_planner::plan_certified;
 use proptest::prelude::*;
@@ -55,7 +55,7 @@ fn a_spiral_is_followed_if_the_tool_fits_between_its_turns() {
     let text = spiral("G40 G456 G1 X1270 Y0");
     let contour = contour(&text, &sinumerik());
     let fits = compensation_planner::plan(&contour, &sinumerik(), &tool(5.9));
-    assert!(fits.diagnostics.is_empty(), "{}", findings(&fits));
+    assert!(fits.findings.is_empty(), "{}", findings(&fits));
     let gouges = compensation_planner::plan(&contour, &sinumerik(), &tool(6.1));
     finding(&gouges, Code::Gouge);
 }
@@ -205,7 +205,7 @@ proptest! {
         let text = closed(&corners, &bends, if is_left { "G41" } else { "G42" });
         let plan = plan(&text, &sinumerik(), &tool(radius));
         let gouges: Vec<f64> = plan
-            .diagnostics
+            .findings
             .iter()
             .filter(|finding| matches!(finding.code, Code::Gouge | Code::CutsOtherPass))
             .map(|finding| finding.depth_mm.unwrap())
@@ -274,7 +274,7 @@ fn facing_corners(mode: &str) -> String {
 #[test]
 fn the_spike_of_an_intersection_does_not_cut_what_the_arc_passes_by() {
     let arc = plan(&facing_corners("G450"), &sinumerik(), &tool(5.0));
-    assert!(arc.diagnostics.is_empty(), "{}", findings(&arc));
+    assert!(arc.findings.is_empty(), "{}", findings(&arc));
     let spike = plan(&facing_corners("G451"), &sinumerik(), &tool(5.0));
     let finding = finding(&spike, Code::Gouge);
     // The spike ends at (5, 5), the other corner is at (8, 8).
@@ -326,7 +326,7 @@ fn a_loop_at_the_end_of_a_contour_hides_no_gouge_before_it() {
     // By itself, with a loop, and with a bit of it run twice.
     for end in ["G40 X60 Y30", "Y-5\nX50\nY5\nG40 X50 Y60", "X50\nG40 X50 Y-40"] {
         let plan = plan(&slot_and(end), &rs274(), &tool(5.0));
-        let gouge = plan.diagnostics.iter().find(|finding| finding.code == Code::Gouge);
+        let gouge = plan.findings.iter().find(|finding| finding.code == Code::Gouge);
         let gouge = gouge.unwrap_or_else(|| panic!("{end}: {}", findings(&plan)));
         assert!((gouge.available_mm.unwrap() - 4.0).abs() < 1e-6, "{gouge:?}");
         let mut ignoring = rs274();
@@ -359,7 +359,7 @@ fn coordinates_that_jump_back_by_a_thousandth_cut_nothing() {
         let fits = plan(&bottom(back), &rs274(), &tool(3.5));
         assert!(fits.accepted(), "{back}: {}", findings(&fits));
         let gouges = plan(&bottom(back), &rs274(), &tool(5.0));
-        let found: Vec<_> = gouges.diagnostics.iter().filter(|d| d.code == Code::Gouge).collect();
+        let found: Vec<_> = gouges.findings.iter().filter(|d| d.code == Code::Gouge).collect();
         let [gouge] = found[..] else { panic!("{back}: {}", findings(&gouges)) };
         assert!((gouge.available_mm.unwrap() - 4.0).abs() < 1e-6, "{gouge:?}");
     }

@@ -4,7 +4,7 @@ mod support;
 
 use cavalier_contours::core::math::Vector2;
 use cavalier_contours::polyline::PlineSource;
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
 use compensation_planner::{Plan, plan_certified};

@@ -2,7 +2,7 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::profile::{OtherSpans, Strictness};
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::{Plan, Planning, Verdict, judge};
@@ -138,8 +138,7 @@ fn of_contours_that_all_cut_into_each_other_a_hundred_are_told() {
     }
     let plan = judged(&text);
     assert!(plan.accepted());
-    let told: Vec<_> =
-        plan.diagnostics.iter().filter(|it| it.code == Code::CutsOtherSpan).collect();
+    let told: Vec<_> = plan.findings.iter().filter(|it| it.code == Code::CutsOtherSpan).collect();
     assert_eq!(told.len(), 100);
     assert!(told[99].message.ends_with("not compared with earlier ones"), "{}", told[99].message);
 }

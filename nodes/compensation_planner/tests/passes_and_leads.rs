@@ -3,7 +3,7 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{PathElement, Role};
 use cnc_msgs::tool_table::ToolTable;
@@ -151,7 +151,7 @@ fn as_many_passes_as_there_are_are_one_wall() {
     let narrow =
         square(60).replace("X40 Y0\nX0 Y0", "X40 Y0\nX20 Y0\nX20 Y5\nX15 Y5\nX15 Y0\nX0 Y0");
     let plan = of_rs274(&narrow.replace("D6", "D12"));
-    assert!(plan.diagnostics.iter().any(|it| it.is_error()), "{}", findings(&plan));
+    assert!(plan.findings.iter().any(|it| it.is_error()), "{}", findings(&plan));
     assert!(!codes(&plan).contains(&Code::Limit), "{}", findings(&plan));
 }
 

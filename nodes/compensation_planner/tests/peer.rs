@@ -4,7 +4,7 @@ mod support;
 
 use cavalier_contours::polyline::{PlineSource, PlineSourceMut, Polyline};
 use cnc_msgs::contour::CutterSide;
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
 use proptest::prelude::*;

@@ -2,7 +2,7 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{LeadLength, NegativeRadius, Reselect};
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};

@@ -2,14 +2,14 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::finding::{Code, Finding, Severity};
 use cnc_msgs::path::Role;
 use proptest::prelude::*;
 use support::*;
 
-fn unreachable(text: &str, radius: f64) -> Option<Diagnostic> {
+fn unreachable(text: &str, radius: f64) -> Option<Finding> {
     let plan = plan(text, &sinumerik(), &tool(radius));
-    plan.diagnostics.iter().find(|d| d.code == Code::Unreachable).cloned()
+    plan.findings.iter().find(|d| d.code == Code::Unreachable).cloned()
 }
 
 const S64: &str = "N1 G0 X-40 Y60
@@ -54,7 +54,7 @@ fn s65_a_step_lower_than_the_tool_is_unreachable() {
 fn a6_is_reached_to_20_85_and_n40_vanishes_at_20_86() {
     let far = A6.replace("N1 G0 X15", "N1 G0 X-60").replace("N120 G40 X15", "N120 G40 X-60");
     let fits = plan(&far, &sinumerik(), &tool(20.85));
-    assert!(fits.accepted() && fits.diagnostics.is_empty(), "{}", findings(&fits));
+    assert!(fits.accepted() && fits.findings.is_empty(), "{}", findings(&fits));
     let near = plan(A6, &sinumerik(), &tool(20.85));
     assert!(near.accepted());
     assert_eq!(codes(&near), [Code::LeadGouge, Code::LeadGouge], "the start is 15 mm away");
@@ -141,7 +141,7 @@ fn noise_of_posted_coordinates_is_no_finding() {
                 .replace("X50\nY50\nG40", &format!("{noise}\nG40"))
                 .replace("D1", &format!("D1{mode}"));
             let plan = plan(&text, &sinumerik(), &tool(5.0));
-            assert!(plan.diagnostics.is_empty(), "{noise}: {}", findings(&plan));
+            assert!(plan.findings.is_empty(), "{noise}: {}", findings(&plan));
             let got = ends(&plan);
             assert_eq!(got.len(), expected.len(), "{noise}\n{}", listing(&plan.path.elements));
             for (a, b) in got.iter().zip(&expected) {
@@ -159,7 +159,7 @@ fn a_step_below_the_tolerance_is_run_over() {
                 "G0 X-20 Y40\nG41 {mode} D1 G456 G1 X0 Y0\nX50\nY{height}\nX100\nG40 G456 X120 Y40"
             );
             let plan = plan(&text, &sinumerik(), &tool(5.0));
-            assert!(plan.diagnostics.is_empty(), "{height} {mode}: {}", findings(&plan));
+            assert!(plan.findings.is_empty(), "{height} {mode}: {}", findings(&plan));
         }
     }
 }
@@ -174,7 +174,7 @@ fn a_piece_that_is_trimmed_away_vanishes_without_a_finding() {
         N6 contour G1 (45,50)
         N7 lead_off G1 (20,60)";
     assert_eq!(listing(&plan.path.elements), dedent(expected));
-    assert!(plan.diagnostics.is_empty());
+    assert!(plan.findings.is_empty());
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 mod support;
 
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::path::StartInSpan;
 use cnc_msgs::profile::{Profile, RestartMode, Strictness};
 use compensation_planner::{NoStart, Start, start};
@@ -23,7 +23,7 @@ const TWO: &str = "N10 T1 M6 M3 X-50 Y-25 Z-5 F250
 fn starts(text: &str, profile: &Profile, line: u32) -> Result<Start, Box<NoStart>> {
     let contour = contour(text, profile);
     let plan = plan_of(&contour, profile, &tool(5.0));
-    assert!(plan.accepted(), "{:#?}", plan.diagnostics);
+    assert!(plan.accepted(), "{:#?}", plan.findings);
     start(&contour, profile, &plan.path, line)
 }
 

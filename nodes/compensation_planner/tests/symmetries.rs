@@ -200,7 +200,7 @@ fn p8_a_radius_of_0_is_the_contour_itself_bit_for_bit() {
     for (text, profile) in programs() {
         let contour = contour(&text, &profile);
         let plan = run(&contour, &profile, 0.0);
-        assert!(plan.diagnostics.is_empty(), "{}", findings(&plan));
+        assert!(plan.findings.is_empty(), "{}", findings(&plan));
         let programmed: Vec<Position> = contour
             .events
             .iter()
@@ -323,7 +323,7 @@ proptest! {
     fn p8_a_shape_with_a_radius_of_0_is_itself_bit_for_bit(shape in shapes()) {
         let contour = shape.contour(&sinumerik());
         let plan = run(&contour, &sinumerik(), 0.0);
-        prop_assert!(plan.diagnostics.is_empty(), "{}", findings(&plan));
+        prop_assert!(plan.findings.is_empty(), "{}", findings(&plan));
         let programmed = contour.events.iter().filter_map(|event| match event.kind {
             ContourEventKind::Motion(motion) => Some((motion.shape, motion.end)),
             _ => None,

@@ -4,7 +4,7 @@ mod support;
 
 use cavalier_contours::core::math::Vector2;
 use cavalier_contours::polyline::{PlineSource, PlineSourceMut, Polyline};
-use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{CompensatedPath, Role};
 use cnc_msgs::profile::{Profile, Reaction};

@@ -3,7 +3,7 @@
 mod support;
 
 use cavalier_contours::polyline::{PlineSource, Polyline};
-use cnc_msgs::diagnostic::Severity;
+use cnc_msgs::finding::Severity;
 use cnc_msgs::profile::{Profile, Reaction};
 use proptest::prelude::*;
 use support::opened::{Opened, shapes};
@@ -45,7 +45,7 @@ proptest! {
         };
         let plan = run(&shape.contour(&trimming()), &trimming(), radius);
         prop_assert!(plan.accepted(), "R {radius}: {}", findings(&plan));
-        prop_assert!(plan.diagnostics.iter().any(|found| found.severity == Severity::Warning));
+        prop_assert!(plan.findings.iter().any(|found| found.severity == Severity::Warning));
         let out = farthest(&samples(&plan.path), &peer);
         let back = farthest(&samples_of(&peer), &outline(&plan.path));
         // The peer takes points that are 1e-5 mm apart for one.

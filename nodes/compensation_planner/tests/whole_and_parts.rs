@@ -4,7 +4,7 @@ mod support;
 
 use cnc_msgs::chunk::{Collector, ContourChunks};
 use cnc_msgs::contour::{ContourEventKind, ProgrammedContour};
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{PathElement, Role};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
@@ -143,10 +143,10 @@ proptest! {
         both.events.extend(second.events.iter().copied());
         let mut both = run(&both, &profile, tool_mm);
         // But for what the second cuts of the first.
-        both.diagnostics.retain(|finding| finding.code != Code::CutsOtherSpan);
+        both.findings.retain(|finding| finding.code != Code::CutsOtherSpan);
         let (first, second) = (run(&first, &profile, tool_mm), run(&second, &profile, tool_mm));
         prop_assert!(both.accepted(), "{}", findings(&both));
-        prop_assert_eq!(&both.diagnostics, &[first.diagnostics, second.diagnostics].concat());
+        prop_assert_eq!(&both.findings, &[first.findings, second.findings].concat());
         prop_assert_eq!(&both.path.elements, &[first.path.elements, second.path.elements].concat());
     }
 

@@ -70,7 +70,7 @@ fn check(contour: &ProgrammedContour, profile: &Profile, certifies: bool) {
         plan_with(contour, profile, &tool(3.0), Planning { certifies, workers })
     };
     let expected = planned(&Alone);
-    assert!(!expected.diagnostics.is_empty());
+    assert!(!expected.findings.is_empty());
     assert_eq!(expected.certificates.is_empty(), !certifies);
     for threads in [1, 2, 7] {
         let workers = Backwards { threads, most: AtomicUsize::new(0) };

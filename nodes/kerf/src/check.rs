@@ -7,7 +7,7 @@ use crate::files;
 use crate::plan::{Planned, plural, position};
 use crate::plan_json;
 use clap::Args;
-use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::profile::Profile;
 use compensation_planner::Planning;
 use difference::{Difference, between};
@@ -45,12 +45,12 @@ struct Answer {
 
 impl Answer {
     fn count(&self, severity: Severity) -> usize {
-        self.planned.diagnostics.iter().filter(|finding| finding.severity == severity).count()
+        self.planned.findings.iter().filter(|finding| finding.severity == severity).count()
     }
 
     /// Whether the program is in the language of the control at all.
     fn is_read(&self) -> bool {
-        !self.planned.loaded.diagnostics.iter().any(Diagnostic::is_error)
+        !self.planned.loaded.findings.iter().any(Finding::is_error)
     }
 
     fn verdict(&self) -> &'static str {
@@ -124,7 +124,7 @@ fn to_json(name: &str, answers: &[Answer], pairs: &[Pair]) -> Value {
                 "error_count": answer.count(Severity::Error),
                 "warning_count": answer.count(Severity::Warning),
                 "element_count": answer.planned.path().elements.len(),
-                "diagnostics": answer.planned.diagnostics.iter().map(plan_json::diagnostic)
+                "findings": answer.planned.findings.iter().map(plan_json::finding)
                     .collect::<Vec<_>>(),
             })
         })
@@ -159,7 +159,7 @@ fn to_text(name: &str, answers: &[Answer], pairs: &[Pair]) -> String {
             plural(errors, "error"),
             plural(warnings, "warning")
         );
-        let findings = &answer.planned.diagnostics;
+        let findings = &answer.planned.findings;
         // The warnings of what is refused wait until the errors are gone.
         let shown = findings.iter().filter(|finding| errors == 0 || finding.is_error());
         const SHOWN_MAX: usize = 5;
@@ -184,7 +184,7 @@ fn to_text(name: &str, answers: &[Answer], pairs: &[Pair]) -> String {
 }
 
 /// `line 5 N40, alarm 3021, unreachable: the tool ...`
-fn finding_text(finding: &Diagnostic) -> String {
+fn finding_text(finding: &Finding) -> String {
     let block = finding.source.block.map(|block| format!(" N{block}")).unwrap_or_default();
     let alarm = finding.alarm.as_ref().map(|alarm| format!(", alarm {alarm}")).unwrap_or_default();
     format!(

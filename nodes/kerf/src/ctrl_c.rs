@@ -40,7 +40,7 @@ impl CtrlC {
             tokio::select! {
                 _ = self.interrupt.recv() => {
                     if std::mem::replace(&mut self.is_asked, true) {
-                        let text = "left; what was begun may go on: `kerf status` tells";
+                        let text = "exiting without canceling; the machine may still be moving, check with `kerf status`";
                         return Err(Failure::new(Status::NodeRefused, text));
                     }
                     return Ok(());
@@ -48,7 +48,7 @@ impl CtrlC {
                 answer = answer => {
                     self.canceling = None;
                     if let Err(Failure { message, .. }) = answer {
-                        eprintln!("kerf: NOT CANCELED, it goes on: {message}; Ctrl-C tries again");
+                        eprintln!("kerf: NOT CANCELED, the machine is still running: {message}; press Ctrl-C to try again");
                         self.is_asked = false;
                     }
                 }
@@ -61,7 +61,9 @@ impl CtrlC {
         &mut self,
         canceling: impl Future<Output = Result<(), Failure>> + 'static,
     ) {
-        eprintln!("kerf: canceling; Ctrl-C once more leaves the machine to itself");
+        eprintln!(
+            "kerf: canceling; press Ctrl-C again to exit without waiting; the machine may keep moving"
+        );
         self.canceling = Some(Box::pin(canceling));
     }
 

@@ -7,7 +7,7 @@ use crate::files;
 use crate::operate::with_node;
 use crate::terminal::show_findings;
 use clap::Args;
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::wire::cnc_msgs::msg::CompensationReport;
 use cnc_msgs::wire::cnc_msgs::srv::{
     GetProgramChunks, GetProgramChunksRequest, GetProgramChunksResponse, GetTools, GetToolsRequest,
@@ -71,7 +71,7 @@ pub(crate) async fn load_file(
         response = send_program(node, (&name, &text), control, interference) => response?,
         loss = loader.lost("") => return Err(loss.failure(&name, "loaded")),
     };
-    show(&name, &text, &response.diagnostics);
+    show(&name, &text, &response.findings);
     if !response.success {
         return Err(Failure::new(Status::NodeRefused, response.message));
     }
@@ -99,7 +99,7 @@ pub(crate) async fn load_file(
             ));
         }
     };
-    show(&name, &text, &report.diagnostics);
+    show(&name, &text, &report.findings);
     if !report.accepted {
         return Err(Failure::new(
             Status::NodeRefused,
@@ -271,8 +271,8 @@ async fn upload(node: &Handle, text: &[u8]) -> Result<String, Failure> {
     Ok(upload_id)
 }
 
-fn show(name: &str, text: &[u8], findings: &[cnc_msgs::wire::cnc_msgs::msg::Diagnostic]) {
-    let findings: Vec<Diagnostic> =
+fn show(name: &str, text: &[u8], findings: &[cnc_msgs::wire::cnc_msgs::msg::Finding]) {
+    let findings: Vec<Finding> =
         findings.iter().filter_map(|finding| finding.try_into().ok()).collect();
     let text = String::from_utf8_lossy(text);
     let color = std::io::stderr().is_terminal();

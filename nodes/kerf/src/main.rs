@@ -76,7 +76,7 @@ enum Command {
     Jog(move_by_hand::JogArgs),
     /// Move until a probe touches: kerf probe Z-20
     Probe(move_by_hand::ProbeArgs),
-    /// Say what the place of the tool is called: kerf zero X0 Y0 --system G54
+    /// Set the work offset so that the current position reads X0 Y0: kerf zero X0 Y0 --system G54
     Zero(move_by_hand::ZeroArgs),
     /// Faster or slower than programmed: kerf override --feed 80
     Override(move_by_hand::OverrideArgs),
@@ -88,7 +88,7 @@ enum Command {
     DoorHold,
     /// Put the controller to sleep; `kerf reset` wakes it
     Sleep,
-    /// Stop behind every block and wait for `kerf resume`, or do not
+    /// Turn single-block mode on or off: stop after every block until `kerf resume`
     SingleBlock(by_hand::SingleBlockArgs),
     /// Run one block, from standstill to standstill; Ctrl-C cancels it
     Mdi(by_hand::MdiArgs),
@@ -97,11 +97,11 @@ enum Command {
     /// Settings of the controller itself
     #[command(subcommand)]
     Controller(controller::ControllerCommand),
-    /// What the machine does
+    /// Show the state of the machine
     Status,
-    /// Run today's cores on recorded runs and compare
+    /// Run today's code on recorded runs and compare
     Replay(replay::ReplayArgs),
-    /// Look into bags and mend them
+    /// Inspect and repair bags
     #[command(subcommand)]
     Bag(bag::BagCommand),
 }

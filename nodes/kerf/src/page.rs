@@ -9,7 +9,7 @@ mod run;
 
 use crate::picture::view::{Point, View};
 use crate::replay::apart::first_difference;
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::AXIS_LETTERS;
 use cnc_msgs::path::CompensatedPath;
 pub(crate) use layer::Layer;
@@ -73,7 +73,7 @@ pub(crate) enum PinKind {
 }
 
 impl Sheet {
-    /// An empty one that is seen so.
+    /// An empty sheet with this view.
     pub(crate) fn new(title: String, view: View, text: &[u8]) -> Self {
         let [first, second, _] = view.plane.axes();
         let (right, up) = (AXIS_LETTERS[first], AXIS_LETTERS[second]);
@@ -88,7 +88,7 @@ impl Sheet {
     }
 
     /// Pins findings.
-    pub(crate) fn find(&mut self, findings: &[Diagnostic], view: View) {
+    pub(crate) fn find(&mut self, findings: &[Finding], view: View) {
         self.pins.extend(findings.iter().map(|finding| Pin {
             kind: if finding.is_error() { PinKind::Error } else { PinKind::Warning },
             label: format!("{} line {}", finding.code.name(), finding.source.line),

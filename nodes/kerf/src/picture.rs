@@ -8,7 +8,7 @@ pub(crate) mod look;
 pub(crate) mod view;
 
 use cnc_msgs::contour::{ContourEventKind, CutterSide, MotionClass, ProgrammedContour};
-use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Position, Shape};
 use cnc_msgs::path::PathElement;
 use cnc_msgs::profile::{OutputPoint, Profile};
@@ -27,7 +27,7 @@ pub(crate) struct Picture<'a> {
     /// The compensated path, or what a refused program would have cut.
     pub(crate) elements: &'a [PathElement],
     pub(crate) accepted: bool,
-    pub(crate) diagnostics: &'a [Diagnostic],
+    pub(crate) findings: &'a [Finding],
     pub(crate) uncut: &'a [UncutRegion],
     pub(crate) profile: &'a Profile,
 }
@@ -38,7 +38,7 @@ pub(crate) fn draw(picture: &Picture<'_>) -> String {
     let programmed = programmed_strokes(picture.contour, view);
     let compensated = compensated_strokes(picture.start, picture.elements, view);
     let legend = legend(picture);
-    let mut frame = Frame::around(programmed.iter().chain(&compensated), picture.diagnostics, view);
+    let mut frame = Frame::around(programmed.iter().chain(&compensated), picture.findings, view);
     frame.make_room(&legend);
 
     let mut svg = String::new();
@@ -50,7 +50,7 @@ pub(crate) fn draw(picture: &Picture<'_>) -> String {
     for stroke in programmed.iter().chain(&compensated) {
         stroke.write(&mut svg);
     }
-    for (number, finding) in picture.diagnostics.iter().enumerate() {
+    for (number, finding) in picture.findings.iter().enumerate() {
         if let Some(position) = finding.position {
             frame.pin(&mut svg, view.project(position), number, finding);
         }
@@ -207,12 +207,11 @@ struct Frame {
 impl Frame {
     fn around<'a>(
         strokes: impl Iterator<Item = &'a Stroke>,
-        diagnostics: &[Diagnostic],
+        findings: &[Finding],
         view: View,
     ) -> Self {
         let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        let pins =
-            diagnostics.iter().filter_map(|finding| finding.position).map(|p| view.project(p));
+        let pins = findings.iter().filter_map(|finding| finding.position).map(|p| view.project(p));
         for point in strokes.flat_map(|stroke| stroke.points.iter().copied()).chain(pins) {
             for axis in 0..2 {
                 min[axis] = min[axis].min(point[axis]);
@@ -342,7 +341,7 @@ impl Frame {
         }
     }
 
-    fn pin(&self, svg: &mut String, at: Point, number: usize, finding: &Diagnostic) {
+    fn pin(&self, svg: &mut String, at: Point, number: usize, finding: &Finding) {
         let class = match finding.severity {
             Severity::Error => "error",
             Severity::Warning => "warning",

@@ -9,7 +9,7 @@ use crate::terminal::show_findings;
 use crate::{files, picture};
 use clap::Args;
 use cnc_msgs::contour::CutterSide;
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::profile::{Profile, Reaction};
@@ -89,7 +89,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
         println!("{:#}", planned.report(&profile.name, start.as_ref()).to_json());
     } else {
         let shown: Vec<_> = planned
-            .diagnostics
+            .findings
             .iter()
             .filter(|finding| finding.is_error() || !args.quiet)
             .cloned()
@@ -139,7 +139,7 @@ pub(crate) struct Planned {
     pub(crate) loaded: Loaded,
     verdict: Verdict,
     /// Of the loader, then of the planner and its audit.
-    pub(crate) diagnostics: Vec<Diagnostic>,
+    pub(crate) findings: Vec<Finding>,
 }
 
 impl Planned {
@@ -152,13 +152,13 @@ impl Planned {
         planning: Planning<'_>,
     ) -> Self {
         let loaded = program_loader::load(text, profile, options);
-        let mut diagnostics = loaded.diagnostics.clone();
+        let mut findings = loaded.findings.clone();
         let mut verdict = Verdict::default();
-        if !diagnostics.iter().any(Diagnostic::is_error) {
+        if !findings.iter().any(Finding::is_error) {
             verdict = judge(&loaded.contour, profile, tools, planning);
-            diagnostics.extend(verdict.plan.diagnostics.iter().cloned());
+            findings.extend(verdict.plan.findings.iter().cloned());
         }
-        Self { loaded, verdict, diagnostics }
+        Self { loaded, verdict, findings }
     }
 
     /// Keeps a program on which the planner and its audit disagree, and says where.
@@ -169,7 +169,7 @@ impl Planned {
     }
 
     pub(crate) fn accepted(&self) -> bool {
-        !self.diagnostics.iter().any(Diagnostic::is_error)
+        !self.findings.iter().any(Finding::is_error)
     }
 
     /// The path; empty when refused.
@@ -191,7 +191,7 @@ impl Planned {
             Ok(start) => start.warning.clone(),
             Err(refused) => Some(refused.finding.clone()),
         };
-        self.diagnostics.extend(finding);
+        self.findings.extend(finding);
         started.ok()
     }
 
@@ -204,7 +204,7 @@ impl Planned {
             elements: &self.path().elements,
             events: &self.path().events,
             refused_elements: &self.verdict.plan.refused,
-            diagnostics: &self.diagnostics,
+            findings: &self.findings,
             certificates: &self.verdict.plan.certificates,
             uncut: &self.verdict.plan.uncut,
             audit: self.verdict.audit.as_ref(),
@@ -221,7 +221,7 @@ impl Planned {
             start: self.start(),
             elements,
             accepted: self.accepted(),
-            diagnostics: &self.diagnostics,
+            findings: &self.findings,
             uncut: &self.verdict.plan.uncut,
             profile,
         })
@@ -242,14 +242,14 @@ impl Planned {
             Layer::programmed(&self.loaded.contour, view),
             Layer::compensated(layer, self.start(), elements, view),
         ];
-        sheet.find(&self.diagnostics, view);
+        sheet.find(&self.findings, view);
         sheet.fill(&self.verdict.plan.uncut, view);
         Page { sheets: vec![sheet], runs: Vec::new() }
     }
 
     /// What people read: the verdict and the size of it.
     fn summary(&self, name: &str, control: &str) -> String {
-        let count = |error| self.diagnostics.iter().filter(|d| d.is_error() == error).count();
+        let count = |error| self.findings.iter().filter(|d| d.is_error() == error).count();
         let (errors, warnings) = (count(true), count(false));
         let verdict = if self.accepted() { "accepted" } else { "refused" };
         let mut summary = format!(
@@ -268,7 +268,7 @@ impl Planned {
             );
         }
         // Accepted although something does not fit: left out, or ignored.
-        let fits = !self.diagnostics.iter().any(|finding| {
+        let fits = !self.findings.iter().any(|finding| {
             finding.is_error() || matches!(finding.code, Code::Unreachable | Code::Gouge)
         });
         if let Some(audit) = &self.verdict.audit {

@@ -4,7 +4,7 @@
 //! them are free to change.
 
 use cnc_msgs::contour::{CutterSide, Source};
-use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, PathEvent, StartInSpan};
 use compensation_planner::audit::Audit;
@@ -24,7 +24,7 @@ pub(crate) struct PlanReport<'a> {
     pub(crate) events: &'a [PathEvent],
     /// What a refused program would have cut, for pictures.
     pub(crate) refused_elements: &'a [PathElement],
-    pub(crate) diagnostics: &'a [Diagnostic],
+    pub(crate) findings: &'a [Finding],
     pub(crate) certificates: &'a [Certificate],
     pub(crate) uncut: &'a [UncutRegion],
     /// `None`: there was no path to audit.
@@ -42,7 +42,7 @@ impl PlanReport<'_> {
             object.insert("refused_elements".into(), elements(self.start, self.refused_elements));
         }
         object.insert("events".into(), self.events.iter().map(event).collect());
-        object.insert("diagnostics".into(), self.diagnostics.iter().map(diagnostic).collect());
+        object.insert("findings".into(), self.findings.iter().map(finding).collect());
         let certificates = self.certificates.iter().map(certificate).collect();
         object.insert("certificates".into(), certificates);
         object.insert("uncut".into(), self.uncut.iter().map(uncut).collect());
@@ -123,7 +123,7 @@ fn event(event: &PathEvent) -> Value {
 }
 
 /// One finding, as it stands in the list.
-pub(crate) fn diagnostic(finding: &Diagnostic) -> Value {
+pub(crate) fn finding(finding: &Finding) -> Value {
     json!({
         "severity": match finding.severity {
             Severity::Warning => "warning",
@@ -154,7 +154,7 @@ fn audit(audit: &Audit) -> Value {
         "spans": audit.spans,
         "events": audit.events,
         "nearest_mm": audit.nearest_mm,
-        "findings": audit.findings.iter().map(diagnostic).collect::<Vec<_>>(),
+        "findings": audit.findings.iter().map(finding).collect::<Vec<_>>(),
     })
 }
 

@@ -108,7 +108,7 @@ impl Stack {
                 let Some(change) = watched.poll() else { continue };
                 if let Change::Ended { status, .. } = &change {
                     if status.code() == Some(crate::exit::Status::Usage as i32) && !*was_ready {
-                        let text = format!("{name} cannot run as it was told to (see above)");
+                        let text = format!("{name} cannot run with these settings (see above)");
                         return Some(text);
                     }
                     if status.success() {

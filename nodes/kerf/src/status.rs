@@ -68,7 +68,7 @@ fn describe(state: &MachineState) -> String {
         text += "  position not known\n";
     }
     if state.needs_reset {
-        text += "  nothing goes on before a soft_reset (kerf reset)\n";
+        text += "  blocked until soft_reset (kerf reset)\n";
     }
     if state.motion_possible {
         text += "  the machine may be moving\n";

@@ -38,7 +38,7 @@ fn main() {
                 bencher.iter_with_large_drop(|| {
                     let loaded =
                         load(black_box(text.as_bytes()), &profile, &LoadOptions::default());
-                    assert!(loaded.is_accepted(), "{:?}", loaded.diagnostics.first());
+                    assert!(loaded.is_accepted(), "{:?}", loaded.findings.first());
                     loaded
                 });
             });

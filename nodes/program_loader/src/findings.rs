@@ -1,16 +1,16 @@
-//! Collects the diagnostics of a program, within bounds.
+//! Collects the findings of a program, within bounds.
 //!
 //! Knows how many are enough, not what they say.
 
 use crate::limits::{BLOCK_DIAGNOSTICS_MAX, DIAGNOSTICS_MAX};
 use cnc_msgs::contour::Source;
-use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::finding::{Code, Finding, Severity};
 use intake::text::one_line;
 use std::borrow::Cow;
 
 #[derive(Debug, Default)]
 pub(crate) struct Findings {
-    list: Vec<Diagnostic>,
+    list: Vec<Finding>,
     in_block: u32,
     dropped: u32,
     dropped_an_error: bool,
@@ -23,9 +23,9 @@ impl Findings {
         self.in_block = 0;
     }
 
-    pub(crate) fn push(&mut self, mut diagnostic: Diagnostic) {
+    pub(crate) fn push(&mut self, mut finding: Finding) {
         // Both quote the program.
-        for text in [&mut diagnostic.message, &mut diagnostic.help] {
+        for text in [&mut finding.message, &mut finding.help] {
             if let Cow::Owned(shown) = one_line(text) {
                 *text = shown;
             }
@@ -33,19 +33,19 @@ impl Findings {
         self.in_block += 1;
         if self.list.len() >= DIAGNOSTICS_MAX || self.in_block > BLOCK_DIAGNOSTICS_MAX {
             self.dropped += 1;
-            self.dropped_an_error |= diagnostic.is_error();
+            self.dropped_an_error |= finding.is_error();
         } else {
-            self.list.push(diagnostic);
+            self.list.push(finding);
         }
     }
 
     /// All of them in the order of the program, and a note on what was left out.
-    pub(crate) fn finish(mut self) -> Vec<Diagnostic> {
+    pub(crate) fn finish(mut self) -> Vec<Finding> {
         // Within a block the interpreter reports by group, a reader reads from left to right.
         self.list.sort_by_key(|found| (found.source.line, found.source.column));
         if self.dropped > 0 {
             let message = format!("{} more findings are not listed", self.dropped);
-            let mut note = Diagnostic::warning(Code::Limit, Source::default(), message);
+            let mut note = Finding::warning(Code::Limit, Source::default(), message);
             if self.dropped_an_error {
                 note.severity = Severity::Error;
             }
@@ -59,8 +59,8 @@ impl Findings {
 mod tests {
     use super::*;
 
-    fn at_line(line: u32) -> Diagnostic {
-        Diagnostic::error(
+    fn at_line(line: u32) -> Finding {
+        Finding::error(
             Code::Syntax,
             Source { line, column: 1, ..Source::default() },
             "no block reads like this",

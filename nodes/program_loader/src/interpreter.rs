@@ -25,7 +25,7 @@ use crate::line::Line;
 use crate::rules::Rules;
 use axes::Axes;
 use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, ProgrammedContour, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
 use cnc_msgs::units::received_mm;
 use compensation::Compensation;
@@ -340,7 +340,7 @@ impl<'r> Interpreter<'r> {
     ) {
         self.request.is_damaged = true;
         let source = scene.source_of(self.request.word(letter));
-        scene.findings.push(Diagnostic::error(code, source, message).help(help));
+        scene.findings.push(Finding::error(code, source, message).help(help));
     }
 
     /// An error about a word by its index.
@@ -355,7 +355,7 @@ impl<'r> Interpreter<'r> {
     ) {
         self.request.is_damaged = true;
         let source = scene.source_of(word);
-        scene.findings.push(Diagnostic::error(code, source, message).help(help));
+        scene.findings.push(Finding::error(code, source, message).help(help));
     }
 
     /// An error about the block as a whole.
@@ -368,7 +368,7 @@ impl<'r> Interpreter<'r> {
         help: &str,
     ) {
         self.request.is_damaged = true;
-        scene.findings.push(Diagnostic::error(code, self.source, message).help(help));
+        scene.findings.push(Finding::error(code, self.source, message).help(help));
     }
 
     /// Words that nothing in the block has used.

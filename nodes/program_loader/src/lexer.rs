@@ -11,7 +11,7 @@ use crate::findings::Findings;
 use crate::limits::{BLOCK_WORDS_MAX, NUMBER_MAX};
 use crate::line::Line;
 use crate::number::{self, NotANumber, Trouble};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 
 /// Splits a line, which is not longer than a [`Word`]'s places reach.
 pub(crate) fn read(line: Line<'_>, rules: &LexerRules, block: &mut Block, findings: &mut Findings) {
@@ -211,7 +211,7 @@ impl Lexer<'_> {
     fn bad_block_number(&mut self, start: usize, is_first: bool) {
         let quote = self.line.quote(start, self.at);
         if is_first {
-            let message = format!("`{quote}` is no block number");
+            let message = format!("`{quote}` is not a block number");
             self.report(Code::BadNumber, start, message, "N takes whole numbers of eight digits");
         } else {
             let message = format!("block number {quote} stands inside a block");
@@ -370,7 +370,7 @@ impl Lexer<'_> {
         let source = self.line.source(self.block.number, start, self.at);
         let message = format!("the blanks between these digits are skipped: {quote}");
         let help = "write it in one piece, or with the letter that is missing";
-        self.findings.push(Diagnostic::warning(Code::SuspiciousValue, source, message).help(help));
+        self.findings.push(Finding::warning(Code::SuspiciousValue, source, message).help(help));
     }
 
     /// An error about the bytes from `start` to `at`.
@@ -380,7 +380,7 @@ impl Lexer<'_> {
         self.block.is_damaged = true;
         self.block.has_remark = true;
         let source = self.line.source(self.block.number, start, self.at);
-        self.findings.push(Diagnostic::error(code, source, message).help(help));
+        self.findings.push(Finding::error(code, source, message).help(help));
     }
 }
 

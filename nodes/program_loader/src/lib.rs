@@ -38,7 +38,7 @@ pub use bounds::Bounds;
 
 use block::Block;
 use cnc_msgs::contour::{Action, ContourEventKind, ProgrammedContour, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 use findings::Findings;
@@ -62,10 +62,10 @@ pub struct LoadOptions {
 /// A program that was read.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Loaded {
-    /// What it means; without events if any diagnostic is an error.
+    /// What it means; without events if any finding is an error.
     pub contour: ProgrammedContour,
     /// All findings in the order of the program.
-    pub diagnostics: Vec<Diagnostic>,
+    pub findings: Vec<Finding>,
     /// Lines of the text.
     pub line_count: u32,
     /// The box around all motion; `None` without motion or with an error.
@@ -75,11 +75,11 @@ pub struct Loaded {
 impl Loaded {
     /// Whether the program may go on to the planner.
     pub fn is_accepted(&self) -> bool {
-        !self.diagnostics.iter().any(Diagnostic::is_error)
+        !self.findings.iter().any(Finding::is_error)
     }
 
-    /// Refuses a program that selects a tool beside these; an empty list stands for any, and
-    /// no tool in the spindle (0) is no tool.
+    /// Refuses a program that selects any tool other than these. An empty list allows all; T0,
+    /// no tool in the spindle, is always allowed.
     pub fn allow_tools(&mut self, expected: &[u32]) {
         if expected.is_empty() {
             return;
@@ -102,18 +102,18 @@ impl Loaded {
         others.sort_by_key(|(_, source)| (source.line, source.column));
         let listed = listed(expected);
         let rest = others.split_off(others.len().min(limits::UNEXPECTED_TOOLS_MAX)).len();
-        self.diagnostics.extend(others.into_iter().map(|(tool, source)| {
+        self.findings.extend(others.into_iter().map(|(tool, source)| {
             let message = format!("T{tool} is not one of the tools that are expected: {listed}");
-            Diagnostic::error(Code::UnknownTool, source, message).help(
-                "load the program that belongs to this job, or name the tool beside the others",
+            Finding::error(Code::UnknownTool, source, message).help(
+                "load the program that belongs to this job, or add the tool to expected_tools",
             )
         }));
         // What has no place stays at the end.
-        let place = |found: &Diagnostic| (found.source.line.wrapping_sub(1), found.source.column);
-        self.diagnostics.sort_by_key(place);
+        let place = |found: &Finding| (found.source.line.wrapping_sub(1), found.source.column);
+        self.findings.sort_by_key(place);
         if rest > 0 {
             let message = format!("{rest} more tools are not expected");
-            self.diagnostics.push(Diagnostic::error(Code::Limit, Source::default(), message));
+            self.findings.push(Finding::error(Code::Limit, Source::default(), message));
         }
         self.contour.events = Vec::new();
         self.bounds = None;
@@ -132,7 +132,7 @@ fn listed(tools: &[u32]) -> String {
 
 /// Reads a part program in the dialect of a control.
 ///
-/// Never fails: what is wrong is in the diagnostics. The text should be UTF-8
+/// Never fails: what is wrong is in the findings. The text should be UTF-8
 /// or ASCII; other bytes are taken in comments only. Time and memory are
 /// linear in the length of the text.
 pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
@@ -153,7 +153,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     if let Some(refusal) = refuse_whole(text, line_count) {
         findings.push(refusal);
         let contour = ProgrammedContour { start: options.start, ..ProgrammedContour::default() };
-        return Loaded { contour, diagnostics: findings.finish(), line_count, bounds: None };
+        return Loaded { contour, findings: findings.finish(), line_count, bounds: None };
     }
     let interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
     let mut reader = Reader {
@@ -165,17 +165,17 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         stage: Stage::Before,
     };
     reader.read(text);
-    let diagnostics = reader.findings.finish();
+    let findings = reader.findings.finish();
     let (mut contour, mut bounds) = reader.interpreter.finish();
-    if diagnostics.iter().any(Diagnostic::is_error) {
+    if findings.iter().any(Finding::is_error) {
         contour.events = Vec::new();
         bounds = None;
     }
-    Loaded { contour, diagnostics, line_count, bounds }
+    Loaded { contour, findings, line_count, bounds }
 }
 
 /// What is refused without a look at its lines.
-fn refuse_whole(text: &[u8], line_count: u32) -> Option<Diagnostic> {
+fn refuse_whole(text: &[u8], line_count: u32) -> Option<Finding> {
     let nowhere = Source::default();
     if text.len() > limits::PROGRAM_BYTES_MAX {
         let message = format!(
@@ -183,17 +183,17 @@ fn refuse_whole(text: &[u8], line_count: u32) -> Option<Diagnostic> {
             text.len(),
             limits::PROGRAM_BYTES_MAX
         );
-        return Some(Diagnostic::error(Code::Limit, nowhere, message).help("split the program"));
+        return Some(Finding::error(Code::Limit, nowhere, message).help("split the program"));
     }
     if line_count > limits::LINES_MAX {
         let message =
             format!("the program has {line_count} lines; {} are the limit", limits::LINES_MAX);
-        return Some(Diagnostic::error(Code::Limit, nowhere, message).help("split the program"));
+        return Some(Finding::error(Code::Limit, nowhere, message).help("split the program"));
     }
     if text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF") {
         let message = "the program is UTF-16 text";
         let help = "save it as plain text (ASCII or UTF-8)";
-        return Some(Diagnostic::error(Code::Syntax, nowhere, message).help(help));
+        return Some(Finding::error(Code::Syntax, nowhere, message).help(help));
     }
     None
 }
@@ -268,7 +268,7 @@ impl Reader<'_> {
         if !has_blocks {
             let message = "the program has no blocks";
             self.findings.push(
-                Diagnostic::warning(Code::MissingWord, Source::default(), message)
+                Finding::warning(Code::MissingWord, Source::default(), message)
                     .help("nothing will move; is it the right file?"),
             );
         } else if !matches!(self.stage, Stage::Behind { .. }) {
@@ -277,7 +277,7 @@ impl Reader<'_> {
             let source = Source { line, column: 1, ..Source::default() };
             let message = "the program has no end";
             self.findings.push(
-                Diagnostic::warning(Code::MissingWord, source, message)
+                Finding::warning(Code::MissingWord, source, message)
                     .help("is the file complete? programs end with M2 or M30"),
             );
         }
@@ -293,7 +293,7 @@ impl Reader<'_> {
             (lines, _) => format!("{lines} lines are not a single block"),
         };
         let help = "give one block, without a line end; longer things are programs";
-        self.findings.push(Diagnostic::error(Code::Syntax, source, message).help(help));
+        self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
     }
 
     /// A line that begins with `%`: a tape mark, or the name of a program; or the
@@ -321,7 +321,7 @@ impl Reader<'_> {
             let source = line.source(None, start, start + visible.trim_ascii_end().len());
             let message = "% stands alone in its line";
             self.findings.push(
-                Diagnostic::error(Code::Syntax, source, message)
+                Finding::error(Code::Syntax, source, message)
                     .help("delete what follows it, or put it into a comment ( )"),
             );
         }
@@ -349,7 +349,7 @@ impl Reader<'_> {
             let source = line.source(None, start, start + visible.len());
             let message = format!("this stands after the end of the program in line {end_line}");
             self.findings.push(
-                Diagnostic::warning(Code::Syntax, source, message)
+                Finding::warning(Code::Syntax, source, message)
                     .help("it is not run; delete it, or delete the end before it"),
             );
             self.stage = Stage::Behind { end_line, is_reported: true };
@@ -366,7 +366,7 @@ impl Reader<'_> {
         );
         let source = line.source(None, 0, limits::LINE_BYTES_MAX);
         self.findings
-            .push(Diagnostic::error(Code::Limit, source, message).help("write one block a line"));
+            .push(Finding::error(Code::Limit, source, message).help("write one block a line"));
         self.interpreter.lose_line();
         if self.stage == Stage::Before {
             self.stage = Stage::Within;

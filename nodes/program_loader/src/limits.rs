@@ -8,9 +8,9 @@ pub const LINES_MAX: u32 = 10_000_000;
 pub const LINE_BYTES_MAX: usize = 4096;
 /// Words of a block: more than any block that means something.
 pub const BLOCK_WORDS_MAX: usize = 64;
-/// Diagnostics of a program; the rest is counted.
+/// Findings of a program; the rest is counted.
 pub const DIAGNOSTICS_MAX: usize = 1000;
-/// Diagnostics of a block, so that a line of prose does not crowd out the rest.
+/// Findings of a block, so that a line of prose does not crowd out the rest.
 pub const BLOCK_DIAGNOSTICS_MAX: u32 = 8;
 /// Tools that are named where a program selects others than are expected.
 pub const UNEXPECTED_TOOLS_MAX: usize = 20;

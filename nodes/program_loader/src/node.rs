@@ -234,14 +234,14 @@ impl Loader {
         }
         let mut loaded = load(&text, &profile, &self.options);
         loaded.allow_tools(&request.expected_tools);
-        let (diagnostics, diagnostic_count) = first_findings(&loaded);
+        let (findings, finding_count) = first_findings(&loaded);
         if let Some(message) = refusal(&name, &loaded) {
             return Ok(LoadProgramResponse {
                 error_code: W::PROGRAM_REFUSED,
                 message,
                 line_count: loaded.line_count,
-                diagnostics,
-                diagnostic_count,
+                findings,
+                finding_count,
                 ..LoadProgramResponse::default()
             });
         }
@@ -253,8 +253,8 @@ impl Loader {
             line_count: loaded.line_count,
             bounds_min: point_from_position(min),
             bounds_max: point_from_position(max),
-            diagnostics,
-            diagnostic_count,
+            findings,
+            finding_count,
             ..LoadProgramResponse::default()
         };
         tracing::info!("{}", response.message);
@@ -281,13 +281,13 @@ impl Loader {
         let loaded = load(request.text.as_bytes(), &profile, &options);
         let accepted = loaded.is_accepted();
         let said: Vec<&str> = loaded
-            .diagnostics
+            .findings
             .iter()
             .filter(|finding| accepted || finding.is_error())
             .map(|finding| finding.message.as_str())
             .collect();
         let response =
-            W { message: said.join("; "), diagnostics: first_findings(&loaded).0, ..W::default() };
+            W { message: said.join("; "), findings: first_findings(&loaded).0, ..W::default() };
         if !accepted {
             return W { error_code: W::PROGRAM_REFUSED, ..response };
         }
@@ -406,7 +406,7 @@ impl Loader {
 
 /// What is answered of a program that is refused; `None` of one that is loaded.
 pub fn refusal(name: &str, loaded: &Loaded) -> Option<String> {
-    let mut errors = loaded.diagnostics.iter().filter(|finding| finding.is_error());
+    let mut errors = loaded.findings.iter().filter(|finding| finding.is_error());
     let first = errors.next()?;
     let (line, message) = (first.source.line, &first.message);
     Some(format!(
@@ -422,13 +422,13 @@ pub fn corners(loaded: &Loaded) -> (Position, Position) {
 }
 
 /// As many findings as fit an answer, and how many there are.
-fn first_findings(loaded: &Loaded) -> (Vec<cnc_msgs::wire::cnc_msgs::msg::Diagnostic>, u32) {
+fn first_findings(loaded: &Loaded) -> (Vec<cnc_msgs::wire::cnc_msgs::msg::Finding>, u32) {
     let mut bytes = 0;
-    let findings = loaded.diagnostics.iter().map(Into::into).take_while(|finding| {
+    let findings = loaded.findings.iter().map(Into::into).take_while(|finding| {
         bytes += cdr::body(finding).len();
         bytes <= FINDINGS_BYTES_MAX
     });
-    (findings.collect(), loaded.diagnostics.len() as u32)
+    (findings.collect(), loaded.findings.len() as u32)
 }
 
 /// One program under other rules is another program: its path may be another.

@@ -1,11 +1,11 @@
-//! Diagnostics under their source line, as compilers draw them.
+//! Findings under their source line, as compilers draw them.
 //!
 //! Serves the findings of every node: it knows places and messages only. A
 //! place that is not in the text is shown as a place without its line.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use cnc_msgs::contour::Source;
-use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::numbers::told_apart;
 use intake::text::one_line;
 
@@ -14,20 +14,20 @@ const LINE_SHOWN: usize = 120;
 /// Characters shown before a finding in a line that is longer.
 const LEAD_SHOWN: usize = 40;
 
-/// Draws diagnostics of the program `name`, one below the other.
+/// Draws findings of the program `name`, one below the other.
 ///
 /// `text` is the program as the places count it: a lossy conversion, if it was
 /// not UTF-8. Without `color` the result is plain text.
-pub fn render(name: &str, text: &str, diagnostics: &[Diagnostic], color: bool) -> String {
+pub fn render(name: &str, text: &str, findings: &[Finding], color: bool) -> String {
     let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     let name = &printable(name);
-    let lines = lines_of(text, diagnostics);
+    let lines = lines_of(text, findings);
     let mut drawn = String::new();
-    for diagnostic in diagnostics {
+    for finding in findings {
         if !drawn.is_empty() {
             drawn.push_str("\n\n");
         }
-        drawn.push_str(&draw(&renderer, name, &lines, diagnostic));
+        drawn.push_str(&draw(&renderer, name, &lines, finding));
     }
     if !drawn.is_empty() {
         drawn.push('\n');
@@ -36,9 +36,9 @@ pub fn render(name: &str, text: &str, diagnostics: &[Diagnostic], color: bool) -
 }
 
 /// The lines that findings point at, by number. One pass, however many there are.
-fn lines_of<'t>(text: &'t str, diagnostics: &[Diagnostic]) -> Vec<(u32, &'t str)> {
+fn lines_of<'t>(text: &'t str, findings: &[Finding]) -> Vec<(u32, &'t str)> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let mut wanted: Vec<u32> = diagnostics.iter().map(|found| found.source.line).collect();
+    let mut wanted: Vec<u32> = findings.iter().map(|found| found.source.line).collect();
     wanted.sort_unstable();
     wanted.dedup();
     let mut wanted = wanted.into_iter().filter(|&line| line > 0).peekable();
@@ -56,19 +56,19 @@ fn lines_of<'t>(text: &'t str, diagnostics: &[Diagnostic]) -> Vec<(u32, &'t str)
     lines
 }
 
-fn draw(renderer: &Renderer, name: &str, lines: &[(u32, &str)], diagnostic: &Diagnostic) -> String {
-    let level = match diagnostic.severity {
+fn draw(renderer: &Renderer, name: &str, lines: &[(u32, &str)], finding: &Finding) -> String {
+    let level = match finding.severity {
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
     };
-    let title = level.primary_title(printable(&diagnostic.message)).id(diagnostic.code.name());
-    let source = diagnostic.source;
+    let title = level.primary_title(printable(&finding.message)).id(finding.code.name());
+    let source = finding.source;
     let found = lines.binary_search_by_key(&source.line, |&(number, _)| number);
     let mut group = match found {
         Ok(index) => {
             let shown = Shown::of(lines[index].1, source);
             let mut annotation = AnnotationKind::Primary.span(shown.start..shown.end);
-            let label = label(diagnostic);
+            let label = label(finding);
             if !label.is_empty() {
                 annotation = annotation.label(label);
             }
@@ -94,25 +94,25 @@ fn draw(renderer: &Renderer, name: &str, lines: &[(u32, &str)], diagnostic: &Dia
             Group::with_title(title).element(origin)
         }
     };
-    if !diagnostic.help.is_empty() {
-        group = group.element(Level::HELP.message(printable(&diagnostic.help)));
+    if !finding.help.is_empty() {
+        group = group.element(Level::HELP.message(printable(&finding.help)));
     }
     renderer.render(&[group])
 }
 
 /// What stands beside the carets: where, and how much.
-fn label(diagnostic: &Diagnostic) -> String {
+fn label(finding: &Finding) -> String {
     let mut label = String::new();
-    if let Some([x, y, z]) = diagnostic.position {
+    if let Some([x, y, z]) = finding.position {
         label = format!("closest at X{x:.3} Y{y:.3} Z{z:.3}");
     }
-    if let (Some(needed), Some(available)) = (diagnostic.needed_mm, diagnostic.available_mm)
-        && diagnostic.position.is_some()
+    if let (Some(needed), Some(available)) = (finding.needed_mm, finding.available_mm)
+        && finding.position.is_some()
     {
         let [needed, available] = told_apart(needed, available);
         label += &format!("; {needed} mm needed, {available} mm there");
     }
-    if let Some(other) = diagnostic.other.filter(|other| other.line > 0) {
+    if let Some(other) = finding.other.filter(|other| other.line > 0) {
         if !label.is_empty() {
             label += "; ";
         }

@@ -3,7 +3,7 @@
 //! Knows words and planes; the rules that need geometry are the planner's.
 
 use cnc_msgs::contour::{Approach, OutsideCorner, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::finding::{Code, Finding, Severity};
 use cnc_msgs::profile::{LengthOfD, Profile, RadiusKind, ZeroOffset};
 
 use crate::dialect::{self, Dialect, RadiusWord};
@@ -33,15 +33,15 @@ pub(crate) struct Rules<'p> {
 }
 
 impl<'p> Rules<'p> {
-    /// Reads the words of a profile; a diagnostic for each that is none.
-    pub(crate) fn of(profile: &'p Profile) -> (Self, Vec<Diagnostic>) {
+    /// Reads the words of a profile; a finding for each that is none.
+    pub(crate) fn of(profile: &'p Profile) -> (Self, Vec<Finding>) {
         let mut wrong = Vec::new();
         let mut number = |word: &str, letters: &[u8], key: &str| {
             let parsed = parse(word).filter(|(letter, _)| letters.contains(letter));
             if parsed.is_none() {
                 let message = format!("profile {}: `{word}` under {key} is no word", profile.name);
                 wrong.push(
-                    Diagnostic::error(Code::UnknownWord, Source::default(), message)
+                    Finding::error(Code::UnknownWord, Source::default(), message)
                         .help("correct the profile; words are written like G54"),
                 );
             }

@@ -4,7 +4,7 @@
 
 mod common;
 
-use cnc_msgs::diagnostic::Severity;
+use cnc_msgs::finding::Severity;
 use common::profile;
 use program_loader::{LoadOptions, load, render};
 use std::path::Path;
@@ -25,7 +25,7 @@ fn bad_programs_get_the_errors_of_their_first_comment() {
             let comment = text.split(['(', ')']).nth(1).expect("a first comment");
             let loaded = load(&bytes, &profile, &LoadOptions::default());
             let found: Vec<String> = loaded
-                .diagnostics
+                .findings
                 .iter()
                 .map(|found| {
                     let severity = match found.severity {
@@ -41,7 +41,7 @@ fn bad_programs_get_the_errors_of_their_first_comment() {
                     "{}: expected ({comment})\n  found ({})\n{}\n",
                     path.display(),
                     found.join("; "),
-                    render::render("bad", &text, &loaded.diagnostics, false)
+                    render::render("bad", &text, &loaded.findings, false)
                 );
             }
             assert!(loaded.is_accepted() || loaded.contour.events.is_empty());

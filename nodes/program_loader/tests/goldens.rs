@@ -30,7 +30,7 @@ fn programs_mean_what_the_files_beside_them_say() {
                     bounds.axes.letters()
                 );
             }
-            seen += &render::render(&name, &text, &loaded.diagnostics, false);
+            seen += &render::render(&name, &text, &loaded.findings, false);
             expect_file![path.with_extension("txt")].assert_eq(&seen);
             count += 1;
         }

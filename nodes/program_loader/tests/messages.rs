@@ -11,7 +11,7 @@ fn check(control: &str, text: &str, expected: &[&str]) {
     let text = format!("{text}\nM2\n");
     let loaded = load(text.as_bytes(), &profile(control), &LoadOptions::default());
     let found: Vec<String> =
-        loaded.diagnostics.iter().map(|it| format!("{}: {}", it.source.line, it.message)).collect();
+        loaded.findings.iter().map(|it| format!("{}: {}", it.source.line, it.message)).collect();
     assert_eq!(found, expected, "{text:?}");
 }
 

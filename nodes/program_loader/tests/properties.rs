@@ -18,8 +18,8 @@ fn load_as(control: &str, text: &[u8]) -> Loaded {
 fn check_places(text: &[u8], loaded: &Loaded) {
     let shown = String::from_utf8_lossy(text);
     let lines: Vec<&str> = shown.split('\n').collect();
-    assert!(loaded.diagnostics.len() <= limits::DIAGNOSTICS_MAX + 1);
-    for found in &loaded.diagnostics {
+    assert!(loaded.findings.len() <= limits::DIAGNOSTICS_MAX + 1);
+    for found in &loaded.findings {
         let source = found.source;
         if source.line == 0 {
             continue;
@@ -30,8 +30,8 @@ fn check_places(text: &[u8], loaded: &Loaded) {
         assert!(source.column >= 1 && end <= length + 1, "{found:?} in {length}");
         assert!(!found.message.is_empty() && !found.help.is_empty(), "{found:?}");
     }
-    let drawn = render::render("junk", &shown, &loaded.diagnostics, false);
-    assert_eq!(drawn.is_empty(), loaded.diagnostics.is_empty());
+    let drawn = render::render("junk", &shown, &loaded.findings, false);
+    assert_eq!(drawn.is_empty(), loaded.findings.is_empty());
 }
 
 fn check_numbers(contour: &ProgrammedContour) {
@@ -150,8 +150,8 @@ proptest! {
     fn the_same_program_in_inches_is_the_same_contour(steps in steps()) {
         let metric = load_as("rs274", program(&steps, 1.0, false).as_bytes());
         let inch = load_as("rs274", program(&steps, 25.4, false).as_bytes());
-        prop_assert!(metric.is_accepted(), "{:?}", metric.diagnostics);
-        prop_assert!(inch.is_accepted(), "{:?}", inch.diagnostics);
+        prop_assert!(metric.is_accepted(), "{:?}", metric.findings);
+        prop_assert!(inch.is_accepted(), "{:?}", inch.findings);
         same(&metric.contour, &inch.contour)?;
     }
 
@@ -159,8 +159,8 @@ proptest! {
     fn the_same_program_in_increments_is_the_same_contour(steps in steps()) {
         let absolute = load_as("rs274", program(&steps, 1.0, false).as_bytes());
         let increments = load_as("rs274", program(&steps, 1.0, true).as_bytes());
-        prop_assert!(absolute.is_accepted(), "{:?}", absolute.diagnostics);
-        prop_assert!(increments.is_accepted(), "{:?}", increments.diagnostics);
+        prop_assert!(absolute.is_accepted(), "{:?}", absolute.findings);
+        prop_assert!(increments.is_accepted(), "{:?}", increments.findings);
         same(&absolute.contour, &increments.contour)?;
     }
 
@@ -177,7 +177,7 @@ proptest! {
         }
         let one = load_as("rs274", plain.as_bytes());
         let other = load_as("rs274", spelt.as_bytes());
-        prop_assert!(other.is_accepted(), "{:?}", other.diagnostics);
+        prop_assert!(other.is_accepted(), "{:?}", other.findings);
         let kinds = |contour: &ProgrammedContour| -> Vec<ContourEventKind> {
             contour.events.iter().map(|event: &ContourEvent| event.kind).collect()
         };
@@ -189,7 +189,7 @@ proptest! {
 fn a_line_of_ten_megabytes_is_one_error() {
     for line in [vec![b'X'; 10 << 20], b"G1 X1 ".repeat(10 << 17), vec![b'('; 10 << 20]] {
         let loaded = load_as("rs274", &line);
-        assert_eq!(loaded.diagnostics.iter().filter(|found| found.is_error()).count(), 1);
+        assert_eq!(loaded.findings.iter().filter(|found| found.is_error()).count(), 1);
         check_places(&line, &loaded);
     }
 }
@@ -199,8 +199,8 @@ fn a_million_wrong_lines_are_a_thousand_findings_and_a_count() {
     let text = b"G777\n".repeat(1_000_000);
     let loaded = load_as("rs274", &text);
     assert_eq!(loaded.line_count, 1_000_000);
-    assert_eq!(loaded.diagnostics.len(), limits::DIAGNOSTICS_MAX + 1);
-    let note = &loaded.diagnostics[limits::DIAGNOSTICS_MAX];
+    assert_eq!(loaded.findings.len(), limits::DIAGNOSTICS_MAX + 1);
+    let note = &loaded.findings[limits::DIAGNOSTICS_MAX];
     assert!(
         note.is_error() && note.message.starts_with("999000 more")
             || note.message.starts_with("999001 more"),
@@ -216,6 +216,6 @@ fn utf_16_text_is_named_as_such() {
         .flat_map(u16::to_le_bytes)
         .collect();
     let loaded = load_as("rs274", &text);
-    assert_eq!(loaded.diagnostics.len(), 1);
-    assert!(loaded.diagnostics[0].message.contains("UTF-16"));
+    assert_eq!(loaded.findings.len(), 1);
+    assert!(loaded.findings[0].message.contains("UTF-16"));
 }

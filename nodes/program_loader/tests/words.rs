@@ -13,7 +13,7 @@ fn load_as(control: &str, text: &str) -> Loaded {
 #[track_caller]
 fn check(control: &str, text: &str, expected: &[&str]) {
     let loaded = load_as(control, text);
-    assert!(loaded.is_accepted(), "{text:?}: {:?}", loaded.diagnostics);
+    assert!(loaded.is_accepted(), "{text:?}: {:?}", loaded.findings);
     let events: Vec<String> = loaded.contour.events.iter().map(canonical::event_text).collect();
     assert_eq!(events, expected, "{text:?}");
 }
@@ -24,7 +24,7 @@ fn check_bad(control: &str, text: &str, expected: &[(&str, &str)]) {
     let loaded = load_as(control, text);
     let lines: Vec<&str> = text.lines().collect();
     let found: Vec<(&str, &str)> = loaded
-        .diagnostics
+        .findings
         .iter()
         .filter(|found| found.is_error())
         .map(|found| {
@@ -55,7 +55,7 @@ fn a_tool_that_is_not_expected_refuses_the_program() {
         let mut loaded = load_as("rs274", text);
         loaded.allow_tools(expected);
         let found: Vec<(u32, &str)> =
-            loaded.diagnostics.iter().map(|it| (it.source.line, it.message.as_str())).collect();
+            loaded.findings.iter().map(|it| (it.source.line, it.message.as_str())).collect();
         assert_eq!(found, refused, "{expected:?}");
         assert_eq!(loaded.is_accepted(), refused.is_empty());
         assert_eq!(loaded.contour.events.is_empty(), !refused.is_empty());
@@ -64,7 +64,7 @@ fn a_tool_that_is_not_expected_refuses_the_program() {
     let many: String = (1..500).map(|tool| format!("T{tool}\n")).collect();
     let mut many = load_as("rs274", &(many + "M30"));
     many.allow_tools(&(600..700).collect::<Vec<_>>());
-    let told: Vec<&str> = many.diagnostics.iter().map(|it| it.message.as_str()).collect();
+    let told: Vec<&str> = many.findings.iter().map(|it| it.message.as_str()).collect();
     assert_eq!(told.len(), 21);
     assert!(told[0].starts_with("T1 is not") && told[0].ends_with("T619 and 80 more"), "{told:?}");
     assert_eq!(told[20], "479 more tools are not expected");
@@ -168,7 +168,7 @@ fn axes_that_nobody_named_are_assumed_when_a_motion_relies_on_them() {
         ("G0 X1 Y1\nG91 G28 Z0", ""),
     ] {
         let loaded = load_as("rs274", text);
-        assert!(loaded.is_accepted(), "{text:?}: {:?}", loaded.diagnostics);
+        assert!(loaded.is_accepted(), "{text:?}: {:?}", loaded.findings);
         assert_eq!(loaded.contour.assumed_axes.letters(), assumed, "{text:?}");
     }
 }
@@ -195,7 +195,7 @@ fn a_change_of_frame_makes_axes_unknown_until_they_are_named() {
 #[test]
 fn the_message_about_an_unknown_axis_names_it_and_the_line_that_lost_it() {
     let loaded = load_as("rs274", "G0 X0 Y0 Z5\nG28 Z0\nG91 G0 Z5");
-    let found = &loaded.diagnostics[0];
+    let found = &loaded.findings[0];
     assert_eq!(
         found.message,
         "this move starts from where Z is, which is not known since G28 in line 2"
@@ -247,8 +247,8 @@ fn s13_s15_approach_words_go_with_the_selection_and_are_not_modal() {
 #[test]
 fn s27_s28_forbidden_words_are_named_with_the_line_that_needs_g40() {
     let loaded = load_as("sinumerik_840c", "F1 D1\nG41 G1 X1 Y1\nG55\nG40 X0\nG55");
-    assert_eq!(loaded.diagnostics.iter().filter(|found| found.is_error()).count(), 1);
-    let found = &loaded.diagnostics[0];
+    assert_eq!(loaded.findings.iter().filter(|found| found.is_error()).count(), 1);
+    let found = &loaded.findings[0];
     assert_eq!((found.source.line, found.other.map(|other| other.line)), (3, Some(2)));
     assert!(found.message.contains("G55") && found.help.contains("G40"), "{found:?}");
 }
@@ -272,7 +272,7 @@ fn a_profile_whose_words_are_no_words_refuses_everything() {
     profile.forbidden_under_compensation.words.push("home".into());
     let loaded = load(b"M2", &profile, &LoadOptions::default());
     assert!(!loaded.is_accepted());
-    assert!(loaded.diagnostics[0].message.contains("`home`"));
+    assert!(loaded.findings[0].message.contains("`home`"));
 }
 
 #[test]
@@ -281,7 +281,7 @@ fn a_single_block_needs_no_end_and_is_exactly_one() {
         LoadOptions { start: [1.0, 2.0, 3.0], is_single_block: true, ..LoadOptions::default() };
     let read = |text: &str| load(text.as_bytes(), &profile("rs274"), &options);
     let loaded = read("G91 G1 X10 F200\r\n");
-    assert!(loaded.diagnostics.is_empty(), "{:?}", loaded.diagnostics);
+    assert!(loaded.findings.is_empty(), "{:?}", loaded.findings);
     let events: Vec<String> = loaded.contour.events.iter().map(canonical::event_text).collect();
     assert_eq!(events.len(), 1);
     assert!(events[0].contains("11"), "{events:?}");
@@ -292,7 +292,7 @@ fn a_single_block_needs_no_end_and_is_exactly_one() {
     ] {
         let loaded = read(text);
         assert!(!loaded.is_accepted(), "{text:?}");
-        assert!(loaded.diagnostics[0].message.contains(part), "{:?}", loaded.diagnostics);
+        assert!(loaded.findings[0].message.contains(part), "{:?}", loaded.findings);
     }
 }
 

@@ -15,7 +15,7 @@ pub enum BagError {
     EmptyDirectory { directory: String },
     #[error("{directory}/metadata.yaml names {file}, which is not there")]
     MissingFile { directory: String, file: String },
-    #[error("{directory}/metadata.yaml cannot be read, and no .mcap file is beside it: {why}")]
+    #[error("{directory}/metadata.yaml cannot be read, and no .mcap file is next to it: {why}")]
     Metadata { directory: String, why: String },
     #[error("{file} is empty (0 bytes); the recorder died before it wrote anything")]
     ZeroLength { file: String },
@@ -34,7 +34,7 @@ pub enum BagError {
 pub enum Problem {
     #[error("there is no metadata.yaml: the recorder did not finish")]
     NoMetadataFile,
-    #[error("{directory}/metadata.yaml cannot be read, so all files beside it are: {why}")]
+    #[error("{directory}/metadata.yaml cannot be read, so all files next to it are: {why}")]
     MetadataFile { directory: String, why: String },
     #[error("{directory}/metadata.yaml names {file}, which is not there")]
     FileMissing { directory: String, file: String },
@@ -51,7 +51,7 @@ pub enum Problem {
     )]
     Truncated { file: String, at: u64, length: u64 },
     #[error(
-        "{file}: the record at byte {at} claims {claimed} bytes, {available} follow; nothing behind it can be read"
+        "{file}: the record at byte {at} claims {claimed} bytes, {available} follow; nothing after it can be read"
     )]
     CutRecord { file: String, at: u64, claimed: u64, available: u64 },
     #[error("{file}: the chunk at byte {at} is damaged: {why}; its messages are left out")]
@@ -68,7 +68,7 @@ pub enum Problem {
         "{file}: a message at byte {at} is of channel {channel}, which is not defined; left out"
     )]
     UnknownChannel { file: String, at: u64, channel: u16 },
-    #[error("{file}: behind the footer at byte {at} there is something else")]
+    #[error("{file}: there is data after the footer at byte {at}")]
     AfterFooter { file: String, at: u64 },
     #[error("the index promises {promised} messages, {found} can be read")]
     MessagesMissing { promised: u64, found: u64 },

@@ -7,7 +7,7 @@
 use crate::schema::{Arity, Field, FieldType, MessageSchema, Primitive};
 use crate::value::{FieldPath, MessageValue, Step, Value};
 
-/// Bytes that may be left behind the last field: padding to a multiple of four.
+/// Bytes that may follow the last field: padding to a multiple of four.
 const PADDING_MAX: usize = 3;
 
 /// Why a message does not fit its definition.
@@ -25,7 +25,7 @@ pub enum DecodeError {
     Bool { path: FieldPath, at: usize, value: u8 },
     #[error("{path}: wide text is not supported, its form differs between vendors")]
     WideString { path: FieldPath },
-    #[error("{count} bytes are left behind the last field: the definition is of another version")]
+    #[error("{count} bytes follow the last field; the message has a different version")]
     LeftOver { count: usize },
 }
 

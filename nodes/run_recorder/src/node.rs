@@ -318,7 +318,7 @@ impl Recorder {
     /// Fills what is missing, closes the bag and says how it went.
     async fn finish(self: &Arc<Self>, mut open: OpenRun) {
         let problem = if open.driver_restarted {
-            // The driver of now has not what the one of then sent.
+            // A restarted driver no longer has the old traffic.
             Some("the driver that sent it is gone".to_owned())
         } else {
             self.fetch_rest(&mut open).await

@@ -265,7 +265,7 @@ impl Check {
 
     fn message_index(&mut self, index: mcap::records::MessageIndex, length: u64) {
         let Some(open) = &mut self.open else {
-            return self.wrong("an index of messages is not behind a chunk".to_owned());
+            return self.wrong("an index of messages does not follow a chunk".to_owned());
         };
         let chunk = open.index.chunk_start_offset;
         open.index.message_index_length += length;

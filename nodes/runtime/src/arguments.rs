@@ -94,7 +94,7 @@ impl Arguments {
             words
                 .next()
                 .map(String::as_str)
-                .ok_or_else(|| refuse(word, &format!("{what} is missing behind it")))
+                .ok_or_else(|| refuse(word, &format!("{what} is missing after it")))
         };
         match word {
             "-r" | "--remap" => self.remaps.push(remap(value("from:=to")?)?),
@@ -143,7 +143,7 @@ fn remap(rule: &str) -> Result<Remap, ArgumentError> {
         other => other,
     };
     if to.is_empty() {
-        return Err(refuse(rule, "there is no name behind :="));
+        return Err(refuse(rule, "there is no name after :="));
     }
     if from == "__node" {
         check_node(to).map_err(|error| refuse(rule, &error.to_string()))?;
@@ -343,18 +343,18 @@ mod tests {
             ("--ros-args --wrong", "unknown between"),
             ("--ros-args part.mpf", "unknown between"),
             ("--ros-args a:=b", "put -r"),
-            ("--ros-args -r", "missing behind"),
+            ("--ros-args -r", "missing after"),
             ("--ros-args -r ab", "from:=to is needed"),
             ("--ros-args -r :=b", "no name before"),
-            ("--ros-args -r a:=", "no name behind"),
+            ("--ros-args -r a:=", "no name after"),
             ("--ros-args -r a/b:c:=d", "slash"),
             ("--ros-args -r __node:=a/b", "slash"),
             ("--ros-args -p a:b:c:=d", "too many colons"),
             ("--ros-args -p :x:=1", "invalid name"),
-            ("--ros-args --params-file", "missing behind"),
+            ("--ros-args --params-file", "missing after"),
             ("--ros-args --log-level loud", "debug, info"),
             ("--ros-args --log-level driver:=", "debug, info"),
-            ("--ros-args --enclave", "missing behind"),
+            ("--ros-args --enclave", "missing after"),
             ("--ros-args --enclave cell", "begins with a slash"),
             ("--ros-args --enclave /cell//mill", "letters"),
             ("--ros-args --enclave /../mill", "letters"),

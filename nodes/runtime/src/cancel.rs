@@ -1,4 +1,4 @@
-//! The word that it is time to stop.
+//! The shutdown signal.
 
 use std::sync::Arc;
 use tokio::sync::watch;

@@ -1,4 +1,4 @@
-//! About whom was complained, so that a storm of bad messages is a line in the log.
+//! Rate-limits warnings per sender, so that a storm of bad messages is one line in the log.
 //!
 //! Pure: knows senders and times. What is wrong with a message, its reader says.
 
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 /// How long a complaint about a sender stands for those that follow.
 const PERIOD: Duration = Duration::from_secs(60);
-/// Senders that are remembered; of more at a time nothing is said.
+/// Senders that are remembered; further senders are not warned about.
 const SENDERS_MAX: usize = 256;
 
 /// The complaints of one reader.

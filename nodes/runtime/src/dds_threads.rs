@@ -3,8 +3,8 @@
 //! RustDDS has two for each participant: one that receives and one that discovers. For each
 //! endpoint of ours the second tells the first of all peers on its topic, through a queue of
 //! 32, with its database locked for reading meanwhile. When the queue is full, and the first
-//! is to read the database too, it can, unless somebody waits to write: then he who waits
-//! goes first, and all three wait for each other for ever. Only who makes an endpoint writes
+//! is to read the database too, it can, unless somebody waits to write: then the waiting
+//! writer gets priority and the three threads deadlock. Only the maker of an endpoint writes
 //! while the database is locked in this way. So an endpoint is made when both threads have
 //! come to rest, which is when nothing is left to do for the one before.
 //! The report: docs/upstream/rustdds-endpoint-deadlock.md.
@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// What the names of these threads begin with, and how long they may be busy without a break.
-/// The receiving one comes first: it hands on to the other what there is to do. Where it is
-/// never at rest, so busy is the computer, it has most probably done so.
+/// The receiving one comes first: it hands on to the other what there is to do. On a busy
+/// computer it may never be idle; after the timeout we assume that it has finished.
 const THREADS: [(&str, Duration); 2] =
     [("RustDDS Partici", Duration::from_millis(20)), ("RustDDS discove", Duration::from_secs(2))];
 /// How often they are looked at: soon, then less and less often.

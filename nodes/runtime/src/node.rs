@@ -30,7 +30,7 @@ use serde::de::DeserializeOwned;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use tokio::task::JoinSet;
 
-/// Why a node or an endpoint cannot be had.
+/// Why a node or an endpoint cannot be created.
 #[derive(Debug, thiserror::Error)]
 pub enum NodeError {
     #[error(transparent)]
@@ -98,7 +98,7 @@ impl Handle {
         self.inner.clock.now()
     }
 
-    /// The word that it is time to stop.
+    /// The shutdown signal.
     pub fn shutdown(&self) -> &Shutdown {
         &self.inner.shutdown
     }

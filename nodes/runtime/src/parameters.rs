@@ -11,7 +11,7 @@ use std::fmt;
 /// Declared by every node: whether time comes from `/clock`.
 pub const USE_SIM_TIME: &str = "use_sim_time";
 
-/// Why a parameter cannot be had or set.
+/// Why a parameter cannot be read or set.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ParameterError {
     #[error("{origin}parameter \"{name}\": {reason}")]

@@ -205,7 +205,7 @@ async fn a_node_tells_its_health_on_the_absolute_topic() {
             values: vec![("dropped".into(), "3".into())],
         }]
     };
-    node.handle().diagnostics(look).expect("diagnostics");
+    node.handle().diagnostics(look).expect("findings");
     let mut health =
         monitor.handle().subscription::<DiagnosticArray>("/diagnostics", Qos::DEFAULT).expect("s");
     let name = format!("{}/node: serial link", &common::namespace()[1..]);

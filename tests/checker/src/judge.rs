@@ -6,7 +6,7 @@
 use crate::fit::{self, Fit};
 use crate::piece::{Piece, Point, point};
 use crate::program::{Element, End, Program, Role, Span};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role as PathRole};
 use std::f64::consts::TAU;
@@ -31,7 +31,7 @@ const CONTACT_MM: f64 = 0.05;
 pub struct Verdict {
     /// Empty when the program is refused.
     pub path: CompensatedPath,
-    pub findings: Vec<Diagnostic>,
+    pub findings: Vec<Finding>,
     /// The way that was refused.
     pub refused: Vec<PathElement>,
     /// Whether the loader refused the program.
@@ -40,7 +40,7 @@ pub struct Verdict {
 
 impl Verdict {
     pub fn is_accepted(&self) -> bool {
-        !self.findings.iter().any(Diagnostic::is_error)
+        !self.findings.iter().any(Finding::is_error)
     }
 }
 
@@ -246,7 +246,7 @@ const fn is_about_fitting(code: Code) -> bool {
 }
 
 /// Whether a finding says it, and as deep.
-fn is_told(span: &Span, way: &Way, depth_mm: f64, findings: &[Diagnostic]) -> bool {
+fn is_told(span: &Span, way: &Way, depth_mm: f64, findings: &[Finding]) -> bool {
     findings.iter().any(|finding| {
         let lines = [Some(finding.source.line), finding.other.map(|other| other.line)];
         // At a change of side both contours share a place, and either may be named.
@@ -350,7 +350,7 @@ fn refused(program: &Program, verdict: &Verdict, wrong: &mut Vec<Wrong>) -> Outc
                 continue;
             }
             (Some(span), Code::LeadGouge | Code::LeadNick | Code::LinkGouge) => {
-                let is_here = |other: &&Diagnostic| span.contains(other.source.line);
+                let is_here = |other: &&Finding| span.contains(other.source.line);
                 // Where the contour is not followed to its end a lead begins anywhere.
                 let mut others = verdict.findings.iter().filter(is_here);
                 match others.any(|other| matches!(other.code, Code::Unreachable | Code::Gouge)) {
@@ -370,7 +370,7 @@ fn refused(program: &Program, verdict: &Verdict, wrong: &mut Vec<Wrong>) -> Outc
 }
 
 /// Whether a tool that is said not to fit does not.
-fn span_refused(span: &Span, finding: &Diagnostic, wrong: &mut Vec<Wrong>) -> Outcome {
+fn span_refused(span: &Span, finding: &Finding, wrong: &mut Vec<Wrong>) -> Outcome {
     if !is_plain(span) {
         return Outcome::NotJudged(NotJudged::Change);
     }
@@ -398,7 +398,7 @@ fn span_refused(span: &Span, finding: &Diagnostic, wrong: &mut Vec<Wrong>) -> Ou
 }
 
 /// Whether it is the direction of a lead that the tool does not fit.
-fn is_by_lead(span: &Span, finding: &Diagnostic) -> bool {
+fn is_by_lead(span: &Span, finding: &Finding) -> bool {
     finding.code == Code::Unreachable
         && span.contains(finding.source.line)
         && finding.message.contains("the lead meets the contour")
@@ -419,7 +419,7 @@ fn not_fitting(span: &Span) -> Option<Outcome> {
 /// Whether a lead that is said to cut does, and more than it may.
 fn lead_refused(
     span: &Span,
-    finding: &Diagnostic,
+    finding: &Finding,
     refused: &[Way],
     wrong: &mut Vec<Wrong>,
 ) -> Outcome {

@@ -43,10 +43,10 @@ pub fn product(program: &Program, profiles: &[Profile]) -> Verdict {
     let profile = profile.expect("a profile for each control");
     let loaded = load(program.text.as_bytes(), profile, &LoadOptions::default());
     if !loaded.is_accepted() {
-        return Verdict { findings: loaded.diagnostics, is_unread: true, ..Verdict::default() };
+        return Verdict { findings: loaded.findings, is_unread: true, ..Verdict::default() };
     }
     let judged =
         compensation_planner::judge(&loaded.contour, profile, &program.tools, Planning::default());
     let plan = judged.plan;
-    Verdict { path: plan.path, findings: plan.diagnostics, refused: plan.refused, is_unread: false }
+    Verdict { path: plan.path, findings: plan.findings, refused: plan.refused, is_unread: false }
 }

@@ -1,6 +1,6 @@
 //! The checker can fail: verdicts that were right are made wrong, and it must say so.
 
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::path::Role as PathRole;
 use cnc_msgs::profile::Profile;
 use kerf_checker::fit::{Fit, fits};
@@ -127,7 +127,7 @@ fn a_finding_that_is_not_told_is_found() {
     let profiles = profiles();
     let mut found = Found::default();
     for (program, mut verdict) in accepted(&profiles) {
-        let tells = |it: &Diagnostic| {
+        let tells = |it: &Finding| {
             matches!(it.code, Code::Gouge | Code::LeadGouge | Code::LeadNick)
                 && it.depth_mm.is_some_and(|depth_mm| depth_mm > 0.01)
         };
@@ -173,7 +173,7 @@ fn a_refusal_of_what_fits_is_a_false_alarm() {
         let line = span.elements[0].line;
         let finding = verdict.findings.first().map_or_else(Default::default, |it| it.source);
         let source = cnc_msgs::contour::Source { line, ..finding };
-        verdict.findings = vec![Diagnostic::error(Code::Gouge, source, "a false alarm")];
+        verdict.findings = vec![Finding::error(Code::Gouge, source, "a false alarm")];
         found.count(kinds(&program, &verdict) == [Kind::FalseGouge]);
     }
     found.check(200, 100);

@@ -1,6 +1,6 @@
 //! A ring that was left out of the path without a finding; the drawn programs found it.
 
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::tool_table::{Offset, ToolTable};
 use kerf_checker::program::Program;
 use kerf_checker::{product, profiles};
@@ -23,12 +23,7 @@ M30
 ";
 
 /// What loader and planner say of a program with one offset.
-fn findings(
-    control: &'static str,
-    axes: [usize; 3],
-    radius_mm: f64,
-    text: &str,
-) -> Vec<Diagnostic> {
+fn findings(control: &'static str, axes: [usize; 3], radius_mm: f64, text: &str) -> Vec<Finding> {
     let mut tools = ToolTable::default();
     tools.offsets.insert(1, Offset { radius_mm, ..Offset::default() });
     let text = text.into();
@@ -64,5 +59,5 @@ M2
 #[test]
 fn half_a_ring_is_not_taken_for_the_way_back_along_the_other_half() {
     let findings = findings("nct", [0, 1, 2], 3.0, ROUNDED);
-    assert!(findings.iter().any(Diagnostic::is_error), "{findings:?}");
+    assert!(findings.iter().any(Finding::is_error), "{findings:?}");
 }

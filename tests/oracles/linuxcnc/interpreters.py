@@ -84,7 +84,7 @@ class Kerf:
         assert ran.returncode in (0, 1), (program.name, ran)
         said = json.loads(ran.stdout)
         assert said["accepted"] == (ran.returncode == 0), program.name
-        found = said["diagnostics"]
+        found = said["findings"]
         errors = [it for it in found if it["severity"] == "error"]
         words = "; ".join(f"{it['code']} in line {it['line']}: {it['message']}" for it in errors)
         path = [self.piece(program, it) for it in said["elements"] or said["refused_elements"]]

@@ -21,7 +21,7 @@ use super::{Case, Other, start};
 use crate::root;
 use cnc_msgs::contour::Action;
 use cnc_msgs::contour::{ContourEvent, ContourEventKind, CutterSide, ProgrammedContour, Source};
-use cnc_msgs::diagnostic::{Diagnostic, Severity};
+use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use cnc_msgs::profile::Profile;
@@ -91,7 +91,7 @@ fn other_run(case: &Case, other: &Other, control: &str) -> Run {
 
 struct Run {
     contour: ProgrammedContour,
-    diagnostics: Vec<Diagnostic>,
+    findings: Vec<Finding>,
     plan: Plan,
     path: CompensatedPath,
 }
@@ -110,28 +110,28 @@ impl Run {
                 ContourEvent { source, kind: ContourEventKind::RadiusValue { radius_mm } },
             );
         }
-        let mut diagnostics = loaded.diagnostics;
+        let mut findings = loaded.findings;
         let mut plan = Plan::default();
-        if !diagnostics.iter().any(Diagnostic::is_error) {
+        if !findings.iter().any(Finding::is_error) {
             let planning = Planning { certifies: true, ..Planning::default() };
             let verdict = judge(&loaded.contour, &profile, table, planning);
             let (program, found) = (&case.program, &verdict.audit);
             assert_eq!(verdict.disagreement, None, "of the path of\n{program}\n{found:#?}");
             plan = verdict.plan;
-            diagnostics.extend(plan.diagnostics.iter().cloned());
+            findings.extend(plan.findings.iter().cloned());
         }
         let mut path = plan.path.clone();
         if !plan.accepted() {
             path.start = loaded.contour.start;
             path.elements.clone_from(&plan.refused);
         }
-        Self { contour: loaded.contour, diagnostics, plan, path }
+        Self { contour: loaded.contour, findings, plan, path }
     }
 
     fn observed(&self) -> Map<String, Value> {
         let path = &self.path;
         let mut observed = Map::new();
-        let accepted = !self.diagnostics.iter().any(Diagnostic::is_error);
+        let accepted = !self.findings.iter().any(Finding::is_error);
         observed.insert("accepted".into(), json!(accepted));
         let elements = |keep: &dyn Fn(&PathElement) -> bool| -> Value {
             (path.elements.iter().enumerate())
@@ -154,7 +154,7 @@ impl Run {
             observed
         };
         observed.insert("events".into(), path.events.iter().map(event).collect());
-        let findings = self.diagnostics.iter().map(finding).collect();
+        let findings = self.findings.iter().map(finding).collect();
         observed.insert("findings".into(), findings);
         let spans = self.plan.spans.iter().map(|span| {
             json!({
@@ -262,7 +262,7 @@ pub(super) fn element(start: Position, element: &PathElement) -> Value {
     object
 }
 
-pub(super) fn finding(finding: &Diagnostic) -> Value {
+pub(super) fn finding(finding: &Finding) -> Value {
     let [x, y, z] = finding.position.map_or([None; 3], |position| position.map(Some));
     json!({
         "severity": if finding.severity == Severity::Error { "error" } else { "warning" },

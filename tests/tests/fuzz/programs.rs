@@ -5,7 +5,7 @@
 
 use crate::mutate::{Random, mutate};
 use cnc_msgs::contour::ProgrammedContour;
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{CompensatedPath, PathElement};
 use cnc_msgs::profile::Profile;
@@ -87,7 +87,7 @@ fn loaded_and_planned(text: &[u8], profile: &Profile, random: &mut Random) -> bo
         is_single_block: random.once_in(10),
     };
     let loaded = load(text, profile, &options);
-    check_places(&loaded.diagnostics, loaded.line_count, &shown());
+    check_places(&loaded.findings, loaded.line_count, &shown());
     for event in &loaded.contour.events {
         assert!(event.source.line <= loaded.line_count, "{event:?}\n{}", shown());
     }
@@ -111,12 +111,12 @@ pub(crate) fn planned(
     let plan = plan(contour, profile, tools);
     let certified = plan_certified(contour, profile, tools);
     assert_eq!(plan.path, certified.path, "a certificate changes the path\n{}", shown());
-    assert_eq!(plan.diagnostics, certified.diagnostics, "{}", shown());
+    assert_eq!(plan.findings, certified.findings, "{}", shown());
     for certificate in &certified.certificates {
         let radii = [certificate.radius_mm, certificate.valid_to_mm, certificate.leads_valid_to_mm];
         assert!(radii.iter().all(|radius| *radius >= 0.0), "{certificate:?}\n{}", shown());
     }
-    check_places(&plan.diagnostics, line_count, &shown());
+    check_places(&plan.findings, line_count, &shown());
     if plan.accepted() {
         check_path(&plan.path, line_count, are_arcs, &shown);
     } else {
@@ -126,8 +126,8 @@ pub(crate) fn planned(
     plan
 }
 
-fn check_places(diagnostics: &[Diagnostic], line_count: u32, shown: &str) {
-    for finding in diagnostics {
+fn check_places(findings: &[Finding], line_count: u32, shown: &str) {
+    for finding in findings {
         assert!(finding.source.line <= line_count.max(1), "{finding:?}\n{shown}");
         assert!(!finding.message.is_empty(), "{finding:?}");
         let numbers = [finding.depth_mm, finding.needed_mm, finding.available_mm];

@@ -199,7 +199,7 @@ pub(crate) fn verdict(program: &Program) -> Outcome {
     let mut shown =
         format!("{}, {react:?}, T1 R {radius:?}, D1 {offset:?}, {start:?}\n", profile.name);
     for (place, plan) in [("here", &here.plan), ("node", &node.plan)] {
-        for finding in &plan.diagnostics {
+        for finding in &plan.findings {
             let (severity, line) = (finding.severity, finding.source.line);
             let (code, message) = (finding.code.name(), &finding.message);
             shown += &format!("{place}: {severity:?} {code} line {line}: {message}\n");

@@ -34,7 +34,7 @@ pub(super) const TEXTS: Texts = Texts {
         (22, "more was sent than the controller could take"),
     ],
     fluid_nc: &[
-        (10, "the spindle did not do as it was told: check its drive and cable"),
+        (10, "the spindle did not follow its command: check its drive and cable"),
         (11, "an input is active that must not be at the start: check its pin and polarity"),
         (12, "two limit switches report at once and it is not clear which: clear both"),
         (13, "a stop that acts at once was asked for; the position is probably lost: reset, then home"),

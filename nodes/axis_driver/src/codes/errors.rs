@@ -56,7 +56,7 @@ pub(super) const TEXTS: Texts = Texts {
         (44, "the spindle speed is out of range"),
         (45, "a limit switch is engaged: only homing is allowed"),
         (46, "the machine must be homed first"),
-        (47, "the tool changer does not know which tool is in the spindle: tell it with M61"),
+        (47, "the tool changer does not know which tool is in the spindle: set it with M61"),
         (48, "two words contradict each other"),
         (49, "the controller failed its own test at power-up: switch it off and on"),
         (50, "the machine's emergency stop is active: release it, then reset"),

@@ -19,7 +19,7 @@ const QUERIES: [&str; 4] = ["$I", "$$", "$G", "$#"];
 pub(super) const QUERIES_DONE: usize = QUERIES.len();
 const BUILD_QUERY: usize = 0;
 const SETTINGS_QUERY: usize = 1;
-/// Restarts while connecting that are put up with.
+/// Restarts tolerated while connecting.
 const RESTARTS_MAX: u32 = 3;
 /// What is kept of garbage to show it, characters.
 const SAMPLE_CHARS: usize = 40;

@@ -1,4 +1,4 @@
-//! What the link reports, dealt out by what the driver is about.
+//! Routes link events to the current phase.
 
 use super::errand::Task;
 use super::stop::HoldWatch;

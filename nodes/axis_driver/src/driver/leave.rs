@@ -1,4 +1,4 @@
-//! Taking up nothing more: the driver is deactivated, or shuts down.
+//! Stops accepting commands: deactivate and shutdown.
 //!
 //! Both bring whatever is under way to a stop as a cancel does. Where the machine does
 //! not come to a standstill the driver stays active, so that nobody takes it for done.

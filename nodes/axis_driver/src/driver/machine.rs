@@ -69,7 +69,7 @@ pub(super) struct Machine {
     pub(super) work_system: Option<u8>,
     pub(super) has_tool_length: Option<bool>,
     pub(super) is_silent: bool,
-    /// The port went while the machine moved, and has told nothing since.
+    /// The port was lost while the machine moved, and no report has been received since.
     pub(super) is_lost: bool,
     /// Nothing runs before the operator has seen to it.
     pub(super) needs_acknowledgement: bool,

@@ -39,7 +39,7 @@ pub enum StartProblem {
         after: Option<u32>,
     },
     #[error(
-        "line {line} begins where {axes} {} not been given since {since}: begin at a line behind one that gives {axes}",
+        "line {line} begins where {axes} {} not been given since {since}: begin after a line that gives {axes}",
         if axes.len() == 1 { "has" } else { "have" }
     )]
     UnknownPlace { line: u32, axes: String, since: String },

@@ -30,7 +30,7 @@ const DISAGREEING_REPORTS: u32 = 3;
 const UNASKED_REPORTS: u32 = 10;
 /// Requests without a report that are remembered.
 const REQUESTS_MAX: usize = 4;
-/// Requests in a row with nothing under way, behind which there is no older one.
+/// Consecutive idle status requests after which no older one can be outstanding.
 const QUIET_REQUESTS: u32 = 3;
 
 /// What is unanswered.

@@ -41,7 +41,7 @@ impl Managed for Shell {
         self.driver.motion.open();
         let is_told = |state: &MachineState| state.mode != Mode::Unknown;
         if !changes_to(states, HEARD_WITHIN, is_told).await {
-            tracing::warn!("the controller has not told what it is; machine_state says more");
+            tracing::warn!("the controller has not been identified; see machine_state");
         }
         Ok(())
     }
@@ -72,7 +72,7 @@ impl Managed for Shell {
         let is_closed = |state: &MachineState| matches!(state.mode, Mode::Disconnected);
         let was_closed = is_closed(&states.borrow());
         if self.has_port && !was_closed && !changes_to(states, CLOSE_WITHIN, is_closed).await {
-            tracing::warn!("the port was told to close; machine_state says more");
+            tracing::warn!("the port is closing; see machine_state");
         }
         Ok(())
     }

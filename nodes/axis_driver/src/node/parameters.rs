@@ -31,13 +31,13 @@ pub(crate) fn declared() -> Vec<Declared> {
         Declared::new(
             "hold_latency_ms_max",
             integer(config.hold_latency_ms_max),
-            "the longest that a feed hold waits behind what is already on the wire, ms",
+            "the longest that a feed hold waits for bytes that are already on the wire, ms",
         )
         .integer_within(5, 1_000),
         Declared::new(
             "receive_buffer_bytes",
             0_i64,
-            "size of the controller's receive buffer, where it tells none or too much; 0: what it tells, else 128",
+            "override for controllers that report no receive buffer size or too large a one; 0: use the reported size, or 128",
         )
         .integer_within(0, 65_535),
         Declared::new(

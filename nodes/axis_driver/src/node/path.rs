@@ -155,8 +155,7 @@ impl Paths {
                         Ok(planned) => shared.take(planned),
                         Err(error) if complaints.are_due(info.publisher, Instant::now()) => {
                             tracing::error!(
-                                "revision {} of the compensated path, of {}, cannot be had: \
-                                 {error}",
+                                "cannot fetch revision {} of the compensated path from {}: {error}",
                                 manifest.revision,
                                 info.publisher
                             );
@@ -194,7 +193,7 @@ impl Paths {
                 match ToolTable::try_from(&table) {
                     Ok(tools) => shared.newest().hear_table(table.revision, tools),
                     Err(error) if complaints.are_due(info.publisher, Instant::now()) => {
-                        tracing::error!("the tool table of {} is no use: {error}", info.publisher);
+                        tracing::error!("invalid tool table from {}: {error}", info.publisher);
                     }
                     Err(_) => {}
                 }

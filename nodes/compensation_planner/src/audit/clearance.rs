@@ -10,7 +10,7 @@ use super::report::{self, Cut, Report};
 use super::spans::Span;
 use super::strip::{self, StripTree};
 use super::way::Way;
-use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::Profile;

@@ -9,7 +9,7 @@ use cnc_msgs::contour::{
     Action, ContourEventKind, CutterSide, Motion, MotionClass, ProgrammedContour, RadiusSource,
     Source,
 };
-use cnc_msgs::diagnostic::Severity;
+use cnc_msgs::finding::Severity;
 use cnc_msgs::geometry::{Plane, Position, Shape};
 use cnc_msgs::profile::{
     ChangeAt, LeadMove, LengthOfD, Profile, RapidMode, Reselect, SelectTarget, SideChange,

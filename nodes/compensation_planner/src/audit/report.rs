@@ -1,7 +1,7 @@
 //! What the audit says, in words and numbers, and how strictly the profile takes it.
 
 use cnc_msgs::contour::{Action, Motion, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::finding::{Code, Finding, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
 use cnc_msgs::path::{PathElement, PathEvent};
 use cnc_msgs::profile::{Profile, Reaction};
@@ -14,23 +14,23 @@ const FINDINGS_MAX: usize = 100;
 pub(super) struct Report<'a> {
     pub profile: &'a Profile,
     /// What the planner has said already.
-    said: &'a [Diagnostic],
+    said: &'a [Finding],
     /// Lines of contours that the tool does not fit, and that the control runs.
     pub misfits: Vec<RangeInclusive<u32>>,
-    pub findings: Vec<Diagnostic>,
+    pub findings: Vec<Finding>,
     errors: usize,
     /// Whether errors were left out.
     is_cut_off: bool,
 }
 
 impl<'a> Report<'a> {
-    pub(super) fn new(profile: &'a Profile, said: &'a [Diagnostic]) -> Self {
+    pub(super) fn new(profile: &'a Profile, said: &'a [Finding]) -> Self {
         let (misfits, findings) = (Vec::new(), Vec::new());
         Self { profile, said, misfits, findings, errors: 0, is_cut_off: false }
     }
 
     /// Errors and warnings are counted apart, so that no number of warnings hides an error.
-    pub(super) fn push(&mut self, finding: Diagnostic) {
+    pub(super) fn push(&mut self, finding: Finding) {
         let (is_error, warnings) = (finding.is_error(), self.findings.len() - self.errors);
         let is_full = if is_error { self.is_cut_off } else { warnings >= FINDINGS_MAX };
         if is_full || self.said.iter().any(|said| is_same(said, &finding)) {
@@ -42,14 +42,14 @@ impl<'a> Report<'a> {
             let message = format!(
                 "from here on there is more wrong with the path; {FINDINGS_MAX} places are listed"
             );
-            self.findings.push(Diagnostic::error(Code::Limit, finding.source, message));
+            self.findings.push(Finding::error(Code::Limit, finding.source, message));
         } else {
             self.findings.push(finding);
         }
     }
 
     /// A finding about where the path is beside its contour, and about nothing else.
-    pub(super) fn push_shape(&mut self, mut finding: Diagnostic) {
+    pub(super) fn push_shape(&mut self, mut finding: Finding) {
         if self.misfits.iter().any(|lines| lines.contains(&finding.source.line)) {
             finding.severity = Severity::Warning;
             finding.help = HELP_OF_MISFIT.into();
@@ -61,8 +61,8 @@ impl<'a> Report<'a> {
     /// the profile takes that: what is not followed is not cut into either.
     pub(super) fn push_cut(&mut self, cut: &Cut) {
         let mut finding = self::cut(cut, self.profile);
-        let is_of = |said: &&Diagnostic| said.code == Code::Unreachable && !said.is_error();
-        let lines = |said: &Diagnostic| {
+        let is_of = |said: &&Finding| said.code == Code::Unreachable && !said.is_error();
+        let lines = |said: &Finding| {
             let (line, other) = (said.source.line, said.other.map(|other| other.line));
             line.min(other.unwrap_or(line))..=line.max(other.unwrap_or(line))
         };
@@ -81,8 +81,8 @@ impl<'a> Report<'a> {
 
 /// Whether a finding has been said already. A path may be wrong in more than what it was
 /// warned of.
-fn is_same(said: &Diagnostic, finding: &Diagnostic) -> bool {
-    let lines = |of: &Diagnostic| [Some(of.source.line), of.other.map(|other| other.line)];
+fn is_same(said: &Finding, finding: &Finding) -> bool {
+    let lines = |of: &Finding| [Some(of.source.line), of.other.map(|other| other.line)];
     let (known, found) = (lines(said), lines(finding));
     let mut found = found.iter().flatten();
     let is_known = |line: &u32| known.contains(&Some(*line));
@@ -99,7 +99,7 @@ fn is_same(said: &Diagnostic, finding: &Diagnostic) -> bool {
 }
 
 /// Whether the tool touches the places of two cuts at the same time.
-fn is_one_place(a: &Diagnostic, b: &Diagnostic) -> bool {
+fn is_one_place(a: &Finding, b: &Finding) -> bool {
     let (Some(at), Some(other), Some(radius_mm)) = (a.position, b.position, b.needed_mm) else {
         return false;
     };
@@ -123,11 +123,11 @@ pub(super) fn block_name(source: Source) -> String {
     }
 }
 
-fn mismatch(source: Source, message: String) -> Diagnostic {
-    Diagnostic::error(Code::PathMismatch, source, message).help(HELP)
+fn mismatch(source: Source, message: String) -> Finding {
+    Finding::error(Code::PathMismatch, source, message).help(HELP)
 }
 
-pub(super) fn stray(element: &PathElement, index: usize) -> Diagnostic {
+pub(super) fn stray(element: &PathElement, index: usize) -> Finding {
     let message = format!(
         "element {index} of the path is a {} of {}, and the program has none here",
         element.role.name(),
@@ -136,7 +136,7 @@ pub(super) fn stray(element: &PathElement, index: usize) -> Diagnostic {
     mismatch(element.source, message)
 }
 
-pub(super) fn not_as_programmed(element: &PathElement, motion: &Motion) -> Diagnostic {
+pub(super) fn not_as_programmed(element: &PathElement, motion: &Motion) -> Finding {
     let message = format!(
         "the path goes to {} in {}, which is programmed to {}",
         all_axes(element.end),
@@ -148,7 +148,7 @@ pub(super) fn not_as_programmed(element: &PathElement, motion: &Motion) -> Diagn
     finding
 }
 
-pub(super) fn dropped(source: Source, motion: &Motion) -> Diagnostic {
+pub(super) fn dropped(source: Source, motion: &Motion) -> Finding {
     let message = format!(
         "the path leaves out {}, which goes to {}",
         block_name(source),
@@ -159,11 +159,11 @@ pub(super) fn dropped(source: Source, motion: &Motion) -> Diagnostic {
     finding
 }
 
-pub(super) fn lost(source: Source, action: &Action) -> Diagnostic {
+pub(super) fn lost(source: Source, action: &Action) -> Finding {
     mismatch(source, format!("{} of {} is not in the path", action.text(), block_name(source)))
 }
 
-pub(super) fn extra(event: &PathEvent) -> Diagnostic {
+pub(super) fn extra(event: &PathEvent) -> Finding {
     let (text, name) = (event.action.text(), block_name(event.source));
     mismatch(
         event.source,
@@ -171,7 +171,7 @@ pub(super) fn extra(event: &PathEvent) -> Diagnostic {
     )
 }
 
-pub(super) fn other_event(source: Source, action: &Action, found: &PathEvent) -> Diagnostic {
+pub(super) fn other_event(source: Source, action: &Action, found: &PathEvent) -> Finding {
     let message = format!(
         "where {} of {} is due, the path has {} of {}",
         action.text(),
@@ -184,7 +184,7 @@ pub(super) fn other_event(source: Source, action: &Action, found: &PathEvent) ->
     finding
 }
 
-pub(super) fn misplaced(event: &PathEvent, due: usize) -> Diagnostic {
+pub(super) fn misplaced(event: &PathEvent, due: usize) -> Finding {
     let message = format!(
         "{} of {} happens before element {} of the path, and is due before element {due}",
         event.action.text(),
@@ -194,34 +194,34 @@ pub(super) fn misplaced(event: &PathEvent, due: usize) -> Diagnostic {
     mismatch(event.source, message)
 }
 
-pub(super) fn not_finite(element: &PathElement, index: usize) -> Diagnostic {
+pub(super) fn not_finite(element: &PathElement, index: usize) -> Finding {
     let message = format!(
         "element {index} of the path, of {}, has a coordinate or feed that is not a finite number",
         block_name(element.source)
     );
-    Diagnostic::error(Code::BadNumber, element.source, message).help(HELP)
+    Finding::error(Code::BadNumber, element.source, message).help(HELP)
 }
 
-pub(super) fn no_length(element: &PathElement, index: usize) -> Diagnostic {
+pub(super) fn no_length(element: &PathElement, index: usize) -> Finding {
     let name = block_name(element.source);
     mismatch(element.source, format!("element {index} of the path, of {name}, goes nowhere"))
 }
 
-pub(super) fn uneven(element: &PathElement, radii: (f64, f64)) -> Diagnostic {
+pub(super) fn uneven(element: &PathElement, radii: (f64, f64)) -> Finding {
     let message = format!(
         "the arc of the path in {} begins {:.6} mm and ends {:.6} mm from its centre",
         block_name(element.source),
         radii.0,
         radii.1
     );
-    let mut finding = Diagnostic::error(Code::ArcRadius, element.source, message).help(HELP);
+    let mut finding = Finding::error(Code::ArcRadius, element.source, message).help(HELP);
     (finding.needed_mm, finding.available_mm) = (Some(radii.0), Some(radii.1));
     finding.position = Some(element.end);
     finding
 }
 
 /// The tool does not run at its radius beside its own block.
-pub(super) fn beside(element: &PathElement, needed_mm: f64, found_mm: f64) -> Diagnostic {
+pub(super) fn beside(element: &PathElement, needed_mm: f64, found_mm: f64) -> Finding {
     let is_near = found_mm < needed_mm;
     let (code, word) =
         if is_near { (Code::Gouge, "near to") } else { (Code::Unreachable, "far from") };
@@ -229,7 +229,7 @@ pub(super) fn beside(element: &PathElement, needed_mm: f64, found_mm: f64) -> Di
         "the tool runs too {word} {}: its centre is {found_mm:.6} mm away, {needed_mm:.6} mm are due",
         block_name(element.source)
     );
-    let mut finding = Diagnostic::error(code, element.source, message).help(HELP);
+    let mut finding = Finding::error(code, element.source, message).help(HELP);
     (finding.needed_mm, finding.available_mm) = (Some(needed_mm), Some(found_mm));
     finding.depth_mm = is_near.then_some(needed_mm - found_mm);
     finding.position = Some(element.end);
@@ -237,7 +237,7 @@ pub(super) fn beside(element: &PathElement, needed_mm: f64, found_mm: f64) -> Di
 }
 
 /// An element that does not follow its block.
-pub(super) fn astray(element: &PathElement, what: &str) -> Diagnostic {
+pub(super) fn astray(element: &PathElement, what: &str) -> Finding {
     let message = format!("the path does not follow {}: it {what}", block_name(element.source));
     let mut finding = mismatch(element.source, message);
     finding.position = Some(element.end);
@@ -260,7 +260,7 @@ pub(super) struct Cut {
     pub is_forgiven: bool,
 }
 
-pub(super) fn cut(cut: &Cut, profile: &Profile) -> Diagnostic {
+pub(super) fn cut(cut: &Cut, profile: &Profile) -> Finding {
     let depth_mm = cut.radius_mm - cut.distance_mm;
     let later = if cut.into.line > cut.on.line { cut.into } else { cut.on };
     let source = if is_lead(cut.code) { cut.on } else { later };
@@ -271,7 +271,7 @@ pub(super) fn cut(cut: &Cut, profile: &Profile) -> Diagnostic {
         place(cut.plane, cut.at),
         block_name(cut.on)
     );
-    let mut finding = Diagnostic::error(cut.code, source, message)
+    let mut finding = Finding::error(cut.code, source, message)
         .help("use a smaller tool, or change the contour or its lead there");
     finding.alarm.clone_from(&profile.interference.alarm);
     finding.other = [cut.into, cut.on].into_iter().find(|other| other.line != source.line);
@@ -315,7 +315,7 @@ pub(super) fn left_out(
     (off_mm, legs): (f64, usize),
     at: Position,
     profile: &Profile,
-) -> Diagnostic {
+) -> Finding {
     let blocks = match legs {
         1 => block_name(source),
         _ => format!("{legs} blocks about {}", block_name(source)),
@@ -328,7 +328,7 @@ pub(super) fn left_out(
             profile.accept_tolerance_mm
         ),
     };
-    let mut finding = Diagnostic::error(Code::Unreachable, source, message)
+    let mut finding = Finding::error(Code::Unreachable, source, message)
         .help("use a smaller tool, or take the blocks out of the program");
     finding.severity = match profile.interference.react {
         Reaction::Trim => Severity::Warning,
@@ -342,10 +342,10 @@ pub(super) fn left_out(
     finding
 }
 
-pub(super) fn too_entangled(source: Source) -> Diagnostic {
+pub(super) fn too_entangled(source: Source) -> Finding {
     let message = "the contour after this block comes near to itself in so many places that the \
                    audit cannot look at them all";
-    Diagnostic::error(Code::Limit, source, message)
+    Finding::error(Code::Limit, source, message)
         .help("split the contour into several, each with its own selection and cancel")
 }
 

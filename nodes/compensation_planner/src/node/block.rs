@@ -43,14 +43,14 @@ pub(super) fn plan(
     let Verdict { plan: planned, disagreement, .. } = plan_block(&contour, &profile, tools);
     let accepted = planned.accepted();
     let said: Vec<&str> = planned
-        .diagnostics
+        .findings
         .iter()
         .filter(|finding| accepted || finding.is_error())
         .map(|finding| finding.message.as_str())
         .collect();
     let response = W {
         message: said.join("; "),
-        diagnostics: fitting(planned.diagnostics.iter().map(Into::into)),
+        findings: fitting(planned.findings.iter().map(Into::into)),
         ..W::default()
     };
     if !accepted {

@@ -2,7 +2,7 @@
 
 use cnc_msgs::chunk::Collector;
 use cnc_msgs::contour::{ProgrammedContour, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{GetContourChunks, GetContourChunksRequest};
@@ -25,7 +25,7 @@ pub(super) struct Input {
     pub(super) contour: Arc<ProgrammedContour>,
     pub(super) profile: Arc<Profile>,
     /// Why it is not planned.
-    pub(super) too_long: Option<Diagnostic>,
+    pub(super) too_long: Option<Finding>,
 }
 
 /// Fetches a contour; one that would take more memory than this process may is left where it is.
@@ -55,7 +55,7 @@ pub(super) async fn fetch(
 }
 
 /// Why a contour of so many events cannot be planned within so much memory.
-fn too_long(event_count: u64, memory_bytes_max: u64) -> Option<Diagnostic> {
+fn too_long(event_count: u64, memory_bytes_max: u64) -> Option<Finding> {
     let needed = event_count.saturating_mul(EVENT_BYTES).saturating_add(BESIDES_BYTES);
     if needed <= memory_bytes_max {
         return None;
@@ -66,7 +66,7 @@ fn too_long(event_count: u64, memory_bytes_max: u64) -> Option<Diagnostic> {
         memory_bytes_max / MB
     );
     let help = "split the program into several, or start the planner with a larger memory_mb_max";
-    Some(Diagnostic::error(Code::Limit, Source::default(), message).help(help))
+    Some(Finding::error(Code::Limit, Source::default(), message).help(help))
 }
 
 #[cfg(test)]

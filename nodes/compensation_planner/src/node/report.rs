@@ -23,14 +23,14 @@ const OUTLINE_POINTS_MAX: usize = 1000;
 /// `chord_error_mm` is how closely outlines follow arcs, the parameter
 /// `preview_chord_error_mm`. Certificates come later: [`certify`].
 pub fn report_of(planned: &Plan, chord_error_mm: f64) -> wire::CompensationReport {
-    let errors = planned.diagnostics.iter().filter(|finding| finding.is_error()).count();
-    let findings = planned.diagnostics.iter().take(FINDINGS_IN_REPORT).map(Into::into);
+    let errors = planned.findings.iter().filter(|finding| finding.is_error()).count();
+    let findings = planned.findings.iter().take(FINDINGS_IN_REPORT).map(Into::into);
     let uncut = planned.uncut.iter().map(|region| uncut_to_wire(region, chord_error_mm));
     wire::CompensationReport {
         accepted: planned.accepted(),
         error_count: errors as u32,
-        warning_count: (planned.diagnostics.len() - errors) as u32,
-        diagnostics: fitting(findings),
+        warning_count: (planned.findings.len() - errors) as u32,
+        findings: fitting(findings),
         uncut_count: planned.uncut.len() as u32,
         uncut: fitting(uncut.take(FINDINGS_IN_REPORT)),
         ..wire::CompensationReport::default()
@@ -84,12 +84,12 @@ impl Planner {
                 ..GetFindingsResponse::default()
             };
         };
-        let rest = current.diagnostics.iter().skip(request.first as usize).cloned();
+        let rest = current.findings.iter().skip(request.first as usize).cloned();
         GetFindingsResponse {
             success: true,
             program_id: current.program_id.clone(),
             revision: current.revision,
-            diagnostics: fitting(rest),
+            findings: fitting(rest),
             uncut: fitting(current.uncut.iter().skip(request.first as usize).cloned()),
             ..GetFindingsResponse::default()
         }

@@ -3,7 +3,7 @@
 use super::of;
 use crate::finding::block_name;
 use cnc_msgs::contour::Source;
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::profile::Profile;
 
 /// Blocks without motion in the plane between two that have it (S59, S61).
@@ -29,7 +29,7 @@ impl Between {
     }
 
     /// The finding when there were too many before the motion of this block.
-    pub(crate) fn excess(&self, next: Source, profile: &Profile) -> Option<Diagnostic> {
+    pub(crate) fn excess(&self, next: Source, profile: &Profile) -> Option<Finding> {
         let max = profile.off_plane.max_blocks?;
         // What stands in the block of the motion itself is no block of its own.
         let count = self.count - u32::from(self.last == next && self.count > 0);

@@ -6,7 +6,7 @@ use crate::element::{Element, Vec2};
 use crate::finding::{block_name, rounded_down};
 use crate::tolerance::{MERGE_MM, RADIUS_MM};
 use cnc_msgs::contour::{Motion, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Plane, Shape};
 use cnc_msgs::numbers::told_apart;
 use cnc_msgs::profile::{
@@ -25,7 +25,7 @@ pub(crate) fn is_sane(motion: &Motion) -> bool {
 }
 
 /// Axes of the plane that compensation does not apply to (A01).
-pub(crate) fn dominant_axes(source: Source, plane: Plane, profile: &Profile) -> Option<Diagnostic> {
+pub(crate) fn dominant_axes(source: Source, plane: Plane, profile: &Profile) -> Option<Finding> {
     let rule = &profile.language.dominant_axes;
     let missing = crate::frame::plane_axes(plane).without(rule.rule);
     (!missing.is_empty()).then(|| {
@@ -46,12 +46,7 @@ pub(crate) fn dominant_axes(source: Source, plane: Plane, profile: &Profile) -> 
 }
 
 /// Homing while compensation is active (A05, C16).
-pub(crate) fn homed(
-    source: Source,
-    since: Source,
-    was_active: bool,
-    profile: &Profile,
-) -> Diagnostic {
+pub(crate) fn homed(source: Source, since: Source, was_active: bool, profile: &Profile) -> Finding {
     let message = match profile.home.rule {
         HomeMode::Drop if was_active => format!(
             "homing ends the compensation of {} at once, without a lead-off",
@@ -80,7 +75,7 @@ pub(crate) fn homed(
 }
 
 /// The cancel and its move stand in the block that ends the program (S32).
-pub(crate) fn cancelled_with_the_end(source: Source, profile: &Profile) -> Option<Diagnostic> {
+pub(crate) fn cancelled_with_the_end(source: Source, profile: &Profile) -> Option<Finding> {
     let rule = profile.cancel.before_end;
     (rule.rule == CancelBeforeEnd::OwnBlock).then(|| {
         of(
@@ -97,7 +92,7 @@ pub(crate) fn cancelled_with_the_end(source: Source, profile: &Profile) -> Optio
 }
 
 /// A rapid along which the offset is not held (A08, C9).
-pub(crate) fn rapid(source: Source, profile: &Profile) -> Option<Diagnostic> {
+pub(crate) fn rapid(source: Source, profile: &Profile) -> Option<Finding> {
     let what = match profile.rapid.rule {
         RapidMode::Compensated => return None,
         RapidMode::Endpoint => "its ends are compensated, the way between them is the machine's",
@@ -115,7 +110,7 @@ pub(crate) fn rapid(source: Source, profile: &Profile) -> Option<Diagnostic> {
 }
 
 /// A change of side where the offsets do not meet (O02, C12).
-pub(crate) fn no_intersection(source: Source, profile: &Profile) -> Diagnostic {
+pub(crate) fn no_intersection(source: Source, profile: &Profile) -> Finding {
     let mut finding = of(
         profile.side_change.strictness,
         Code::SideChange,
@@ -133,7 +128,7 @@ pub(crate) fn inside_arc(
     element: &Element,
     d_mm: f64,
     profile: &Profile,
-) -> Option<Diagnostic> {
+) -> Option<Finding> {
     let rule = profile.interference.inside_arc;
     let Element::Arc(arc) = element else { return None };
     let needed_mm = 2.0 * d_mm.abs();
@@ -166,7 +161,7 @@ pub(crate) fn uneven_arc(
     end: Vec2,
     d_mm: f64,
     profile: &Profile,
-) -> Option<Diagnostic> {
+) -> Option<Finding> {
     let Element::Arc(arc) = element else { return None };
     let off_mm = element.unevenness(end);
     if d_mm.abs() < RADIUS_MM || off_mm <= profile.accept_tolerance_mm.max(MERGE_MM) {
@@ -174,7 +169,7 @@ pub(crate) fn uneven_arc(
     }
     let at_end = (end - arc.center).norm();
     let [begin, end] = told_apart(arc.radius, at_end);
-    let mut finding = Diagnostic::error(
+    let mut finding = Finding::error(
         Code::ArcRadius,
         source,
         format!(
@@ -194,12 +189,12 @@ pub(crate) fn corner_arc(
     along: Option<Direction>,
     plane: Plane,
     next: &Element,
-) -> Option<Diagnostic> {
+) -> Option<Finding> {
     let along = crate::frame::in_plane(plane, along?);
     let tangent = next.start_tangent();
     let is_same = along.dot(&tangent) > 0.0 && along.normalize().perp(&tangent).abs() < 1e-3;
     (!is_same).then(|| {
-        Diagnostic::error(
+        Finding::error(
             Code::Unsupported,
             source,
             "the corner arc ends in a direction that the next block does not have",
@@ -209,19 +204,15 @@ pub(crate) fn corner_arc(
 }
 
 /// An offset that keeps its direction.
-pub(crate) fn no_held_direction(source: Source) -> Diagnostic {
-    Diagnostic::error(
-        Code::Unsupported,
-        source,
-        "an offset that keeps its direction is not done here",
-    )
-    .help("end the contour with G40 and begin the next with G41")
+pub(crate) fn no_held_direction(source: Source) -> Finding {
+    Finding::error(Code::Unsupported, source, "an offset that keeps its direction is not done here")
+        .help("end the contour with G40 and begin the next with G41")
 }
 
 /// A motion to nowhere; it is left out.
-pub(crate) fn not_sane(source: Source, motion: &Motion) -> Diagnostic {
+pub(crate) fn not_sane(source: Source, motion: &Motion) -> Finding {
     let [x, y, z] = motion.end;
-    Diagnostic::error(
+    Finding::error(
         Code::BadNumber,
         source,
         format!("the motion to X{x} Y{y} Z{z} has coordinates that are no place, or a centre that is none"),
@@ -236,7 +227,7 @@ pub(crate) fn radius_change(
     element: &Element,
     (old_mm, new_mm): (f64, f64),
     profile: &Profile,
-) -> Option<Diagnostic> {
+) -> Option<Finding> {
     const STRAIGHT: &str = "change the radius in a straight block";
     const ANEW: &str = "cancel the compensation before, and select it again with the new radius";
     let rule = profile.radius.change;
@@ -266,8 +257,8 @@ pub(crate) fn radius_change(
 }
 
 /// A D whose length would shift another axis than Z (S34).
-pub(crate) fn length_of_d(source: Source, number: u32, length_mm: f64, axis: usize) -> Diagnostic {
-    Diagnostic::warning(
+pub(crate) fn length_of_d(source: Source, number: u32, length_mm: f64, axis: usize) -> Finding {
+    Finding::warning(
         Code::SuspiciousValue,
         source,
         format!(
@@ -279,7 +270,7 @@ pub(crate) fn length_of_d(source: Source, number: u32, length_mm: f64, axis: usi
 }
 
 /// A plane that the control does not compensate in (M16).
-pub(crate) fn wrong_plane(source: Source, plane: Plane, profile: &Profile) -> Diagnostic {
+pub(crate) fn wrong_plane(source: Source, plane: Plane, profile: &Profile) -> Finding {
     let planes: Vec<&str> = profile.language.planes.rule.iter().map(|plane| plane.name()).collect();
     of(
         profile.language.planes.strictness,
@@ -296,8 +287,8 @@ pub(crate) fn wrong_plane(source: Source, plane: Plane, profile: &Profile) -> Di
 }
 
 /// Another plane while compensation is selected (S17, S27).
-pub(crate) fn plane_change(source: Source) -> Diagnostic {
-    Diagnostic::error(
+pub(crate) fn plane_change(source: Source) -> Finding {
+    Finding::error(
         Code::ForbiddenUnderCompensation,
         source,
         "the plane changes while cutter compensation is active",
@@ -315,7 +306,7 @@ pub(crate) fn takes_no_selection(profile: &Profile, is_repeat: bool) -> bool {
 }
 
 /// A selection while compensation is active, where the control takes none.
-pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> Diagnostic {
+pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> Finding {
     let what = if is_repeat { "selected again" } else { "selected anew or for the other side" };
     let rule = if is_repeat { profile.reselect.strictness } else { profile.side_change.strictness };
     of(
@@ -328,14 +319,14 @@ pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> 
 }
 
 /// Compensation that the program does not end (S32).
-pub(crate) fn not_cancelled(source: Source, has_cancel: bool, profile: &Profile) -> Diagnostic {
+pub(crate) fn not_cancelled(source: Source, has_cancel: bool, profile: &Profile) -> Finding {
     let rules = &profile.cancel;
     let message = if has_cancel {
         format!("the cancel has no effect: no {} in the plane follows it", lead_name(rules.lead))
     } else {
         "the program ends while this compensation is active".into()
     };
-    let mut finding = Diagnostic::error(Code::NotCancelled, source, message).help(format!(
+    let mut finding = Finding::error(Code::NotCancelled, source, message).help(format!(
         "end the contour with G40 and a straight {} in the plane, then end the program",
         lead_name(rules.lead)
     ));
@@ -344,7 +335,7 @@ pub(crate) fn not_cancelled(source: Source, has_cancel: bool, profile: &Profile)
 }
 
 /// A selection that no move in the plane follows.
-pub(crate) fn never_active(source: Source, profile: &Profile) -> Diagnostic {
+pub(crate) fn never_active(source: Source, profile: &Profile) -> Finding {
     of(
         profile.select.if_no_move,
         Code::NeverActive,
@@ -369,7 +360,7 @@ fn lead_name(rule: LeadMove) -> &'static str {
 }
 
 /// A move out of the plane right after the cancel (M13).
-pub(crate) fn no_lead_off(source: Source, profile: &Profile) -> Diagnostic {
+pub(crate) fn no_lead_off(source: Source, profile: &Profile) -> Finding {
     of(
         profile.cancel.before_off_plane.strictness,
         Code::Cancel,

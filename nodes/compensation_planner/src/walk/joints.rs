@@ -29,7 +29,7 @@ impl<'a> Walk<'a> {
         element: &Element,
     ) -> Option<Box<Active<'a>>> {
         if motion.class != MotionClass::Feed {
-            self.verdict.diagnostics.extend(rules::rapid(source, self.profile));
+            self.verdict.findings.extend(rules::rapid(source, self.profile));
             if self.profile.rapid.rule == RapidMode::Raw {
                 self.leave_raw(*active, start, motion, source);
                 return None;
@@ -79,7 +79,7 @@ impl<'a> Walk<'a> {
         if let Some((before, meeting)) = met {
             let (distance_mm, radius_mm) = ((meeting.point - element.start()).norm(), d_mm.abs());
             if distance_mm > FAR_CORNER_RADII * radius_mm {
-                self.verdict.diagnostics.push(finding::far_corner(source, distance_mm, d_mm));
+                self.verdict.findings.push(finding::far_corner(source, distance_mm, d_mm));
             }
             active.span.next = Some(next);
             let here = Motion { shape: Shape::Line, end: start, ..*motion };
@@ -92,7 +92,7 @@ impl<'a> Walk<'a> {
             return active;
         }
         if !(element.is_line() && last.is_none_or(|last| last.is_line())) {
-            self.verdict.diagnostics.push(rules::no_intersection(selection.source, self.profile));
+            self.verdict.findings.push(rules::no_intersection(selection.source, self.profile));
         }
         active.side = selection.side;
         self.stand_perpendicular(active, start, motion, source)

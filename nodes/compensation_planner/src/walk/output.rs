@@ -10,7 +10,7 @@ use crate::other_spans::Earlier;
 use crate::span::{ItemKind, Span};
 use crate::{Planning, SpanSummary};
 use cnc_msgs::contour::{Action, CutterSide, Motion, ProgrammedContour, Source};
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::path::{CompensatedPath, Role};
 use cnc_msgs::profile::Profile;
 use std::sync::{Mutex, PoisonError};
@@ -44,7 +44,7 @@ struct Job<'a> {
     exit: Exit,
     behind: Option<WallBehind>,
     /// What was said before it was complete.
-    said: Vec<Diagnostic>,
+    said: Vec<Finding>,
 }
 
 impl<'a> Output<'a> {
@@ -88,7 +88,7 @@ impl<'a> Output<'a> {
         behind: Option<WallBehind>,
         verdict: &mut Verdict,
     ) -> Option<WallBehind> {
-        let said = std::mem::take(&mut verdict.diagnostics);
+        let said = std::mem::take(&mut verdict.findings);
         let waits = matches!(exit, Exit::LeadOff(_));
         self.weight += span.legs.len();
         self.waiting.push(Order::Span(Box::new(Job { span, exit, behind, said })));
@@ -126,7 +126,7 @@ impl<'a> Output<'a> {
         let mut orders = std::mem::take(&mut self.waiting);
         let mut solutions = self.solutions(&mut orders).into_iter();
         // What was said since the last span was complete comes after what is said of it.
-        let said = std::mem::take(&mut verdict.diagnostics);
+        let said = std::mem::take(&mut verdict.findings);
         let mut behind = None;
         for order in orders {
             match order {
@@ -137,7 +137,7 @@ impl<'a> Output<'a> {
                 order => self.put_out(order),
             }
         }
-        verdict.diagnostics.extend(said);
+        verdict.findings.extend(said);
         behind
     }
 
@@ -184,8 +184,8 @@ impl<'a> Output<'a> {
         verdict: &mut Verdict,
     ) -> Option<WallBehind> {
         let Job { span, exit, behind, said } = job;
-        verdict.diagnostics.extend(said);
-        let found = verdict.diagnostics.len();
+        verdict.findings.extend(said);
+        let found = verdict.findings.len();
         let before = self.emitter.path.elements.len();
         let (Some(mut solution), [first, ..], [.., last]) =
             (solution, &span.legs[..], &span.legs[..])
@@ -208,15 +208,15 @@ impl<'a> Output<'a> {
                 last_element: before + last_element,
             });
         }
-        let found = &verdict.diagnostics[found..];
+        let found = &verdict.findings[found..];
         let cut = self.earlier.compare(span, &exit, solution, self.profile, found);
-        verdict.diagnostics.extend(cut);
+        verdict.findings.extend(cut);
         rest
     }
 
     /// A span without a contour: its moves as programmed, and the finding.
     fn without_contour(&mut self, span: &Span<'_>, exit: &Exit, verdict: &mut Verdict) {
-        verdict.diagnostics.push(empty_span(span));
+        verdict.findings.push(empty_span(span));
         let out = &mut self.emitter;
         out.programmed(&span.entry.lead.motion, span.entry.lead.source, Role::LeadOn);
         for item in &span.items {

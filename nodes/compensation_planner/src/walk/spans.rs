@@ -13,7 +13,7 @@ use crate::rules;
 use crate::span::{Entry, ItemKind, Lead, Leg, Span};
 use crate::tolerance::RADIUS_MM;
 use cnc_msgs::contour::{Approach, CutterSide, Motion, OutsideCorner, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;
 
 impl<'a> Walk<'a> {
@@ -36,7 +36,7 @@ impl<'a> Walk<'a> {
         let corner = match active.corner_arc.take() {
             Some((along, at)) => {
                 let plane = active.span.plane;
-                self.verdict.diagnostics.extend(rules::corner_arc(at, along, plane, element));
+                self.verdict.findings.extend(rules::corner_arc(at, along, plane, element));
                 OutsideCorner::Arc
             }
             // The intersection with the imaginary line, whatever the corner.
@@ -51,8 +51,8 @@ impl<'a> Walk<'a> {
                 let sign = if active.side == CutterSide::Left { 1.0 } else { -1.0 };
                 let radii = (sign * d_out_mm, sign * resolved);
                 let finding = rules::radius_change(source, element, radii, self.profile);
-                let is_refused = finding.as_ref().is_some_and(Diagnostic::is_error);
-                self.verdict.diagnostics.extend(finding);
+                let is_refused = finding.as_ref().is_some_and(Finding::is_error);
+                self.verdict.findings.extend(finding);
                 if element.is_line() && !is_refused {
                     d_out_mm = resolved;
                 } else if !is_refused {
@@ -61,12 +61,12 @@ impl<'a> Walk<'a> {
                 }
             }
         }
-        self.verdict.diagnostics.extend(slow_corner(active, motion, source));
+        self.verdict.findings.extend(slow_corner(active, motion, source));
         active.span.d_out_mm = d_out_mm;
-        self.verdict.diagnostics.extend(rules::inside_arc(source, element, d_out_mm, self.profile));
+        self.verdict.findings.extend(rules::inside_arc(source, element, d_out_mm, self.profile));
         let end = in_plane(active.span.plane, motion.end);
         let uneven = rules::uneven_arc(source, element, end, d_out_mm, self.profile);
-        self.verdict.diagnostics.extend(uneven);
+        self.verdict.findings.extend(uneven);
         active.span.legs.push(Leg {
             motion,
             source,
@@ -83,7 +83,7 @@ impl<'a> Walk<'a> {
         let between = std::mem::take(&mut active.between);
         let excess = between.excess(source, self.profile);
         let is_too_much = excess.is_some();
-        self.verdict.diagnostics.extend(excess);
+        self.verdict.findings.extend(excess);
         active.between = rules::Between::after(source);
         is_too_much
     }
@@ -147,7 +147,7 @@ impl<'a> Walk<'a> {
         let (radius_mm, finding) =
             radius::resolve(self.radius, self.spindle_tool, self.profile, self.tools, at);
         let radius_mm = self.radius_value_mm.unwrap_or(radius_mm);
-        self.verdict.diagnostics.extend(finding);
+        self.verdict.findings.extend(finding);
         match side {
             CutterSide::Left => radius_mm,
             CutterSide::Right => -radius_mm,
@@ -167,7 +167,7 @@ impl<'a> Walk<'a> {
 
 /// A feed that came with a move out of the plane and now holds for the corner and
 /// the contour behind it (S54).
-fn slow_corner(active: &Active<'_>, motion: &Motion, source: Source) -> Option<Diagnostic> {
+fn slow_corner(active: &Active<'_>, motion: &Motion, source: Source) -> Option<Finding> {
     let own = feed(motion)?;
     let before = match active.span.legs.last() {
         Some(leg) => leg.feed_mm_per_min()?,
@@ -182,7 +182,7 @@ fn slow_corner(active: &Active<'_>, motion: &Motion, source: Source) -> Option<D
         .take_while(|item| item.before == count)
         .find(|item| matches!(item.what, ItemKind::OffPlane(off) if feed(&off) == Some(own)))?;
     (own < before).then(|| {
-        let mut finding = Diagnostic::warning(
+        let mut finding = Finding::warning(
             Code::SuspiciousValue,
             source,
             format!(

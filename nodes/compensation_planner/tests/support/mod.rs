@@ -14,7 +14,7 @@ use cnc_msgs::contour::{
     Action, Approach, ContourEvent, ContourEventKind, CoolantMode, CutterSide, Motion, MotionClass,
     OutsideCorner, ProgrammedContour, RadiusSource, Source, SpindleMode,
 };
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::PathElement;
 use cnc_msgs::profile::{Dialect, Profile};
@@ -73,7 +73,7 @@ pub fn assert_sound(
     if !plan.accepted() {
         return;
     }
-    let audit = audit_after(contour, &plan.path, profile, tools, &plan.diagnostics);
+    let audit = audit_after(contour, &plan.path, profile, tools, &plan.findings);
     let said: Vec<String> = (audit.findings.iter())
         .filter(|finding| finding.is_error())
         .map(|finding| {
@@ -294,7 +294,7 @@ pub fn ends(plan: &Plan) -> Vec<[f64; 2]> {
 }
 
 pub fn findings(plan: &Plan) -> String {
-    plan.diagnostics
+    plan.findings
         .iter()
         .map(|d| {
             format!("{:?} {} line {}: {}\n", d.severity, d.code.name(), d.source.line, d.message)
@@ -303,11 +303,11 @@ pub fn findings(plan: &Plan) -> String {
 }
 
 pub fn codes(plan: &Plan) -> Vec<Code> {
-    plan.diagnostics.iter().map(|d| d.code).collect()
+    plan.findings.iter().map(|d| d.code).collect()
 }
 
-pub fn finding(plan: &Plan, code: Code) -> &Diagnostic {
-    plan.diagnostics
+pub fn finding(plan: &Plan, code: Code) -> &Finding {
+    plan.findings
         .iter()
         .find(|d| d.code == code)
         .unwrap_or_else(|| panic!("no {}: {}", code.name(), findings(plan)))

@@ -2,7 +2,7 @@
 
 use super::support::*;
 use super::{refused, verdict};
-use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use cnc_msgs::profile::{Reaction, Strictness};
 use compensation_planner::Verdict;
@@ -49,7 +49,7 @@ fn a_disagreement_is_an_error_of_kerf_and_has_the_same_name_everywhere() {
     }
     let judged = prove(wrong.clone(), &contour, &profile, &tools);
     let file_name = judged.disagreement.clone().expect("a disagreement").file_name;
-    let first = &judged.plan.diagnostics[0];
+    let first = &judged.plan.findings[0];
     assert_eq!((first.code, first.severity), (Code::InternalError, Severity::Error));
     assert!(first.help.contains(&file_name), "{first:?}");
     assert!(judged.plan.path.elements.is_empty() && !judged.plan.refused.is_empty());
@@ -114,7 +114,7 @@ fn where_a_misfit_is_ignored_only_the_shape_of_the_path_may_be_off() {
     });
     assert_eq!(judged.disagreement, None, "{}", findings(&judged.plan));
     let found = judged.audit.expect("an audit").findings;
-    assert!(!found.is_empty() && found.iter().all(|it| judged.plan.diagnostics.contains(it)));
+    assert!(!found.is_empty() && found.iter().all(|it| judged.plan.findings.contains(it)));
 }
 
 #[test]
@@ -219,7 +219,7 @@ fn what_only_the_audit_cannot_look_at_is_a_limit_with_advice() {
     assert!(audit.is_some_and(|audit| audit.refuses()), "{}", findings(&plan));
     assert_eq!(disagreement, None, "{}", findings(&plan));
     assert!(!plan.accepted() && plan.path.elements.is_empty() && !plan.refused.is_empty());
-    let limit = plan.diagnostics.iter().find(|it| it.is_error()).expect("an error");
+    let limit = plan.findings.iter().find(|it| it.is_error()).expect("an error");
     assert_eq!(limit.code, Code::Limit);
     assert!(limit.help.contains("split the contour"), "{limit:?}");
 }

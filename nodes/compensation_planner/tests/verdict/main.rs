@@ -8,7 +8,7 @@ mod shapes;
 #[path = "../support/mod.rs"]
 mod support;
 
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::path::PathElement;
 use cnc_msgs::profile::Profile;
 use compensation_planner::{Planning, Verdict, judge};
@@ -34,7 +34,7 @@ fn accepted(text: &str, profile: &Profile, radius_mm: f64) -> Vec<PathElement> {
 fn refused(text: &str, profile: &Profile, radius_mm: f64, code: Code, line: u32) {
     let Verdict { plan, disagreement, .. } = verdict(text, profile, radius_mm);
     assert_eq!(disagreement, None, "{}", findings(&plan));
-    let is_meant = |it: &&cnc_msgs::diagnostic::Diagnostic| it.is_error() && it.code == code;
-    let found = plan.diagnostics.iter().find(is_meant);
+    let is_meant = |it: &&cnc_msgs::finding::Finding| it.is_error() && it.code == code;
+    let found = plan.findings.iter().find(is_meant);
     assert_eq!(found.map(|it| it.source.line), Some(line), "{}", findings(&plan));
 }

@@ -2,7 +2,7 @@
 
 use super::support::*;
 use super::{accepted, refused, verdict};
-use cnc_msgs::diagnostic::{Code, Severity};
+use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::path::{PathElement, Role};
 use cnc_msgs::profile::{Reaction, Strictness};
 use compensation_planner::Verdict;

@@ -10,7 +10,7 @@ use axis_driver::journal::EntryKind;
 use axis_driver::link::realtime;
 use axis_driver::node::kind_from_wire;
 use cnc_msgs::convert::mode_from_wire;
-use cnc_msgs::diagnostic::Diagnostic;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point};
@@ -170,8 +170,8 @@ pub(crate) fn of_recording(
         if let Some(path) = &plan.path {
             sheet.layers.push(Layer::compensated("compensated", path.start, &path.elements, view));
         }
-        let findings: Vec<Diagnostic> =
-            plan.report.diagnostics.iter().filter_map(|it| Diagnostic::try_from(it).ok()).collect();
+        let findings: Vec<Finding> =
+            plan.report.findings.iter().filter_map(|it| Finding::try_from(it).ok()).collect();
         sheet.find(&findings, view);
         if let Some(now) = now.iter().find(|now| now.revision == revision) {
             sheet.fill(&now.uncut, view);

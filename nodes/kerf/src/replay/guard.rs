@@ -1,4 +1,5 @@
-//! What a bag must hold before a core is run on it, so that nothing passes for nothing.
+//! What a bag must hold before a core is run on it, so that a replay
+//! never passes without comparing anything.
 //!
 //! What is expected follows from the bag: the types that a level reads and makes, the
 //! program that the bag says it is of, a path behind every accepted plan, and a run that

@@ -27,7 +27,7 @@ pub(super) fn replay(
             ..LoadOptions::default()
         };
         let loaded = load(&program.text, &profile, &options);
-        if let Some(finding) = loaded.diagnostics.iter().find(|finding| finding.is_error()) {
+        if let Some(finding) = loaded.findings.iter().find(|finding| finding.is_error()) {
             comparison.differs(
                 "program",
                 "accepted",

@@ -65,6 +65,7 @@ const RENAMED: &[(&str, &str, &str)] = &[
     ("cnc_msgs/msg/Program", "controller", "control"),
     ("cnc_msgs/msg/ProgrammedContour", "controller", "control"),
     ("cnc_msgs/msg/CompensatedPath", "controller", "control"),
+    ("cnc_msgs/msg/CompensationReport", "diagnostics", "findings"),
 ];
 
 /// What profiles of then said, and what says the same today.
@@ -231,9 +232,9 @@ enum Gap {
 impl fmt::Display for Gap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Added(path) => write!(f, "{path} has come"),
-            Self::Dropped(path) => write!(f, "{path} has gone"),
-            Self::Changed(path) => write!(f, "{path} is another"),
+            Self::Added(path) => write!(f, "{path} was added"),
+            Self::Dropped(path) => write!(f, "{path} was removed"),
+            Self::Changed(path) => write!(f, "{path} has a different type or place"),
         }
     }
 }

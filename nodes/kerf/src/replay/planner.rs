@@ -131,7 +131,7 @@ fn replan(
         let found = match is_same {
             // The same curve was proved just now, or it would not be accepted.
             true => Vec::new(),
-            false => audit_after(contour, path, &profile, tools, &now.diagnostics).findings,
+            false => audit_after(contour, path, &profile, tools, &now.findings).findings,
         };
         for error in found.iter().filter(|finding| finding.is_error()) {
             let of = format!("audit of revision {revision}");

@@ -88,7 +88,7 @@ impl States {
                         named(state),
                         seconds(*at_ns)
                     );
-                    (format!("state of now {index}"), text, state)
+                    (format!("new state {index}"), text, state)
                 }
             };
             let place = Place {
@@ -102,7 +102,7 @@ impl States {
             comparison.differs(
                 "states",
                 "count",
-                "no state was told while the journal was written",
+                "no state was published while the journal was written",
             );
         }
     }

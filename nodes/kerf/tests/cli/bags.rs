@@ -53,7 +53,7 @@ fn a_damaged_bag_ends_with_2_and_names_the_record() {
         // The name of the compression.
         ("method.mcap", changed(chunk + 9 + 32, b"zzzz"), &method),
         ("huge.mcap", changed(chunk + 1, &[0xff; 8]), &huge),
-        ("longer.mcap", longer, "longer.mcap: behind the footer at byte"),
+        ("longer.mcap", longer, "longer.mcap: there is data after the footer at byte"),
     ];
     for (name, bytes, says) in table {
         folder.file(name, bytes);

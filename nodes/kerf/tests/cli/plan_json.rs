@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 const REPORT_KEYS: &[&str] =
-    &["control", "accepted", "elements", "events", "diagnostics", "certificates", "uncut"];
+    &["control", "accepted", "elements", "events", "findings", "certificates", "uncut"];
 const ELEMENT_KEYS: &[&str] =
     &["kind", "start", "end", "rapid", "feed_mm_per_min", "role", "line", "block"];
 const ARC_KEYS: &[&str] = &["center", "clockwise", "turns", "plane"];
@@ -156,7 +156,7 @@ fn a6_as_json_is_the_path_of_the_840c() {
     );
     assert_eq!(report["elements"][0]["rapid"], true);
     assert_eq!(report["elements"][1]["feed_mm_per_min"], 400.0);
-    assert_eq!(report["diagnostics"], serde_json::json!([]));
+    assert_eq!(report["findings"], serde_json::json!([]));
     let events: Vec<(&str, &str, u64)> = report["events"]
         .as_array()
         .expect("a list")
@@ -204,7 +204,7 @@ fn m12_as_json_is_the_path_of_the_masso() {
                 ("none", 120, [25.0, 50.0], None),
             ],
         );
-        let found = report["diagnostics"].as_array().expect("a list");
+        let found = report["findings"].as_array().expect("a list");
         assert!(found.iter().all(|row| row["severity"] == "warning"), "{found:?}");
     }
 }
@@ -220,7 +220,7 @@ fn a_refusal_has_its_loops_and_findings_with_numbers() {
     assert_eq!(report["elements"], serde_json::json!([]));
     assert_eq!(keys(&report), with(REPORT_KEYS, "refused_elements"));
     check_elements(&report["refused_elements"]);
-    let found = report["diagnostics"].as_array().expect("a list");
+    let found = report["findings"].as_array().expect("a list");
     let unreachable = found.iter().find(|row| row["code"] == "unreachable").expect("the finding");
     assert_eq!(keys(unreachable), sorted(DIAGNOSTIC_KEYS));
     assert_eq!(unreachable["severity"], "error");

@@ -69,7 +69,7 @@ fn a_definition_that_lies_about_its_data_is_refused_by_name() {
                     message.data.extend([7; 40]);
                 }
             },
-            &["message 1 of /compensation_report at ", "40 bytes are left"],
+            &["message 1 of /compensation_report at ", "40 bytes follow"],
         ),
         (
             "a chunk that is not what its checksum says",

@@ -168,7 +168,7 @@ fn every_field_that_the_cores_make_is_compared() {
             notice("contour", "loader", &field, changed.filter(|_| is_made));
         }
     }
-    // Diagnostics are the one thing that no golden bag has.
+    // Findings are the one thing that no golden bag has.
     for field in ["report.certificates", "report.uncut", "path.feed_length", "contour.bounds_min"] {
         assert!(seen.contains(field), "{field} is in no bag: {seen:?}");
     }

@@ -26,7 +26,7 @@ struct Heard {
     states: Vec<MachineState>,
     recordings: Vec<Recording>,
     commands: Vec<Command>,
-    diagnostics: Vec<DiagnosticArray>,
+    findings: Vec<DiagnosticArray>,
 }
 
 /// A node of this process beside a machine.
@@ -145,7 +145,7 @@ impl Commander {
         let name = format!("axis_driver: {part}");
         let newest = || -> Option<DiagnosticStatus> {
             let heard = self.heard();
-            let mut all = heard.diagnostics.iter().rev().flat_map(|array| &array.status);
+            let mut all = heard.findings.iter().rev().flat_map(|array| &array.status);
             all.find(|status| status.name.ends_with(&name)).cloned()
         };
         let is_so = |it: &DiagnosticStatus| it.level == level && it.message.contains(words);
@@ -253,7 +253,7 @@ fn listen(node: &Handle, heard: &Arc<Mutex<Heard>>) {
     keep!("machine_state", Qos::LATCHED, states);
     keep!("recording", Qos::LATCHED, recordings);
     keep!("command_log", Qos::EVENTS, commands);
-    keep!("/diagnostics", Qos::DEFAULT, diagnostics);
+    keep!("/diagnostics", Qos::DEFAULT, findings);
 }
 
 /// A state in short.

@@ -8,7 +8,7 @@ use crate::limits::{
     DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, FEED_MM_PER_MIN_MAX, NUMBER_MAX, SPINDLE_RPM_MAX,
 };
 use cnc_msgs::contour::{Action, ContourEventKind, RadiusSource};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::AxisSet;
 
 impl Interpreter<'_> {
@@ -169,7 +169,7 @@ impl Interpreter<'_> {
             let help = format!("{} is in seconds, not in milliseconds", char::from(letter));
             scene
                 .findings
-                .push(Diagnostic::warning(Code::SuspiciousValue, source, message).help(help));
+                .push(Finding::warning(Code::SuspiciousValue, source, message).help(help));
         }
         self.act(Action::Dwell { seconds });
     }

@@ -11,7 +11,7 @@ use crate::limits::{
     COORDINATE_MM_MAX, MM_PER_INCH,
 };
 use cnc_msgs::contour::MotionClass;
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{Arc, AxisSet, Shape};
 use cnc_msgs::numbers::told_apart;
 
@@ -183,11 +183,11 @@ impl Interpreter<'_> {
             ),
         };
         self.request.is_damaged = true;
-        let mut diagnostic = Diagnostic::error(Code::ArcRadius, self.source, message).help(help);
+        let mut finding = Finding::error(Code::ArcRadius, self.source, message).help(help);
         if let Some((needed, available)) = numbers {
-            diagnostic.needed_mm = Some(needed);
-            diagnostic.available_mm = Some(available);
+            finding.needed_mm = Some(needed);
+            finding.available_mm = Some(available);
         }
-        scene.findings.push(diagnostic);
+        scene.findings.push(finding);
     }
 }

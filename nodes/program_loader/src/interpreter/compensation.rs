@@ -12,7 +12,7 @@ use super::{Interpreter, Scene};
 use crate::dialect::{ApproachWords, GWord, Group, Mode, RadiusWord};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{Action, Approach, ContourEventKind, CutterSide, RadiusSource, Source};
-use cnc_msgs::diagnostic::{Code, Diagnostic, Severity};
+use cnc_msgs::finding::{Code, Finding, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Direction};
 use cnc_msgs::profile::ZeroOffset;
 
@@ -154,8 +154,8 @@ impl Interpreter<'_> {
                 None => format!("line {}", self.source.line),
             }
         );
-        let mut finding = Diagnostic::warning(Code::NeverActive, at, message)
-            .help("write G41 or G42 beside this D, or G40 in place of D0");
+        let mut finding = Finding::warning(Code::NeverActive, at, message)
+            .help("write G41 or G42 with this D, or G40 in place of D0");
         finding.other = Some(deselected);
         scene.findings.push(finding);
     }
@@ -266,7 +266,7 @@ impl Interpreter<'_> {
         let along = self.take_direction(scene);
         if !self.modal.compensation.is_selected() {
             let message = format!("{} stands where no compensation is selected", scene.quote(at));
-            let mut finding = Diagnostic::error(Code::ModalConflict, scene.source_of(at), message)
+            let mut finding = Finding::error(Code::ModalConflict, scene.source_of(at), message)
                 .help("select compensation before, or delete it");
             finding.alarm = Some("3036".into());
             self.request.is_damaged = true;
@@ -368,7 +368,7 @@ impl Interpreter<'_> {
                 self.cancel(self.request.approach);
                 let message = format!("{} selects nothing while D0 is in force", scene.quote(at));
                 scene.findings.push(
-                    Diagnostic::warning(Code::NeverActive, scene.source_of(at), message)
+                    Finding::warning(Code::NeverActive, scene.source_of(at), message)
                         .help("the next D that is not 0 selects compensation"),
                 );
             }

@@ -5,7 +5,7 @@ use super::moves::AXIS_WORDS;
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, Group, Mode};
 use cnc_msgs::contour::{Action, MotionClass};
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::{AxisSet, Shape};
 
 impl Interpreter<'_> {

@@ -9,7 +9,7 @@ use crate::block::Word;
 use crate::dialect::{Distance, GWord, Group, Letters, Mode};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{ContourEventKind, Motion, MotionClass};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
 
 /// The words of the axes, and of the centre of an arc along each.
@@ -271,9 +271,9 @@ impl Interpreter<'_> {
             .map(|axis| AXIS_LETTERS[axis].to_string())
             .collect();
         let help = format!("move {} with G90 and G0 or G1 before it", named.join(" and "));
-        let mut diagnostic = Diagnostic::error(Code::Axes, self.source, message).help(help);
-        diagnostic.other = Some(source);
-        scene.findings.push(diagnostic);
+        let mut finding = Finding::error(Code::Axes, self.source, message).help(help);
+        finding.other = Some(source);
+        scene.findings.push(finding);
         // Said once; what follows from it is not worth saying.
         self.axes.know(unknown);
         self.axes.poison(unknown);

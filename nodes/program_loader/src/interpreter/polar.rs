@@ -9,7 +9,7 @@ use super::{Interpreter, Scene};
 use crate::dialect::Distance;
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::MotionClass;
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::{AxisSet, Plane, Shape};
 
 /// More turns than any program means, degrees.

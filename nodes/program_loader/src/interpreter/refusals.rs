@@ -6,7 +6,7 @@ use super::Scene;
 use super::request::Request;
 use crate::block::Word;
 use crate::dialect::{GWord, MWord};
-use cnc_msgs::diagnostic::{Code, Diagnostic};
+use cnc_msgs::finding::{Code, Finding};
 
 /// What a word that must not stand under compensation does elsewhere.
 #[derive(Debug, Clone, Copy)]
@@ -101,14 +101,14 @@ impl Request {
                 format!("delete {word}, which {} does not have", scene.rules.control)
             }
         };
-        let mut diagnostic =
-            Diagnostic::error(Code::ForbiddenUnderCompensation, scene.source_of(at), message);
-        diagnostic.other = Some(since);
-        diagnostic.severity = scene.rules.forbidden_severity;
-        let is_refused = diagnostic.is_error();
+        let mut finding =
+            Finding::error(Code::ForbiddenUnderCompensation, scene.source_of(at), message);
+        finding.other = Some(since);
+        finding.severity = scene.rules.forbidden_severity;
+        let is_refused = finding.is_error();
         self.is_damaged |= is_refused;
         self.has_refused_word |= is_refused;
-        scene.findings.push(diagnostic.help(help));
+        scene.findings.push(finding.help(help));
         is_refused
     }
 
@@ -158,6 +158,6 @@ impl Request {
     ) {
         self.is_damaged = true;
         self.has_refused_word = true;
-        scene.findings.push(Diagnostic::error(code, scene.source_of(at), message).help(help));
+        scene.findings.push(Finding::error(code, scene.source_of(at), message).help(help));
     }
 }

@@ -8,7 +8,7 @@ use crate::block::Word;
 use crate::dialect::{GWord, Group, Letters, MWord, automation1};
 use crate::limits::CODE_FUZZ;
 use cnc_msgs::contour::{Approach, CoolantMode, OutsideCorner};
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 
 const M_WORDS_MAX: usize = 12;
 

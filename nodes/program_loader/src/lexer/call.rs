@@ -6,7 +6,7 @@
 use super::Lexer;
 use crate::block::Word;
 use crate::number;
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 
 /// Words that no G code stands for, behind `@`.
 pub(crate) const SET_AXES: f64 = 1.0;

@@ -1,7 +1,7 @@
 //! Findings as they are drawn.
 
 use super::*;
-use cnc_msgs::diagnostic::Code;
+use cnc_msgs::finding::Code;
 use expect_test::{Expect, expect};
 
 fn at(line: u32, column: u16, length: u16) -> Source {
@@ -9,14 +9,14 @@ fn at(line: u32, column: u16, length: u16) -> Source {
 }
 
 #[track_caller]
-fn check(text: &str, diagnostics: &[Diagnostic], expected: Expect) {
-    expected.assert_eq(&render("bracket.mpf", text, diagnostics, false));
+fn check(text: &str, findings: &[Finding], expected: Expect) {
+    expected.assert_eq(&render("bracket.mpf", text, findings, false));
 }
 
 #[test]
 fn a_planner_finding_shows_its_place_its_numbers_and_its_help() {
     let text = "N10\nN20\nN30\nN40 G1 X95\nN50\nN60\n";
-    let mut gouge = Diagnostic::error(
+    let mut gouge = Finding::error(
         Code::Gouge,
         at(4, 1, 10),
         "the tool of T4 (radius 5.050 mm) cuts 0.100 mm into block N60 while it follows N40",
@@ -43,8 +43,8 @@ fn a_planner_finding_shows_its_place_its_numbers_and_its_help() {
 
 #[test]
 fn places_outside_the_text_are_shown_without_a_line() {
-    let whole = Diagnostic::warning(Code::MissingWord, at(0, 0, 0), "the program has no blocks");
-    let beyond = Diagnostic::error(Code::Syntax, at(99, 7, 1), "beyond the end").help("look again");
+    let whole = Finding::warning(Code::MissingWord, at(0, 0, 0), "the program has no blocks");
+    let beyond = Finding::error(Code::Syntax, at(99, 7, 1), "beyond the end").help("look again");
     check(
         "G0\n",
         &[whole, beyond],
@@ -65,9 +65,9 @@ fn tabs_umlauts_and_columns_behind_the_end_keep_the_carets_in_place() {
     check(
         text,
         &[
-            Diagnostic::error(Code::BadNumber, at(1, 14, 4), "`X--5` is not a number"),
-            Diagnostic::error(Code::Syntax, at(1, 900, 3), "far behind the end"),
-            Diagnostic::error(Code::Syntax, at(1, 17, 900), "longer than the line"),
+            Finding::error(Code::BadNumber, at(1, 14, 4), "`X--5` is not a number"),
+            Finding::error(Code::Syntax, at(1, 900, 3), "far behind the end"),
+            Finding::error(Code::Syntax, at(1, 17, 900), "longer than the line"),
         ],
         expect![[r#"
             error[bad_number]: `X--5` is not a number
@@ -97,7 +97,7 @@ fn long_lines_are_cut_around_the_finding() {
     let text = format!("{}X--5{}", "G1 ".repeat(300), " M8".repeat(300));
     check(
         &text,
-        &[Diagnostic::error(Code::BadNumber, at(1, 901, 4), "`X--5` is not a number")],
+        &[Finding::error(Code::BadNumber, at(1, 901, 4), "`X--5` is not a number")],
         expect![[r#"
             error[bad_number]: `X--5` is not a number
              --> bracket.mpf:1:901
@@ -111,7 +111,7 @@ fn long_lines_are_cut_around_the_finding() {
 
 #[test]
 fn color_is_only_there_when_asked_for() {
-    let found = [Diagnostic::error(Code::Syntax, at(1, 1, 1), "no")];
+    let found = [Finding::error(Code::Syntax, at(1, 1, 1), "no")];
     assert!(!render("a", "G1", &found, false).contains('\u{1b}'));
     assert!(render("a", "G1", &found, true).contains('\u{1b}'));
     assert_eq!(render("a", "G1", &[], true), "");

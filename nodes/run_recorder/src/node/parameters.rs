@@ -25,7 +25,7 @@ pub(super) fn declared() -> Vec<Declared> {
             ["/tf", "/tf_static", "/rosout", "/diagnostics", "/parameter_events"]
                 .map(String::from)
                 .to_vec(),
-            "absolute names of topics that are recorded beside those of this namespace",
+            "absolute names of topics that are recorded besides those of this namespace",
         )
         .read_only(),
         Declared::new(

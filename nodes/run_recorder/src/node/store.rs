@@ -146,7 +146,7 @@ pub(super) struct Wanted {
 }
 
 impl Wanted {
-    /// What nobody has told of.
+    /// Inputs that no publisher has announced.
     pub(super) fn missing(&self) -> impl Iterator<Item = String> {
         [
             (self.program.is_none(), "program"),
@@ -240,7 +240,7 @@ impl OpenRun {
         for (index, kept) in store.prelude.take_with(newest, now_ns) {
             open.write(index, &store.topics[index].spec.type_name, kept);
         }
-        // A disk that has failed already is told of by the status.
+        // A disk that has failed is already reported in the status.
         let _ = open.bag.begin();
         Ok(open)
     }

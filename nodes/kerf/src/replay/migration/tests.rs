@@ -168,11 +168,14 @@ fn a_definition_without_a_way_is_named_with_its_fields() {
     for (said, expected) in [
         (
             of("RIHS01_00", &without_direction),
-            ["definition RIHS01_00", "events[*].direction has come"],
+            ["definition RIHS01_00", "events[*].direction was added"],
         ),
-        (of(FIRST_CONTOUR_CHUNK, &dropped), [FIRST_CONTOUR_CHUNK, "events[*].old has gone"]),
-        (of("", &changed), ["a definition without hash", "events[*].direction is another"]),
-        (of(today, &without_direction), ["than its hash", "events[*].direction has come"]),
+        (of(FIRST_CONTOUR_CHUNK, &dropped), [FIRST_CONTOUR_CHUNK, "events[*].old was removed"]),
+        (
+            of("", &changed),
+            ["a definition without hash", "events[*].direction has a different type or place"],
+        ),
+        (of(today, &without_direction), ["than its hash", "events[*].direction was added"]),
     ] {
         for words in expected {
             assert!(said.contains(words), "{said}");
@@ -188,7 +191,7 @@ fn fields_in_another_order_are_another_definition() {
     let mut gaps = Vec::new();
     compare(&old, &today, &mut Vec::new(), &mut gaps);
     let said: Vec<String> = gaps.iter().map(ToString::to_string).collect();
-    assert_eq!(said, ["d has come", "b is another"]);
+    assert_eq!(said, ["d was added", "b has a different type or place"]);
 }
 
 /// Whether a pattern such as `events[*].direction` names a field.

@@ -138,7 +138,7 @@ async fn commission<'a>(
         Failure::new(Status::NoAnswer, text)
     })?;
     if !report.accepted {
-        let first = report.diagnostics.iter().find(|it| it.severity >= 2);
+        let first = report.findings.iter().find(|it| it.severity >= 2);
         let first = first.map_or(String::new(), |it| format!("line {}: {}", it.line, it.message));
         return Ok(Played::Refused { by: "compensation_planner", reason: first });
     }
@@ -185,9 +185,9 @@ async fn has_our_port(
             }
         }
     });
-    let told = told
-        .await
-        .map_err(|_| Failure::new(Status::NoAnswer, "the driver does not tell its parameters"))?;
+    let told = told.await.map_err(|_| {
+        Failure::new(Status::NoAnswer, "the driver does not answer for its parameters")
+    })?;
     let is_port = |it: &&Parameter| it.name == "port";
     let port = told.parameters.iter().find(is_port).map(|it| it.value.string_value.clone());
     match port {

@@ -32,7 +32,10 @@ const ENTERED_AT: Duration = Duration::from_millis(1);
 pub(super) fn likeness(recording: &Recording, run: &Run<'_>) -> Result<Likeness, ReplayError> {
     let mut notes = Vec::new();
     let told = recording.settings.clone().unwrap_or_else(|| {
-        notes.push("the bag does not tell the controller's settings; a small router runs".into());
+        notes.push(
+            "the bag does not contain the controller's settings; those of a small router are used"
+                .into(),
+        );
         ControllerSettings::default()
     });
     let name = told.firmware.to_lowercase();

@@ -53,7 +53,7 @@ pub(super) fn compare(was: Told<'_>, now: Told<'_>, comparison: &mut Comparison)
         comparison.differs(&format!("state {index}"), "state", text);
     }
     match (was.run.status, now.run.status) {
-        (None, _) => comparison.remark("result", "the bag does not tell how the goal ended"),
+        (None, _) => comparison.remark("result", "the bag does not contain how the goal ended"),
         (Some(was), now) => {
             comparison.count("result", 1);
             if Some(was) != now {

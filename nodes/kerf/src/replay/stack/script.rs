@@ -84,12 +84,12 @@ impl When {
                     Place::Passes(place) => format!("at {}", xyz(*place)),
                 };
                 let along = along_mm.map_or(String::new(), |mm| format!(", {mm:.3} mm on its way"));
-                format!("{place} (machine){along}, behind {answers} lines")
+                format!("{place} (machine){along}, after {answers} lines")
             }
             Self::Standing(Stand { state, tool_wanted, answers, .. }) => {
                 let tool =
                     if *tool_wanted > 0 { format!(" for T{tool_wanted}") } else { String::new() };
-                format!("in {}{tool}, behind {answers} lines", mode_from_wire(*state).name())
+                format!("in {}{tool}, after {answers} lines", mode_from_wire(*state).name())
             }
         }
     }

@@ -116,7 +116,7 @@ fn a_command_is_due_on_the_path_where_the_machine_moved_and_in_a_state_where_it_
     assert!(hold.stops() && hold.line == 3);
     assert_eq!(
         hold.when.text(),
-        "to stop at X31.500 Y0.000 Z5.000 (machine), 31.500 mm on its way, behind 1 lines"
+        "to stop at X31.500 Y0.000 Z5.000 (machine), 31.500 mm on its way, after 1 lines"
     );
 
     let stand = |state, tool_wanted, answers| {
@@ -131,7 +131,7 @@ fn a_command_is_due_on_the_path_where_the_machine_moved_and_in_a_state_where_it_
     assert!(!overrides.stops());
 
     assert_eq!(confirm.when, stand(TOOL, 2, 0));
-    assert_eq!(confirm.when.text(), "in TOOL_CHANGE for T2, behind 0 lines");
+    assert_eq!(confirm.when.text(), "in TOOL_CHANGE for T2, after 0 lines");
 }
 
 #[test]

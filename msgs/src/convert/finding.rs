@@ -1,17 +1,17 @@
-//! Diagnostics.
+//! Findings.
 
 use super::{WireError, block_to_wire, constant, key_of, number, position, source, value_of};
-use crate::diagnostic::{Code, Diagnostic, Severity};
+use crate::finding::{Code, Finding, Severity};
 use crate::units::{m_from_mm, mm_from_m, point_from_position};
 use crate::wire::cnc_msgs::msg as wire;
 
 const SEVERITIES: [(u8, Severity); 2] = [
-    (wire::Diagnostic::SEVERITY_WARNING, Severity::Warning),
-    (wire::Diagnostic::SEVERITY_ERROR, Severity::Error),
+    (wire::Finding::SEVERITY_WARNING, Severity::Warning),
+    (wire::Finding::SEVERITY_ERROR, Severity::Error),
 ];
 
-impl From<&Diagnostic> for wire::Diagnostic {
-    fn from(finding: &Diagnostic) -> Self {
+impl From<&Finding> for wire::Finding {
+    fn from(finding: &Finding) -> Self {
         let metres = |mm: Option<f64>| mm.map(m_from_mm).into_iter().collect();
         Self {
             severity: key_of(&SEVERITIES, finding.severity),
@@ -33,10 +33,10 @@ impl From<&Diagnostic> for wire::Diagnostic {
     }
 }
 
-impl TryFrom<&wire::Diagnostic> for Diagnostic {
+impl TryFrom<&wire::Finding> for Finding {
     type Error = WireError;
 
-    fn try_from(finding: &wire::Diagnostic) -> Result<Self, WireError> {
+    fn try_from(finding: &wire::Finding) -> Result<Self, WireError> {
         let millimetres = |field, metres: &[f64]| {
             metres.first().map(|&value| number(field, mm_from_m(value))).transpose()
         };

@@ -1,6 +1,6 @@
 //! What is wrong with a program, with its place and its numbers.
 //!
-//! A diagnostic is data: rendering it is the business of whoever shows it.
+//! A finding is data: rendering it is the business of whoever shows it.
 
 use crate::contour::Source;
 use crate::geometry::Position;
@@ -140,7 +140,7 @@ impl Code {
 
 /// One finding.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Diagnostic {
+pub struct Finding {
     pub severity: Severity,
     pub code: Code,
     /// The control's own alarm number or name, where it has one (`3021`).
@@ -163,7 +163,7 @@ pub struct Diagnostic {
     pub help: String,
 }
 
-impl Diagnostic {
+impl Finding {
     /// An error at a place, without numbers or help yet.
     pub fn error(code: Code, source: Source, message: impl Into<String>) -> Self {
         Self {
