@@ -109,20 +109,21 @@ impl Corners<'_> {
         let lines = self.lines(links, placed, index)?;
         let (before, after) = neighbours(links, placed, index)?;
         let d_mm = links[placed[index].link].d_in_mm;
-        let on = |element: &Element, from: Vec2, to: Vec2| match element.offset(d_mm) {
-            Some(Element::Arc(arc)) if (from - to).norm() > LENGTH_MM => {
+        // What was merged ends a hair beside the corner: no way around the circle.
+        let on = |element: &Element, longer: f64, from: Vec2, to: Vec2| match element.offset(d_mm) {
+            Some(Element::Arc(arc)) if longer > LENGTH_MM => {
                 Element::arc(from, to, arc.center, arc.turn > 0.0, 0)
             }
             _ => Element::line(from, to),
         };
         let mut pieces = [None; PIECES];
         let mut at = lines.before_end;
-        pieces[0] = on(before, placed[index].start, at);
+        pieces[0] = on(before, lines.before_longer, placed[index].start, at);
         for (piece, &point) in pieces[1..].iter_mut().zip(lines.points()) {
             *piece = Element::line(at, point);
             at = point;
         }
-        pieces[PIECES - 1] = on(after, at, placed[index].end);
+        pieces[PIECES - 1] = on(after, lines.after_longer, at, placed[index].end);
         Some(pieces)
     }
 }

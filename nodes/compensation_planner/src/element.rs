@@ -163,6 +163,16 @@ impl Element {
         }
     }
 
+    /// Unit tangent at a point of the whole line or circle.
+    pub(crate) fn tangent_at(&self, point: Vec2) -> Vec2 {
+        match self {
+            Self::Line(line) => line.tangent,
+            Self::Arc(arc) => {
+                left(point - arc.center).try_normalize(0.0).unwrap_or_default() * arc.turn
+            }
+        }
+    }
+
     /// Length along the element, mm.
     pub(crate) fn length(&self) -> f64 {
         match self {

@@ -7,9 +7,9 @@
 
 use crate::chain::{Link, Placed, Role};
 use crate::corner::{Corners, PIECES};
-use crate::distance::nearest_on_way;
+use crate::distance::{Nearest, nearest_on_element, nearest_on_way};
 use crate::element::{Element, Vec2};
-use crate::tolerance::LENGTH_MM;
+use crate::tolerance::{LENGTH_MM, LOOP_MM};
 use crate::tree::{Bounds, LEAF, NO_CHAIN, Tree, budget};
 use crate::walls::Walls;
 use std::ops::ControlFlow;
@@ -223,6 +223,9 @@ fn cut(
         return None;
     }
     let is_other_pass = walls.pass(on.run) != walls.pass(into);
+    if !is_other_pass && is_retraced(walls, on.run, into, near) {
+        return None;
+    }
     Some(Cut {
         on: on.run,
         into,
@@ -233,6 +236,22 @@ fn cut(
         is_other_pass,
         is_forgiven: walls.forgives_closing() && walls.close_on(on.run, into),
     })
+}
+
+/// Whether a wall is that which the tool follows there, once more: copies of a wall are one, and
+/// not near each other. Rounded coordinates leave them less than the width of a loop apart, and
+/// the tool is not deeper in one of them than that.
+fn is_retraced(walls: &Walls<'_>, on: usize, into: usize, near: Nearest) -> bool {
+    let followed = walls.element(on);
+    let at = nearest_on_element(followed, near.on_way);
+    let is_at = |point: Vec2| (point - near.on_wall).norm() <= LOOP_MM;
+    // Where one goes on in the other, neither is retraced.
+    let is_joint =
+        into == on + 1 && is_at(followed.end()) || into + 1 == on && is_at(followed.start());
+    into != on
+        && !is_joint
+        && is_at(at)
+        && followed.tangent_at(at).dot(&walls.element(into).tangent_at(near.on_wall)) > 0.0
 }
 
 /// Neighbours that cut into neighbours are one place; so is a pair of walls that

@@ -36,7 +36,7 @@ pub(crate) struct Meeting {
 /// All places where the contour meets itself, in the order of the later place; `None` where
 /// there are too many.
 pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Option<Vec<Meeting>> {
-    places(runs, tree, FEW, |_| true).map(|found| wide(runs, found))
+    places(runs, tree, FEW, |_| true, true).map(|found| wide(runs, found))
 }
 
 /// The same of a contour that retraces itself: of each run with its copies before it the first
@@ -47,7 +47,7 @@ pub(crate) fn meetings_of_copies(
     copies: &Copies,
 ) -> Option<Vec<Meeting>> {
     let mut partners: Vec<Vec<(usize, Meeting)>> = vec![Vec::new(); runs.len()];
-    for meeting in places(runs, tree, MEETINGS_MAX, |run| copies.is_first(run))? {
+    for meeting in places(runs, tree, MEETINGS_MAX, |run| copies.is_first(run), false)? {
         let Meeting { early, late, .. } = meeting;
         partners[late.run].push((early.run, meeting));
         if early.run != late.run {
@@ -99,12 +99,14 @@ fn wide(runs: &[Run], mut found: Vec<Meeting>) -> Vec<Meeting> {
     found
 }
 
-/// All places where runs that count meet; `None` where there are too many.
+/// All places where runs that count meet; `None` where there are too many. The joint of two
+/// that follow each other is one of them only where their copies may meet there.
 fn places(
     runs: &[Run],
     tree: &Tree,
     most: (usize, usize),
     counts: impl Fn(usize) -> bool,
+    skips_joints: bool,
 ) -> Option<Vec<Meeting>> {
     let mut found: Vec<Meeting> = Vec::new();
     for (index, run) in runs.iter().enumerate().filter(|(index, _)| counts(*index)) {
@@ -124,7 +126,9 @@ fn places(
             for early in (early.start..early.end.min(late)).filter(|early| counts(*early)) {
                 let early_box = Bounds::of(&runs[early].element);
                 if early_box.gap_squared(&late_box) <= LENGTH_MM * LENGTH_MM {
-                    meet(runs, early, late, &mut found);
+                    let joint =
+                        (skips_joints && early + 1 == late).then(|| runs[early].element.end());
+                    meet(runs, (early, late), joint, &mut found);
                 }
             }
         }
@@ -133,9 +137,13 @@ fn places(
     (is_complete && found.len() < most).then_some(found)
 }
 
-fn meet(runs: &[Run], early: usize, late: usize, found: &mut Vec<Meeting>) {
+fn meet(
+    runs: &[Run],
+    (early, late): (usize, usize),
+    joint: Option<Vec2>,
+    found: &mut Vec<Meeting>,
+) {
     let (a, b) = (&runs[early].element, &runs[late].element);
-    let joint = (early + 1 == late).then(|| a.end());
     let mut add = |point: Vec2, is_end_of_late: bool| {
         if joint.is_some_and(|joint| (joint - point).norm() <= LENGTH_MM)
             || !is_near(a, point)

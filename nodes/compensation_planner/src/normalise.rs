@@ -14,6 +14,10 @@ use cnc_msgs::geometry::Shape;
 /// As many legs as may lead to a closed contour, and one.
 const LEADING_LEGS: usize = 4;
 
+/// How far beside the place where a contour closes a merged arc may end, mm: less than what is
+/// one place.
+const ENDS_MM: f64 = 0.1 * LENGTH_MM;
+
 /// The runs of a span, and each leg's place in its run.
 ///
 /// Points within `straight_mm` of a line, at least [`MERGE_MM`], are on it.
@@ -32,10 +36,16 @@ pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
         let Some(element) = element_from(span.plane, start, leg.motion) else { continue };
         let end = in_plane(span.plane, leg.motion.end);
         let changes = leg.d_out_mm != d_mm;
-        let closes = element.is_line() && closes(&span.legs[..index], leg.start);
+        let closes = element.is_line() && is_start(&span.legs[..index], leg.start);
         let open = runs.last_mut().filter(|run| !changes && run.d_in_mm == run.d_out_mm && !closes);
         let reach = open.and_then(|run| {
+            let unextended = run.element;
             let reach = extend(run, &element, end, &mut cone)?;
+            let is_beside = (run.element.end() - end).norm() > ENDS_MM;
+            if is_beside && !element.is_line() && is_start(&span.legs[..=index], end) {
+                run.element = unextended;
+                return None;
+            }
             run.legs.end = index + 1;
             Some(reach)
         });
@@ -63,11 +73,12 @@ pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
     runs
 }
 
-/// Whether a contour comes back to where it began, or to where what leads to it ended: a line that
-/// went on over that point would pass it by as far as merging takes it.
-fn closes(before: &[Leg<'_>], start: Vec2) -> bool {
-    let is_there = |leg: &Leg<'_>| (leg.start - start).norm() <= LENGTH_MM;
-    before.iter().take(LEADING_LEGS).any(is_there)
+/// Whether a point is where a contour began, or where what leads to it ended. The contour closes
+/// there: a line that went on over that point would pass it by as far as merging takes it, and an
+/// arc that ends at it must not end beside it.
+fn is_start(legs: &[Leg<'_>], point: Vec2) -> bool {
+    let is_there = |leg: &Leg<'_>| (leg.start - point).norm() <= LENGTH_MM;
+    legs.iter().take(LEADING_LEGS).any(is_there)
 }
 
 /// Whether a point is beside another by more than rounding and less than what is merged.

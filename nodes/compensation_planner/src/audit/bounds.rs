@@ -50,7 +50,7 @@ pub(super) struct Bounds {
 impl Bounds {
     /// Of the legs of a span; `None` when they meet too often to look at.
     pub(super) fn of(tree: &StripTree<'_>) -> Option<Self> {
-        let meetings = meetings(tree, FEW, |_| true)?;
+        let meetings = meetings(tree, FEW, |_| true, true)?;
         Some(Self::between(tree.pieces, meetings))
     }
 
@@ -58,7 +58,7 @@ impl Bounds {
     pub(super) fn of_copies(tree: StripTree<'_>, copies: &Copies) -> Option<Self> {
         let is_first = |leg: usize| copies.is_first(leg);
         let tree = tree.holding(is_first);
-        let meetings = meetings(&tree, MEETINGS_MAX, is_first)?;
+        let meetings = meetings(&tree, MEETINGS_MAX, is_first, false)?;
         Some(Self::between(tree.pieces, of_all(tree.pieces, copies, &meetings)))
     }
 
@@ -187,11 +187,13 @@ fn free_ends(passes: &mut [Pass], meetings: &[Meeting], first: Place, last: Plac
     behind.end = behind_begin.map(|meeting| meeting.late).chain([start]).reduce(most);
 }
 
-/// Where the legs meet that count.
+/// Where the legs meet that count. A leg begins where the one before it ends: that is told only
+/// where it may be another copy that ends there.
 fn meetings(
     tree: &StripTree<'_>,
     most: (usize, usize),
     counts: impl Fn(usize) -> bool,
+    skips_joints: bool,
 ) -> Option<Vec<Meeting>> {
     let legs = tree.pieces;
     let mut found: Vec<Meeting> = Vec::new();
@@ -211,7 +213,7 @@ fn meetings(
     let is_complete = strip::near_itself(tree, MEET_MM, |early, late| {
         for late in late.filter(|late| counts(*late)) {
             for early in (early.start..early.end.min(late)).filter(|early| counts(*early)) {
-                meet(legs, early, late, &mut found);
+                meet(legs, (early, late), skips_joints && early + 1 == late, &mut found);
             }
         }
         found.len() < most
@@ -325,9 +327,8 @@ fn runs_on(legs: &Pieces, leg: usize) -> bool {
         || longer <= MERGE_MM
 }
 
-fn meet(legs: &Pieces, early: usize, late: usize, found: &mut Vec<Meeting>) {
+fn meet(legs: &Pieces, (early, late): (usize, usize), is_joined: bool, found: &mut Vec<Meeting>) {
     let ((a0, a1), (b0, b1)) = (legs.chord(early), legs.chord(late));
-    let is_joined = early + 1 == late;
     let (of_a, of_b) = (legs.bow(early), legs.bow(late));
     if of_a.is_none() && of_b.is_none() {
         // Boxes first; neighbours meet elsewhere only if one comes back on the other.
