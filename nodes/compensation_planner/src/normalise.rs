@@ -5,7 +5,7 @@
 //! geometry; `write` splits them again at the normal points. Lines may be taken
 //! more coarsely, where the rounding of posted coordinates hides them.
 
-use crate::element::{Element, Vec2, cross, left};
+use crate::element::{Arc, Element, Vec2, cross, left};
 use crate::frame::{element_from, in_plane};
 use crate::span::{Leg, Run, Span};
 use crate::tolerance::{LENGTH_MM, MERGE_MM};
@@ -14,8 +14,8 @@ use cnc_msgs::geometry::Shape;
 /// As many legs as may lead to a closed contour, and one.
 const LEADING_LEGS: usize = 4;
 
-/// How far beside the place where a contour closes a merged arc may end, mm: less than what is
-/// one place.
+/// How far from the end of its last leg a merged arc may end, mm: less than what is one place.
+/// A tangent element that begins there would meet its offset far away, or not at all.
 const ENDS_MM: f64 = 0.1 * LENGTH_MM;
 
 /// The runs of a span, and each leg's place in its run.
@@ -36,16 +36,10 @@ pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
         let Some(element) = element_from(span.plane, start, leg.motion) else { continue };
         let end = in_plane(span.plane, leg.motion.end);
         let changes = leg.d_out_mm != d_mm;
-        let closes = element.is_line() && is_start(&span.legs[..index], leg.start);
+        let closes = element.is_line() && closes(&span.legs[..index], leg.start);
         let open = runs.last_mut().filter(|run| !changes && run.d_in_mm == run.d_out_mm && !closes);
         let reach = open.and_then(|run| {
-            let unextended = run.element;
             let reach = extend(run, &element, end, &mut cone)?;
-            let is_beside = (run.element.end() - end).norm() > ENDS_MM;
-            if is_beside && !element.is_line() && is_start(&span.legs[..=index], end) {
-                run.element = unextended;
-                return None;
-            }
             run.legs.end = index + 1;
             Some(reach)
         });
@@ -73,12 +67,11 @@ pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
     runs
 }
 
-/// Whether a point is where a contour began, or where what leads to it ended. The contour closes
-/// there: a line that went on over that point would pass it by as far as merging takes it, and an
-/// arc that ends at it must not end beside it.
-fn is_start(legs: &[Leg<'_>], point: Vec2) -> bool {
-    let is_there = |leg: &Leg<'_>| (leg.start - point).norm() <= LENGTH_MM;
-    legs.iter().take(LEADING_LEGS).any(is_there)
+/// Whether a contour comes back to where it began, or to where what leads to it ended: a line that
+/// went on over that point would pass it by as far as merging takes it.
+fn closes(before: &[Leg<'_>], start: Vec2) -> bool {
+    let is_there = |leg: &Leg<'_>| (leg.start - start).norm() <= LENGTH_MM;
+    before.iter().take(LEADING_LEGS).any(is_there)
 }
 
 /// Whether a point is beside another by more than rounding and less than what is merged.
@@ -99,9 +92,11 @@ fn extend(run: &mut Run, leg: &Element, end: Vec2, cone: &mut Cone) -> Option<f6
     match (&mut run.element, leg) {
         (Element::Arc(arc), Element::Arc(next)) => {
             let off = (arc.center - next.center).norm() + (arc.radius - next.radius).abs();
-            if arc.turn == next.turn && off <= MERGE_MM && arc.to.dot(&next.from) > 0.5 {
-                arc.sweep += next.sweep;
-                arc.to = next.to;
+            let longer = Arc { sweep: arc.sweep + next.sweep, to: next.to, ..*arc };
+            let goes_on = arc.turn == next.turn && arc.to.dot(&next.from) > 0.5;
+            let ends_there = (Element::Arc(longer).end() - end).norm() <= ENDS_MM;
+            if goes_on && off <= MERGE_MM && ends_there {
+                *arc = longer;
                 return Some(arc.sweep);
             }
         }

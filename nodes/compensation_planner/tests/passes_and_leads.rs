@@ -4,10 +4,11 @@
 mod support;
 
 use cnc_msgs::finding::{Code, Severity};
-use cnc_msgs::geometry::Shape;
+use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, Role};
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::{Plan, Planning, Verdict, judge, plan_certified};
+use std::f64::consts::TAU;
 use std::fmt::Write;
 use support::{codes, contour, finding, findings, profile, tool};
 
@@ -114,9 +115,27 @@ fn a_full_circle_between_arcs_is_cut_whatever_its_decimals() {
         let plan = of_rs274(text);
         assert!(plan.accepted(), "{}", findings(&plan));
         let is_circle = |it: &&PathElement| it.source.line == 5 && it.role == Role::Contour;
-        let circle = plan.path.elements.iter().find(is_circle).expect("the circle");
-        assert!(matches!(circle.shape, Shape::Arc(arc) if arc.turns == 1), "{circle:?}");
+        let index = plan.path.elements.iter().position(|it| is_circle(&it)).expect("the circle");
+        let circle = &plan.path.elements[index];
+        let Shape::Arc(arc) = circle.shape else { panic!("{circle:?}") };
+        let angle = |at: Position| (at[1] - arc.center[1]).atan2(at[0] - arc.center[0]);
+        let turned = angle(circle.end) - angle(plan.path.start_of(index));
+        let turned = if arc.clockwise { -turned } else { turned }.rem_euclid(TAU);
+        let sweep = turned + TAU * f64::from(arc.turns);
+        assert!((sweep - TAU).abs() < 1e-6, "{circle:?}");
     }
+}
+
+/// Three decimals: the quarters are one circle to 1e-4 mm, and would end beside the last point.
+#[test]
+fn an_arc_after_quarters_of_a_circle_is_reached_whatever_their_decimals() {
+    let text = "G0 X-11.037 Y1.291\nG42 G451 D1 G1 X-8.253 Y3.59 F600\n\
+                G3 X-3.59 Y-8.253 I8.253 J-3.59\nG3 X8.253 Y-3.59 I3.59 J8.253\n\
+                G3 X3.59 Y8.253 I-8.253 J3.59\nG3 X-8.253 Y3.59 I-3.59 J-8.253\n\
+                G3 X-8.374 Y-3.298 I8.253 J-3.59\nG2 X-8.19 Y-4.918 I-2.931 J-1.154\n\
+                G40 G1 X-9.088 Y-0.498\nM2";
+    let plan = judged(text, "sinumerik_840c", &tool(3.0));
+    assert!(plan.accepted(), "{}", findings(&plan));
 }
 
 #[test]
