@@ -12,6 +12,7 @@ use cnc_msgs::chunk::{Chunk, Collector};
 use cnc_msgs::interface::Message;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::schema::TypeInfo;
+use cnc_msgs::wire::cnc_msgs::msg::NodeParameters;
 use run_recorder::bag_reader::{BagChannel, BagMessage};
 use run_recorder::decode;
 use run_recorder::encode::encode;
@@ -67,6 +68,20 @@ const RENAMED: &[(&str, &str, &str)] = &[
     ("cnc_msgs/msg/CompensatedPath", "controller", "control"),
     ("cnc_msgs/msg/CompensationReport", "diagnostics", "findings"),
 ];
+
+/// Parameters that have another name today: node, name of then, name of today.
+const RENAMED_PARAMETERS: &[(&str, &str, &str)] = &[("program_loader", "controller", "control")];
+
+/// Gives recorded parameters the names that today's nodes know.
+pub(crate) fn rename_parameters(recorded: &mut NodeParameters) {
+    for (node, then, today) in RENAMED_PARAMETERS {
+        if recorded.node.rsplit('/').next() == Some(node) {
+            for row in recorded.parameters.iter_mut().filter(|row| row.name == *then) {
+                row.name = (*today).to_owned();
+            }
+        }
+    }
+}
 
 /// What profiles of then said, and what says the same today.
 const PROFILE_CHANGES: &[(&str, &str)] = &[("contour: error", "react: alarm")];

@@ -3,7 +3,7 @@
 //! Reads a bag once, by topic name whatever the namespace, and puts chunks
 //! together. Leaves running the cores to its neighbours.
 
-use super::migration::{Definitions, profile_of_then};
+use super::migration::{Definitions, profile_of_then, rename_parameters};
 use super::{Level, ReplayError};
 use cnc_msgs::chunk::{ChunkError, Collector};
 use cnc_msgs::contour::ProgrammedContour;
@@ -258,7 +258,9 @@ impl Recording {
                 self.goals.push(self.definitions.decode(message, number)?);
             }
             wire::NodeParameters::TYPE_NAME => {
-                let parameters: wire::NodeParameters = self.definitions.decode(message, number)?;
+                let mut parameters: wire::NodeParameters =
+                    self.definitions.decode(message, number)?;
+                rename_parameters(&mut parameters);
                 let name = parameters.node.rsplit('/').next().unwrap_or_default().to_owned();
                 self.parameters.insert(name, parameters);
             }

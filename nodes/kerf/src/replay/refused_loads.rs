@@ -62,10 +62,7 @@ fn again(
         return Ok(Err("its text came from a file or in pieces and is not in the bag"));
     }
     let control = match request.control.as_str() {
-        // The parameter was called `controller` before.
-        "" => parameter(recording, "control")
-            .or_else(|| parameter(recording, "controller"))
-            .map_or("", |value| &value.string_value),
+        "" => parameter(recording, "control").map_or("", |value| &value.string_value),
         name => name,
     };
     // A file that has that name here may be another one.
