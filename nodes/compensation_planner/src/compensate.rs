@@ -232,6 +232,14 @@ impl Solution {
         if let (Some(behind), Some(_)) = (behind, span.entry.from) {
             check.change_of_side(span, way_of(0), behind);
         }
+        for (at_end, other_side) in [(false, span.entry.from), (true, span.next)] {
+            let run = if at_end { runs.len() - 1 } else { 0 };
+            let place = placed.iter().find(|it| links[it.link].role == LinkRole::Run(run));
+            let beyond = |place: &Placed| interference::beyond(&links[place.link], place, at_end);
+            if let Some(way) = place.filter(|_| other_side.is_some()).and_then(beyond) {
+                check.beyond(span, runs, &way, run);
+            }
+        }
         if let Exit::LeadOff(lead) = exit {
             let label = Label {
                 role: Role::LeadOff,

@@ -343,3 +343,14 @@ pub(crate) fn lengthened(link: &Link, place: &Placed) -> Option<Element> {
         Element::Arc(arc) => Element::arc(place.start, place.end, arc.center, arc.turn > 0.0, 0),
     }
 }
+
+/// What a joint lengthens an arc by, at its end or at its start.
+pub(crate) fn beyond(link: &Link, place: &Placed, at_end: bool) -> Option<Element> {
+    let whole = link.element.offset(link.d_in_mm)?;
+    let Element::Arc(arc) = whole else { return None };
+    let (trim, from, to) = match at_end {
+        true => (place.trim_out, whole.end(), place.end),
+        false => (place.trim_in, place.start, whole.start()),
+    };
+    if trim >= 0.0 { None } else { Element::arc(from, to, arc.center, arc.turn > 0.0, 0) }
+}

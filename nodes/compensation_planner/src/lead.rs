@@ -300,6 +300,27 @@ impl Check<'_> {
         }
     }
 
+    /// What a change of side lengthens the last arc by, or the first: it belongs to the change,
+    /// and may cut into the walls of the span.
+    pub(crate) fn beyond(&mut self, span: &Span<'_>, runs: &[Run], way: &Element, run: usize) {
+        let d_mm = if run == 0 { span.d_mm } else { span.d_out_mm };
+        let limit = d_mm.abs() - GOUGE_MM;
+        let cut = deepest_cut(self.walls, way, None, limit, |into| into != run);
+        let Some((into, near)) = cut else { return };
+        let leg = |run: usize| span.legs[runs[run].legs.end - 1];
+        let cut = LeadCut {
+            code: Code::LinkGouge,
+            what: "change of side",
+            source: leg(run).source,
+            other: leg(into).source,
+            at: in_work(self.plane, near.on_wall, height(self.plane, leg(run).motion.end)),
+            d_mm,
+            distance_mm: near.distance,
+            is_straight: true,
+        };
+        self.findings.push(finding::lead_cut(&cut, self.profile));
+    }
+
     /// What a link at the end of the span will be checked against.
     pub(crate) fn wall_behind(
         &self,

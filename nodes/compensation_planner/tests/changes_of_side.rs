@@ -134,3 +134,20 @@ fn a_tangent_joint_between_two_sides_is_told_with_its_depth() {
     let cut = finding(&plan, Code::LinkGouge);
     assert_eq!((cut.severity, cut.depth_mm), (Severity::Warning, Some(RADIUS_MM)));
 }
+
+/// The last arc of a closed contour is lengthened to the offset of the other side, and cuts the
+/// first block on its way there: that belongs to the change.
+#[test]
+fn what_an_arc_is_lengthened_by_belongs_to_the_change_of_side() {
+    let text = "G0 X-0.151 Y1.201\nG42 D1 G1 X0 Y0 F600\nG1 X-19.611 Y-2.466\n\
+                G1 X-1.149 Y-16.185\nG1 X0.893 Y-0.9\nG3 X0 Y0 I-0.793 J0.106\n\
+                G41 G1 X3.449 Y6.58\nG40 G1 X1.669 Y7.513\nM30";
+    let nct = profile("nct");
+    let contour = contour(text, &nct);
+    let Verdict { plan, disagreement, .. } = judge(&contour, &nct, &tool(1.0), Planning::default());
+    assert_eq!(disagreement, None, "{}", findings(&plan));
+    assert!(plan.accepted(), "{}", findings(&plan));
+    let links = plan.findings.iter().filter(|found| found.code == Code::LinkGouge);
+    let others: Vec<u32> = links.filter_map(|found| Some(found.other?.line)).collect();
+    assert!(others.contains(&3), "{}", findings(&plan));
+}

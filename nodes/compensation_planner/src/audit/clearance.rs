@@ -352,6 +352,9 @@ impl Search<'_> {
             _ if kind == Kind::Link => Code::LinkGouge,
             _ if found.is_nick => Code::LeadNick,
             Role::LeadOn | Role::LeadOff => Code::LeadGouge,
+            _ if found.is_lead && self.at_change_of_side(found.on) != (false, false) => {
+                Code::LinkGouge
+            }
             _ if found.is_lead => Code::LeadGouge,
             _ if found.is_other_pass => Code::CutsOtherPass,
             _ => Code::Gouge,

@@ -2,7 +2,7 @@
 //! end of the contour there is only air.
 
 use super::clearance::{GOUGE_MM, Search, Tool};
-use super::planar::Piece;
+use super::planar::{Piece, Point, cross};
 use super::program::{Kind, NONE};
 use cnc_msgs::path::Role;
 
@@ -25,7 +25,10 @@ impl Search<'_> {
         let is_first = own == 0 && self.span.lead_on.is_some() && !self.span.from_side;
         let is_last =
             own + 1 == self.legs.len() && self.span.lead_off.is_some() && !self.span.to_side;
-        if tool.own == NONE || !piece.is_line() || !(is_first || is_last) {
+        if tool.own != NONE && !piece.is_line() {
+            return self.without_change_of_side(piece, own);
+        }
+        if tool.own == NONE || !(is_first || is_last) {
             return [None, Some(*piece), None];
         }
         let (leg, length) = (self.walls.piece(own), piece.length());
@@ -37,6 +40,33 @@ impl Search<'_> {
             return [None, Some(*piece), None];
         }
         [part(0.0, begin), part(begin, end), part(end, length)]
+    }
+
+    /// An arc between what it is lengthened by at changes of side: that is part of them.
+    fn without_change_of_side(&self, piece: &Piece, own: usize) -> [Option<Piece>; 3] {
+        let whole = [None, Some(*piece), None];
+        let leg = self.walls.piece(own);
+        let (Some(round), false) = (&piece.round, leg.is_line()) else { return whole };
+        // How far the second point is after the first on the circle, mm; less than half a turn.
+        let after = |first: Point, second: Point| {
+            let (a, b) = (first - round.center, second - round.center);
+            cross(a, b).atan2(a.dot(&b)) * round.sweep.signum() * round.radius
+        };
+        let (is_first, is_last) = self.at_change_of_side(own);
+        let length = piece.length();
+        let begin = if is_first { after(piece.from, leg.from).max(0.0) } else { 0.0 };
+        let end = if is_last { length - after(leg.to, piece.to).max(0.0) } else { length };
+        if begin <= GOUGE_MM && end >= length - GOUGE_MM || begin >= end {
+            return whole;
+        }
+        let part = |from: f64, to: f64| (to - from > GOUGE_MM).then(|| piece.part(from, to));
+        [part(0.0, begin), part(begin, end), part(end, length)]
+    }
+
+    /// Whether the side changes where a leg begins, and where it ends.
+    pub(super) fn at_change_of_side(&self, leg: usize) -> (bool, bool) {
+        let is_last = leg + 1 == self.legs.len();
+        (leg == 0 && self.span.from_side, is_last && self.span.to_side)
     }
 
     /// Whether a lead passes above all cuts of the pass of a leg, and above the material.
