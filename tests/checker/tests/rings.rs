@@ -3,6 +3,7 @@
 
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::tool_table::{Offset, ToolTable};
+use kerf_checker::judge::Verdict;
 use kerf_checker::program::Program;
 use kerf_checker::{product, profiles};
 
@@ -25,12 +26,16 @@ M30
 
 /// What loader and planner say of a program with one offset.
 fn findings(control: &'static str, axes: [usize; 3], radius_mm: f64, text: &str) -> Vec<Finding> {
+    verdict(control, axes, radius_mm, text).findings
+}
+
+fn verdict(control: &'static str, axes: [usize; 3], radius_mm: f64, text: &str) -> Verdict {
     let mut tools = ToolTable::default();
     tools.offsets.insert(1, Offset { radius_mm, ..Offset::default() });
     let text = text.into();
     let (spans, features) = (Vec::new(), Vec::new());
     let program = Program { seed: 0, control, text, tools, axes, spans, features };
-    product(&program, &profiles()).findings
+    product(&program, &profiles())
 }
 
 #[test]
@@ -57,10 +62,15 @@ G0 Z5
 M2
 ";
 
+/// One half was taken for the way back along the other, and left out.
 #[test]
-fn half_a_ring_is_not_taken_for_the_way_back_along_the_other_half() {
-    let findings = findings("nct", [0, 1, 2], 3.0, ROUNDED);
-    assert!(findings.iter().any(Finding::is_error), "{findings:?}");
+fn a_ring_of_rounded_blocks_is_followed_all_around() {
+    let verdict = verdict("nct", [0, 1, 2], 3.0, ROUNDED);
+    assert!(!verdict.findings.iter().any(Finding::is_error), "{:?}", verdict.findings);
+    for line in 5..=9 {
+        let is_followed = verdict.path.elements.iter().any(|it| it.source.line == line);
+        assert!(is_followed, "line {line} of {:?}", verdict.path);
+    }
 }
 
 /// A ring in three blocks between an arc that leads to it and a straight: the blocks are one circle
