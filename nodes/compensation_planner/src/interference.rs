@@ -248,7 +248,16 @@ fn is_retraced(walls: &Walls<'_>, on: usize, into: usize, near: Nearest) -> bool
     // Where one goes on in the other, neither is retraced.
     let is_joint =
         into == on + 1 && is_at(followed.end()) || into + 1 == on && is_at(followed.start());
+    // A tangent that leaves a circle is near it for a while, and no copy of it.
+    let is_same = match (followed, walls.element(into)) {
+        (Element::Line(_), Element::Line(_)) => true,
+        (Element::Arc(a), Element::Arc(b)) => {
+            (a.center - b.center).norm() + (a.radius - b.radius).abs() <= LOOP_MM
+        }
+        _ => false,
+    };
     into != on
+        && is_same
         && !is_joint
         && is_at(at)
         && followed.tangent_at(at).dot(&walls.element(into).tangent_at(near.on_wall)) > 0.0

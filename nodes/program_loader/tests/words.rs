@@ -221,18 +221,24 @@ fn d_is_a_tool_on_rs274_and_zero_or_none_is_the_tool_in_the_spindle() {
 
 #[test]
 fn s17_d_is_modal_on_the_840c_and_may_stand_before() {
-    check("sinumerik_840c", "D3\nG41", &["radius of offset 3", "select left"]);
-    check("sinumerik_840c", "G41 D07", &["radius of offset 7", "select left"]);
+    check("sinumerik_840c", "D3\nG41", &["G43 H3", "radius of offset 3", "select left"]);
+    check("sinumerik_840c", "G41 D07", &["G43 H7", "radius of offset 7", "select left"]);
 }
 
 #[test]
 fn s22_s29_n06_d0_deselects_or_only_suspends() {
-    check("sinumerik_840c", "G41 D0\nD2\nG40", &["radius of offset 2", "select left", "cancel"]);
+    check(
+        "sinumerik_840c",
+        "G41 D0\nD2\nG40",
+        &["G43 H2", "radius of offset 2", "select left", "cancel"],
+    );
     let off = ["radius of offset 1", "select right", "cancel"];
-    check("sinumerik_840c", "G42 D1\nD0\nD1", &off);
+    // D selects the length too (S34), and D0 none.
+    let length = ["G43 H1", off[0], off[1], "G49", off[2], "G43 H1"];
+    check("sinumerik_840c", "G42 D1\nD0\nD1", &length);
     let again = [&off[..], &off[..2]].concat();
     check("nct", "G42 D1\nD0\nD1", &again);
-    check("sinumerik_840c", "D1\nG40\nD0\nD2", &[]);
+    check("sinumerik_840c", "D1\nG40\nD0\nD2", &["G43 H1", "G49", "G43 H2"]);
 }
 
 #[test]
@@ -240,7 +246,7 @@ fn s13_s15_approach_words_go_with_the_selection_and_are_not_modal() {
     check(
         "sinumerik_840c",
         "D1 G41 G456\nG42\nG40 G455",
-        &["radius of offset 1", "select left normal", "select right", "cancel corner"],
+        &["G43 H1", "radius of offset 1", "select left normal", "select right", "cancel corner"],
     );
 }
 
