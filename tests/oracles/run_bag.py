@@ -26,6 +26,8 @@ EXPECTED = [
     "machine_state", "controller_traffic", "command_log", "node_parameters",
     "run_program/_action/status",
 ]
+# Topics that older bags hold under an earlier name.
+FORMERLY = {"command_log": "commands"}
 
 
 def check(bag):
@@ -48,7 +50,8 @@ def check(bag):
             factory.decoder_for(channel.message_encoding, schema)(message.data)
             decoded[channel.topic] += 1
     for name in EXPECTED:
-        assert any(t.endswith("/" + name) and n for t, n in by_file.items()), f"no {name}"
+        names = {"/" + name, "/" + FORMERLY.get(name, name)}
+        assert any(t.endswith(tuple(names)) and n for t, n in by_file.items()), f"no {name}"
     print(f"{bag}: {sum(by_file.values())} messages on {len(by_file)} topics, "
           f"{sum(decoded.values())} decoded by mcap_ros2")
 
