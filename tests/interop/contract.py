@@ -21,6 +21,7 @@ TOPICS = {
     'compensation_report': ('compensation_planner', 'cnc_msgs/msg/CompensationReport', LATCHED),
     'machine_state': ('axis_driver', 'cnc_msgs/msg/MachineState', LATCHED),
     'controller_settings': ('axis_driver', 'cnc_msgs/msg/ControllerSettings', LATCHED),
+    'run_result': ('axis_driver', 'cnc_msgs/msg/RunResult', LATCHED),
     'controller_traffic': ('axis_driver', 'cnc_msgs/msg/ControllerTraffic', EVENTS),
     'joint_states': ('axis_driver', 'sensor_msgs/msg/JointState', EVENTS),
     'tool_pose': ('axis_driver', 'geometry_msgs/msg/PoseStamped', EVENTS),

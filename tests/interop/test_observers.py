@@ -137,7 +137,7 @@ def test_a_recorder_of_bags_can_subscribe_everything_with_what_is_offered(machin
         'program', 'program/chunks', 'programmed_contour', 'programmed_contour/chunks',
         'compensated_path', 'compensated_path/chunks', 'compensated_path/preview', 'markers',
         'compensation_report', 'tool_table', 'machine_state', 'controller_settings',
-        'controller_traffic', 'joint_states', 'tool_pose', 'recording', 'command_log',
+        'run_result', 'controller_traffic', 'joint_states', 'tool_pose', 'recording', 'command_log',
         'node_parameters', 'run_program/_action/status', 'run_program/_action/feedback')}
     got = set()
 

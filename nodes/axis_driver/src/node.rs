@@ -30,11 +30,12 @@ use crate::journal::{Order, TakeRestOrder};
 use crate::motion::{self, FACE_VARIABLE};
 use crate::serial::Event;
 use cnc_msgs::machine::{MachineState, Mode};
+use cnc_msgs::wire::cnc_msgs::msg::RunResult as RunResultMessage;
 use cnc_msgs::wire::cnc_msgs::srv::{GetProgramChunks, GetTraffic};
 use motion_link::{Before, FromMotion, MotionLink};
 use path::{Answers, Paths, Planned};
 use runtime::commands::CommandLog;
-use runtime::{Client, Handle, Health, HealthLevel, Memory, Qos, RosTime};
+use runtime::{Client, Handle, Health, HealthLevel, Memory, Publisher, Qos, RosTime};
 use rustix::process::Signal;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -101,6 +102,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         commands: CommandLog::new(&node)?,
         recorder: follow::Recorder::default(),
         programs: node.client("program/get_chunks")?,
+        run_results: node.publisher("run_result", Qos::LATCHED)?,
     });
     let viewers = Viewers::new(&node)?;
     for event in events {
@@ -221,6 +223,8 @@ struct Driver {
     recorder: follow::Recorder,
     /// Texts of programs.
     programs: Client<GetProgramChunks>,
+    /// How the last run ended.
+    run_results: Publisher<RunResultMessage>,
 }
 
 impl Driver {

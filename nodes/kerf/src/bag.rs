@@ -2,6 +2,7 @@
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::output_file::OutputFile;
+use crate::replay::run_result;
 use crate::replay::trim::trim;
 use clap::Subcommand;
 use run_recorder::files::{FileBag, open_bag, recover_bag};
@@ -65,6 +66,7 @@ pub(crate) fn run(command: &BagCommand) -> Outcome {
             let mut bag = open_bag(path).map_err(Failure::usage)?;
             bag.verify().map_err(Failure::usage)?;
             let mut info = BagInfo::new(&path.display().to_string(), &bag);
+            info.result = run_result::of_bag(&mut bag);
             info.kept = mark_of(path);
             if *json {
                 let value = serde_json::to_value(&info).map_err(Failure::usage)?;

@@ -36,6 +36,8 @@ pub(crate) struct Sheet {
     /// `accepted`, `DIFFERENT`
     pub(crate) verdict: String,
     pub(crate) good: bool,
+    /// How the run ended.
+    pub(crate) end: String,
     pub(crate) summary: String,
     /// `X to the right, Y up, mm`
     pub(crate) axes: String,

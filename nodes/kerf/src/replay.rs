@@ -18,6 +18,7 @@ pub(crate) mod recording;
 mod refused_loads;
 mod report;
 mod run_end;
+pub(crate) mod run_result;
 mod stack;
 mod states;
 mod tolerances;
@@ -305,8 +306,7 @@ fn replay(path: &Path, levels: &[Level], how: How<'_>) -> Result<Verdict, Replay
             Level::Driver if gaps.is_empty() => {
                 *played = driver::replay(given, &mut comparison, outputs)?;
                 if let Some(played) = played {
-                    let goal = contents.goal_id.as_deref();
-                    run_end::compare(&given.recording, goal, played, &mut comparison)?;
+                    run_end::compare(&given.recording, played, &mut comparison)?;
                 }
             }
             Level::Stack if gaps.is_empty() => {

@@ -2,11 +2,12 @@
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::local::over_ros_or_locally;
+use crate::replay::run_result;
 use axis_driver::protocol::Wish;
 use cnc_msgs::convert::{link_watch_from_wire, machine_state_to_wire, mode_from_wire};
 use cnc_msgs::machine::LinkWatch;
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
-use cnc_msgs::wire::cnc_msgs::msg::MachineState;
+use cnc_msgs::wire::cnc_msgs::msg::{MachineState, RunResult};
 use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::{Handle, Qos, Subscription};
 use std::time::Duration;
@@ -22,6 +23,7 @@ pub(crate) fn run(ros_args: &[String]) -> Outcome {
     let over_ros = async |node: &Handle| {
         let mut states: Subscription<MachineState> =
             node.subscription("machine_state", Qos::LATCHED)?;
+        let mut results: Subscription<RunResult> = node.subscription("run_result", Qos::LATCHED)?;
         let (mut state, _) = timeout(LATCHED_WITHIN, states.next()).await.map_err(|_| {
             Failure::new(
                 Status::NoAnswer,
@@ -41,6 +43,14 @@ pub(crate) fn run(ros_args: &[String]) -> Outcome {
             }
         }
         print!("{}", describe(&state));
+        // Late joiners get the last one; there is none before the first run.
+        let mut ended = None;
+        while let Ok((result, _)) = timeout(Duration::ZERO, results.next()).await {
+            ended = Some(result);
+        }
+        if let Some(result) = ended {
+            println!("  last run {}", run_result::of_message(&result));
+        }
         Ok(())
     };
     over_ros_or_locally(ros_args, Wish::State, over_ros, |answer| {

@@ -95,6 +95,8 @@ fn ctrl_c_holds_the_machine_closes_the_bag_and_leaves_nothing() {
     let bags = machine.until_bags(1);
     let bag = bags[0].to_str().expect("UTF-8");
     machine.kerf(&["bag", "info", bag]).expect(0).says(&["complete:    yes"]);
+    let ended = "result:      aborted (314)";
+    machine.kerf(&["bag", "info", bag]).says(&[ended]);
     machine.kerf(&["replay", bag]).expect(0).says(&["driver: 0 differences"]);
     let sent = transmitted(&bags[0]);
     assert!(sent.iter().any(|bytes| bytes.contains(&b'!')), "no hold was sent: {sent:?}");

@@ -29,6 +29,35 @@ pub struct AttachmentInfo {
     pub size: u64,
 }
 
+/// How a run ended, in the words of the driver.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct RunEnd {
+    /// `succeeded`, `canceled` or `aborted`.
+    pub outcome: String,
+    /// As in the result of `run_program`; 0 when it succeeded.
+    pub error_code: u16,
+    /// Why.
+    pub message: String,
+    /// The source line that was cut last; 0 when none was.
+    pub last_line: u32,
+}
+
+impl fmt::Display for RunEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.outcome)?;
+        if self.error_code > 0 {
+            write!(f, " ({})", self.error_code)?;
+        }
+        if !self.message.is_empty() {
+            write!(f, ": {}", one_line(&self.message))?;
+        }
+        if self.last_line > 0 {
+            write!(f, "; the last line that was cut is {}", self.last_line)?;
+        }
+        Ok(())
+    }
+}
+
 /// What a bag holds.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct BagInfo {
@@ -40,7 +69,9 @@ pub struct BagInfo {
     pub complete: bool,
     /// What is wrong, a sentence each.
     pub problems: Vec<String>,
-    /// Why it is marked, if it is; the caller looks, since the mark is beside the bag's files.
+    /// How the run ended; the caller looks, since the recorder's core knows no messages.
+    pub result: Option<RunEnd>,
+    /// Why it is marked, if it is; the caller looks, since the mark is a file next to the bag's.
     pub kept: Option<String>,
     pub message_count: u64,
     /// Log time of the first message, nanoseconds since the epoch.
@@ -62,6 +93,7 @@ impl BagInfo {
             library: bag.library().to_owned(),
             complete: bag.is_complete(),
             problems: bag.problems().iter().map(ToString::to_string).collect(),
+            result: None,
             kept: None,
             message_count: summary.message_count,
             start_ns: summary.time_range_ns.map(|(start, _)| start),
@@ -92,6 +124,9 @@ impl BagInfo {
 
 impl fmt::Display for BagInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(result) = &self.result {
+            writeln!(f, "result:      {result}")?;
+        }
         writeln!(f, "bag:         {}", one_line(&self.bag))?;
         writeln!(f, "written by:  {}", one_line(&self.library))?;
         let complete = if self.complete { "yes" } else { "no" };

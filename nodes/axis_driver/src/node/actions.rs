@@ -11,7 +11,9 @@ use cnc_msgs::convert::mode_to_wire;
 use cnc_msgs::interface::Action;
 use cnc_msgs::wire::builtin_interfaces::msg::Duration as WireDuration;
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramFeedback, RunProgramResult};
+use cnc_msgs::wire::cnc_msgs::msg::RunResult as RunResultMessage;
 use cnc_msgs::wire::cnc_msgs::srv::PlanStart;
+use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
 use runtime::action::{Goal, GoalOffer, Outcome, Unfinished};
 use runtime::commands::Answer;
 use runtime::{Client, Handle, NodeError};
@@ -167,16 +169,13 @@ async fn follow(
 ) {
     let (result, _) = ended(driver, id, &goal, finished, feedback).await;
     let Some(result) = result else {
-        goal.end(
-            Outcome::Aborted,
-            RunProgramResult {
-                outcome: RunProgramResult::OUTCOME_ABORTED,
-                error_code: error_code::LINK_LOST,
-                message: "the driver stopped; motion may continue".into(),
-                ..RunProgramResult::default()
-            },
-        );
-        return;
+        let result = RunProgramResult {
+            outcome: RunProgramResult::OUTCOME_ABORTED,
+            error_code: error_code::LINK_LOST,
+            message: "the driver stopped; motion may continue".into(),
+            ..RunProgramResult::default()
+        };
+        return end(driver, goal, Outcome::Aborted, result);
     };
     let (outcome, code) = match result.outcome {
         RunOutcome::Succeeded => (Outcome::Succeeded, RunProgramResult::OUTCOME_SUCCEEDED),
@@ -193,15 +192,25 @@ async fn follow(
         Some(text) => format!("{}; the block is {text:?}", result.message),
         None => result.message,
     };
-    goal.end(
-        outcome,
-        RunProgramResult {
-            outcome: code,
-            error_code: result.error_code,
+    let (error_code, last_line) = (result.error_code, result.last_line);
+    end(driver, goal, outcome, RunProgramResult { outcome: code, error_code, message, last_line });
+}
+
+/// Ends a goal. The result of a run is on `run_result` too, for those who did not send the goal.
+fn end(driver: &Driver, goal: Goal<RunProgram>, outcome: Outcome, result: RunProgramResult) {
+    if !goal.goal().check_only {
+        let RunProgramResult { outcome, error_code, message, last_line } = result.clone();
+        driver.run_results.publish(RunResultMessage {
+            stamp: driver.node.now().into(),
+            goal_id: UUID { uuid: goal.id().0 },
+            program_id: driver.state.borrow().program_id.clone(),
+            outcome,
+            error_code,
             message,
-            last_line: result.last_line,
-        },
-    );
+            last_line,
+        });
+    }
+    goal.end(outcome, result);
 }
 
 /// Waits for the end of a goal, gives feedback, and hands a cancel on; also says whether

@@ -476,6 +476,7 @@ function show(number) {
   by("title").textContent = sheet.title;
   by("verdict").textContent = sheet.verdict;
   by("verdict").className = sheet.good ? "" : "bad";
+  by("end").textContent = sheet.end;
   by("summary").textContent = sheet.summary;
   by("under").textContent = by("moment").textContent = "";
   by("layers").replaceChildren(...sheet.layers.map((layer, index) => {

@@ -184,6 +184,7 @@ pub(crate) fn of_recording(
             let id = plan.report.program_id.as_str();
             sheet.pins.extend(alarms(recording, view, Some(id), &sheet.program));
             sheet.run = *logs.entry(id).or_insert_with(|| page.log(recording, view));
+            sheet.end = end(recording);
         }
         finish(&mut sheet);
         page.sheets.push(sheet);
@@ -195,12 +196,17 @@ pub(crate) fn of_recording(
         let mut sheet = Sheet::new(title, view, b"");
         sheet.pins = alarms(recording, view, None, &[]);
         sheet.run = page.log(recording, view);
+        sheet.end = end(recording);
         if is_alone || sheet.run.is_some() {
             finish(&mut sheet);
             page.sheets.push(sheet);
         }
     }
     Ok(())
+}
+
+fn end(recording: &Recording) -> String {
+    recording.end().map_or(String::new(), |end| format!("The run: {end}"))
 }
 
 impl Page {

@@ -4,6 +4,7 @@
 //! together. Leaves running the cores to its neighbours.
 
 use super::migration::{Definitions, profile_of_then, rename_parameters};
+use super::run_result::{self, STATUS_TOPIC};
 use super::{Level, ReplayError};
 use cnc_msgs::chunk::{ChunkError, Collector};
 use cnc_msgs::contour::ProgrammedContour;
@@ -14,7 +15,8 @@ use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::action_msgs::msg::GoalStatusArray;
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
-use run_recorder::bag_reader::{Bag, BagMessage, LATE, Problem};
+use run_recorder::bag_reader::{Bag, BagMessage, LATE, Problem, RUN_RECORD};
+use run_recorder::info::RunEnd;
 use runtime::RosTime;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -83,6 +85,10 @@ pub(crate) struct Recording {
     pub(crate) settings: Option<wire::ControllerSettings>,
     /// What became of the goals of `run_program`, in order.
     pub(crate) goals: Vec<GoalStatusArray>,
+    /// How runs ended, in order; the first may be of an earlier bag.
+    pub(crate) results: Vec<wire::RunResult>,
+    /// The goal that the bag was recorded for.
+    pub(crate) goal_id: Option<String>,
     /// States that were sent and did not come to the recorder, where it counted them.
     pub(crate) missed_states: Option<u64>,
     /// The recorder came in the middle of the run, and says so: it has not heard what was before.
@@ -140,7 +146,7 @@ struct Gathered {
 }
 
 /// Types whose messages replay reads: what is not of these can go without being missed.
-pub(crate) const READ_TYPES: [&str; 14] = [
+pub(crate) const READ_TYPES: [&str; 15] = [
     wire::Program::TYPE_NAME,
     wire::ProgramChunk::TYPE_NAME,
     wire::ProgrammedContour::TYPE_NAME,
@@ -154,6 +160,7 @@ pub(crate) const READ_TYPES: [&str; 14] = [
     wire::NodeParameters::TYPE_NAME,
     wire::ControllerSettings::TYPE_NAME,
     wire::Command::TYPE_NAME,
+    wire::RunResult::TYPE_NAME,
     GoalStatusArray::TYPE_NAME,
 ];
 
@@ -171,11 +178,18 @@ impl Recording {
         }
         recording.put_together(gathered)?;
         recording.missed_states = missed_states(bag);
+        recording.goal_id =
+            bag.metadata_named(RUN_RECORD).and_then(|it| it.get("goal_id").cloned());
         recording.begins_late = bag
             .problems()
             .iter()
             .any(|problem| matches!(problem, Problem::RecorderSays { reason } if reason == LATE));
         Ok(recording)
+    }
+
+    /// How the run that the bag was recorded for ended.
+    pub(crate) fn end(&self) -> Option<RunEnd> {
+        run_result::of_goal(self.goal_id.as_deref()?, &self.results, &self.goals)
     }
 
     /// The path that was planned for a program under a number.
@@ -252,10 +266,11 @@ impl Recording {
             wire::ControllerSettings::TYPE_NAME => {
                 self.settings = Some(self.definitions.decode(message, number)?);
             }
-            GoalStatusArray::TYPE_NAME
-                if message.channel.topic.ends_with("run_program/_action/status") =>
-            {
+            GoalStatusArray::TYPE_NAME if message.channel.topic.ends_with(STATUS_TOPIC) => {
                 self.goals.push(self.definitions.decode(message, number)?);
+            }
+            wire::RunResult::TYPE_NAME => {
+                self.results.push(self.definitions.decode(message, number)?)
             }
             wire::NodeParameters::TYPE_NAME => {
                 let mut parameters: wire::NodeParameters =

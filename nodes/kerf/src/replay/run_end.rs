@@ -8,11 +8,12 @@ use super::compare::Comparison;
 use super::driver::Played;
 use super::guard::HELP;
 use super::recording::Recording;
+use super::run_result::{last_result, last_status};
 use super::{Level, ReplayError};
-use axis_driver::driver::{Output, RunOutcome};
+use axis_driver::driver::{Output, RunOutcome, RunResult};
 use axis_driver::journal::EntryKind;
-use cnc_msgs::chunk::hex;
 use cnc_msgs::wire::action_msgs::msg::GoalStatus;
+use cnc_msgs::wire::cnc_msgs::msg::RunResult as Recorded;
 use serde::Deserialize;
 
 /// What a run was begun with.
@@ -25,11 +26,11 @@ struct Asked {
 /// Compares how the run ended; refuses a record that stops before.
 pub(super) fn compare(
     recording: &Recording,
-    goal: Option<&str>,
     played: &Played,
     comparison: &mut Comparison,
 ) -> Result<(), ReplayError> {
-    let outcomes = outcomes(played);
+    let ends = ends(played);
+    let outcomes: Vec<_> = ends.iter().map(|end| end.map(|end| end.outcome)).collect();
     // Where it goes other ways now, that is what is to be told.
     if comparison.differences.is_empty()
         && outcomes.iter().any(Option::is_none)
@@ -42,12 +43,18 @@ pub(super) fn compare(
             last.monotonic_ns as f64 / 1e9
         ));
     }
-    let Some(goal) = goal else { return Ok(()) };
+    let Some(goal) = recording.goal_id.as_deref() else { return Ok(()) };
     let Some(status) = result(recording, goal) else {
         return absent(format!("the result of goal {goal} (usually run_program/_action/status)"));
     };
     match compare_end(&outcomes, status) {
-        Ok(()) => Ok(()),
+        Ok(()) => {
+            let recorded = last_result(&recording.results, goal);
+            if let Some(text) = recorded.and_then(|recorded| compare_result(&ends, recorded)) {
+                comparison.differs("run_result", "message", text);
+            }
+            Ok(())
+        }
         // A goal may end before anything is begun, but not well.
         Err(None) if comparison.differences.is_empty() => {
             absent(format!("the run of goal {goal}: no command of the journal begins it"))
@@ -75,40 +82,56 @@ fn compare_end(outcomes: &[Option<RunOutcome>], status: i8) -> Result<(), Option
     }
 }
 
+/// What became of the driver's words on the end of a run, unless they are those of one of these.
+/// The shell quotes the block that is to blame after them.
+fn compare_result(ends: &[Option<&RunResult>], recorded: &Recorded) -> Option<String> {
+    let is_same = |end: &RunResult| {
+        (end.error_code, end.last_line) == (recorded.error_code, recorded.last_line)
+            && recorded.message.starts_with(&end.message)
+    };
+    let mut ended = ends.iter().copied().flatten().peekable();
+    ended.peek()?;
+    let words = |code, message: &str, line| format!("({code}) {message:?}, last line {line}");
+    let now: Vec<String> =
+        ended.clone().map(|end| words(end.error_code, &end.message, end.last_line)).collect();
+    (!ended.any(is_same)).then(|| {
+        let before = words(recorded.error_code, &recorded.message, recorded.last_line);
+        format!("{before} became {}", now.join(", "))
+    })
+}
+
 fn absent(missing: String) -> Result<(), ReplayError> {
     Err(ReplayError::Absent { level: Level::Driver.name(), missing, help: HELP })
 }
 
 /// How each run ended that was under way at the beginning, or was begun and not refused; `None`
 /// for one that goes on.
-fn outcomes(played: &Played) -> Vec<Option<RunOutcome>> {
+fn ends(played: &Played) -> Vec<Option<&RunResult>> {
     let outputs = || played.played.outputs.iter().map(|(_, output)| output);
     let asked = played.entries.iter().filter(|entry| entry.kind == EntryKind::Command);
     let asked = asked.filter_map(|entry| serde_json::from_slice::<Asked>(&entry.data).ok());
     let ids = asked.filter(|asked| asked.command == "run_program").map(|asked| asked.id);
     let ids: Vec<u64> = ids.collect();
     let of_before = outputs().filter_map(|it| match it {
-        Output::RunFinished(result) if !ids.contains(&result.id) => Some(Some(result.outcome)),
+        Output::RunFinished(result) if !ids.contains(&result.id) => Some(Some(result)),
         _ => None,
     });
     let is_refused = |id: &u64| {
         outputs().any(|it| matches!(it, Output::Reply { id: of, result: Err(_) } if of == id))
     };
-    let outcome = |id: u64| {
+    let end = |id: u64| {
         outputs().find_map(|it| match it {
-            Output::RunFinished(result) if result.id == id => Some(result.outcome),
+            Output::RunFinished(result) if result.id == id => Some(result),
             _ => None,
         })
     };
-    let begun = ids.iter().copied().filter(|id| !is_refused(id)).map(outcome);
+    let begun = ids.iter().copied().filter(|id| !is_refused(id)).map(end);
     of_before.chain(begun).collect()
 }
 
 /// The last status of a goal, if that is an end.
 fn result(recording: &Recording, goal: &str) -> Option<i8> {
-    let rows = recording.goals.iter().flat_map(|array| &array.status_list);
-    let of_goal = rows.filter(|row| hex(&row.goal_info.goal_id.uuid) == goal);
-    of_goal.map(|row| row.status).next_back().filter(|status| {
+    last_status(&recording.goals, goal).filter(|status| {
         [GoalStatus::STATUS_SUCCEEDED, GoalStatus::STATUS_CANCELED, GoalStatus::STATUS_ABORTED]
             .contains(status)
     })
@@ -133,6 +156,35 @@ const fn word(status: i8) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_words_on_the_end_of_a_run_are_those_of_today() {
+        let end = |error_code, message: &str, last_line| RunResult {
+            id: 1,
+            outcome: Aborted,
+            error_code,
+            message: message.into(),
+            last_line,
+            blamed_line: 0,
+        };
+        use RunOutcome::Aborted;
+        let recorded = Recorded {
+            error_code: 309,
+            message: "error:20; the block is \"G5 X1\"".into(),
+            last_line: 4,
+            ..Recorded::default()
+        };
+        let (same, other) = (end(309, "error:20", 4), end(304, "alarm", 4));
+        assert_eq!(compare_result(&[Some(&other), Some(&same)], &recorded), None);
+        assert_eq!(compare_result(&[None], &recorded), None);
+        assert_eq!(
+            compare_result(&[Some(&other)], &recorded).as_deref(),
+            Some(
+                "(309) \"error:20; the block is \\\"G5 X1\\\"\", last line 4 became (304) \"alarm\", \
+                 last line 4"
+            )
+        );
+    }
 
     #[test]
     fn a_goal_ends_as_one_of_the_runs_does() {

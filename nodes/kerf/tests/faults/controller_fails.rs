@@ -123,6 +123,17 @@ fn an_alarm_in_a_run_locks_the_machine_until_somebody_unlocks_it() {
     cell.commander.press("unlock").expect("the operator unlocks");
     let idle = cell.until_ready();
     assert!(!idle.is_homed, "{idle:?}");
+    // Its record says first why it ended, in the words of the goal, and is reproduced with them.
+    let bag = cell.machine.until_bags(1).remove(0);
+    let bag = bag.to_str().expect("UTF-8");
+    let said = format!("result:      aborted (304): {}", result.message);
+    let info = cell.machine.kerf(&["bag", "info", bag]).expect(0);
+    assert!(info.out.starts_with(&said), "{said:?} is not the beginning of {}", info.out);
+    cell.machine.kerf(&["replay", bag]).expect(0).says(&["driver: 0 differences"]);
+    cell.machine.kerf(&["bag", "report", bag, "run.html"]).expect(0);
+    let page = cell.machine.folder.path().join("run.html");
+    let page = std::fs::read_to_string(page).expect("the page");
+    assert!(page.contains("The run: aborted (304)"), "the page says it too");
     let mut locked = cell.commander.states_since(moment.states);
     locked.retain(|state| state.state != MachineState::STATE_IDLE || state.is_homed);
     never_idle(&locked);

@@ -6,10 +6,10 @@ use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::wire::cnc_msgs::action::{
     Home, HomeGoal, HomeResult, RunProgram, RunProgramGoal, RunProgramResult,
 };
-use cnc_msgs::wire::cnc_msgs::msg::{Command, MachineState, Recording};
+use cnc_msgs::wire::cnc_msgs::msg::{Command, MachineState, Recording, RunResult};
 use cnc_msgs::wire::diagnostic_msgs::msg::{DiagnosticArray, DiagnosticStatus};
 use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest};
-use runtime::action::{ActionClient, GoalError, GoalHandle};
+use runtime::action::{ActionClient, GoalError, GoalHandle, GoalId};
 use runtime::configuration::Configuration;
 use runtime::{Client, Handle, Qos, Session};
 use std::collections::BTreeMap;
@@ -26,6 +26,7 @@ struct Heard {
     states: Vec<MachineState>,
     recordings: Vec<Recording>,
     commands: Vec<Command>,
+    results: Vec<RunResult>,
     findings: Vec<DiagnosticArray>,
 }
 
@@ -41,12 +42,15 @@ pub(crate) struct Commander {
 
 /// A run that was accepted.
 #[derive(Debug)]
-pub(crate) struct Running(JoinHandle<Result<RunProgramResult, String>>);
+pub(crate) struct Running {
+    goal: GoalId,
+    result: JoinHandle<Result<RunProgramResult, String>>,
+}
 
 impl Running {
     /// Whether its result is there.
     pub(crate) fn is_over(&self) -> bool {
-        self.0.is_finished()
+        self.result.is_finished()
     }
 }
 
@@ -183,10 +187,13 @@ impl Commander {
     pub(crate) fn run(&self) -> Result<Running, String> {
         let known = self.heard().commands.len();
         match self.wait(self.runs.send_goal(RunProgramGoal::default())) {
-            Ok(goal) => Ok(Running(self.executor.spawn(async move {
-                let ended = goal.result(3 * PATIENCE).await;
-                ended.map(|(_, result)| result).map_err(|error| error.to_string())
-            }))),
+            Ok(goal) => Ok(Running {
+                goal: goal.id(),
+                result: self.executor.spawn(async move {
+                    let ended = goal.result(3 * PATIENCE).await;
+                    ended.map(|(_, result)| result).map_err(|error| error.to_string())
+                }),
+            }),
             Err(GoalError::Rejected { .. }) => Err(until("the reason", || {
                 let heard = self.heard();
                 let mut refused = heard.commands[known..].iter().filter(|command| {
@@ -203,9 +210,16 @@ impl Commander {
         self.wait(self.runs.send_goal(RunProgramGoal::default()))
     }
 
-    /// Waits for the end of a run.
+    /// Waits for the end of a run, of which `run_result` says the same as its goal.
     pub(crate) fn result(&self, run: Running) -> Result<RunProgramResult, String> {
-        self.wait(run.0).expect("the task only waits")
+        let result = self.wait(run.result).expect("the task only waits")?;
+        let said = until("the end of the run on run_result", || {
+            let heard = self.heard();
+            heard.results.iter().find(|it| it.goal_id.uuid == run.goal.0).cloned()
+        });
+        let RunResult { outcome, error_code, message, last_line, .. } = said;
+        assert_eq!(RunProgramResult { outcome, error_code, message, last_line }, result);
+        Ok(result)
     }
 
     /// Cancels whatever runs.
@@ -253,6 +267,7 @@ fn listen(node: &Handle, heard: &Arc<Mutex<Heard>>) {
     keep!("machine_state", Qos::LATCHED, states);
     keep!("recording", Qos::LATCHED, recordings);
     keep!("command_log", Qos::EVENTS, commands);
+    keep!("run_result", Qos::LATCHED, results);
     keep!("/diagnostics", Qos::DEFAULT, findings);
 }
 
