@@ -1,4 +1,4 @@
-//! `kerf bag`: looks into bags and mends them.
+//! `kerf bag`: inspects and repairs bags.
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::output_file::OutputFile;

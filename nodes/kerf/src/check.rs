@@ -20,7 +20,7 @@ use std::path::PathBuf;
 pub(crate) struct CheckArgs {
     /// The part program
     file: PathBuf,
-    /// Every control that comes along, also when no other is named
+    /// Every control that Kerf has; so without --control too
     #[arg(long)]
     all_controls: bool,
     /// A control profile, built in or a YAML file; may be repeated

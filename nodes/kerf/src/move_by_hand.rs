@@ -61,7 +61,7 @@ pub(crate) struct ProbeArgs {
 /// What `kerf zero` takes.
 #[derive(Debug, Args)]
 pub(crate) struct ZeroArgs {
-    /// What the place of the tool shall be called, in millimetres: X0 Y0
+    /// The coordinates that the current tool position gets, in millimetres: X0 Y0
     #[arg(required = true, value_parser = word)]
     axes: Vec<(usize, f64)>,
     /// G54 to G59, or G92 for the shift on top of them
