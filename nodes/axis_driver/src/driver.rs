@@ -11,48 +11,48 @@
 mod block;
 mod board;
 mod buttons;
-mod by_hand;
 mod checkpoint;
 mod command;
 mod commander;
 mod config;
 mod configure;
 mod connect;
-mod course;
-mod errand;
+mod deactivate;
 mod events;
-mod leave;
 mod machine;
+mod manual_lines;
+mod manual_operation;
 mod obstacles;
 mod offsets;
 mod overrides;
 mod place;
 mod proof;
-mod rest;
+mod replan;
 mod restart;
 mod ros_loss;
 mod run;
+mod run_progress;
 mod stop;
 mod stream;
 mod tool_change;
 
 pub use buttons::STILL_STOPPING;
-pub use by_hand::{JogFrame, JogRequest, OffsetRequest, ProbeRequest};
 pub use command::{Command, MDI, Refusal, RunRequest};
 pub use commander::{COMMANDER_LOST, OnCommanderLoss};
 pub use config::DriverConfig;
-pub use errand::MoveResult;
 pub use machine::{ControllerSettings, Offset};
+pub use manual_lines::{JogFrame, JogRequest, OffsetRequest, ProbeRequest};
+pub use manual_operation::MoveResult;
 pub use overrides::Overrides;
-pub use rest::RestRequest;
+pub use replan::ReplanRequest;
 pub use ros_loss::{OnRosLoss, ROS_LOST};
 
 use crate::link::Link;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::MachineState;
 use connect::Connecting;
-use errand::Errand;
 use machine::Machine;
+use manual_operation::ManualOperation;
 use proof::Check;
 use run::Run;
 use serde::{Deserialize, Serialize};
@@ -133,7 +133,7 @@ pub enum LogLevel {
 enum Origin {
     Query(usize),
     /// Of what is done by hand.
-    Errand,
+    Manual,
     /// Of a program that homes.
     Home,
     /// Switches the controller's check mode on.
@@ -163,7 +163,7 @@ enum Phase {
     },
     Ready,
     /// Something by hand.
-    Errand(Box<Errand>),
+    Manual(Box<ManualOperation>),
     Running(Box<Run>),
 }
 
@@ -190,7 +190,7 @@ pub struct Driver {
     is_active: bool,
     /// Nobody can be reached over ROS.
     ros_loss: Option<ros_loss::RosLoss>,
-    leaving: Option<leave::Leaving>,
+    leaving: Option<deactivate::Leaving>,
     outputs: VecDeque<Output>,
     published: Option<MachineState>,
 }
@@ -256,7 +256,7 @@ impl Driver {
         let link = self.is_open().then(|| self.link.next_deadline());
         let phase = match &self.phase {
             Phase::Connecting(connecting) => Some(connecting.until()),
-            Phase::Errand(errand) => errand.until(),
+            Phase::Manual(operation) => operation.until(),
             Phase::Running(run) => run.deadline(),
             _ => None,
         };
@@ -300,8 +300,10 @@ impl Driver {
             Phase::Connecting(connecting) if self.now >= connecting.until() => {
                 self.on_connect_timeout();
             }
-            Phase::Errand(errand) if errand.until().is_some_and(|until| self.now >= until) => {
-                self.on_errand_timeout();
+            Phase::Manual(operation)
+                if operation.until().is_some_and(|until| self.now >= until) =>
+            {
+                self.on_manual_timeout();
             }
             Phase::Running(_) => self.on_run_time(),
             _ => {}

@@ -11,7 +11,7 @@ mod mdi;
 mod ring;
 
 pub use command::{
-    CommandError, Order, RunOrder, TakeRestOrder, command_from_json, command_to_json, order_to_json,
+    CommandError, Order, ReplanOrder, RunOrder, command_from_json, command_to_json, order_to_json,
 };
 pub use kind::{kind_from_wire, kind_to_wire};
 pub use ring::Ring;
@@ -203,7 +203,7 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::driver::{Command, JogRequest, Overrides, RestRequest, RunRequest};
+    use crate::driver::{Command, JogRequest, Overrides, ReplanRequest, RunRequest};
     use cnc_msgs::geometry::AxisSet;
     use cnc_msgs::path::StartInSpan;
 
@@ -237,7 +237,7 @@ mod tests {
             }),
             Command::SetOverrides(Overrides { rapid: Some(25), ..Overrides::default() }),
             Command::Heartbeat,
-            Command::TakeRest(RestRequest {
+            Command::Replan(ReplanRequest {
                 program_id: "part".into(),
                 of: 3,
                 revision: 4,

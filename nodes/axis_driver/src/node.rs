@@ -5,11 +5,11 @@
 //! says to the world; if all of it stood still, the machine would not notice.
 
 mod actions;
-mod by_hand;
 mod configure;
 mod edges;
 mod follow;
 mod lifecycle;
+mod manual;
 mod mdi;
 mod motion_link;
 mod parameters;
@@ -26,7 +26,7 @@ pub use parameters::driver_config;
 pub(crate) use parameters::{declared, serial_config};
 
 use crate::driver::{COMMANDER_LOST, ControllerSettings, LogLevel, Output, ROS_LOST, Refusal};
-use crate::journal::{Order, TakeRestOrder};
+use crate::journal::{Order, ReplanOrder};
 use crate::motion::{self, FACE_VARIABLE};
 use crate::serial::Event;
 use cnc_msgs::machine::{MachineState, Mode};
@@ -147,7 +147,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     });
 
     services::offer(&node, &driver)?;
-    by_hand::offer(&node, &driver)?;
+    manual::offer(&node, &driver)?;
     mdi::offer(&node, &driver)?;
     configure::offer(&node, &driver)?;
     let shared = traffic.clone();
@@ -158,7 +158,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let here = path::Here { motion, answers, paths: welcome.paths };
     let paths = Paths::follow(&node, here, move |paths, of, planned| {
         let (driver, paths) = (Arc::clone(&shared), paths.clone());
-        handle.spawn("rest of a run", async move { driver.take_rest(&paths, of, planned).await });
+        handle.spawn("replan of a run", async move { driver.replan(&paths, of, planned).await });
     })?;
     services::offer_tool_change(&node, &driver, &paths)?;
     follow::follow(&node, &driver)?;
@@ -397,9 +397,9 @@ impl Driver {
     }
 
     /// Offers the core another path for what is left of its run.
-    async fn take_rest(&self, paths: &Paths, of: u64, planned: Planned) {
+    async fn replan(&self, paths: &Paths, of: u64, planned: Planned) {
         let Planned { program_id, revision, .. } = planned.clone();
-        let order = Order::TakeRest(TakeRestOrder { program_id, of, revision });
+        let order = Order::Replan(ReplanOrder { program_id, of, revision });
         match self.ask(order, REPLY_WITHIN).await {
             Ok(message) => {
                 paths.begin(&planned);

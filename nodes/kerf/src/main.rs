@@ -8,7 +8,6 @@
 mod terminal;
 
 mod bag;
-mod by_hand;
 mod check;
 mod controller;
 mod ctrl_c;
@@ -17,7 +16,8 @@ mod exit;
 mod files;
 mod load;
 mod local;
-mod move_by_hand;
+mod manual;
+mod mdi;
 mod node;
 mod operate;
 mod output_file;
@@ -73,13 +73,13 @@ enum Command {
     /// controller, which listens to nothing else meanwhile
     Home,
     /// Move axes by hand: kerf jog X10 Y-2.5 --feed 500; Ctrl-C stops them
-    Jog(move_by_hand::JogArgs),
+    Jog(manual::JogArgs),
     /// Move until a probe touches: kerf probe Z-20
-    Probe(move_by_hand::ProbeArgs),
+    Probe(manual::ProbeArgs),
     /// Set the work offset so that the current position reads X0 Y0: kerf zero X0 Y0 --system G54
-    Zero(move_by_hand::ZeroArgs),
+    Zero(manual::ZeroArgs),
     /// Faster or slower than programmed: kerf override --feed 80
-    Override(move_by_hand::OverrideArgs),
+    Override(manual::OverrideArgs),
     /// End an alarm without homing
     Unlock,
     /// Reset the controller at once; while moving the position is lost
@@ -89,11 +89,11 @@ enum Command {
     /// Put the controller to sleep; `kerf reset` wakes it
     Sleep,
     /// Turn single-block mode on or off: stop after every block until `kerf resume`
-    SingleBlock(by_hand::SingleBlockArgs),
+    SingleBlock(mdi::SingleBlockArgs),
     /// Run one block, from standstill to standstill; Ctrl-C cancels it
-    Mdi(by_hand::MdiArgs),
+    Mdi(mdi::MdiArgs),
     /// Change one tool or offset register: kerf tool T1 --wear -0.5
-    Tool(by_hand::ToolArgs),
+    Tool(mdi::ToolArgs),
     /// Settings of the controller itself
     #[command(subcommand)]
     Controller(controller::ControllerCommand),
@@ -151,18 +151,18 @@ fn run(command: Command, ros_args: &[String]) -> Outcome {
         Command::Resume => operate::press(Button::Resume, ros_args),
         Command::Abort => operate::abort(ros_args),
         Command::Confirm => operate::press(Button::Confirm, ros_args),
-        Command::Home => move_by_hand::home(ros_args),
-        Command::Jog(args) => move_by_hand::jog(&args, ros_args),
-        Command::Probe(args) => move_by_hand::probe(&args, ros_args),
-        Command::Zero(args) => move_by_hand::zero(&args, ros_args),
-        Command::Override(args) => move_by_hand::set_overrides(&args, ros_args),
+        Command::Home => manual::home(ros_args),
+        Command::Jog(args) => manual::jog(&args, ros_args),
+        Command::Probe(args) => manual::probe(&args, ros_args),
+        Command::Zero(args) => manual::zero(&args, ros_args),
+        Command::Override(args) => manual::set_overrides(&args, ros_args),
         Command::DoorHold => operate::press(Button::DoorHold, ros_args),
         Command::Sleep => operate::press(Button::Sleep, ros_args),
         Command::Unlock => operate::press(Button::Unlock, ros_args),
         Command::Reset => operate::press(Button::Reset, ros_args),
-        Command::SingleBlock(args) => by_hand::single_block(&args, ros_args),
-        Command::Mdi(args) => by_hand::mdi(&args, ros_args),
-        Command::Tool(args) => by_hand::tool(&args, ros_args),
+        Command::SingleBlock(args) => mdi::single_block(&args, ros_args),
+        Command::Mdi(args) => mdi::mdi(&args, ros_args),
+        Command::Tool(args) => mdi::tool(&args, ros_args),
         Command::Controller(command) => controller::run(&command, ros_args),
         Command::Status => status::run(ros_args),
         Command::Replay(args) => replay::run(&args),

@@ -8,7 +8,7 @@ mod layer;
 mod run;
 
 use crate::picture::view::{Point, View};
-use crate::replay::apart::first_difference;
+use crate::replay::path_difference::first_difference;
 use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::AXIS_LETTERS;
 use cnc_msgs::path::CompensatedPath;
@@ -115,13 +115,13 @@ impl Sheet {
         now: &CompensatedPath,
         view: View,
     ) {
-        let Some(apart) = first_difference(recorded, now) else { return };
+        let Some(divergence) = first_difference(recorded, now) else { return };
         self.pins.push(Pin {
             kind: PinKind::Difference,
-            label: format!("first difference, line {}", apart.line),
-            text: format!("{}{}", apart.text, apart.place().text()),
-            line: apart.line,
-            at: Some(view.project(apart.position)),
+            label: format!("first difference, line {}", divergence.line),
+            text: format!("{}{}", divergence.text, divergence.place().text()),
+            line: divergence.line,
+            at: Some(view.project(divergence.position)),
         });
     }
 }

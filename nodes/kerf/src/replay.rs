@@ -4,8 +4,8 @@
 //! cores on what they were given then, and says what is different now. It
 //! fails when nothing was compared: a replay that looks at nothing proves nothing.
 
-pub(crate) mod apart;
 mod compare;
+mod controller_lines;
 mod driver;
 mod error;
 mod given;
@@ -13,6 +13,7 @@ mod guard;
 mod loader;
 mod migration;
 mod output;
+pub(crate) mod path_difference;
 pub(crate) mod planner;
 pub(crate) mod recording;
 mod refused_loads;
@@ -24,7 +25,6 @@ mod states;
 mod tolerances;
 pub(crate) mod trim;
 mod update;
-mod words;
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::output_file::OutputFile;

@@ -39,12 +39,12 @@ struct Node {
 pub(crate) struct Stack {
     binary: PathBuf,
     nodes: Vec<Node>,
-    apart: Option<Apart>,
+    isolation: Option<Isolation>,
 }
 
 /// What children have of their own that are to have nothing to do with anybody else.
 #[derive(Debug)]
-struct Apart {
+struct Isolation {
     variables: BTreeMap<String, String>,
     log: File,
 }
@@ -52,24 +52,24 @@ struct Apart {
 impl Stack {
     /// No children yet.
     pub(crate) fn new() -> io::Result<Self> {
-        Ok(Self { binary: std::env::current_exe()?, nodes: Vec::new(), apart: None })
+        Ok(Self { binary: std::env::current_exe()?, nodes: Vec::new(), isolation: None })
     }
 
     /// The same, for children that know these variables alone, and speak into a file.
-    pub(crate) fn apart(variables: BTreeMap<String, String>, log: File) -> io::Result<Self> {
-        Ok(Self { apart: Some(Apart { variables, log }), ..Self::new()? })
+    pub(crate) fn isolated(variables: BTreeMap<String, String>, log: File) -> io::Result<Self> {
+        Ok(Self { isolation: Some(Isolation { variables, log }), ..Self::new()? })
     }
 
     /// Starts `kerf node NAME ARGS...`. What is started first is stopped first.
     pub(crate) fn start(&mut self, name: &'static str, args: &[String]) -> io::Result<()> {
         let (binary, args) = (self.binary.clone(), args.to_vec());
-        let apart = match &self.apart {
-            Some(Apart { variables, log }) => Some((variables.clone(), log.try_clone()?)),
+        let isolation = match &self.isolation {
+            Some(Isolation { variables, log }) => Some((variables.clone(), log.try_clone()?)),
             None => None,
         };
         let make = move || {
             let mut command = Command::new(&binary);
-            if let Some((variables, log)) = &apart {
+            if let Some((variables, log)) = &isolation {
                 command.env_clear().envs(variables).stderr(log.try_clone()?);
             }
             command

@@ -8,7 +8,7 @@ use crate::mutate::Random;
 use crate::orders::Orders;
 use axis_driver::driver::{
     Command, Driver, DriverConfig, Input, JogFrame, JogRequest, OffsetRequest, OnCommanderLoss,
-    Output, Overrides, ProbeRequest, RestRequest, RunOutcome, RunRequest,
+    Output, Overrides, ProbeRequest, ReplanRequest, RunOutcome, RunRequest,
 };
 use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
 use cnc_msgs::geometry::AxisSet;
@@ -308,7 +308,7 @@ impl Bench {
             25 => Command::DoorHold,
             26 if random.once_in(4) => Command::Sleep,
             27 if random.once_in(6) => Command::Shutdown,
-            28 => Command::TakeRest(RestRequest {
+            28 => Command::Replan(ReplanRequest {
                 program_id: "part".into(),
                 of: random.below(2) as u64,
                 revision: 7,

@@ -21,7 +21,7 @@ impl Driver {
         }
         let is_homing = match &self.phase {
             Phase::Running(run) => run.is_homing(),
-            Phase::Errand(errand) => errand.is_homing(),
+            Phase::Manual(operation) => operation.is_homing(),
             _ => false,
         };
         if is_homing {
@@ -73,7 +73,7 @@ impl Driver {
             };
         }
         match &mut self.phase {
-            Phase::Ready | Phase::Errand(_) if is_held => {}
+            Phase::Ready | Phase::Manual(_) if is_held => {}
             Phase::Running(run) if run.is_stopping() => {
                 return refused(error_code::BUSY, "the run is being stopped");
             }
@@ -118,7 +118,7 @@ impl Driver {
                 self.reset_run(id);
                 return None;
             }
-            Phase::Errand(_) => self.end_errand(Err(interrupted), Phase::Ready),
+            Phase::Manual(_) => self.end_manual(Err(interrupted), Phase::Ready),
             Phase::Connecting(connecting) => {
                 if let Some(id) = connecting.reply_to() {
                     self.reply(id, Err(interrupted.clone()));

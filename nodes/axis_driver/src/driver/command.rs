@@ -1,11 +1,11 @@
 //! What can be asked of the driver, and what it says to it at once.
 
-use super::by_hand::{JogRequest, OffsetRequest, ProbeRequest};
 use super::config::START_TOLERANCE_MM;
-use super::leave::NOT_ACTIVE;
+use super::deactivate::NOT_ACTIVE;
+use super::manual_lines::{JogRequest, OffsetRequest, ProbeRequest};
 use super::overrides::Overrides;
 use super::proof::{Check, Proof};
-use super::rest::RestRequest;
+use super::replan::ReplanRequest;
 use super::run::Run;
 use super::{Driver, Phase, RunOutcome};
 use crate::codes::error_code;
@@ -60,7 +60,7 @@ pub enum Command {
     /// must not be cut with it.
     ConfirmToolChange { objection: Option<String> },
     /// Goes on with another path for what is left, while the machine stands in a hold.
-    TakeRest(RestRequest),
+    Replan(ReplanRequest),
     /// Runs the path of a single block, from idle; answered as a run is.
     ExecuteMdi { path: Arc<CompensatedPath> },
     /// Whether the machine stops behind every block. It takes effect at the end of
@@ -195,7 +195,7 @@ impl Driver {
                 Command::Heartbeat => self.hear_commander(),
                 Command::Recorder { is_whole, reason } => self.hear_recorder(is_whole, &reason),
                 Command::ConfirmToolChange { objection } => self.confirm_tool_change(objection),
-                Command::TakeRest(request) => self.take_rest(id, request),
+                Command::Replan(request) => self.replan(id, request),
                 Command::ExecuteMdi { path } => self.run_program(id, RunRequest::mdi(path)),
                 Command::SetSingleBlock(is_on) => self.set_single_block(is_on),
                 Command::Activate => self.activate(),
@@ -296,7 +296,9 @@ impl Driver {
         }
         match (&self.phase, check) {
             (Phase::Running(run), _) if is_meant(run.id()) => {}
-            (Phase::Errand(errand), None) if is_meant(errand.id) && errand.task.moves() => {
+            (Phase::Manual(operation), None)
+                if is_meant(operation.id) && operation.task.moves() =>
+            {
                 self.stop_move(Refusal::new(error_code::CANCELED, "canceled"));
                 return done("the move is being stopped");
             }

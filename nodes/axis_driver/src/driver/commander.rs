@@ -50,7 +50,7 @@ impl Driver {
     pub(super) fn commander_deadline(&self) -> Option<Duration> {
         let patience = Duration::from_millis(u64::from(self.config.commander_timeout_ms));
         let heard = self.commander_heard.filter(|_| !self.excuses_commander())?;
-        matches!(self.phase, Phase::Running(_) | Phase::Errand(_)).then_some(heard + patience)
+        matches!(self.phase, Phase::Running(_) | Phase::Manual(_)).then_some(heard + patience)
     }
 
     pub(super) fn watch_commander(&mut self) {
@@ -81,7 +81,7 @@ impl Driver {
             }
             Phase::Running(_) => self.hold_run(text),
             // A hold ends a jog; homing does not listen to it.
-            Phase::Errand(errand) if errand.task.moves() => self.send_hold(),
+            Phase::Manual(operation) if operation.task.moves() => self.send_hold(),
             _ => {}
         }
     }

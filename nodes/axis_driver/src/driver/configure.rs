@@ -2,10 +2,10 @@
 //! is to be set.
 //!
 //! That is the mask of the status report, `$10`, and nothing else is ever written. The
-//! decision is a function of firmware and mask; writing it is an errand.
+//! decision is a function of firmware and mask; writing it is a manual operation.
 
 use super::command::{Answer, done, refused};
-use super::errand::Task;
+use super::manual_operation::Task;
 use super::{Driver, Refusal};
 use crate::codes::error_code;
 use crate::link::LineKind;
@@ -105,7 +105,7 @@ impl Driver {
         }
         let line = format!("${REPORT_MASK}={}", change.to);
         let task = Task::Configure { wanted: change.to, done: change.describe() };
-        self.begin_errand(id, task, LineKind::Slow, [line, SETTINGS.to_owned()]);
+        self.begin_manual(id, task, LineKind::Slow, [line, SETTINGS.to_owned()]);
         None
     }
 

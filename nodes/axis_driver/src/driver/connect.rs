@@ -108,7 +108,7 @@ impl Driver {
     }
 
     pub(super) fn on_port_closed(&mut self, reason: &str) {
-        let was_active = matches!(self.phase, Phase::Running(_) | Phase::Errand(_))
+        let was_active = matches!(self.phase, Phase::Running(_) | Phase::Manual(_))
             || self.machine.is_moving()
             || self.machine.is_silent;
         if self.is_open() && was_active {
@@ -131,10 +131,10 @@ impl Driver {
                 let next = Phase::Closed { reason: reason.clone() };
                 self.end_run(super::RunOutcome::Aborted, code, reason, next);
             }
-            errand @ Phase::Errand(_) => {
-                self.phase = errand;
+            operation @ Phase::Manual(_) => {
+                self.phase = operation;
                 let next = Phase::Closed { reason: reason.clone() };
-                self.end_errand(Err(Refusal::new(code, reason)), next);
+                self.end_manual(Err(Refusal::new(code, reason)), next);
             }
             Phase::Connecting(Connecting { reply: Some(id), .. }) => {
                 self.reply(id, Err(Refusal::new(code, reason)));
@@ -414,7 +414,7 @@ impl Driver {
                 refuse(error_code::CONNECTING, format!("still {}", connecting.describe()))
             }
             Phase::Adrift { reason } => refuse(error_code::NEEDS_RESET, reason.clone()),
-            Phase::Errand(errand) => refuse(error_code::BUSY, errand.describe()),
+            Phase::Manual(operation) => refuse(error_code::BUSY, operation.describe()),
             Phase::Running(_) => refuse(error_code::BUSY, "a program is running".into()),
             Phase::Ready => match self.machine.mode() {
                 Mode::Idle => None,

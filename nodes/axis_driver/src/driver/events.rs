@@ -1,6 +1,6 @@
 //! Routes link events to the current phase.
 
-use super::errand::Task;
+use super::manual_operation::Task;
 use super::stop::HoldWatch;
 use super::{Driver, LogLevel, Origin, Phase, Refusal, RunOutcome};
 use crate::codes::{self, error_code};
@@ -54,7 +54,7 @@ impl Driver {
     fn on_answer(&mut self, origin: Origin, error: Option<u16>) {
         match (&mut self.phase, origin) {
             (Phase::Connecting(_), Origin::Query(index)) => self.on_query_answer(index, error),
-            (Phase::Errand(_), Origin::Errand) => self.on_errand_answer(error),
+            (Phase::Manual(_), Origin::Manual) => self.on_manual_answer(error),
             (Phase::Running(_), origin) => self.on_run_answer(origin, error),
             _ => {}
         }
@@ -91,11 +91,12 @@ impl Driver {
                 let text = format!("{text}, at {place}");
                 self.end_run(RunOutcome::Aborted, error_code::ALARM, text, Phase::Adrift { reason })
             }
-            Phase::Errand(errand) => {
-                let is_probe = matches!(errand.task, Task::Probe { .. }) && matches!(code, 4 | 5);
+            Phase::Manual(operation) => {
+                let is_probe =
+                    matches!(operation.task, Task::Probe { .. }) && matches!(code, 4 | 5);
                 let error_code =
                     if is_probe { error_code::PROBE_FAILED } else { error_code::ALARM };
-                self.end_errand(Err(Refusal::new(error_code, text)), Phase::Adrift { reason });
+                self.end_manual(Err(Refusal::new(error_code, text)), Phase::Adrift { reason });
             }
             Phase::Ready => self.phase = Phase::Adrift { reason },
             Phase::Closed { .. } | Phase::Connecting(_) | Phase::Adrift { .. } => {}
@@ -116,12 +117,12 @@ impl Driver {
                 self.end_run(RunOutcome::Aborted, error_code::RESTARTED, message, Phase::Ready);
                 self.begin_queries_behind_a_restart();
             }
-            Phase::Errand(_) => {
+            Phase::Manual(_) => {
                 self.machine.is_homed = false;
                 self.machine.lost_its_place = true;
                 let message = format!("the controller restarted ({text})");
                 let refusal = Refusal::new(error_code::RESTARTED, message);
-                self.end_errand(Err(refusal), Phase::Ready);
+                self.end_manual(Err(refusal), Phase::Ready);
                 self.begin_queries_behind_a_restart();
             }
             Phase::Adrift { .. } | Phase::Ready => {
@@ -136,7 +137,7 @@ impl Driver {
         match &mut self.phase {
             Phase::Connecting(_) => self.on_connect_status(),
             Phase::Running(_) => self.on_run_status(),
-            Phase::Errand(_) => self.on_errand_status(),
+            Phase::Manual(_) => self.on_manual_status(),
             _ => {}
         }
     }
@@ -167,13 +168,13 @@ impl Driver {
                 self.log(LogLevel::Error, text.clone());
                 self.stop_run(RunOutcome::Aborted, error_code::PROTOCOL, text);
             }
-            Phase::Errand(errand) => {
+            Phase::Manual(operation) => {
                 // What moves is brought to a stop; the count is settled by the reset.
-                if errand.task.moves() {
+                if operation.task.moves() {
                     self.send_hold();
                 }
                 let next = Phase::Adrift { reason: format!("{text}; soft_reset to go on") };
-                self.end_errand(Err(Refusal::new(error_code::PROTOCOL, text)), next);
+                self.end_manual(Err(Refusal::new(error_code::PROTOCOL, text)), next);
             }
             Phase::Ready => self.log(LogLevel::Warn, text),
         }
@@ -184,7 +185,7 @@ impl Driver {
         if matches!(self.phase, Phase::Closed { .. } | Phase::Connecting(_)) {
             return;
         }
-        let was_active = matches!(self.phase, Phase::Running(_) | Phase::Errand(_));
+        let was_active = matches!(self.phase, Phase::Running(_) | Phase::Manual(_));
         if was_active || self.machine.is_moving() {
             self.machine.needs_acknowledgement = true;
         }
@@ -199,9 +200,9 @@ impl Driver {
                 self.end_run(RunOutcome::Aborted, code, text, next());
                 self.hold = Some(HoldWatch::default());
             }
-            Phase::Errand(errand) => {
-                let moves = errand.task.moves();
-                self.end_errand(Err(Refusal::new(error_code::LINK_LOST, TEXT)), next());
+            Phase::Manual(operation) => {
+                let moves = operation.task.moves();
+                self.end_manual(Err(Refusal::new(error_code::LINK_LOST, TEXT)), next());
                 if moves {
                     self.send_hold();
                 }

@@ -1,7 +1,7 @@
 //! What is known of the machine: the last report, and what lasts between reports.
 
 use super::connect::QUERIES_DONE;
-use super::leave::INACTIVE;
+use super::deactivate::INACTIVE;
 use super::place::PlaceWatch;
 use super::{Driver, Origin, Output, Phase};
 use crate::codes;
@@ -417,7 +417,7 @@ impl Driver {
                 state.reason.clone_from(reason);
                 state.needs_reset = true;
             }
-            Phase::Errand(errand) => state.mode = errand.mode(state.mode),
+            Phase::Manual(operation) => state.mode = operation.mode(state.mode),
             Phase::Running(run) => run.compose_mode(state, self.machine.is_held()),
             Phase::Ready => {}
         }

@@ -162,7 +162,7 @@ fn steps(from: i16, to: i16) -> (i16, i16) {
 impl Driver {
     pub(super) fn set_overrides(&mut self, id: u64, wanted: Overrides) -> Answer {
         match &self.phase {
-            Phase::Ready | Phase::Running(_) | Phase::Errand(_) => {}
+            Phase::Ready | Phase::Running(_) | Phase::Manual(_) => {}
             _ => return self.obstacle().map(Err),
         }
         let named = [("feed", wanted.feed), ("spindle", wanted.spindle)];
@@ -236,7 +236,7 @@ impl Driver {
     pub(super) fn watch_overrides(&mut self, told: Option<[u8; 3]>) {
         let is_listening = match &self.phase {
             Phase::Running(run) => !run.is_resetting(),
-            Phase::Ready | Phase::Errand(_) => true,
+            Phase::Ready | Phase::Manual(_) => true,
             _ => false,
         };
         if !is_listening {

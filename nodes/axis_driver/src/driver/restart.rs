@@ -79,7 +79,7 @@ impl Driver {
     fn judge_place(&mut self, report: &StatusReport, since: Duration) -> Belief {
         let is_homing = match &self.phase {
             Phase::Running(run) => run.is_homing(),
-            Phase::Errand(errand) => errand.is_homing(),
+            Phase::Manual(operation) => operation.is_homing(),
             _ => false,
         };
         if is_homing {
@@ -128,7 +128,7 @@ impl Driver {
         let before = self.machine.words.replace(words);
         let is_asking = match &self.phase {
             Phase::Running(run) => run.is_resetting(),
-            Phase::Ready | Phase::Errand(_) => false,
+            Phase::Ready | Phase::Manual(_) => false,
             _ => true,
         };
         if is_asking {

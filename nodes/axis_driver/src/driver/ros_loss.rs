@@ -68,7 +68,7 @@ impl Driver {
     pub(super) fn ros_deadline(&self) -> Option<Duration> {
         let loss = self.ros_loss.filter(|loss| !loss.is_answered)?;
         let patience = Duration::from_millis(u64::from(self.config.ros_loss_timeout_ms));
-        let moves = matches!(self.phase, Phase::Running(_) | Phase::Errand(_));
+        let moves = matches!(self.phase, Phase::Running(_) | Phase::Manual(_));
         (moves && self.config.on_ros_loss == OnRosLoss::Hold).then_some(loss.since + patience)
     }
 

@@ -1,12 +1,12 @@
 //! One run: what it holds and where it is, from the proof to the last line cut.
 //!
-//! How it goes on is in `course`, what is sent in `stream`.
+//! How it goes on is in `run_progress`, what is sent in `stream`.
 
 use super::block::BlockOfLine;
 use super::command::RunRequest;
 use super::machine::Machine;
 use super::proof::Proof;
-use super::rest::NewRest;
+use super::replan::Replan;
 use super::stop::Stopping;
 use super::tool_change::ToolChange;
 use crate::encoder::{EncodedLine, Encoder};
@@ -41,7 +41,7 @@ pub(super) struct Run {
     /// The line that was sent last, where single blocks are told apart.
     pub(super) block: Option<BlockOfLine>,
     /// Another path for what is left, which is being looked at.
-    pub(super) rest: Option<Box<NewRest>>,
+    pub(super) rest: Option<Box<Replan>>,
     /// A line of the next block, which waits for a resume.
     pub(super) next_block: Option<EncodedLine>,
     pub(super) tracker: Tracker,

@@ -4,8 +4,8 @@
 mod anything;
 mod bench;
 mod blocks;
-mod leave;
-mod rest;
+mod deactivate;
+mod replan;
 mod truth;
 mod wire;
 

@@ -8,8 +8,8 @@
 
 use super::command::{Answer, RunRequest, done, refused};
 use super::config::RETURN_TOLERANCE_MM;
-use super::course::RECORD_NOT_WHOLE;
 use super::run::{Run, Stage, Then};
+use super::run_progress::RECORD_NOT_WHOLE;
 use super::{Driver, LogLevel, Output, Phase, Refusal, RunOutcome, RunResult};
 use crate::codes::error_code;
 use crate::link::realtime;
@@ -99,7 +99,7 @@ impl Driver {
     /// Goes on with the run that stands aside, or ends it, when nothing else is under way.
     pub(super) fn settle_paused(&mut self) {
         let reason = match (&self.paused, &self.phase) {
-            (None, _) | (_, Phase::Errand(_) | Phase::Running(_) | Phase::Connecting(_)) => return,
+            (None, _) | (_, Phase::Manual(_) | Phase::Running(_) | Phase::Connecting(_)) => return,
             (Some(_), Phase::Ready) => return self.return_to_run(),
             (Some(_), Phase::Closed { reason } | Phase::Adrift { reason }) => reason.clone(),
         };
@@ -171,7 +171,7 @@ impl Driver {
         paused.is_canceled = true;
         let refusal = Refusal::new(error_code::CANCELED, "canceled");
         match &self.phase {
-            Phase::Errand(errand) if errand.task.moves() => self.stop_move(refusal),
+            Phase::Manual(operation) if operation.task.moves() => self.stop_move(refusal),
             Phase::Running(_) => {
                 self.stop_run(RunOutcome::Canceled, refusal.error_code, refusal.message);
             }
@@ -202,7 +202,7 @@ impl Driver {
         state.settled_elements = 0;
         state.line = run.line();
         let what = match &self.phase {
-            Phase::Errand(errand) => errand.describe(),
+            Phase::Manual(operation) => operation.describe(),
             Phase::Running(_) => "a block is under way".into(),
             _ => "the controller is being reset".into(),
         };
@@ -217,7 +217,7 @@ impl Driver {
     pub(super) fn confirm_tool_change(&mut self, objection: Option<String>) -> Answer {
         if self.paused.is_some() {
             let what = match &self.phase {
-                Phase::Errand(errand) => errand.describe(),
+                Phase::Manual(operation) => operation.describe(),
                 _ => "a block is under way".into(),
             };
             return refused(error_code::BUSY, format!("{what}: confirm when it has ended"));

@@ -5,7 +5,7 @@
 
 use super::mdi;
 use crate::driver::{
-    Command, JogRequest, OffsetRequest, Overrides, ProbeRequest, RestRequest, RunRequest,
+    Command, JogRequest, OffsetRequest, Overrides, ProbeRequest, ReplanRequest, RunRequest,
 };
 use cnc_msgs::path::{CompensatedPath, StartInSpan};
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 pub enum Order {
     Command(Command),
     Run(RunOrder),
-    TakeRest(TakeRestOrder),
+    Replan(ReplanOrder),
 }
 
 /// [`RunRequest`] without its path.
@@ -29,9 +29,9 @@ pub struct RunOrder {
     pub check_only: bool,
 }
 
-/// [`RestRequest`] without its path.
+/// [`ReplanRequest`] without its path.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TakeRestOrder {
+pub struct ReplanOrder {
     pub program_id: String,
     pub of: u64,
     pub revision: u64,
@@ -61,7 +61,7 @@ pub fn order_to_json(id: u64, order: &Order) -> String {
             in_span: order.in_span,
             check_only: order.check_only,
         },
-        Order::TakeRest(order) => CommandForm::TakeRest {
+        Order::Replan(order) => CommandForm::Replan {
             program_id: order.program_id.clone(),
             of: order.of,
             revision: order.revision,
@@ -117,7 +117,9 @@ enum CommandForm {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         objection: Option<String>,
     },
-    TakeRest {
+    /// Bags have it under its first name.
+    #[serde(rename = "take_rest")]
+    Replan {
         program_id: String,
         of: u64,
         revision: u64,
@@ -169,7 +171,7 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
         Command::ConfirmToolChange { objection } => {
             CommandForm::ConfirmToolChange { objection: objection.clone() }
         }
-        Command::TakeRest(request) => CommandForm::TakeRest {
+        Command::Replan(request) => CommandForm::Replan {
             program_id: request.program_id.clone(),
             of: request.of,
             revision: request.revision,
@@ -225,11 +227,11 @@ pub fn command_from_json(
         CommandForm::Heartbeat => Command::Heartbeat,
         CommandForm::Recorder { is_whole, reason } => Command::Recorder { is_whole, reason },
         CommandForm::ConfirmToolChange { objection } => Command::ConfirmToolChange { objection },
-        CommandForm::TakeRest { program_id, of, revision } => {
+        CommandForm::Replan { program_id, of, revision } => {
             let Some(path) = lookup(&program_id, revision) else {
                 return Err(CommandError::UnknownPath { program_id, revision });
             };
-            Command::TakeRest(RestRequest { program_id, of, revision, path })
+            Command::Replan(ReplanRequest { program_id, of, revision, path })
         }
         CommandForm::ExecuteMdi(record) => Command::ExecuteMdi { path: Arc::new(record.path()?) },
         CommandForm::SetSingleBlock { on } => Command::SetSingleBlock(on),

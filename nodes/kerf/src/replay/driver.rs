@@ -2,11 +2,11 @@
 
 use super::ReplayError;
 use super::compare::{Comparison, Place};
+use super::controller_lines::{self, OtherLine};
 use super::given::Given;
 use super::output::Output;
 use super::recording::{Recording, monotonic_ns};
 use super::states::States;
-use super::words::{self, OtherWord};
 use axis_driver::driver::Output as DriverOutput;
 use axis_driver::encoder::EncoderConfig;
 use axis_driver::journal::{CommandError, Entry, EntryKind, command_from_json, replay as play};
@@ -119,13 +119,13 @@ fn fits(
     if recorded == now {
         return true;
     }
-    match words::compare(&recorded, &now, config) {
+    match controller_lines::compare(&recorded, &now, config) {
         Ok(count) => {
             comparison.count("lines of G-code", count);
             comparison.remark(&what, "another path, and the same in every line that is sent");
             true
         }
-        Err(OtherWord { text, place }) => {
+        Err(OtherLine { text, place }) => {
             comparison.count("lines of G-code", 1);
             let text = format!(
                 "{text}; the controller answered other lines, so bytes in time are not compared"

@@ -1,10 +1,10 @@
 //! The planner's core on recorded contours and tool tables.
 
 use super::ReplayError;
-use super::apart::{Likeness, at_most, likeness};
 use super::compare::{Comparison, Difference};
 use super::given::Given;
 use super::output::Output;
+use super::path_difference::{Likeness, at_most, likeness};
 use super::recording::{RecordedPlan, RecordedProgram, Recording};
 use crate::plan::keep_for_report;
 use cnc_msgs::chunk::PathChunks;
@@ -203,7 +203,7 @@ pub(super) fn compare_paths(
         row.message.starts_with("compensated_path/chunks") || OF_THE_SPLIT.contains(&field)
     };
     let likeness = likeness(path, path_now);
-    let is_same = !matches!(likeness, Likeness::Apart(_));
+    let is_same = !matches!(likeness, Likeness::Diverges(_));
     match likeness {
         Likeness::Same => {}
         Likeness::OtherElements { recorded, now } => {
@@ -213,12 +213,12 @@ pub(super) fn compare_paths(
             fields.message(&format!("events of {what}"), &events(&chunks), &events(chunks_now));
             comparison.remark(&what, format!("the same curve, {recorded} elements became {now}"));
         }
-        Likeness::Apart(apart) => {
+        Likeness::Diverges(divergence) => {
             if path.elements.len() != path_now.elements.len() {
                 fields.differences.retain(|row| !is_split(row));
             }
-            let text = format!("{}; {}", apart.text, at_most(path, path_now));
-            comparison.differs_at(&what, "curve", text, apart.place());
+            let text = format!("{}; {}", divergence.text, at_most(path, path_now));
+            comparison.differs_at(&what, "curve", text, divergence.place());
         }
     }
     comparison.take(fields);

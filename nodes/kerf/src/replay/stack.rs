@@ -12,7 +12,7 @@
 //! - `gate`: the virtual controller, whose time stands still there
 //! - `machine`: the virtual controller as the recorded one was
 //! - `nodes`: what the nodes are started with, and why they meet no machine
-//! - `conductor`, `hands`: play it
+//! - `conductor`, `player`: play it
 //! - `same`: what has to be the same
 //!
 //! This file is the frame: a folder, a domain, a port, processes, and that nothing of them
@@ -20,10 +20,10 @@
 
 mod conductor;
 mod gate;
-mod hands;
 mod machine;
 mod nodes;
 mod place;
+mod player;
 mod run;
 mod same;
 mod script;
@@ -185,7 +185,7 @@ fn on_stage<'a>(
     };
     executor.block_on(async {
         let port = VirtualPort::open(controller, &folder.0.join(LINK))?;
-        let mut nodes = Stack::apart(variables.clone(), log).map_err(Failure::usage)?;
+        let mut nodes = Stack::isolated(variables.clone(), log).map_err(Failure::usage)?;
         let played = tokio::select! {
             played = play(&stage, &mut nodes, script) => played,
             _ = interrupt.recv() => Err(Failure::new(Status::NodeRefused, "interrupted")),

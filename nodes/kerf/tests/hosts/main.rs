@@ -8,6 +8,6 @@
 mod support;
 
 mod alone;
-mod apart;
 mod commander;
 mod network;
+mod two_hosts;

@@ -1,7 +1,7 @@
 //! Whatever comes in whatever order: no panic, no motion without a run, the same again.
 
 use super::bench::{straight, with_event};
-use super::rest::Rests;
+use super::replan::Rests;
 use super::*;
 use crate::journal::{Journal, replay};
 use cnc_msgs::path::CompensatedPath;
@@ -155,7 +155,7 @@ proptest! {
                 match output {
                     Output::Transmit(bytes) => {
                         let is_motion = bytes.contains(&b'X') && !bytes.windows(2).any(|b| b == b"$X");
-                        let by_hand = matches!(driver.phase, Phase::Errand(_));
+                        let by_hand = matches!(driver.phase, Phase::Manual(_));
                         prop_assert!(!is_motion || was_running || is_running || by_hand);
                         prop_assert!(driver.is_open());
                         entries.push(journal.transmitted(now, &bytes));

@@ -4,7 +4,7 @@
 //! planner of fifteen blocks of which one is done every 100 ms, hold, reset, alarm.
 
 use super::super::*;
-use super::rest::Rests;
+use super::replan::Rests;
 use crate::journal::{Entry, EntryKind, Journal, replay};
 use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::geometry::{AxisSet, Position, Shape};

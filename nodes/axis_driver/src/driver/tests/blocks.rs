@@ -215,7 +215,7 @@ fn s48_what_is_left_of_a_run_can_be_another_path_while_the_machine_holds() {
         let revision = bench.keep(&path);
         bench.command(
             7,
-            Command::TakeRest(RestRequest { program_id: "part".into(), of, revision, path }),
+            Command::Replan(ReplanRequest { program_id: "part".into(), of, revision, path }),
         );
     };
     let shifted = |from: usize| {

@@ -1,12 +1,12 @@
 //! Plays a script on a stack of nodes: starts them, gives the commands, waits for the bag.
 //!
 //! Plumbing. Where a command is due says `place`, when the machine's time stands still
-//! for it `gate`, who gives it `hands`, and what the nodes are started with `nodes`.
+//! for it `gate`; `player` gives it, and what the nodes are started with stands in `nodes`.
 
 use super::super::recording::RecordedProgram;
 use super::gate::Gate;
-use super::hands::{Hands, Seen, until};
 use super::nodes::{LINK, NODES};
+use super::player::{Player, Seen, until};
 use super::script::{Cue, When};
 use super::track::Track;
 use crate::exit::{Failure, Status};
@@ -143,13 +143,13 @@ async fn commission<'a>(
         return Ok(Played::Refused { by: "compensation_planner", reason: first });
     }
 
-    let mut hands = Hands::new(node, stage.gate, seen);
+    let mut player = Player::new(node, stage.gate, seen);
     if play.is_single_block {
-        hands.single_block(true).await?;
+        player.single_block(true).await?;
     }
     let is_followed = play.cues.iter().any(|cue| matches!(cue.when, When::Moving(_)));
     stage.gate.begin(is_followed.then(|| Arc::clone(&play.track)));
-    hands.seen.begin();
+    player.seen.begin();
     let goal = RunProgramGoal { program_id: loaded.program_id, ..play.goal.clone() };
     let handle = match begin(node, &goal).await {
         Ok(handle) => handle,
@@ -161,11 +161,11 @@ async fn commission<'a>(
     let mut result = tokio::spawn(handle.result(RUN_WITHIN));
     let mut missed = Vec::new();
     for cue in play.cues {
-        if !hands.give(cue, &handle, &result).await? {
+        if !player.give(cue, &handle, &result).await? {
             missed.push(cue);
         }
     }
-    hands.until("the end of the run", || result.is_finished()).await?;
+    player.until("the end of the run", || result.is_finished()).await?;
     let ended = (&mut result).await.map_err(Failure::usage)?;
     let (_, result) = ended.map_err(|error| Failure::new(Status::NoAnswer, error.to_string()))?;
     eprintln!("kerf: {}", result.message);

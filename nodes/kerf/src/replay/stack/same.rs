@@ -108,7 +108,7 @@ fn contours(was: Told<'_>, now: Told<'_>, comparison: &mut Comparison) {
 /// The plans that were run: the goal's, and each that was taken for what was left.
 fn plans<'a>(told: Told<'a>) -> Vec<&'a RecordedPlan> {
     let rests = told.run.events.iter().filter_map(|event| match &event.what {
-        Happened::Asked(Command::TakeRest(request)) => Some(request.revision),
+        Happened::Asked(Command::Replan(request)) => Some(request.revision),
         _ => None,
     });
     let revisions = std::iter::once(told.run.goal.revision).chain(rests);

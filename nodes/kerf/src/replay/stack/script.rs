@@ -236,7 +236,7 @@ impl Way {
     /// Takes what has happened up to now.
     fn follow(&mut self, run: &Run<'_>, events: &[Event]) {
         for event in events.get(self.seen..).unwrap_or_default() {
-            if let Happened::Asked(Command::TakeRest(rest)) = &event.what {
+            if let Happened::Asked(Command::Replan(rest)) = &event.what {
                 self.track = Arc::new(Track::new(self.start, &rest.path, self.offset));
             }
             let position = report(event).and_then(|report| position(report, self.offset));
@@ -260,7 +260,7 @@ fn before_its_rest(events: &[Event], after_ns: i64, answered_ns: i64) -> (i64, u
     let is_cue = |event: &Event| matches!(&event.what, Happened::Asked(it) if act(it).is_some());
     let after = events[..end].partition_point(|event| event.stamp_ns <= after_ns);
     let begin = events[..end].iter().rposition(is_cue).map_or(0, |at| at + 1).max(after);
-    let is_rest = |event: &Event| matches!(&event.what, Happened::Asked(Command::TakeRest(_)));
+    let is_rest = |event: &Event| matches!(&event.what, Happened::Asked(Command::Replan(_)));
     match events[begin..end].iter().position(is_rest) {
         Some(at) => (events[begin + at].stamp_ns, begin + at),
         None => (answered_ns, end),

@@ -1,7 +1,7 @@
 //! When commands are due, and what is refused, by runs that are written down here.
 
 use super::*;
-use axis_driver::driver::{RestRequest, RunRequest};
+use axis_driver::driver::{ReplanRequest, RunRequest};
 use axis_driver::report::{ReportUnits, parse};
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{CompensatedPath, PathElement};
@@ -158,7 +158,7 @@ fn a_controller_that_tells_work_positions_is_followed_as_well() {
 fn a_tool_was_set_before_the_rest_was_planned_with_it() {
     let event = |second: i64, what| Event { stamp_ns: second, what };
     let rest = |of| {
-        Happened::Asked(Command::TakeRest(RestRequest {
+        Happened::Asked(Command::Replan(ReplanRequest {
             program_id: "part".into(),
             of,
             revision: of + 1,

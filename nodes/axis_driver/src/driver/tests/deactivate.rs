@@ -54,7 +54,7 @@ fn an_inactive_driver_moves_nothing_and_still_holds_and_resets() {
         let (code, message) = refusal(bench.ask(command));
         assert_eq!(
             (code, message.as_str()),
-            (error_code::NOT_ACTIVE, crate::driver::leave::NOT_ACTIVE)
+            (error_code::NOT_ACTIVE, crate::driver::deactivate::NOT_ACTIVE)
         );
     }
     for check_only in [false, true] {

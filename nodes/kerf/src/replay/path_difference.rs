@@ -4,7 +4,7 @@
 //! (lines or arcs, one feed, one side, one role), however many elements it is cut into.
 //! Two paths are the same when their runs are of the same kinds in the same order, the
 //! curves of each pair are within [`SAME_MM`] and what happens along them happens there.
-//! Fields are compared in `compare.rs`, points and arcs in `apart/curve.rs`.
+//! Fields are compared in `compare.rs`, points and arcs in `path_difference/curve.rs`.
 
 mod curve;
 
@@ -24,12 +24,12 @@ pub(crate) enum Likeness {
     /// The same curve, cut into elements elsewhere.
     OtherElements { recorded: usize, now: usize },
     /// Other curves, other kinds, or something else happens along them.
-    Apart(Apart),
+    Diverges(Divergence),
 }
 
 /// Where two paths part.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Apart {
+pub(crate) struct Divergence {
     pub(crate) position: Position,
     pub(crate) line: u32,
     /// How far apart they are there, mm; `None` where something else is different.
@@ -37,7 +37,7 @@ pub(crate) struct Apart {
     pub(crate) text: String,
 }
 
-impl Apart {
+impl Divergence {
     /// Where it is in the program and on the part.
     pub(crate) fn place(&self) -> Place {
         Place { line: self.line, position: Some(self.position), distance_mm: self.distance_mm }
@@ -45,9 +45,12 @@ impl Apart {
 }
 
 /// The first place where two paths are not the same.
-pub(crate) fn first_difference(recorded: &CompensatedPath, now: &CompensatedPath) -> Option<Apart> {
+pub(crate) fn first_difference(
+    recorded: &CompensatedPath,
+    now: &CompensatedPath,
+) -> Option<Divergence> {
     match likeness(recorded, now) {
-        Likeness::Apart(apart) => Some(apart),
+        Likeness::Diverges(divergence) => Some(divergence),
         Likeness::Same | Likeness::OtherElements { .. } => None,
     }
 }
@@ -68,7 +71,7 @@ pub(crate) fn at_most(recorded: &CompensatedPath, now: &CompensatedPath) -> Stri
 /// Compares two paths as curves with what happens along them.
 pub(crate) fn likeness(recorded: &CompensatedPath, now: &CompensatedPath) -> Likeness {
     match compare(recorded, now) {
-        Err(apart) => Likeness::Apart(apart),
+        Err(divergence) => Likeness::Diverges(divergence),
         Ok(true) => Likeness::Same,
         Ok(false) => {
             Likeness::OtherElements { recorded: recorded.elements.len(), now: now.elements.len() }
@@ -77,10 +80,10 @@ pub(crate) fn likeness(recorded: &CompensatedPath, now: &CompensatedPath) -> Lik
 }
 
 /// Whether they are the same element for element, or where they part.
-fn compare(recorded: &CompensatedPath, now: &CompensatedPath) -> Result<bool, Apart> {
+fn compare(recorded: &CompensatedPath, now: &CompensatedPath) -> Result<bool, Divergence> {
     let first = recorded.elements.first().map_or(0, |element| element.source.line);
     if is_beyond(distance(recorded.start, now.start), SAME_MM) {
-        return Err(Apart {
+        return Err(Divergence {
             position: recorded.start,
             line: first,
             distance_mm: Some(distance(recorded.start, now.start)),
@@ -103,7 +106,7 @@ fn compare(recorded: &CompensatedPath, now: &CompensatedPath) -> Result<bool, Ap
             None => (now, runs_now[common], "is new"),
         };
         let element = &longer.elements[run.1 - 1];
-        return Err(Apart {
+        return Err(Divergence {
             position: element.end,
             line: element.source.line,
             distance_mm: None,
@@ -160,10 +163,10 @@ fn compare_runs(
     was: Run,
     now: &CompensatedPath,
     is: Run,
-) -> Result<bool, Apart> {
+) -> Result<bool, Divergence> {
     let (element, element_now) = (&recorded.elements[was.0], &now.elements[is.0]);
     let (piece, piece_now) = (Piece::new(recorded, was), Piece::new(now, is));
-    let apart = |position, distance_mm, text| Apart {
+    let diverges = |position, distance_mm, text| Divergence {
         position,
         line: element.source.line,
         distance_mm,
@@ -179,9 +182,9 @@ fn compare_runs(
             name(element_now),
             place(end_now)
         );
-        return Err(apart(end, None, text));
+        return Err(diverges(end, None, text));
     }
-    let (far, position) = piece.apart(&piece_now);
+    let (far, position) = piece.distance_to(&piece_now);
     if is_beyond(far, SAME_MM) {
         let ends = (recorded.elements[was.1 - 1].end, now.elements[is.1 - 1].end);
         let text = format!(
@@ -191,7 +194,7 @@ fn compare_runs(
             place(ends.0),
             place(ends.1)
         );
-        return Err(apart(position, Some(far), text));
+        return Err(diverges(position, Some(far), text));
     }
     // A turn more is the same curve and another length.
     let by = (piece.length() - piece_now.length()).abs();
@@ -204,7 +207,7 @@ fn compare_runs(
             piece.length(),
             piece_now.length()
         );
-        return Err(apart(recorded.elements[was.1 - 1].end, None, text));
+        return Err(diverges(recorded.elements[was.1 - 1].end, None, text));
     }
     let ends = recorded.elements[was.0..was.1].iter().zip(&now.elements[is.0..is.1]);
     let is_same = was.1 - was.0 == is.1 - is.0 && { ends }
@@ -216,24 +219,25 @@ fn compare_runs(
 fn compare_events(
     (recorded, runs): (&CompensatedPath, &[Run]),
     (now, runs_now): (&CompensatedPath, &[Run]),
-) -> Result<(), Apart> {
+) -> Result<(), Divergence> {
     let at = |path: &CompensatedPath, index: usize| match index {
         0 => path.start,
         _ => path.elements.get(index - 1).map_or(path.start, |element| element.end),
     };
     let run_of = |runs: &[Run], index: usize| runs.partition_point(|run| run.1 <= index);
-    let apart = |position, line, text| Err(Apart { position, line, distance_mm: None, text });
+    let diverges =
+        |position, line, text| Err(Divergence { position, line, distance_mm: None, text });
     for (was, is) in recorded.events.iter().zip(&now.events) {
         let (from, to) = (at(recorded, was.at_element), at(now, is.at_element));
         let (what, what_now) = (was.action.text(), is.action.text());
         if (&what, was.source) != (&what_now, is.source) {
             let text = format!("{what} is {what_now} of line {} now", is.source.line);
-            return apart(from, was.source.line, text);
+            return diverges(from, was.source.line, text);
         }
         let is_there = distance(from, to) <= SAME_MM;
         if !is_there || run_of(runs, was.at_element) != run_of(runs_now, is.at_element) {
             let text = format!("{what} was at {} and is at {} now", place(from), place(to));
-            return apart(from, was.source.line, text);
+            return diverges(from, was.source.line, text);
         }
     }
     let common = recorded.events.len().min(now.events.len());
@@ -243,7 +247,7 @@ fn compare_events(
     };
     longer.map_or(Ok(()), |event| {
         let text = format!("{} {what}", event.action.text());
-        apart(at(path, event.at_element), event.source.line, text)
+        diverges(at(path, event.at_element), event.source.line, text)
     })
 }
 

@@ -1,7 +1,7 @@
 //! Which lines homing, jogs, probes and offsets are, and when they may be sent.
 
 use super::command::{Answer, refused};
-use super::errand::{OFFSETS, Task};
+use super::manual_operation::{OFFSETS, Task};
 use super::{Driver, Phase, Refusal};
 use crate::codes::error_code;
 use crate::encoder::words::{to_grid, write_word};
@@ -101,7 +101,7 @@ impl Driver {
             target[axis] = from + request.target[axis];
         }
         let line = format!("$J=G21{frame}{words}");
-        self.begin_errand(id, Task::Jog { target }, LineKind::Motion, [line]);
+        self.begin_manual(id, Task::Jog { target }, LineKind::Motion, [line]);
         Some(Ok("the jog has begun".into()))
     }
 
@@ -120,7 +120,7 @@ impl Driver {
             (true, true) => "G38.5",
         };
         let task = Task::Probe { may_miss: request.may_miss, heard: None };
-        self.begin_errand(id, task, LineKind::Slow, [format!("G21G91G94{word}{words}")]);
+        self.begin_manual(id, task, LineKind::Slow, [format!("G21G91G94{word}{words}")]);
         Some(Ok("the probe has begun".into()))
     }
 
@@ -153,7 +153,7 @@ impl Driver {
             false => format!("the place of the tool is {words} in {name}"),
         };
         let lines = [line, OFFSETS.to_owned()];
-        self.begin_errand(id, Task::SetWorkOffset { done }, LineKind::Slow, lines);
+        self.begin_manual(id, Task::SetWorkOffset { done }, LineKind::Slow, lines);
         if let Some(paused) = &mut self.paused {
             paused.frame = axes;
         }
@@ -163,7 +163,7 @@ impl Driver {
     pub(super) fn unlock(&mut self, id: u64) -> Answer {
         match (&self.phase, self.machine.mode()) {
             (Phase::Ready, Mode::Alarm) => {
-                self.begin_errand(id, Task::Unlock, LineKind::Slow, ["$X".to_owned()]);
+                self.begin_manual(id, Task::Unlock, LineKind::Slow, ["$X".to_owned()]);
                 None
             }
             (Phase::Ready, mode) => {
@@ -184,14 +184,14 @@ impl Driver {
             return refused(error_code::NO_HOMING, text);
         }
         self.machine.is_homed = false;
-        self.begin_errand(id, Task::Home, LineKind::Silent, ["$H".to_owned()]);
+        self.begin_manual(id, Task::Home, LineKind::Silent, ["$H".to_owned()]);
         None
     }
 
     pub(super) fn sleep(&mut self, id: u64) -> Answer {
         match (&self.phase, self.machine.mode()) {
             (Phase::Ready, Mode::Idle | Mode::Alarm) => {
-                self.begin_errand(id, Task::Sleep, LineKind::Slow, ["$SLP".to_owned()]);
+                self.begin_manual(id, Task::Sleep, LineKind::Slow, ["$SLP".to_owned()]);
                 None
             }
             _ => self.obstacle().map(Err),

@@ -2,7 +2,7 @@
 //!
 //! One at a time, from a machine that stands: a few lines, each sent when the one
 //! before is answered, and for what moves the wait until the machine stands again.
-//! Which lines those are `by_hand` says.
+//! Which lines those are `manual_lines` says.
 
 use super::config::{ANSWER, REPORTS_PER_HOLD, STANDSTILL};
 use super::{Driver, LogLevel, Origin, Output, Phase, Refusal, RunOutcome};
@@ -22,7 +22,7 @@ const JOG_TOLERANCE_MM: f64 = 0.02;
 
 /// Something with a line or a few that is no program.
 #[derive(Debug)]
-pub(super) struct Errand {
+pub(super) struct ManualOperation {
     /// The command that began it.
     pub(super) id: u64,
     pub(super) task: Task,
@@ -106,7 +106,7 @@ impl Task {
     }
 }
 
-impl Errand {
+impl ManualOperation {
     pub(super) fn until(&self) -> Option<Duration> {
         self.until
     }
@@ -133,7 +133,7 @@ impl Errand {
 
 impl Driver {
     /// Sends the first of these lines; the others follow.
-    pub(super) fn begin_errand(
+    pub(super) fn begin_manual(
         &mut self,
         id: u64,
         task: Task,
@@ -151,30 +151,38 @@ impl Driver {
         };
         self.pause_run();
         let lines = lines.into_iter().collect();
-        let errand =
-            Errand { id, task, lines, kind, step: Step::Asked, until, stop: None, refused: None };
-        self.phase = Phase::Errand(Box::new(errand));
+        let operation = ManualOperation {
+            id,
+            task,
+            lines,
+            kind,
+            step: Step::Asked,
+            until,
+            stop: None,
+            refused: None,
+        };
+        self.phase = Phase::Manual(Box::new(operation));
         // A hold that is still looked for was meant for what went before.
         self.hold = None;
-        self.send_errand_line();
+        self.send_manual_line();
     }
 
     /// False when there is none left.
-    fn send_errand_line(&mut self) -> bool {
-        let Phase::Errand(errand) = &mut self.phase else { return false };
-        let Some(text) = errand.lines.pop_front() else { return false };
+    fn send_manual_line(&mut self) -> bool {
+        let Phase::Manual(operation) = &mut self.phase else { return false };
+        let Some(text) = operation.lines.pop_front() else { return false };
         if text == OFFSETS {
             // What was told before has changed.
             self.machine.offsets.clear();
         }
-        if errand.until.is_some() && !errand.is_homing() {
-            errand.until = Some(self.now + ANSWER);
+        if operation.until.is_some() && !operation.is_homing() {
+            operation.until = Some(self.now + ANSWER);
         }
-        self.link.send_line(&text, errand.kind, Origin::Errand);
+        self.link.send_line(&text, operation.kind, Origin::Manual);
         true
     }
 
-    pub(super) fn on_errand_answer(&mut self, error: Option<u16>) {
+    pub(super) fn on_manual_answer(&mut self, error: Option<u16>) {
         let firmware = self.machine.firmware;
         if let Some(code) = error {
             let text = codes::describe_error(firmware, code);
@@ -182,33 +190,33 @@ impl Driver {
                 error_code::CONTROLLER_ERROR,
                 format!("the controller refused: {text}"),
             );
-            let Phase::Errand(errand) = &mut self.phase else { return };
-            if firmware != Firmware::GrblHal || errand.refused.is_some() {
-                return self.end_errand(Err(refusal), Phase::Ready);
+            let Phase::Manual(operation) = &mut self.phase else { return };
+            if firmware != Firmware::GrblHal || operation.refused.is_some() {
+                return self.end_manual(Err(refusal), Phase::Ready);
             }
             // It answers every further line with the same error until it reads an empty one.
-            errand.refused = Some(refusal);
-            errand.until = Some(self.now + ANSWER);
-            return self.link.send_line("", LineKind::Slow, Origin::Errand);
+            operation.refused = Some(refusal);
+            operation.until = Some(self.now + ANSWER);
+            return self.link.send_line("", LineKind::Slow, Origin::Manual);
         }
-        if let Phase::Errand(errand) = &mut self.phase
-            && let Some(refusal) = errand.refused.take()
+        if let Phase::Manual(operation) = &mut self.phase
+            && let Some(refusal) = operation.refused.take()
         {
-            return self.end_errand(Err(refusal), Phase::Ready);
+            return self.end_manual(Err(refusal), Phase::Ready);
         }
-        if self.send_errand_line() {
+        if self.send_manual_line() {
             return;
         }
-        let Phase::Errand(errand) = &mut self.phase else { return };
+        let Phase::Manual(operation) = &mut self.phase else { return };
         // What it has done shows in the next report; whoever asked can rely on it then.
-        errand.step = Step::Answered { reports: 0 };
-        match &errand.task {
+        operation.step = Step::Answered { reports: 0 };
+        match &operation.task {
             Task::Home => {
                 self.machine.is_homed = true;
-                errand.until = Some(self.now + ANSWER);
+                operation.until = Some(self.now + ANSWER);
             }
             // Before its answer a cancel would have left the line to be run.
-            Task::Jog { .. } if errand.stop.is_some() => {
+            Task::Jog { .. } if operation.stop.is_some() => {
                 self.link.send_realtime(realtime::JOG_CANCEL);
             }
             _ => {}
@@ -216,27 +224,27 @@ impl Driver {
         self.link.ask_status(self.now);
     }
 
-    pub(super) fn on_errand_status(&mut self) {
+    pub(super) fn on_manual_status(&mut self) {
         let state = self.machine.mode();
         let is_jog = self.machine.is_state(&ControllerState::Jog);
         let is_held = self.machine.is_held();
-        let Phase::Errand(errand) = &mut self.phase else { return };
-        if is_held && let Some(stop) = errand.stop.take() {
+        let Phase::Manual(operation) = &mut self.phase else { return };
+        if is_held && let Some(stop) = operation.stop.take() {
             // What is left of the move is dropped.
-            self.end_errand(Err(stop), Phase::Ready);
+            self.end_manual(Err(stop), Phase::Ready);
             return self.begin_reset(None);
         }
-        let Step::Answered { reports } = &mut errand.step else { return };
-        let is_over = match errand.task {
+        let Step::Answered { reports } = &mut operation.step else { return };
+        let is_over = match operation.task {
             Task::Jog { .. } | Task::Probe { .. } => state == Mode::Idle,
             _ => true,
         };
         if is_over {
             let result = self.judge();
-            return self.end_errand(result, Phase::Ready);
+            return self.end_manual(result, Phase::Ready);
         }
         *reports += 1;
-        let is_deaf_to_cancel = errand.stop.is_some() && is_jog;
+        let is_deaf_to_cancel = operation.stop.is_some() && is_jog;
         if is_deaf_to_cancel && *reports % REPORTS_PER_HOLD == 0 {
             self.link.send_realtime(realtime::JOG_CANCEL);
         }
@@ -246,11 +254,11 @@ impl Driver {
     fn judge(&mut self) -> Result<String, Refusal> {
         let is_alarm = self.machine.mode() == Mode::Alarm;
         let at = self.machine.machine_position();
-        let Phase::Errand(errand) = &mut self.phase else { return Ok(String::new()) };
-        if let Some(stop) = errand.stop.take() {
+        let Phase::Manual(operation) = &mut self.phase else { return Ok(String::new()) };
+        if let Some(stop) = operation.stop.take() {
             return Err(stop);
         }
-        match &errand.task {
+        match &operation.task {
             Task::Home | Task::Unlock if is_alarm => {
                 let text = "the controller took it and is still in alarm";
                 Err(Refusal::new(error_code::ALARM, text))
@@ -301,8 +309,8 @@ impl Driver {
 
     /// Takes what the controller says of a probe.
     pub(super) fn hear_probe(&mut self, position: Position, found: bool) {
-        if let Phase::Errand(errand) = &mut self.phase
-            && let Task::Probe { heard, .. } = &mut errand.task
+        if let Phase::Manual(operation) = &mut self.phase
+            && let Task::Probe { heard, .. } = &mut operation.task
         {
             *heard = Some((position, found));
         }
@@ -310,12 +318,12 @@ impl Driver {
 
     /// Stops a jog or a probe; it ends when the machine stands.
     pub(super) fn stop_move(&mut self, why: Refusal) {
-        let Phase::Errand(errand) = &mut self.phase else { return };
-        if errand.stop.replace(why).is_some() {
+        let Phase::Manual(operation) = &mut self.phase else { return };
+        if operation.stop.replace(why).is_some() {
             return;
         }
-        errand.until = Some(self.now + STANDSTILL);
-        match (&errand.task, errand.step) {
+        operation.until = Some(self.now + STANDSTILL);
+        match (&operation.task, operation.step) {
             (Task::Jog { .. }, Step::Answered { .. }) => {
                 self.link.send_realtime(realtime::JOG_CANCEL);
             }
@@ -324,9 +332,9 @@ impl Driver {
         }
     }
 
-    pub(super) fn on_errand_timeout(&mut self) {
-        let Phase::Errand(errand) = &self.phase else { return };
-        let (is_homing, is_stopping) = (errand.is_homing(), errand.stop.is_some());
+    pub(super) fn on_manual_timeout(&mut self) {
+        let Phase::Manual(operation) = &self.phase else { return };
+        let (is_homing, is_stopping) = (operation.is_homing(), operation.stop.is_some());
         let text = match (is_homing, is_stopping) {
             (true, _) => "the axes did not find their switches in time; the controller was reset",
             (_, true) => "the controller did not come to a standstill; motion may continue",
@@ -334,18 +342,18 @@ impl Driver {
         };
         self.log(LogLevel::Error, text.into());
         let refusal = Refusal::new(error_code::NO_ANSWER, text);
-        self.end_errand(Err(refusal), Phase::Adrift { reason: text.into() });
+        self.end_manual(Err(refusal), Phase::Adrift { reason: text.into() });
         if is_homing {
             self.begin_reset(None);
         }
     }
 
     /// Ends what is done by hand, and says so to whoever asked for it.
-    pub(super) fn end_errand(&mut self, result: Result<String, Refusal>, next: Phase) {
-        let Phase::Errand(errand) = std::mem::replace(&mut self.phase, next) else {
-            panic!("only an errand can end");
+    pub(super) fn end_manual(&mut self, result: Result<String, Refusal>, next: Phase) {
+        let Phase::Manual(operation) = std::mem::replace(&mut self.phase, next) else {
+            panic!("only a manual operation can end");
         };
-        let Errand { id, task, .. } = *errand;
+        let ManualOperation { id, task, .. } = *operation;
         let refusal = result.as_ref().err().map(|it| (it.error_code, it.message.clone()));
         self.end_paused_with(refusal.as_ref().map(|(code, text)| (*code, text.as_str())));
         if self.machine.status.is_some() {

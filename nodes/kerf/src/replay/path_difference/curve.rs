@@ -63,7 +63,7 @@ impl Piece {
     }
 
     /// The largest distance of the points of each from the other, and where.
-    pub(super) fn apart(&self, other: &Self) -> (f64, Position) {
+    pub(super) fn distance_to(&self, other: &Self) -> (f64, Position) {
         let there = self.from(other);
         let back = other.from(self);
         if there.0 >= back.0 { there } else { back }

@@ -1,4 +1,4 @@
-//! The hands of a replay: it looks where the stack is, and does what a commander did.
+//! The player of a replay: it looks where the stack is, and does what a commander did.
 //!
 //! Plumbing, as the conductor. Every wait ends: when nothing has moved on for [`STILL`], with
 //! what was waited for and where the stack stood.
@@ -82,7 +82,7 @@ impl Seen {
 }
 
 /// Gives commands, and waits for their time.
-pub(super) struct Hands<'a> {
+pub(super) struct Player<'a> {
     node: &'a Handle,
     gate: &'a Gate,
     pub(super) seen: Seen,
@@ -92,7 +92,7 @@ pub(super) struct Hands<'a> {
 /// How a run ends, in a task of its own.
 pub(super) type Ending = JoinHandle<Result<(Outcome, RunProgramResult), GoalError>>;
 
-impl<'a> Hands<'a> {
+impl<'a> Player<'a> {
     pub(super) fn new(node: &'a Handle, gate: &'a Gate, seen: Seen) -> Self {
         Self { node, gate, seen, clients: BTreeMap::new() }
     }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 /// Where the lines of two paths part.
 #[derive(Debug)]
-pub(super) struct OtherWord {
+pub(super) struct OtherLine {
     pub(super) text: String,
     pub(super) place: Place,
 }
@@ -19,7 +19,7 @@ pub(super) fn compare(
     recorded: &Arc<CompensatedPath>,
     now: &Arc<CompensatedPath>,
     config: EncoderConfig,
-) -> Result<usize, OtherWord> {
+) -> Result<usize, OtherLine> {
     let lines = |path: &Arc<CompensatedPath>| Lines(Some(Encoder::new(Arc::clone(path), config)));
     let (mut recorded, mut now) = (lines(recorded), lines(now));
     for count in 0.. {
@@ -34,7 +34,7 @@ pub(super) fn compare(
             line.as_ref().map_or("nothing".to_owned(), |(text, _)| format!("\"{text}\""))
         };
         let line = was.as_ref().or(is.as_ref()).map_or(0, |(_, line)| *line);
-        return Err(OtherWord {
+        return Err(OtherLine {
             text: format!("G-code line {count}: {} is {} now", said(&was), said(&is)),
             place: Place { line, ..Place::default() },
         });

@@ -33,9 +33,9 @@ fn round(elements: Vec<PathElement>) -> CompensatedPath {
 }
 
 #[track_caller]
-fn apart(recorded: &CompensatedPath, now: &CompensatedPath) -> Apart {
+fn divergence(recorded: &CompensatedPath, now: &CompensatedPath) -> Divergence {
     match likeness(recorded, now) {
-        Likeness::Apart(apart) => apart,
+        Likeness::Diverges(divergence) => divergence,
         other => panic!("{other:?}"),
     }
 }
@@ -47,20 +47,20 @@ fn the_first_place_where_paths_part_is_found() {
     // A nanometre is none, nor is the tenth of one.
     let nearly = path(vec![line(7, 1.0, 0.0), line(8, 2.0, 9e-7)]);
     assert_eq!(likeness(&recorded, &nearly), Likeness::Same);
-    let found = apart(&recorded, &path(vec![line(7, 1.0, 0.0), line(8, 2.0, 0.001)]));
+    let found = divergence(&recorded, &path(vec![line(7, 1.0, 0.0), line(8, 2.0, 0.001)]));
     assert_eq!((found.line, found.distance_mm), (8, Some(0.001)));
     assert!(found.text.contains("ended at X2.000000 Y0.000000 Z0.000000"), "{}", found.text);
     let place = found.place().text();
     assert!(place.contains("0.001000 mm apart"), "{place}");
-    let found = apart(&recorded, &path(vec![line(7, 1.0, 0.0)]));
+    let found = divergence(&recorded, &path(vec![line(7, 1.0, 0.0)]));
     assert!(found.text.contains("2 elements and are 1 now"), "{}", found.text);
     assert_eq!(found.line, 8);
     let mut moved = recorded.clone();
     moved.start = [9.0, 0.0, 0.0];
-    assert!(apart(&recorded, &moved).text.contains("the path began at"));
+    assert!(divergence(&recorded, &moved).text.contains("the path began at"));
     let mut nowhere = recorded.clone();
     nowhere.elements[1].end[1] = f64::NAN;
-    assert_eq!(apart(&nowhere, &nowhere).line, 8, "what is no number is never the same");
+    assert_eq!(divergence(&nowhere, &nowhere).line, 8, "what is no number is never the same");
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn another_split_of_the_same_curve_is_the_same_curve() {
     assert_eq!(likeness(&turn, &thirds), other(1, 3));
     // One turn more is cut where one turn was cut, and is another path all the same.
     turn.elements[0] = arc(7, 0.0, 2);
-    assert!(apart(&turn, &thirds).text.contains("mm long"));
+    assert!(divergence(&turn, &thirds).text.contains("mm long"));
 }
 
 use std::f64::consts::TAU;
@@ -96,11 +96,11 @@ fn chords(error_mm: f64) -> CompensatedPath {
 fn chords_are_the_same_curve_as_other_chords_only_within_the_tolerance() {
     let fine = chords(4e-7);
     assert!(matches!(likeness(&fine, &chords(3e-7)), Likeness::OtherElements { .. }));
-    let found = apart(&fine, &chords(1e-4));
+    let found = divergence(&fine, &chords(1e-4));
     let far = found.distance_mm.expect("a distance");
     assert!((far - 1e-4).abs() < 3e-6, "{far}");
     // Within it, but of another kind: the machine is told something else.
-    assert!(apart(&round(vec![arc(7, 0.0, 1)]), &fine).text.contains("is a line"));
+    assert!(divergence(&round(vec![arc(7, 0.0, 1)]), &fine).text.contains("is a line"));
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn another_kind_feed_side_or_block_is_another_path() {
     for (says, change) in changes {
         let mut now = recorded.clone();
         change(&mut now.elements[0]);
-        let found = apart(&recorded, &now);
+        let found = divergence(&recorded, &now);
         assert!(found.text.contains(says), "{}", found.text);
     }
 }
@@ -139,11 +139,11 @@ fn what_happens_along_the_path_stays_where_it_was() {
     now.events = vec![stop(2)];
     assert!(matches!(likeness(&recorded, &now), Likeness::OtherElements { .. }));
     now.events = vec![stop(1)];
-    assert!(apart(&recorded, &now).text.contains("was at X10.000000"));
+    assert!(divergence(&recorded, &now).text.contains("was at X10.000000"));
     now.events = vec![stop(2), stop(3)];
-    assert!(apart(&recorded, &now).text.contains("is new"));
+    assert!(divergence(&recorded, &now).text.contains("is new"));
     now.events = Vec::new();
-    assert!(apart(&recorded, &now).text.contains("is gone"));
+    assert!(divergence(&recorded, &now).text.contains("is gone"));
 }
 
 #[test]
@@ -165,5 +165,5 @@ fn a_helix_is_the_same_in_one_turn_or_two() {
     let halves = helix(&[(half, -2.0), (TAU, -4.0)]);
     assert!(matches!(likeness(&whole, &halves), Likeness::OtherElements { .. }));
     let steep = helix(&[(half, -2.5), (TAU, -4.0)]);
-    assert!(apart(&whole, &steep).distance_mm.expect("a distance") > 0.4);
+    assert!(divergence(&whole, &steep).distance_mm.expect("a distance") > 0.4);
 }

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 /// What is to be run from here on.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RestRequest {
+pub struct ReplanRequest {
     pub program_id: String,
     /// The revision that runs.
     pub of: u64,
@@ -27,9 +27,9 @@ pub struct RestRequest {
 
 /// A rest that is being encoded for its errors.
 #[derive(Debug)]
-pub(super) struct NewRest {
+pub(super) struct Replan {
     pub(super) id: u64,
-    request: RestRequest,
+    request: ReplanRequest,
     encoder: Encoder,
     proof: Proof,
 }
@@ -48,7 +48,7 @@ impl Run {
 }
 
 impl Driver {
-    pub(super) fn take_rest(&mut self, id: u64, request: RestRequest) -> Answer {
+    pub(super) fn replan(&mut self, id: u64, request: ReplanRequest) -> Answer {
         let is_held = self.machine.is_held();
         let rates = self.machine.rates();
         let Phase::Running(run) = &mut self.phase else {
@@ -68,7 +68,7 @@ impl Driver {
         };
         let first = encoder.next_element();
         let proof = Proof::new(encoder.clone(), rates, &request.path, first);
-        run.rest = Some(Box::new(NewRest { id, request, encoder, proof }));
+        run.rest = Some(Box::new(Replan { id, request, encoder, proof }));
         None
     }
 
@@ -97,7 +97,7 @@ impl Driver {
             Proven::Whole { seconds, .. } => (rest.id, seconds),
         };
         let Some(rest) = run.rest.take() else { return };
-        let NewRest { request: RestRequest { revision, path, .. }, encoder, .. } = *rest;
+        let Replan { request: ReplanRequest { revision, path, .. }, encoder, .. } = *rest;
         let mut done_before = Estimate::new(rates, &path, run.first_element);
         run.total_s = done_before.advance_to(&path, encoder.next_element()) + seconds;
         run.estimate = Estimate::new(rates, &path, run.first_element);

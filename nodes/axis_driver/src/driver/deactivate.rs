@@ -90,24 +90,24 @@ impl Driver {
                 let Refusal { error_code, message } = wish.refusal("stopped because");
                 self.stop_run(RunOutcome::Aborted, error_code, message);
             }
-            Phase::Errand(errand) => {
-                let (is_homing, moves) = (errand.is_homing(), errand.task.moves());
+            Phase::Manual(operation) => {
+                let (is_homing, moves) = (operation.is_homing(), operation.task.moves());
                 let refusal = wish.refusal("interrupted because");
                 match (is_homing, moves) {
                     // Homing does not listen to a hold.
                     (true, _) => {
-                        self.end_errand(Err(refusal), Phase::Ready);
+                        self.end_manual(Err(refusal), Phase::Ready);
                         self.begin_reset(None);
                     }
                     (_, true) => self.stop_move(refusal),
-                    _ => self.end_errand(Err(refusal), Phase::Ready),
+                    _ => self.end_manual(Err(refusal), Phase::Ready),
                 }
             }
             Phase::Closed { .. } => {}
             _ if self.machine.is_moving() => self.send_hold(),
             _ => {}
         }
-        if !matches!(self.phase, Phase::Running(_) | Phase::Errand(_)) {
+        if !matches!(self.phase, Phase::Running(_) | Phase::Manual(_)) {
             // The controller is being reset after a probe, and the run would come back.
             let Refusal { error_code, message } = wish.refusal("stopped because");
             self.end_paused(error_code, &message);
@@ -119,7 +119,7 @@ impl Driver {
     pub(super) fn step_leaving(&mut self) {
         let Some(Leaving { id, until, wish }) = self.leaving else { return };
         let is_stopping = match &self.phase {
-            Phase::Running(_) | Phase::Errand(_) => true,
+            Phase::Running(_) | Phase::Manual(_) => true,
             Phase::Connecting(connecting) => connecting.is_resetting(),
             _ => false,
         };
