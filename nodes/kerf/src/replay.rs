@@ -62,7 +62,7 @@ pub(crate) struct ReplayArgs {
     /// Show what was and what is now on one page for a browser
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Print every difference, not only the first of each core
+    /// Print every difference, not only the first twenty of each core
     #[arg(long)]
     all: bool,
     /// Print one JSON object with every difference instead of the report
