@@ -115,7 +115,7 @@ mod tests {
             (
                 vec![before.clone(), refused],
                 &aborted[..],
-                "aborted (309): error:20 at line 5; the last line that was cut is 4",
+                "aborted (309): error:20 at\\nline 5; the last line that was cut is 4",
             ),
             // What is latched of the run before says nothing of this one.
             (
