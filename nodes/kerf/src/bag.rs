@@ -2,9 +2,10 @@
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::output_file::OutputFile;
-use crate::replay::run_result;
-use crate::replay::trim::trim;
+use crate::replay_command::{failure, report_page};
 use clap::Subcommand;
+use replay::run_result;
+use replay::trim::trim;
 use run_recorder::files::{FileBag, open_bag, recover_bag};
 use run_recorder::info::BagInfo;
 use run_recorder::stored_bags::{mark, mark_of, unmark};
@@ -89,7 +90,7 @@ pub(crate) fn run(command: &BagCommand) -> Outcome {
             Ok(())
         }
         BagCommand::Trim { bag, out, keep } => {
-            println!("{}", trim(bag, out, keep)?);
+            println!("{}", trim(bag, out, keep).map_err(Failure::usage)?);
             Ok(())
         }
         BagCommand::Mark { bag, because, unmark: is_off } => {
@@ -107,7 +108,7 @@ pub(crate) fn run(command: &BagCommand) -> Outcome {
         }
         BagCommand::Report { bag, html } => {
             let file = OutputFile::claim(html, &[bag])?;
-            let page = crate::replay::report_page(bag).map_err(|error| error.of(bag))?;
+            let page = report_page(bag).map_err(|error| failure(&error, bag))?;
             file.write(&page.to_html())?;
             // The page says it too; a script that made it may look at the status alone.
             let mut bag = open_bag(bag).map_err(Failure::usage)?;

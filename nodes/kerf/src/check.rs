@@ -1,7 +1,5 @@
 //! `kerf check`: what each control would say of one program, side by side. No ROS.
 
-pub(crate) mod difference;
-
 use crate::exit::{Failure, Outcome, Status};
 use crate::files;
 use crate::plan::{Planned, plural, position};
@@ -10,8 +8,8 @@ use clap::Args;
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::profile::Profile;
 use compensation_planner::Planning;
-use difference::{Difference, between};
 use program_loader::LoadOptions;
+use replay::path_distance::{Difference, between};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

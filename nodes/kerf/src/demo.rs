@@ -10,7 +10,7 @@ use crate::output_file::OutputFile;
 use crate::plan::Planned;
 use crate::stack::{Stack, remove_dead_link, wait_for_file};
 use crate::up::STOP_ORDER;
-use crate::{files, load, operate, replay};
+use crate::{files, load, operate};
 use clap::Args;
 use cnc_msgs::wire::cnc_msgs::action::RunProgramGoal;
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, Recording};

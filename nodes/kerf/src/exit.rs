@@ -25,6 +25,14 @@ pub(crate) enum Status {
     NodeRefused = 4,
 }
 
+impl Status {
+    /// The status with this number; of none of ours, that of a usage error.
+    pub(crate) fn of(number: u8) -> Self {
+        let all = [Self::Refused, Self::Usage, Self::NoAnswer, Self::NodeRefused];
+        all.into_iter().find(|status| *status as u8 == number).unwrap_or(Self::Usage)
+    }
+}
+
 impl Failure {
     pub(crate) fn new(status: Status, message: impl Into<String>) -> Self {
         Self { status, message: message.into() }

@@ -25,8 +25,9 @@ mod page;
 mod picture;
 mod plan;
 mod plan_json;
-mod replay;
+mod replay_command;
 mod stack;
+mod stack_replay;
 mod status;
 mod up;
 
@@ -100,7 +101,7 @@ enum Command {
     /// Show the state of the machine
     Status,
     /// Run today's code on recorded runs and compare
-    Replay(replay::ReplayArgs),
+    Replay(replay_command::ReplayArgs),
     /// Inspect and repair bags
     #[command(subcommand)]
     Bag(bag::BagCommand),
@@ -165,7 +166,7 @@ fn run(command: Command, ros_args: &[String]) -> Outcome {
         Command::Tool(args) => mdi::tool(&args, ros_args),
         Command::Controller(command) => controller::run(&command, ros_args),
         Command::Status => status::run(ros_args),
-        Command::Replay(args) => replay::run(&args),
+        Command::Replay(args) => replay_command::run(&args),
         Command::Bag(command) => bag::run(&command),
     }
 }

@@ -8,12 +8,12 @@ mod layer;
 mod run;
 
 use crate::picture::view::{Point, View};
-use crate::replay::path_difference::first_difference;
 use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::AXIS_LETTERS;
 use cnc_msgs::path::CompensatedPath;
 pub(crate) use layer::Layer;
 use layer::Outline;
+use replay::path_difference::first_difference;
 pub(crate) use run::{RunLog, of_recording};
 use serde::Serialize;
 

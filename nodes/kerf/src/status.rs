@@ -2,13 +2,13 @@
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::local::over_ros_or_locally;
-use crate::replay::run_result;
 use axis_driver::protocol::Wish;
 use cnc_msgs::convert::{link_watch_from_wire, machine_state_to_wire, mode_from_wire};
 use cnc_msgs::machine::LinkWatch;
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, RunResult};
 use cnc_msgs::wire::std_msgs::msg::Header;
+use replay::run_result;
 use runtime::{Handle, Qos, Subscription};
 use std::time::Duration;
 use tokio::time::timeout;

@@ -3,9 +3,6 @@
 
 use super::{Layer, Page, Pin, PinKind, Sheet};
 use crate::picture::view::{Point, View};
-use crate::replay::ReplayError;
-use crate::replay::planner::Replanned;
-use crate::replay::recording::{RecordedPlan, RecordedProgram, RecordedState, Recording};
 use axis_driver::journal::EntryKind;
 use axis_driver::link::realtime;
 use axis_driver::node::kind_from_wire;
@@ -16,6 +13,9 @@ use cnc_msgs::machine::Mode;
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point};
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, TrafficEntry};
+use replay::ReplayError;
+use replay::planner::Replanned;
+use replay::recording::{RecordedPlan, RecordedProgram, RecordedState, Recording};
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -1,0 +1,232 @@
+//! Plays a script on a stack of nodes: starts them, gives the commands, waits for the bag.
+//!
+//! Plumbing. Where a command is due says `place`, when the machine's time stands still
+//! for it `gate`; `player` gives it, and what the nodes are started with stands in `nodes`.
+
+use super::gate::Gate;
+use super::nodes::{LINK, NODES};
+use super::player::{Player, Seen, until};
+use super::script::{Cue, When};
+use super::track::Track;
+use crate::exit::{Failure, Status};
+use crate::stack::Stack;
+use crate::{load, operate};
+use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal};
+use cnc_msgs::wire::cnc_msgs::msg::{
+    CompensationReport, MachineState, NodeParameters, Recording as Bag,
+};
+use cnc_msgs::wire::rcl_interfaces::msg::Parameter;
+use replay::recording::RecordedProgram;
+use runtime::action::GoalHandle;
+use runtime::configuration::Configuration;
+use runtime::{Handle, Qos, Session, Subscription};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::{sleep, timeout};
+
+/// How long nodes and controller may take to be ready.
+const READY_WITHIN: Duration = Duration::from_secs(90);
+/// How long the plan of a program may take.
+const PLAN_WITHIN: Duration = Duration::from_secs(300);
+/// How long the bag of a run that is over may take to be closed.
+const CLOSED_WITHIN: Duration = Duration::from_secs(90);
+/// A path may be on its way to the driver yet when the goal comes.
+const GOAL_TRIES: (usize, Duration) = (4, Duration::from_secs(1));
+/// No run takes longer than this.
+const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
+
+/// What is played.
+#[derive(Debug)]
+pub(super) struct Play<'a> {
+    pub(super) program: &'a RecordedProgram,
+    /// The control profile, in a file.
+    pub(super) profile: PathBuf,
+    pub(super) goal: RunProgramGoal,
+    pub(super) is_single_block: bool,
+    pub(super) cues: &'a [Cue],
+    /// The path of the goal.
+    pub(super) track: Arc<Track>,
+}
+
+/// What came of it.
+#[derive(Debug)]
+pub(super) enum Played<'a> {
+    /// It was accepted then, and is refused now: by whom, and why.
+    Refused { by: &'static str, reason: String },
+    /// It ran; the commands that were not given because their place did not come.
+    Ran { bag: PathBuf, missed: Vec<&'a Cue> },
+}
+
+/// Where it is played.
+#[derive(Debug)]
+pub(super) struct Stage<'a> {
+    pub(super) folder: &'a Path,
+    pub(super) namespace: &'a str,
+    pub(super) arguments: &'a [String],
+    pub(super) variables: &'a BTreeMap<String, String>,
+    pub(super) gate: &'a Gate,
+}
+
+/// Plays it; the nodes are left for the caller to stop.
+pub(super) async fn play<'a>(
+    stage: &Stage<'_>,
+    nodes: &mut Stack,
+    play: &Play<'a>,
+) -> Result<Played<'a>, Failure> {
+    for name in NODES {
+        nodes.start(name, stage.arguments).map_err(Failure::usage)?;
+    }
+    let name = format!("kerf_replay_{}", std::process::id());
+    let words = ["--ros-args", "-r", &format!("__ns:={}", stage.namespace)].map(String::from);
+    let configuration = Configuration::read(&name, Vec::new(), &words, stage.variables);
+    let session = Session::start(configuration.map_err(Failure::usage)?).map_err(Failure::usage)?;
+    let played = tokio::select! {
+        played = commission(session.handle(), stage, play) => played,
+        name = died(nodes) => Err(Failure::new(Status::NodeRefused, format!("{name} ended by itself"))),
+    };
+    session.stop().await;
+    played
+}
+
+async fn died(nodes: &mut Stack) -> String {
+    loop {
+        if let Some((name, status)) = nodes.ended() {
+            return format!("{name} ({status})");
+        }
+        sleep(Duration::from_millis(100)).await;
+    }
+}
+
+async fn commission<'a>(
+    node: &Handle,
+    stage: &Stage<'_>,
+    play: &Play<'a>,
+) -> Result<Played<'a>, Failure> {
+    let mut bags: Subscription<Bag> = node.subscription("recording", Qos::LATCHED)?;
+    let mut reports: Subscription<CompensationReport> =
+        node.subscription("compensation_report", Qos::LATCHED)?;
+    let states: Subscription<MachineState> = node.subscription("machine_state", Qos::LATCHED)?;
+    let parameters: Subscription<NodeParameters> =
+        node.subscription("node_parameters", Qos::LATCHED.with_depth(32))?;
+    let seen = Seen::follow(node, states);
+    has_our_port(parameters, &stage.folder.join(LINK)).await?;
+    until("the machine to be ready", READY_WITHIN, &seen, stage.gate, || {
+        seen.last().is_some_and(|state| state.state == MachineState::STATE_IDLE)
+    })
+    .await?;
+    let heard = timeout(READY_WITHIN, bags.next()).await;
+    heard.map_err(|_| Failure::new(Status::NoAnswer, "the recorder is not there"))?;
+
+    let RecordedProgram { manifest, text, .. } = play.program;
+    let profile = play.profile.display().to_string();
+    let loaded = load::send_program(node, (&manifest.name, text), &profile, "").await?;
+    if !loaded.success {
+        return Ok(Played::Refused { by: "program_loader", reason: loaded.message });
+    }
+    let report = timeout(PLAN_WITHIN, async {
+        loop {
+            let (report, _) = reports.next().await;
+            if report.program_id == loaded.program_id {
+                break report;
+            }
+        }
+    });
+    let report = report.await.map_err(|_| {
+        let text = format!("{} was not planned within {} s", manifest.name, PLAN_WITHIN.as_secs());
+        Failure::new(Status::NoAnswer, text)
+    })?;
+    if !report.accepted {
+        let first = report.findings.iter().find(|it| it.severity >= 2);
+        let first = first.map_or(String::new(), |it| format!("line {}: {}", it.line, it.message));
+        return Ok(Played::Refused { by: "compensation_planner", reason: first });
+    }
+
+    let mut player = Player::new(node, stage.gate, seen);
+    if play.is_single_block {
+        player.single_block(true).await?;
+    }
+    let is_followed = play.cues.iter().any(|cue| matches!(cue.when, When::Moving(_)));
+    stage.gate.begin(is_followed.then(|| Arc::clone(&play.track)));
+    player.seen.begin();
+    let goal = RunProgramGoal { program_id: loaded.program_id, ..play.goal.clone() };
+    let handle = match begin(node, &goal).await {
+        Ok(handle) => handle,
+        Err(Failure { status: Status::NodeRefused, message }) => {
+            return Ok(Played::Refused { by: "axis_driver", reason: message });
+        }
+        Err(failure) => return Err(failure),
+    };
+    let mut result = tokio::spawn(handle.result(RUN_WITHIN));
+    let mut missed = Vec::new();
+    for cue in play.cues {
+        if !player.give(cue, &handle, &result).await? {
+            missed.push(cue);
+        }
+    }
+    player.until("the end of the run", || result.is_finished()).await?;
+    let ended = (&mut result).await.map_err(Failure::usage)?;
+    let (_, result) = ended.map_err(|error| Failure::new(Status::NoAnswer, error.to_string()))?;
+    eprintln!("kerf: {}", result.message);
+    Ok(Played::Ran { bag: closed(&mut bags).await?, missed })
+}
+
+/// Nothing is done before the driver has said that its port is the virtual one.
+async fn has_our_port(
+    mut parameters: Subscription<NodeParameters>,
+    link: &Path,
+) -> Result<(), Failure> {
+    let told = timeout(READY_WITHIN, async {
+        loop {
+            let (told, _) = parameters.next().await;
+            if told.node.ends_with("/axis_driver") {
+                break told;
+            }
+        }
+    });
+    let told = told.await.map_err(|_| {
+        Failure::new(Status::NoAnswer, "the driver does not answer for its parameters")
+    })?;
+    let is_port = |it: &&Parameter| it.name == "port";
+    let port = told.parameters.iter().find(is_port).map(|it| it.value.string_value.clone());
+    match port {
+        Some(port) if Path::new(&port) == link => Ok(()),
+        port => Err(Failure::new(
+            Status::NodeRefused,
+            format!("the driver has the port {port:?} and not the virtual controller's"),
+        )),
+    }
+}
+
+async fn begin(node: &Handle, goal: &RunProgramGoal) -> Result<GoalHandle<RunProgram>, Failure> {
+    let (tries, pause) = GOAL_TRIES;
+    for _ in 1..tries {
+        match operate::begin::<RunProgram>(node, "run_program", goal.clone()).await {
+            Err(Failure { status: Status::NodeRefused, .. }) => sleep(pause).await,
+            other => return other,
+        }
+    }
+    operate::begin::<RunProgram>(node, "run_program", goal.clone()).await
+}
+
+/// The bag of the run, when the recorder has closed it.
+async fn closed(bags: &mut Subscription<Bag>) -> Result<PathBuf, Failure> {
+    let closed = timeout(CLOSED_WITHIN, async {
+        loop {
+            let (bag, _) = bags.next().await;
+            if !bag.is_recording && !bag.run_id.is_empty() {
+                break bag;
+            }
+        }
+    });
+    let bag = closed.await.map_err(|_| {
+        Failure::new(Status::NoAnswer, "the recorder did not close the bag of the run")
+    })?;
+    if bag.complete {
+        Ok(PathBuf::from(bag.uri))
+    } else {
+        let text = format!("{} is not complete: {}", bag.uri, bag.reason);
+        Err(Failure::new(Status::NodeRefused, text))
+    }
+}

@@ -1,0 +1,146 @@
+//! The virtual controller as the recorded one was built, set and left standing.
+//!
+//! From what the driver told of it when it was connected. Pure: a controller in values.
+
+use super::run::Run;
+use super::script::start_in_machine;
+use cnc_msgs::units::position_from_point;
+use cnc_msgs::wire::cnc_msgs::msg::{ControllerSettings, WorkOffset};
+use replay::ReplayError;
+use replay::recording::Recording;
+use std::time::Duration;
+use virtual_controller::{Build, Controller, Firmware, Settings};
+
+/// The controller, and what of the recorded one it is not.
+#[derive(Debug)]
+pub(super) struct Likeness {
+    pub(super) controller: Controller,
+    pub(super) notes: Vec<String>,
+}
+
+/// Receive buffers that a virtual controller may have, bytes.
+const RECEIVE_BUFFER_BYTES: std::ops::RangeInclusive<usize> = 16..=65_536;
+/// Of a shift that is none, mm.
+const NO_SHIFT_MM: f64 = 1e-6;
+/// The driver's first bytes come later than what is entered here, in the controller's time.
+const ENTERED_AT: Duration = Duration::from_millis(1);
+
+/// Makes it; it stands where the run begins.
+///
+/// # Errors
+/// The bag does not tell where it stood, or a shift was in force that a reset forgets.
+pub(super) fn likeness(recording: &Recording, run: &Run<'_>) -> Result<Likeness, ReplayError> {
+    let mut notes = Vec::new();
+    let told = recording.settings.clone().unwrap_or_else(|| {
+        notes.push(
+            "the bag does not contain the controller's settings; those of a small router are used"
+                .into(),
+        );
+        ControllerSettings::default()
+    });
+    let name = told.firmware.to_lowercase();
+    let firmware = name.parse().unwrap_or_else(|_| {
+        if !name.is_empty() {
+            notes.push(format!("there is no virtual {}; a grbl runs", told.firmware));
+        }
+        Firmware::Grbl
+    });
+    let mut settings = Settings::small_router_of(firmware);
+    let values: Vec<(u16, f64)> = told.settings.iter().filter_map(number_and_value).collect();
+    // Some are only taken when others are set.
+    for _ in 0..2 {
+        for &(number, value) in &values {
+            // What it does not take is told below.
+            let _ = settings.set(number, value);
+        }
+    }
+    for &(number, value) in &values {
+        if settings.get(number).is_none_or(|is| (is - value).abs() > 1e-3) {
+            notes.push(format!("the virtual controller does not have ${number}={value}"));
+        }
+    }
+    let bytes = usize::try_from(told.receive_buffer_size).unwrap_or(0);
+    let homes = settings.homing_enabled();
+    let build = Build {
+        receive_buffer_bytes: Some(bytes).filter(|bytes| RECEIVE_BUFFER_BYTES.contains(bytes)),
+        start_in_machine: Some(start_in_machine(run)?),
+        has_mist: firmware == Firmware::Grbl && told.options.contains('M'),
+        has_line_numbers: firmware == Firmware::Grbl && told.options.contains('N'),
+        ..Build::new(settings)
+    };
+    let mut controller = Controller::with_build(build);
+    let mut lines = Vec::new();
+    if homes {
+        // It wakes locked; the recorded one had been homed or unlocked.
+        lines.push("$X".to_owned());
+    }
+    lines.extend(offset_lines(&told.offsets)?);
+    let mut said = Vec::new();
+    for line in lines {
+        controller.receive(ENTERED_AT, format!("{line}\n").as_bytes());
+        controller.transmit(&mut said);
+    }
+    let said = String::from_utf8_lossy(&said);
+    if let Some(refused) = said.lines().find(|line| line.starts_with("error:")) {
+        notes.push(format!("the virtual controller does not take all offsets ({refused})"));
+    }
+    Ok(Likeness { controller, notes })
+}
+
+fn number_and_value(
+    setting: &cnc_msgs::wire::cnc_msgs::msg::ControllerSetting,
+) -> Option<(u16, f64)> {
+    let number = u16::try_from(setting.number).ok()?;
+    Some((number, setting.value.trim().parse().ok()?))
+}
+
+/// The lines that enter the work offsets.
+fn offset_lines(offsets: &[WorkOffset]) -> Result<Vec<String>, ReplayError> {
+    let mut lines = Vec::new();
+    for WorkOffset { name, position } in offsets {
+        let position @ [x, y, z] = position_from_point(position);
+        if position.iter().all(|mm| mm.abs() < NO_SHIFT_MM) {
+            continue;
+        }
+        let system = name.strip_prefix('G').and_then(|number| number.parse::<u8>().ok());
+        match (name.as_str(), system) {
+            (_, Some(system @ 54..=59)) => {
+                let number = system - 53;
+                lines.push(format!("G10L2P{number}X{x:.4}Y{y:.4}Z{z:.4}"));
+            }
+            ("G92" | "TLO", _) => {
+                return Err(ReplayError::Unplayable {
+                    what: format!("a shift by {name} of X{x:.3} Y{y:.3} Z{z:.3}"),
+                });
+            }
+            // Where G28 and G30 go is of no concern: programs are sent without them.
+            _ => {}
+        }
+    }
+    Ok(lines)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::units::point_from_position;
+
+    fn offset(name: &str, position: [f64; 3]) -> WorkOffset {
+        WorkOffset { name: name.into(), position: point_from_position(position) }
+    }
+
+    #[test]
+    fn work_offsets_are_entered_and_shifts_that_a_reset_forgets_are_refused() {
+        let entered = offset_lines(&[
+            offset("G54", [0.0; 3]),
+            offset("G55", [1.0, -2.5, 0.0]),
+            offset("G28", [5.0, 5.0, 5.0]),
+            offset("TLO", [0.0; 3]),
+        ]);
+        assert_eq!(entered.unwrap(), ["G10L2P2X1.0000Y-2.5000Z0.0000"]);
+        for name in ["G92", "TLO"] {
+            let refused = offset_lines(&[offset(name, [0.0, 0.0, 3.0])]).unwrap_err();
+            assert!(refused.to_string().contains(&format!("a shift by {name}")), "{refused}");
+        }
+    }
+}

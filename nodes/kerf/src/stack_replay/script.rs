@@ -1,0 +1,425 @@
+//! What is done to the stack, and when: the commands of a recorded run as cues.
+//!
+//! Each command is due where the stack was when it came, see `place`. What cannot be played
+//! is refused by name, before anything is started. Pure.
+
+use super::place::{Place, Position, SLACK_ANSWERS, Stand, Watch};
+use super::run::{Event, Happened, Run};
+use super::track::{REPORT_MM, Track};
+use axis_driver::driver::{COMMANDER_LOST, Command, Overrides};
+use axis_driver::encoder::PREAMBLE;
+use axis_driver::link::realtime::{FEED_HOLD, RESUME, SOFT_RESET};
+use axis_driver::report::{ControllerState, Report, StatusReport};
+use cnc_msgs::cdr::{self, LITTLE_ENDIAN};
+use cnc_msgs::convert::mode_from_wire;
+use cnc_msgs::interface::Service;
+use cnc_msgs::units::position_from_point;
+use cnc_msgs::wire::cnc_msgs::msg::MachineState;
+use cnc_msgs::wire::cnc_msgs::srv::{SetTool, SetToolRequest};
+use replay::ReplayError;
+use replay::recording::{Recording, nanoseconds};
+use std::sync::Arc;
+
+/// Something that a commander did.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Act {
+    FeedHold,
+    DoorHold,
+    Resume,
+    SoftReset,
+    ConfirmToolChange,
+    /// Of the goal, as an action client does.
+    CancelGoal,
+    /// Of whatever moves, by the service.
+    Cancel,
+    SetOverrides(Overrides),
+    SetSingleBlock(bool),
+    SetTool(SetToolRequest),
+}
+
+impl Act {
+    /// The service or action that it goes to.
+    pub(super) const fn name(&self) -> &'static str {
+        match self {
+            Self::FeedHold => "feed_hold",
+            Self::DoorHold => "door_hold",
+            Self::Resume => "resume",
+            Self::SoftReset => "soft_reset",
+            Self::ConfirmToolChange => "confirm_tool_change",
+            Self::CancelGoal => "cancel of run_program",
+            Self::Cancel => "cancel",
+            Self::SetOverrides(_) => "set_overrides",
+            Self::SetSingleBlock(_) => "single_block",
+            Self::SetTool(_) => "set_tool",
+        }
+    }
+}
+
+/// When it is done.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum When {
+    /// Where the machine comes by.
+    Moving(Watch),
+    /// As soon as everything stands so.
+    Standing(Stand),
+}
+
+/// One entry of the script.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Cue {
+    pub(super) act: Act,
+    pub(super) when: When,
+    /// The source line that was being cut.
+    pub(super) line: u32,
+}
+
+impl When {
+    /// For people: where or in which state the stack was.
+    pub(super) fn text(&self) -> String {
+        let xyz = |[x, y, z]: Position| format!("X{x:.3} Y{y:.3} Z{z:.3}");
+        match self {
+            Self::Moving(Watch { place, along_mm, answers, .. }) => {
+                let place = match place {
+                    Place::StopsAt(place) => format!("to stop at {}", xyz(*place)),
+                    Place::Passes(place) => format!("at {}", xyz(*place)),
+                };
+                let along = along_mm.map_or(String::new(), |mm| format!(", {mm:.3} mm on its way"));
+                format!("{place} (machine){along}, after {answers} lines")
+            }
+            Self::Standing(Stand { state, tool_wanted, answers, .. }) => {
+                let tool =
+                    if *tool_wanted > 0 { format!(" for T{tool_wanted}") } else { String::new() };
+                format!("in {}{tool}, after {answers} lines", mode_from_wire(*state).name())
+            }
+        }
+    }
+}
+
+impl Cue {
+    /// Whether the machine is stopped where it comes by.
+    pub(super) fn stops(&self) -> bool {
+        matches!(&self.when, When::Moving(watch) if matches!(watch.place, Place::StopsAt(_)))
+    }
+}
+
+/// What is done, and the path that the machine is on from the beginning.
+#[derive(Debug)]
+pub(super) struct Script {
+    pub(super) cues: Vec<Cue>,
+    pub(super) track: Arc<Track>,
+}
+
+/// The script of a run.
+///
+/// # Errors
+/// Something happened that the stack level does not play, by name.
+pub(super) fn script(recording: &Recording, run: &Run<'_>) -> Result<Script, ReplayError> {
+    let end_ns = run.ended_ns().unwrap_or(i64::MAX);
+    let mut asked = Vec::new();
+    for (index, event) in run.events.iter().enumerate() {
+        if event.stamp_ns > end_ns {
+            break;
+        }
+        if let Some(what) = unplayable(run, index) {
+            let line = run.state_at(event.stamp_ns).map_or(0, |state| state.line);
+            let after_s = (event.stamp_ns - run.began_ns) as f64 / 1e9;
+            return Err(ReplayError::Unplayable {
+                what: format!("{what} at line {line}, {after_s:.3} s after the goal"),
+            });
+        }
+        if let Happened::Asked(command) = &event.what
+            && let Some(act) = act(command)
+        {
+            asked.push((event.stamp_ns, index, act));
+        }
+    }
+    for (at_ns, state) in &run.states {
+        for (word, what) in [(COMMANDER_LOST, "a lost commander"), ("LINK_LOST", "a lost link")] {
+            if *at_ns <= end_ns && state.reason.starts_with(word) {
+                let line = state.line;
+                return Err(ReplayError::Unplayable { what: format!("{what} at line {line}") });
+            }
+        }
+    }
+    // When a tool was set last.
+    let mut set_ns = run.began_ns;
+    for command in &recording.commands {
+        let stamp_ns = nanoseconds(&command.stamp);
+        let is_meant = command.endpoint_type == SetTool::TYPE_NAME && command.success;
+        if is_meant && (run.began_ns..=end_ns).contains(&stamp_ns) {
+            let request = decode_request(&command.request)
+                .map_err(|error| ReplayError::request(command, error))?;
+            let (came_ns, index) = before_its_rest(&run.events, set_ns, stamp_ns);
+            asked.push((came_ns, index, Act::SetTool(request)));
+            set_ns = stamp_ns;
+        }
+    }
+    asked.sort_by_key(|(stamp_ns, index, _)| (*stamp_ns, *index));
+    let mut way = Way::begin(run)?;
+    let track = Arc::clone(&way.track);
+    let mut cues: Vec<Cue> = Vec::new();
+    for (stamp_ns, index, act) in asked {
+        let is_behind_motion = cues.last().is_some_and(|it| matches!(it.when, When::Moving(_)));
+        let Some(state) = run.state_at(stamp_ns) else { continue };
+        let stops = matches!(act, Act::FeedHold | Act::DoorHold | Act::Cancel | Act::CancelGoal);
+        let (before, after) = run.events.split_at(index.min(run.events.len()));
+        way.follow(run, before);
+        let when = match place(before, after, stops, way.offset) {
+            Some((mut place, line_ns)) => When::Moving(Watch {
+                along_mm: way.place(run, &mut place, line_ns),
+                place,
+                track: Arc::clone(&way.track),
+                answers: answers(before),
+                state: state.state,
+            }),
+            None => When::Standing(Stand {
+                state: state.state,
+                tool_wanted: state.tool_wanted,
+                // Where it stopped, an answer more or less may have been on the wire.
+                answers: answers(before).saturating_sub(if is_behind_motion {
+                    SLACK_ANSWERS
+                } else {
+                    0
+                }),
+                paths: run.paths_at(stamp_ns),
+            }),
+        };
+        cues.push(Cue { act, when, line: state.line });
+    }
+    Ok(Script { cues, track })
+}
+
+/// How far along its path the machine was, as its reports tell.
+struct Way {
+    track: Arc<Track>,
+    start: Position,
+    /// Machine position = work position + this, mm.
+    offset: Position,
+    /// Events that were looked at.
+    seen: usize,
+    known_mm: f64,
+    /// Of the last report; `None`: it was not on the path.
+    along_mm: Option<f64>,
+}
+
+impl Way {
+    fn begin(run: &Run<'_>) -> Result<Self, ReplayError> {
+        let start = start_in_machine(run)?;
+        let known = run.states.iter().find(|(_, state)| state.position_known);
+        let offset = known.map_or([0.0; 3], |(_, state)| {
+            let (machine, work) = (machine_position(state), work_position(state));
+            [0, 1, 2].map(|axis| machine[axis] - work[axis])
+        });
+        let track = Arc::new(Track::new(start, &run.goal.path, offset));
+        Ok(Self { track, start, offset, seen: 0, known_mm: 0.0, along_mm: None })
+    }
+
+    /// How far along the place of a command is. A stop beside the path, with the tool lifted,
+    /// becomes the place where the machine was heard last.
+    fn place(&self, run: &Run<'_>, place: &mut Place, told_ns: i64) -> Option<f64> {
+        let (Place::StopsAt(position) | Place::Passes(position)) = *place;
+        let along_mm = match place {
+            Place::StopsAt(_) => self.on(run, position, told_ns),
+            Place::Passes(_) => self.along_mm,
+        };
+        if along_mm.is_none() && self.along_mm.is_some() {
+            *place = Place::Passes(position);
+        }
+        along_mm.or(self.along_mm)
+    }
+
+    /// How far along a place is that was told at this time.
+    fn on(&self, run: &Run<'_>, place: Position, told_ns: i64) -> Option<f64> {
+        self.track.follow(self.known_mm, place, REPORT_MM, run.line_after(told_ns))
+    }
+
+    /// Takes what has happened up to now.
+    fn follow(&mut self, run: &Run<'_>, events: &[Event]) {
+        for event in events.get(self.seen..).unwrap_or_default() {
+            if let Happened::Asked(Command::Replan(rest)) = &event.what {
+                self.track = Arc::new(Track::new(self.start, &rest.path, self.offset));
+            }
+            let position = report(event).and_then(|report| position(report, self.offset));
+            let Some(position) = position else { continue };
+            self.along_mm = self.on(run, position, event.stamp_ns);
+            self.known_mm = self.along_mm.unwrap_or(self.known_mm);
+        }
+        self.seen = self.seen.max(events.len());
+    }
+}
+
+/// A request as it stands in a record: without its encapsulation.
+fn decode_request(body: &[u8]) -> Result<SetToolRequest, cdr::CdrError> {
+    cdr::decode(&[&LITTLE_ENDIAN, body].concat())
+}
+
+/// When a `set_tool` came whose answer was recorded at `answered_ns`: what is left of the run
+/// may have been planned, and taken by the driver, before that. Not before `after_ns`.
+fn before_its_rest(events: &[Event], after_ns: i64, answered_ns: i64) -> (i64, usize) {
+    let end = events.partition_point(|event| event.stamp_ns <= answered_ns);
+    let is_cue = |event: &Event| matches!(&event.what, Happened::Asked(it) if act(it).is_some());
+    let after = events[..end].partition_point(|event| event.stamp_ns <= after_ns);
+    let begin = events[..end].iter().rposition(is_cue).map_or(0, |at| at + 1).max(after);
+    let is_rest = |event: &Event| matches!(&event.what, Happened::Asked(Command::Replan(_)));
+    match events[begin..end].iter().position(is_rest) {
+        Some(at) => (events[begin + at].stamp_ns, begin + at),
+        None => (answered_ns, end),
+    }
+}
+
+/// How many lines were answered.
+fn answers(events: &[Event]) -> u64 {
+    let is_answer = |it: &&Event| matches!(it.what, Happened::Heard(Report::Ok | Report::Error(_)));
+    events.iter().filter(is_answer).count() as u64
+}
+
+/// Where the machine is to be waited for, and when that was told; `None` when it stands.
+fn place(before: &[Event], after: &[Event], stops: bool, offset: Position) -> Option<(Place, i64)> {
+    let mut told = before.iter().rev().filter(|event| report(event).is_some());
+    let last = told.next()?;
+    if report(last).is_none_or(stands) {
+        return None;
+    }
+    let passed = position(report(last)?, offset)?;
+    let mut stop = after.iter().filter(|event| report(event).is_some_and(stands));
+    let stop = stop.next().filter(|_| stops);
+    let stop = stop.and_then(|event| Some((position(report(event)?, offset)?, event.stamp_ns)));
+    Some(match stop {
+        Some((stop, told_ns)) => (Place::StopsAt(stop), told_ns),
+        None => (Place::Passes(passed), last.stamp_ns),
+    })
+}
+
+fn report(event: &Event) -> Option<&StatusReport> {
+    match &event.what {
+        Happened::Heard(Report::Status(report)) => Some(report),
+        _ => None,
+    }
+}
+
+/// Whether nothing moves, as the controller says.
+fn stands(report: &StatusReport) -> bool {
+    match report.state {
+        ControllerState::Idle | ControllerState::Check | ControllerState::Tool => true,
+        ControllerState::Hold => report.substate.is_none_or(|it| it == 0),
+        // 2 stops yet, 3 restores.
+        ControllerState::Door => report.substate.is_none_or(|it| it < 2),
+        _ => false,
+    }
+}
+
+/// In the machine frame, whichever of the two the controller tells.
+fn position(report: &StatusReport, offset: Position) -> Option<Position> {
+    let in_work = report.work_position;
+    let of_work = in_work.map(|work| [0, 1, 2].map(|axis| work[axis] + offset[axis]));
+    report.machine_position.or(of_work)
+}
+
+/// What a commander did; `None`: nothing that has to be done again.
+fn act(command: &Command) -> Option<Act> {
+    Some(match command {
+        Command::FeedHold => Act::FeedHold,
+        Command::DoorHold => Act::DoorHold,
+        Command::Resume => Act::Resume,
+        Command::SoftReset => Act::SoftReset,
+        Command::ConfirmToolChange { .. } => Act::ConfirmToolChange,
+        Command::CancelRun { run: Some(_) } => Act::CancelGoal,
+        Command::CancelRun { run: None } => Act::Cancel,
+        Command::SetOverrides(wanted) => Act::SetOverrides(*wanted),
+        Command::SetSingleBlock(on) => Act::SetSingleBlock(*on),
+        _ => return None,
+    })
+}
+
+/// What the stack level cannot play, in words.
+fn unplayable(run: &Run<'_>, index: usize) -> Option<String> {
+    let before = &run.events[..index];
+    let asked = |wanted: fn(&Command) -> bool| {
+        before.iter().any(|it| matches!(&it.what, Happened::Asked(asked) if wanted(asked)))
+    };
+    let was_reset = before.iter().any(|it| it.what == Happened::Acted(SOFT_RESET));
+    match &run.events[index].what {
+        Happened::Heard(Report::Alarm(code)) => Some(format!("an ALARM:{code}")),
+        Happened::Heard(Report::Error(code)) => Some(format!("an error:{code} of the controller")),
+        Happened::Heard(Report::Banner { .. }) if !was_reset => {
+            Some("a controller that restarted".into())
+        }
+        // The record begins in the middle of a line.
+        Happened::Heard(Report::Damaged(_))
+            if !before.iter().any(|it| matches!(it.what, Happened::Heard(_))) =>
+        {
+            None
+        }
+        Happened::Heard(Report::Damaged(text)) => Some(format!("a damaged line {text:?}")),
+        Happened::Heard(Report::Status(report)) => match report.state {
+            ControllerState::Alarm => Some("an alarm".into()),
+            ControllerState::Door if !asked(|it| *it == Command::DoorHold) => {
+                Some("an opened door".into())
+            }
+            _ => None,
+        },
+        Happened::Acted(FEED_HOLD) if !is_asked_to_stop(before) => {
+            Some("a hold that the driver gave by itself".into())
+        }
+        // Lifting is the first thing that is sent, and the machine here is not homed.
+        Happened::Sent(text) if run.goal.start_line > 1 && text.starts_with("G53G0Z") => {
+            let is_first = last_line(before) == Some(PREAMBLE);
+            is_first.then(|| "an approach (it wants a homed machine)".into())
+        }
+        Happened::Opened => Some("a port that was opened again".into()),
+        Happened::Closed(reason) => Some(format!("a cut link ({reason})")),
+        Happened::Asked(command) => match command {
+            Command::Home => Some("homing".into()),
+            Command::Jog(_) => Some("a jog".into()),
+            Command::Probe(_) => Some("a probe".into()),
+            Command::SetWorkOffset(_) => Some("a work offset that was set".into()),
+            Command::ExecuteMdi { .. } => Some("a block by hand".into()),
+            Command::Unlock => Some("an unlock".into()),
+            Command::Sleep => Some("a controller that was put to sleep".into()),
+            Command::Activate | Command::Deactivate | Command::Shutdown => {
+                Some("a change of the driver's lifecycle".into())
+            }
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// The line that was sent last, checks left out.
+fn last_line(before: &[Event]) -> Option<&str> {
+    before.iter().rev().find_map(|event| match &event.what {
+        Happened::Sent(text) if !text.starts_with('$') => Some(text.as_str()),
+        _ => None,
+    })
+}
+
+/// Whether somebody wanted a stop since the machine was let go on.
+fn is_asked_to_stop(before: &[Event]) -> bool {
+    let since = before.iter().rev().take_while(|event| event.what != Happened::Acted(RESUME));
+    let mut asked = since.filter_map(|event| match &event.what {
+        Happened::Asked(command) => Some(command),
+        _ => None,
+    });
+    asked.any(|it| matches!(it, Command::FeedHold | Command::CancelRun { .. }))
+}
+
+/// Where the machine stood when the goal came, mm.
+pub(super) fn start_in_machine(run: &Run<'_>) -> Result<Position, ReplayError> {
+    let known = run.states.iter().find(|(_, state)| state.position_known);
+    let (_, known) = known.ok_or_else(|| ReplayError::Incomplete {
+        what: "a position of the machine",
+        of: "the run".into(),
+    })?;
+    Ok(machine_position(known))
+}
+
+fn work_position(state: &MachineState) -> Position {
+    position_from_point(&state.work_position)
+}
+
+pub(super) fn machine_position(state: &MachineState) -> Position {
+    position_from_point(&state.machine_position)
+}
+
+#[cfg(test)]
+mod tests;

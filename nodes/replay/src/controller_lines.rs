@@ -1,0 +1,70 @@
+//! Two paths as the lines that a controller is sent for them.
+//!
+//! Where these are the same, the answers that were recorded for one are good for the other.
+
+use super::compare::Place;
+use axis_driver::encoder::{Encoder, EncoderConfig, Step};
+use cnc_msgs::path::CompensatedPath;
+use std::sync::Arc;
+
+/// Where the lines of two paths part.
+#[derive(Debug)]
+pub(crate) struct OtherLine {
+    pub(crate) text: String,
+    pub(crate) place: Place,
+}
+
+/// Compares the lines of two paths; how many there are, or the first that is another.
+pub(crate) fn compare(
+    recorded: &Arc<CompensatedPath>,
+    now: &Arc<CompensatedPath>,
+    config: EncoderConfig,
+) -> Result<usize, OtherLine> {
+    let lines = |path: &Arc<CompensatedPath>| Lines(Some(Encoder::new(Arc::clone(path), config)));
+    let (mut recorded, mut now) = (lines(recorded), lines(now));
+    for count in 0.. {
+        let (was, is) = (recorded.next(), now.next());
+        if was == is {
+            match was {
+                None => return Ok(count),
+                Some(_) => continue,
+            }
+        }
+        let said = |line: &Option<(String, u32)>| {
+            line.as_ref().map_or("nothing".to_owned(), |(text, _)| format!("\"{text}\""))
+        };
+        let line = was.as_ref().or(is.as_ref()).map_or(0, |(_, line)| *line);
+        return Err(OtherLine {
+            text: format!("G-code line {count}: {} is {} now", said(&was), said(&is)),
+            place: Place { line, ..Place::default() },
+        });
+    }
+    unreachable!("the counting has no end")
+}
+
+/// What is sent, and the line of the program; ends behind what cannot be sent.
+struct Lines(Option<Encoder>);
+
+impl Iterator for Lines {
+    type Item = (String, u32);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let step = self.0.as_mut()?.next_step()?;
+        Some(match step {
+            Ok(Step::Line(line)) => (line.text, line.source_line),
+            Ok(Step::ToolChange { tool, source_line }) => {
+                (format!("tool change to T{tool}"), source_line)
+            }
+            Ok(Step::ControllerChange { tool, source_line }) => {
+                (format!("tool change to T{tool} by the controller"), source_line)
+            }
+            Ok(Step::Home { text, source_line, .. }) => (text, source_line),
+            Ok(Step::CheckStart) => ("check of the start".to_owned(), 0),
+            Ok(Step::CheckReturn { .. }) => ("check of the way back".to_owned(), 0),
+            Err(error) => {
+                self.0 = None;
+                (error.to_string(), 0)
+            }
+        })
+    }
+}

@@ -1,0 +1,90 @@
+//! The loader's core on recorded program texts.
+
+use super::compare::Comparison;
+use super::given::Given;
+use super::output::Output;
+use super::recording::Recording;
+use super::{ReplayError, refused_loads};
+use cnc_msgs::chunk::ContourChunks;
+use cnc_msgs::units::point_from_position;
+use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, ProgrammedContour};
+use cnc_msgs::wire::rcl_interfaces::msg::{ParameterType, ParameterValue};
+use program_loader::{LoadOptions, load};
+
+/// Loads every recorded program again.
+pub(crate) fn replay(
+    given: &mut Given,
+    comparison: &mut Comparison,
+    outputs: &mut Vec<Output>,
+) -> Result<(), ReplayError> {
+    let mut made = Vec::new();
+    let recording = &given.recording;
+    for (id, program) in &recording.programs {
+        let profile = program.profile()?;
+        let options = LoadOptions {
+            start: program.contour.start,
+            block_delete: block_delete(recording),
+            ..LoadOptions::default()
+        };
+        let loaded = load(&program.text, &profile, &options);
+        if let Some(finding) = loaded.findings.iter().find(|finding| finding.is_error()) {
+            comparison.differs(
+                "program",
+                "accepted",
+                format!(
+                    "{} was accepted and is refused now: line {}: {}",
+                    program.manifest.name, finding.source.line, finding.message
+                ),
+            );
+            made.push((id.clone(), None));
+            continue;
+        }
+        let bounds = program_loader::node::corners(&loaded);
+        let now = ContourChunks::new(id.clone(), loaded.contour);
+        let then = &program.manifest;
+        let manifest = ProgrammedContour {
+            header: then.header.clone(),
+            program_id: id.clone(),
+            name: then.name.clone(),
+            control: then.control.clone(),
+            profile: then.profile.clone(),
+            bounds_min: point_from_position(bounds.0),
+            bounds_max: point_from_position(bounds.1),
+            ..now.manifest()
+        };
+        comparison.message("programmed_contour", &program.manifest, &manifest);
+        let all = |chunks: &ContourChunks| -> Vec<ContourChunk> {
+            (0..chunks.count()).filter_map(|index| chunks.chunk(index)).collect()
+        };
+        let chunks = all(&now);
+        if program.manifest.sha256 == manifest.sha256 {
+            // Every byte is the same: the checksum of what was recorded was proved when it
+            // was read.
+            comparison.count("programmed_contour/chunks", chunks.len());
+        } else {
+            let recorded = all(&ContourChunks::new(id.clone(), (*program.contour).clone()));
+            comparison.sequence("programmed_contour/chunks", &recorded, &chunks);
+        }
+        let at = program.log_time_ns;
+        outputs.push(Output::new("programmed_contour", at, &manifest));
+        outputs
+            .extend(chunks.iter().map(|chunk| Output::new("programmed_contour/chunks", at, chunk)));
+        made.push((id.clone(), Some((manifest, now))));
+    }
+    for (id, made) in &made {
+        given.hand_on_contour(id, made.as_ref().map(|(manifest, cut)| (manifest, cut)))?;
+    }
+    refused_loads::replay(&given.recording, comparison)
+}
+
+/// Whether blocks that begin with a slash were skipped.
+pub(crate) fn block_delete(recording: &Recording) -> bool {
+    parameter(recording, "block_delete")
+        .is_some_and(|value| value.type_ == ParameterType::PARAMETER_BOOL && value.bool_value)
+}
+
+/// A parameter of the loader, as it was.
+pub(crate) fn parameter<'a>(recording: &'a Recording, name: &str) -> Option<&'a ParameterValue> {
+    let node = recording.parameters.get("program_loader")?;
+    node.parameters.iter().find(|row| row.name == name).map(|row| &row.value)
+}

@@ -1,0 +1,159 @@
+//! What is said of a replay: counts first, then a row a field, then the differences.
+//!
+//! As text for people, and as JSON for scripts.
+
+use super::compare::{Comparison, Difference, kind};
+use super::recording::Recording;
+use super::{Level, Verdict};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+/// Differences of a core that are printed one by one, unless all are asked for.
+const SHOWN_MAX: usize = 20;
+
+impl Verdict {
+    /// Whether every core makes what it made; remarks are no differences.
+    pub fn is_reproduced(&self) -> bool {
+        self.comparisons.iter().all(|(_, comparison)| comparison.differences.is_empty())
+    }
+
+    /// Whether there is a difference or a remark.
+    pub(crate) fn has_anything_to_tell(&self) -> bool {
+        let rows =
+            |comparison: &Comparison| comparison.differences.len() + comparison.remarks.len();
+        self.comparisons.iter().any(|(_, comparison)| rows(comparison) > 0)
+    }
+
+    /// Whether there is a difference, or a remark that the other one does not make.
+    pub(crate) fn has_more_to_tell_than(&self, other: &Self) -> bool {
+        let remarks = |verdict: &Self| -> Vec<String> {
+            let rows = verdict.comparisons.iter().flat_map(|(_, comparison)| &comparison.remarks);
+            rows.map(|row| format!("{}: {}", row.message, row.text)).collect()
+        };
+        let known = remarks(other);
+        !self.is_reproduced() || remarks(self).iter().any(|row| !known.contains(row))
+    }
+
+    /// Whether a state that was published is not reached now.
+    pub(crate) fn has_other_states(&self) -> bool {
+        let rows = self.comparisons.iter().flat_map(|(_, comparison)| &comparison.differences);
+        rows.into_iter().any(|row| row.field == "state")
+    }
+
+    /// `reproduced` or `DIFFERENT`.
+    pub fn word(&self) -> &'static str {
+        if self.is_reproduced() { "reproduced" } else { "DIFFERENT" }
+    }
+
+    /// The report for people.
+    pub fn report(&self, bag: &str, is_all: bool) -> String {
+        let mut report = format!("{bag}: {}\n", self.word());
+        for (level, comparison) in &self.comparisons {
+            let row = counts(comparison);
+            report += &format!("  {}: {row}\n", level.name());
+            report += &differences(comparison, if is_all { usize::MAX } else { SHOWN_MAX });
+        }
+        report
+    }
+
+    /// The report for scripts.
+    pub fn to_json(&self, bag: &str) -> Value {
+        let row = |row: &Difference| {
+            json!({
+                "message": row.message,
+                "field": row.field,
+                "text": row.text,
+                "line": (row.place.line > 0).then_some(row.place.line),
+                "position_mm": row.place.position,
+                "distance_mm": row.place.distance_mm.filter(|it| it.is_finite()),
+            })
+        };
+        let levels = self.comparisons.iter().map(|(level, comparison)| {
+            json!({
+                "level": level.name(),
+                "compared": comparison.compared,
+                "difference_count": comparison.differences.len(),
+                "differences": comparison.differences.iter().map(row).collect::<Vec<_>>(),
+                "remarks": comparison.remarks.iter().map(row).collect::<Vec<_>>(),
+            })
+        });
+        json!({
+            "bag": bag,
+            "reproduced": self.is_reproduced(),
+            "levels": levels.collect::<Vec<_>>(),
+        })
+    }
+
+    /// What was recorded.
+    pub fn recording(&self) -> &Recording {
+        &self.given.recording
+    }
+
+    /// A line on each level: how many differences, what was compared.
+    pub fn summary(&self) -> String {
+        let rows = self.comparisons.iter();
+        let rows = rows.map(|(level, it)| format!("{}: {}", level.name(), counts(it)));
+        rows.collect::<Vec<_>>().join("\n")
+    }
+
+    /// The first `shown_max` differences of each level: what is different, and how.
+    pub fn differences(&self, shown_max: usize) -> Vec<[String; 2]> {
+        let of_level = |(level, comparison): &(Level, Comparison)| {
+            let rest = comparison.differences.len().saturating_sub(shown_max);
+            let rest = (rest > 0).then(|| {
+                [level.name().to_owned(), format!("and {rest} more; `kerf replay --all` has them")]
+            });
+            let name = level.name();
+            let shown = comparison.differences.iter().take(shown_max);
+            let shown = shown.map(|it| [format!("{name}: {}", it.message), it.text.clone()]);
+            shown.chain(rest).collect::<Vec<_>>()
+        };
+        self.comparisons.iter().flat_map(of_level).collect()
+    }
+}
+
+fn counts(comparison: &Comparison) -> String {
+    let counts: Vec<String> =
+        comparison.compared.iter().map(|(what, count)| format!("{count} {what}")).collect();
+    format!(
+        "{}; compared {}",
+        plural(comparison.differences.len(), "difference"),
+        if counts.is_empty() { "nothing".to_owned() } else { counts.join(", ") }
+    )
+}
+
+/// The first difference, how many there are of each field, and the differences themselves.
+fn differences(comparison: &Comparison, shown_max: usize) -> String {
+    let rows = &comparison.differences;
+    let text = |row: &Difference| format!("{}: {}{}", row.message, row.text, row.place.text());
+    let mut report = String::new();
+    if let Some(first) = rows.first() {
+        report += &format!("    first: {}\n", text(first));
+    }
+    let mut fields: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+    for row in rows {
+        *fields.entry((kind(&row.message), &row.field)).or_default() += 1;
+    }
+    for ((kind, field), count) in fields {
+        report += &format!("    {count} x {kind} {field}\n");
+    }
+    for row in rows.iter().take(shown_max).skip(1) {
+        report += &format!("    {}\n", text(row));
+    }
+    if rows.len() > shown_max {
+        report += &format!("    and {} more; --all shows them\n", rows.len() - shown_max);
+    }
+    for remark in comparison.remarks.iter().take(shown_max) {
+        report += &format!("    remark: {}\n", text(remark));
+    }
+    if comparison.remarks.len() > shown_max {
+        let more = comparison.remarks.len() - shown_max;
+        report += &format!("    and {more} remarks more; --all shows them\n");
+    }
+    report
+}
+
+/// `1 difference`, `2 differences`.
+fn plural(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}

@@ -1,0 +1,244 @@
+//! `kerf replay --update`: what the cores make today becomes what the bag expects.
+//!
+//! Inputs stay byte for byte. The bag is written again beside itself, has to reproduce there,
+//! and only then takes the place of the old one. What the controller answered cannot be made
+//! anew: where it would be told something else, or at another time, the run has to be
+//! recorded again.
+
+use super::recording::{monotonic_ns, nanoseconds};
+use super::{Level, Options, ReplayError, Verdict, replay};
+use axis_driver::driver::Output as DriverOutput;
+use axis_driver::journal::EntryKind;
+use cnc_msgs::cdr;
+use cnc_msgs::convert::machine_state_to_wire;
+use cnc_msgs::interface::Message;
+use cnc_msgs::wire::cnc_msgs::msg as wire;
+use run_recorder::bag_reader::BagMessage;
+use run_recorder::files;
+use run_recorder::recover::Selection;
+use run_recorder::rewrite::rewrite_bag;
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Types whose messages are replaced.
+const MADE: [&str; 7] = [
+    wire::ProgrammedContour::TYPE_NAME,
+    wire::ContourChunk::TYPE_NAME,
+    wire::CompensationReport::TYPE_NAME,
+    wire::CompensatedPath::TYPE_NAME,
+    wire::PathChunk::TYPE_NAME,
+    wire::ControllerTraffic::TYPE_NAME,
+    wire::MachineState::TYPE_NAME,
+];
+const AGAIN: &str = "record this run again";
+
+/// Writes what the cores make now into the bag; says what was done.
+///
+/// The new bag has to reproduce these levels as it is, without a chain.
+///
+/// # Errors
+/// The bag stays as it was.
+pub fn update(bag: &Path, verdict: &Verdict, levels: &[Level]) -> Result<String, ReplayError> {
+    if !verdict.has_anything_to_tell() {
+        return Ok("nothing to update".to_owned());
+    }
+    let now = Now::of(verdict)?;
+    let opened = files::open_bag(bag)?;
+    let definitions = &verdict.given.recording.definitions;
+    let old = opened.channels().iter().find(|channel| {
+        MADE.contains(&channel.type_name()) && definitions.is_migrated(channel.type_name())
+    });
+    if let Some(channel) = old {
+        return Err(ReplayError::Update(format!(
+            "{} was recorded with an older definition of {}; {AGAIN}",
+            channel.topic,
+            channel.type_name()
+        )));
+    }
+    drop(opened);
+    let problem = |error: &dyn std::fmt::Display| ReplayError::Update(error.to_string());
+    let selection = Selection { instead: &|message| now.instead(message), ..Selection::ALL };
+    let rewritten = rewrite_bag(bag, selection).map_err(|error| problem(&error))?;
+    // What is wrong with the copy is told of the bag: nobody has seen the copy.
+    let again =
+        replay(rewritten.path(), levels, Options::default()).map_err(|error| problem(&error))?;
+    if again.has_more_to_tell_than(verdict) {
+        let report = again.report("the new bag", false);
+        return Err(ReplayError::Update(format!("it would not reproduce itself:\n{report}")));
+    }
+    rewritten.put_in_place().map_err(|error| problem(&error))?;
+    Ok("updated; it is reproduced now".to_owned())
+}
+
+/// What is put in the place of recorded messages.
+#[derive(Debug, Default)]
+struct Now {
+    contours: BTreeMap<String, Vec<u8>>,
+    /// By program and number.
+    contour_chunks: BTreeMap<(String, u32), Vec<u8>>,
+    reports: BTreeMap<u64, wire::CompensationReport>,
+    paths: BTreeMap<u64, Vec<u8>>,
+    /// By revision and number.
+    path_chunks: BTreeMap<(u64, u32), Vec<u8>>,
+    /// What was written to the controller, by the number of its entry.
+    transmitted: BTreeMap<u64, Vec<u8>>,
+    /// What the driver went through, by wall clock, ns; empty when it is as recorded.
+    states: Vec<(i64, wire::MachineState)>,
+    /// How many of them have been told: nothing goes back.
+    told: Cell<usize>,
+}
+
+impl Now {
+    fn of(verdict: &Verdict) -> Result<Self, ReplayError> {
+        let mut now = Self::default();
+        for output in &verdict.outputs {
+            let data = output.data.clone();
+            match output.type_name {
+                wire::ProgrammedContour::TYPE_NAME => {
+                    let contour: wire::ProgrammedContour = cdr::decode(&data)?;
+                    now.contours.insert(contour.program_id, data);
+                }
+                wire::ContourChunk::TYPE_NAME => {
+                    let chunk: wire::ContourChunk = cdr::decode(&data)?;
+                    now.contour_chunks.insert((chunk.program_id, chunk.index), data);
+                }
+                wire::CompensationReport::TYPE_NAME => {
+                    let report: wire::CompensationReport = cdr::decode(&data)?;
+                    now.reports.insert(report.revision, report);
+                }
+                wire::CompensatedPath::TYPE_NAME => {
+                    let path: wire::CompensatedPath = cdr::decode(&data)?;
+                    now.paths.insert(path.revision, data);
+                }
+                wire::PathChunk::TYPE_NAME => {
+                    let chunk: wire::PathChunk = cdr::decode(&data)?;
+                    now.path_chunks.insert((chunk.revision, chunk.index), data);
+                }
+                _ => {}
+            }
+        }
+        now.take_driver(verdict)?;
+        Ok(now)
+    }
+
+    fn take_driver(&mut self, verdict: &Verdict) -> Result<(), ReplayError> {
+        let Some(played) = &verdict.played else {
+            let why = format!("the machine would be sent other lines; {AGAIN}");
+            return Err(ReplayError::Update(why));
+        };
+        let recorded = played.entries.iter().filter(|entry| entry.kind == EntryKind::Tx);
+        let recorded: Vec<_> = recorded.collect();
+        let transmitted = &played.played.transmitted;
+        let mut pairs = recorded.iter().zip(transmitted);
+        if recorded.len() != transmitted.len()
+            || pairs.any(|(was, now)| was.monotonic_ns != now.monotonic_ns)
+        {
+            let why = format!("the driver writes at other times than were answered; {AGAIN}");
+            return Err(ReplayError::Update(why));
+        }
+        let data = transmitted.iter().map(|entry| entry.data.clone());
+        self.transmitted = recorded.iter().map(|entry| entry.sequence).zip(data).collect();
+        if !verdict.has_other_states() {
+            return Ok(());
+        }
+        let entries = verdict.given.recording.traffic.values();
+        let walls: BTreeMap<u64, i64> =
+            entries.map(|(_, entry)| (monotonic_ns(entry), nanoseconds(&entry.stamp))).collect();
+        self.states = played
+            .played
+            .outputs
+            .iter()
+            .filter_map(|(at, output)| match output {
+                DriverOutput::State(state) => {
+                    let wall = walls.get(&u64::try_from(at.as_nanos()).ok()?)?;
+                    Some((*wall, machine_state_to_wire(Default::default(), state)))
+                }
+                _ => None,
+            })
+            .collect();
+        Ok(())
+    }
+
+    /// What stands in the place of a message.
+    fn instead(&self, message: &BagMessage) -> Option<Vec<Vec<u8>>> {
+        let data = &message.data;
+        let one = |data: &Vec<u8>| vec![data.clone()];
+        match message.channel.type_name() {
+            wire::ProgrammedContour::TYPE_NAME => {
+                let contour: wire::ProgrammedContour = cdr::decode(data).ok()?;
+                self.contours.get(&contour.program_id).map(one)
+            }
+            wire::CompensatedPath::TYPE_NAME => {
+                let path: wire::CompensatedPath = cdr::decode(data).ok()?;
+                self.paths.get(&path.revision).map(one)
+            }
+            wire::ContourChunk::TYPE_NAME => {
+                let chunk: wire::ContourChunk = cdr::decode(data).ok()?;
+                let id = chunk.program_id;
+                let is_last = chunk.index + 1 >= chunk.chunk_count;
+                self.contours.contains_key(&id).then(|| {
+                    let range = (id.clone(), chunk.index)..=(id, until(chunk.index, is_last));
+                    self.contour_chunks.range(range).map(|(_, data)| data.clone()).collect()
+                })
+            }
+            wire::PathChunk::TYPE_NAME => {
+                let chunk: wire::PathChunk = cdr::decode(data).ok()?;
+                let id = chunk.revision;
+                let is_last = chunk.index + 1 >= chunk.chunk_count;
+                self.paths.contains_key(&id).then(|| {
+                    let range = (id, chunk.index)..=(id, until(chunk.index, is_last));
+                    self.path_chunks.range(range).map(|(_, data)| data.clone()).collect()
+                })
+            }
+            wire::CompensationReport::TYPE_NAME => {
+                let recorded: wire::CompensationReport = cdr::decode(data).ok()?;
+                let mut report = self.reports.get(&recorded.revision)?.clone();
+                report.header = recorded.header;
+                // The report that is told before there are certificates.
+                if recorded.certificate_count == 0 {
+                    report.certificate_count = 0;
+                    report.certificates.clear();
+                }
+                Some(vec![cdr::encapsulated(&report)])
+            }
+            wire::ControllerTraffic::TYPE_NAME => {
+                let mut traffic: wire::ControllerTraffic = cdr::decode(data).ok()?;
+                for entry in &mut traffic.entries {
+                    let is_written = entry.kind == wire::TrafficEntry::KIND_TRANSMITTED;
+                    if let Some(data) = self.transmitted.get(&entry.sequence)
+                        && is_written
+                    {
+                        entry.data.clone_from(data);
+                    }
+                }
+                Some(vec![cdr::encapsulated(&traffic)])
+            }
+            wire::MachineState::TYPE_NAME => {
+                let recorded: wire::MachineState = cdr::decode(data).ok()?;
+                let at = i64::try_from(message.publish_time_ns).unwrap_or(i64::MAX);
+                let told = self.told.get();
+                let count = self.states.partition_point(|(wall, _)| *wall <= at).max(told);
+                self.told.set(count);
+                // All that there were since the last message; the newest again if none.
+                let range = told.min(count.saturating_sub(1))..count;
+                let states = self.states.get(range).filter(|states| !states.is_empty())?;
+                let made = states.iter().map(|(_, state)| {
+                    cdr::encapsulated(&wire::MachineState {
+                        header: recorded.header.clone(),
+                        link_age: recorded.link_age,
+                        ..state.clone()
+                    })
+                });
+                Some(made.collect())
+            }
+            _ => None,
+        }
+    }
+}
+
+/// The last number of the chunks that stand in the place of one: behind the last of then
+/// come all that there are now.
+fn until(index: u32, is_last: bool) -> u32 {
+    if is_last { u32::MAX } else { index }
+}
