@@ -3,13 +3,13 @@
 //! One node cannot know whether a key under `/**`, or a section, is meant for another. Who
 //! starts them all can, and refuses what is meant for none before any of them appears.
 
-use crate::arguments::Arguments;
+use crate::arguments::{Arguments, ParameterArgument};
 use crate::configuration::ConfigurationError;
 use crate::lifecycle;
 use crate::names::Names;
 use crate::parameter_file;
 use crate::parameters::{Declared, Origin, Override, ParameterError, Parameters};
-use crate::yaml::read_text;
+use crate::yaml::{FileError, read_text};
 use intake::nearest::nearest;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -38,6 +38,8 @@ impl StackParameters {
             files.push((file, read_text(Path::new(file))?));
         }
         let mut read = BTreeMap::new();
+        // By default, and as they are called here.
+        let mut called: BTreeSet<String> = BTreeSet::new();
         let mut errors = Vec::new();
         let mut shared: Vec<Override> = Vec::new();
         // Sections that are meant for no node so far.
@@ -66,6 +68,13 @@ impl StackParameters {
             }
             shared.extend(overrides.into_iter().filter(|found| found.is_shared));
             read.insert(name.to_owned(), parameters);
+            called.insert(names.node().to_owned());
+        }
+        called.extend(read.keys().cloned());
+        for argument in &arguments.parameters {
+            if let Some(node) = argument.node.as_ref().filter(|node| !called.contains(*node)) {
+                return Err(of_no_node(node, argument, &called).into());
+            }
         }
         let known: BTreeSet<&str> = read
             .values()
@@ -93,6 +102,20 @@ impl StackParameters {
         let warnings = others.unwrap_or_default().into_iter().map(warning).collect();
         Ok(Self { nodes: read, warnings })
     }
+}
+
+/// A value for a node that is not started here would have no effect.
+fn of_no_node(node: &str, argument: &ParameterArgument, called: &BTreeSet<String>) -> FileError {
+    let origin = format!("-p {node}:{}:={}", argument.name, argument.yaml);
+    let meant = nearest(node, called.iter().map(String::as_str));
+    let why = match meant {
+        Some(meant) => format!("there is no node \"{node}\"; did you mean \"{meant}\"?"),
+        None => {
+            let called: Vec<&str> = called.iter().map(String::as_str).collect();
+            format!("there is no node \"{node}\" here; there are {}", called.join(", "))
+        }
+    };
+    FileError::new(&origin, None, why)
 }
 
 #[cfg(test)]
@@ -142,6 +165,27 @@ mod tests {
                 (Ok(found), Ok(warnings)) => assert_eq!(found.warnings.len(), warnings, "{text}"),
                 (Err(error), Err(part)) => assert!(error.contains(part), "{text}{error}"),
                 (found, _) => panic!("{text}{found:?}"),
+            }
+        }
+        for (argument, expected) in [
+            ("axis_driver:port:=a", None),
+            ("port:=a", None),
+            (
+                "axsi_driver:port:=a",
+                Some(
+                    "-p axsi_driver:port:=a: there is no node \"axsi_driver\"; did you mean \"axis_driver\"?",
+                ),
+            ),
+            ("camera:rate:=1", Some("there is no node \"camera\" here; there are axis_driver")),
+        ] {
+            let words = ["--ros-args", "-p", argument].map(str::to_owned);
+            let nodes = vec![("axis_driver", vec![Declared::new("port", "", "the line")])];
+            let error = StackParameters::read(nodes, &words).err().map(|it| it.to_string());
+            match expected {
+                None => assert_eq!(error, None),
+                Some(part) => {
+                    assert!(error.as_ref().is_some_and(|it| it.contains(part)), "{error:?}")
+                }
             }
         }
         let found = read(&section("/**", "port")).expect("valid");
