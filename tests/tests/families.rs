@@ -4,7 +4,7 @@ use axis_driver::codes::error_code;
 use axis_driver::driver::{
     Command, DriverConfig, JogFrame, JogRequest, OffsetRequest, Overrides, ProbeRequest, RunOutcome,
 };
-use axis_driver::report;
+use axis_driver::firmware;
 use cnc_msgs::contour::{Action, CoolantMode, SpindleMode};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::machine::Mode;
@@ -58,10 +58,10 @@ fn everything() -> CompensatedPath {
 #[test]
 fn each_family_is_told_by_what_it_says() {
     for (firmware, family, planner_blocks, receive_bytes, window) in [
-        (Firmware::Grbl, report::Firmware::Grbl, 15, 128, 127),
-        (Firmware::GrblHal, report::Firmware::GrblHal, 100, 1024, 230),
+        (Firmware::Grbl, firmware::Firmware::Grbl, 15, 128, 127),
+        (Firmware::GrblHal, firmware::Firmware::GrblHal, 100, 1024, 230),
         // It tells no numbers: what every board has is believed.
-        (Firmware::FluidNc, report::Firmware::FluidNc, 15, 128, 127),
+        (Firmware::FluidNc, firmware::Firmware::FluidNc, 15, 128, 127),
     ] {
         let line = connected(firmware);
         let told = line.settings.clone().unwrap();

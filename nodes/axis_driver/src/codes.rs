@@ -12,42 +12,21 @@ pub mod settings;
 
 pub use settings::setting_name;
 
-use crate::report::Firmware;
+use crate::firmware::{CodeRow, Firmware};
 
-type Row = (u16, &'static str);
-
-/// The texts of one sort of number.
-struct Texts {
-    /// What they all agree on.
-    shared: &'static [Row],
-    grbl: &'static [Row],
-    grbl_hal: &'static [Row],
-    fluid_nc: &'static [Row],
-}
-
-impl Texts {
-    const fn own(&self, firmware: Firmware) -> &'static [Row] {
-        match firmware {
-            Firmware::Grbl => self.grbl,
-            Firmware::GrblHal => self.grbl_hal,
-            Firmware::FluidNc => self.fluid_nc,
-        }
-    }
-
-    fn find(&self, firmware: Firmware, code: u16) -> Option<&'static str> {
-        let mut rows = self.shared.iter().chain(self.own(firmware));
-        rows.find(|(number, _)| *number == code).map(|(_, text)| *text)
-    }
+fn find(shared: &'static [CodeRow], own: &'static [CodeRow], code: u16) -> Option<&'static str> {
+    let mut rows = shared.iter().chain(own);
+    rows.find(|(number, _)| *number == code).map(|(_, text)| *text)
 }
 
 /// What `error:N` means, or `None` when this firmware's number is not listed.
 pub fn error_text(firmware: Firmware, code: u16) -> Option<&'static str> {
-    errors::TEXTS.find(firmware, code)
+    find(errors::SHARED, firmware.traits().errors, code)
 }
 
 /// What `ALARM:N` means, or `None` when this firmware's number is not listed.
 pub fn alarm_text(firmware: Firmware, code: u16) -> Option<&'static str> {
-    alarms::TEXTS.find(firmware, code)
+    find(alarms::SHARED, firmware.traits().alarms, code)
 }
 
 /// `error:20 (a G or M word that this controller does not know)`
@@ -72,25 +51,19 @@ fn describe(word: &str, text: Option<&str>, code: u16) -> String {
 /// It is unless the alarm is known to leave it alone: a target outside of the travel
 /// stops with a hold, a probe that fails stands still, and grblHAL waits for its spindle
 /// while nothing moves. A number that nobody lists is in doubt too.
-pub const fn is_position_lost(firmware: Firmware, alarm: u16) -> bool {
-    let is_kept =
-        matches!(alarm, 2 | 4 | 5) || matches!((firmware, alarm), (Firmware::GrblHal, 14));
-    !is_kept
+pub fn is_position_lost(firmware: Firmware, alarm: u16) -> bool {
+    !matches!(alarm, 2 | 4 | 5) && !firmware.traits().position_kept_after.contains(&alarm)
 }
 
 /// Whether the controller hears nothing but a reset after this alarm, not even `?`.
-pub const fn is_deaf(firmware: Firmware, alarm: u16) -> bool {
-    matches!((firmware, alarm), (Firmware::Grbl, 1 | 2))
+pub fn is_deaf(firmware: Firmware, alarm: u16) -> bool {
+    firmware.traits().deaf_after.contains(&alarm)
 }
 
 /// Whether the controller takes no line after this alarm, not even `$X` or `$H`, until
 /// it is reset; grblHAL and FluidNC answer `?` meanwhile.
-pub const fn needs_reset(firmware: Firmware, alarm: u16) -> bool {
-    match firmware {
-        Firmware::Grbl => matches!(alarm, 1 | 2),
-        Firmware::GrblHal => matches!(alarm, 1 | 2 | 10 | 17 | 20),
-        Firmware::FluidNc => matches!(alarm, 1 | 2 | 13 | 16),
-    }
+pub fn needs_reset(firmware: Firmware, alarm: u16) -> bool {
+    firmware.traits().reset_needed_after.contains(&alarm)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Compensated path to motion controller, over a serial line.
 //!
 //! The one owner of motion. From the wire upwards: [`report`] reads what the
-//! firmware says and [`codes`] words it; [`link`] counts characters; [`encoder`]
+//! firmware says and [`codes`] words it, [`firmware`] has what differs between firmwares; [`link`] counts characters; [`encoder`]
 //! turns a compensated path into lines; [`driver`] decides what is sent and when,
 //! and what is known of the machine; [`journal`] writes its inputs down and plays
 //! them again. All of that is a function of inputs and of the time that comes with
@@ -15,6 +15,7 @@ pub mod codes;
 pub mod driver;
 pub mod encoder;
 pub mod estimate;
+pub mod firmware;
 pub mod journal;
 pub mod link;
 #[cfg(feature = "node")]

@@ -43,7 +43,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot, watch};
 use traffic::Traffic;
-use viewers::{Viewers, firmware_name};
+use viewers::Viewers;
 use waiting::Waiting;
 
 /// Events that may wait for this shell.
@@ -291,7 +291,7 @@ impl Driver {
             Output::MoveFinished(result) => self.waiting().moves.end(result.id, result),
             Output::Settings(settings) => {
                 let ControllerSettings { firmware, version, .. } = &settings;
-                self.hardware.send_replace(format!("{} {version}", firmware_name(*firmware)));
+                self.hardware.send_replace(format!("{} {version}", firmware.traits().name));
                 viewers.publish_settings(stamp, &settings);
             }
             Output::ReadyToClose => {

@@ -16,6 +16,7 @@ pub use message::{Message, Severity};
 pub use modal::ModalWords;
 pub use status::{Accessories, ControllerState, StatusReport};
 
+use crate::firmware::Firmware;
 use number::{parse_code, parse_count};
 use serde::{Deserialize, Serialize};
 
@@ -35,15 +36,6 @@ impl ReportUnits {
             Self::Inches => 25.4,
         }
     }
-}
-
-/// The family of the firmware, as far as its texts tell.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum Firmware {
-    #[default]
-    Grbl,
-    GrblHal,
-    FluidNc,
 }
 
 /// One line from the controller.
@@ -149,32 +141,22 @@ fn setting(name: &str, value: &str) -> Option<Report> {
     (is_name && !is_stored_line).then_some(Report::NamedSetting { name, value })
 }
 
-/// `Grbl 1.1h ['$' for help]`, `GrblHAL 1.1f ['$' or '$HELP' for help]`,
-/// `Grbl 3.9 [FluidNC v3.9.5 (wifi) '$' for help]`. FluidNC lets its owner word the
-/// line, so the name alone counts; one that broke off has a bracket that is not closed.
+/// Of a start message; one that broke off has a bracket that is not closed.
 fn banner_firmware(text: &str) -> Option<Firmware> {
     let is_whole = text.matches('[').count() == text.matches(']').count();
     if !is_whole || text.contains('|') {
         return None;
     }
-    if text.contains("FluidNC") {
-        return Some(Firmware::FluidNc);
-    }
-    let mut words = text.split(' ');
-    words.find_map(|word| match word.to_ascii_lowercase().as_str() {
-        "grbl" => Some(Firmware::Grbl),
-        "grblhal" => Some(Firmware::GrblHal),
-        _ => None,
-    })
+    Firmware::of_banner(text)
 }
 
 /// Whether a line that is no start message was one before a byte of it was damaged or a line
 /// end was lost: one of its two halves is still there.
 pub fn was_a_banner(text: &str) -> bool {
-    const HALVES: [&str; 5] =
-        ["grbl ", "grblhal ", "[fluidnc ", "'$' for help", "'$help' for help"];
+    const SECOND_HALVES: [&str; 2] = ["'$' for help", "'$help' for help"];
     let text = text.to_ascii_lowercase();
-    HALVES.iter().any(|half| text.contains(half))
+    let first_halves = Firmware::ALL.map(|firmware| firmware.traits().banner_beginning);
+    first_halves.iter().chain(&SECOND_HALVES).any(|half| text.contains(half))
 }
 
 /// What a controller says last when it has started and is locked; never otherwise.

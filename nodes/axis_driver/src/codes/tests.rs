@@ -4,7 +4,7 @@ use super::*;
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
-const FIRMWARES: [Firmware; 3] = [Firmware::Grbl, Firmware::GrblHal, Firmware::FluidNc];
+const FIRMWARES: [Firmware; 3] = Firmware::ALL;
 
 /// All numbers of these ranges.
 fn numbers(ranges: &[RangeInclusive<u16>]) -> BTreeSet<u16> {
@@ -69,12 +69,12 @@ fn every_alarm_that_a_firmware_has_is_listed_and_no_other() {
 
 #[test]
 fn a_number_is_listed_once_in_its_place() {
-    for texts in [&errors::TEXTS, &alarms::TEXTS] {
-        for firmware in FIRMWARES {
-            let own = texts.own(firmware);
-            assert!(texts.shared.is_sorted_by(|a, b| a.0 < b.0));
+    for firmware in FIRMWARES {
+        let traits = firmware.traits();
+        for (shared, own) in [(errors::SHARED, traits.errors), (alarms::SHARED, traits.alarms)] {
+            assert!(shared.is_sorted_by(|a, b| a.0 < b.0));
             assert!(own.is_sorted_by(|a, b| a.0 < b.0), "{firmware:?}");
-            let is_shared = |code: u16| texts.shared.iter().any(|row| row.0 == code);
+            let is_shared = |code: u16| shared.iter().any(|row| row.0 == code);
             assert!(own.iter().all(|row| !is_shared(row.0)), "{firmware:?}");
         }
     }

@@ -10,7 +10,6 @@ use super::run::Run;
 use super::{Driver, Phase, RunOutcome};
 use crate::codes::error_code;
 use crate::encoder::{EncoderConfig, StartProblem, start_at};
-use crate::report::Firmware;
 use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::path::{CompensatedPath, StartInSpan};
@@ -233,7 +232,7 @@ impl Driver {
             board: self.machine.board(),
             // The others have no M6: the driver waits for the tool.
             controller_changes_tools: self.config.encoder.controller_changes_tools
-                && self.machine.firmware == Firmware::GrblHal,
+                && self.machine.firmware.traits().has_tool_change,
             // A height means nothing before the axes are home.
             approach_z_mm: self.config.encoder.approach_z_mm.filter(|_| self.machine.is_homed),
             ..self.config.encoder

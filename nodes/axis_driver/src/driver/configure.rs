@@ -8,39 +8,13 @@ use super::command::{Answer, done, refused};
 use super::manual_operation::Task;
 use super::{Driver, Refusal};
 use crate::codes::error_code;
+use crate::firmware::Firmware;
 use crate::link::LineKind;
-use crate::report::Firmware;
 
 /// The mask of the status report.
 const REPORT_MASK: u16 = 10;
 /// Asks for all settings.
 const SETTINGS: &str = "$$";
-
-/// A field of the report, and what the driver does with it.
-struct Field {
-    bit: u32,
-    gives: &'static str,
-}
-
-const BUFFER: Field = Field {
-    bit: 1,
-    gives: "Bf (planner and receive buffer): a lost line or answer is noticed within half a \
-            second, however long the lines are",
-};
-
-/// What the driver uses of the reports of grblHAL; all are on as it is delivered.
-const OF_GRBLHAL: [Field; 5] = [
-    BUFFER,
-    Field { bit: 3, gives: "FS (feed and spindle): the actual feed rate is known" },
-    Field { bit: 4, gives: "Pn (inputs): closed switches are known" },
-    Field { bit: 5, gives: "WCO (offsets): both positions are known, machine and work frame" },
-    Field { bit: 6, gives: "Ov (overrides): overrides, spindle and coolant are known" },
-];
-
-const LINE_NUMBER: Field = Field {
-    bit: 2,
-    gives: "Ln (line numbers): with line_numbers the controller says what it cuts",
-};
 
 /// What is to be written.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,14 +26,10 @@ struct Change {
 
 /// `None` when the mask has all that the driver can use.
 fn change(firmware: Firmware, mask: u32, line_numbers: bool) -> Option<Change> {
-    let fields: Vec<Field> = match firmware {
-        Firmware::Grbl => vec![BUFFER],
-        Firmware::GrblHal if line_numbers => OF_GRBLHAL.into_iter().chain([LINE_NUMBER]).collect(),
-        Firmware::GrblHal => OF_GRBLHAL.into(),
-        // It reports no size that its field could be compared with.
-        Firmware::FluidNc => Vec::new(),
-    };
-    let missing = fields.iter().filter(|field| mask & (1 << field.bit) == 0);
+    let traits = firmware.traits();
+    let fields = traits.report_fields.iter();
+    let fields = fields.chain(traits.line_number_field.iter().filter(|_| line_numbers));
+    let missing = fields.filter(|field| mask & (1 << field.bit) == 0);
     let (to, gives) = missing.fold((mask, Vec::new()), |(to, mut gives), field| {
         gives.push(field.gives);
         (to | 1 << field.bit, gives)
@@ -88,16 +58,11 @@ impl Driver {
             return refused(error_code::CONNECTING, text);
         };
         let Some(change) = change(firmware, mask, self.config.encoder.line_numbers) else {
-            let text = match firmware {
-                Firmware::FluidNc => {
-                    "nothing to write: FluidNC reports no size of its receive buffer, so no field \
-                     of its report would improve the watch"
-                        .to_owned()
-                }
-                _ => format!(
-                    "nothing to write: with ${REPORT_MASK}={mask} reports have all that is used"
-                ),
+            let why = match firmware.traits().no_field_because {
+                "" => format!("with ${REPORT_MASK}={mask} reports have all that is used"),
+                why => why.to_owned(),
             };
+            let text = format!("nothing to write: {why}");
             return refused(error_code::NOTHING_TO_DO, text);
         };
         if !write {

@@ -10,7 +10,7 @@ use super::place::PlaceWatch;
 use super::{Driver, LogLevel, Origin, Phase, Refusal};
 use crate::codes::{self, error_code};
 use crate::link::{LineKind, Link, LinkFault, realtime};
-use crate::report::{ControllerState, Firmware, ReportUnits};
+use crate::report::{ControllerState, ReportUnits};
 use cnc_msgs::machine::Mode;
 use std::time::Duration;
 
@@ -295,7 +295,7 @@ impl Driver {
             self.machine.has_units |= error.is_none();
             self.link.ask_for_everything(self.machine.reports_too_little());
         }
-        if query == BUILD_QUERY && self.machine.firmware == Firmware::FluidNc {
+        if query == BUILD_QUERY && self.machine.firmware.traits().echoes_after_control_characters {
             // A control character of whoever was here before has switched its echo on.
             self.link.send_realtime(realtime::ECHO_OFF);
         }

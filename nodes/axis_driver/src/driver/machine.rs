@@ -7,7 +7,8 @@ use super::{Driver, Origin, Output, Phase};
 use crate::codes;
 use crate::encoder::Homing;
 use crate::estimate::Rates;
-use crate::report::{Accessories, ControllerState, Firmware, Message, ModalWords, StatusReport};
+use crate::firmware::Firmware;
+use crate::report::{Accessories, ControllerState, Message, ModalWords, StatusReport};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::{LinkWatch, MachineState, Mode};
 use serde::{Deserialize, Serialize};
@@ -197,12 +198,12 @@ impl Machine {
             Message::Offset { name, position } => {
                 self.remember(name, *position);
             }
-            Message::Firmware(name) if name == "grblHAL" => self.firmware = Firmware::GrblHal,
+            Message::Firmware(name) => {
+                self.firmware = Firmware::of_firmware_message(name).unwrap_or(self.firmware);
+            }
             Message::Version(text) => {
                 self.version.clone_from(text);
-                if text.contains("FluidNC") {
-                    self.firmware = Firmware::FluidNc;
-                }
+                self.firmware = Firmware::of_version(text).unwrap_or(self.firmware);
             }
             Message::ParserState(words) => {
                 let words = ModalWords::read(words);
@@ -243,7 +244,7 @@ impl Machine {
         const WORK_OFFSET_AND_OVERRIDES: u32 = 0b110_0000;
         let mask = self.told.get(&10).and_then(|value| value.parse::<u32>().ok());
         let lacks = |mask: u32| mask & WORK_OFFSET_AND_OVERRIDES != WORK_OFFSET_AND_OVERRIDES;
-        self.firmware == Firmware::GrblHal && mask.is_some_and(lacks)
+        self.firmware.traits().has_full_report && mask.is_some_and(lacks)
     }
 
     pub(super) fn has_homing(&self) -> bool {
@@ -252,7 +253,7 @@ impl Machine {
 
     /// What it homes on demand.
     pub(super) fn homing(&self) -> Homing {
-        let one_by_one = self.homes_one_by_one || self.firmware == Firmware::FluidNc;
+        let one_by_one = self.homes_one_by_one || self.firmware.traits().homes_one_by_one;
         match (self.has_homing(), one_by_one) {
             (false, _) => Homing::Off,
             (true, false) => Homing::Together,

@@ -8,7 +8,7 @@ use super::config::{ANSWER, REPORTS_PER_HOLD, STANDSTILL};
 use super::{Driver, LogLevel, Origin, Output, Phase, Refusal, RunOutcome};
 use crate::codes::{self, error_code};
 use crate::link::{LineKind, realtime};
-use crate::report::{ControllerState, Firmware};
+use crate::report::ControllerState;
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use cnc_msgs::machine::Mode;
 use serde::{Deserialize, Serialize};
@@ -191,7 +191,7 @@ impl Driver {
                 format!("the controller refused: {text}"),
             );
             let Phase::Manual(operation) = &mut self.phase else { return };
-            if firmware != Firmware::GrblHal || operation.refused.is_some() {
+            if !firmware.traits().error_lasts || operation.refused.is_some() {
                 return self.end_manual(Err(refusal), Phase::Ready);
             }
             // It answers every further line with the same error until it reads an empty one.

@@ -10,7 +10,6 @@ use super::command::{Answer, refused};
 use super::{Driver, LogLevel, Phase, Refusal};
 use crate::codes::error_code;
 use crate::link::realtime;
-use crate::report::Firmware;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -30,9 +29,6 @@ const FINE: i16 = 1;
 /// grbl 1.1h counts in eight bits: what falls below zero becomes 200 %. With a value lower than
 /// this, two steps down never go in one round, in case the value is not the last one.
 const TWO_STEPS_DOWN_MIN: i16 = 40;
-/// Bytes of a kind in a round, where the firmware queues them. The queue of grblHAL takes 15,
-/// rapids among them.
-const QUEUED_MAX: i16 = 6;
 /// Until a request has shown in a report.
 const WITHIN: Duration = Duration::from_secs(3);
 /// Requests that wait at a time.
@@ -219,10 +215,7 @@ impl Driver {
 
     /// Sends the bytes of the next round, from what a report has shown.
     fn begin_round(&mut self, mut watch: OverrideWatch, from: [u8; 3]) {
-        let equal_max = match self.machine.firmware {
-            Firmware::Grbl => 1,
-            Firmware::GrblHal | Firmware::FluidNc => QUEUED_MAX,
-        };
+        let equal_max = self.machine.firmware.traits().overrides_in_a_round;
         let (bytes, expected) = round(from, watch.wanted, equal_max);
         for byte in bytes {
             self.link.send_realtime(byte);
@@ -357,7 +350,7 @@ mod tests {
                 let wanted = Overrides { feed: Some(to), rapid: Some(25), spindle: None };
                 let mut at = [from, 100, 100];
                 for _ in 0..3 {
-                    let (bytes, expected) = round(at, wanted, QUEUED_MAX);
+                    let (bytes, expected) = round(at, wanted, crate::firmware::QUEUED_MAX);
                     assert!(bytes.len() <= 15, "{from} to {to}: {bytes:x?}");
                     at = play(at, &bytes);
                     assert_eq!(at, expected, "{from} to {to}");

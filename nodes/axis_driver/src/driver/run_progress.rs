@@ -11,7 +11,7 @@ use super::{Driver, LogLevel, Origin, Output, Phase, Refusal, RunOutcome, RunRes
 use crate::codes::{self, error_code};
 use crate::encoder::{PREAMBLE, PREAMBLE_IN_FRAME, SYNC};
 use crate::link::LineKind;
-use crate::report::{ControllerState, Firmware};
+use crate::report::ControllerState;
 use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
@@ -92,7 +92,7 @@ impl Driver {
     fn send_preamble(&mut self) {
         let Phase::Running(run) = &mut self.phase else { return };
         run.stage = Stage::Preparing { until: self.now + ANSWER };
-        self.link.begin_stream(self.now, self.machine.firmware == Firmware::GrblHal);
+        self.link.begin_stream(self.now, self.machine.firmware.traits().error_lasts);
         // A block during a tool change moves in the frame of the program that waits.
         if self.paused.is_some() {
             return self.link.send_line(PREAMBLE_IN_FRAME, LineKind::Slow, Origin::Preamble);

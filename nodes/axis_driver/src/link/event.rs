@@ -1,6 +1,7 @@
 //! What a link tells its owner.
 
-use crate::report::{Firmware, Message, StatusReport};
+use crate::firmware::Firmware;
+use crate::report::{Message, StatusReport};
 use std::time::Duration;
 
 /// What happened.

@@ -2,7 +2,6 @@
 
 use crate::codes::setting_name;
 use crate::driver::ControllerSettings;
-use crate::report::Firmware;
 use cnc_msgs::convert::machine_state_to_wire;
 use cnc_msgs::machine::MachineState;
 use cnc_msgs::units::{m_from_mm, point_from_position};
@@ -51,7 +50,7 @@ impl Viewers {
         let seconds = |bytes: usize| bytes as f64 * 10.0 / f64::from(self.baud.max(1));
         self.settings.publish(ControllerSettingsMessage {
             stamp: stamp.into(),
-            firmware: firmware_name(told.firmware).into(),
+            firmware: told.firmware.traits().name.into(),
             version: told.version.clone(),
             options: told.options.clone(),
             planner_blocks: told.planner_blocks.into(),
@@ -121,14 +120,6 @@ impl Viewers {
             child_frame_id: format!("{}{child}", self.prefix),
             transform: Transform { translation: Vector3 { x, y, z }, rotation: upright() },
         }
-    }
-}
-
-pub(super) const fn firmware_name(firmware: Firmware) -> &'static str {
-    match firmware {
-        Firmware::Grbl => "grbl",
-        Firmware::GrblHal => "grblHAL",
-        Firmware::FluidNc => "FluidNC",
     }
 }
 

@@ -3,8 +3,9 @@
 //! Only the state and a position are always there; fields come in any order, and those
 //! that nobody here knows are kept as they stand.
 
+use super::ReportUnits;
 use super::number::{parse_count, parse_number, parse_position, parse_work_system};
-use super::{Firmware, ReportUnits};
+use crate::firmware::Firmware;
 use cnc_msgs::contour::SpindleMode;
 use cnc_msgs::geometry::Position;
 use serde::{Deserialize, Serialize};
@@ -123,10 +124,11 @@ impl StatusReport {
 
     /// What is on, where this report tells; `None` leaves it as it was.
     ///
-    /// grbl and FluidNC print it beside the overrides and leave it out when all is off;
-    /// with grblHAL only what is printed counts.
+    /// Some firmwares leave it out next to the overrides when all is off; with the others only what
+    /// is printed counts.
     pub fn accessories_on(&self, firmware: Firmware) -> Option<Accessories> {
-        let is_left_out = firmware != Firmware::GrblHal && self.overrides_percent.is_some();
+        let is_left_out =
+            !firmware.traits().prints_accessories_when_off && self.overrides_percent.is_some();
         let letters = self.accessories.as_deref().or(is_left_out.then_some(""));
         letters.map(Accessories::from_letters)
     }
