@@ -28,3 +28,5 @@ pub mod report;
 pub mod serial;
 pub mod tool_check;
 pub mod tracker;
+#[cfg(feature = "node")]
+mod transport;

@@ -12,7 +12,6 @@
 mod inbox;
 mod outbox;
 mod owner;
-mod port;
 
 pub use inbox::Full;
 pub use outbox::{Dropped, Event};

@@ -1,11 +1,11 @@
 //! The thread that owns the driver.
 
-use super::inbox::{Batch, Control, Inbox};
+use super::inbox::{Batch, Control, Inbox, WriterFailed};
 use super::outbox::{Event, Outbox};
-use super::port::Port;
 use super::{Reopen, SerialConfig};
 use crate::driver::{Command, Driver, Input, Output};
 use crate::journal::Journal;
+use crate::transport::{self, Transport};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -22,7 +22,7 @@ pub(super) struct Owner {
     epoch: Instant,
     driver: Driver,
     journal: Journal,
-    port: Option<Port>,
+    port: Option<Box<dyn Transport>>,
     port_number: u64,
     last_reason: String,
     /// Open again then, after this pause the next time.
@@ -66,7 +66,7 @@ impl Owner {
             {
                 self.lose_port(&failed.reason);
             }
-            if has_bytes && let Some(read) = self.port.as_ref().map(Port::read) {
+            if has_bytes && let Some(read) = self.port.as_ref().map(|port| port.read()) {
                 match read {
                     Ok(bytes) if bytes.is_empty() => {}
                     Ok(bytes) => self.handle(Input::Received(bytes)),
@@ -99,7 +99,9 @@ impl Owner {
     /// to be read and another to be understood waits for a processor twice.
     fn wait(&self) -> bool {
         let mut fds = vec![PollFd::from_borrowed_fd(self.inbox.bell(), PollFlags::IN)];
-        fds.extend(self.port.as_ref().map(|port| PollFd::new(port, PollFlags::IN)));
+        fds.extend(
+            self.port.as_ref().map(|port| PollFd::from_borrowed_fd(port.as_fd(), PollFlags::IN)),
+        );
         let timeout = Timespec::try_from(self.patience()).ok();
         match poll(&mut fds, timeout.as_ref()) {
             Ok(_) => fds.get(1).is_some_and(|port| !port.revents().is_empty()),
@@ -142,7 +144,9 @@ impl Owner {
 
     fn open(&mut self) {
         self.port_number += 1;
-        match Port::open(&self.config, self.port_number, &self.inbox) {
+        let (inbox, port) = (Arc::clone(&self.inbox), self.port_number);
+        let on_failure = move |reason| inbox.push_failure(WriterFailed { port, reason });
+        match transport::open(&self.config, Box::new(on_failure)) {
             Ok(port) => {
                 self.port = Some(port);
                 self.reopen = None;

@@ -1,7 +1,7 @@
-//! One opened port: its settings, what is read from it, and its writer.
+//! A serial line: its settings, what is read from it, and its writer.
 
-use super::SerialConfig;
-use super::inbox::{Inbox, WriterFailed};
+use super::{OnFailure, Transport};
+use crate::serial::SerialConfig;
 use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
@@ -39,11 +39,7 @@ pub(super) struct Port {
 impl Port {
     /// Opens the port for this process alone, 8N1, raw, without flow control, and starts
     /// its writer. The error is for people.
-    pub(super) fn open(
-        config: &SerialConfig,
-        number: u64,
-        inbox: &Arc<Inbox>,
-    ) -> Result<Self, String> {
+    pub(super) fn open(config: &SerialConfig, on_failure: OnFailure) -> Result<Self, String> {
         let problem =
             |error: &dyn std::fmt::Display| format!("cannot open {}: {error}", config.path);
         let (port, at_once) = open_tty(config).map_err(|error| problem(&error))?;
@@ -53,17 +49,18 @@ impl Port {
         let (writes, wanted) = sync_channel(WRITES_MAX);
         let _ = writer.set_timeout(WRITE_PATIENCE);
         let waiting = Arc::<AtomicUsize>::default();
-        let (to, left) = (inbox.clone(), waiting.clone());
+        let left = waiting.clone();
         let writer = std::thread::Builder::new()
             .name("axis-driver-tx".into())
-            .spawn(move || write(writer, number, &to, &wanted, &left))
+            .spawn(move || write(writer, on_failure, &wanted, &left))
             .map_err(|error| format!("cannot start axis-driver-tx: {error}"))?;
         let (writes, writer) = (Some(writes), Some(writer));
         Ok(Self { at_once, _exclusive: port, writes, waiting, writer })
     }
+}
 
-    /// Reads what has come; nothing when nothing has.
-    pub(super) fn read(&self) -> Result<Vec<u8>, String> {
+impl Transport for Port {
+    fn read(&self) -> Result<Vec<u8>, String> {
         let mut bytes = vec![0; READ_BYTES_MAX];
         match rustix::io::read(&self.at_once, &mut bytes) {
             Ok(0) => Err("unplugged: the port has ended".into()),
@@ -76,9 +73,8 @@ impl Port {
         }
     }
 
-    /// Writes bytes, or hands what the system does not take now to the writer; never waits.
-    pub(super) fn write(&self, mut bytes: Vec<u8>) -> Result<(), String> {
-        // Behind what waits already, or they would overtake it. A thread less to wake is a
+    fn write(&self, mut bytes: Vec<u8>) -> Result<(), String> {
+        // After what waits already, or they would overtake it. A thread less to wake is a
         // thread less that has to wait for a processor.
         if self.waiting.load(Ordering::Acquire) == 0 {
             match rustix::io::write(&self.at_once, &bytes) {
@@ -161,8 +157,7 @@ fn open_tty(config: &SerialConfig) -> serialport::Result<(TTYPort, OwnedFd)> {
 
 fn write(
     mut port: TTYPort,
-    number: u64,
-    inbox: &Inbox,
+    on_failure: OnFailure,
     wanted: &Receiver<Vec<u8>>,
     waiting: &AtomicUsize,
 ) {
@@ -172,8 +167,7 @@ fn write(
                 ErrorKind::TimedOut => "the controller does not read".to_owned(),
                 _ => format!("unplugged: {error}"),
             };
-            inbox.push_failure(WriterFailed { port: number, reason });
-            return;
+            return on_failure(reason);
         }
         waiting.fetch_sub(1, Ordering::Release);
     }
