@@ -12,7 +12,6 @@ use crate::intersect::{Meeting, meet, meet_across};
 use crate::tolerance::{
     FLAT_MM, LENGTH_MM, MERGE_MM, SHORT_CORNER_MM, SMALL_TURN_RAD, TANGENT_RAD,
 };
-
 /// What a link of the chain stands for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Role {
@@ -297,6 +296,9 @@ pub(crate) fn joint(
     is_neighbour: bool,
     slack: f64,
 ) -> Option<Meeting> {
+    if a.d_out_mm * b.d_in_mm < 0.0 {
+        return meet_across(behind, ahead);
+    }
     if !is_neighbour {
         return meet(behind, ahead, slack);
     }
@@ -316,7 +318,7 @@ pub(crate) fn joint(
         };
         return Some(Meeting { point, trim_a: 0.0, trim_b: 0.0 });
     }
-    if b.is_lengthened || a.d_out_mm * b.d_in_mm < 0.0 {
+    if b.is_lengthened {
         return meet_across(behind, ahead);
     }
     if let (Element::Line(before), Element::Line(after)) = (&a.element, &b.element) {
@@ -331,8 +333,8 @@ pub(crate) fn joint(
     if !is_hardly_bent(a, b) {
         return meeting;
     }
-    // What was merged ends a hair beside what comes next: nearly tangent, both offsets then meet
-    // far from the joint, or not at all.
+    // Rounded coordinates bend what was tangent, and what was merged ends a hair beside what comes
+    // next: nearly tangent, both offsets then meet far from the joint, or not at all.
     let is_near = |it: &Meeting| it.trim_a.max(it.trim_b) <= 2.0 * MERGE_MM;
     meeting.filter(is_near).or_else(|| {
         let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
@@ -341,12 +343,13 @@ pub(crate) fn joint(
     })
 }
 
-/// Whether one goes on in the other but for what merging allows.
+/// Whether one goes on in the other but for what merging allows: without a joint the tool would
+/// come nearer by half the square of the sine, times its radius.
 fn is_hardly_bent(a: &Link, b: &Link) -> bool {
     let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
     let sine = cross(before, after).abs();
     before.dot(&after) > 0.0
         && sine < SMALL_TURN_RAD
         && sine * b.d_in_mm.abs() <= MERGE_MM
-        && (LENGTH_MM..=MERGE_MM).contains(&(b.element.start() - a.element.end()).norm())
+        && (b.element.start() - a.element.end()).norm() <= MERGE_MM
 }

@@ -79,7 +79,8 @@ fn line_of(lead: &Lead, span: &Span<'_>) -> Option<Element> {
     }
 }
 
-fn link(role: Role, element: Element, d_in_mm: f64, d_out_mm: f64) -> Link {
+/// A link of its own.
+pub(crate) fn link(role: Role, element: Element, d_in_mm: f64, d_out_mm: f64) -> Link {
     let straight_mm = if element.is_line() { element.length() as f32 } else { 0.0 };
     Link { role, element, d_in_mm, d_out_mm, is_smooth: false, straight_mm, is_lengthened: false }
 }

@@ -7,7 +7,7 @@
 
 use crate::element::{Arc, Element, Vec2, cross, left};
 use crate::frame::{element_from, in_plane};
-use crate::span::{Leg, Run, Span};
+use crate::span::{AtChange, Leg, Run, Span};
 use crate::tolerance::{LENGTH_MM, MERGE_MM};
 use cnc_msgs::geometry::Shape;
 
@@ -20,12 +20,41 @@ const ENDS_MM: f64 = 0.1 * LENGTH_MM;
 
 /// The runs of a span, and each leg's place in its run.
 ///
-/// Points within `straight_mm` of a line, at least [`MERGE_MM`], are on it.
+/// Points within `straight_mm` of a line, at least [`MERGE_MM`], are on it. What the other side
+/// of the tool is joined with is taken as coarsely as [`Span::at_change`] says.
 pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::with_capacity(span.legs.len());
+    some_runs(span, straight_mm, usize::MAX)
+}
+
+/// The first two runs of a span.
+pub(crate) fn first_runs(span: &Span<'_>, straight_mm: f64) -> Vec<Run> {
+    let mut runs = some_runs(&mut span.clone(), straight_mm, 2);
+    runs.truncate(2);
+    runs
+}
+
+/// The last two runs of a span.
+pub(crate) fn last_runs(span: &Span<'_>, straight_mm: f64) -> Vec<Run> {
+    let mut runs = some_runs(&mut span.clone(), straight_mm, usize::MAX);
+    runs.split_off(runs.len().saturating_sub(2))
+}
+
+/// The first runs, at most so many and one.
+fn some_runs(span: &mut Span<'_>, straight_mm: f64, most: usize) -> Vec<Run> {
+    let [from, to] = span.at_change.clone();
+    let ends = [from.as_ref().map(|from| from.legs.end), to.as_ref().map(|to| to.legs.start)];
+    let width_of = |index: usize| {
+        let is_here = |change: &&AtChange| change.legs.contains(&index);
+        from.iter().chain(&to).find(is_here).map_or(straight_mm, |change| change.straight_mm)
+    };
+    let mut runs: Vec<Run> = Vec::with_capacity(span.legs.len().min(most));
     let mut d_mm = span.d_mm;
     let mut cone = Cone::at(Vec2::zeros(), straight_mm);
     for index in 0..span.legs.len() {
+        if runs.len() > most {
+            break;
+        }
+        let straight_mm = width_of(index);
         let leg = span.legs[index];
         // Behind an arc that has taken a short piece a line starts where the arc ends.
         let arc = runs.last().map(|run| &run.element).filter(|element| !element.is_line());
@@ -37,7 +66,8 @@ pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
         let end = in_plane(span.plane, leg.motion.end);
         let changes = leg.d_out_mm != d_mm;
         let closes = element.is_line() && closes(&span.legs[..index], leg.start);
-        let open = runs.last_mut().filter(|run| !changes && run.d_in_mm == run.d_out_mm && !closes);
+        let ends = ends.contains(&Some(index)) || changes || closes;
+        let open = runs.last_mut().filter(|run| !ends && run.d_in_mm == run.d_out_mm);
         let reach = open.and_then(|run| {
             let reach = extend(run, &element, end, &mut cone)?;
             run.legs.end = index + 1;

@@ -11,7 +11,7 @@ use crate::distance::distance_to;
 use crate::element::{Element, Vec2, cross};
 use crate::intersect::crossings;
 use crate::tolerance::{
-    CHORD_MM, CHORD_RADII, CHORD_TURN_RAD, CURVE_RADIUS_MM, LENGTH_MM, SHARP_TURN_RAD,
+    CHORD_MM, CHORD_RADII, CHORD_TURN_RAD, CURVE_RADIUS_MM, GOUGE_MM, LENGTH_MM, SHARP_TURN_RAD,
 };
 
 /// Elements in a row that the tool cannot reach.
@@ -182,8 +182,29 @@ fn gaps<'a>(links: &'a [Link], placed: &'a [Placed]) -> impl Iterator<Item = Gap
 /// Whether what is consumed is more than noise, and not what a sharp corner takes.
 fn is_deep(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     deviation(links, placed, gap, tolerance) > tolerance
+        && !is_end_that_is_touched(links, placed, gap, tolerance)
         && !is_curve_that_is_touched(links, placed, gap, tolerance)
         && !is_corner_of_curves(links, placed, gap, tolerance)
+}
+
+/// Whether a contour begins or ends with what the tool touches all of where it stands: an arc that
+/// is hardly smaller than the tool and so short that its offset goes nowhere.
+fn is_end_that_is_touched(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+    let last = gap.index.checked_sub(1).and_then(|index| placed.get(index));
+    let stand = match (gap.before, gap.after) {
+        (Some(_), None) => last.map(|last| last.end),
+        (None, Some(_)) => placed.get(gap.index).map(|first| first.start),
+        _ => None,
+    };
+    let Some(stand) = stand else { return false };
+    let mut runs = links[gap.from..gap.to].iter().filter(|link| matches!(link.role, Role::Run(_)));
+    runs.all(|link| {
+        let (radius_mm, length) = (link.d_in_mm.abs(), link.element.length());
+        (0..=8).all(|part| {
+            let point = link.element.point_at(length * f64::from(part) / 8.0);
+            (radius_mm - GOUGE_MM..=radius_mm + tolerance).contains(&(point - stand).norm())
+        })
+    })
 }
 
 /// What stays on both sides of a gap, and all between, without the arcs around outside
@@ -234,6 +255,10 @@ fn is_corner_of_curves(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: 
         return false;
     }
     let (before, after) = (along[0], along[along.len() - 1]);
+    // What is on the other side of the tool makes no corner with this one.
+    if links[before].d_out_mm * links[after].d_in_mm < 0.0 {
+        return false;
+    }
     let is_chord = |link: usize| is_chord(&links[link]) && bends_as_chords(&links[link]);
     if !along[1..along.len() - 1].iter().all(|&link| is_chord(link)) {
         return false;
@@ -311,8 +336,10 @@ fn are_chords(a: &Link, b: &Link) -> bool {
 /// How far what was consumed and the programmed corner that takes its place are
 /// apart where they are farthest, mm: the neighbours lengthened until they meet.
 fn deviation(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> f64 {
-    let before = gap.before.map(|index| links[index].element);
-    let after = gap.after.map(|index| links[index].element);
+    // What is on the other side of the tool is not lengthened along this one.
+    let on_this_side = |other: &usize| links[*other].d_in_mm * links[gap.from].d_in_mm >= 0.0;
+    let before = gap.before.filter(on_this_side).map(|index| links[index].element);
+    let after = gap.after.filter(on_this_side).map(|index| links[index].element);
     let ends = [links[gap.from].element.start(), links[gap.to - 1].element.end()];
     let Some(corner) = programmed_corner(before, after, ends, tolerance) else {
         return f64::INFINITY;

@@ -85,6 +85,14 @@ pub(crate) struct OtherSide {
     pub d_mm: f64,
 }
 
+/// The run that is joined with the other side of the tool.
+#[derive(Debug, Clone)]
+pub(crate) struct AtChange {
+    pub legs: std::ops::Range<usize>,
+    /// Points so near a line are on it, mm.
+    pub straight_mm: f64,
+}
+
 /// A compensated piece of the program.
 #[derive(Debug, Clone)]
 pub(crate) struct Span<'a> {
@@ -100,6 +108,9 @@ pub(crate) struct Span<'a> {
     pub items: Vec<Item>,
     /// What the tool goes on to, where the side changes at its end (O02).
     pub next: Option<OtherSide>,
+    /// The first run where the side changes at its start, the last where it does at its end:
+    /// both contours must see the same.
+    pub at_change: [Option<AtChange>; 2],
     /// How an outside corner before the lead-off is rounded.
     pub exit_corner: OutsideCorner,
 }

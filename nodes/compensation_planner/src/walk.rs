@@ -66,6 +66,16 @@ struct Active<'a> {
     corner_arc: Option<(Option<Direction>, Source)>,
     /// The next leg is on the other side, from the intersection on (O02).
     other_side: Option<Selection>,
+    /// The contour that ends where this one begins, on the other side.
+    before: Option<OneSide<'a>>,
+}
+
+/// A contour whose end waits for the first blocks on the other side of the tool.
+#[derive(Debug)]
+struct OneSide<'a> {
+    active: Box<Active<'a>>,
+    /// Where the other side was selected.
+    selected: Source,
 }
 
 #[derive(Debug)]

@@ -151,3 +151,22 @@ fn what_an_arc_is_lengthened_by_belongs_to_the_change_of_side() {
     let others: Vec<u32> = links.filter_map(|found| Some(found.other?.line)).collect();
     assert!(others.contains(&3), "{}", findings(&plan));
 }
+
+/// A block beside a change of side that is too short for the tool is taken as straight as is
+/// accepted, with the block that it goes on in: both contours end where these offsets meet.
+#[test]
+fn a_short_block_beside_a_change_of_side_counts_with_its_neighbour() {
+    let nct = profile("nct");
+    for [before, behind] in [
+        ["G1 X40 Y0", "G42 G1 X39.984 Y0.012\nG1 X-0.536 Y34.666"],
+        ["G1 X40 Y0\nG1 X40.016 Y-0.0013", "G42 G1 X80.536 Y34.666"],
+        ["G1 X40 Y0\nG1 X40.016 Y-0.0013", "G42 G1 X40 Y0.0107\nG1 X-0.536 Y34.666"],
+    ] {
+        let text = format!("G0 X0 Y20\nG41 D1 G1 X0 Y0 F100\n{before}\n{behind}\nG40 G1 Y70\nM30");
+        let contour = contour(&text, &nct);
+        let Verdict { plan, disagreement, .. } =
+            judge(&contour, &nct, &tool(1.0), Planning::default());
+        assert_eq!(disagreement, None, "{text}\n{}", findings(&plan));
+        assert!(plan.accepted(), "{text}\n{}", findings(&plan));
+    }
+}

@@ -4,17 +4,21 @@
 //! perpendicular: each ends the span that is being gathered and begins another.
 //! When a span begins and ends otherwise is decided in `walk`.
 
-use super::{Active, Selection, State, Walk};
+use super::{Active, OneSide, Selection, State, Walk};
+use crate::chain::{Link, Role, join, push};
 use crate::compensate::Exit;
-use crate::element::Element;
+use crate::element::{Element, Vec2};
 use crate::finding;
 use crate::intersect::{Meeting, meet_across};
+use crate::links;
+use crate::normalise::{first_runs, last_runs};
+use crate::reach::is_any_unreachable;
 use crate::rules;
-use crate::span::{Lead, OtherSide};
-use crate::tolerance::{FAR_CORNER_RADII, LENGTH_MM};
+use crate::span::{AtChange, Lead, OtherSide, Run, Span};
+use crate::tolerance::{FAR_CORNER_RADII, LENGTH_MM, MERGE_MM};
 use cnc_msgs::contour::{Approach, Motion, MotionClass, Source};
 use cnc_msgs::geometry::{Position, Shape};
-use cnc_msgs::profile::{ChangeAt, RapidMode, Strictness};
+use cnc_msgs::profile::{ChangeAt, Profile, RapidMode, Strictness};
 
 impl<'a> Walk<'a> {
     /// What the joint before a leg may be other than a corner; `None` when the
@@ -41,7 +45,7 @@ impl<'a> Walk<'a> {
             return Some(self.stand_perpendicular(active, start, motion, source));
         }
         if let Some(selection) = other_side {
-            return Some(self.change_side(active, selection, start, motion, source, element));
+            return Some(self.change_side(active, selection, start, motion, source));
         }
         if active.radius_changes.is_some()
             && self.profile.radius.change_at == ChangeAt::Perpendicular
@@ -56,9 +60,8 @@ impl<'a> Walk<'a> {
 
     /// The tool goes over to the other side at the intersection of the offsets (O02).
     ///
-    /// Parallel lines have none, and short ones none on them: there the old contour
-    /// ends and the new one begins perpendicular; where an arc takes part, that is a
-    /// broken rule.
+    /// Where that is depends on what the first block is merged with: [`Self::settle`] says it
+    /// once the blocks on the other side are known.
     fn change_side(
         &mut self,
         mut active: Box<Active<'a>>,
@@ -66,36 +69,47 @@ impl<'a> Walk<'a> {
         start: Position,
         motion: &Motion,
         source: Source,
-        element: &Element,
     ) -> Box<Active<'a>> {
-        let d_mm = match active.radius_changes {
-            Some(_) => self.signed_offset(selection.side, selection.source),
-            None => -active.span.d_out_mm,
-        };
-        let next = OtherSide { element: *element, d_mm };
-        let last = active.span.legs.last().and_then(|leg| leg.element(active.span.plane));
-        let before = last.map(|element| OtherSide { element, d_mm: active.span.d_out_mm });
-        let met = before.and_then(|before| Some((before, meeting(&before, &next)?)));
-        if let Some((before, meeting)) = met {
-            let (distance_mm, radius_mm) = ((meeting.point - element.start()).norm(), d_mm.abs());
-            if distance_mm > FAR_CORNER_RADII * radius_mm {
-                self.verdict.findings.push(finding::far_corner(source, distance_mm, d_mm));
+        self.settle(&mut active);
+        let here = Motion { shape: Shape::Line, end: start, ..*motion };
+        let selected = selection.source;
+        let selection = Selection { approach: Some(Approach::Normal), ..selection };
+        self.open(selection, start, &here, source, Some(None), false);
+        let mut other_side = self.opened();
+        other_side.before = Some(OneSide { active, selected });
+        other_side
+    }
+
+    /// Ends the contour on the side that the tool came from, if there is one.
+    ///
+    /// Parallel lines have no intersection, and short ones none on them: there the old contour
+    /// ends and the new one begins perpendicular; where an arc takes part, that is a
+    /// broken rule.
+    pub(super) fn settle(&mut self, active: &mut Active<'a>) {
+        let Some(OneSide { active: mut one_side, selected }) = active.before.take() else { return };
+        let lead = active.span.entry.lead;
+        let Some(change) = Change::of(&one_side.span, &active.span, self.profile) else {
+            let is_line = |run: Option<Run>| run.is_none_or(|it| it.element.is_line());
+            let before = last_runs(&one_side.span, MERGE_MM).pop();
+            let next = first_runs(&active.span, MERGE_MM).into_iter().next();
+            if !(is_line(next) && is_line(before)) {
+                self.verdict.findings.push(rules::no_intersection(selected, self.profile));
             }
-            active.span.next = Some(next);
-            let here = Motion { shape: Shape::Line, end: start, ..*motion };
-            let behind = self.close(*active, Exit::None);
-            let selection = Selection { approach: Some(Approach::Normal), ..selection };
-            self.open(selection, start, &here, source, Some(behind), false);
-            let mut active = self.opened();
-            let wall = behind.map_or(before.element, |behind| behind.wall);
-            active.span.entry.from = Some(OtherSide { element: wall, ..before });
-            return active;
+            active.behind = self.close(*one_side, Exit::Link(lead));
+            return;
+        };
+        let Change { before, next, meeting, at_change: [at_end, at_start] } = change;
+        let radius_mm = next.d_mm.abs();
+        let distance_mm = (meeting.point - next.element.start()).norm();
+        if distance_mm > FAR_CORNER_RADII * radius_mm {
+            let finding = finding::far_corner(lead.source, distance_mm, next.d_mm);
+            self.verdict.findings.push(finding);
         }
-        if !(element.is_line() && last.is_none_or(|last| last.is_line())) {
-            self.verdict.findings.push(rules::no_intersection(selection.source, self.profile));
-        }
-        active.side = selection.side;
-        self.stand_perpendicular(active, start, motion, source)
+        one_side.span.next = Some(next);
+        one_side.span.at_change[1] = Some(at_end);
+        active.span.at_change[0] = Some(at_start);
+        active.behind = self.close(*one_side, Exit::None);
+        active.span.entry.from = Some(before);
     }
 
     /// The span that has just been opened.
@@ -166,6 +180,85 @@ impl<'a> Walk<'a> {
         self.close(active, Exit::LeadOff(lead));
         self.state = next;
     }
+}
+
+/// How two contours on different sides of the tool are joined.
+struct Change {
+    before: OtherSide,
+    next: OtherSide,
+    meeting: Meeting,
+    /// The last run before it, and the first after it.
+    at_change: [AtChange; 2],
+}
+
+impl Change {
+    /// `None` where they do not meet.
+    ///
+    /// What is too short for the tool beside a change of side is taken as straight as the
+    /// profile accepts, as it is elsewhere in a contour.
+    fn of(before: &Span<'_>, next: &Span<'_>, profile: &Profile) -> Option<Self> {
+        let tolerance = profile.accept_tolerance_mm;
+        let widths = [MERGE_MM, tolerance.max(MERGE_MM)];
+        let befores = widths.map(|straight_mm| last_runs(before, straight_mm));
+        let nexts = widths.map(|straight_mm| first_runs(next, straight_mm));
+        let short_mm = profile.corner.short_block_mm;
+        let behind = |run: &Run| OtherSide { element: run.element, d_mm: before.d_out_mm };
+        let ahead = |run: &Run| OtherSide { element: run.element, d_mm: next.d_mm };
+        let mut first = None;
+        for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let (last_run, first_run) = (befores[a].last()?, nexts[b].first()?);
+            let (behind, ahead) = (behind(last_run), ahead(first_run));
+            let Some(meeting) = meeting(&behind, &ahead) else { continue };
+            let at = |run: &Run, straight_mm| AtChange { legs: run.legs.clone(), straight_mm };
+            let at_change = [at(last_run, widths[a]), at(first_run, widths[b])];
+            let change = Self { before: behind, next: ahead, meeting, at_change };
+            if is_all_reached(Some(&behind), &nexts[b], None, (short_mm, tolerance))
+                && is_all_reached(None, &befores[a], Some(&ahead), (short_mm, tolerance))
+            {
+                return Some(change);
+            }
+            first = first.or(Some(change));
+        }
+        // What is left out as noise after it counts as little before it.
+        let (exact, [_, second]) = (first?, nexts[0].first_chunk()?);
+        let at = after_noise(&exact.before, &nexts[0], (short_mm, tolerance));
+        let second = ahead(second);
+        match meeting(&exact.before, &second) {
+            Some(meeting) if at.is_some_and(|at| (at - meeting.point).norm() <= LENGTH_MM) => {
+                Some(Self { next: second, meeting, ..exact })
+            }
+            _ => Some(exact),
+        }
+    }
+}
+
+/// Where the second run begins after a change of side, if the first is left out within what is
+/// accepted.
+fn after_noise(from: &OtherSide, runs: &[Run], (short_mm, slack): (f64, f64)) -> Option<Vec2> {
+    let mut links = vec![links::link(Role::Entry, from.element, from.d_mm, from.d_mm)];
+    links::push_runs(&mut links, runs, 1.0, short_mm);
+    let placed = join(&links, slack);
+    let first = placed.iter().find(|place| matches!(links[place.link].role, Role::Run(_)))?;
+    let is_second = links[first.link].role == Role::Run(1);
+    (is_second && !is_any_unreachable(&links, &placed, slack)).then_some(first.start)
+}
+
+/// Whether something is left of each run beside a change of side.
+fn is_all_reached(
+    from: Option<&OtherSide>,
+    runs: &[Run],
+    to: Option<&OtherSide>,
+    (short_mm, slack): (f64, f64),
+) -> bool {
+    let end = |role, side: &OtherSide| links::link(role, side.element, side.d_mm, side.d_mm);
+    let mut links: Vec<Link> = from.map(|from| end(Role::Entry, from)).into_iter().collect();
+    links::push_runs(&mut links, runs, 1.0, short_mm);
+    if let Some(to) = to {
+        push(&mut links, end(Role::Exit, to), 0, short_mm);
+    }
+    let placed = join(&links, slack);
+    placed.iter().filter(|place| matches!(links[place.link].role, Role::Run(_))).count()
+        == runs.len()
 }
 
 /// Where the offsets on both sides of the tool meet, if something is left of each.

@@ -120,6 +120,7 @@ impl<'a> Walk<'a> {
             legs: Vec::new(),
             items: Vec::new(),
             next: None,
+            at_change: [None, None],
             exit_corner: self.corner,
         };
         self.state = State::Active(Box::new(Active {
@@ -133,11 +134,13 @@ impl<'a> Walk<'a> {
             value_waits: None,
             corner_arc: None,
             other_side: None,
+            before: None,
         }));
     }
 
     /// Has a gathered span put out; gives the wall that a link leaves.
-    pub(super) fn close(&mut self, active: Active<'a>, exit: Exit) -> Option<WallBehind> {
+    pub(super) fn close(&mut self, mut active: Active<'a>, exit: Exit) -> Option<WallBehind> {
+        self.settle(&mut active);
         let Active { span, behind, .. } = active;
         self.out.span(span, exit, behind, &mut self.verdict)
     }
