@@ -252,7 +252,7 @@ fn is_retraced(walls: &Walls<'_>, on: usize, into: usize, near: Nearest) -> bool
     let is_same = match (followed, walls.element(into)) {
         (Element::Line(_), Element::Line(_)) => true,
         (Element::Arc(a), Element::Arc(b)) => {
-            (a.center - b.center).norm() + (a.radius - b.radius).abs() <= LOOP_MM
+            (a.center - b.center).norm().max((a.radius - b.radius).abs()) <= LOOP_MM
         }
         _ => false,
     };
@@ -338,7 +338,7 @@ pub(crate) fn element(link: &Link, place: &Placed) -> Option<Element> {
         Element::Line(_) => Element::line(place.start, place.end),
         Element::Arc(arc) if arc.radius <= LENGTH_MM => None,
         Element::Arc(arc) => {
-            // What a short corner lengthens is not looked at (S68).
+            // What a short corner lengthens is not looked at (S68); beside a lead it is part of that.
             let (skipped, left_out) = (place.trim_in.max(0.0), place.trim_out.max(0.0));
             Element::Arc(arc).after(skipped)?.before(arc.radius * arc.sweep - skipped - left_out)
         }

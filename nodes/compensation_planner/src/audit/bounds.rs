@@ -14,6 +14,8 @@ use std::ops::Range;
 const MEET_MM: f64 = 1.5e-6;
 /// Legs that stay so close to one line are one, mm; a contour does not meet itself within.
 const MERGE_MM: f64 = 1e-4;
+/// An arc runs on in the next if its circle ends so near the end of that, mm.
+const ENDS_MM: f64 = 1e-7;
 /// A loop that is narrower in the mean has no inside, mm.
 const LOOP_MM: f64 = 2e-3;
 /// Meetings kept for each leg, and for any span; and before it is asked whether the contour
@@ -66,6 +68,7 @@ impl Bounds {
         if !meetings.is_empty() {
             let sums = Sums::of(legs);
             meetings.retain(|meeting| sums.is_wide(legs, meeting));
+            of_whole_rings(legs, &mut meetings);
         }
         meetings.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
         let mut passes: Vec<Pass> = Vec::new();
@@ -305,6 +308,32 @@ fn swept(piece: &Piece, from: Point) -> [f64; 2] {
         .round
         .map_or(0.0, |round| round.radius * round.radius * (round.sweep - round.sweep.sin()));
     [cross(piece.from - from, piece.to - from) + bend, piece.length()]
+}
+
+/// What retraces a ring belongs to it, in however many blocks: the contour returns where it leaves
+/// the circle.
+fn of_whole_rings(legs: &Pieces, meetings: &mut [Meeting]) {
+    // The first leg of the same circle without a break.
+    let mut firsts: Vec<usize> = (0..legs.count()).collect();
+    for leg in 1..legs.count() {
+        if goes_around(&legs.piece(leg - 1), &legs.piece(leg)) {
+            firsts[leg] = firsts[leg - 1];
+        }
+    }
+    for Meeting { early, late, is_return } in meetings {
+        let goes_on = firsts.get(late.leg + 1).is_some_and(|first| *first <= late.leg);
+        let is_at_end = early.along >= legs.piece(early.leg).length() - MEET_MM;
+        *is_return &= !(goes_on && firsts[late.leg] <= early.leg + usize::from(is_at_end));
+    }
+}
+
+/// Whether one arc goes on in the next on the same circle.
+fn goes_around(a: &Piece, b: &Piece) -> bool {
+    let (Some(before), Some(after)) = (&a.round, &b.round) else { return false };
+    let (off, longer) = (before.center - after.center, before.radius - after.radius);
+    let ends_there = (off + unit(b.to - after.center) * longer).norm() <= ENDS_MM;
+    let is_same = off.norm() + longer.abs() <= MERGE_MM && ends_there;
+    before.sweep * after.sweep > 0.0 && is_same
 }
 
 /// As many legs as may lead to a closed contour, and one.
