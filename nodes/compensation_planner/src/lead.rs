@@ -6,12 +6,12 @@ use crate::chain::Role;
 use crate::compensate::WallBehind;
 use crate::corner::PIECES;
 use crate::distance::{Nearest, nearest, nearest_on_element, nearest_on_way};
-use crate::element::{Element, Vec2};
+use crate::element::{Element, Vec2, cross};
 use crate::finding::{self, LeadCut};
 use crate::frame::{height, in_work};
 use crate::interference::{self, Joined};
 use crate::span::{Lead, Run, Span};
-use crate::tolerance::{CHORD_TURN_RAD, GOUGE_MM, LENGTH_MM};
+use crate::tolerance::{CHORD_TURN_RAD, GOUGE_MM, LENGTH_MM, LOOP_MM};
 use crate::tree::{Bounds, NO_CHAIN, Tree, budget};
 use crate::walls::Walls;
 use cnc_msgs::contour::{Approach, Source};
@@ -39,7 +39,10 @@ impl Way {
             None if is_joined => first.end,
             None => first.start,
         };
-        let corner = if is_joined { corner(joined, 1) } else { [None; PIECES] };
+        let mut corner = if is_joined { corner(joined, 1) } else { [None; PIECES] };
+        if let Some(place) = placed.get(1).filter(|_| is_joined && corner[0].is_none()) {
+            corner[0] = interference::beyond(&links[place.link], place, false);
+        }
         Some(Self { straight: (outside, end), corner })
     }
 
@@ -54,6 +57,9 @@ impl Way {
             return Some(Self { straight: (last.start, outside), corner: [None; PIECES] });
         };
         let mut corner = corner(joined, index);
+        if corner[0].is_none() {
+            corner[0] = interference::beyond(&links[placed[index].link], &placed[index], true);
+        }
         let start = match corners.lines(links, placed, index) {
             // From the last line it goes straight outside.
             Some(lines) => {
@@ -86,7 +92,10 @@ impl Way {
         }
         let Some(way) = Element::line(self.straight.0, self.straight.1) else { return cuts };
         let passed = free_end.map_or(Vec::new(), |end| end.passed(walls, self.straight, limit));
-        let counts = |run: usize| !is_above(run) && passed.iter().all(|part| part.run != run);
+        let is_copy = |run: usize| free_end.is_some_and(|end| end.is_copy(walls, &way, run));
+        let counts = |run: usize| {
+            !is_above(run) && passed.iter().all(|part| part.run != run) && !is_copy(run)
+        };
         cuts.gouge = nearer(cuts.gouge, deepest_cut(walls, &way, None, limit, counts));
         for part in passed.iter().filter(|part| !is_above(part.run)) {
             let near = |wall: Element| (part.run, nearest_on_way(&way, &wall));
@@ -146,6 +155,23 @@ impl FreeEnd {
         let run = walls.count().checked_sub(1)?;
         let at = walls.of(run)?.end();
         (at == walls.element(run).end()).then_some(Self { at, is_start: false })
+    }
+
+    /// Whether what a lead comes near to in a run is the wall that it leads onto or leaves, once
+    /// more: copies of a wall are one, and rounded coordinates leave them less than the width of a
+    /// loop apart.
+    fn is_copy(&self, walls: &Walls<'_>, way: &Element, run: usize) -> bool {
+        let own = if self.is_start { 0 } else { walls.count() - 1 };
+        let (of, Some(wall)) = (walls.element(own), walls.of(run)) else { return false };
+        if run == own || of.is_line() != wall.is_line() {
+            return false;
+        }
+        let on_wall = nearest_on_way(way, &wall).on_wall;
+        let at = nearest_on_element(of, on_wall);
+        let (along, along_wall) = (of.tangent_at(at), wall.tangent_at(on_wall));
+        (at - on_wall).norm() <= LOOP_MM
+            && along.dot(&along_wall) > 0.0
+            && cross(along, along_wall).abs() <= CHORD_TURN_RAD
     }
 
     /// What a lead passes over that joins the contour one radius away from its end: for the

@@ -308,7 +308,7 @@ impl Search<'_> {
             }
         }
         let is_other_pass = self.bounds.pass(on) != self.bounds.pass(leg);
-        if is_lead && self.is_above(element, leg) {
+        if is_lead && (self.is_above(element, leg) || self.is_copy(element, leg, &near)) {
             return;
         }
         let mut is_nick = false;

@@ -228,7 +228,8 @@ fn extent(follow: &Follow, opens: bool, place_mm: f64) -> Option<&'static str> {
             let swept = way.sweep.abs() * of_leg.radius;
             let full = TAU * of_leg.radius;
             let more = if follow.is_open || opens { full } else { 0.0 };
-            if swept > length + more + place_mm {
+            // Both of its ends may be off their places.
+            if swept > length + more + 2.0 * place_mm {
                 return Some("turns too far");
             }
             if !follow.is_open && !opens && long_enough && length < full - place_mm {

@@ -2,13 +2,15 @@
 //! end of the contour there is only air.
 
 use super::clearance::{GOUGE_MM, Search, Tool};
-use super::planar::{Piece, Point, cross};
+use super::planar::{Near, Piece, Point, cross};
 use super::program::{Kind, NONE};
 use cnc_msgs::path::Role;
 
 /// How much a contour may bend from the lead where it begins and still have a free end there, as
 /// a curve in chords does.
 const BEND_RAD: f64 = 0.1;
+/// Copies of a leg are no farther from each other, mm.
+const COPY_MM: f64 = 2e-3;
 
 impl Search<'_> {
     pub(super) fn lead(&self, element: usize) -> Tool {
@@ -26,7 +28,8 @@ impl Search<'_> {
         let is_last =
             own + 1 == self.legs.len() && self.span.lead_off.is_some() && !self.span.to_side;
         if tool.own != NONE && !piece.is_line() {
-            return self.without_change_of_side(piece, own);
+            let (from_side, to_side) = self.at_change_of_side(own);
+            return self.without_ends(piece, own, (is_first || from_side, is_last || to_side));
         }
         if tool.own == NONE || !(is_first || is_last) {
             return [None, Some(*piece), None];
@@ -42,8 +45,13 @@ impl Search<'_> {
         [part(0.0, begin), part(begin, end), part(end, length)]
     }
 
-    /// An arc between what it is lengthened by at changes of side: that is part of them.
-    fn without_change_of_side(&self, piece: &Piece, own: usize) -> [Option<Piece>; 3] {
+    /// An arc between what it is lengthened by at leads and changes of side: that is part of them.
+    fn without_ends(
+        &self,
+        piece: &Piece,
+        own: usize,
+        (is_first, is_last): (bool, bool),
+    ) -> [Option<Piece>; 3] {
         let whole = [None, Some(*piece), None];
         let leg = self.walls.piece(own);
         let (Some(round), false) = (&piece.round, leg.is_line()) else { return whole };
@@ -52,7 +60,6 @@ impl Search<'_> {
             let (a, b) = (first - round.center, second - round.center);
             cross(a, b).atan2(a.dot(&b)) * round.sweep.signum() * round.radius
         };
-        let (is_first, is_last) = self.at_change_of_side(own);
         let length = piece.length();
         let begin = if is_first { after(piece.from, leg.from).max(0.0) } else { 0.0 };
         let end = if is_last { length - after(leg.to, piece.to).max(0.0) } else { length };
@@ -88,6 +95,28 @@ impl Search<'_> {
                 .copies
                 .as_ref()
                 .is_none_or(|copies| copies.of_leg(leg).iter().all(|copy| lowest > highest(*copy)))
+    }
+
+    /// Whether what a lead comes near to is the leg that it leads onto or leaves, once more: what
+    /// is retraced is one wall, but for the rounding of its coordinates.
+    pub(super) fn is_copy(&self, element: usize, leg: usize, near: &Near) -> bool {
+        let leads_on = self.span.lead_on == Some(element);
+        let is_lead = leads_on || self.span.lead_off == Some(element);
+        let own = if leads_on { 0 } else { self.legs.len() - 1 };
+        if !is_lead || self.way.roles[element] == Role::Link || leg == own {
+            return false;
+        }
+        let (of, copy) = (self.walls.piece(own), self.walls.piece(leg));
+        let Some(wall) = self.bounds.wall(None, own, &of) else { return false };
+        let is_free = if leads_on { wall.from == of.from } else { wall.to == of.to };
+        if !is_free || of.is_line() != copy.is_line() {
+            return false;
+        }
+        let at = of.nearest(near.on_b);
+        let (along, along_copy) = (of.tangent(at), copy.tangent(near.on_b));
+        (at - near.on_b).norm() <= COPY_MM
+            && along.dot(&along_copy) > 0.0
+            && cross(along, along_copy).abs() <= BEND_RAD
     }
 
     /// For a lead that joins the contour one radius away from its free end, before which there
