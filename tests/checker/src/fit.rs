@@ -6,7 +6,8 @@
 //! and the centre gets from each to the next: at an inside corner both end at one point, at an
 //! outside corner the way around the corner is free.
 
-use crate::piece::Piece;
+use crate::judge::ACCEPTED_MM;
+use crate::piece::{Piece, Point};
 use crate::program::{Corner, Element, End, Role, Span};
 
 /// Rounding in coordinates of six decimals, mm.
@@ -102,6 +103,7 @@ fn chain(span: &Span, slack_mm: f64) -> Result<(), Fit> {
             let why = format!("line {}: {} stretches of contact", element.line, free.len());
             return Err(match element.shape {
                 Piece::Line { .. } if element.shape.length() <= radius_mm => Fit::PassesBy(why),
+                Piece::Line { .. } if is_on_neighbour(span, index) => Fit::PassesBy(why),
                 Piece::Arc { radius, sweep, .. } if radius * sweep * sweep < 0.4 => {
                     Fit::PassesBy(why)
                 }
@@ -131,6 +133,20 @@ fn chain(span: &Span, slack_mm: f64) -> Result<(), Fit> {
         }
         _ => Ok(()),
     }
+}
+
+/// Whether a straight lies on the line of one beside it, but for what is accepted: the tool may
+/// pass it by on that line.
+fn is_on_neighbour(span: &Span, index: usize) -> bool {
+    let shape = &span.elements[index].shape;
+    let neighbours = [index.checked_sub(1), Some(index + 1)];
+    let neighbours = neighbours.into_iter().flatten().filter_map(|it| span.elements.get(it));
+    neighbours.filter(|it| matches!(it.shape, Piece::Line { .. })).any(|it| {
+        let (from, along) = (it.shape.start(), it.shape.direction(0.0));
+        let off = |at: Point| along.cross(at - from).abs();
+        off(shape.start()).max(off(shape.end())) <= ACCEPTED_MM
+            && along.dot(shape.direction(0.0)) > 0.0
+    })
 }
 
 type Touched = (usize, (f64, f64));

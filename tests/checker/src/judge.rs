@@ -16,7 +16,7 @@ pub const GOUGE_MM: f64 = 1e-4;
 /// What rounding adds to a distance that is computed, mm.
 const ROUNDING_MM: f64 = 1e-5;
 /// `accept_tolerance_mm` of every shipped profile.
-const ACCEPTED_MM: f64 = 0.002;
+pub const ACCEPTED_MM: f64 = 0.002;
 /// How far the path may be from where the tool touches an element, mm: runs are merged, and
 /// noise is passed by.
 const FOLLOWED_MM: f64 = ACCEPTED_MM + 2e-4;
@@ -416,6 +416,32 @@ fn not_fitting(span: &Span) -> Option<Outcome> {
     all.iter().any(|fit| *fit != Fit::Fits).then_some(Outcome::NotJudged(NotJudged::Tolerance))
 }
 
+/// Elements of tails that meet a wall again behind the place where they leave the contour: what
+/// lies between encloses another loop, and is no tail.
+fn closed_by_tails(span: &Span) -> Vec<usize> {
+    let count = span.elements.len();
+    let is_tail = |index: &usize| span.elements[*index].role != Role::Wall;
+    // From the contour outwards.
+    let mut at_start: Vec<usize> = (0..count).take_while(is_tail).collect();
+    let mut at_end: Vec<usize> = (0..count).rev().take_while(is_tail).collect();
+    at_start.reverse();
+    at_end.reverse();
+    let mut closed = Vec::new();
+    for (tail, is_at_start) in [(at_start, true), (at_end, false)] {
+        let Some(&first) = tail.first() else { continue };
+        let root = span.elements[first].shape.at(if is_at_start { 1.0 } else { 0.0 });
+        let meets = |index: usize| {
+            let own = &span.elements[index].shape;
+            let mut walls = span.elements.iter().filter(|it| it.role == Role::Wall);
+            walls
+                .any(|it| it.shape.distance(root) > GOUGE_MM && own.apart(&it.shape) <= ROUNDING_MM)
+        };
+        let last = tail.iter().rposition(|&index| meets(index));
+        closed.extend(tail.iter().take(last.map_or(0, |last| last + 1)));
+    }
+    closed
+}
+
 /// Whether a lead that is said to cut does, and more than it may.
 fn lead_refused(
     span: &Span,
@@ -429,7 +455,12 @@ fn lead_refused(
     let index = if is_on { 0 } else { span.elements.len() - 1 };
     let element = &span.elements[index];
     let radius_mm = element.radius_mm.0;
-    let walls = || span.elements.iter().filter(|it| it.role == Role::Wall && !it.is_copy);
+    let closed = closed_by_tails(span);
+    let is_wall = |index: usize, it: &Element| it.role == Role::Wall || closed.contains(&index);
+    let walls = || {
+        let all = span.elements.iter().enumerate();
+        all.filter(|(index, it)| is_wall(*index, it) && !it.is_copy).map(|(_, it)| it)
+    };
     match end {
         End::OtherSide => Outcome::NotJudged(NotJudged::Change),
         End::Normal { outside } => {

@@ -1,0 +1,52 @@
+//! Seeds whose verdict was wrong once, by what was mended.
+
+use kerf_checker::judge::{Outcome, judge};
+use kerf_checker::{draw, product, profiles};
+
+/// What was wrong, the seeds, and whether their programs are accepted now.
+const MENDED: &[(&str, &[u64], bool)] = &[
+    (
+        "a short block beside a change of side, merged on one side of the tool only",
+        &[
+            4294, 26728, 142_325, 175_240, 189_496, 260_032, 274_750, 277_396, 282_059, 524_206,
+            567_004, 708_490, 722_572, 872_542, 875_777,
+        ],
+        true,
+    ),
+    ("noise beside a change of side, left out on one side of the tool only", &[465_887], false),
+    (
+        "a ring that is retraced, in blocks that the planner takes as one",
+        &[127_937, 171_831, 184_665, 457_743, 549_457, 730_943, 737_331, 741_827, 852_389, 896_309],
+        true,
+    ),
+    ("an arc that is lengthened to the offset of its lead", &[106_239, 741_555], true),
+    ("an arc whose ends are both a rounding error off", &[557_763], true),
+    (
+        "a straight that a sharp inside corner takes, beside one that goes on in it",
+        &[379_417],
+        true,
+    ),
+    (
+        "arcs that rounding bends, whose offsets meet far from their joint",
+        &[199_956, 477_749, 590_190],
+        false,
+    ),
+    ("a lead that is near the wall that it leads onto, once more", &[119_516, 598_651], false),
+    ("an arc that leads away, and ends on a wall", &[72062], false),
+    ("a short arc hardly smaller than the tool, at the end of a contour", &[903_241], false),
+    ("a ring with one block that is rounded otherwise", &[769_097], true),
+];
+
+#[test]
+fn a_verdict_that_was_wrong_is_right() {
+    let profiles = profiles();
+    for (what, seeds, is_accepted) in MENDED {
+        for &seed in *seeds {
+            let program = draw::program(seed);
+            let verdict = product(&program, &profiles);
+            let (outcome, wrong) = judge(&program, &verdict);
+            assert_eq!(wrong, [], "{what}: seed {seed}\n{}", program.text);
+            assert_eq!(outcome == Outcome::Accepted, *is_accepted, "{what}: seed {seed}");
+        }
+    }
+}
