@@ -92,7 +92,7 @@ impl Way {
         }
         let Some(way) = Element::line(self.straight.0, self.straight.1) else { return cuts };
         let passed = free_end.map_or(Vec::new(), |end| end.passed(walls, self.straight, limit));
-        let is_copy = |run: usize| free_end.is_some_and(|end| end.is_copy(walls, &way, run));
+        let is_copy = |run: usize| free_end.is_some_and(|end| end.is_copy(walls, &way, limit, run));
         let counts = |run: usize| {
             !is_above(run) && passed.iter().all(|part| part.run != run) && !is_copy(run)
         };
@@ -159,17 +159,18 @@ impl FreeEnd {
 
     /// Whether what a lead comes near to in a run is the wall that it leads onto or leaves, once
     /// more: copies of a wall are one, and rounded coordinates leave them less than the width of a
-    /// loop apart.
-    fn is_copy(&self, walls: &Walls<'_>, way: &Element, run: usize) -> bool {
+    /// loop apart, and it is cut no deeper.
+    fn is_copy(&self, walls: &Walls<'_>, way: &Element, limit: f64, run: usize) -> bool {
         let own = if self.is_start { 0 } else { walls.count() - 1 };
         let (of, Some(wall)) = (walls.element(own), walls.of(run)) else { return false };
         if run == own || of.is_line() != wall.is_line() {
             return false;
         }
-        let on_wall = nearest_on_way(way, &wall).on_wall;
+        let Nearest { distance, on_wall, .. } = nearest_on_way(way, &wall);
         let at = nearest_on_element(of, on_wall);
         let (along, along_wall) = (of.tangent_at(at), wall.tangent_at(on_wall));
-        (at - on_wall).norm() <= LOOP_MM
+        distance >= limit - LOOP_MM
+            && (at - on_wall).norm() <= LOOP_MM
             && along.dot(&along_wall) > 0.0
             && cross(along, along_wall).abs() <= CHORD_TURN_RAD
     }

@@ -200,10 +200,12 @@ fn is_end_that_is_touched(links: &[Link], placed: &[Placed], gap: &Gap, toleranc
     let mut runs = links[gap.from..gap.to].iter().filter(|link| matches!(link.role, Role::Run(_)));
     runs.all(|link| {
         let (radius_mm, length) = (link.d_in_mm.abs(), link.element.length());
-        (0..=8).all(|part| {
-            let point = link.element.point_at(length * f64::from(part) / 8.0);
-            (radius_mm - GOUGE_MM..=radius_mm + tolerance).contains(&(point - stand).norm())
-        })
+        let is_short = matches!(link.element, Element::Arc(arc) if arc.sweep <= CHORD_TURN_RAD);
+        is_short
+            && (0..=8).all(|part| {
+                let point = link.element.point_at(length * f64::from(part) / 8.0);
+                (radius_mm - GOUGE_MM..=radius_mm + tolerance).contains(&(point - stand).norm())
+            })
     })
 }
 

@@ -114,7 +114,8 @@ impl Search<'_> {
         }
         let at = of.nearest(near.on_b);
         let (along, along_copy) = (of.tangent(at), copy.tangent(near.on_b));
-        (at - near.on_b).norm() <= COPY_MM
+        near.distance >= self.radius_mm(element) - GOUGE_MM - COPY_MM
+            && (at - near.on_b).norm() <= COPY_MM
             && along.dot(&along_copy) > 0.0
             && cross(along, along_copy).abs() <= BEND_RAD
     }
