@@ -57,9 +57,7 @@ impl Best {
 }
 
 fn profile() -> Profile {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controls/sinumerik_840c.yaml");
-    let yaml = std::fs::read_to_string(path).expect("the shipped profile");
-    serde_yaml::from_str(&yaml).expect("a valid profile")
+    settings::load_profile("sinumerik_840c").expect("the shipped profile")
 }
 
 fn tool(radius_mm: f64, wear_mm: f64) -> ToolTable {

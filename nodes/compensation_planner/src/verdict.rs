@@ -193,9 +193,7 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn sinumerik() -> Profile {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controls");
-        let text = std::fs::read_to_string(format!("{path}/sinumerik_840c.yaml"));
-        serde_yaml::from_str(&text.expect("a profile")).expect("a profile")
+        settings::load_profile("sinumerik_840c").expect("a profile")
     }
 
     /// D1 of this radius.

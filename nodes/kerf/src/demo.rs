@@ -221,7 +221,7 @@ async fn wait_until<M: cnc_msgs::interface::Message>(
 
 fn draw(path: &Path) -> Result<(), Failure> {
     let profile = files::profile(CONTROL)?;
-    let tools = runtime::from_yaml_str(TOOLS, "tools.yaml").map_err(Failure::usage)?;
+    let tools = settings::yaml::from_yaml_str(TOOLS, "tools.yaml").map_err(Failure::usage)?;
     let planned = Planned::new(
         PROGRAM.as_bytes(),
         &profile,

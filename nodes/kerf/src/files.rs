@@ -21,14 +21,14 @@ pub(crate) fn file_name(path: &Path) -> String {
 
 /// A control profile by name, or from a file.
 pub(crate) fn profile(name_or_path: &str) -> Result<Profile, Failure> {
-    runtime::load_profile(name_or_path).map_err(Failure::usage)
+    settings::load_profile(name_or_path).map_err(Failure::usage)
 }
 
 /// A tool table; an empty one without a file.
 pub(crate) fn tool_table(path: Option<&Path>) -> Result<ToolTable, Failure> {
     match path {
         None => Ok(ToolTable::default()),
-        Some(path) => runtime::load_tool_table(path).map_err(Failure::usage),
+        Some(path) => settings::load_tool_table(path).map_err(Failure::usage),
     }
 }
 
@@ -43,7 +43,7 @@ pub(crate) fn inputs<'a>(
 /// A control as the loader finds it: it runs in another folder, so a file of this one is
 /// named from the root.
 pub(crate) fn as_loader_finds_it(name: &str) -> String {
-    let is_built_in = runtime::known_profiles().any(|known| known == name);
+    let is_built_in = settings::known_profiles().any(|known| known == name);
     match Path::new(name).canonicalize() {
         Ok(path) if !is_built_in && !name.is_empty() => path.display().to_string(),
         // A file of the loader's computer.

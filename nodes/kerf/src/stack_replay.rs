@@ -94,7 +94,7 @@ pub(crate) fn replay(
     }
 
     let folder = Folder::new().map_err(failed)?;
-    let profile = runtime::profile_to_yaml(&program.profile()?);
+    let profile = settings::profile_to_yaml(&program.profile()?);
     let profile = folder.write("profile.yaml", &profile)?;
     folder.write(TOOLS, &compensation_planner::tool_file::whole(tools))?;
     for node in NODES {

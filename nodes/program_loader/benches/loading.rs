@@ -5,7 +5,6 @@
 //! cargo bench -p program_loader -- --test  each once
 //! ```
 
-use cnc_msgs::profile::Profile;
 use criterion::{Criterion, SamplingMode, Throughput};
 use program_loader::{LoadOptions, load};
 use std::fmt::Write;
@@ -19,9 +18,7 @@ type WriteBlock = fn(&mut String, u32);
 
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/controls/rs274.yaml");
-    let yaml = std::fs::read_to_string(path).expect("the shipped profile");
-    let profile: Profile = serde_yaml::from_str(&yaml).expect("a valid profile");
+    let profile = settings::load_profile("rs274").expect("the shipped profile");
     let programs: [(&str, WriteBlock); 3] =
         [("lines", feed_line), ("numbered_lines", numbered_line), ("arcs", arc)];
     for (name, block) in programs {

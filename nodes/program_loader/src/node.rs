@@ -27,7 +27,8 @@ use intake::folders::{Folders, LookupError};
 use intake::text::one_line;
 use runtime::chunks::{ChunkTopic, Cut};
 use runtime::commands::{Answer, CommandLog};
-use runtime::{Declared, Handle, ProfileError, Publisher, Qos, RequestInfo};
+use runtime::{Declared, Handle, Publisher, Qos, RequestInfo};
+use settings::ProfileError;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -304,9 +305,9 @@ impl Loader {
     /// The profile that a request names; the operator's own where it names none.
     fn profile(&self, named: &str) -> Result<Profile, ProfileError> {
         if named.is_empty() || named == self.control {
-            runtime::load_profile(&self.control)
+            settings::load_profile(&self.control)
         } else {
-            runtime::load_foreign_profile(named, &self.controls)
+            settings::load_foreign_profile(named, &self.controls)
         }
     }
 
@@ -396,7 +397,7 @@ impl Loader {
             program_id: chunks.program_id().to_owned(),
             name,
             control: profile.name.clone(),
-            profile: runtime::profile_to_yaml(profile),
+            profile: settings::profile_to_yaml(profile),
             bounds_min: point_from_position(min),
             bounds_max: point_from_position(max),
             ..chunks.manifest()
@@ -433,5 +434,5 @@ fn first_findings(loaded: &Loaded) -> (Vec<cnc_msgs::wire::cnc_msgs::msg::Findin
 
 /// One program under other rules is another program: its path may be another.
 fn id_of(profile: &Profile, text: &[u8]) -> String {
-    program_id(&runtime::profile_to_yaml(profile), text)
+    program_id(&settings::profile_to_yaml(profile), text)
 }

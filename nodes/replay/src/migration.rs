@@ -88,7 +88,7 @@ const PROFILE_CHANGES: &[(&str, &str)] = &[("contour: error", "react: alarm")];
 
 /// The profile that was recorded with a contour, whatever keys it had then.
 pub(crate) fn profile_of_then(text: &str) -> Result<Profile, String> {
-    let read = |text: &str| runtime::profile_from_yaml(text).map_err(|error| error.to_string());
+    let read = |text: &str| settings::profile_from_yaml(text).map_err(|error| error.to_string());
     read(text).or_else(|problem| {
         let renamed = |line: &str| {
             let (indent, words) = line.split_at(line.len() - line.trim_start().len());

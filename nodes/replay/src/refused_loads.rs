@@ -66,11 +66,12 @@ fn again(
         name => name,
     };
     // A file that has that name here may be another one.
-    if !runtime::known_profiles().any(|known| known == control) {
+    if !settings::known_profiles().any(|known| known == control) {
         return Ok(Err("its profile came from a file"));
     }
     let problem = |reason: String| ReplayError::Input { of: command.message.clone(), reason };
-    let mut profile = runtime::load_profile(control).map_err(|error| problem(error.to_string()))?;
+    let mut profile =
+        settings::load_profile(control).map_err(|error| problem(error.to_string()))?;
     if !request.interference.is_empty() {
         let reaction = request.interference.parse();
         profile.interference.react = reaction

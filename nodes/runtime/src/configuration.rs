@@ -10,7 +10,7 @@ use crate::names::{NameError, Names};
 use crate::parameter_file;
 use crate::parameters::{Declared, ParameterError, Parameters};
 use crate::security::SecurityError;
-use crate::yaml::{FileError, read_text};
+use settings::yaml::{FileError, read_text};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

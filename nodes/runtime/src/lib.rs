@@ -76,7 +76,6 @@ mod dds_threads;
 mod dds_watch;
 mod declared;
 mod diagnostics;
-mod documents;
 mod ending;
 pub mod environment;
 mod graph;
@@ -93,7 +92,6 @@ mod pace;
 mod parameter_file;
 mod parameter_services;
 pub mod parameters;
-mod profiles;
 mod publisher;
 mod qos;
 mod raw;
@@ -110,7 +108,6 @@ mod throttle;
 mod time;
 mod type_description;
 mod wire;
-mod yaml;
 
 pub use cnc_msgs::interface;
 
@@ -119,9 +116,6 @@ pub use client::{ANSWER_WITHIN, CallError, Client, SERVER_WITHIN};
 pub use client_session::{ClientSessionError, client_session};
 pub use complaints::Complaints;
 pub use diagnostics::{Health, HealthLevel};
-pub use documents::{
-    ToolTableFileError, load_tool_table, profile_from_yaml, profile_to_yaml, tool_table_from_yaml,
-};
 pub use ending::{catch, end_command_on_panic};
 pub use graph::LOOPBACK_PARTICIPANTS_MAX;
 pub use lifecycle::{Managed, Step, Trouble};
@@ -130,7 +124,6 @@ pub use memory::Memory;
 pub use node::{Handle, NodeError};
 pub use parameter_services::from_wire as parameter_from_wire;
 pub use parameters::Declared;
-pub use profiles::{ProfileError, known_profiles, load_foreign_profile, load_profile};
 pub use publisher::Publisher;
 pub use qos::Qos;
 pub use raw::{DiscoveredPublisher, RawPublisher, RawSample, RawSubscription};
@@ -140,7 +133,6 @@ pub use session::Session;
 pub use subscription::{SampleInfo, Subscription};
 pub use time::RosTime;
 pub use wire::{Gid, ServiceMapping};
-pub use yaml::{FileError, from_yaml_file, from_yaml_str, read_text};
 
 /// Whatever ends a node, for its log.
 pub type Error = Box<dyn std::error::Error + Send + Sync>;

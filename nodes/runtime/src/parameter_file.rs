@@ -8,9 +8,9 @@
 use crate::arguments::ParameterArgument;
 use crate::names::Names;
 use crate::parameters::{Origin, Override, ParameterValue};
-use crate::yaml::{FileError, from_yaml_str};
 use intake::nearest::nearest;
 use serde_yaml::Value;
+use settings::yaml::{FileError, from_yaml_str, line_of};
 
 /// What a parameter file has for a node.
 #[derive(Debug, Default)]
@@ -220,32 +220,6 @@ fn parts_match(pattern: &[&str], name: &[&str]) -> bool {
         ([first, rest @ ..], [part, others @ ..]) => first == part && parts_match(rest, others),
         _ => false,
     }
-}
-
-/// The 1-based line of the innermost key that can be found, in block style.
-pub(crate) fn line_of(text: &str, path: &[String]) -> Option<usize> {
-    let mut lines = text.lines().enumerate();
-    let mut parent_indent = None;
-    let mut found = None;
-    for key in path {
-        let hit = lines.find(|(_, line)| {
-            let content = line.trim_start();
-            let indent = line.len() - content.len();
-            let content = content.trim_start_matches(['"', '\'']);
-            let is_key = content.strip_prefix(key.as_str()).is_some_and(|rest| {
-                rest.trim_start_matches(['"', '\'']).trim_start().starts_with(':')
-            });
-            is_key && parent_indent.is_none_or(|parent| indent > parent)
-        });
-        match hit {
-            Some((index, line)) => {
-                parent_indent = Some(line.len() - line.trim_start().len());
-                found = Some(index + 1);
-            }
-            None => break,
-        }
-    }
-    found
 }
 
 #[cfg(test)]

@@ -9,8 +9,8 @@ use crate::lifecycle;
 use crate::names::Names;
 use crate::parameter_file;
 use crate::parameters::{Declared, Origin, Override, ParameterError, Parameters};
-use crate::yaml::{FileError, read_text};
 use intake::nearest::nearest;
+use settings::yaml::{FileError, read_text};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 

@@ -18,19 +18,13 @@ use crate::program::{CONTROLS, Program};
 use cnc_msgs::profile::Profile;
 use compensation_planner::Planning;
 use program_loader::{LoadOptions, load};
-use std::path::Path;
 
 /// The shipped profiles, in the order of [`CONTROLS`].
 ///
 /// # Panics
 /// One of them cannot be read.
 pub fn profiles() -> Vec<Profile> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/controls");
-    let read = |control: &&str| {
-        let path = folder.join(format!("{control}.yaml"));
-        let yaml = std::fs::read_to_string(path).expect("a shipped profile");
-        serde_yaml::from_str(&yaml).expect("a valid profile")
-    };
+    let read = |control: &&str| settings::load_profile(control).expect("a shipped profile");
     CONTROLS.iter().map(read).collect()
 }
 

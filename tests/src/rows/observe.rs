@@ -18,7 +18,6 @@
 //! | `same_mm` | largest distance between ends of elements and those of the other program |
 
 use super::{Case, Other, start};
-use crate::root;
 use cnc_msgs::contour::Action;
 use cnc_msgs::contour::{ContourEvent, ContourEventKind, CutterSide, ProgrammedContour, Source};
 use cnc_msgs::finding::{Finding, Severity};
@@ -36,9 +35,8 @@ use std::collections::BTreeMap;
 /// # Panics
 /// There is no such profile, or the keys do not belong to one.
 pub fn profile(name: &str, changes: &Value) -> Profile {
-    let path = root().join(format!("config/controls/{name}.yaml"));
-    let text = std::fs::read_to_string(path).expect("a shipped profile");
-    let mut value: Value = serde_yaml::from_str(&text).expect("a shipped profile is YAML");
+    let shipped = settings::load_profile(name).expect("a shipped profile");
+    let mut value = serde_json::to_value(shipped).expect("a profile is an object");
     merge(&mut value, changes);
     let profile: Profile =
         serde_json::from_value(value).unwrap_or_else(|error| panic!("{name}: {error}"));

@@ -35,9 +35,7 @@ pub(crate) fn corpus() -> Vec<(Profile, Vec<u8>)> {
 }
 
 pub(crate) fn profile(control: &str) -> Profile {
-    let path = root().join(format!("config/controls/{control}.yaml"));
-    let yaml = std::fs::read_to_string(path).expect("a shipped profile");
-    serde_yaml::from_str(&yaml).expect("a valid profile")
+    settings::load_profile(control).expect("a shipped profile")
 }
 
 pub(crate) fn controls() -> Vec<Profile> {

@@ -32,7 +32,7 @@ pub(super) fn plan(
 ) -> (PlanBlockResponse, Option<Disagreement>) {
     type W = PlanBlockResponse;
     let invalid = |message| (W { error_code: W::INVALID_REQUEST, message, ..W::default() }, None);
-    let profile = match runtime::profile_from_yaml(&request.contour.profile) {
+    let profile = match settings::profile_from_yaml(&request.contour.profile) {
         Ok(profile) => profile,
         Err(error) => return invalid(error.to_string()),
     };

@@ -34,7 +34,7 @@ pub(super) async fn fetch(
     manifest: wire::ProgrammedContour,
     memory_bytes_max: u64,
 ) -> Result<Input, runtime::Error> {
-    let profile = Arc::new(runtime::profile_from_yaml(&manifest.profile)?);
+    let profile = Arc::new(settings::profile_from_yaml(&manifest.profile)?);
     let mut collector = Collector::for_contour(&manifest)?;
     let too_long = too_long(manifest.event_count, memory_bytes_max);
     if too_long.is_some() {

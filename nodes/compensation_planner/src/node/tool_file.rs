@@ -22,8 +22,8 @@ pub(super) struct ToolFile {
 
 impl ToolFile {
     pub(super) fn open(path: &Path) -> Result<(Self, ToolTable), runtime::Error> {
-        let text = runtime::read_text(path)?;
-        let tools = runtime::tool_table_from_yaml(&text, &path.display().to_string())?;
+        let text = settings::yaml::read_text(path)?;
+        let tools = settings::tool_table_from_yaml(&text, &path.display().to_string())?;
         Ok((Self { path: fs::canonicalize(path)?, text }, tools))
     }
 
@@ -34,7 +34,8 @@ impl ToolFile {
             Refusal::new(SetToolResponse::TOOL_FILE, format!("{why}; nothing was changed"))
         };
         let cannot = |error: io::Error| refuse(format!("{name} cannot be written: {error}"));
-        let now = runtime::read_text(&self.path).map_err(|error| refuse(error.to_string()))?;
+        let now =
+            settings::yaml::read_text(&self.path).map_err(|error| refuse(error.to_string()))?;
         if now != self.text {
             return Err(refuse(format!(
                 "somebody has changed {name} since the planner read it: restart the planner to take it up"
@@ -46,7 +47,7 @@ impl ToolFile {
             return Err(refuse(format!("{name} is read-only")));
         }
         let is_meant = |text: &String| {
-            runtime::tool_table_from_yaml(text, &name).is_ok_and(|tools| tools == change.tools)
+            settings::tool_table_from_yaml(text, &name).is_ok_and(|tools| tools == change.tools)
         };
         let edited = edited(&self.text, change).filter(is_meant);
         let kept_comments = edited.is_some();

@@ -23,8 +23,7 @@ use compensation_planner::Plan;
 use compensation_planner::audit::audit_after;
 
 pub fn profile(name: &str) -> Profile {
-    let path = format!("{}/../../config/controls/{name}.yaml", env!("CARGO_MANIFEST_DIR"));
-    serde_yaml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+    settings::load_profile(name).unwrap()
 }
 
 pub fn sinumerik() -> Profile {

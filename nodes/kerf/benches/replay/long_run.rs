@@ -100,8 +100,8 @@ fn plan(bag: &mut Bag, blocks: u32) -> (String, Arc<cnc_msgs::path::CompensatedP
         let _ = writeln!(text, "G1 X{x:.3} Y{y:.3}");
     }
     text += "M30\n";
-    let profile = runtime::load_profile("rs274").expect("a profile of ours");
-    let yaml = runtime::profile_to_yaml(&profile);
+    let profile = settings::load_profile("rs274").expect("a profile of ours");
+    let yaml = settings::profile_to_yaml(&profile);
     let loaded = load(text.as_bytes(), &profile, &LoadOptions::default());
     let id = program_id(&yaml, text.as_bytes());
     let at = Duration::ZERO;

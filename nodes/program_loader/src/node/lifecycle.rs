@@ -9,7 +9,7 @@ use runtime::{Health, Managed, Step, Trouble};
 impl Managed for Loader {
     async fn configure(&self) -> Step {
         // A wrong default is better found now than with the first program.
-        runtime::load_profile(&self.control).map(drop).map_err(Trouble::failure)
+        settings::load_profile(&self.control).map(drop).map_err(Trouble::failure)
     }
 
     async fn deactivate(&self) -> Step {

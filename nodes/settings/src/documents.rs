@@ -3,8 +3,7 @@
 //! A table is a file; a profile travels with the contour that was read under
 //! it, so that planner and replay apply the same rules, built in or not.
 
-use crate::parameter_file::line_of;
-use crate::yaml::{FileError, from_foreign_yaml, from_yaml_str, read_text};
+use crate::yaml::{FileError, from_foreign_yaml, from_yaml_str, line_of, read_text};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::{ToolTable, ToolTableError};
 use std::path::Path;

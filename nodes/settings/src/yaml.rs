@@ -24,7 +24,7 @@ fn place(number: Option<usize>) -> String {
 }
 
 impl FileError {
-    pub(crate) fn new(file: &str, line: Option<usize>, reason: impl Into<String>) -> Self {
+    pub fn new(file: &str, line: Option<usize>, reason: impl Into<String>) -> Self {
         Self { file: file.to_owned(), line, column: None, reason: reason.into() }
     }
 }
@@ -82,6 +82,32 @@ pub(crate) fn utf8(bytes: Vec<u8>, name: &str) -> Result<String, FileError> {
         let line = 1 + good.iter().filter(|byte| **byte == b'\n').count();
         FileError::new(name, Some(line), "a byte here is not UTF-8")
     })
+}
+
+/// The 1-based line of the innermost key that can be found, in block style.
+pub fn line_of(text: &str, path: &[String]) -> Option<usize> {
+    let mut lines = text.lines().enumerate();
+    let mut parent_indent = None;
+    let mut found = None;
+    for key in path {
+        let hit = lines.find(|(_, line)| {
+            let content = line.trim_start();
+            let indent = line.len() - content.len();
+            let content = content.trim_start_matches(['"', '\'']);
+            let is_key = content.strip_prefix(key.as_str()).is_some_and(|rest| {
+                rest.trim_start_matches(['"', '\'']).trim_start().starts_with(':')
+            });
+            is_key && parent_indent.is_none_or(|parent| indent > parent)
+        });
+        match hit {
+            Some((index, line)) => {
+                parent_indent = Some(line.len() - line.trim_start().len());
+                found = Some(index + 1);
+            }
+            None => break,
+        }
+    }
+    found
 }
 
 #[cfg(test)]

@@ -3,8 +3,7 @@
 //! The rules themselves are in `config/controls/*.yaml`, each explained
 //! beside its value; what they mean is in `cnc_msgs::profile`.
 
-use crate::parameter_file::line_of;
-use crate::yaml::{FileError, from_foreign_yaml, from_yaml_str, read_text, utf8};
+use crate::yaml::{FileError, from_foreign_yaml, from_yaml_str, line_of, read_text, utf8};
 use cnc_msgs::profile::{Profile, ProfileFault};
 use intake::folders::{Folders, LookupError};
 use intake::text::one_line;
