@@ -331,7 +331,7 @@ pub(crate) fn joint(
     }
     let meeting = meet(behind, ahead, LENGTH_MM);
     if !is_hardly_bent(a, b) {
-        return meeting;
+        return bent(a, b, meeting);
     }
     // Rounded coordinates bend what was tangent, and what was merged ends a hair beside what comes
     // next: nearly tangent, both offsets then meet far from the joint, or not at all.
@@ -341,6 +341,25 @@ pub(crate) fn joint(
         let point = line_corner(b.element.start(), before, after, b.d_in_mm);
         Some(Meeting { point, trim_a: 0.0, trim_b: 0.0 })
     })
+}
+
+/// The joint at a small inside corner, where the last digit of a centre moves the meeting of two
+/// nearly tangent circles away from it: there the tangents meet.
+fn bent(a: &Link, b: &Link, meeting: Option<Meeting>) -> Option<Meeting> {
+    let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
+    let sine = cross(before, after) * b.d_in_mm.signum();
+    let gap_mm = sine * b.d_in_mm.abs();
+    let is_near = |it: &Meeting| it.trim_a.max(it.trim_b) <= 4.0 * gap_mm;
+    let is_small = before.dot(&after) > 0.0
+        && (0.0..SMALL_TURN_RAD).contains(&sine)
+        && (b.element.start() - a.element.end()).norm() <= LENGTH_MM
+        && is_flat(&a.element, a.d_out_mm, gap_mm)
+        && is_flat(&b.element, b.d_in_mm, gap_mm);
+    if !is_small || meeting.as_ref().is_some_and(is_near) {
+        return meeting;
+    }
+    let point = line_corner(b.element.start(), before, after, b.d_in_mm);
+    Some(Meeting { point, trim_a: gap_mm / 2.0, trim_b: gap_mm / 2.0 })
 }
 
 /// Whether one goes on in the other but for what merging allows: without a joint the tool would

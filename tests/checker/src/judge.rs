@@ -282,8 +282,11 @@ fn followed(span: &Span, own: &[&Way], wrong: &mut Vec<Wrong>) {
         };
         // What a lead or another side takes away is at the ends.
         let is_taken = |end: End, between: &[Element]| {
-            let way_mm: f64 = between.iter().map(|element| element.shape.length()).sum();
-            !matches!(end, End::Normal { .. }) && (between.len() < 2 || way_mm < 8.0 * radius_mm)
+            let lengths = || between.iter().map(|element| element.shape.length());
+            let way_mm: f64 = lengths().sum();
+            // A short block is merged with its neighbour, and both are one.
+            let count = lengths().filter(|length| *length > CONTACT_MM).count();
+            !matches!(end, End::Normal { .. }) && (count < 2 || way_mm < 8.0 * radius_mm)
         };
         // A leg that crosses is cut in two; its tail shortens its neighbours too.
         let near = index.saturating_sub(2)..(index + 3).min(span.elements.len());

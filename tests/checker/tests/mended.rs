@@ -13,6 +13,11 @@ const MENDED: &[(&str, &[u64], bool)] = &[
         ],
         true,
     ),
+    (
+        "a short block beside a change of side, counted as a block of its own by the checker",
+        &[1_369_955, 1_464_286, 1_821_100],
+        true,
+    ),
     ("noise beside a change of side, left out on one side of the tool only", &[465_887], false),
     (
         "a ring that is retraced, in blocks that the planner takes as one",
