@@ -1,4 +1,4 @@
-//! The parameters that a node runs with, for the record: `node_parameters`.
+//! The `node_parameters` topic: the parameters that a node runs with, for recorders.
 
 use crate::node::{Handle, NodeError, lock};
 use crate::parameter_services::to_wire;

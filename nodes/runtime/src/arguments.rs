@@ -5,7 +5,7 @@
 
 use crate::names::{Remap, Scope, check_node};
 
-/// What was asked for.
+/// The parsed command line.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Arguments {
     /// `-r [node:]from:=to`, in order.
@@ -22,7 +22,7 @@ pub struct Arguments {
     pub disable_rosout: bool,
     /// Logs do not go to the console.
     pub disable_console: bool,
-    /// What was understood but is not done; for the log.
+    /// Arguments that are valid but have no effect here; for the log.
     pub warnings: Vec<String>,
     /// The words that are not for ROS.
     pub rest: Vec<String>,
@@ -43,7 +43,7 @@ pub struct ParameterArgument {
 pub struct LogLevelArgument {
     /// The logger and all below it; none: all.
     pub logger: Option<String>,
-    /// `None` takes a level back that was given before.
+    /// `None` removes a level that was given before.
     pub level: Option<LogLevel>,
 }
 
@@ -57,7 +57,7 @@ pub enum LogLevel {
     Fatal,
 }
 
-/// A word that cannot be obeyed.
+/// A word that is not valid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("argument \"{argument}\": {reason}")]
 pub struct ArgumentError {
@@ -69,7 +69,7 @@ impl Arguments {
     /// Reads the words after the program's name.
     ///
     /// # Errors
-    /// A word between `--ros-args` and `--` that is not known or not complete.
+    /// A word between `--ros-args` and `--` is unknown or incomplete.
     pub fn parse(words: &[String]) -> Result<Self, ArgumentError> {
         let mut found = Self::default();
         let mut words = words.iter();
@@ -125,7 +125,7 @@ impl Arguments {
                     word,
                     "unknown between --ros-args and --; known are -r, -p, --params-file, \
                      --log-level, --enclave, --disable-rosout-logs, --disable-stdout-logs; \
-                     arguments of the node itself go before --ros-args or behind --",
+                     arguments of the node itself go before --ros-args or after --",
                 ));
             }
         }
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_known_but_not_done_is_a_warning() {
+    fn what_is_valid_but_has_no_effect_is_a_warning() {
         let found =
             parse("--ros-args --log-file-name x -e /cell --enable-external-lib-logs -r a:=b");
         let found = found.expect("valid");

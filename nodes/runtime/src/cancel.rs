@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use tokio::sync::watch;
 
-/// Told to everyone who holds a clone; once said it stays said.
+/// All clones see it; a request cannot be undone.
 #[derive(Debug, Clone)]
 pub struct Shutdown {
     reason: Arc<watch::Sender<Option<Reason>>>,
@@ -20,13 +20,12 @@ impl Shutdown {
         Self { reason: Arc::new(watch::Sender::new(None)) }
     }
 
-    /// Asks all to stop; the first reason is kept.
+    /// Requests the shutdown; the first reason is kept.
     pub fn request(&self, reason: &str) {
         self.set(reason, false);
     }
 
-    /// Asks all to stop because something is broken; the process will say so
-    /// with its exit status.
+    /// Requests the shutdown because of a failure; the exit status shows it.
     pub fn fail(&self, reason: &str) {
         self.set(reason, true);
     }
@@ -39,22 +38,22 @@ impl Shutdown {
         });
     }
 
-    /// Whether it is time.
+    /// Whether the shutdown was requested.
     pub fn is_requested(&self) -> bool {
         self.reason.borrow().is_some()
     }
 
-    /// Why, if it is time.
+    /// The reason, if the shutdown was requested.
     pub fn reason(&self) -> Option<String> {
         self.reason.borrow().as_ref().map(|reason| reason.text.clone())
     }
 
-    /// Whether it is time because something is broken.
+    /// Whether a failure requested the shutdown.
     pub fn is_failure(&self) -> bool {
         self.reason.borrow().as_ref().is_some_and(|reason| reason.is_failure)
     }
 
-    /// Waits until it is time; may be dropped and asked again.
+    /// Waits for the request; may be dropped and called again.
     pub async fn requested(&self) {
         let mut changes = self.reason.subscribe();
         // The sender lives as long as `self`.

@@ -1,8 +1,7 @@
-//! Long things over DDS: chunks on a topic at a bearable pace, and by service
-//! as fast as the one who asks can take them.
+//! Sends long data over DDS in chunks: on a topic at a limited rate, and by service
+//! as fast as the client asks.
 //!
-//! What a chunk is and how it is cut is said in [`cnc_msgs::chunk`]; this
-//! file knows only how they travel.
+//! [`cnc_msgs::chunk`] defines what a chunk is; this file only transports them.
 
 use crate::client::{ANSWER_WITHIN, CallError, Client};
 use crate::interface::{Message, Service};
@@ -17,13 +16,13 @@ use tokio::sync::watch;
 /// Time between two chunks on a topic: a reader that died holds at most 8192
 /// of them before its lease ends, and nobody else is slowed.
 const PACE: Duration = Duration::from_millis(10);
-/// What the envelope of a service reply may take beside its chunks, bytes.
+/// Bytes of a service reply that are not chunks, at most.
 const ENVELOPE_BYTES: usize = 4_000;
 
-/// Makes the chunk of a number; `None` past the last.
+/// Makes the chunk with a number; `None` after the last.
 pub type Cut<C> = Arc<dyn Fn(u32) -> Option<C> + Send + Sync>;
 
-/// A topic on which the chunks of the newest thing go out.
+/// A topic that publishes the chunks of the newest data.
 pub struct ChunkTopic<C> {
     newest: watch::Sender<Option<Cut<C>>>,
 }
@@ -35,7 +34,7 @@ impl<C> std::fmt::Debug for ChunkTopic<C> {
 }
 
 impl<C: Message> ChunkTopic<C> {
-    /// Makes the topic; nothing goes out yet.
+    /// Makes the topic; nothing is published yet.
     ///
     /// # Errors
     /// The name is not valid, or DDS refused.
@@ -50,7 +49,7 @@ impl<C: Message> ChunkTopic<C> {
                     publisher.publish(chunk);
                     index += 1;
                     tokio::time::sleep(PACE).await;
-                    // A newer thing makes the rest of this one worthless.
+                    // Newer data replaces this; the rest of it is not sent.
                     if changes.has_changed().unwrap_or(true) {
                         break;
                     }
@@ -60,7 +59,7 @@ impl<C: Message> ChunkTopic<C> {
         Ok(Self { newest })
     }
 
-    /// Sends the chunks of this thing, in place of one that is under way.
+    /// Publishes the chunks of this data; stops publishing the data before it.
     pub fn send(&self, cut: Cut<C>) {
         self.newest.send_replace(Some(cut));
     }
@@ -81,27 +80,27 @@ pub fn page<C: Message>(first: u32, cut: &Cut<C>) -> Vec<C> {
     chunks
 }
 
-/// Why a long thing could not be had.
+/// Why the chunks could not be fetched.
 #[derive(Debug, thiserror::Error)]
 pub enum PullError {
     #[error(transparent)]
     Call(#[from] CallError),
     #[error(transparent)]
     Chunk(#[from] ChunkError),
-    /// The other node says no.
+    /// The other node refused.
     #[error("{service} refused: {message}")]
     Refused { service: String, message: String },
     #[error("{service} answered without chunk {index}")]
     NoProgress { service: String, index: u32 },
 }
 
-/// Asks for everything that is missing.
+/// Fetches all chunks that are missing.
 ///
 /// `request` makes a request for the chunks from a number on; `chunks` takes
-/// them out of the answer, or the reason why there are none.
+/// the chunks out of the answer, or the reason why it has none.
 ///
 /// # Errors
-/// The service does not answer, refuses, or its chunks are not what was announced.
+/// The service does not answer or refuses, or its chunks are not the announced ones.
 pub async fn pull<S: Service + 'static, C: Chunk>(
     client: &Client<S>,
     collector: &mut Collector<C>,

@@ -1,9 +1,8 @@
-//! Asking a service.
+//! Service clients.
 //!
-//! One task takes in all replies and hands each to the call it belongs to, so
-//! that any number of calls may wait at once. A call waits for a server first,
-//! and a little longer than the match takes on this side: a server that has not
-//! yet matched back loses the request.
+//! One task receives all replies and passes each to its call, so that any number of calls
+//! may wait at once. A call first waits for a server, and a little longer than the match
+//! takes on this side: a server that has not yet matched this client loses the request.
 
 use crate::graph::Graph;
 use crate::interface::Service;
@@ -21,8 +20,8 @@ use tokio::sync::oneshot;
 pub const SERVER_WITHIN: Duration = Duration::from_secs(5);
 /// How long [`Client::call`] waits for the answer.
 pub const ANSWER_WITHIN: Duration = Duration::from_secs(5);
-/// What a server needs to match back (a Cyclone server lost 5 of 5 requests
-/// without it, none with it).
+/// How long a server needs to match the client (a Cyclone server lost 5 of 5 requests
+/// without this wait, none with it).
 const SETTLE: Duration = Duration::from_millis(100);
 /// After this long an idempotent request is sent again.
 const RESEND_AFTER: Duration = Duration::from_secs(1);
@@ -30,13 +29,13 @@ const RESEND_AFTER: Duration = Duration::from_secs(1);
 /// Why there is no answer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CallError {
-    /// Nobody offers the service.
+    /// There is no server.
     #[error(
         "no such node answered within {} s: nobody offers {service} \
          (is the node running, in this ROS_DOMAIN_ID and namespace?)", waited.as_secs_f64()
     )]
     NoServer { service: String, waited: Duration },
-    /// Somebody offers the service and did not answer.
+    /// There is a server, but it did not answer.
     #[error(
         "{service} did not answer within {} s (is the node alive, and its RMW_IMPLEMENTATION \
          the same?)", waited.as_secs_f64()
@@ -66,7 +65,7 @@ type Answer<S> = (<S as Service>::Response, Gid);
 
 struct Calls<S: Service> {
     writer: DataWriterCdr<Padded<Framed<S::Request>>>,
-    /// The last number given to a request, where we give them.
+    /// The last sequence number, in the mapping where we number requests.
     sequence: i64,
     waiting: BTreeMap<i64, oneshot::Sender<Answer<S>>>,
 }
@@ -111,7 +110,7 @@ impl<S: Service + 'static> Client<S> {
         self.call_within(request, ANSWER_WITHIN).await
     }
 
-    /// As [`Self::call`], for answers that take longer or must come sooner.
+    /// As [`Self::call`], with another time limit for the answer.
     ///
     /// # Errors
     /// See [`CallError`].
@@ -131,8 +130,7 @@ impl<S: Service + 'static> Client<S> {
         }
     }
 
-    /// Asks every second until an answer comes; only for requests that may
-    /// arrive twice without harm.
+    /// Repeats the request every second until an answer comes; only for idempotent requests.
     ///
     /// # Errors
     /// See [`CallError`].
@@ -144,7 +142,7 @@ impl<S: Service + 'static> Client<S> {
         self.call_for_server(request, answer_within).await.map(|(response, _)| response)
     }
 
-    /// As [`Self::call_idempotent`]; also says which endpoint answered.
+    /// As [`Self::call_idempotent`]; also returns which endpoint answered.
     ///
     /// # Errors
     /// See [`CallError`].
@@ -156,8 +154,8 @@ impl<S: Service + 'static> Client<S> {
         self.call_again(request, answer_within, |_| RESEND_AFTER).await
     }
 
-    /// Asks again whenever the time that `resend_after` gives for the number
-    /// of requests so far is over.
+    /// Repeats the request after the time that `resend_after` returns for the number of
+    /// requests so far.
     pub(crate) async fn call_again(
         &self,
         request: &S::Request,
@@ -175,7 +173,7 @@ impl<S: Service + 'static> Client<S> {
             forget.sequences.push(sequence);
             answers.push(answer);
             let left = answer_within.saturating_sub(start.elapsed());
-            // An answer to any of the attempts will do.
+            // An answer to any of the attempts counts.
             let any = futures::future::select_ok(answers.iter_mut());
             let period = resend_after(forget.sequences.len());
             match tokio::time::timeout(left.min(period), any).await {
@@ -240,7 +238,7 @@ impl<S: Service> Shared<S> {
     }
 }
 
-/// Takes calls that nobody waits for any more off the list.
+/// Removes calls whose caller has given up.
 struct Forget<'a, S: Service> {
     shared: &'a Shared<S>,
     sequences: Vec<i64>,
@@ -255,8 +253,7 @@ impl<S: Service> Drop for Forget<'_, S> {
     }
 }
 
-/// Hands replies to the calls they belong to; those to other clients, and
-/// those that come too late, are passed over.
+/// Passes replies to their calls; skips replies to other clients and late ones.
 async fn dispatch<S: Service + 'static>(shared: Arc<Shared<S>>, mut replies: Reader<S::Response>) {
     let me = shared.endpoints[0];
     loop {

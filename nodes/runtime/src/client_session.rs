@@ -1,4 +1,4 @@
-//! A node for a command that asks something and leaves.
+//! A short-lived node for a command that calls services and exits.
 
 use crate::configuration::{Configuration, ConfigurationError};
 use crate::node::NodeError;
@@ -24,7 +24,7 @@ pub fn client_session(name: &str, words: &[String]) -> Result<Session, ClientSes
     let variables = std::env::vars_os()
         .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
         .collect();
-    // What is set for the nodes is none of this one's business.
+    // Settings for the nodes of the machine do not apply to a command.
     let configuration = Configuration::read(name, Vec::new(), words, &variables)?;
     if let Some(word) = configuration.rest.first() {
         return Err(ClientSessionError::Argument(word.clone()));

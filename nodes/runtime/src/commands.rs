@@ -1,4 +1,4 @@
-//! What a node was asked, by whom, and what it answered: the `command_log` topic.
+//! The `command_log` topic: each request to a node, its sender and the answer.
 
 use crate::interface::Message;
 use crate::node::{Handle, NodeError};
@@ -19,7 +19,7 @@ pub struct CommandLog {
     publisher: Arc<Publisher<Command>>,
 }
 
-/// What came of a request.
+/// The answer to a request.
 #[derive(Debug, Clone, Copy)]
 pub struct Answer<'a> {
     pub success: bool,

@@ -1,7 +1,7 @@
-//! What a node is started with: arguments, environment and files, put together.
+//! The configuration of a node: arguments, environment and parameter files combined.
 //!
 //! Reads parameter files; everything else is given. Nothing is started here,
-//! so that whatever is wrong is told before the node appears.
+//! so that every error is reported before the node appears.
 
 use crate::arguments::{ArgumentError, Arguments};
 use crate::environment::{Environment, EnvironmentError};
@@ -161,13 +161,13 @@ mod tests {
         assert_eq!(found.parameters.get("port"), Some(&ParameterValue::from("b")));
         assert_eq!(found.parameters.get("rate_hz"), Some(&ParameterValue::from(2.0)));
         assert_eq!(found.warnings.len(), 1, "{:?}", found.warnings);
-        // An argument wins over a file that comes behind it, and the last one over others.
+        // An argument wins over a later file, and the last argument over earlier ones.
         let words = ["--ros-args", "-p", "port:=c", "-p", "port:=d", "--params-file", &one];
         assert_eq!(read(&words).expect("valid").parameters.get("port"), Some(&"d".into()));
     }
 
     #[test]
-    fn everything_that_is_wrong_is_told_before_the_start() {
+    fn every_error_is_reported_before_the_start() {
         let error = read(&["--ros-args", "-p", "rate_hz:=1", "-p", "prot:=x"]);
         let text = error.expect_err("two errors").to_string();
         assert_eq!(text.lines().count(), 2, "{text}");

@@ -1,29 +1,29 @@
-//! Standard error, which nobody may read: a terminal that is stopped, a pipe that is full.
+//! Writes to standard error without blocking: a terminal may be stopped, a pipe full.
 //!
-//! What it does not take in time is left out. Nothing waits for it for long, since whoever logs
-//! may have a machine in hand.
+//! Lines that it does not take in time are dropped, because the thread that logs may control a
+//! machine.
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::io::Stderr;
 
-/// How long a console that is full may take.
+/// How long to wait for a console that is full.
 const WITHIN: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
-/// What a pipe takes in one piece when it takes anything.
+/// Bytes that a pipe takes at once if it takes any.
 const PIECE_MAX: usize = 4_000;
 
-/// Writes a line, unless nobody takes it.
+/// Writes a line, or drops it if the console is full.
 pub(crate) fn write(line: &str) {
     write_within(line, &WITHIN);
 }
 
-/// The same with another patience.
+/// The same with another timeout.
 pub(crate) fn write_within(line: &str, within: &Timespec) {
     let console = std::io::stderr();
     for piece in line.as_bytes().chunks(PIECE_MAX) {
         if !takes(&console, within) {
             return;
         }
-        // Not through the lock of standard error: whoever holds it may be the one who hangs.
+        // Without the lock of standard error: the thread that holds it may hang.
         let _ = rustix::io::write(&console, piece);
     }
 }

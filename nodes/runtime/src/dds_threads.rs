@@ -1,12 +1,12 @@
 //! The threads of the DDS layer, and what they are doing.
 //!
-//! RustDDS has two for each participant: one that receives and one that discovers. For each
-//! endpoint of ours the second tells the first of all peers on its topic, through a queue of
-//! 32, with its database locked for reading meanwhile. When the queue is full, and the first
-//! is to read the database too, it can, unless somebody waits to write: then the waiting
-//! writer gets priority and the three threads deadlock. Only the maker of an endpoint writes
-//! while the database is locked in this way. So an endpoint is made when both threads have
-//! come to rest, which is when nothing is left to do for the one before.
+//! RustDDS has two threads for each participant: a receiver and a discovery thread. For each
+//! new endpoint of ours the discovery thread sends the receiver all peers on its topic,
+//! through a queue of 32, and holds a read lock on its database meanwhile. The receiver may
+//! need the same read lock when the queue is full. It gets the lock unless a writer waits:
+//! then the waiting writer gets priority and the three threads deadlock. Only the thread that
+//! makes an endpoint writes then. So we make an endpoint only when both threads are idle:
+//! they have then finished with the endpoint before.
 //! The report: docs/upstream/rustdds-endpoint-deadlock.md.
 
 use std::collections::BTreeSet;
@@ -15,18 +15,18 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// What the names of these threads begin with, and how long they may be busy without a break.
-/// The receiving one comes first: it hands on to the other what there is to do. On a busy
+/// How the names of these threads begin, and how long to wait until they are idle. The
+/// receiver comes first, because it passes work on to the discovery thread. On a busy
 /// computer it may never be idle; after the timeout we assume that it has finished.
 const THREADS: [(&str, Duration); 2] =
     [("RustDDS Partici", Duration::from_millis(20)), ("RustDDS discove", Duration::from_secs(2))];
-/// How often they are looked at: soon, then less and less often.
+/// The time between two looks: short at first, then longer and longer.
 const SHORTEST: Duration = Duration::from_micros(50);
 const LONGEST: Duration = Duration::from_millis(2);
-/// What they usually need, where they cannot be watched.
+/// How long they usually need, for systems where they cannot be watched.
 const UNWATCHED: Duration = Duration::from_millis(2);
 
-/// What messages call them.
+/// Their names in messages.
 const NAMES: [&str; 2] = [RECEIVING, "discovery"];
 /// The thread that reads the sockets.
 pub(crate) const RECEIVING: &str = "receiving";
@@ -38,7 +38,7 @@ pub(crate) enum Seen {
     Gone,
     /// It waits for something to do.
     Waiting,
-    /// It runs, or waits for a lock; it has waited for anything so often.
+    /// It runs, or waits for a lock; with the count of its waits so far.
     Busy { waits: u64 },
 }
 
@@ -46,7 +46,7 @@ pub(crate) enum Seen {
 #[derive(Debug, Clone)]
 pub(crate) struct DdsThreads(BTreeSet<(usize, PathBuf)>);
 
-/// The threads of the DDS layer in this process, with their places in the table above.
+/// The threads of the DDS layer in this process, with their indexes in the table above.
 pub(crate) fn dds_threads() -> BTreeSet<(usize, PathBuf)> {
     let Ok(threads) = read_dir("/proc/self/task") else { return BTreeSet::new() };
     let known = |thread: PathBuf| {
@@ -59,7 +59,7 @@ pub(crate) fn dds_threads() -> BTreeSet<(usize, PathBuf)> {
 }
 
 impl DdsThreads {
-    /// Those that were started since.
+    /// The threads that were started since.
     pub(crate) fn since(before: &BTreeSet<(usize, PathBuf)>) -> Self {
         Self(dds_threads().difference(before).cloned().collect())
     }
@@ -74,7 +74,7 @@ impl DdsThreads {
         self.0.iter().map(|(place, call)| (NAMES[*place], look(*place, call))).collect()
     }
 
-    /// Waits until each of them has been at rest, one after the other.
+    /// Waits until each of them has been idle, one after the other.
     pub(crate) fn wait_for_rest(&self) {
         if self.0.is_empty() {
             std::thread::sleep(UNWATCHED);
@@ -96,7 +96,7 @@ impl DdsThreads {
 fn look(place: usize, call: &Path) -> Seen {
     let read = |name: &str| read_to_string(call.with_file_name(name));
     match read("comm") {
-        // The system may give the number to another thread.
+        // The system may reuse the number for another thread.
         Ok(name) if !name.starts_with(THREADS[place].0) => return Seen::Gone,
         Ok(_) => {}
         Err(error) if is_end(&error) => return Seen::Gone,
@@ -109,13 +109,13 @@ fn look(place: usize, call: &Path) -> Seen {
     }
 }
 
-/// Whether a file of a thread is missing because the thread is.
+/// Whether a file of a thread is missing because the thread has ended.
 fn is_end(error: &std::io::Error) -> bool {
     const NO_SUCH_PROCESS: i32 = rustix::io::Errno::SRCH.raw_os_error();
     error.kind() == ErrorKind::NotFound || error.raw_os_error() == Some(NO_SUCH_PROCESS)
 }
 
-/// How often a thread has waited, as its status tells.
+/// How often a thread has waited, from its `status` file.
 fn waits(status: &str) -> u64 {
     let line = status.lines().find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
     line.and_then(|count| count.trim().parse().ok()).unwrap_or(0)

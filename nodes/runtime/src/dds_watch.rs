@@ -1,24 +1,23 @@
-//! Whether the DDS layer still serves this process.
+//! The watchdog of the DDS layer: whether it still serves this process.
 //!
-//! RustDDS ends its event loops on the error of an interrupted wait, which is what SIGSTOP and
-//! SIGCONT make of it (docs/upstream/rustdds-interrupted-poll.md), and some packets make a thread
-//! panic or spin. The process lives on and hears nothing. So a thread of our own gives each of
-//! the two DDS threads something to do four times a second, and looks whether it came back to
-//! wait for more: a datagram to the participant's own port for the one that receives, a command
-//! for the one that discovers. This uses no endpoint, so that it works in the same way with keys,
-//! on any network, and next to any number of peers.
+//! RustDDS ends its event loops when SIGSTOP and SIGCONT interrupt a wait
+//! (docs/upstream/rustdds-interrupted-poll.md), and some packets make a thread panic or spin. The
+//! process then lives on but receives nothing. So a thread of our own gives each of the two DDS
+//! threads some work four times a second, and checks that it waits for more afterwards. The
+//! receiver gets a datagram on the participant's own port, the discovery thread a command. This
+//! uses no endpoint, so it works the same with security, on any network, with any number of peers.
 //!
-//! The one that receives may be busy without a break under a storm of messages; it serves as long
-//! as the datagrams are taken from its socket.
+//! Many messages may keep the receiver busy without a break; it serves as long as it takes the
+//! datagrams from its socket.
 //!
-//! A thread that has ended is noticed at the next look. One that hangs is given
-//! [`UNSERVED_MAX`] looks. Looks are counted, not seconds: a process that was stopped, or does
-//! not get its turn on a busy computer, does not look either.
+//! A thread that has ended is noticed at the next look; a thread that hangs, after
+//! [`UNSERVED_MAX`] looks. Looks are counted, not seconds: a process that is stopped, or gets no
+//! processor time, does not look either.
 
 use crate::dds_threads::{DdsThreads, RECEIVING, Seen};
-use crate::ending;
 use crate::memory_bound::MemoryBound;
 use crate::node::lock;
+use crate::panic_guard;
 use crate::supervision::{DEAF, Notifier, TOO_LARGE};
 use rustdds::DomainParticipant;
 use std::net::{Ipv4Addr, UdpSocket};
@@ -29,28 +28,28 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::sync::watch;
 
-/// Between two looks.
+/// The time between two looks.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
-/// So many looks in a row without progress: five seconds in which this thread had its turn.
+/// Looks in a row without progress: five seconds if this thread runs on time.
 const UNSERVED_MAX: u32 = 20;
-/// A thread that waited for something so often between two looks goes round its loop. One that
-/// was woken and got stuck waits once more at most.
+/// A thread that waited so often between two looks runs its loop. A thread that was woken and
+/// got stuck waits at most once.
 const WAITS_MIN: u64 = 2;
 /// Hundredths of a second.
 const ASKING_ENDS_WITHIN: u32 = 50;
 /// A datagram of RTPS without content: protocol 2.4, no vendor, no sender. Receivers drop it.
 const NOTHING: [u8; 20] = *b"RTPS\x02\x04\0\0\0\0\0\0\0\0\0\0\0\0\0\0";
 
-/// What is done when the process is deaf or too large.
+/// What to do when the process is deaf or takes too much memory.
 #[derive(Debug, Clone)]
 pub(crate) struct EndOfProcess {
     pub(crate) logger: String,
     pub(crate) memory: MemoryBound,
-    /// A node ends when it is deaf; a command connects again.
+    /// A node exits when it is deaf; a command reconnects.
     pub(crate) when_deaf: bool,
 }
 
-/// The thread that looks. Ends with this.
+/// The watching thread. It ends when this is dropped.
 #[derive(Debug)]
 pub(crate) struct DdsWatch {
     shared: Arc<Shared>,
@@ -66,8 +65,8 @@ struct Shared {
 }
 
 impl DdsWatch {
-    /// Begins to look at the threads of a participant; `deaf` gets the reason once, unless it is
-    /// the end of the process.
+    /// Starts to watch the threads of a participant; `deaf` gets the reason once, unless the
+    /// process exits.
     ///
     /// # Errors
     /// The system has no thread left.
@@ -80,8 +79,7 @@ impl DdsWatch {
     ) -> std::io::Result<Self> {
         let shared = Arc::new(Shared { notifier: Mutex::default(), end });
         let (stop, stopped) = channel();
-        // The requests come from a thread of their own: one that the DDS layer does not take
-        // waits for ever.
+        // A thread of its own sends the commands: it blocks if the DDS layer does not take one.
         let (requests, requested) = sync_channel(1);
         let served = Arc::new(AtomicU64::new(0));
         let port = metatraffic_port(domain_id, participant.participant_id());
@@ -94,8 +92,8 @@ impl DdsWatch {
         let thread = std::thread::Builder::new().name("dds-watch".into()).spawn(move || {
             look(&watching, &threads, &stopped, &requests, &served, &deaf);
             drop(requests);
-            // Its participant should go before the last of the others. One that hangs in the DDS
-            // layer is left there.
+            // Its participant must be dropped before the last other one. A thread that hangs in the
+            // DDS layer is left there.
             for _ in 0..ASKING_ENDS_WITHIN {
                 if asking.is_finished() {
                     break;
@@ -116,13 +114,13 @@ impl Drop for DdsWatch {
     fn drop(&mut self) {
         self.stop.take();
         if let Some(thread) = self.thread.take() {
-            // It has said why already if it did not end well.
+            // It has reported an error already, if there was one.
             let _ = thread.join();
         }
     }
 }
 
-/// Gives both threads something to do, whenever it is asked to.
+/// Gives both threads some work at each request.
 fn ask(
     participant: &DomainParticipant,
     port: Option<u16>,
@@ -132,10 +130,10 @@ fn ask(
     let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).ok();
     while requested.recv().is_ok() {
         if let (Some(socket), Some(port)) = (&socket, port) {
-            // Where there is no such port nothing arrives, and the thread wakes by its timers.
+            // If there is no such port, the thread still wakes by its timers.
             let _ = socket.send_to(&NOTHING, (Ipv4Addr::LOCALHOST, port));
         }
-        // An error says that the thread has gone, which is seen anyway.
+        // An error means that the thread has ended, which is noticed anyway.
         let _ = participant.assert_liveliness();
         served.fetch_add(1, Ordering::Relaxed);
     }
@@ -161,7 +159,11 @@ fn look(
         if let Some(EndOfProcess { logger, memory, .. }) = end
             && let Some(what) = memory.exceeded()
         {
-            ending::end(TOO_LARGE, logger, &format!("{what}; it ends with status {TOO_LARGE}"));
+            panic_guard::exit_now(
+                TOO_LARGE,
+                logger,
+                &format!("{what}; it ends with status {TOO_LARGE}"),
+            );
         }
         let mut seen = threads.look();
         for (name, seen) in &mut seen {
@@ -176,7 +178,7 @@ fn look(
         if let Some(reason) = known.or(verdict) {
             if let Some(EndOfProcess { logger, when_deaf: true, .. }) = end {
                 let text = format!("{reason}; this process is deaf and ends with status {DEAF}");
-                ending::end(DEAF, logger, &text);
+                panic_guard::exit_now(DEAF, logger, &text);
             }
             deaf.send_if_modified(|known| {
                 let is_new = known.is_none();
@@ -186,7 +188,7 @@ fn look(
             continue;
         }
         lock(&shared.notifier).alive();
-        // One that is still being asked is not asked again.
+        // No new request while one is pending.
         let _ = requests.try_send(());
     }
 }
@@ -196,7 +198,7 @@ fn is_taken(port: u16) -> Option<bool> {
     waiting_bytes(&std::fs::read_to_string("/proc/self/net/udp").ok()?, port).map(|it| it == 0)
 }
 
-/// What waits at a port, from the system's table of sockets.
+/// The bytes that wait at a port, from the system's table of sockets.
 fn waiting_bytes(table: &str, port: u16) -> Option<u64> {
     table.lines().skip(1).find_map(|line| {
         let mut words = line.split_ascii_whitespace();
@@ -211,7 +213,7 @@ fn waiting_bytes(table: &str, port: u16) -> Option<u64> {
 #[derive(Debug)]
 struct Proof {
     threads: Vec<Progress>,
-    /// The thread that asks, which the DDS layer may keep waiting too.
+    /// The thread that sends the requests, which the DDS layer may block too.
     asking: Progress,
 }
 
@@ -302,7 +304,7 @@ mod tests {
         let spins = |_| Seen::Busy { waits: 40 };
         // The first look may see progress: the count is new to it.
         assert_eq!(looks(spins, |look| look).expect("deaf").0, limit + 1);
-        // Woken once by what it was asked, stuck since.
+        // Woken once by a request, stuck since.
         let stuck = |look: u64| Seen::Busy { waits: 40 + look.min(1) };
         assert_eq!(looks(stuck, |look| look).expect("deaf").0, limit + 1);
     }

@@ -1,7 +1,7 @@
-//! What a parameter may be: its type, its range, its description.
+//! The declaration of a parameter: its type, range and description.
 //!
-//! Pure. Types are strict as in rclcpp: an integer is no double, and the reason
-//! against a value says how to write it.
+//! Pure. Types are strict as in rclcpp: an integer is not a double. An error says how
+//! to write the value.
 
 use std::fmt;
 
@@ -18,7 +18,7 @@ pub enum ParameterValue {
     StringArray(Vec<String>),
 }
 
-/// What a number may be, both ends included.
+/// The range of a number, both ends included.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Range {
     Integer { from: i64, to: i64 },
@@ -39,7 +39,7 @@ pub struct Declared {
     pub choices: Vec<String>,
     /// Set at the start, never while the node runs.
     pub read_only: bool,
-    /// What it was called in earlier versions; files that still say so are told.
+    /// Its name in earlier versions; a file that uses it gets an error with the new name.
     pub formerly: Option<String>,
 }
 
@@ -92,8 +92,8 @@ impl Declared {
         self
     }
 
-    /// A word of a file as the type means it: rcl reads YAML 1.1, where `yes` and `off`
-    /// are bools.
+    /// A word of a file, read for the declared type: rcl reads YAML 1.1, where `yes` and
+    /// `off` are bools.
     pub(crate) fn as_written(&self, value: &ParameterValue) -> ParameterValue {
         let (ParameterValue::Bool(_), ParameterValue::String(word)) = (&self.default, value) else {
             return value.clone();
@@ -200,7 +200,7 @@ impl ParameterValue {
             Self::IntegerArray(_) => Self::IntegerArray(Vec::new()),
             Self::DoubleArray(_) => Self::DoubleArray(Vec::new()),
             Self::StringArray(_) => Self::StringArray(Vec::new()),
-            // Not an array: an empty one does not fit, whatever its type.
+            // Not an array: an empty array of any type does not fit.
             _ => Self::StringArray(Vec::new()),
         }
     }

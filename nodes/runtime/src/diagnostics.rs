@@ -1,4 +1,4 @@
-//! `/diagnostics`: once a second, how each part of the node does.
+//! `/diagnostics`: the health of each part of the node, once a second.
 
 use crate::node::{Handle, NodeError};
 use crate::qos::Qos;
@@ -9,7 +9,7 @@ use tokio::time::MissedTickBehavior;
 /// How often, as diagnostic aggregators expect.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// How one part of a node does.
+/// The health of one part of a node.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Health {
     /// The part: `serial link`.
@@ -23,7 +23,7 @@ pub struct Health {
     pub values: Vec<(String, String)>,
 }
 
-/// As in `diagnostic_msgs/DiagnosticStatus`. What is stale only who listens can say.
+/// As in `diagnostic_msgs/DiagnosticStatus`, without STALE, which only a listener can detect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum HealthLevel {
     #[default]
@@ -33,7 +33,7 @@ pub enum HealthLevel {
 }
 
 impl Handle {
-    /// Publishes what `look` says once a second, on the absolute topic
+    /// Publishes the result of `look` once a second, on the absolute topic
     /// `/diagnostics`.
     ///
     /// # Errors

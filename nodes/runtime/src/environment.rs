@@ -1,13 +1,13 @@
-//! What the environment says about the ROS network.
+//! The ROS network settings in the environment.
 //!
 //! Pure: reads a map of variables, not the process. Knows the variables of
-//! ROS 2 Jazzy and what this stack makes of each.
+//! ROS 2 Jazzy and how this stack handles each.
 
 use crate::security::SecurityRequest;
 use crate::wire::ServiceMapping;
 use std::collections::BTreeMap;
 
-/// Which network interfaces the node speaks on.
+/// The network interfaces that the node uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DiscoveryRange {
     /// 127.0.0.1 alone: our default, because whoever can reach the node can
@@ -27,13 +27,13 @@ pub struct Environment {
     pub domain_id: u16,
     pub range: DiscoveryRange,
     pub mapping: ServiceMapping,
-    /// Who may talk to the node; none: everybody whom it reaches.
+    /// Who may talk to the node; none: every peer in reach.
     pub security: Option<SecurityRequest>,
     /// What was understood but is not done; for the log.
     pub warnings: Vec<String>,
 }
 
-/// A variable that cannot be obeyed.
+/// A variable with an invalid or unsupported value.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{variable}=\"{value}\": {reason}")]
 pub struct EnvironmentError {
@@ -55,12 +55,11 @@ impl Default for Environment {
 }
 
 impl Environment {
-    /// Whether answers of services may be longer than a network takes in one
-    /// piece (1.4 kB on Ethernet).
+    /// Whether service answers may be longer than one network packet (1.4 kB on Ethernet).
     ///
-    /// Under rmw_fastrtps_cpp the request is named in front of the payload,
-    /// and RustDDS spoils that in pieces; on the loopback interface there is
-    /// but one piece. Under rmw_cyclonedds_cpp it is in the payload.
+    /// With rmw_fastrtps_cpp the identity of the request precedes the payload, and RustDDS
+    /// corrupts it when it fragments a message; the loopback interface does not fragment.
+    /// With rmw_cyclonedds_cpp the identity is in the payload.
     pub fn keeps_long_replies(&self) -> bool {
         self.range != DiscoveryRange::Subnet || self.mapping == ServiceMapping::Cyclone
     }
@@ -68,7 +67,7 @@ impl Environment {
     /// Reads the variables; an empty value counts as none, as it does in ROS 2.
     ///
     /// # Errors
-    /// A value that is not valid, or that asks for what cannot be done.
+    /// A value is invalid or not supported.
     pub fn read(variables: &BTreeMap<String, String>) -> Result<Self, EnvironmentError> {
         let get = |name: &str| {
             variables.get(name).map(|value| value.trim()).filter(|value| !value.is_empty())
@@ -107,7 +106,7 @@ impl Environment {
                 }
             };
         }
-        // The older variable wins where it says less, as in ROS 2.
+        // The older variable wins where it is more restrictive, as in ROS 2.
         match get("ROS_LOCALHOST_ONLY") {
             None | Some("0") => {}
             Some("1") => {
@@ -232,16 +231,16 @@ mod tests {
     }
 
     #[test]
-    fn under_fastrtps_long_answers_stay_on_this_computer_and_that_is_told() {
-        let told = |range, rmw| {
+    fn under_fastrtps_long_answers_stay_on_this_computer_with_a_warning() {
+        let warns = |range, rmw| {
             let found =
                 read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", range), ("RMW_IMPLEMENTATION", rmw)]);
             let found = found.expect("valid");
             assert_eq!(found.warnings.is_empty(), found.keeps_long_replies());
             found.keeps_long_replies()
         };
-        assert!(told("LOCALHOST", "rmw_fastrtps_cpp") && told("SUBNET", "rmw_cyclonedds_cpp"));
-        assert!(!told("SUBNET", "rmw_fastrtps_cpp") && !told("SUBNET", ""));
+        assert!(warns("LOCALHOST", "rmw_fastrtps_cpp") && warns("SUBNET", "rmw_cyclonedds_cpp"));
+        assert!(!warns("SUBNET", "rmw_fastrtps_cpp") && !warns("SUBNET", ""));
     }
 
     #[test]

@@ -1,8 +1,8 @@
-//! Who is out there.
+//! Discovery: the peers of a node.
 //!
-//! The one reader of the participant's status channel: it remembers which
-//! remote endpoints are matched with each of ours and since when, wakes those
-//! who wait for a peer, and says when a peer is refused for its QoS.
+//! The only reader of the participant's status channel. It remembers which
+//! remote endpoints are matched with each of ours and since when, wakes the tasks
+//! that wait for a peer, and reports peers that are refused for their QoS.
 
 use crate::wire::Gid;
 use futures::StreamExt;
@@ -16,7 +16,7 @@ use tokio::sync::watch;
 /// discovery without multicast probes the ports of the ids 0 to 11.
 pub const LOOPBACK_PARTICIPANTS_MAX: usize = 12;
 
-/// What is known of the peers; shared by all endpoints.
+/// The known peers; shared by all endpoints.
 #[derive(Debug)]
 pub(crate) struct Graph {
     peers: Mutex<Peers>,
@@ -51,7 +51,7 @@ impl Graph {
         remotes.filter(|remote| remote.participant() == participant).copied().collect()
     }
 
-    /// Wakes at every change; what has changed is to be looked up.
+    /// Wakes at every change, without saying what has changed.
     pub(crate) fn changes(&self) -> watch::Receiver<u64> {
         self.changes.subscribe()
     }

@@ -7,17 +7,17 @@
 //!
 //! What holds everywhere:
 //!
-//! - Publishing returns at once; what the transport cannot take is dropped,
-//!   counted and reported now and then.
+//! - Publishing returns at once. A sample that the transport cannot take is dropped and
+//!   counted; the count is reported with a rate limit.
 //! - Nothing longer than a datagram is sent, whoever asks for it.
-//! - A sample that is not of the topic's type is counted, reported once per
-//!   sender, and passed over. Nothing from outside panics.
-//! - Every call has a deadline, and tells "nobody there" from "no answer".
+//! - A sample of another type than the topic's is counted, reported once per
+//!   sender, and skipped. No input from outside makes a node panic.
+//! - Every call has a deadline, and distinguishes "no server" from "no answer".
 //! - A thread that panics ends the process, with its place in the log.
-//! - A node that its DDS threads do not serve any more, or that takes too much memory, ends at
-//!   once with a reason; see [`supervision`].
-//! - Every subscription has an explicit depth: what does not fit is lost
-//!   silently, even when reliable. Number what must not be lost.
+//! - A node exits at once, with a reason, when its DDS threads no longer serve it or when it
+//!   takes too much memory; see [`supervision`].
+//! - Every subscription has an explicit depth: samples that do not fit are lost
+//!   silently, even when reliable. Number the samples that must not be lost.
 //! - A latched topic may deliver older values first; the newest comes last.
 //!
 //! ```no_run
@@ -69,14 +69,13 @@ pub mod chunks;
 mod client;
 mod client_session;
 pub mod commands;
-mod complaints;
 pub mod configuration;
 mod console;
 mod dds_threads;
 mod dds_watch;
 mod declared;
 mod diagnostics;
-mod ending;
+mod endpoint_rate_limit;
 pub mod environment;
 mod graph;
 pub mod lifecycle;
@@ -88,7 +87,7 @@ mod memory;
 mod memory_bound;
 pub mod names;
 mod node;
-mod pace;
+mod panic_guard;
 mod parameter_file;
 mod parameter_services;
 pub mod parameters;
@@ -107,6 +106,7 @@ mod tasks;
 mod throttle;
 mod time;
 mod type_description;
+mod warning_rate_limit;
 mod wire;
 
 pub use cnc_msgs::interface;
@@ -114,14 +114,13 @@ pub use cnc_msgs::interface;
 pub use cancel::Shutdown;
 pub use client::{ANSWER_WITHIN, CallError, Client, SERVER_WITHIN};
 pub use client_session::{ClientSessionError, client_session};
-pub use complaints::Complaints;
 pub use diagnostics::{Health, HealthLevel};
-pub use ending::{catch, end_command_on_panic};
 pub use graph::LOOPBACK_PARTICIPANTS_MAX;
 pub use lifecycle::{Managed, Step, Trouble};
 pub use logging::LogSettings;
 pub use memory::Memory;
 pub use node::{Handle, NodeError};
+pub use panic_guard::{catch, end_command_on_panic};
 pub use parameter_services::from_wire as parameter_from_wire;
 pub use parameters::Declared;
 pub use publisher::Publisher;
@@ -132,9 +131,12 @@ pub use service::RequestInfo;
 pub use session::Session;
 pub use subscription::{SampleInfo, Subscription};
 pub use time::RosTime;
+pub use warning_rate_limit::WarningRateLimit;
+/// The former name of [`WarningRateLimit`], until all crates use the new one.
+pub use warning_rate_limit::WarningRateLimit as Complaints;
 pub use wire::{Gid, ServiceMapping};
 
 /// Whatever ends a node, for its log.
 pub type Error = Box<dyn std::error::Error + Send + Sync>;
-/// How the life of a node ends.
+/// The result of a node's run.
 pub type NodeResult = Result<(), Error>;

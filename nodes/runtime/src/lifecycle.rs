@@ -1,9 +1,9 @@
-//! Managed nodes: what a node does when others change its state.
+//! Managed nodes: what a node does at each lifecycle transition.
 //!
 //! A node makes its endpoints once, at its start, and keeps them for life; what
-//! a state means is in the methods of [`Managed`]. Which transition leads where
-//! is decided in `machine`; the endpoints are in `services`. A node that is asked
-//! for what only an active one does says so with [`Handle::require_active`].
+//! a state means is in the methods of [`Managed`]. `machine` has the transitions,
+//! `services` the endpoints. [`Handle::require_active`] refuses requests that only an
+//! active node serves.
 //!
 //! With the parameter `autostart` a node makes itself active, and ends when it
 //! cannot; without it, it waits for others. A signal to stop, or the transition
@@ -30,16 +30,16 @@ pub const AUTOSTART: &str = "autostart";
 /// Under this name the state is kept, where the node has a memory.
 const KEPT_STATE: &str = "lifecycle";
 
-/// What came of a step: done, or why not.
+/// The outcome of a step: done, or why not.
 pub type Step = Result<(), Trouble>;
 
 /// Why a step was not done.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Trouble {
-    /// Nothing has changed; the node stays in the state of before.
+    /// Nothing has changed; the node stays in its previous state.
     #[error("{0}")]
     Failure(String),
-    /// It is half done, and the node cannot go on.
+    /// It is half done, and the node cannot continue.
     #[error("{0}")]
     Error(String),
 }
@@ -51,43 +51,43 @@ impl Trouble {
     }
 }
 
-/// What a node does on its way from one state to another.
+/// What a node does at each transition.
 ///
 /// One step runs at a time. A step that panics stops the node.
 pub trait Managed: Send + Sync + 'static {
-    /// Opens what the node needs; it does nothing with it yet.
+    /// Opens the resources of the node, without using them yet.
     fn configure(&self) -> impl Future<Output = Step> + Send {
         ready(Ok(()))
     }
 
-    /// Begins to do what it is asked for.
+    /// Starts to serve requests.
     fn activate(&self) -> impl Future<Output = Step> + Send {
         ready(Ok(()))
     }
 
-    /// Brings what is under way to an end, and takes up nothing more.
+    /// Ends running work and accepts no more.
     fn deactivate(&self) -> impl Future<Output = Step> + Send {
         ready(Ok(()))
     }
 
-    /// Gives back what `configure` opened.
+    /// Releases what `configure` opened.
     fn cleanup(&self) -> impl Future<Output = Step> + Send {
         ready(Ok(()))
     }
 
-    /// Brings everything to an end, from any state; the process ends afterwards.
+    /// Ends everything, from any state; the process ends afterwards.
     fn shutdown(&self) -> impl Future<Output = Step> + Send {
         ready(Ok(()))
     }
 
-    /// Goes on in a state in which the process before this one was; see [`crate::Memory`].
-    /// What the state needs is there already.
+    /// Continues in the state of the previous process; see [`crate::Memory`].
+    /// What the state needs exists already.
     fn go_on(&self, state: State) -> impl Future<Output = Step> + Send {
         let _ = state;
         ready(Ok(()))
     }
 
-    /// How the parts of the node do; asked once a second.
+    /// The health of the node's parts; called once a second.
     fn health(&self) -> Vec<Health> {
         Vec::new()
     }
@@ -123,7 +123,7 @@ impl<M: Managed> Managed for Arc<M> {
     }
 }
 
-/// The parameter that managed nodes have beside their own.
+/// The parameter that every managed node has besides its own.
 pub(crate) fn autostart() -> Declared {
     let description = "whether the node configures and activates itself when it starts";
     Declared::new(AUTOSTART, true, description).read_only()
@@ -135,15 +135,15 @@ impl Handle {
         *self.inner.lifecycle.borrow()
     }
 
-    /// Sees every change of the node's state that comes after this call.
+    /// Receives every later change of the node's state.
     pub fn lifecycle_changes(&self) -> watch::Receiver<Option<State>> {
         self.inner.lifecycle.subscribe()
     }
 
-    /// Whether the node does what it is asked for.
+    /// Whether the node serves requests.
     ///
     /// # Errors
-    /// It is managed and not active; what to do about that.
+    /// It is managed and not active; with what to do about that.
     pub fn require_active(&self) -> Result<(), String> {
         match self.lifecycle_state() {
             None | Some(State::Active) => Ok(()),
@@ -161,7 +161,7 @@ impl Handle {
     }
 }
 
-/// A node that waits to be made active does nothing, and looks as if it did.
+/// A node that waits to be activated does nothing, but looks as if it ran.
 fn health(state: State) -> Health {
     let level = match state {
         State::Active => HealthLevel::Ok,
@@ -196,7 +196,7 @@ pub(crate) async fn live<M: Managed>(node: &Handle, managed: M) -> crate::NodeRe
     }
     lifecycle.finalize().await;
     if let (Some(memory), Err(_)) = (node.memory(), &started) {
-        // The next process tries from the beginning.
+        // The next process starts from the beginning.
         memory.forget(KEPT_STATE);
     }
     started
@@ -218,7 +218,7 @@ impl<M: Managed> Lifecycle<M> {
         Ok(lifecycle)
     }
 
-    /// Goes on in the state of the process before; else makes the node active, with `autostart`.
+    /// Continues in the state of the previous process; else activates the node, with `autostart`.
     async fn start(&self) -> crate::NodeResult {
         if let Some(state) = self.state_before() {
             let _alone = self.step.lock().await;
@@ -242,18 +242,18 @@ impl<M: Managed> Lifecycle<M> {
         Ok(())
     }
 
-    /// Goes the way that is asked for, to its end.
+    /// Runs a transition to its end.
     ///
     /// # Errors
-    /// There is no such way from here, or it could not be gone.
+    /// There is no such transition from here, or it failed.
     async fn request(&self, id: u8, label: &str) -> Result<(), String> {
         let _alone = self.step.lock().await;
         let way = requested(self.state(), id, label)?;
         self.go(way).await
     }
 
-    /// Ends whatever the node does. A step that is under way is waited for; one that
-    /// was cut off left the node in between, and that does not keep it from ending.
+    /// Finalizes the node. Waits for a step that is running; a step that was cut off does not
+    /// prevent it.
     async fn finalize(&self) {
         let _alone = self.step.lock().await;
         let state = self.state();
@@ -293,7 +293,7 @@ impl<M: Managed> Lifecycle<M> {
         }
         self.take(ended(way.goal, outcome));
         if self.state() == State::ErrorProcessing {
-            // What is half done is not mended here, but by a new process.
+            // Only a new process recovers from a step that is half done.
             self.take(ended(State::ErrorProcessing, Outcome::Failure));
             self.node.shutdown().fail(&format!("{} failed", way.label));
         }
@@ -303,7 +303,7 @@ impl<M: Managed> Lifecycle<M> {
         went.map_err(|trouble| trouble.to_string())
     }
 
-    /// The last state in which the process before this one rested.
+    /// The last lasting state of the previous process.
     fn state_before(&self) -> Option<State> {
         let kept = self.node.memory()?.get(KEPT_STATE)?;
         let [id] = kept.as_slice() else { return None };
@@ -320,7 +320,7 @@ impl<M: Managed> Lifecycle<M> {
             tracing::info!("{}", way.goal.label());
         }
         let kept = match way.goal {
-            // A process that ends on this way does not make the node active again.
+            // If the process ends during this transition, the next one does not activate the node.
             State::Deactivating => Some(State::Inactive),
             state => (!state.is_transitional()).then_some(state),
         };

@@ -1,4 +1,4 @@
-//! The parameters of a running node, as the node itself sees them.
+//! The parameters of a running node, for the node itself.
 
 use crate::memory_bound::{self, MemoryBound};
 use crate::node::{Handle, lock};
@@ -6,7 +6,7 @@ use crate::parameters::{ParameterValue, Parameters};
 use std::sync::Mutex;
 use tokio::sync::watch;
 
-/// Has a say in changes that fit the declarations; the reason if it refuses.
+/// Validates changes that fit the declarations; returns the reason if it refuses.
 pub(crate) type Guard = Box<dyn Fn(&[(String, ParameterValue)]) -> Result<(), String> + Send>;
 
 /// The parameters of a running node.
@@ -37,7 +37,7 @@ impl LiveParameters {
         self.changes.subscribe()
     }
 
-    /// Sets all or none; the reason if none.
+    /// Sets all or none; an error has the reason.
     pub(crate) fn set(&self, changes: &[(String, ParameterValue)]) -> Result<(), String> {
         let mut parameters = lock(&self.parameters);
         parameters.check(changes).map_err(|error| error.to_string())?;
@@ -64,8 +64,7 @@ impl Handle {
             .unwrap_or_else(|_| panic!("parameter \"{name}\" is declared as {type_name}"))
     }
 
-    /// What this process may take before it ends, bytes: `memory_mb_max`, or less on a small
-    /// computer.
+    /// The memory at which this process ends, bytes: `memory_mb_max`, or less on a small computer.
     pub fn memory_bytes_max(&self) -> u64 {
         match self.inner.parameters.get(memory_bound::PARAMETER) {
             Some(ParameterValue::Integer(megabytes)) => MemoryBound::of(megabytes),
@@ -74,8 +73,8 @@ impl Handle {
         .bytes()
     }
 
-    /// Has a say in changes of parameters while the node runs: all of them
-    /// together, after they fit the declarations. The reason if it refuses.
+    /// Sets a validator for changes of parameters while the node runs. It gets all changes
+    /// together, once they fit the declarations, and returns the reason if it refuses.
     pub fn guard_parameters(
         &self,
         guard: impl Fn(&[(String, ParameterValue)]) -> Result<(), String> + Send + 'static,
@@ -83,7 +82,7 @@ impl Handle {
         self.inner.parameters.set_guard(Box::new(guard));
     }
 
-    /// Sees every change of the parameters that comes after this call.
+    /// Receives every later change of the parameters.
     pub fn parameter_changes(&self) -> tokio::sync::watch::Receiver<u64> {
         self.inner.parameters.subscribe()
     }

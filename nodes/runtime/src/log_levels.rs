@@ -1,4 +1,4 @@
-//! From which level each logger writes, and how that changes while a node runs.
+//! The level of each logger; it can change while a node runs.
 //!
 //! As in rcl: a logger without a level of its own has that of the nearest logger above
 //! it, by the dots in their names, and then the default. Which level a message has, and
@@ -69,7 +69,7 @@ impl LogLevels {
     }
 }
 
-/// The levels of a running node, with that of its own logger at hand.
+/// The levels of a running node, with a cached level of its own logger.
 #[derive(Debug)]
 pub(crate) struct LiveLevels {
     logger: String,
@@ -110,7 +110,7 @@ impl LiveLevels {
         levels.set(logger, level);
         self.effective.store(levels.effective(&self.logger) as u8, Ordering::Relaxed);
         drop(levels);
-        // Places that log remember whether anybody listens.
+        // `tracing` caches for each place whether its level is enabled.
         tracing::callsite::rebuild_interest_cache();
         Ok(())
     }

@@ -1,7 +1,7 @@
-//! `~/get_logger_levels` and `~/set_logger_levels`: the log of a node from outside.
+//! `~/get_logger_levels` and `~/set_logger_levels`: log levels, for other nodes.
 //!
-//! rclcpp offers them with `enable_logger_service`; here they are always there. What a
-//! level means is decided in `log_levels`.
+//! rclcpp offers them with `enable_logger_service`; here they are always available.
+//! `log_levels` has the levels themselves.
 
 use crate::arguments::LogLevel;
 use crate::log_levels::LiveLevels;

@@ -1,8 +1,8 @@
-//! The log: one line a message on the console, and `/rosout`.
+//! The log: one line per message on the console, and `/rosout`.
 //!
 //! Everything that is logged through `tracing` comes here, except what the DDS
-//! layers say to themselves. Logging never waits: what `/rosout` cannot take is
-//! on the console only. A place that logs without end is throttled, so that no
+//! layers log. Logging never blocks: lines that `/rosout` cannot take are
+//! on the console only. A place in the code that logs too often is throttled, so that no
 //! peer can fill a disk.
 
 use crate::arguments::{Arguments, LogLevel};
@@ -28,7 +28,7 @@ const WAITING_MAX: usize = 1000;
 /// A longer line is cut on `/rosout`, in bytes.
 const LINE_MAX: usize = 16 * 1024;
 
-/// What is logged, and where to.
+/// What is logged, and where.
 #[derive(Debug, Clone)]
 pub struct LogSettings {
     /// `cell.mill.driver`.
@@ -40,7 +40,7 @@ pub struct LogSettings {
 }
 
 impl LogSettings {
-    /// As the arguments say.
+    /// From the arguments.
     pub(crate) fn new(arguments: &Arguments, names: &Names) -> Self {
         let logger = names.logger();
         let levels = LiveLevels::new(logger.clone(), LogLevels::new(arguments, names));
@@ -113,7 +113,7 @@ impl<S: Subscriber> Layer<S> for RosLog {
         let Some(left_out) = lock(&self.throttle).admit(place, Instant::now()) else { return };
         let mut text = Text::default();
         event.record(&mut text);
-        // Names and texts of others are in it: none of them writes a line of its own.
+        // It may hold names and texts of peers: escaped, so that none can add a line.
         let mut text = one_line(&text.finish()).into_owned();
         if left_out > 0 {
             // Writing to a string does not fail.

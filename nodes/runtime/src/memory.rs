@@ -1,7 +1,7 @@
-//! What a node keeps outside of its process, so that its next process goes on.
+//! Values that a node keeps outside of its process, so that the next process can continue.
 //!
-//! Nodes have none; the driver's ROS face has one in the motion process. Where it is there, an
-//! action keeps its goals in it, and a managed node its state.
+//! Only the ROS process of the driver has such a memory, in the motion process. Actions keep
+//! their goals in it, and a managed node its state.
 
 use crate::node::{Handle, lock};
 use std::collections::BTreeMap;
@@ -10,14 +10,14 @@ use std::sync::Mutex;
 /// Takes a value to keep, or `None` to forget it.
 type Keep = Box<dyn Fn(&str, Option<Vec<u8>>) + Send + Sync>;
 
-/// Values by name, of this process and of the one before it.
+/// Values by name, of this process and the previous one.
 pub struct Memory {
     values: Mutex<BTreeMap<String, Vec<u8>>>,
     keep: Keep,
 }
 
 impl Memory {
-    /// `values` are those of the process before; `keep` is given each change.
+    /// `values` are those of the previous process; `keep` gets each change.
     pub fn new(
         values: BTreeMap<String, Vec<u8>>,
         keep: impl Fn(&str, Option<Vec<u8>>) + Send + Sync + 'static,
@@ -30,7 +30,7 @@ impl Memory {
         lock(&self.values).get(name).cloned()
     }
 
-    /// Keeps a value; one that is kept already is not kept again.
+    /// Keeps a value; does nothing if it has not changed.
     pub fn keep(&self, name: &str, value: Vec<u8>) {
         let mut values = lock(&self.values);
         if values.get(name) != Some(&value) {

@@ -1,8 +1,8 @@
-//! How much memory a process may take.
+//! Limits the memory of a process.
 //!
-//! Whoever reaches a node can make the DDS layer allocate without bound. So each process that
-//! listens to DDS has a bound of its own, and ends when it is above it: a flood restarts that
-//! process and nothing else. The kernel refuses at once what is far above the bound
+//! Any peer can make the DDS layer allocate without bound. So each process that uses DDS has a
+//! bound of its own, and exits above it: a flood restarts that process and nothing else. The
+//! kernel refuses allocations far above the bound at once
 //! (`RLIMIT_DATA`): the process aborts with "memory allocation of N bytes failed".
 //!
 //! The reports: docs/upstream/rustdds-data-frag-size.md, -heartbeat-range.md, -gap-range.md and
@@ -61,7 +61,7 @@ impl MemoryBound {
     pub(crate) fn enforce(self) {
         use rustix::process::{Resource, getrlimit, setrlimit};
         let mut limit = getrlimit(Resource::Data);
-        // Data that was never touched counts there, and not in what is watched.
+        // This limit counts untouched memory too; the watched value does not.
         let hard = self.0.saturating_add(self.0 / 2).saturating_add(256 * MB);
         if limit.current.is_none_or(|current| current > hard) {
             limit.current = Some(limit.maximum.map_or(hard, |maximum| maximum.min(hard)));
@@ -70,7 +70,7 @@ impl MemoryBound {
         }
     }
 
-    /// What the process takes, when that is above the bound: a sentence with the numbers.
+    /// A sentence with the numbers, when the process is above the bound.
     pub(crate) fn exceeded(self) -> Option<String> {
         let resident = resident()?;
         (resident > self.0).then(|| {

@@ -1,7 +1,7 @@
-//! ROS names: what is valid, and where a relative one leads.
+//! ROS names: validity, resolution and remapping.
 //!
 //! Follows the ROS 2 design articles on topic and service names and on static
-//! remapping. Pure: names and rules in, a name or the reason against it out.
+//! remapping. Pure: returns a name, or why it is not valid.
 
 /// A name that is not valid, and why.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -41,7 +41,7 @@ pub enum Scope {
     Service,
 }
 
-/// Where a node stands and which names are replaced.
+/// The name and namespace of a node, and its remapping rules.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Names {
     namespace: String,

@@ -1,21 +1,20 @@
 //! The node, as its tasks see it.
 //!
-//! Makes the endpoints and owns what they need. Leaves what travels on them to
-//! their own files, and start and stop to `session`.
+//! Makes the endpoints and owns what they share. `session` starts and stops it.
 //!
-//! All endpoints are made at the start and kept for life: others do not learn
-//! that one is gone until the node is.
+//! All endpoints are made at the start and kept until the node ends: peers do not notice
+//! that a single endpoint is gone.
 
 use crate::cancel::Shutdown;
 use crate::client::Client;
 use crate::configuration::Configuration;
+use crate::endpoint_rate_limit::EndpointRateLimit;
 use crate::environment::Environment;
 use crate::graph::Graph;
 use crate::interface::{Message, Service};
 use crate::live_parameters::LiveParameters;
 use crate::memory::Memory;
 use crate::names::{NameError, Names, Scope};
-use crate::pace::Pace;
 use crate::publisher::{LastWords, Publisher};
 use crate::qos::Qos;
 use crate::service::{Crowd, Replies, RequestInfo, Server, UNACKNOWLEDGED_MAX};
@@ -49,19 +48,19 @@ pub struct Handle {
     pub(crate) inner: Arc<Inner>,
 }
 
-/// What all handles of a node share.
+/// Shared by all handles of a node.
 pub(crate) struct Inner {
-    /// To start the node once more.
+    /// To restart the node.
     pub(crate) configuration: Configuration,
     pub(crate) names: Names,
     pub(crate) environment: Environment,
     /// `None` once the node is being taken down.
     pub(crate) node: Mutex<Option<ros2_client::Node>>,
     pub(crate) participant: DomainParticipant,
-    /// Makes the writers that ros2-client has no way to make.
+    /// Makes the writers that ros2-client cannot make.
     pub(crate) writers: rustdds::Publisher,
-    /// When endpoints may be made.
-    pub(crate) pace: Pace,
+    /// Limits how fast endpoints are made.
+    pub(crate) endpoint_rate: EndpointRateLimit,
     pub(crate) graph: Arc<Graph>,
     pub(crate) parameters: Arc<LiveParameters>,
     pub(crate) clock: Arc<Clock>,
@@ -88,7 +87,7 @@ impl Handle {
         &self.inner.names
     }
 
-    /// What the environment said.
+    /// The settings from the environment.
     pub fn environment(&self) -> &Environment {
         &self.inner.environment
     }
@@ -103,8 +102,8 @@ impl Handle {
         &self.inner.shutdown
     }
 
-    /// Waits until the DDS layer does not serve this node any more, and says why. Nothing that
-    /// is sent then arrives anywhere, and nothing comes in.
+    /// Waits until the DDS layer no longer serves this node, and returns the reason. From then on
+    /// the node can neither send nor receive.
     pub async fn deaf(&self) -> String {
         let mut deaf = self.inner.deaf.subscribe();
         // The sender lives as long as `self`.
@@ -137,7 +136,7 @@ impl Handle {
         Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph), last_words))
     }
 
-    /// Subscribes `T` on `topic`; `qos.depth` is what may wait unread.
+    /// Subscribes `T` on `topic`; up to `qos.depth` samples may wait unread.
     ///
     /// # Errors
     /// The name is not valid, or DDS refused.
@@ -190,8 +189,8 @@ impl Handle {
         self.concurrent_service_of::<S, F, Fut>(name, S::TYPE_NAME, crowd, earlier, handler)
     }
 
-    /// The same for a type whose name is only known at run time. `earlier` requests came to the
-    /// process before this one, which had not answered them.
+    /// The same for a type whose name is only known at run time. `earlier` are requests that the
+    /// previous process did not answer.
     pub(crate) fn concurrent_service_of<S, F, Fut>(
         &self,
         name: &str,
@@ -242,7 +241,7 @@ impl Handle {
         Ok(Server::new(reader, replies, Arc::clone(&self.inner.graph)))
     }
 
-    /// Asks a service.
+    /// Makes a client of a service.
     ///
     /// # Errors
     /// The name is not valid, or DDS refused.
@@ -290,7 +289,7 @@ impl Handle {
         self.endpoint(&format!("rt{name}"), &dds_type(type_name, ""), qos, make)
     }
 
-    /// Makes an endpoint on a DDS topic, when it is time.
+    /// Makes an endpoint on a DDS topic, when the rate limit allows it.
     fn endpoint<R>(
         &self,
         topic: &str,
@@ -298,7 +297,7 @@ impl Handle {
         qos: Qos,
         make: impl FnOnce(&Topic) -> Result<R, NodeError>,
     ) -> Result<R, NodeError> {
-        let _turn = self.inner.pace.turn();
+        let _turn = self.inner.endpoint_rate.turn();
         let topic = self
             .inner
             .participant

@@ -1,9 +1,8 @@
 //! ROS 2 parameter files and `-p`.
 //!
-//! Pure: text in, values for one node out, each with the line it stands in.
+//! Pure: text in, values for one node out, each with its line.
 //! Knows sections (`/**:`, `/ns/node:`, `*`), `ros__parameters`, and how
-//! groups become dotted names. Whether a value fits is checked by
-//! `parameters`.
+//! groups become dotted names. `parameters` validates the values.
 
 use crate::arguments::ParameterArgument;
 use crate::names::Names;
@@ -12,7 +11,7 @@ use intake::nearest::nearest;
 use serde_yaml::Value;
 use settings::yaml::{FileError, from_yaml_str, line_of};
 
-/// What a parameter file has for a node.
+/// The content of a parameter file for one node.
 #[derive(Debug, Default)]
 pub(crate) struct Found {
     /// In order.
@@ -80,7 +79,7 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Goes through nodes and namespaces, which may be nested.
+    /// Walks nodes and namespaces, which may be nested.
     fn sections(&mut self, map: &Value, path: &mut Vec<String>) -> Result<(), FileError> {
         let Value::Mapping(map) = map else {
             return Err(self.error(path, "ros__parameters is missing below it"));
@@ -112,10 +111,10 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Passes over the section of another node, if it is one.
+    /// Skips the section of another node, if it is one.
     fn other(&mut self, section: &[String], name: &str) -> Result<(), FileError> {
         let (node, default_node) = (self.names.node(), self.default_node);
-        // `axis_driver_left` is a name of its own, and so is what the node is called now.
+        // `axis_driver_left` is another name, and so is the present name of the node.
         let is_own = name.starts_with(default_node) || name == node || name.contains('*');
         if !is_own && nearest(name, [default_node]).is_some() {
             let why = format!("there is no node \"{name}\"; did you mean \"{default_node}\"?");

@@ -1,8 +1,7 @@
-//! The parameters of a node as others see them: six services and an event topic.
+//! The parameter interface for other nodes: six services and an event topic.
 //!
-//! Served here rather than by ros2-client, which knows one service mapping,
-//! no descriptions, ranges or read-only parameters. What a parameter may be is
-//! decided in `parameters`.
+//! Written here because ros2-client has only one service mapping, and no descriptions, ranges
+//! or read-only parameters. `parameters` validates values.
 
 use crate::live_parameters::LiveParameters;
 use crate::node::{Handle, NodeError, lock};
@@ -278,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_descriptor_tells_all_that_is_declared() {
+    fn a_descriptor_has_all_that_is_declared() {
         let parameters = parameters();
         let feed = describe(&parameters, "limits.feed");
         assert_eq!((feed.type_, feed.read_only), (Type::PARAMETER_DOUBLE, false));

@@ -1,8 +1,7 @@
 //! The parameters of a node and their values.
 //!
-//! Pure. What each may be is said in `declared`; where values come from is the
-//! business of `parameter_file`, and how others read and change them that of
-//! `parameter_services`.
+//! Pure. `declared` has the types and ranges, `parameter_file` reads files and arguments,
+//! and `parameter_services` serves other nodes.
 
 pub use crate::declared::{Declared, ParameterValue, Range};
 use std::collections::BTreeMap;
@@ -48,8 +47,8 @@ pub struct Override {
     /// `None` is an empty list, which may be any array.
     pub value: Option<ParameterValue>,
     pub origin: Origin,
-    /// It stands where it may be meant for other nodes too: if this node has
-    /// no such parameter, that is no error.
+    /// Its section may be meant for other nodes too: it is not an error if this node has
+    /// no such parameter.
     pub is_shared: bool,
 }
 
@@ -83,10 +82,10 @@ impl Parameters {
     }
 
     /// Takes the values of files and arguments, later ones over earlier ones;
-    /// read-only ones too. Returns what was passed over, for the log.
+    /// read-only ones too. Returns what was skipped, for the log.
     ///
     /// # Errors
-    /// Each value that does not fit; nothing is taken then.
+    /// All values that do not fit; nothing is changed then.
     pub fn apply(&mut self, overrides: &[Override]) -> Result<Vec<String>, Vec<ParameterError>> {
         let mut errors = Vec::new();
         let mut warnings = Vec::new();
@@ -123,7 +122,7 @@ impl Parameters {
         }
     }
 
-    /// Whether nodes of ROS have a parameter of this name, without a meaning here.
+    /// Whether ROS nodes have a parameter of this name that has no effect here.
     pub(crate) fn is_of_ros(name: &str) -> bool {
         name.starts_with("qos_overrides.") || name == "start_type_description_service"
     }
@@ -137,7 +136,7 @@ impl Parameters {
             let Some((declared, current)) = self.entries.get(name) else {
                 return Err(self.unknown(name, Origin::default()));
             };
-            // What is set to what it is stays what it is: a dumped file loads again.
+            // Setting the present value is allowed, read-only or not: a dumped file loads again.
             if declared.read_only && value != current {
                 return Err(ParameterError::ReadOnly { name: name.clone() });
             }
@@ -164,8 +163,8 @@ impl Parameters {
         Ok(())
     }
 
-    /// A value as it is meant by who cannot know the type: of an empty array nobody can
-    /// tell what it is an array of.
+    /// The value with the declared type, if it is an empty array, whose type the sender cannot
+    /// know.
     pub(crate) fn as_meant(&self, name: &str, value: ParameterValue) -> ParameterValue {
         match self.entries.get(name) {
             Some((declared, _)) if value.is_empty_array() && declared.default.is_array() => {
@@ -190,7 +189,7 @@ impl Parameters {
         self.entries.values().map(|(declared, value)| (declared, value))
     }
 
-    /// What a parameter is called now that had this name before.
+    /// The present name of a parameter that had this name before.
     pub(crate) fn renamed(&self, name: &str) -> Option<&str> {
         let mut declared = self.entries.values().map(|(declared, _)| declared);
         declared.find(|it| it.formerly.as_deref() == Some(name)).map(|it| it.name.as_str())
@@ -267,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn later_values_win_and_all_errors_are_told_at_once() {
+    fn later_values_win_and_all_errors_are_reported_at_once() {
         let mut parameters = parameters();
         let overrides = [found("baud", 9600), found("port", "a"), found("baud", 19_200)];
         assert_eq!(parameters.apply(&overrides), Ok(vec![]));
@@ -284,7 +283,7 @@ mod tests {
             parameters.apply(&[found(USE_SIM_TIME, word)]).expect(word);
             assert_eq!(parameters.get(USE_SIM_TIME), Some(&expected.into()), "{word}");
         }
-        // A string stays a string, whatever it looks like.
+        // A string stays a string, even if it looks like a number.
         let mut parameters = parameters();
         parameters.apply(&[found("port", "on")]).expect("a string");
         assert_eq!(parameters.get("port"), Some(&"on".into()));
@@ -307,7 +306,7 @@ mod tests {
             Ok(vec![])
         );
         assert_eq!(parameters.get("home_axes"), Some(&ParameterValue::IntegerArray(vec![])));
-        // Over the network it comes as an array of whatever the sender took it for.
+        // Over the network it arrives as an array of any type.
         let meant = parameters.as_meant("home_axes", Vec::<bool>::new().into());
         assert_eq!(meant, ParameterValue::IntegerArray(vec![]));
         assert_eq!(parameters.as_meant("baud", vec![true].into()), vec![true].into());
@@ -323,7 +322,7 @@ mod tests {
         let error = parameters.set(&[good.clone(), fixed]).expect_err("read-only");
         assert!(error.to_string().contains("read-only"), "{error}");
         assert_eq!(parameters.get("baud"), Some(&ParameterValue::Integer(115_200)));
-        // What it is already it may be set to: a file of all parameters loads.
+        // Setting the present value is allowed: a file of all parameters loads.
         let same = ("port".to_owned(), ParameterValue::from(""));
         parameters.set(&[good, same]).expect("fits");
         assert_eq!(parameters.get("baud"), Some(&ParameterValue::Integer(9600)));

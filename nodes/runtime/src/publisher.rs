@@ -1,4 +1,4 @@
-//! What goes out on a topic.
+//! Typed publishers.
 //!
 //! Publishing never waits: when the window of unacknowledged samples is full,
 //! the sample is dropped, counted, and reported at most every ten seconds.
@@ -25,8 +25,8 @@ pub struct Publisher<T: Message> {
     drops: Drops,
 }
 
-/// Publishers that were dropped while the node stops: with its publisher goes
-/// what has not been sent or acknowledged, so they live until the node ends.
+/// Publishers that were dropped while the node stops. Dropping a publisher loses samples
+/// that are not sent or acknowledged, so these live until the node ends.
 #[derive(Clone)]
 pub(crate) struct LastWords {
     pub(crate) shutdown: Shutdown,
@@ -57,7 +57,7 @@ impl<T: Message> Publisher<T> {
         self.inner.as_ref().expect("it is taken by drop alone")
     }
 
-    /// Hands a message to the transport, stamped with the wall time; returns
+    /// Passes a message to the transport, stamped with the wall time; returns
     /// at once. False when it was dropped, which is counted and reported.
     pub fn publish(&self, message: T) -> bool {
         let message = match Padded::new(message) {
@@ -108,7 +108,7 @@ impl<T: Message> std::fmt::Debug for Publisher<T> {
     }
 }
 
-/// Counts what was dropped, and says so now and then.
+/// Counts dropped samples and reports them with a rate limit.
 #[derive(Debug)]
 pub(crate) struct Drops {
     topic: String,

@@ -1,12 +1,12 @@
-//! Qualities of service, by what a topic is for.
+//! QoS profiles, by the purpose of a topic.
 //!
-//! Knows the ROS 2 defaults and what DDS makes of them. Which topic gets which
-//! is said where the topic is made.
+//! Knows the ROS 2 defaults and their DDS settings. The code that makes a topic chooses
+//! its profile.
 //!
 //! Publishers never wait for room: a full window is an error at once
 //! (`max_blocking_time` zero). Subscriptions always have an explicit depth,
-//! because the reader acknowledges a sample before it is taken: what does not
-//! fit is lost silently, even when reliable, even with "keep all".
+//! because the reader acknowledges a sample before it is taken: samples that do not
+//! fit are lost silently, even when reliable, even with "keep all".
 
 use ros2_client::QosProfile;
 use ros2_client::qos::{Durability, History, WhenFull};
@@ -16,7 +16,7 @@ use ros2_client::qos::{Durability, History, WhenFull};
 pub struct Qos {
     /// Lost samples are sent again.
     pub reliable: bool,
-    /// Who comes late gets the last `depth` samples.
+    /// Late joiners get the last `depth` samples.
     pub transient_local: bool,
     /// Samples kept, on the sender for repair and late joiners, on the
     /// receiver until they are taken.
@@ -37,7 +37,7 @@ impl Qos {
     pub const CLOCK: Self = Self { reliable: false, transient_local: false, depth: 1 };
     /// Requests and replies of services: reliable, volatile, a hundred waiting.
     pub const SERVICES: Self = Self { reliable: true, transient_local: false, depth: 100 };
-    /// `/parameter_events` and other streams of which none may be missed.
+    /// `/parameter_events` and other streams that must not lose samples.
     pub const EVENTS: Self = Self { reliable: true, transient_local: false, depth: 1000 };
     /// `/rosout`: reliable, transient local, a thousand.
     pub const ROSOUT: Self = Self { reliable: true, transient_local: true, depth: 1000 };

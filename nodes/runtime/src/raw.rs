@@ -1,4 +1,4 @@
-//! Topics without their types: what is out there, and its bytes.
+//! Discovers topics, and reads and writes their samples as bytes, without types.
 //!
 //! For a recorder. A sample is handed on as it came, with the four bytes that
 //! name its encoding in front, which is what a bag holds.
@@ -26,11 +26,11 @@ pub struct DiscoveredPublisher {
     pub topic: String,
     /// `package/msg/Type`.
     pub type_name: String,
-    /// What it offers. Discovery does not tell its depth; this is 0.
+    /// Its QoS. Discovery does not carry the depth; it is 0 here.
     pub qos: Qos,
-    /// How often it promises to publish, if it does, in nanoseconds.
+    /// Its deadline period, if it offers one, in nanoseconds.
     pub deadline_ns: Option<i64>,
-    /// How long its samples are good, if not for ever, in nanoseconds.
+    /// Lifespan of its samples, if limited, in nanoseconds.
     pub lifespan_ns: Option<i64>,
     /// `RIHS01_...`, where its middleware announces it.
     pub type_hash: Option<String>,
@@ -40,7 +40,7 @@ pub struct DiscoveredPublisher {
 /// One sample as it travelled.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RawSample {
-    /// Four bytes that name the encoding, then the payload, filled up to a
+    /// Four bytes that name the encoding, then the payload, padded to a
     /// multiple of four as it was on the wire.
     pub bytes: Vec<u8>,
     pub info: SampleInfo,
@@ -306,7 +306,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_type_hash_is_found_behind_its_length() {
+    fn the_type_hash_is_found_after_its_length() {
         let mut data = vec![18, 0, 0, 0];
         data.extend_from_slice(b"typehash=RIHS01_df66;");
         assert_eq!(type_hash(&data).as_deref(), Some("RIHS01_df66"));

@@ -1,23 +1,22 @@
 //! A node as a process: from the command line to the exit status.
 //!
-//! SIGINT, SIGTERM and SIGHUP ask the node to stop; a second one ends the process at
-//! once. The node has thirty seconds to come to an end (a machine may have to be
-//! stopped, a bag to be closed), then everything is taken
-//! down in the order that DDS needs.
+//! SIGINT, SIGTERM and SIGHUP request a shutdown; a second signal ends the process at
+//! once. The node has thirty seconds to end (it may have to stop a machine or close a
+//! bag). Then everything is torn down in the order that DDS needs.
 //!
-//! A node that its DDS layer does not serve any more, that takes too much memory, or in which a
-//! thread panics ends at once and in no order. The supervisor hears from a node as `supervision`
-//! says.
+//! A node exits at once, without a shutdown, when its DDS layer no longer serves it, when it
+//! takes too much memory, or when a thread panics. `supervision` is the protocol between a
+//! node and its supervisor.
 //!
-//! Exit status: 0 ended as asked, 1 failed, 2 arguments, environment or files
-//! are wrong, 70 deaf, 71 too much memory, 101 a panic, 130 ended at once by a second signal.
+//! Exit status: 0 success, 1 failure, 2 wrong arguments, environment or files, 70 deaf,
+//! 71 too much memory, 101 panic, 130 second signal.
 
 use crate::configuration::Configuration;
 use crate::dds_watch::EndOfProcess;
-use crate::ending::end_on_panic;
 use crate::lifecycle::{self, Managed};
 use crate::memory_bound::{self, MemoryBound};
 use crate::node::Handle;
+use crate::panic_guard::end_on_panic;
 use crate::parameters::{Declared, ParameterValue};
 use crate::session::Session;
 use crate::supervision::Notifier;
@@ -32,10 +31,10 @@ use tokio::signal::unix::{SignalKind, signal};
 /// How long a node may take to end by itself.
 const END_WITHIN: Duration = Duration::from_secs(30);
 
-/// Runs a node with the command line of the process; all that its `main` does.
+/// Runs a node with the command line of the process: the whole `main` of a node.
 ///
 /// `node` is called with the started node and should return when
-/// [`Handle::shutdown`] says so.
+/// [`Handle::shutdown`] is requested.
 pub fn run<F, Fut, E>(name: &str, declared: Vec<Declared>, node: F) -> ExitCode
 where
     F: FnOnce(Handle) -> Fut,
@@ -45,7 +44,7 @@ where
     main_with(name, |words| run_with(name, declared, &words, node))
 }
 
-/// Calls `main` with the words of the command line; all that the `main` of a node does.
+/// Calls `main` with the words of the command line: the whole `main` of a node.
 ///
 /// A word that is not UTF-8 ends the process with status 2.
 pub fn main_with(name: &str, main: impl FnOnce(Vec<String>) -> ExitCode) -> ExitCode {
@@ -58,7 +57,7 @@ pub fn main_with(name: &str, main: impl FnOnce(Vec<String>) -> ExitCode) -> Exit
     }
 }
 
-/// As [`run`], with words that come from elsewhere.
+/// As [`run`], with the given words.
 pub fn run_with<F, Fut, E>(
     name: &str,
     declared: Vec<Declared>,
@@ -186,7 +185,7 @@ where
         // The panic itself is in the log already.
         Some(Err(_)) => false,
         None => {
-            tracing::error!("did not end within {} s and is cut off", END_WITHIN.as_secs());
+            tracing::error!("did not stop within {} s; it is cut off", END_WITHIN.as_secs());
             false
         }
     };
@@ -202,10 +201,10 @@ where
 fn obey_signals(handle: &Handle) -> std::io::Result<()> {
     let mut interrupt = signal(SignalKind::interrupt())?;
     let mut terminate = signal(SignalKind::terminate())?;
-    // The terminal that a node was started in has gone.
+    // The terminal of the node was closed.
     let mut hangup = signal(SignalKind::hangup())?;
     let shutdown = handle.shutdown().clone();
-    // Not a task of the node: it has to outlive the node's end.
+    // Not a task of the node: it has to live until the process ends.
     tokio::spawn(async move {
         loop {
             let name = tokio::select! {
@@ -222,7 +221,7 @@ fn obey_signals(handle: &Handle) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Before there is a log.
+/// Writes an error to the console, before there is a log.
 pub fn complain(name: &str, error: &dyn Display) {
     let text = format!("{name}: {error}\n");
     crate::console::write(&lines(&text));

@@ -15,17 +15,17 @@ pub const ENCLAVE_FILES: [&str; 6] = [
     "governance.p7s",
     "permissions.p7s",
 ];
-/// The list of certificates that are not valid any more, which the DDS layer does not read.
+/// The certificate revocation list, which the DDS layer does not read.
 const REVOKED: &str = "crl.pem";
-/// Bytes of a signed governance file; one has 4 kB.
+/// The largest signed governance file, bytes; a usual one has 4 kB.
 const GOVERNANCE_BYTES_MAX: u64 = 1 << 20;
 
-/// What `ROS_SECURITY_*` ask for.
+/// What the variables `ROS_SECURITY_*` ask for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SecurityRequest {
     /// `ROS_SECURITY_KEYSTORE`.
     pub keystore: PathBuf,
-    /// `ROS_SECURITY_STRATEGY=Enforce`: not to start rather than to start unprotected.
+    /// `ROS_SECURITY_STRATEGY=Enforce`: a node that cannot be protected does not start.
     pub is_enforced: bool,
     /// `ROS_SECURITY_ENCLAVE_OVERRIDE`, which wins over `--enclave`.
     pub enclave: Option<String>,
@@ -58,10 +58,10 @@ pub enum SecurityError {
 impl SecurityRequest {
     /// The folder of the enclave that this node is to be in; `argument` is `--enclave`.
     ///
-    /// `None`: there is none, and the strategy is to go on without (`Permissive`).
+    /// `None`: there is none, and the strategy (`Permissive`) allows to start without one.
     ///
     /// # Errors
-    /// A file is missing, or says what cannot be done.
+    /// A file is missing, or asks for something that this node does not support.
     pub fn enclave(&self, argument: Option<&str>) -> Result<Option<PathBuf>, SecurityError> {
         if !cfg!(feature = "security") {
             return Err(SecurityError::NotBuilt);
@@ -103,7 +103,7 @@ fn relative(name: &str) -> Result<&Path, SecurityError> {
     (rest.is_empty() || rest.split('/').all(is_part)).then_some(Path::new(rest)).ok_or_else(refused)
 }
 
-/// Why a governance document cannot be obeyed, or would protect nothing.
+/// Why a governance document is not supported, or would protect nothing.
 ///
 /// The DDS layer loses each sample with `data_protection_kind` other than NONE whose length
 /// is not a multiple of four, which is most of them. `metadata_protection_kind=ENCRYPT` hides
@@ -150,14 +150,14 @@ pub fn governance_problem(document: &str) -> Option<String> {
     None
 }
 
-/// What stands between the tags of this name.
+/// The text between the tags of this name.
 fn elements<'a>(document: &'a str, name: &str) -> impl Iterator<Item = &'a str> {
     let (open, close) = (format!("<{name}>"), format!("</{name}>"));
     let mut rest = document;
     std::iter::from_fn(move || {
-        let (_, behind) = rest.split_once(&open)?;
-        let (text, behind) = behind.split_once(&close)?;
-        rest = behind;
+        let (_, after) = rest.split_once(&open)?;
+        let (text, after) = after.split_once(&close)?;
+        rest = after;
         Some(text.trim())
     })
 }
@@ -231,7 +231,7 @@ mod tests {
         let overriding = SecurityRequest { enclave: Some("/lathe".into()), ..request(true) };
         assert!(overriding.enclave(Some("/mill")).is_err());
         std::fs::write(mill.join("governance.p7s"), "hello").expect("written");
-        // What is there and wrong is refused in either strategy.
+        // Either strategy refuses files that exist and are wrong.
         assert!(matches!(
             request(false).enclave(Some("/mill")),
             Err(SecurityError::Governance { .. })

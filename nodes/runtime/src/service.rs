@@ -1,14 +1,14 @@
-//! Answering requests.
+//! Service servers.
 //!
 //! Knows how a request's identity travels in each mapping, and sends the
-//! answer back to whom it belongs. Decides nothing about the content.
+//! answer back to its client. Decides nothing about the content.
 //!
-//! A request is read, answered and only then the next one read, in the order of
-//! arrival, so that two settings are applied as they were sent. Where answers
-//! take long and do not depend on each other, requests are answered at once.
+//! Requests are answered one after the other, in the order of arrival, so that two
+//! settings are applied as they were sent. A concurrent service is for answers that take
+//! long and do not depend on each other.
 
 mod answers;
-mod hearing;
+mod client_readers;
 mod replies;
 
 use crate::graph::Graph;
@@ -24,24 +24,24 @@ use std::future::Future;
 use std::sync::Arc;
 use tokio::task::{AbortHandle, JoinSet};
 
-/// Answers that may be in the making at once for one concurrent service.
+/// Requests that a concurrent service handles at the same time, at most.
 const CONCURRENT_MAX: usize = 256;
 
-/// What becomes of requests when as many answers as may be are in the making.
+/// What a concurrent service does with further requests when it handles that many.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Crowd {
-    /// They wait until one is made: none takes long.
+    /// They wait until one is answered: no answer takes long.
     Waits,
-    /// The oldest is given up: it may take as long as it likes, and whoever asks again and
-    /// again shall keep nobody else from an answer.
+    /// It drops the oldest, whose answer may take any time. So a client that asks again and
+    /// again does not block the others.
     GivesUpOldest,
 }
 
-/// Who asks.
+/// The sender of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RequestInfo {
-    /// The endpoint that the request came from; the first twelve bytes tell its
-    /// process, whatever the mapping.
+    /// The endpoint that sent the request; the first twelve bytes identify its
+    /// process, in either mapping.
     pub writer: Gid,
     /// The client, as its middleware names it in the request; the answer goes by it.
     pub client: Gid,
@@ -57,7 +57,7 @@ impl From<&RequestInfo> for Gid {
     }
 }
 
-/// One server: where requests come in and replies go out.
+/// A service server.
 pub(crate) struct Server<S: Service> {
     reader: Reader<S::Request>,
     answers: Answers<S>,
@@ -88,7 +88,7 @@ impl<S: Service + 'static> Server<S> {
         }
     }
 
-    /// Answers each request by itself, for ever; those that came earlier first.
+    /// Answers requests concurrently, for ever; first those that the previous process left.
     pub(crate) async fn serve_concurrently<F, Fut>(
         mut self,
         crowd: Crowd,
@@ -110,7 +110,7 @@ impl<S: Service + 'static> Server<S> {
             match crowd {
                 Crowd::Waits if making.len() >= CONCURRENT_MAX => drop(making.join_next().await),
                 Crowd::GivesUpOldest if oldest_first.len() >= CONCURRENT_MAX => {
-                    // Those that have what they need are not given up.
+                    // Requests that can be answered now are not dropped.
                     tokio::task::yield_now().await;
                     oldest_first.retain(|task| !task.is_finished());
                     if oldest_first.len() >= CONCURRENT_MAX {

@@ -7,13 +7,13 @@ use crate::cancel::Shutdown;
 use crate::configuration::Configuration;
 use crate::dds_threads::{DdsThreads, dds_threads};
 use crate::dds_watch::{DdsWatch, EndOfProcess};
+use crate::endpoint_rate_limit::EndpointRateLimit;
 use crate::environment::{DiscoveryRange, Environment};
 use crate::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
 use crate::live_parameters::LiveParameters;
 use crate::logger_services;
 use crate::memory_bound::MemoryBound;
 use crate::node::{Handle, Inner, NodeError, failed, lock};
-use crate::pace::Pace;
 use crate::parameter_services::serve;
 use crate::parameters::USE_SIM_TIME;
 use crate::publisher::LastWords;
@@ -28,9 +28,9 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// A started node, with what must be taken down in order.
+/// A started node, with everything that must be torn down in order.
 pub struct Session {
-    /// Before the threads that it watches.
+    /// Dropped before the threads that it watches.
     watch: DdsWatch,
     handle: Handle,
     context: Context,
@@ -45,7 +45,7 @@ impl Session {
         Self::start_ruled(configuration, None)
     }
 
-    /// The same; what ends the process does so from before the first packet is heard.
+    /// The same; `end` takes effect before the first packet is received.
     pub(crate) fn start_ruled(
         configuration: Configuration,
         end: Option<EndOfProcess>,
@@ -69,15 +69,15 @@ impl Session {
             end,
         )
         .map_err(|error| failed("the thread that watches the DDS layer", &error))?;
-        let pace = Pace::new(threads, enclave.is_some());
+        let endpoint_rate = EndpointRateLimit::new(threads, enclave.is_some());
         // The context and the node have an endpoint each.
-        let turn = pace.turn();
+        let turn = endpoint_rate.turn();
         let context = Context::from_domain_participant(participant.clone())
             .map_err(|error| failed("the ROS context", &error))?;
         let node_name = NodeName::new(names.namespace(), names.node())
             .map_err(|error| failed("the node", &error))?;
         drop(turn);
-        let turn = pace.turn();
+        let turn = endpoint_rate.turn();
         let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
         let node = context
             .new_node(node_name, options)
@@ -95,7 +95,7 @@ impl Session {
             node: Mutex::new(Some(node)),
             participant: participant.clone(),
             writers,
-            pace,
+            endpoint_rate,
             graph: Graph::new(),
             parameters: Arc::new(LiveParameters::new(parameters)),
             clock: Arc::default(),
@@ -121,12 +121,12 @@ impl Session {
         &self.handle
     }
 
-    /// From now on the supervisor hears that this process lives and serves.
+    /// From now on the supervisor is notified that this process lives and serves.
     pub(crate) fn report_to(&self, notifier: Notifier) {
         self.watch.report_to(notifier);
     }
 
-    /// Starts the node of a command, which ends when it takes too much memory, and connects again
+    /// Starts the node of a command, which exits when it takes too much memory, and reconnects
     /// when it is deaf.
     pub(crate) fn start_as_command(configuration: Configuration) -> Result<Self, NodeError> {
         let logger = configuration.names.logger();
@@ -135,7 +135,7 @@ impl Session {
         Self::start_ruled(configuration, Some(end))
     }
 
-    /// Starts the same node once more, after its DDS layer has ended: see [`Handle::deaf`].
+    /// Restarts the node after its DDS layer has ended: see [`Handle::deaf`].
     ///
     /// # Errors
     /// As [`Self::start`].
@@ -143,15 +143,15 @@ impl Session {
         Self::start_as_command(deaf.inner.configuration.clone())
     }
 
-    /// Takes everything down in the order that DDS needs: tasks with their
-    /// endpoints, the node, then the participant. Publishers and subscriptions
-    /// that the caller holds should be gone before.
+    /// Tears everything down in the order that DDS needs: tasks with their
+    /// endpoints, the node, then the participant. The caller should drop its publishers and
+    /// subscriptions first.
     ///
-    /// The last answers get a tenth of a second to go out, and what was sent
-    /// reliably half a second to be repaired. A deaf node is left as it is.
+    /// The last answers get a tenth of a second to be sent, and reliable samples half a
+    /// second to be repaired. A deaf node is left as it is.
     pub async fn stop(self) {
         if self.handle.inner.deaf.borrow().is_some() {
-            // Its DDS layer would be waited for in vain; the process is about to end.
+            // Its DDS layer would never finish; the process is about to end.
             std::mem::forget(self);
             return;
         }
@@ -192,7 +192,7 @@ impl std::fmt::Debug for Session {
     }
 }
 
-/// One participant after the other: what sockets and threads one has is seen by comparing.
+/// One participant at a time: its sockets and threads are found by comparing before and after.
 static JOINING: Mutex<()> = Mutex::new(());
 
 fn join(
@@ -242,11 +242,11 @@ fn build(
     })
 }
 
-/// Gives the participant the keys and the rights of its enclave.
+/// Gives the participant the keys and permissions of its enclave.
 #[cfg(feature = "security")]
 fn protect(builder: DomainParticipantBuilder, enclave: &Path) -> DomainParticipantBuilder {
     use rustdds::DomainParticipantSecurityConfigFiles;
-    // The keys of SROS2 have no password: the folder is the secret.
+    // SROS2 keys have no password: file permissions protect them.
     let files =
         DomainParticipantSecurityConfigFiles::with_ros_default_names(enclave, String::new());
     builder.builtin_security(files)
@@ -258,14 +258,14 @@ fn protect(builder: DomainParticipantBuilder, _: &Path) -> DomainParticipantBuil
     builder
 }
 
-/// Each endpoint takes three files; the usual limit of 1024 is reached by a
-/// recorder with 300 topics.
+/// Raises the limit of open files. Each endpoint takes three; a recorder with 300 topics
+/// reaches the usual limit of 1024.
 fn raise_file_limit() {
     use rustix::process::{Resource, getrlimit, setrlimit};
     let mut limit = getrlimit(Resource::Nofile);
     if limit.current.is_some() && limit.current != limit.maximum {
         limit.current = limit.maximum;
-        // Without it, creating the endpoint that is one too many says so.
+        // If this fails, creating an endpoint above the limit reports it.
         let _ = setrlimit(Resource::Nofile, limit);
     }
 }

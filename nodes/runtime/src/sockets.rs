@@ -1,11 +1,10 @@
-//! The sockets of a node that is to speak on this computer alone.
+//! Restricts the sockets of a node to this computer.
 //!
-//! RustDDS announces a participant on the networks it is given, but binds its
-//! sockets to all addresses. A peer elsewhere that knows the port numbers, and
-//! everybody does, would be heard: it could discover the node by asking it,
-//! and move the machine. So each socket of the participant is bound to the
-//! loopback interface by the kernel, after which nothing from outside arrives
-//! and nothing leaves. The report: docs/upstream/rustdds-wildcard-sockets.md.
+//! RustDDS announces a participant on the given networks only, but binds its
+//! sockets to all addresses. The port numbers are well known, so a peer on another
+//! computer could discover the node and move the machine. So we bind each socket of the
+//! participant to the loopback interface: no packet arrives from outside, and none leaves.
+//! The report: docs/upstream/rustdds-wildcard-sockets.md.
 
 use rustix::io::Errno;
 use rustix::process::{PidfdFlags, PidfdGetfdFlags, getpid, pidfd_getfd, pidfd_open};
@@ -24,7 +23,7 @@ pub(crate) fn open_sockets() -> io::Result<BTreeSet<(RawFd, String)>> {
         let Some(number) = entry.file_name().to_str().and_then(|name| name.parse().ok()) else {
             continue;
         };
-        // The directory itself is among them, and gone by now.
+        // This includes the directory itself, which is closed by now.
         let Ok(target) = read_link(entry.path()) else { continue };
         let target = target.to_string_lossy();
         if target.starts_with("socket:") {
@@ -40,9 +39,9 @@ pub(crate) fn confine_since(before: &BTreeSet<(RawFd, String)>) -> io::Result<us
     let this = pidfd_open(getpid(), PidfdFlags::empty())?;
     let mut confined = 0;
     for (number, _) in open_sockets()?.difference(before) {
-        // A second number of the same socket: what is set on it, is set on both.
+        // Two numbers of the same socket share its settings.
         let socket = match pidfd_getfd(&this, *number, PidfdGetfdFlags::empty()) {
-            // One of another part of this process, and closed by now.
+            // A socket of another part of this process, closed by now.
             Err(Errno::BADF) => continue,
             socket => socket?,
         };

@@ -1,7 +1,7 @@
 //! The parameters of several nodes that are started together.
 //!
-//! One node cannot know whether a key under `/**`, or a section, is meant for another. Who
-//! starts them all can, and refuses what is meant for none before any of them appears.
+//! One node cannot know whether a key under `/**`, or a section, is meant for another node.
+//! A launcher of all nodes can. It refuses parameters that no node has before it starts any.
 
 use crate::arguments::{Arguments, ParameterArgument};
 use crate::configuration::ConfigurationError;
@@ -14,7 +14,7 @@ use settings::yaml::{FileError, read_text};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// What each node of a stack will have.
+/// The parameters of each node of a stack.
 #[derive(Debug)]
 pub struct StackParameters {
     /// By the default name of the node.
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_meant_for_no_node_is_refused_with_the_nearest_name() {
+    fn a_parameter_of_no_node_is_refused_with_the_nearest_name() {
         let section =
             |name: &str, key: &str| format!("{name}:\n  ros__parameters:\n    {key}: a\n");
         let table = [

@@ -1,8 +1,8 @@
-//! What comes in on a topic.
+//! Typed subscriptions.
 //!
-//! Samples wait in the reader's own queue, whose depth the subscription names;
-//! there is no second queue and no task behind it. A sample whose bytes do not
-//! fit the type is counted, logged once per sender, and passed over.
+//! Samples wait in the reader's own queue, with the depth of the subscription;
+//! there is no second queue and no background task. A sample whose bytes do not
+//! fit the type is counted, logged once per sender, and skipped.
 
 use crate::interface::Message;
 use crate::time::RosTime;
@@ -60,8 +60,8 @@ impl<T: Message> Subscription<T> {
         samples
     }
 
-    /// Waits for samples and returns the newest of each sender, in the order of
-    /// arrival; for latched values, of which nobody's may hide another's.
+    /// Waits for samples and returns the newest of each sender, in the order of arrival.
+    /// For latched values: the value of one sender must not hide that of another.
     pub async fn newest_of_each(&mut self) -> Vec<(T, SampleInfo)> {
         let first = self.next().await;
         newest_of_each(std::iter::once(first).chain(self.drain()), |(_, info)| info.publisher)
@@ -99,7 +99,7 @@ impl<T: Message> std::fmt::Debug for Subscription<T> {
     }
 }
 
-/// What all typed readers share: topics, requests and replies.
+/// The reader of topics, requests and replies.
 pub(crate) struct Reader<T> {
     topic: String,
     inner: ros2_client::Subscription<Decoded<T>>,
@@ -108,7 +108,7 @@ pub(crate) struct Reader<T> {
     complained_about: BTreeSet<Gid>,
 }
 
-/// Senders of garbage that are remembered, so that a storm of them stays small.
+/// Senders of invalid samples that are remembered, at most.
 const COMPLAINTS_MAX: usize = 1000;
 
 impl<T: DeserializeOwned + 'static> Reader<T> {
@@ -124,7 +124,7 @@ impl<T: DeserializeOwned + 'static> Reader<T> {
         self.inner.guid().into()
     }
 
-    /// The next sample that is one.
+    /// The next valid sample.
     pub(crate) async fn next(&mut self) -> (Framed<T>, MessageInfo) {
         loop {
             let item = {

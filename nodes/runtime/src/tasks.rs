@@ -1,11 +1,11 @@
-//! Tasks and threads of a node: none of them dies unnoticed.
+//! Tasks and threads of a node; a panic in one stops the node.
 
 use crate::node::{Handle, lock};
 use futures::FutureExt;
 use std::panic::AssertUnwindSafe;
 
 impl Handle {
-    /// Runs a task that ends with the node. One that panics stops the node.
+    /// Runs a task that ends with the node. If it panics, the node stops.
     pub fn spawn<F>(&self, name: &str, task: F)
     where
         F: Future<Output = ()> + Send + 'static,
@@ -22,8 +22,8 @@ impl Handle {
         });
     }
 
-    /// Runs a named thread that ends by itself when the node stops; for work
-    /// that must not wait for others. One that panics stops the node.
+    /// Runs a named thread, for work that must not wait for other tasks. It must end by itself
+    /// when the node stops. If it panics, the node stops.
     ///
     /// # Errors
     /// The system has no thread left.

@@ -1,8 +1,7 @@
-//! How often one place of the program may write to the log.
+//! Throttles the log: a rate limit for each place in the source code that logs.
 //!
-//! Pure: places and times in, verdicts out. What a peer can cause it can cause
-//! ten thousand times a second; a log that says so each time fills disks and
-//! `/rosout`, and hides what matters.
+//! Pure. A peer can trigger the same message ten thousand times a second. Without a
+//! throttle it would fill disks and `/rosout`, and hide what matters.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -67,7 +66,7 @@ mod tests {
             (0..100_000).filter_map(|index| throttle.admit(place, at(index))).collect();
         assert_eq!(written.len(), 100 + 19, "{written:?}");
         let left_out = written.iter().sum::<u64>();
-        // What was left out after the last line is told with the next one.
+        // The next line reports the lines that were left out after the last one.
         let next = throttle.admit(place, start + Duration::from_secs(20)).expect("time went by");
         assert_eq!(left_out + next + 119, 100_000);
     }

@@ -1,4 +1,4 @@
-//! What time it is.
+//! ROS time.
 //!
 //! ROS time is the wall clock, or what `/clock` says when `use_sim_time` is
 //! set; it may jump. Durations and deadlines are measured on the steady clock
@@ -46,7 +46,7 @@ impl RosTime {
         }
     }
 
-    /// So much earlier.
+    /// The time so much earlier.
     #[must_use]
     pub fn before(self, age: Duration) -> Self {
         Self(self.0.saturating_sub(i64::try_from(age.as_nanos()).unwrap_or(i64::MAX)))
@@ -92,8 +92,7 @@ impl Clock {
         }
     }
 
-    /// Follows `use_sim_time`. True when `/clock` has to be subscribed, which
-    /// is so the first time.
+    /// Follows `use_sim_time`. True when `/clock` has to be subscribed: only the first time.
     pub(crate) fn simulate(&self, is_simulated: bool) -> bool {
         self.is_simulated.store(is_simulated, Ordering::Relaxed);
         is_simulated && !self.is_followed.swap(true, Ordering::Relaxed)

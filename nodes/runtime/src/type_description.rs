@@ -50,7 +50,7 @@ struct Individual {
     fields: Vec<Field>,
 }
 
-/// Without a default, which is no part of the hash.
+/// Without a default value, which is not part of the hash.
 #[derive(Deserialize)]
 struct Field {
     name: String,
@@ -117,23 +117,23 @@ mod tests {
     #[test]
     fn every_type_that_is_compiled_in_can_be_described() {
         for info in schema::all() {
-            let told = ask(info.name, info.rihs01).expect(info.name);
-            assert!(told.successful && told.failure_reason.is_empty());
-            assert_eq!(told.type_description.type_description.type_name, info.name);
-            assert_eq!(told.type_sources[0].type_name, info.name);
+            let answer = ask(info.name, info.rihs01).expect(info.name);
+            assert!(answer.successful && answer.failure_reason.is_empty());
+            assert_eq!(answer.type_description.type_description.type_name, info.name);
+            assert_eq!(answer.type_sources[0].type_name, info.name);
         }
     }
 
     #[test]
     fn a_description_has_the_fields_and_the_types_that_they_need() {
         let info = TypeInfo::of::<cnc_msgs::wire::std_msgs::msg::Header>();
-        let told = ask(info.name, info.rihs01).expect("known").type_description;
-        let fields: Vec<_> = told.type_description.fields.iter().collect();
+        let described = ask(info.name, info.rihs01).expect("known").type_description;
+        let fields: Vec<_> = described.type_description.fields.iter().collect();
         assert_eq!((fields[0].name.as_str(), fields[0].type_.type_id), ("stamp", 1));
         assert_eq!(fields[0].type_.nested_type_name, "builtin_interfaces/msg/Time");
         let string = wire::FieldType::FIELD_TYPE_STRING;
         assert_eq!((fields[1].name.as_str(), fields[1].type_.type_id), ("frame_id", string));
-        let needed = &told.referenced_type_descriptions;
+        let needed = &described.referenced_type_descriptions;
         assert_eq!(needed.len(), 1);
         assert_eq!(needed[0].type_name, "builtin_interfaces/msg/Time");
     }

@@ -9,7 +9,7 @@
 //! whole participant down. A sample that does not fit its type, with bytes
 //! missing or more than padding left over, becomes an `Err` with the reason.
 
-use crate::ending;
+use crate::panic_guard;
 use cnc_msgs::cdr;
 use serde::de::{DeserializeOwned, DeserializeSeed, Error, SeqAccess, Visitor};
 use serde::ser::SerializeTuple;
@@ -61,7 +61,7 @@ impl From<ros2_client::Gid> for Gid {
     }
 }
 
-/// How requests and replies are told apart on the wire; all peers must agree.
+/// How the identity of a request travels on the wire; all peers must agree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ServiceMapping {
     /// In the protocol's own fields, as `rmw_fastrtps_cpp` does.
@@ -146,20 +146,19 @@ impl<T: Serialize> Serialize for Framed<T> {
     }
 }
 
-/// What a message may take, bytes: what fits a datagram. Longer ones are lost
-/// on other DDS implementations; what a peer asks for must not make a node send
-/// one.
+/// The longest message, bytes: it fits a datagram. Other DDS implementations lose
+/// longer ones. No request of a peer may make a node send one.
 pub(crate) const BYTES_MAX: usize = 64_000;
 
-/// What has to follow so many bytes to fill them up to a multiple of four.
+/// The padding after so many bytes, to a multiple of four.
 pub(crate) fn padding(bytes: usize) -> usize {
     bytes.wrapping_neg() % 4
 }
 
-/// A payload that can be sent: not too long, and filled up to a multiple of four.
+/// A payload that can be sent: not too long, and padded to a multiple of four.
 ///
-/// Padding travels in any case; without ours the last piece of a message that a
-/// network takes only in pieces ends where RTPS has nothing end.
+/// RTPS always pads. Without our padding the last fragment of a fragmented message
+/// ends at a length that RTPS does not allow.
 #[derive(Debug)]
 pub(crate) struct Padded<T> {
     pub(crate) body: T,
@@ -196,7 +195,7 @@ impl<T: Serialize> Serialize for Padded<T> {
     }
 }
 
-/// What came of a sample's bytes: the value, or why they are none.
+/// The decoded sample, or why its bytes are not one.
 pub(crate) type Decoded<T> = Result<Framed<T>, String>;
 
 /// Turns bytes into a [`Decoded`]; never fails and never panics itself.
@@ -227,7 +226,7 @@ impl<'de, T: DeserializeOwned> DeserializeSeed<'de> for Decoder<T> {
 
     fn deserialize<D: Deserializer<'de>>(self, bytes: D) -> Result<Self::Value, D::Error> {
         let fields = if self.has_header { 3 } else { 2 };
-        Ok(match ending::catch(|| bytes.deserialize_tuple(fields, self)) {
+        Ok(match panic_guard::catch(|| bytes.deserialize_tuple(fields, self)) {
             Ok(Ok(framed)) => Ok(framed),
             Ok(Err(error)) => Err(error.to_string()),
             Err(_) => Err("the decoder gave up".to_owned()),

@@ -48,7 +48,7 @@ fn serve(handle: &Handle) {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_goal_tells_how_far_it_is_and_its_result_is_there_for_who_asks_late() {
+async fn a_goal_publishes_progress_and_its_result_is_available_late() {
     let (server, asker) = (start("server", domain(20)), start("asker", domain(20)));
     serve(server.handle());
     let client = asker.handle().action_client::<Fibonacci>("fibonacci").expect("client");

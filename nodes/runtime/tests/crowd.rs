@@ -7,7 +7,7 @@ use runtime::{Handle, Qos};
 use std::sync::mpsc;
 use std::time::Instant;
 
-/// As many as a cell with one machine has, beside those who look.
+/// As many as a cell with one machine has, besides observers.
 const NODES: u16 = 6;
 /// Endpoints of each kind that each of them makes, on these topics.
 const ENDPOINTS: u16 = 40;
@@ -27,7 +27,7 @@ fn nodes_that_start_together_all_come_up() {
                 let _inside = executor.enter();
                 let session = start(&format!("node{number}"), domain);
                 let node = session.handle().clone();
-                // As a recorder does, that subscribes what it finds beside its other work.
+                // As a recorder, which subscribes to discovered topics while it does other work.
                 let others = std::thread::spawn({
                     let node = node.clone();
                     move || {

@@ -1,4 +1,4 @@
-//! Peers that send what they must not, on topics that are not theirs.
+//! Peers that send invalid samples, on topics of others.
 //!
 //! RustDDS matches endpoints by the name of the topic alone, so everything here
 //! reaches the reader.
@@ -10,12 +10,12 @@ use runtime::{Qos, RawPublisher};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// A text in CDR, with the length that is told and the bytes that are there.
+/// A text in CDR, with the given length field and bytes.
 fn text(length: u32, bytes: &[u8]) -> Vec<u8> {
     [&[0, 1, 0, 0], &length.to_le_bytes()[..], bytes].concat()
 }
 
-/// What is no text, and why.
+/// Bytes that are not a text, and why.
 fn garbage() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         ("nothing", vec![0, 1, 0, 0]),
@@ -44,7 +44,7 @@ async fn a_storm_of_garbage_on_a_topic_hides_no_message_of_another_peer() {
     let (stop, stopped) = tokio::sync::oneshot::channel();
     let storming = tokio::spawn(storm_of(storm, stopped));
 
-    // A message of the friend now and then, all through the storm.
+    // The friend sends a message now and then during the storm.
     for number in 0..50 {
         sane.publish(Text { data: format!("{number}") });
         loop {
@@ -66,7 +66,7 @@ async fn a_storm_of_garbage_on_a_topic_hides_no_message_of_another_peer() {
     }
 }
 
-/// Sends ten thousand pieces of garbage a second until it is stopped; how many went out.
+/// Sends ten thousand invalid samples a second until it is stopped; returns how many.
 async fn storm_of(storm: RawPublisher, mut stopped: tokio::sync::oneshot::Receiver<()>) -> u64 {
     let (garbage, mut sent) = (garbage(), 0);
     // The long one would be 60 MB/s.
@@ -132,7 +132,7 @@ async fn a_list_of_four_billion_that_is_not_there_takes_no_memory() {
     let raw = stranger.handle().raw_publisher(&topic, Lists::name(), Qos::DEFAULT).expect("raw");
     let billions = [&[0, 1, 0, 0], &u32::MAX.to_le_bytes()[..], &[0; 8]].concat();
     let none = [0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-    soon("the good one behind the bad ones", async {
+    soon("the good one after the bad ones", async {
         loop {
             for _ in 0..100 {
                 raw.publish(&billions);
@@ -151,7 +151,7 @@ async fn a_list_of_four_billion_that_is_not_there_takes_no_memory() {
     })
     .await;
     let status = std::fs::read_to_string("/proc/self/status").expect("it is Linux");
-    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("it is told");
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("VmHWM");
     let peak: u64 = peak.trim().trim_end_matches(" kB").parse().expect("a number");
     assert!(peak < 500_000, "{peak} kB were needed");
     drop((raw, heard));

@@ -1,7 +1,7 @@
-//! Peers that hang or are killed, as processes: whom do they slow?
+//! Processes that hang or are killed must not slow other peers.
 //!
-//! The peer is this test program, started again with a variable set. What a
-//! naive use of the DDS layers falls into, and which test would notice:
+//! The peer is this test program, started again with a variable set. The traps of the
+//! DDS layers, and the test that covers each:
 //!
 //! | trap | test |
 //! |---|---|
@@ -10,7 +10,7 @@
 //! | three files an endpoint: the limit of 1024 is near | `traps::a_node_may_open_more_files_than_a_shell_allows` |
 //! | what was published last is lost when the process ends | `traps::what_a_node_says_last_arrives` |
 //! | an endpoint that is made while others are discovered locks the participant up for ever | `crowd` |
-//! | a killed peer stays in the graph for 50 s | `a_server_that_was_killed_is_told_from_one_that_answers` |
+//! | a killed peer stays in the graph for 50 s | `a_killed_server_is_distinguished_from_one_that_answers` |
 //! | calls of one client at the same time lose answers | `loopback::eight_calls_at_once_each_get_their_own_answer_in_either_mapping` |
 //! | an action server stands still with two results, answers one client, or none | `actions` |
 //! | requests in a burst are lost in a queue of one | `traps::a_burst_of_requests_for_parameters_is_answered` |
@@ -34,10 +34,10 @@ use std::time::{Duration, Instant};
 
 const ROLE: &str = "RUNTIME_TEST_PEER";
 
-/// Requests of the peer are known by this.
+/// Marks the requests of the peer.
 const OF_PEER: i64 = -1;
 
-/// The peer: in the domain and namespace that it is told, it asks, answers or listens.
+/// The peer: in the given domain and namespace, it asks, answers or listens.
 #[test]
 fn the_peer_itself() {
     let Ok(words) = std::env::var(ROLE) else { return };
@@ -78,7 +78,7 @@ fn the_peer_itself() {
     })
 }
 
-/// Such a process; gone with this value.
+/// A peer process; killed when this is dropped.
 struct Peer(Child);
 
 impl Peer {
@@ -104,10 +104,10 @@ impl Drop for Peer {
     }
 }
 
-/// What this process holds in memory, MB.
+/// Resident memory of this process, MB.
 fn resident_mb() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("it is Linux");
-    let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).expect("it is told");
+    let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).expect("RssAnon");
     line.trim().trim_end_matches(" kB").parse::<f64>().expect("a number") / 1024.0
 }
 
@@ -179,7 +179,7 @@ async fn a_subscriber_that_hangs_or_dies_leaves_the_others_what_is_published() {
         for data in 0..COUNT {
             assert_eq!(soon("a sample", heard.next()).await.0.data, data, "{fate}");
         }
-        // It takes microseconds; a busy host may give the processor away for long.
+        // It takes microseconds; a busy host may take the processor away for long.
         assert!(longest < Duration::from_secs(5), "{fate}: publishing took {longest:?}");
         let grown = resident_mb() - before;
         assert!(grown < 64.0, "{fate}: {grown} MB more");
@@ -190,7 +190,7 @@ async fn a_subscriber_that_hangs_or_dies_leaves_the_others_what_is_published() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_server_that_was_killed_is_told_from_one_that_answers() {
+async fn a_killed_server_is_distinguished_from_one_that_answers() {
     let asker = start("asker", domain(24));
     let client = asker.handle().client::<AddTwoInts>("add").expect("client");
     let peer = Peer::start("answer", domain(24));
@@ -202,7 +202,7 @@ async fn a_server_that_was_killed_is_told_from_one_that_answers() {
     let error = client.call(terms.clone()).await.expect_err("it is dead");
     assert!(matches!(error, CallError::NoAnswer { .. }), "{error}");
     assert!(begin.elapsed() < PATIENCE, "it waits for {:?}", begin.elapsed());
-    // Another in its place is asked at once, whatever is left of the first.
+    // Its replacement is asked at once, even if traces of the first are left.
     let _second = Peer::start("answer", domain(24));
     let answer = client.call_idempotent(&terms, PATIENCE).await;
     assert_eq!(answer.map(|sum| sum.sum), Ok(42));

@@ -1,4 +1,4 @@
-//! A managed node as a process of its own, as others see and move it.
+//! A managed node as a process of its own, controlled through its services.
 //!
 //! The node is this test program, started again with a variable set.
 
@@ -48,7 +48,7 @@ impl Managed for Worker {
     }
 
     async fn deactivate(&self) -> Step {
-        // Whoever asks for a state meanwhile sees that it is under way.
+        // A request for the state meanwhile sees the transitional state.
         tokio::time::sleep(Duration::from_millis(600)).await;
         self.step("deactivate")
     }
@@ -122,12 +122,12 @@ async fn end_of(mut child: Child) -> (Option<i32>, String) {
     ending.await.expect("ends")
 }
 
-/// The steps that a log tells of.
+/// The steps in a log.
 fn steps(log: &str) -> Vec<&str> {
     log.lines().filter_map(|line| line.split_once("]: step ")).map(|(_, step)| step).collect()
 }
 
-/// What a lifecycle manager has of a node.
+/// The clients of a lifecycle manager for a node.
 struct Manager {
     session: Session,
     change: Client<srv::ChangeState>,
@@ -136,7 +136,7 @@ struct Manager {
     ways: Client<srv::GetAvailableTransitions>,
     graph: Client<srv::GetAvailableTransitions>,
     work: Client<Trigger>,
-    /// Of what was told, what led to a lasting state: where it began and where it led.
+    /// The announced transitions to lasting states: their start and goal states.
     events: Arc<Mutex<Vec<(u8, u8)>>>,
 }
 
@@ -144,7 +144,7 @@ impl Manager {
     fn start(domain_id: u16, mapping: ServiceMapping) -> Self {
         let session = start_with("manager", domain_id, mapping);
         let node = session.handle();
-        let mut told = node
+        let mut changes = node
             .subscription::<TransitionEvent>(
                 "worker/transition_event",
                 Qos::DEFAULT.with_depth(100),
@@ -152,10 +152,10 @@ impl Manager {
             .expect("subscription");
         let events = Arc::<Mutex<Vec<(u8, u8)>>>::default();
         let kept = Arc::clone(&events);
-        // Taken as they come: what was not taken when its sender left is gone.
+        // Taken as they arrive: samples not taken when their sender leaves are lost.
         node.spawn("events", async move {
             loop {
-                let (event, _) = told.next().await;
+                let (event, _) = changes.next().await;
                 assert!(event.timestamp > 0 && !event.transition.label.is_empty(), "{event:?}");
                 if event.goal_state.id < 10 {
                     let way = (event.start_state.id, event.goal_state.id);
@@ -197,8 +197,8 @@ impl Manager {
         self.events.lock().expect("no panic").clone()
     }
 
-    /// Configures and cleans up until that is heard: what is told before the topic is
-    /// matched nobody hears.
+    /// Configures and cleans up until a change is received: changes before the topic is
+    /// matched are lost.
     async fn rounds_until_events_arrive(&self) -> usize {
         for round in 1.. {
             assert!(self.set(0, "configure").await && self.set(0, "cleanup").await);
@@ -260,7 +260,7 @@ async fn others_configure_activate_and_shut_down_over_either_mapping() {
             (manager.state().await.0, why)
         });
         assert!(changed);
-        // A host that is too busy sees it when it is over.
+        // On a busy host it may be over already.
         assert!([14, 2].contains(&meanwhile.0), "{meanwhile:?}");
         assert!(meanwhile.1.is_err(), "what is being deactivated takes up nothing");
         assert!(manager.set(2, "").await);
@@ -325,7 +325,7 @@ async fn a_node_makes_itself_active_and_a_signal_finalizes_it() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_step_that_fails_leaves_the_state_and_one_that_breaks_ends_the_node() {
     let mapping = ServiceMapping::Enhanced;
-    // By itself a node cannot go on without the step.
+    // With autostart a node cannot continue without the step.
     for step in ["configure", "activate"] {
         let child = launch(&format!("-p failing:={step}"), domain(73), mapping);
         let (status, log) = end_of(child).await;
@@ -361,8 +361,8 @@ async fn the_level_of_the_log_changes_while_the_node_runs() {
         let logger = format!("{}.worker", &namespace()[1..]);
         let names = vec![logger.clone(), "somebody.else".into(), String::new()];
         let request = GetLoggerLevelsRequest { names };
-        let told = get.call_within(request, PATIENCE).await.expect("an answer").levels;
-        assert_eq!(told.iter().map(|one| one.level).collect::<Vec<_>>(), [30, 0, 20]);
+        let levels = get.call_within(request, PATIENCE).await.expect("an answer").levels;
+        assert_eq!(levels.iter().map(|one| one.level).collect::<Vec<_>>(), [30, 0, 20]);
         // At this level nobody hears of it.
         let _ = manager.works().await;
         let level = |level| LoggerLevel { name: logger.clone(), level };

@@ -121,7 +121,7 @@ async fn a_call_to_nobody_says_that_no_such_node_answered() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_server_that_keeps_silent_is_told_from_one_that_is_not_there() {
+async fn a_server_that_does_not_answer_is_distinguished_from_a_missing_one() {
     let (server, asker) = (start("server", domain(6)), start("asker", domain(6)));
     let silent = |_: Terms, _| std::future::pending::<Sum>();
     server.handle().concurrent_service::<AddTwoInts, _, _>("add", silent).expect("service");

@@ -1,4 +1,4 @@
-//! Parameters, time and health of a node, as others see them.
+//! Parameters, time and health of a node, through its services and topics.
 
 mod common;
 
@@ -75,16 +75,16 @@ async fn parameters_can_be_read_described_and_set_over_either_mapping() {
         let describe =
             user.handle().client::<srv::DescribeParameters>("driver/describe_parameters");
         let request = srv::DescribeParametersRequest { names };
-        let told = describe.expect("client").call(request).await.expect("answer").descriptors;
-        assert_eq!(told[0].floating_point_range[0].to_value, 100.0);
-        assert!(told[1].read_only);
+        let described = describe.expect("client").call(request).await.expect("answer").descriptors;
+        assert_eq!(described[0].floating_point_range[0].to_value, 100.0);
+        assert!(described[1].read_only);
         drop((events, set, all));
         node.stop().await;
         user.stop().await;
     }
 }
 
-/// What `ros2 param dump` writes of these: groups are nested, and every value has its form.
+/// The output of `ros2 param dump`: groups are nested, and every value has its form.
 fn dumped(node: &str, values: &[(String, ParameterValue)]) -> String {
     use serde_yaml::{Mapping, Value, to_value};
     let mut root = Mapping::new();
@@ -194,7 +194,7 @@ async fn with_use_sim_time_the_node_s_time_is_that_of_the_clock_topic() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_node_tells_its_health_on_the_absolute_topic() {
+async fn a_node_publishes_its_health_on_the_absolute_topic() {
     let (node, monitor) = (start("node", domain(83)), start("monitor", domain(83)));
     let look = || {
         vec![Health {

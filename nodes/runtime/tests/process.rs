@@ -101,7 +101,7 @@ fn command(words: &str, domain_id: u16) -> Command {
     command
 }
 
-/// Reads the console until this is there, and returns what came.
+/// Reads the console until a text appears, and returns what was read.
 fn heard(child: &mut Child, part: &str) -> String {
     let console = child.stderr.as_mut().expect("a pipe");
     let mut text = Vec::new();
@@ -207,7 +207,7 @@ fn a_node_that_was_stopped_and_continued_notices_that_it_is_deaf() {
     let mut child = launch("--ros-args", domain(66));
     let console = heard(&mut child, " started");
     let mut continued = Instant::now();
-    // Where none of its DDS threads was waiting just then, it hears as before.
+    // If none of its DDS threads was waiting at that moment, it works as before.
     for _ in 0..10 {
         signal(&child, "-STOP");
         std::thread::sleep(Duration::from_millis(200));

@@ -1,4 +1,4 @@
-//! What ros2-client and RustDDS would let us fall into; see the table in `hanging.rs`.
+//! Traps of ros2-client and RustDDS; see the table in `hanging.rs`.
 
 mod common;
 

@@ -1,6 +1,6 @@
 //! Tool tables and control profiles as text.
 //!
-//! A table is a file; a profile travels with the contour that was read under
+//! A table is a file. A profile travels with the contour that was read with
 //! it, so that planner and replay apply the same rules, built in or not.
 
 use crate::yaml::{FileError, from_foreign_yaml, from_yaml_str, line_of, read_text};
@@ -16,7 +16,7 @@ pub enum ToolTableFileError {
     #[error("{file}{}: {error}", line.map(|line| format!(":{line}")).unwrap_or_default())]
     Content {
         file: String,
-        /// Of the row that is wrong, 1-based, where it can be found.
+        /// Line of the row that is wrong, 1-based, if it can be found.
         line: Option<usize>,
         error: ToolTableError,
     },
@@ -25,7 +25,7 @@ pub enum ToolTableFileError {
 /// Reads and checks a tool table.
 ///
 /// # Errors
-/// The file cannot be read, is not a tool table, or holds a tool that cannot be.
+/// The file cannot be read, is not a tool table, or has an invalid tool.
 pub fn load_tool_table(path: &Path) -> Result<ToolTable, ToolTableFileError> {
     tool_table_from_yaml(&read_text(path)?, &path.display().to_string())
 }
@@ -33,7 +33,7 @@ pub fn load_tool_table(path: &Path) -> Result<ToolTable, ToolTableFileError> {
 /// Reads and checks a tool table from its text; `file` names it in errors.
 ///
 /// # Errors
-/// It is not a tool table, or holds a tool that cannot be.
+/// It is not a tool table, or has an invalid tool.
 pub fn tool_table_from_yaml(text: &str, file: &str) -> Result<ToolTable, ToolTableFileError> {
     let table: ToolTable = from_yaml_str(text, file)?;
     table.check().map_err(|error| {
@@ -57,7 +57,7 @@ fn place_of(error: &ToolTableError) -> Vec<String> {
         | ToolTableError::TooLarge { row, what, .. } => of_row(row, what),
         ToolTableError::TipDirection { row, .. } => of_row(row, "tip_direction"),
         ToolTableError::WearTurnsSide { row, wear, .. } => of_row(row, wear),
-        // A text with a row twice is not read as far as here.
+        // A text with a duplicate row is refused earlier.
         ToolTableError::Twice { .. } => Vec::new(),
         ToolTableError::NegativeDiameter { tool, .. } => {
             path("tools", &tool.to_string(), "diameter_mm")
@@ -68,15 +68,15 @@ fn place_of(error: &ToolTableError) -> Vec<String> {
     }
 }
 
-/// A profile as it travels.
+/// Encodes a profile as YAML.
 pub fn profile_to_yaml(profile: &Profile) -> String {
     serde_yaml::to_string(profile).expect("a profile holds names, numbers and lists only")
 }
 
-/// A profile that has travelled.
+/// Decodes a profile from YAML.
 ///
 /// # Errors
-/// It is not a profile, or not one that this build knows. The reason does not quote it.
+/// It is not a profile that this build knows. The reason does not quote it.
 pub fn profile_from_yaml(text: &str) -> Result<Profile, FileError> {
     from_foreign_yaml(text, "the profile that came with the contour")
 }
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tool_that_cannot_be_is_told_with_its_line() {
+    fn an_invalid_tool_is_reported_with_its_line() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("tools.yaml");
         let table = [

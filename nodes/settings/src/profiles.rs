@@ -1,7 +1,7 @@
-//! Control profiles: those that come with the program, and files.
+//! Control profiles: built-in ones, and files.
 //!
-//! The rules themselves are in `config/controls/*.yaml`, each explained
-//! beside its value; what they mean is in `cnc_msgs::profile`.
+//! The rules are in `config/controls/*.yaml`, each explained next to its value;
+//! `cnc_msgs::profile` defines them.
 
 use crate::yaml::{FileError, from_foreign_yaml, from_yaml_str, line_of, read_text, utf8};
 use cnc_msgs::profile::{Profile, ProfileFault};

@@ -1,7 +1,7 @@
-//! YAML files with errors that say where.
+//! Reads YAML files; errors have file, line and column.
 //!
-//! For tool tables, profiles and parameter files. Knows files and places; what the content
-//! means is the reader's business, and what a text may cost that of `intake`.
+//! For tool tables, profiles and parameter files. `intake` limits the size of a text; its
+//! meaning is up to the caller.
 
 use intake::yaml::{Limits, YamlError};
 use serde::de::DeserializeOwned;
@@ -39,7 +39,7 @@ impl FileError {
 /// Reads a value from YAML text of the operator; `file` names it in errors.
 ///
 /// # Errors
-/// Not YAML, not of the form of `T`, or more of it than any real file has.
+/// It is not YAML, does not fit `T`, or is larger than any real file.
 pub fn from_yaml_str<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, FileError> {
     intake::yaml::from_str(text, &Limits::FILE).map_err(|error| FileError::of(error, file))
 }
@@ -47,8 +47,8 @@ pub fn from_yaml_str<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, F
 /// Reads a value from YAML text of a peer, or of a file that a peer named.
 ///
 /// # Errors
-/// As [`from_yaml_str`], with limits for what travels. The reason quotes nothing of the
-/// text: whoever asks may have no right to read it.
+/// As [`from_yaml_str`], with limits for text from the network. The reason quotes nothing of
+/// the text: the peer may have no right to read the file.
 pub(crate) fn from_foreign_yaml<T: DeserializeOwned>(
     text: &str,
     file: &str,
@@ -60,7 +60,7 @@ pub(crate) fn from_foreign_yaml<T: DeserializeOwned>(
 /// Reads a value from a YAML file.
 ///
 /// # Errors
-/// The file cannot be read, is not UTF-8, is not YAML, or not of the form of `T`.
+/// The file cannot be read, is not UTF-8, is not YAML, or does not fit `T`.
 pub fn from_yaml_file<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> {
     from_yaml_str(&read_text(path)?, &path.display().to_string())
 }

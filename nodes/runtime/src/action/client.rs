@@ -1,4 +1,4 @@
-//! Asking for an action.
+//! Action clients.
 
 use super::goals::Outcome;
 use super::messages::{
@@ -21,20 +21,20 @@ use tokio::sync::mpsc;
 
 /// How long the answer to a goal, and to a request to cancel it, may take.
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
-/// How long a goal whose answer did not come is tried to be canceled.
+/// How long to try to cancel a goal that was not answered.
 const UNFOLLOWED_WITHIN: Duration = Duration::from_secs(1);
 /// Feedback that may wait unread; what is newer is dropped.
 const FEEDBACK_MAX: usize = 256;
-/// When a result is asked for again, in case the server was another meanwhile:
+/// When to ask for a result again, in case the server was restarted:
 /// after 5 s, then after twice as long each time, up to 5 min.
 const RESULT_AGAIN: (Duration, u32) = (Duration::from_secs(5), 6);
 
-/// Why a goal did not come to its end.
+/// Why there is no result.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum GoalError {
     #[error("{action} rejected the goal (its log says why)")]
     Rejected { action: String },
-    /// The server was started anew, or has forgotten the result.
+    /// The server was restarted, or no longer has the result.
     #[error("{action} does not know the goal any more: it was restarted meanwhile")]
     Forgotten { action: String },
     #[error(transparent)]
@@ -107,14 +107,14 @@ impl<A: Action + 'static> ActionClient<A> {
     /// See [`GoalError`].
     pub async fn send_goal(&self, goal: A::Goal) -> Result<GoalHandle<A>, GoalError> {
         let id = new_goal_id();
-        // Before the goal, so that its first feedback finds its way.
+        // Before the goal, so that its first feedback is not lost.
         let (sender, feedback) = mpsc::channel(FEEDBACK_MAX);
         lock(&self.shared.listeners).insert(id, sender);
         let handle = GoalHandle { id, feedback, shared: Arc::clone(&self.shared) };
         let request = SendGoalRequest { goal_id: UUID { uuid: id.0 }, goal };
         let answer = self.shared.send_goal.call_idempotent(&request, ANSWER_WITHIN).await;
         if answer.is_err() {
-            // It may have been taken up, and nobody would follow it.
+            // The server may have accepted it, and no client would follow it.
             let _ = tokio::time::timeout(UNFOLLOWED_WITHIN, self.shared.cancel(id)).await;
         }
         if answer?.accepted {
@@ -124,14 +124,14 @@ impl<A: Action + 'static> ActionClient<A> {
         }
     }
 
-    /// Follows a goal that was sent before, by another node perhaps.
+    /// Follows a goal that was sent before, perhaps by another node.
     pub fn follow(&self, id: GoalId) -> GoalHandle<A> {
         let (sender, feedback) = mpsc::channel(FEEDBACK_MAX);
         lock(&self.shared.listeners).insert(id, sender);
         GoalHandle { id, feedback, shared: Arc::clone(&self.shared) }
     }
 
-    /// Cancels all goals of the server, whoever sent them.
+    /// Cancels all goals of the server, from all clients.
     ///
     /// # Errors
     /// See [`CallError`].
@@ -176,7 +176,7 @@ impl<A: Action + 'static> GoalHandle<A> {
         }
     }
 
-    /// Asks to cancel the goal; [`Self::result`] tells when it has ended.
+    /// Asks to cancel the goal; [`Self::result`] returns when it has ended.
     ///
     /// # Errors
     /// See [`CallError`].
@@ -209,7 +209,7 @@ impl<A: Action> Shared<A> {
     }
 }
 
-/// Hands feedback to the goals of this client; that of others is passed over.
+/// Passes feedback to the goals of this client; skips that of others.
 async fn distribute<F: crate::interface::Message>(
     mut feedback: Subscription<FeedbackMessage<F>>,
     listeners: Arc<Listeners<F>>,
@@ -217,7 +217,7 @@ async fn distribute<F: crate::interface::Message>(
     loop {
         let (message, _) = feedback.next().await;
         if let Some(listener) = lock(&listeners).get(&GoalId(message.goal_id.uuid)) {
-            // Who does not read misses it.
+            // A goal that is not read from loses feedback.
             drop(listener.try_send(message.feedback));
         }
     }

@@ -18,7 +18,7 @@ use std::time::Duration;
 
 /// How long a result can be asked for after the end, as in rcl.
 const KEEP_RESULT: Duration = Duration::from_secs(15 * 60);
-/// How long a refusal is remembered: longer than any client asks again.
+/// How long a rejection is remembered: longer than any client retries.
 const KEEP_REFUSAL: Duration = Duration::from_secs(60);
 /// Ended goals, and refused ones, that are kept at most; the status message grows by each that
 /// has ended.
@@ -57,16 +57,16 @@ impl Outcome {
 /// All goals by id.
 #[derive(Debug)]
 pub(super) struct Goals<R> {
-    goals: BTreeMap<GoalId, State<R>>,
+    goals: BTreeMap<GoalId, GoalState<R>>,
 }
 
 #[derive(Debug)]
-enum State<R> {
+enum GoalState<R> {
     /// The node has not decided yet; it will not be done when somebody cancels it meanwhile.
     Offered {
         is_canceling: bool,
     },
-    /// It was refused at this time; whoever asks again is told the same.
+    /// It was rejected at this time; a repeated request gets the same answer.
     Rejected {
         at: Duration,
     },
@@ -97,7 +97,7 @@ enum RecordState {
     Ended { accepted_ns: i64, status: i8, result: ByteBuf },
 }
 
-/// What a goal request is to be answered.
+/// The answer to a goal request.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Offer {
     /// Ask the node.
@@ -106,11 +106,11 @@ pub(super) enum Offer {
     Undecided,
     /// The same request arrived before and was accepted; it is not started twice.
     Accepted(RosTime),
-    /// The same request arrived before and was refused; its client may have been told.
+    /// The same request arrived before and was rejected; its client may know already.
     Rejected,
 }
 
-/// What a result request is to be answered.
+/// The answer to a result request.
 #[derive(Debug, PartialEq)]
 pub(super) enum Answer<R> {
     NotYet,
@@ -127,67 +127,74 @@ impl<R: Clone> Goals<R> {
     pub(super) fn offer(&mut self, id: GoalId) -> Offer {
         match self.goals.get(&id) {
             None => {
-                self.goals.insert(id, State::Offered { is_canceling: false });
+                self.goals.insert(id, GoalState::Offered { is_canceling: false });
                 Offer::New
             }
-            Some(State::Offered { .. }) => Offer::Undecided,
-            Some(State::Rejected { .. }) => Offer::Rejected,
-            Some(State::Active { accepted, .. } | State::Ended { accepted, .. }) => {
+            Some(GoalState::Offered { .. }) => Offer::Undecided,
+            Some(GoalState::Rejected { .. }) => Offer::Rejected,
+            Some(GoalState::Active { accepted, .. } | GoalState::Ended { accepted, .. }) => {
                 Offer::Accepted(*accepted)
             }
         }
     }
 
     pub(super) fn accept(&mut self, id: GoalId, accepted: RosTime) {
-        self.goals.insert(id, State::Active { accepted, is_canceling: false });
+        self.goals.insert(id, GoalState::Active { accepted, is_canceling: false });
     }
 
     pub(super) fn reject(&mut self, id: GoalId, now: Duration) {
-        self.goals.insert(id, State::Rejected { at: now });
+        self.goals.insert(id, GoalState::Rejected { at: now });
         self.forget(now);
     }
 
     /// When the goal was accepted; `None` while it is not.
     pub(super) fn accepted(&self, id: GoalId) -> Option<RosTime> {
         match self.goals.get(&id)? {
-            State::Offered { .. } | State::Rejected { .. } => None,
-            State::Active { accepted, .. } | State::Ended { accepted, .. } => Some(*accepted),
+            GoalState::Offered { .. } | GoalState::Rejected { .. } => None,
+            GoalState::Active { accepted, .. } | GoalState::Ended { accepted, .. } => {
+                Some(*accepted)
+            }
         }
     }
 
     /// Whether the node still has to decide on the goal.
     pub(super) fn is_undecided(&self, id: GoalId) -> bool {
-        matches!(self.goals.get(&id), Some(State::Offered { .. }))
+        matches!(self.goals.get(&id), Some(GoalState::Offered { .. }))
     }
 
     /// Whether the goal has neither ended nor been refused.
     pub(super) fn is_unfinished(&self, id: GoalId) -> bool {
-        matches!(self.goals.get(&id), Some(State::Offered { .. } | State::Active { .. }))
+        matches!(self.goals.get(&id), Some(GoalState::Offered { .. } | GoalState::Active { .. }))
     }
 
-    /// Whether somebody wants the goal to end, or not to begin.
+    /// Whether the goal was canceled, running or not yet accepted.
     pub(super) fn is_canceling(&self, id: GoalId) -> bool {
         matches!(
             self.goals.get(&id),
-            Some(State::Active { is_canceling: true, .. } | State::Offered { is_canceling: true })
+            Some(
+                GoalState::Active { is_canceling: true, .. }
+                    | GoalState::Offered { is_canceling: true }
+            )
         )
     }
 
     /// Ends a goal; one that has ended keeps its first end.
     pub(super) fn end(&mut self, id: GoalId, outcome: Outcome, result: R, now: Duration) {
         if let Some(state) = self.goals.get_mut(&id)
-            && let State::Active { accepted, .. } = *state
+            && let GoalState::Active { accepted, .. } = *state
         {
-            *state = State::Ended { accepted, outcome, result, at: now };
+            *state = GoalState::Ended { accepted, outcome, result, at: now };
         }
         self.forget(now);
     }
 
     pub(super) fn answer(&self, id: GoalId) -> Answer<R> {
         match self.goals.get(&id) {
-            None | Some(State::Rejected { .. }) => Answer::Unknown,
-            Some(State::Offered { .. } | State::Active { .. }) => Answer::NotYet,
-            Some(State::Ended { outcome, result, .. }) => Answer::Ended(*outcome, result.clone()),
+            None | Some(GoalState::Rejected { .. }) => Answer::Unknown,
+            Some(GoalState::Offered { .. } | GoalState::Active { .. }) => Answer::NotYet,
+            Some(GoalState::Ended { outcome, result, .. }) => {
+                Answer::Ended(*outcome, result.clone())
+            }
         }
     }
 
@@ -201,9 +208,9 @@ impl<R: Clone> Goals<R> {
         let mut goals_canceling = Vec::new();
         for (goal, state) in &mut self.goals {
             let (accepted, is_canceling) = match state {
-                State::Active { accepted, is_canceling } => (*accepted, is_canceling),
-                State::Offered { is_canceling } => (RosTime::ZERO, is_canceling),
-                State::Ended { .. } | State::Rejected { .. } => continue,
+                GoalState::Active { accepted, is_canceling } => (*accepted, is_canceling),
+                GoalState::Offered { is_canceling } => (RosTime::ZERO, is_canceling),
+                GoalState::Ended { .. } | GoalState::Rejected { .. } => continue,
             };
             let is_meant = match (has_id, has_stamp) {
                 (false, false) => true,
@@ -218,8 +225,8 @@ impl<R: Clone> Goals<R> {
         }
         let return_code = match self.goals.get(&id) {
             _ if !goals_canceling.is_empty() => CancelGoalResponse::ERROR_NONE,
-            Some(State::Ended { .. }) => CancelGoalResponse::ERROR_GOAL_TERMINATED,
-            Some(State::Rejected { .. }) => CancelGoalResponse::ERROR_UNKNOWN_GOAL_ID,
+            Some(GoalState::Ended { .. }) => CancelGoalResponse::ERROR_GOAL_TERMINATED,
+            Some(GoalState::Rejected { .. }) => CancelGoalResponse::ERROR_UNKNOWN_GOAL_ID,
             Some(_) => CancelGoalResponse::ERROR_REJECTED,
             None if has_id => CancelGoalResponse::ERROR_UNKNOWN_GOAL_ID,
             // "All" of no goals is no error.
@@ -230,16 +237,16 @@ impl<R: Clone> Goals<R> {
 
     /// The content of the status topic.
     pub(super) fn statuses(&self) -> Vec<GoalStatus> {
-        let entry = |(id, state): (&GoalId, &State<R>)| {
+        let entry = |(id, state): (&GoalId, &GoalState<R>)| {
             let (accepted, status) = match state {
-                State::Offered { .. } | State::Rejected { .. } => return None,
-                State::Active { accepted, is_canceling: false } => {
+                GoalState::Offered { .. } | GoalState::Rejected { .. } => return None,
+                GoalState::Active { accepted, is_canceling: false } => {
                     (accepted, GoalStatus::STATUS_EXECUTING)
                 }
-                State::Active { accepted, is_canceling: true } => {
+                GoalState::Active { accepted, is_canceling: true } => {
                     (accepted, GoalStatus::STATUS_CANCELING)
                 }
-                State::Ended { accepted, outcome, .. } => (accepted, outcome.status()),
+                GoalState::Ended { accepted, outcome, .. } => (accepted, outcome.status()),
             };
             Some(GoalStatus { goal_info: goal_info(*id, *accepted), status })
         };
@@ -251,17 +258,17 @@ impl<R: Clone> Goals<R> {
     where
         R: Serialize,
     {
-        let record = |(id, state): (&GoalId, &State<R>)| {
+        let record = |(id, state): (&GoalId, &GoalState<R>)| {
             let state = match state {
-                State::Offered { is_canceling } => {
+                GoalState::Offered { is_canceling } => {
                     RecordState::Offered { is_canceling: *is_canceling }
                 }
-                State::Rejected { .. } => RecordState::Rejected,
-                State::Active { accepted, is_canceling } => RecordState::Active {
+                GoalState::Rejected { .. } => RecordState::Rejected,
+                GoalState::Active { accepted, is_canceling } => RecordState::Active {
                     accepted_ns: accepted.as_nanos(),
                     is_canceling: *is_canceling,
                 },
-                State::Ended { accepted, outcome, result, .. } => RecordState::Ended {
+                GoalState::Ended { accepted, outcome, result, .. } => RecordState::Ended {
                     accepted_ns: accepted.as_nanos(),
                     status: outcome.status(),
                     result: cdr::body(result).into(),
@@ -280,12 +287,12 @@ impl<R: Clone> Goals<R> {
         let (mut goals, at) = (BTreeMap::new(), Duration::ZERO);
         for GoalRecord { id, state } in records {
             let state = match state {
-                RecordState::Offered { is_canceling } => State::Offered { is_canceling },
-                RecordState::Rejected => State::Rejected { at },
+                RecordState::Offered { is_canceling } => GoalState::Offered { is_canceling },
+                RecordState::Rejected => GoalState::Rejected { at },
                 RecordState::Active { accepted_ns, is_canceling } => {
-                    State::Active { accepted: RosTime::from_nanos(accepted_ns), is_canceling }
+                    GoalState::Active { accepted: RosTime::from_nanos(accepted_ns), is_canceling }
                 }
-                RecordState::Ended { accepted_ns, status, result } => State::Ended {
+                RecordState::Ended { accepted_ns, status, result } => GoalState::Ended {
                     accepted: RosTime::from_nanos(accepted_ns),
                     outcome: Outcome::from_status(status)?,
                     result: cdr::from_body(&result).ok()?,
@@ -302,9 +309,9 @@ impl<R: Clone> Goals<R> {
         let (mut ended, mut rejected) = (Vec::new(), Vec::new());
         for (id, state) in &self.goals {
             match state {
-                State::Ended { at, .. } => ended.push((*at, *id)),
-                State::Rejected { at } => rejected.push((*at, *id)),
-                State::Offered { .. } | State::Active { .. } => {}
+                GoalState::Ended { at, .. } => ended.push((*at, *id)),
+                GoalState::Rejected { at } => rejected.push((*at, *id)),
+                GoalState::Offered { .. } | GoalState::Active { .. } => {}
             }
         }
         for (mut over, keep) in [(ended, KEEP_RESULT), (rejected, KEEP_REFUSAL)] {
@@ -408,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn cancel_tells_unknown_and_ended_goals_apart() {
+    fn cancel_distinguishes_unknown_and_ended_goals() {
         let mut goals = three();
         assert_eq!(cancel(&mut goals, GoalId([9; 16]), RosTime::ZERO), (2, vec![]));
         goals.end(A, Outcome::Aborted, 0, Duration::ZERO);

@@ -1,4 +1,4 @@
-//! What an action's services and topics carry.
+//! The messages of an action's services and topics.
 //!
 //! The generic parts; the types that do not depend on the action are those of
 //! `action_msgs`. Their type names depend on the action and are given where
@@ -81,8 +81,8 @@ pub(super) struct ActionNames {
 }
 
 impl ActionNames {
-    /// Of the action `name`, which must be absolute already: the parts are not
-    /// to be remapped one by one.
+    /// For the action `name`, which must be absolute already: its parts are not
+    /// remapped one by one.
     pub(super) fn new<A: Action>(name: &str) -> Self {
         let kind = A::TYPE_NAME;
         Self {

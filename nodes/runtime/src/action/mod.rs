@@ -1,16 +1,16 @@
 //! Actions: goals that take time, can be watched and canceled.
 //!
 //! An action is three services and two topics. The table of goals
-//! (`goals`, pure) knows what each request is to be answered, `kept` (pure) how it outlives the
-//! process; `server` and
-//! `client` carry it. Written here because the action server of ros2-client
+//! (`goals`, pure) knows the answer to each request, and `persistence` (pure) saves it for the
+//! next process; `server` and `client` use it.
+//! Written here because the action server of ros2-client
 //! blocks when two results wait, forgets results, and answers cancel requests
 //! with the wrong codes.
 
 mod client;
 mod goals;
-mod kept;
 mod messages;
+mod persistence;
 mod server;
 
 pub use client::{ActionClient, GoalError, GoalHandle};

@@ -1,9 +1,9 @@
-//! Offering an action.
+//! Action servers.
 //!
 //! The node takes offers from [`ActionServer::next_goal`] and accepts or
 //! rejects each; how many may be active at once is its decision. Every request
 //! is answered: an offer that is dropped is rejected, a goal that is dropped is
-//! aborted, a result can be had for a quarter of an hour.
+//! aborted, a result is available for a quarter of an hour.
 
 mod goal;
 
@@ -11,11 +11,11 @@ pub use goal::{Goal, GoalOffer, Unfinished};
 
 use super::GoalId;
 use super::goals::{Answer, Goals, Offer, Outcome};
-use super::kept::{self, Ledger};
 use super::messages::{
     ActionNames, FeedbackMessage, GetResult, GetResultRequest, GetResultResponse, SendGoal,
     SendGoalRequest, SendGoalResponse,
 };
+use super::persistence::{self, Ledger};
 use crate::interface::Action;
 use crate::node::{Handle, NodeError};
 use crate::publisher::Publisher;
@@ -33,7 +33,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 
 /// Offers that may wait for the node.
 const OFFERS_MAX: usize = 16;
-/// How long the node may think about an offer.
+/// How long the node may take to decide on an offer.
 const DECIDE_WITHIN: Duration = Duration::from_secs(4);
 
 /// The server of action `A`, as its node sees it.
@@ -67,10 +67,10 @@ impl Handle {
         let name = self.names().resolve(name)?;
         let names = ActionNames::new::<A>(&name);
         let kept = self.memory().and_then(|memory| memory.get(&kept_name(&name)));
-        let (goals, ledger) = match kept.map(|kept| kept::read(&kept)) {
+        let (goals, ledger) = match kept.map(|kept| persistence::decode(&kept)) {
             Some(Some(found)) => found,
             Some(None) => {
-                tracing::error!("{name}: the goals of the process before are not understood");
+                tracing::error!("{name}: the goals of the previous process cannot be decoded");
                 (Goals::new(), Ledger::default())
             }
             None => (Goals::new(), Ledger::default()),
@@ -145,14 +145,14 @@ fn kept_name(action: &str) -> String {
 }
 
 impl<A: Action> ActionServer<A> {
-    /// What the process before this one had not brought to an end; to be taken up before
-    /// [`Self::next_goal`]. What is dropped is rejected or aborted.
+    /// The goals that the previous process did not finish; to be taken before
+    /// [`Self::next_goal`]. A goal that is dropped is rejected or aborted.
     pub fn take_unfinished(&mut self) -> Vec<Unfinished<A>> {
         std::mem::take(&mut self.unfinished)
     }
 
-    /// The next goal that somebody wants; may be dropped while it waits.
-    /// `None` when the node stops. It must be decided within 4 s.
+    /// The next goal that a client sends; may be dropped while it waits.
+    /// `None` when the node stops. The node must decide on it within 4 s.
     pub async fn next_goal(&mut self) -> Option<GoalOffer<A>> {
         self.offers.recv().await
     }
@@ -163,7 +163,7 @@ impl<A: Action> Shared<A> {
         self.goals.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tells watchers and waiting requests that a goal's state is another.
+    /// Notifies watchers and waiting requests that the state of a goal has changed.
     fn changed(&self) {
         // Under the lock, so that statuses go out in the order of the changes.
         let goals = self.goals();
@@ -173,12 +173,12 @@ impl<A: Action> Shared<A> {
         self.changes.send_modify(|count| *count = count.wrapping_add(1));
     }
 
-    /// Keeps the goals for the process after this one, where the node has a memory.
+    /// Keeps the goals for the next process, if the node has a memory.
     fn keep(&self, goals: &Goals<A::Result>) {
         let Some(memory) = self.handle.memory() else { return };
         let mut ledger = self.ledger();
         ledger.unfinished.retain(|id, _| goals.is_unfinished(*id));
-        memory.keep(&kept_name(&self.name), kept::write(goals, &ledger));
+        memory.keep(&kept_name(&self.name), persistence::encode(goals, &ledger));
     }
 
     fn ledger(&self) -> MutexGuard<'_, Ledger> {
@@ -206,8 +206,8 @@ impl<A: Action> Shared<A> {
         self.ledger().unfinished.get(&id).map_or(0, |unfinished| unfinished.tag)
     }
 
-    /// What the process before had not brought to an end, and the requests that it had not
-    /// answered: for a goal, and for a result.
+    /// The goals that the previous process did not finish, and the requests that it did not
+    /// answer: for a goal, and for a result.
     #[allow(clippy::type_complexity, reason = "three lists, named where they are taken apart")]
     fn unfinished(
         self: &Arc<Self>,
@@ -239,7 +239,7 @@ impl<A: Action> Shared<A> {
             (GetResultRequest { goal_id: UUID { uuid: id.0 } }, info)
         };
         let results_asked: Vec<_> = ledger.waiting().map(asked).collect();
-        // They come in again as if they had just been sent.
+        // They are handled as if they had just arrived.
         results_asked.iter().for_each(|(_, info)| ledger.answered(info));
         (unfinished, goals_asked, results_asked)
     }
@@ -271,9 +271,9 @@ impl<A: Action> Shared<A> {
             Offer::New => {
                 let (sender, mut decision) = oneshot::channel();
                 let pending = Some((Arc::clone(self), Some(sender)));
-                let unfinished = kept::Unfinished { goal: cdr::body(&goal), info, tag: 0 };
+                let unfinished = persistence::Unfinished { goal: cdr::body(&goal), info, tag: 0 };
                 self.note(|ledger| drop(ledger.unfinished.insert(id, unfinished)));
-                // An offer that finds no room is dropped, and with it rejected.
+                // An offer that does not fit is dropped, which rejects it.
                 drop(offers.try_send(GoalOffer { goal, id, info, pending }));
                 if let Ok(decided) = tokio::time::timeout(DECIDE_WITHIN, &mut decision).await {
                     return decided.ok().flatten();

@@ -1,4 +1,4 @@
-//! The states of a managed node and the ways between them.
+//! The lifecycle state machine: the states of a managed node and its transitions.
 //!
 //! Pure. Numbers, labels and their order are those of `lifecycle_msgs` and of the
 //! state machine that `rcl_lifecycle` builds, so that tools print the same.
@@ -8,7 +8,7 @@ use State::{
     Inactive, ShuttingDown, Unconfigured, Unknown,
 };
 
-/// Where a node is. The first five last; the others are on the way from one to another.
+/// The state of a node. The first five are lasting; the others are transitional.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
@@ -63,13 +63,13 @@ impl State {
         }
     }
 
-    /// Whether it is the way from one lasting state to another.
+    /// Whether it is transitional.
     pub(crate) fn is_transitional(self) -> bool {
         self.id() >= Configuring.id()
     }
 }
 
-/// A way from one state to another.
+/// A transition from one state to another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Transition {
     pub(crate) id: u8,
@@ -78,11 +78,11 @@ pub(crate) struct Transition {
     pub(crate) goal: State,
 }
 
-/// How what a transition asked for went.
+/// The outcome of a transition's step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Outcome {
     Success,
-    /// It was not done, and all is as before.
+    /// It failed and changed nothing.
     Failure,
     /// It was half done.
     Error,
@@ -141,13 +141,13 @@ pub(crate) fn ways_from(state: State) -> impl Iterator<Item = &'static Transitio
 /// A label wins over the number: whoever asks by label leaves the number zero.
 ///
 /// # Errors
-/// There is none from here; what there is.
+/// There is none from here; with those that there are.
 pub(crate) fn requested(state: State, id: u8, label: &str) -> Result<Transition, String> {
     let is_meant = |way: &&Transition| match label {
         "" => way.id == id,
         label => way.label == label,
     };
-    // How a transition went is not for others to say.
+    // A request cannot set the outcome of a transition.
     let is_transitional = state.is_transitional();
     ways_from(state).filter(|_| !is_transitional).find(is_meant).copied().ok_or_else(|| {
         let asked = if label.is_empty() { format!("{id}") } else { format!("\"{label}\"") };

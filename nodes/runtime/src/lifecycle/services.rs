@@ -1,5 +1,5 @@
-//! How others see and change the state of a managed node: five services and a
-//! topic, under the names and with the qualities of service that rcl gives them.
+//! The lifecycle interface of a managed node: five services and a topic, with the names
+//! and QoS of rcl.
 
 use super::machine::{STATES, State, TRANSITIONS, Transition, ways_from};
 use super::{Lifecycle, Managed};
@@ -12,7 +12,7 @@ use cnc_msgs::wire::lifecycle_msgs::srv;
 use std::future::ready;
 use std::sync::Arc;
 
-/// The topic on which changes are told.
+/// The topic that announces changes of state.
 pub(super) fn events(node: &Handle) -> Result<Publisher<wire::TransitionEvent>, NodeError> {
     node.publisher("~/transition_event", Qos::DEFAULT)
 }
@@ -57,7 +57,7 @@ pub(super) fn offer<M: Managed>(
     })
 }
 
-/// What is told of a change. rcl leaves time and transition empty; here they are.
+/// The message about a change. rcl leaves time and transition empty; we fill them.
 pub(super) fn event(now: RosTime, way: Transition) -> wire::TransitionEvent {
     let wire::TransitionDescription { transition, start_state, goal_state } = description(&way);
     let timestamp = u64::try_from(now.as_nanos()).unwrap_or(0);

@@ -1,6 +1,6 @@
-//! Sends answers, each as soon as its client can hear it.
+//! Sends each answer as soon as the reader of its client has been discovered.
 
-use super::hearing::Hearing;
+use super::client_readers::ClientReaders;
 use super::{Replies, RequestInfo};
 use crate::graph::Graph;
 use crate::interface::Service;
@@ -9,16 +9,16 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::Semaphore;
 
-/// How long an answer waits for a client that was not found yet.
+/// How long an answer waits for a client's reader.
 const FOUND_WITHIN: Duration = Duration::from_millis(500);
-/// Answers that may wait so; one more is sent at once, whether it is heard or not.
+/// Answers that may wait; a further one is sent at once, even if it is lost.
 const WAITING_MAX: usize = 256;
 
-/// Where answers go out, each as soon as its client can hear it.
+/// Sends each answer as soon as its client can receive it.
 pub(super) struct Answers<S: Service> {
     replies: Replies<S>,
     graph: Arc<Graph>,
-    hearing: Arc<Mutex<Hearing>>,
+    client_readers: Arc<Mutex<ClientReaders>>,
     room: Arc<Semaphore>,
 }
 
@@ -27,7 +27,7 @@ impl<S: Service> Clone for Answers<S> {
         Self {
             replies: self.replies.clone(),
             graph: Arc::clone(&self.graph),
-            hearing: Arc::clone(&self.hearing),
+            client_readers: Arc::clone(&self.client_readers),
             room: Arc::clone(&self.room),
         }
     }
@@ -38,17 +38,17 @@ impl<S: Service + 'static> Answers<S> {
         Self {
             replies,
             graph,
-            hearing: Arc::default(),
+            client_readers: Arc::default(),
             room: Arc::new(Semaphore::new(WAITING_MAX)),
         }
     }
 
     fn can_hear(&self, to: &RequestInfo) -> bool {
         let matched = self.graph.matched_of(self.replies.gid(), to.writer.participant());
-        lock(&self.hearing).can_hear(to.client, &matched)
+        lock(&self.client_readers).has_reader(to.client, &matched)
     }
 
-    /// Sends an answer now, or when its client was found.
+    /// Sends an answer now, or when the client's reader has been discovered.
     pub(super) fn send(&self, to: RequestInfo, response: S::Response) {
         if self.can_hear(&to) {
             return self.replies.send(to, response);
@@ -57,7 +57,7 @@ impl<S: Service + 'static> Answers<S> {
             return self.replies.send(to, response);
         };
         let answers = self.clone();
-        // By itself: others do not wait for a client that has just come.
+        // In a task of its own: other clients do not wait for this one.
         tokio::spawn(async move {
             let mut changes = answers.graph.changes();
             let found = async {
@@ -67,7 +67,7 @@ impl<S: Service + 'static> Answers<S> {
                 }
             };
             if tokio::time::timeout(FOUND_WITHIN, found).await.is_err() {
-                lock(&answers.hearing).give_up(to.client);
+                lock(&answers.client_readers).give_up(to.client);
             }
             answers.replies.send(to, response);
             drop(place);

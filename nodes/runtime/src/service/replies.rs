@@ -1,10 +1,10 @@
-//! Sending answers, whoever else hangs.
+//! Sends replies even if some clients hang.
 //!
 //! A reply writer reaches the readers of all clients, and keeps each reply until
 //! all of them have acknowledged it. A client that hangs or was killed does not,
-//! until its lease ends 50 s later; meanwhile the window fills, and then nobody
-//! gets an answer. So a writer whose window is full is replaced by a new one,
-//! and its replies go out once the clients know it.
+//! until its lease ends 50 s later; meanwhile the window fills, and then no client
+//! gets a reply. So a writer whose window is full is replaced by a new one, which sends
+//! replies once the clients have discovered it.
 
 use super::RequestInfo;
 use crate::environment::Environment;
@@ -18,22 +18,21 @@ use rustdds::{SampleIdentity, Timestamp, WriteOptionsBuilder};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Replies that are kept for clients that have not acknowledged them. More is
-/// more memory for one that hangs, less is a new writer more often.
+/// Unacknowledged replies that are kept. More takes more memory for a client that hangs;
+/// fewer replaces the writer more often.
 pub(crate) const UNACKNOWLEDGED_MAX: i32 = 2048;
-/// What clients need to find a new writer.
+/// How long clients need to discover a new writer.
 const SETTLE: Duration = Duration::from_millis(200);
-/// Replies that may wait for that; their clients ask again, or say that
-/// there was no answer.
+/// Replies that may wait for that, at most. The clients of further ones retry or time out.
 const WAITING_MAX: usize = 1000;
 
-/// What a network takes in one piece, bytes, with the identity of the request before it.
+/// The longest reply in one network packet, bytes, with the identity of the request.
 const IN_ONE_PIECE: usize = 1_200;
 
 type Writer<S> = DataWriterCdr<Padded<Framed<<S as Service>::Response>>>;
 type NewWriter<S> = dyn Fn() -> Result<Writer<S>, NodeError> + Send + Sync;
 
-/// Where the replies of a service go out; clones are the same.
+/// The replies of a service; clones share the writer.
 pub(crate) struct Replies<S: Service> {
     shared: Arc<Shared<S>>,
 }
@@ -43,13 +42,13 @@ struct Shared<S: Service> {
     /// Longer replies cannot be sent.
     bytes_max: usize,
     new_writer: Box<NewWriter<S>>,
-    state: Mutex<State<S>>,
+    state: Mutex<ReplyState<S>>,
     drops: Drops,
 }
 
-struct State<S: Service> {
+struct ReplyState<S: Service> {
     writer: Writer<S>,
-    /// Replies that wait until a new writer is known; `None`: it is.
+    /// Replies that wait until a new writer is discovered; `None`: no reply has to wait.
     waiting: Option<Vec<(RequestInfo, S::Response)>>,
 }
 
@@ -67,7 +66,7 @@ impl<S: Service + 'static> Replies<S> {
     ) -> Result<Self, NodeError> {
         let mapping = environment.mapping;
         let bytes_max = if environment.keeps_long_replies() { BYTES_MAX } else { IN_ONE_PIECE };
-        let state = Mutex::new(State { writer: new_writer()?, waiting: None });
+        let state = Mutex::new(ReplyState { writer: new_writer()?, waiting: None });
         let drops = Drops::new(format!("replies of {name}"));
         Ok(Self { shared: Arc::new(Shared { mapping, bytes_max, new_writer, state, drops }) })
     }
@@ -103,7 +102,7 @@ impl<S: Service + 'static> Replies<S> {
         tokio::spawn(async move {
             match (replies.shared.new_writer)() {
                 Ok(writer) => {
-                    // With the old one go the replies that nobody acknowledges.
+                    // This drops the old writer with its unacknowledged replies.
                     let old = std::mem::replace(&mut lock(&replies.shared.state).writer, writer);
                     tokio::time::sleep(SETTLE).await;
                     drop(old);
@@ -114,7 +113,7 @@ impl<S: Service + 'static> Replies<S> {
         });
     }
 
-    /// Sends what has waited.
+    /// Sends the waiting replies.
     fn catch_up(&self) {
         let mut state = lock(&self.shared.state);
         for (to, response) in state.waiting.take().unwrap_or_default() {
@@ -128,9 +127,9 @@ impl<S: Service + 'static> Replies<S> {
     }
 }
 
-/// Why a reply is not on its way.
+/// Why a reply was not sent.
 enum Unsent<R> {
-    /// Clients have not acknowledged what they were sent.
+    /// Too many replies are not acknowledged.
     Full(R),
     Failed(String),
 }

@@ -1,7 +1,7 @@
-//! The socket on which a supervisor hears one child.
+//! The socket on which a supervisor receives the messages of one child.
 //!
-//! It lies in a folder that nobody but this user can enter: nobody else can speak for the child,
-//! or fill the queue so that the child is not heard.
+//! Its folder is private to this user: no other user can send messages for the child, or fill
+//! the queue.
 
 use std::fs::{DirBuilder, remove_dir, remove_file};
 use std::io;
@@ -14,10 +14,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 static FOLDERS: AtomicU32 = AtomicU32::new(0);
 /// A longer text is cut; the longest of ours is a status line.
 const TEXT_MAX: usize = 4_096;
-/// A child that sends more between two looks is heard the rest of the next time.
+/// Messages read in one look; the rest is read in the next.
 const TEXTS_MAX: usize = 1_000;
 
-/// What a child said since the last look.
+/// The messages of a child since the last look.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Heard {
     pub(crate) ready: bool,
@@ -26,7 +26,7 @@ pub(crate) struct Heard {
 }
 
 impl Heard {
-    /// Reads one text, a `NAME=value` a line; names that are not known are passed over.
+    /// Reads one message, a `NAME=value` a line; skips unknown names.
     pub(crate) fn take(&mut self, text: &[u8]) {
         for line in text.split(|byte| *byte == b'\n') {
             match line {
@@ -53,7 +53,7 @@ impl Mailbox {
         let places =
             [runtime, Some(std::env::temp_dir()), Some("/tmp".into()), Some("/dev/shm".into())];
         let mut last = io::Error::other("there is no folder for sockets");
-        // One may be missing, read-only, or too long a path for a socket.
+        // A folder may be missing, read-only, or have a path too long for a socket.
         for place in places.into_iter().flatten().filter(|place| place.is_absolute()) {
             match Self::below(&place) {
                 Ok(mailbox) => return Ok(mailbox),
@@ -71,7 +71,7 @@ impl Mailbox {
             let folder = place.join(format!("kerf-watch-{}-{number}", std::process::id()));
             match DirBuilder::new().mode(0o700).create(&folder) {
                 Ok(()) => {}
-                // One that was left by a process with the same number.
+                // Left by an earlier process with the same number.
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => continue,
                 Err(error) => return Err(error),
             }
@@ -87,16 +87,16 @@ impl Mailbox {
         }
     }
 
-    /// What `NOTIFY_SOCKET` is for the child.
+    /// The value of `NOTIFY_SOCKET` for the child.
     pub(crate) fn path(&self) -> PathBuf {
         self.folder.join("notify")
     }
 
-    /// All that came since the last look.
+    /// All messages since the last look.
     pub(crate) fn look(&self) -> Heard {
         let (mut heard, mut text) = (Heard::default(), [0; TEXT_MAX]);
         for _ in 0..TEXTS_MAX {
-            // Nothing there, or nothing that can be read: the child is silent.
+            // Empty or unreadable: the child is silent.
             let Ok(length) = self.socket.recv(&mut text) else { break };
             heard.take(&text[..length]);
         }
@@ -106,7 +106,7 @@ impl Mailbox {
 
 impl Drop for Mailbox {
     fn drop(&mut self) {
-        // Somebody may have tidied up already.
+        // It may have been removed already.
         let _ = remove_file(self.path());
         let _ = remove_dir(&self.folder);
     }

@@ -1,4 +1,4 @@
-//! What a process says to its supervisor.
+//! Sends the state of a process to its supervisor (`sd_notify`).
 
 use std::ffi::OsStr;
 use std::os::linux::net::SocketAddrExt;
@@ -9,7 +9,7 @@ use std::time::Duration;
 
 /// Reports to the supervisor of this process; does nothing where there is none.
 ///
-/// Needs no DDS and never waits: a text that the supervisor's queue cannot take is lost.
+/// Needs no DDS and never blocks: a message that the supervisor's queue cannot take is lost.
 #[derive(Debug, Clone, Default)]
 pub struct Notifier {
     to: Option<Arc<(UnixDatagram, SocketAddr)>>,
@@ -17,7 +17,7 @@ pub struct Notifier {
 }
 
 impl Notifier {
-    /// As `NOTIFY_SOCKET` and `WATCHDOG_USEC` of the environment say.
+    /// From `NOTIFY_SOCKET` and `WATCHDOG_USEC` of the environment.
     pub fn from_environment() -> Self {
         Self::new(
             std::env::var_os("NOTIFY_SOCKET").as_deref(),
@@ -33,7 +33,7 @@ impl Notifier {
             socket.set_nonblocking(true).ok()?;
             Some(Arc::new((socket, address)))
         });
-        // Variables are inherited: what is meant for a parent is not meant for us.
+        // Variables are inherited: these may be meant for a parent process.
         let is_ours = process.is_none_or(|it| it.trim() == std::process::id().to_string());
         let interval = microseconds
             .filter(|_| to.is_some() && is_ours)
@@ -59,14 +59,14 @@ impl Notifier {
         self.send("WATCHDOG=1");
     }
 
-    /// The process ends in its own order and is silent from here on.
+    /// The process shuts down and sends nothing more.
     pub fn stopping(&self) {
         self.send("STOPPING=1");
     }
 
     fn send(&self, text: &str) {
         if let Some((socket, address)) = self.to.as_deref() {
-            // A supervisor that has gone or has a full queue cannot be helped from here.
+            // The supervisor has gone or its queue is full.
             let _ = socket.send_to_addr(text.as_bytes(), address);
         }
     }
@@ -101,7 +101,7 @@ mod tests {
         let folder = path.parent().expect("a folder").to_owned();
         drop(mailbox);
         assert!(!folder.exists());
-        // Nobody is there any more; nothing happens.
+        // The supervisor has gone; nothing happens.
         notifier.alive();
     }
 

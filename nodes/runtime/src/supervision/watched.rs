@@ -1,31 +1,31 @@
-//! A child process that is started, watched, and started again.
+//! Starts a child process, watches it and restarts it.
 
 use super::SUPERVISOR;
 use super::mailbox::Mailbox;
-use super::patience::{Limits, Patience};
+use super::restart_policy::{Limits, RestartPolicy};
 use std::fmt;
 use std::io;
 use std::process::{Child, Command, ExitStatus};
 use std::time::{Duration, Instant};
 
-/// A child that is started again whenever it ends or falls silent.
+/// A child that is restarted whenever it ends or falls silent.
 ///
-/// Whoever owns it calls [`Self::poll`] every 50 to 200 ms; nothing here waits. It is killed when
-/// this is dropped. A child that uses `die_with_parent` must be started and polled on a thread
-/// that lives as long as it should.
+/// The owner calls [`Self::poll`] every 50 to 200 ms; nothing here blocks. Dropping this kills
+/// the child. A child that uses `die_with_parent` must be started and polled on a thread
+/// that lives as long as the child should.
 pub struct Watched {
     /// Makes the command anew for each start.
     make: Box<dyn FnMut() -> io::Result<Command> + Send>,
     mailbox: Mailbox,
     limits: Limits,
-    patience: Patience,
-    state: State,
+    policy: RestartPolicy,
+    state: ChildState,
 }
 
-enum State {
+enum ChildState {
     Running {
         child: Child,
-        /// It was silent and has been killed; what is left is to wait for its end.
+        /// It was silent and has been killed; its end is awaited.
         is_killed: bool,
     },
     Pausing {
@@ -36,15 +36,15 @@ enum State {
 /// What happened to a child, for the log.
 #[derive(Debug)]
 pub enum Change {
-    /// It says that it serves.
+    /// It has sent `READY=1`.
     Ready,
     /// It was silent for so long and has been killed; [`Change::Ended`] follows.
     Silent(Duration),
-    /// It ended, and is started again after the pause.
+    /// It ended, and is restarted after the pause.
     Ended { status: ExitStatus, pause: Duration },
-    /// It was started again.
+    /// It was restarted.
     Started,
-    /// It could not be started again; the next attempt comes after the pause.
+    /// It could not be restarted; the next attempt comes after the pause.
     NotStarted { error: io::Error, pause: Duration },
 }
 
@@ -76,7 +76,7 @@ impl Watched {
     /// Starts a child. `make` makes its command; the variables of the protocol are added here.
     ///
     /// # Errors
-    /// There is no room for the socket, or the command cannot be started.
+    /// The socket cannot be made, or the command cannot be started.
     pub fn start(
         limits: Limits,
         mut make: impl FnMut() -> io::Result<Command> + Send + 'static,
@@ -87,8 +87,8 @@ impl Watched {
             make: Box::new(make),
             mailbox,
             limits,
-            patience: Patience::new(limits, Instant::now()),
-            state: State::Running { child, is_killed: false },
+            policy: RestartPolicy::new(limits, Instant::now()),
+            state: ChildState::Running { child, is_killed: false },
         })
     }
 
@@ -96,36 +96,36 @@ impl Watched {
     pub fn poll(&mut self) -> Option<Change> {
         let now = Instant::now();
         match &mut self.state {
-            State::Running { child, is_killed } => {
-                let becomes_ready = self.patience.hear(self.mailbox.look(), now);
+            ChildState::Running { child, is_killed } => {
+                let becomes_ready = self.policy.hear(self.mailbox.look(), now);
                 if let Ok(Some(status)) = child.try_wait() {
-                    let pause = self.patience.pause(now);
-                    self.state = State::Pausing { until: now + pause };
+                    let pause = self.policy.pause(now);
+                    self.state = ChildState::Pausing { until: now + pause };
                     return Some(Change::Ended { status, pause });
                 }
                 if becomes_ready {
                     return Some(Change::Ready);
                 }
-                let silence = self.patience.silent_for().filter(|_| !*is_killed)?;
+                let silence = self.policy.silent_for().filter(|_| !*is_killed)?;
                 *is_killed = true;
-                // One that cannot be killed any more has ended, and is reaped by the next call.
+                // A child that cannot be killed has ended; the next call reaps it.
                 let _ = child.kill();
                 Some(Change::Silent(silence))
             }
-            State::Pausing { until } if now < *until => None,
-            State::Pausing { .. } => {
-                // What the one before has left in the queue.
+            ChildState::Pausing { until } if now < *until => None,
+            ChildState::Pausing { .. } => {
+                // Messages of the previous child.
                 self.mailbox.look();
                 Some(match spawn(&mut self.make, &self.mailbox, self.limits) {
                     Ok(child) => {
-                        self.patience.started(Instant::now());
-                        self.state = State::Running { child, is_killed: false };
+                        self.policy.started(Instant::now());
+                        self.state = ChildState::Running { child, is_killed: false };
                         Change::Started
                     }
                     Err(error) => {
-                        self.patience.started(now);
-                        let pause = self.patience.pause(now).max(self.limits.pause_min);
-                        self.state = State::Pausing { until: now + pause };
+                        self.policy.started(now);
+                        let pause = self.policy.pause(now).max(self.limits.pause_min);
+                        self.state = ChildState::Pausing { until: now + pause };
                         Change::NotStarted { error, pause }
                     }
                 })
@@ -133,17 +133,17 @@ impl Watched {
         }
     }
 
-    /// The child, while there is one.
+    /// The child, while one runs.
     pub fn child(&mut self) -> Option<&mut Child> {
         match &mut self.state {
-            State::Running { child, .. } => Some(child),
-            State::Pausing { .. } => None,
+            ChildState::Running { child, .. } => Some(child),
+            ChildState::Pausing { .. } => None,
         }
     }
 
-    /// Whether the child serves, by its own word.
+    /// Whether the child has reported that it serves.
     pub fn is_ready(&self) -> bool {
-        matches!(self.state, State::Running { is_killed: false, .. }) && self.patience.is_ready()
+        matches!(self.state, ChildState::Running { is_killed: false, .. }) && self.policy.is_ready()
     }
 }
 
@@ -172,7 +172,7 @@ impl Drop for Watched {
 
 impl fmt::Debug for Watched {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Watched").field("patience", &self.patience).finish_non_exhaustive()
+        f.debug_struct("Watched").field("policy", &self.policy).finish_non_exhaustive()
     }
 }
 

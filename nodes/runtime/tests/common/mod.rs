@@ -1,5 +1,5 @@
-//! What the tests on a real loopback network share: message types of their own,
-//! nodes in a domain of this process, and patience.
+//! Shared by the tests on a real loopback network: message types of their own,
+//! nodes in a domain of this process, and timeouts.
 #![allow(dead_code, unreachable_pub)]
 
 use runtime::configuration::Configuration;
@@ -90,7 +90,7 @@ pub fn start_declared(
     Session::start(configuration).expect("a node")
 }
 
-/// Fails the test, rather than hang, when something never comes.
+/// Fails the test, instead of hanging, when something never comes.
 pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
     match tokio::time::timeout(PATIENCE, future).await {
         Ok(value) => value,

@@ -1,6 +1,6 @@
-//! Goals as the node sees them: wanted, and being worked on.
+//! Goals as the node sees them: offered, and being executed.
 //!
-//! Whatever a node forgets has an end: an offer that is dropped is rejected, a goal aborted.
+//! No goal stays open: an offer that is dropped is rejected, a goal that is dropped is aborted.
 
 use super::Shared;
 use crate::action::GoalId;
@@ -16,26 +16,26 @@ use tokio::sync::oneshot;
 /// What the process before this one had not brought to an end; see [`crate::Memory`].
 #[derive(Debug)]
 pub enum Unfinished<A: Action> {
-    /// It had not decided on it, or nobody was told.
+    /// It had not decided on it, or had not sent the decision.
     Offer(GoalOffer<A>),
     /// It was working on it.
     Goal(Goal<A>),
 }
 
-/// Takes when the goal was accepted, or that it was not.
+/// Receives when the goal was accepted; `None` if it was rejected.
 pub(super) type Decision = oneshot::Sender<Option<RosTime>>;
 
-/// A goal that somebody wants, not yet accepted.
+/// A goal that a client has sent, not yet accepted.
 pub struct GoalOffer<A: Action> {
     pub(super) goal: A::Goal,
     pub(super) id: GoalId,
     pub(super) info: RequestInfo,
-    /// Taken when the decision falls. Nobody in this process waits for that of an offer from the
-    /// process before.
+    /// Taken when the node decides. For an offer from the process before, no request in this
+    /// process waits for the decision.
     pub(super) pending: Option<(Arc<Shared<A>>, Option<Decision>)>,
 }
 
-/// A goal that is being worked on.
+/// A goal that is being executed.
 pub struct Goal<A: Action> {
     pub(super) goal: A::Goal,
     pub(super) id: GoalId,
@@ -94,7 +94,7 @@ impl<A: Action> GoalOffer<A> {
             goals.reject(self.id, shared.start.elapsed());
             drop(goals);
             if let Some(decision) = decision {
-                // Its client may have been told already.
+                // Its client may have received the acceptance already.
                 let _ = decision.send(None);
             }
             tracing::warn!("{}: goal {} was canceled before it began", shared.name, self.id);
@@ -156,7 +156,7 @@ impl<A: Action> Goal<A> {
         self.shared.kept_tag(self.id)
     }
 
-    /// Tells how far it is; dropped when the transport is full.
+    /// Publishes progress; dropped when the transport is full.
     pub fn feedback(&self, feedback: A::Feedback) {
         let goal_id = UUID { uuid: self.id.0 };
         self.shared.feedback.publish(FeedbackMessage { goal_id, feedback });

@@ -1,8 +1,7 @@
-//! The goals of an action as they are kept, so that the next process of the node goes on.
+//! Saves the goals of an action, so that the next process of the node can continue them.
 //!
-//! Pure: a table of goals and what is under way in, bytes out, and back. Besides the table it
-//! is what each unfinished goal asks for, which of the node's own numbers it has, and who waits
-//! for an answer that only the next process can give.
+//! Pure: encodes to bytes and back. Besides the table of goals it saves, for each unfinished
+//! goal, its request and the node's own number for it, and the clients that wait for a result.
 
 use super::GoalId;
 use super::goals::{GoalRecord, Goals};
@@ -15,17 +14,17 @@ use serde::{Deserialize, Serialize};
 use serde_bytes::ByteBuf;
 use std::collections::BTreeMap;
 
-/// Clients that wait for a result and are remembered; those that come later ask again.
+/// Waiting clients that are saved, at most; further ones have to ask again.
 const WAITING_MAX: usize = 64;
 
-/// What is not in the table of goals, and is needed to go on.
+/// What the next process needs besides the table of goals.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Ledger {
     pub(super) unfinished: BTreeMap<GoalId, Unfinished>,
     waiting: Vec<(GoalId, RequestInfo)>,
 }
 
-/// What belongs to a goal that has not ended.
+/// The data of a goal that has not ended.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Unfinished {
     /// The goal as it was sent, in CDR.
@@ -93,8 +92,8 @@ impl Ledger {
     }
 }
 
-/// The bytes to keep.
-pub(super) fn write<R: Serialize + Clone>(goals: &Goals<R>, ledger: &Ledger) -> Vec<u8> {
+/// Encodes goals and ledger.
+pub(super) fn encode<R: Serialize + Clone>(goals: &Goals<R>, ledger: &Ledger) -> Vec<u8> {
     let unfinished = ledger.unfinished.iter().map(|(id, Unfinished { goal, info, tag })| {
         (id.0, ByteBuf::from(goal.clone()), Requester::from(*info), *tag)
     });
@@ -105,8 +104,8 @@ pub(super) fn write<R: Serialize + Clone>(goals: &Goals<R>, ledger: &Ledger) -> 
     })
 }
 
-/// What was kept; `None` when it is not understood.
-pub(super) fn read<R: DeserializeOwned + Clone>(bytes: &[u8]) -> Option<(Goals<R>, Ledger)> {
+/// Decodes goals and ledger; `None` when the bytes are invalid.
+pub(super) fn decode<R: DeserializeOwned + Clone>(bytes: &[u8]) -> Option<(Goals<R>, Ledger)> {
     let Kept { goals, unfinished, waiting } = cdr::from_body(bytes).ok()?;
     let goals = Goals::from_records(goals)?;
     let unfinished = unfinished.into_iter().map(|(id, goal, info, tag)| {
@@ -158,7 +157,7 @@ mod tests {
         ledger.answered(&info(8));
 
         let (mut after, ledger_after) =
-            read::<String>(&write(&goals, &ledger)).expect("what was written");
+            decode::<String>(&encode(&goals, &ledger)).expect("what was written");
         assert_eq!(ledger_after, ledger);
         assert_eq!(ledger_after.waiting().collect::<Vec<_>>(), [(active, info(9))]);
         assert_eq!(after.statuses(), goals.statuses());
@@ -170,8 +169,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_understood_is_no_table() {
-        assert!(read::<String>(&[1, 2, 3]).is_none());
-        assert!(read::<String>(&[0xff; 64]).is_none());
+    fn invalid_bytes_are_rejected() {
+        assert!(decode::<String>(&[1, 2, 3]).is_none());
+        assert!(decode::<String>(&[0xff; 64]).is_none());
     }
 }

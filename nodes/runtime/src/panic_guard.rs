@@ -1,9 +1,8 @@
-//! The sudden end of a process that cannot go on as it should.
+//! The panic guard, and the immediate exit of a process that cannot continue.
 //!
-//! A node that is deaf or too large ends at once: what an orderly end would ask of the DDS layer
-//! is no longer there. Its supervisor starts it again. Nothing here waits for anybody, not even
-//! for a console that nobody reads. A panic of the DDS layer that one packet causes is reported in
-//! docs/upstream/rustdds-nack-frag.md.
+//! A node that is deaf or takes too much memory exits at once: an orderly end would need the DDS
+//! layer. Its supervisor restarts it. Nothing here blocks, not even a console that nobody reads.
+//! docs/upstream/rustdds-nack-frag.md describes a packet that makes the DDS layer panic.
 
 use crate::console::write_within;
 use crate::logging::line;
@@ -13,29 +12,30 @@ use rustix::event::Timespec;
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 
-/// How long a console that is full may take.
+/// How long to wait for a console that is full.
 const CONSOLE_WITHIN: Timespec = Timespec { tv_sec: 0, tv_nsec: 200_000_000 };
 
 thread_local! {
-    /// A panic on this thread is caught on purpose.
+    /// A panic on this thread is expected and caught.
     static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Ends the process with one line on the console.
-pub(crate) fn end(status: u8, logger: &str, text: &str) -> ! {
-    say(logger, text);
+/// Exits with one line on the console.
+pub(crate) fn exit_now(status: u8, logger: &str, text: &str) -> ! {
+    log_fatal(logger, text);
     std::process::exit(i32::from(status))
 }
 
-/// Writes one line of level FATAL past the log, unless the console is full.
-pub(crate) fn say(logger: &str, text: &str) {
+/// Writes one FATAL line directly to the console, without the log; skips it if the console
+/// is full.
+pub(crate) fn log_fatal(logger: &str, text: &str) {
     write_within(&line("FATAL", RosTime::wall(), logger, text), &CONSOLE_WITHIN);
 }
 
-/// Runs something whose panics are expected; they end neither the process nor the thread.
+/// Catches the panics of `work`; they end neither the process nor the thread.
 ///
 /// # Errors
-/// It panicked; this is what with.
+/// It panicked; with the panic's payload.
 pub fn catch<R>(work: impl FnOnce() -> R) -> std::thread::Result<R> {
     let before = IS_CAUGHT.replace(true);
     let outcome = catch_unwind(AssertUnwindSafe(work));
@@ -43,18 +43,18 @@ pub fn catch<R>(work: impl FnOnce() -> R) -> std::thread::Result<R> {
     outcome
 }
 
-/// From now on a panic of any thread ends the process, with its place on the console.
+/// From now on a panic of any thread ends the process; the console gets its source line.
 pub(crate) fn end_on_panic(logger: &str) {
     let logger = logger.to_owned();
     std::panic::set_hook(Box::new(move |panic| {
         if !IS_CAUGHT.get() {
-            end(PANICKED, &logger, &panicked(panic));
+            exit_now(PANICKED, &logger, &panicked(panic));
         }
     }));
 }
 
-/// From now on a panic of any thread ends this command, except in the DDS layer: a command starts
-/// that again.
+/// From now on a panic of any thread ends this command, except in the DDS layer, which a
+/// command restarts.
 pub fn end_command_on_panic() {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

@@ -1,7 +1,7 @@
-//! When a child counts as silent, and when it is started again.
+//! The watchdog and restart policy: when a child counts as silent, and when it is restarted.
 //!
-//! A pure core: it is given the time and what was heard. Time in which the supervisor itself did
-//! not run (it was stopped, or the computer is overloaded) is no silence of the child.
+//! Pure: gets the time and the child's messages. Time in which the supervisor itself did not run
+//! (it was stopped, or the computer is overloaded) does not count as silence of the child.
 
 use super::mailbox::Heard;
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 /// The most that counts as silence between two looks of the supervisor.
 const COUNTED_MAX: Duration = Duration::from_millis(500);
 
-/// What a supervisor puts up with.
+/// The limits of the watchdog and the restart delays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// The longest silence of a child that was ready; the child learns it as `WATCHDOG_USEC`.
@@ -18,11 +18,11 @@ pub struct Limits {
     pub start_max: Duration,
     /// The longest that a child takes from `STOPPING=1` to its end.
     pub stop_max: Duration,
-    /// The pause before a child that ended soon is started again; it doubles each time.
+    /// The delay before a child that ended soon is restarted; it doubles each time.
     pub pause_min: Duration,
-    /// The longest such pause.
+    /// The longest such delay.
     pub pause_max: Duration,
-    /// A child that was ready and lived this long is started again at once when it ends.
+    /// A child that was ready and lived this long is restarted at once when it ends.
     pub settled_after: Duration,
 }
 
@@ -40,9 +40,9 @@ impl Default for Limits {
     }
 }
 
-/// The life of a child as the core sees it.
+/// The state of one child.
 #[derive(Debug)]
-pub(super) struct Patience {
+pub(super) struct RestartPolicy {
     limits: Limits,
     phase: Phase,
     /// Silence so far.
@@ -57,11 +57,11 @@ pub(super) struct Patience {
 enum Phase {
     Starting,
     Ready,
-    /// It ends by itself.
+    /// It is shutting down.
     Stopping,
 }
 
-impl Patience {
+impl RestartPolicy {
     pub(super) fn new(limits: Limits, now: Instant) -> Self {
         Self {
             limits,
@@ -79,11 +79,11 @@ impl Patience {
         (self.looked, self.started) = (now, now);
     }
 
-    /// Takes what was heard until now; true when the child has just become ready.
+    /// Takes the messages since the last call; true when the child has just become ready.
     pub(super) fn hear(&mut self, heard: Heard, now: Instant) -> bool {
         self.silence += now.saturating_duration_since(self.looked).min(COUNTED_MAX);
         self.looked = now;
-        // How long an end takes counts, whatever is heard meanwhile.
+        // A shutdown is limited in time, even if the child sends messages.
         let is_sign = heard.alive || heard.ready || heard.stopping;
         if is_sign && self.phase != Phase::Stopping {
             self.silence = Duration::ZERO;
@@ -112,7 +112,7 @@ impl Patience {
         self.phase == Phase::Ready
     }
 
-    /// The child ended or could not be started: how long until the next one is started.
+    /// The child ended or could not be started: the delay until the next start.
     pub(super) fn pause(&mut self, now: Instant) -> Duration {
         let lived = now.saturating_duration_since(self.started);
         let has_settled = self.phase != Phase::Starting && lived >= self.limits.settled_after;
@@ -143,80 +143,80 @@ mod tests {
     const STOPPING: Heard = Heard { stopping: true, ..NOTHING };
 
     /// Looks every 100 ms for so long, hearing the same each time.
-    fn look(patience: &mut Patience, now: &mut Instant, seconds: f64, heard: Heard) {
+    fn look(policy: &mut RestartPolicy, now: &mut Instant, seconds: f64, heard: Heard) {
         for _ in 0..(seconds * 10.0).round() as usize {
             *now += Duration::from_millis(100);
-            patience.hear(heard, *now);
+            policy.hear(heard, *now);
         }
     }
 
     #[test]
     fn a_child_that_was_ready_may_be_silent_for_so_long_and_no_longer() {
         let mut now = Instant::now();
-        let mut patience = Patience::new(LIMITS, now);
-        assert!(patience.hear(READY, now) && patience.is_ready());
-        look(&mut patience, &mut now, 60.0, ALIVE);
-        assert_eq!(patience.silent_for(), None);
-        look(&mut patience, &mut now, 5.0, NOTHING);
-        assert_eq!(patience.silent_for(), None);
-        look(&mut patience, &mut now, 0.1, NOTHING);
-        assert_eq!(patience.silent_for(), Some(Duration::from_millis(5_100)));
+        let mut policy = RestartPolicy::new(LIMITS, now);
+        assert!(policy.hear(READY, now) && policy.is_ready());
+        look(&mut policy, &mut now, 60.0, ALIVE);
+        assert_eq!(policy.silent_for(), None);
+        look(&mut policy, &mut now, 5.0, NOTHING);
+        assert_eq!(policy.silent_for(), None);
+        look(&mut policy, &mut now, 0.1, NOTHING);
+        assert_eq!(policy.silent_for(), Some(Duration::from_millis(5_100)));
     }
 
     #[test]
     fn a_child_that_starts_has_longer() {
         let mut now = Instant::now();
-        let mut patience = Patience::new(LIMITS, now);
-        look(&mut patience, &mut now, 30.0, NOTHING);
-        assert_eq!(patience.silent_for(), None);
-        look(&mut patience, &mut now, 0.1, NOTHING);
-        assert!(patience.silent_for().is_some());
+        let mut policy = RestartPolicy::new(LIMITS, now);
+        look(&mut policy, &mut now, 30.0, NOTHING);
+        assert_eq!(policy.silent_for(), None);
+        look(&mut policy, &mut now, 0.1, NOTHING);
+        assert!(policy.silent_for().is_some());
     }
 
     #[test]
     fn a_minute_in_which_the_supervisor_was_stopped_is_no_silence() {
         let mut now = Instant::now();
-        let mut patience = Patience::new(LIMITS, now);
-        patience.hear(READY, now);
-        look(&mut patience, &mut now, 4.0, NOTHING);
+        let mut policy = RestartPolicy::new(LIMITS, now);
+        policy.hear(READY, now);
+        look(&mut policy, &mut now, 4.0, NOTHING);
         now += Duration::from_secs(60);
-        patience.hear(NOTHING, now);
-        assert_eq!(patience.silent_for(), None);
-        look(&mut patience, &mut now, 0.6, NOTHING);
-        assert!(patience.silent_for().is_some(), "the child really is silent");
+        policy.hear(NOTHING, now);
+        assert_eq!(policy.silent_for(), None);
+        look(&mut policy, &mut now, 0.6, NOTHING);
+        assert!(policy.silent_for().is_some(), "the child really is silent");
     }
 
     #[test]
     fn a_child_that_ends_in_its_own_order_has_its_time_for_it() {
         let mut now = Instant::now();
-        let mut patience = Patience::new(LIMITS, now);
-        patience.hear(READY, now);
-        patience.hear(STOPPING, now);
-        look(&mut patience, &mut now, 40.0, ALIVE);
-        assert_eq!(patience.silent_for(), None);
-        look(&mut patience, &mut now, 0.1, ALIVE);
-        assert!(patience.silent_for().is_some());
+        let mut policy = RestartPolicy::new(LIMITS, now);
+        policy.hear(READY, now);
+        policy.hear(STOPPING, now);
+        look(&mut policy, &mut now, 40.0, ALIVE);
+        assert_eq!(policy.silent_for(), None);
+        look(&mut policy, &mut now, 0.1, ALIVE);
+        assert!(policy.silent_for().is_some());
     }
 
     #[test]
     fn pauses_double_until_a_child_settles() {
         let mut now = Instant::now();
-        let mut patience = Patience::new(LIMITS, now);
+        let mut policy = RestartPolicy::new(LIMITS, now);
         let mut pauses = Vec::new();
         for _ in 0..6 {
             now += Duration::from_secs(1);
-            pauses.push(patience.pause(now).as_millis());
-            patience.started(now);
+            pauses.push(policy.pause(now).as_millis());
+            policy.started(now);
         }
         assert_eq!(pauses, [0, 250, 500, 1_000, 2_000, 2_000]);
         // One that never was ready has not settled.
         now += Duration::from_secs(60);
-        assert_eq!(patience.pause(now).as_millis(), 2_000);
-        patience.started(now);
-        patience.hear(READY, now);
+        assert_eq!(policy.pause(now).as_millis(), 2_000);
+        policy.started(now);
+        policy.hear(READY, now);
         now += Duration::from_secs(60);
-        assert_eq!(patience.pause(now).as_millis(), 0);
-        patience.started(now);
-        assert_eq!(patience.pause(now).as_millis(), 250);
+        assert_eq!(policy.pause(now).as_millis(), 0);
+        policy.started(now);
+        assert_eq!(policy.pause(now).as_millis(), 250);
     }
 }
