@@ -1,4 +1,4 @@
-//! Writing bags, opening and seeking in a large one, beside crate `mcap` doing the same.
+//! Compares writing, opening and seeking in large bags with crate `mcap`.
 //!
 //! ```text
 //! cargo bench -p run_recorder --bench bags                  a bag of 1 GiB

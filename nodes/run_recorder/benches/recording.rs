@@ -1,5 +1,5 @@
-//! Whether a run of many messages is recorded whole, in how much memory, and how long
-//! whoever feeds it is held.
+//! Whether a run of many messages is recorded without loss, in how much memory, and how
+//! long a call of `write` takes.
 //!
 //! ```text
 //! cargo bench -p run_recorder --bench recording                    ten minutes
@@ -8,9 +8,9 @@
 //!
 //! A real `RunBag` with its defaults on a real disk (below the target folder): zstd, a flush
 //! each half second and each through to the disk. One thread feeds it at the rate, a
-//! hundredth of a second's messages at a time. Behind each call of `write` the same thread puts
-//! a number into a channel of the standard library, whose other end throws it away: what the
-//! host does to a thread that hands something to another.
+//! hundredth of a second's messages at a time. After each call of `write` the same thread sends
+//! a number through a channel of the standard library, and the receiver drops it. This shows
+//! how long the host delays any thread that passes something to another.
 
 #![allow(clippy::print_stdout)]
 
@@ -30,7 +30,7 @@ const BYTES_PER_MB: f64 = 1e6;
 #[derive(Default)]
 struct Longest {
     most: Duration,
-    /// Above a tenth of a millisecond, above one.
+    /// Counts above 0.1 ms and above 1 ms.
     above: [u64; 2],
 }
 
@@ -102,7 +102,7 @@ fn main() {
     println!("waited for the disk      at most {:.1} MB", most_waiting as f64 / BYTES_PER_MB);
     print_memory("memory", &memory);
     writes.print("a call of write");
-    sends.print("a channel, beside it");
+    sends.print("a channel, for comparison");
     check(&path, &counts);
 }
 

@@ -1,4 +1,4 @@
-//! Whether a run of many messages is recorded whole when they come from another process.
+//! Whether a run of many messages from another process is recorded without loss.
 //!
 //! ```text
 //! cargo bench -p run_recorder --bench through_dds                    ten minutes
@@ -27,11 +27,11 @@ use tokio::time::{sleep, timeout};
 const SECONDS: u64 = 600;
 const RATE: u64 = 10_000;
 const TURNS_PER_SECOND: u64 = 100;
-/// How long the two may take to know each other's topics.
+/// How long discovery may take.
 const SETTLE: Duration = Duration::from_secs(3);
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// The recorder, gone with this value.
+/// The recorder process, killed when this is dropped.
 struct Recorder(Child);
 
 impl Drop for Recorder {
@@ -64,7 +64,7 @@ async fn main() {
     let topics: Vec<_> = topics.collect();
     sleep(SETTLE).await;
     goals.publish(goal(GoalStatus::STATUS_EXECUTING));
-    told(&mut recordings, true).await;
+    recording_is(&mut recordings, true).await;
 
     let mut load = Load::new();
     let mut counts = [0_u64; TOPICS.len()];
@@ -89,7 +89,7 @@ async fn main() {
     }
     let took = begin.elapsed().as_secs_f64();
     goals.publish(goal(GoalStatus::STATUS_SUCCEEDED));
-    let closed = told(&mut recordings, false).await;
+    let closed = recording_is(&mut recordings, false).await;
 
     let fed: u64 = counts.iter().sum();
     println!("published                {fed} in {took:.1} s, {:.0} a second", fed as f64 / took);
@@ -110,8 +110,8 @@ fn goal(status: i8) -> GoalStatusArray {
     GoalStatusArray { status_list: vec![goal] }
 }
 
-/// Waits until the recorder tells that it records, or does not any more.
-async fn told(recordings: &mut Subscription<Recording>, is_recording: bool) -> Recording {
+/// Waits until the recorder reports that it records, or that it has stopped.
+async fn recording_is(recordings: &mut Subscription<Recording>, is_recording: bool) -> Recording {
     let found = timeout(PATIENCE, async {
         loop {
             let (recording, _) = recordings.next().await;
@@ -120,7 +120,7 @@ async fn told(recordings: &mut Subscription<Recording>, is_recording: bool) -> R
             }
         }
     });
-    found.await.expect("the recorder tells of its bag")
+    found.await.expect("the recorder reports its bag")
 }
 
 /// The messages of each topic.

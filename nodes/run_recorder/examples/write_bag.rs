@@ -3,7 +3,7 @@
 //! `cargo run -p run_recorder --example write_bag -- DIR [COUNT]` makes
 //! `DIR/oracle` with COUNT messages (default 1000) on two topics and a silent
 //! third, and `DIR/oracle_split` with the same in several files; with COUNT, it
-//! also tells how fast that went.
+//! also prints how fast that was.
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -36,12 +36,12 @@ float64 z
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
     let Some(directory) = arguments.next() else {
-        return tell("usage: write_bag DIR [COUNT]");
+        return fail("usage: write_bag DIR [COUNT]");
     };
     let count = match arguments.next().map(|text| text.parse()) {
         None => 1000,
         Some(Ok(count)) => count,
-        Some(Err(_)) => return tell("COUNT is not a number"),
+        Some(Err(_)) => return fail("COUNT is not a number"),
     };
     let split = SplitLimits { size: SPLIT_SIZE, ..SplitLimits::default() };
     let written = write(&directory, "oracle", SplitLimits::default(), count)
@@ -49,12 +49,12 @@ fn main() -> ExitCode {
     match written {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
-        Err(error) => tell(&error.to_string()),
+        Err(error) => fail(&error.to_string()),
     }
 }
 
 #[expect(clippy::print_stderr, reason = "an example talks to its user")]
-fn tell(text: &str) -> ExitCode {
+fn fail(text: &str) -> ExitCode {
     eprintln!("{text}");
     ExitCode::FAILURE
 }
@@ -98,7 +98,7 @@ fn write(directory: &str, name: &str, split: SplitLimits, count: u64) -> Result<
         } else {
             (tool, point_message(i as i32, [i as f64, 0.5, -1.0]))
         };
-        // A recorder never waits; this program may, so that nothing is lost on a slow disk.
+        // Unlike a recorder this program waits, so that nothing is lost on a slow disk.
         while i % 1000 == 0 && bag.status().bytes_waiting > 1 << 20 {
             std::thread::sleep(Duration::from_millis(1));
         }

@@ -1,9 +1,9 @@
-//! Messages of a bag in the order of (log time, place in the file).
+//! Messages of a bag in the order of (log time, offset in the file).
 //!
-//! Chunks are decoded when the time of their first message comes and dropped
-//! with their last, so memory holds only the chunks that overlap in time: one
-//! or two in a recorded bag. Should more than [`WINDOW_BYTES`] overlap, memory
-//! wins over order, and the bag gets a [`Problem::OrderNotKept`].
+//! A chunk is decoded when its first message is due and dropped after its last. So
+//! memory holds only chunks that overlap in time: one or two in a recorded bag. If
+//! more than [`WINDOW_BYTES`] overlap, order is given up to save memory, and the bag
+//! gets a [`Problem::OrderNotKept`].
 
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
@@ -19,16 +19,16 @@ use crate::records::{
 };
 use crate::scan::{Stretch, StretchKind, read_bytes};
 
-/// Message bytes held at once before order gives way.
+/// Message bytes held at once before order is given up.
 pub const WINDOW_BYTES: usize = 256 * 1024 * 1024;
 
 /// One message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BagMessage {
-    /// Place of its topic in [`Bag::channels`].
+    /// Index of its topic in [`Bag::channels`].
     pub channel_index: usize,
     pub channel: Arc<BagChannel>,
-    /// Counts by channel in bags of ours, 0 in those of rosbag2.
+    /// Counts by channel in bags of ours; 0 in bags of rosbag2.
     pub sequence: u32,
     /// When it was received, nanoseconds since the epoch.
     pub log_time_ns: u64,
@@ -65,7 +65,7 @@ impl MessageFilter {
     }
 }
 
-/// What a message is ordered by: time, then place (file, stretch, byte in it).
+/// The sort key of a message: time, then offset (file, stretch, byte in it).
 type Key = (u64, usize, u64, usize);
 
 #[derive(Debug, PartialEq, Eq)]
@@ -126,7 +126,7 @@ impl<'a, R: Read + Seek> Messages<'a, R> {
         self
     }
 
-    /// Decodes what may hold an earlier message than the first that waits.
+    /// Decodes stretches that may have an earlier message than the first that waits.
     fn look_ahead(&mut self) -> Result<(), BagError> {
         while let Some((_, next)) = self.ahead.last() {
             let next_ns = next.start_ns;
@@ -211,7 +211,7 @@ impl<R: Read + Seek> Iterator for Messages<'_, R> {
 
     fn next(&mut self) -> Option<Self::Item> {
         if let Err(error) = self.look_ahead() {
-            // The file is gone: what is left would be out of order or missing.
+            // The file cannot be read any more: the rest would be out of order or missing.
             self.ahead.clear();
             self.waiting.clear();
             return Some(Err(error));
@@ -227,7 +227,7 @@ impl<R: Read + Seek> Iterator for Messages<'_, R> {
     }
 }
 
-/// Calls `visit` with kind, body and place of every record in a stretch.
+/// Calls `visit` with kind, body and offset of every record in a stretch.
 ///
 /// Returns what is wrong with it, if anything.
 pub(crate) fn visit_stretch<R: Read + Seek>(
@@ -256,7 +256,7 @@ pub(crate) fn visit_stretch<R: Read + Seek>(
     Ok(visited.err().map(damaged))
 }
 
-/// Reads a chunk where the index said that there is one.
+/// Reads a chunk at the offset in the index.
 fn visit_indexed_chunk(
     bytes: &[u8],
     stretch: Stretch,

@@ -1,4 +1,4 @@
-//! What can be wrong with a bag: why it cannot be opened, and what is missing from one that can.
+//! Problems of bags: why a bag cannot be opened, and what is missing from one that can.
 //!
 //! Positions are bytes from the beginning of the named file.
 
@@ -85,7 +85,7 @@ pub enum Problem {
 }
 
 impl Problem {
-    /// Whether the files are not what was written; else what was written is not all there was.
+    /// Whether the files were damaged or changed; otherwise the recording itself is incomplete.
     pub fn is_damage(&self) -> bool {
         match self {
             Self::MetadataFile { .. }
@@ -111,7 +111,7 @@ impl Problem {
         }
     }
 
-    /// Whether it is damage of what only repeats the rest: nothing is lost, and a copy is whole.
+    /// Whether only redundant data is damaged: no message is lost, and a copy is complete.
     pub fn is_of_index(&self) -> bool {
         matches!(self, Self::DamagedIndex { .. } | Self::MetadataDiffers { .. })
     }

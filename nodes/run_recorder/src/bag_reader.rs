@@ -1,8 +1,8 @@
-//! Opens a bag: its topics, definitions, attachments and what is wrong with it.
+//! Opens a bag: its topics, definitions, attachments and problems.
 //!
 //! Works on anything that reads and seeks; paths are for [`crate::files`].
-//! A whole bag is opened from its outline, a broken-off one by reading it once.
-//! Messages come from [`Bag::messages`] in the order of time.
+//! A finished bag is opened from its index, a truncated one by reading it once.
+//! [`Bag::messages`] returns the messages in the order of time.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
@@ -25,18 +25,18 @@ use crate::scan::{AttachmentPlace, Stretch, read_bytes};
 use crate::schema::{MessageSchema, SchemaError};
 use crate::verify::{Facts, verify};
 
-/// The metadata record a run begins with.
+/// The metadata record at the beginning of a run.
 pub const RUN_RECORD: &str = "cnc_run";
-/// The metadata record a run ends with: `complete` and `reasons`.
+/// The metadata record at the end of a run: `complete` and `reasons`.
 pub const RESULT_RECORD: &str = "cnc_run_result";
-/// The reason of a bag whose recorder came in mid-run; the inputs and the serial traffic of
-/// before are there unless others are given.
+/// The reason of a bag whose recorder started in mid-run. Earlier inputs and serial traffic
+/// are there, unless the bag has other reasons too.
 pub const LATE: &str = "recorded only from here on: the run was under way before";
 
 /// One file of a bag.
 #[derive(Debug)]
 pub struct BagSource<R> {
-    /// Its name in messages to people.
+    /// Its name in messages.
     pub name: String,
     pub reader: R,
 }
@@ -62,11 +62,11 @@ impl BagSchema {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BagChannel {
     pub topic: String,
-    /// Missing in bags of others at times; then messages cannot be decoded.
+    /// Sometimes missing in bags of other recorders; then messages cannot be decoded.
     pub schema: Option<Arc<BagSchema>>,
     /// `cdr` in bags of ROS.
     pub message_encoding: String,
-    /// What its publishers offered; empty if not recorded or not readable.
+    /// The QoS that its publishers offered; empty if not recorded or not readable.
     pub qos: Vec<QosProfile>,
     /// `RIHS01_` and 64 digits, empty if not known.
     pub type_hash: String,
@@ -108,7 +108,7 @@ pub struct BagAttachmentInfo {
 pub struct Bag<R> {
     pub(crate) sources: Vec<BagSource<R>>,
     pub(crate) stretches: Vec<(usize, Stretch)>,
-    /// Place in `channels` by file and the file's own number.
+    /// Index into `channels` by file and the file's own channel number.
     pub(crate) channel_of: BTreeMap<(usize, u16), usize>,
     pub(crate) channels: Vec<Arc<BagChannel>>,
     pub(crate) problems: Vec<Problem>,
@@ -117,7 +117,7 @@ pub struct Bag<R> {
     time_range_ns: Option<(u64, u64)>,
     library: String,
     is_finished: bool,
-    /// What metadata.yaml says, and in which directory it is.
+    /// The content of metadata.yaml, and its directory.
     pub(crate) claims: Option<(String, Claims)>,
 }
 
@@ -129,8 +129,8 @@ impl<R: Read + Seek> Bag<R> {
 
     /// Opens a bag of several files, in their order.
     ///
-    /// A file of which nothing can be read is left out, and told of; if it is so with
-    /// all of them, that is an error. What a part repeats of those before it is left out.
+    /// An unreadable file is left out and reported; if all are unreadable, that is an error.
+    /// Messages that a part repeats from earlier ones are left out.
     pub fn from_sources(mut sources: Vec<BagSource<R>>) -> Result<Self, BagError> {
         let mut outline = Outline::default();
         let mut is_finished = !sources.is_empty();
@@ -236,21 +236,21 @@ impl<R: Read + Seek> Bag<R> {
         &self.library
     }
 
-    /// What is wrong; grows while messages are read, since chunks are checked then.
+    /// The problems so far; reading messages may add more, since it checks chunks.
     pub fn problems(&self) -> &[Problem] {
         &self.problems
     }
 
-    /// Notes what is wrong outside the files' content.
+    /// Adds a problem outside of the files' content.
     pub fn add_problem(&mut self, problem: Problem) {
         if !self.problems.contains(&problem) {
             self.problems.push(problem);
         }
     }
 
-    /// Whether the bag was closed properly, lost nothing, and nothing wrong was met so far.
+    /// Whether the bag was closed properly, lost nothing, and has no problem so far.
     ///
-    /// Damage inside a chunk shows only when it is read: see [`Bag::verify`].
+    /// Damage inside a chunk is found only when it is read: see [`Bag::verify`].
     pub fn is_complete(&self) -> bool {
         self.is_finished && self.problems.is_empty()
     }
@@ -295,7 +295,7 @@ impl<R: Read + Seek> Bag<R> {
         }
     }
 
-    /// Reads every chunk and message once; afterwards [`Bag::problems`] is the whole truth.
+    /// Reads every chunk and message once; afterwards [`Bag::problems`] is complete.
     pub fn verify(&mut self) -> Result<(), BagError> {
         let promised = self.summary().message_count;
         let mut found = 0;
@@ -309,10 +309,10 @@ impl<R: Read + Seek> Bag<R> {
         self.verify_indexes()
     }
 
-    /// Compares all that the files say of themselves, and metadata.yaml of them, with what is
-    /// in them. Finds what is wrong with it where [`Bag::messages`] does not look.
+    /// Compares the summaries of the files and metadata.yaml with the content. Finds problems
+    /// that [`Bag::messages`] does not check.
     pub fn verify_indexes(&mut self) -> Result<(), BagError> {
-        // What breaks off has no indexes, and what is said of it is not true any more.
+        // A truncated file has no indexes, and metadata about it is outdated.
         if !self.is_finished {
             return Ok(());
         }
@@ -337,7 +337,7 @@ impl<R: Read + Seek> Bag<R> {
         Ok(())
     }
 
-    /// Reads every chunk for its channels and counts, where the closing index does not tell.
+    /// Reads every chunk for its channels and counts, if the closing index does not have them.
     fn read_once(&mut self, outline: &mut Outline) -> Result<(), BagError> {
         outline.counts.fill(0);
         self.time_range_ns = None;
@@ -366,7 +366,7 @@ impl<R: Read + Seek> Bag<R> {
         Ok(())
     }
 
-    /// Takes what parts repeat off the counts of their files.
+    /// Subtracts repeated messages from the counts of the files.
     fn take_back(
         &mut self,
         repeated: &[(usize, Stretch)],
@@ -432,14 +432,14 @@ impl<R: Read + Seek> Bag<R> {
         }
     }
 
-    /// What the recorder said as it closed the bag; `None` of other recorders, and where it
-    /// did not come to it.
+    /// The record that the recorder wrote when it closed the bag; `None` for other recorders and
+    /// bags that were not closed.
     pub fn closing(&self) -> Option<Closing> {
         self.metadata_named(RESULT_RECORD).map(Closing::from_record)
     }
 }
 
-/// Puts a time into a range.
+/// Extends a range to include a time.
 fn widen(range: &mut Option<(u64, u64)>, time: u64) {
     let (start, end) = range.unwrap_or((time, time));
     *range = Some((start.min(time), end.max(time)));

@@ -1,4 +1,4 @@
-//! Writes one bag file as `ros2 bag record -s mcap` does, only safer.
+//! Writes one bag file as `ros2 bag record -s mcap` does, with more safety.
 //!
 //! This file knows the records and their order: profile `ros2`, zstd chunks
 //! with checksums, one channel a topic with its QoS and type hash, sequence
@@ -40,7 +40,7 @@ pub struct ChannelSpec {
     pub schema_text: String,
     /// `RIHS01_` and 64 digits, empty if not known.
     pub type_hash: String,
-    /// What its publishers offer.
+    /// The QoS that its publishers offer.
     pub qos: Vec<QosProfile>,
 }
 
@@ -105,7 +105,7 @@ struct ChannelState {
 /// [`crate::bag_reader`] reads up to the last flush. Memory: one chunk, and
 /// about 1 kB of index for every chunk written.
 pub struct BagWriter<W: Write> {
-    // `None` only once finished.
+    // `None` once finished.
     inner: Option<mcap::Writer<NoSeek<W>>>,
     channels: Vec<ChannelState>,
     topics: BTreeSet<String>,
@@ -126,7 +126,7 @@ impl<W: Write> BagWriter<W> {
             .profile(PROFILE)
             .library(LIBRARY)
             .compression(Some(Compression::Zstd))
-            // Threads would make the bytes depend on the machine, and do not pay.
+            // Threads would make the bytes depend on the machine, and gain nothing.
             .compression_threads(0)
             .chunk_size(Some(CHUNK_SIZE))
             .disable_seeking(true)
@@ -140,8 +140,8 @@ impl<W: Write> BagWriter<W> {
         })
     }
 
-    /// Begins another file of the same bag: it has the same channels, whose sequence
-    /// numbers go on, and no messages yet.
+    /// Begins another file of the same bag, with the same channels and continued sequence
+    /// numbers.
     pub fn next_part(&self, sink: W) -> Result<Self, BagWriteError> {
         let mut next = Self::new(sink)?;
         for state in &self.channels {
@@ -155,7 +155,7 @@ impl<W: Write> BagWriter<W> {
         Ok(next)
     }
 
-    /// Adds a topic. Its definition is checked: a bag that nobody can decode helps nobody.
+    /// Adds a topic. Checks its definition: a bag that cannot be decoded is useless.
     pub fn add_channel(&mut self, spec: &ChannelSpec) -> Result<ChannelIndex, BagWriteError> {
         check_spec(spec)?;
         if self.topics.contains(&spec.topic) {
@@ -213,8 +213,8 @@ impl<W: Write> BagWriter<W> {
         Ok(())
     }
 
-    /// Tells a message of an earlier file again, with the sequence number it had there; the
-    /// channel goes on where it was.
+    /// Repeats a message of an earlier file, with its sequence number; the channel's count is
+    /// unchanged.
     pub fn repeat(
         &mut self,
         channel: ChannelIndex,
@@ -236,12 +236,12 @@ impl<W: Write> BagWriter<W> {
         Ok(())
     }
 
-    /// The number that the next message of a channel gets.
+    /// The sequence number of the next message of a channel.
     pub fn next_sequence(&self, channel: ChannelIndex) -> u32 {
         self.channels.get(usize::from(channel.0)).map_or(0, |state| state.next_sequence)
     }
 
-    /// Messages so far by topic, of those that have any.
+    /// Messages so far by topic; only topics with messages.
     pub(crate) fn counts(&self) -> BTreeMap<String, u64> {
         let topics = self.channels.iter().map(|state| &state.summary);
         let counts = topics.map(|topic| (topic.topic.clone(), topic.message_count));
@@ -278,12 +278,12 @@ impl<W: Write> BagWriter<W> {
         Ok(())
     }
 
-    /// Closes the open chunk, so that everything written so far can be read whatever comes.
+    /// Closes the open chunk, so that everything written so far stays readable.
     pub fn flush(&mut self) -> Result<(), BagWriteError> {
         Ok(self.inner().flush()?)
     }
 
-    /// What was written so far.
+    /// The figures so far.
     pub fn summary(&self) -> BagSummary {
         let topics: Vec<_> = self.channels.iter().map(|c| c.summary.clone()).collect();
         BagSummary {
@@ -295,8 +295,8 @@ impl<W: Write> BagWriter<W> {
 
     /// Writes the closing `rosbag2` record, the index and the footer, and hands the sink back.
     ///
-    /// `file_name` is the name the file has beside metadata.yaml, `custom_data`
-    /// what goes there too.
+    /// `file_name` is the name of the file in metadata.yaml, `custom_data` its free keys and
+    /// values.
     pub fn finish(
         mut self,
         file_name: &str,
@@ -340,7 +340,7 @@ impl<W: Write> BagWriter<W> {
 
 impl<W: Write> Drop for BagWriter<W> {
     fn drop(&mut self) {
-        // The container would write a footer, and a bag that broke off would look whole.
+        // The container library would write a footer, and a truncated bag would look complete.
         if let Some(inner) = self.inner.take() {
             drop(inner.into_inner());
         }

@@ -1,9 +1,9 @@
-//! The closing index of a finished file: whether it is sound, and where the chunks are.
+//! Reads the closing index of a finished file, if it is valid: where the chunks are.
 //!
-//! With it a file is opened without touching its chunks. It is believed only
-//! where its checksum holds, and no further than that: a chunk is compared
-//! with what was said of it when it is read, in [`crate::bag_messages`], and
-//! what lies between chunks is walked as ever, in [`crate::scan`].
+//! With it a file is opened without reading its chunks. It is used only if its
+//! checksum is right. Even then, [`crate::bag_messages`] compares each chunk with its
+//! index entry when it reads the chunk, and [`crate::scan`] walks the records
+//! between chunks.
 
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -24,16 +24,16 @@ pub(crate) struct IndexedChunk {
     pub(crate) length: u64,
 }
 
-/// What the end of a file says of the rest.
+/// The index at the end of a file.
 #[derive(Default)]
 pub(crate) struct ClosingIndex {
     /// By their places.
     pub(crate) chunks: BTreeMap<u64, IndexedChunk>,
-    /// Where the footer is, and what is wrong; nothing in the index is to be believed then.
+    /// Offset of the footer and what is wrong; the index is not used then.
     pub(crate) damage: Option<(u64, String)>,
 }
 
-/// Reads the index; an empty one if there is none that a checksum guards.
+/// Reads the index; an empty one if there is none with a checksum.
 pub(crate) fn closing_index<R: Read + Seek>(
     reader: &mut R,
     file_length: u64,
@@ -58,7 +58,7 @@ fn read_index<R: Read + Seek>(
     let Ok(Record::Footer(footer)) = parse_body(op::FOOTER, &rest[..FOOTER]) else {
         return Ok(None);
     };
-    // Without a checksum nobody can tell an index from what is left of one.
+    // Without a checksum a damaged index cannot be detected.
     let Some(length) = footer_at.checked_sub(footer.summary_start) else { return Ok(None) };
     if footer.summary_start == 0 || footer.summary_crc == 0 || length > RECORD_SIZE_MAX {
         return Ok(None);

@@ -1,7 +1,7 @@
-//! What a recorder says of a bag as it closes it: the metadata record `cnc_run_result`.
+//! The metadata record `cnc_run_result`, which a recorder writes when it closes a bag.
 //!
-//! The record counts the messages of each topic. A reader compares the counts with the bag: it
-//! notices messages that were removed later, and knows how many never reached the recorder.
+//! The record counts the messages of each topic. With these counts a reader notices messages
+//! that were removed later, and knows how many never reached the recorder.
 
 use std::collections::BTreeMap;
 
@@ -16,20 +16,20 @@ const MISSED: &str = "missed_of:";
 /// The values of [`crate::bag_reader::RESULT_RECORD`].
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Closing {
-    /// Nothing is known to be missing of what a replay needs.
+    /// Nothing that a replay needs is known to be missing.
     pub complete: bool,
     /// Why not.
     pub reasons: String,
-    /// Messages that came and were not written.
+    /// Messages that were received but not written.
     pub lost: u64,
-    /// Messages of each topic that are in the bag; empty where the recorder did not count.
+    /// Messages of each topic in the bag; empty if the recorder did not count.
     pub written: BTreeMap<String, u64>,
-    /// Messages of each topic that were sent and did not come; topics without any are left out.
+    /// Messages of each topic that were sent but not received; topics without any are left out.
     pub missed: BTreeMap<String, u64>,
 }
 
 impl Closing {
-    /// As it stands in a bag.
+    /// Encodes the record.
     pub fn to_record(&self) -> BTreeMap<String, String> {
         let Self { complete, reasons, lost, written, missed } = self;
         let counts = |prefix: &'static str, counts: &BTreeMap<String, u64>| {
@@ -47,7 +47,7 @@ impl Closing {
         record
     }
 
-    /// Reads a record; what cannot be understood is as if it were not there.
+    /// Decodes a record; entries that are not understood are skipped.
     pub fn from_record(record: &BTreeMap<String, String>) -> Self {
         let text = |key: &str| record.get(key).map_or("", String::as_str);
         let counts = |prefix: &str| {

@@ -1,16 +1,16 @@
 //! Bag files that are compressed as a whole: `compression_mode: FILE` of rosbag2.
 //!
-//! A reader of bags seeks, which a compressed file does not allow: it is unpacked first,
-//! to a file without a name that goes with its reader.
+//! The bag reader seeks, which a compressed file does not allow. So the file is unpacked
+//! first, to a file without a name that is removed with its reader.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What such files are called: `run_0.mcap.zstd`.
+/// The suffix of such files: `run_0.mcap.zstd`.
 const ENDING: &str = "zstd";
-/// The largest bag file that is unpacked, bytes; a small file can claim to be endless.
+/// The largest unpacked size, bytes; a small file can expand without end.
 const UNPACKED_MAX: u64 = 64 * 1024 * 1024 * 1024;
 
 /// Whether this file has to be unpacked.
@@ -32,7 +32,7 @@ fn unpack_at_most(path: &Path, most: u64) -> io::Result<File> {
     Ok(unpacked)
 }
 
-/// A file in the folder for temporary ones that nobody else can open.
+/// A temporary file that no other process can open.
 fn nameless() -> io::Result<File> {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     loop {

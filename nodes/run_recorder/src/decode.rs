@@ -1,8 +1,8 @@
 //! Decodes messages by the definition inside the bag, without a Rust type.
 //!
 //! CDR as ROS 2 sends it: four bytes of encapsulation, either byte order,
-//! natural alignment up to 8. The bytes may be junk: nothing panics, and what
-//! is allocated is bounded by the size of the message.
+//! natural alignment up to 8. The bytes may be junk: nothing panics, and the
+//! allocated memory is bounded by the size of the message.
 
 use crate::schema::{Arity, Field, FieldType, MessageSchema, Primitive};
 use crate::value::{FieldPath, MessageValue, Step, Value};
@@ -39,7 +39,7 @@ pub fn decode(schema: &MessageSchema, data: &[u8]) -> Result<MessageValue, Decod
         other => return Err(DecodeError::Encapsulation(other)),
     };
     let mut cursor = Cursor { body, at: 0, is_big_endian, path: Vec::new() };
-    // Some write nothing for a message without fields, where others write one byte.
+    // For a message without fields some writers write nothing, others one byte.
     if schema.fields.is_empty() && body.is_empty() {
         return Ok(MessageValue { type_name: schema.type_name.clone(), fields: Vec::new() });
     }
@@ -69,7 +69,7 @@ impl Cursor<'_> {
 
     fn message(&mut self, schema: &MessageSchema) -> Result<MessageValue, DecodeError> {
         if schema.fields.is_empty() {
-            // On the wire it has one byte that says nothing.
+            // On the wire it has one byte without meaning.
             self.bytes::<1>()?;
         }
         let mut fields = Vec::with_capacity(schema.fields.len());

@@ -1,13 +1,13 @@
 //! Compares two decoded messages field by field: the basis of replay.
 //!
-//! Knows tolerances, fields to leave out, and how to say what differs. Which
-//! messages belong together is for the caller.
+//! Knows tolerances, fields to leave out, and how to report differences. The caller
+//! decides which messages to compare.
 
 use std::fmt;
 
 use crate::value::{FieldPath, MessageValue, Step, Value};
 
-/// How far two numbers may lie apart: by `absolute`, in the field's unit, or by
+/// How far two numbers may differ: by `absolute`, in the field's unit, or by
 /// `relative` times the larger of the two.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Tolerance {
@@ -47,7 +47,7 @@ impl Tolerance {
 pub struct Rules {
     /// For floats that no entry of `fields` names. Integers are then compared exactly.
     pub floats: Tolerance,
-    /// For numbers, integers too, whose path fits; the last that fits counts.
+    /// For numbers, integers too, whose path matches; the last match counts.
     pub fields: Vec<(FieldPath, Tolerance)>,
     /// Parts left out, with all below them: stamps, latencies, ids.
     pub ignored: Vec<FieldPath>,
@@ -71,7 +71,7 @@ pub enum Difference {
     Number { left: Value, right: Value, by: f64 },
     /// Other values.
     Value { left: Value, right: Value },
-    /// Lists or bytes of different length. What both have is compared as well.
+    /// Lists or bytes of different length. Their common part is compared as well.
     Length { left: usize, right: usize },
     /// The right side lacks the field.
     OnlyLeft { left: Value },
@@ -108,7 +108,7 @@ impl fmt::Display for FieldDifference {
     }
 }
 
-/// A value cut to what fits a line.
+/// A value, cut to fit a line.
 struct Short<'a>(&'a Value);
 
 impl fmt::Display for Short<'_> {
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn large_integers_are_told_apart_to_the_last_digit() {
+    fn large_integers_are_compared_to_the_last_digit() {
         let left = [("time", Value::Unsigned(1 << 60))];
         let right = [("time", Value::Unsigned((1 << 60) + 1))];
         assert_eq!(check(&left, &right, &Rules::default()).len(), 1);

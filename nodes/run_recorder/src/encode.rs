@@ -1,4 +1,4 @@
-//! Writes decoded messages back to CDR: the way of [`crate::decode`] in reverse.
+//! Writes decoded messages back to CDR: the reverse of [`crate::decode`].
 //!
 //! Little-endian, with four bytes of encapsulation. A value has to fit its field:
 //! nothing is rounded, cut or filled in.
@@ -9,7 +9,7 @@ use crate::value::{FieldPath, MessageValue, Step, Value};
 /// Plain CDR, little-endian.
 const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
 
-/// Why a message cannot be written by a definition.
+/// Why a message cannot be encoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum EncodeError {
     #[error("{path}: it is missing")]
@@ -45,7 +45,7 @@ impl Pen {
         message: &MessageValue,
     ) -> Result<(), EncodeError> {
         if schema.fields.is_empty() {
-            // On the wire it has one byte that says nothing.
+            // On the wire it has one byte without meaning.
             self.body.push(0);
         }
         for field in &schema.fields {

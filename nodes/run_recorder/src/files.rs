@@ -21,9 +21,9 @@ use crate::split::part_file_name;
 pub type FileBag = Bag<BufReader<File>>;
 
 pub(crate) const METADATA_FILE: &str = "metadata.yaml";
-/// What it is called until it is whole.
+/// Its temporary name while it is written.
 pub(crate) const METADATA_TEMPORARY: &str = "metadata.yaml.tmp";
-/// A metadata.yaml that is larger is none.
+/// The largest metadata.yaml, bytes.
 const METADATA_SIZE_MAX: u64 = intake::yaml::Limits::FILE.bytes as u64;
 const READ_BUFFER: usize = 256 * 1024;
 
@@ -58,7 +58,7 @@ pub fn open_bag(path: &Path) -> Result<FileBag, BagError> {
         let directory = path.display().to_string();
         match Claims::of_file(&text) {
             Ok(claims) => bag.claims = Some((directory, claims)),
-            // It names the files all the same, or it was told of above.
+            // It still names the files, or the error is reported above.
             Err(why) if file_names(&text).is_ok() => {
                 let why = format!("what cannot be read: {why}");
                 bag.add_problem(Problem::MetadataDiffers { directory, why });
@@ -84,7 +84,7 @@ pub(crate) fn files_of(directory: &Path) -> Result<(Vec<PathBuf>, Vec<Problem>),
     };
     let listed = match listed {
         Ok(listed) => listed,
-        // The messages are elsewhere, so a list that broke off costs none of them.
+        // A truncated list loses no messages: they are in other files.
         Err(why) if !there.is_empty() => {
             problems.push(Problem::MetadataFile { directory: name.clone(), why });
             Vec::new()
@@ -100,7 +100,7 @@ pub(crate) fn files_of(directory: &Path) -> Result<(Vec<PathBuf>, Vec<Problem>),
     let mut files: Vec<PathBuf> = Vec::new();
     let mut missing = Vec::new();
     for listed in &listed {
-        // Old bags list paths; the file is always beside its metadata.yaml.
+        // Old bags list paths; the file is always in the directory of its metadata.yaml.
         let base = Path::new(listed).file_name().map_or(listed.as_ref(), Path::new);
         let file = directory.join(base);
         if !file.is_file() {
@@ -110,14 +110,14 @@ pub(crate) fn files_of(directory: &Path) -> Result<(Vec<PathBuf>, Vec<Problem>),
         }
     }
     if !files.is_empty() {
-        // Whatever else lies there; without any that is named, all may be meant.
+        // Other files in the directory; if no named file exists, all may be meant.
         there.retain(|file| !files.contains(file) && is_part_beside(file, &files));
     }
     if files.is_empty() && there.is_empty() {
         return Err(BagError::MissingFile { directory: name, file: missing.swap_remove(0) });
     }
-    let told = |file| Problem::FileMissing { directory: name.clone(), file };
-    problems.extend(missing.into_iter().map(told));
+    let problem = |file| Problem::FileMissing { directory: name.clone(), file };
+    problems.extend(missing.into_iter().map(problem));
     if !there.is_empty() {
         problems.extend(there.iter().map(|file| Problem::FileNotListed {
             directory: name.clone(),
@@ -129,7 +129,7 @@ pub(crate) fn files_of(directory: &Path) -> Result<(Vec<PathBuf>, Vec<Problem>),
     Ok((files, problems))
 }
 
-/// Whether a file is by its name another part of the bag of these.
+/// Whether the name of a file is that of another part of the same bag.
 fn is_part_beside(file: &Path, files: &[PathBuf]) -> bool {
     let bag_of = |path: &Path| {
         let stem = path.file_stem()?.to_str()?.to_owned();
@@ -150,14 +150,14 @@ pub(crate) fn mcap_files(directory: &Path) -> Result<Vec<PathBuf>, BagError> {
             files.push(file);
         }
     }
-    // One that was packed or unpacked in its place is there twice.
+    // A file that was compressed or unpacked in place exists twice.
     let plain: Vec<PathBuf> = files.iter().filter(|file| !is_compressed(file)).cloned().collect();
     files.retain(|file| !is_compressed(file) || !plain.contains(&file.with_extension("")));
     files.sort_by_cached_key(|file| by_number(file));
     Ok(files)
 }
 
-/// What files that are numbered at their ends are ordered by.
+/// The sort key of files with a number at the end of the name.
 fn by_number(file: &Path) -> (usize, PathBuf) {
     let plain = if is_compressed(file) { file.with_extension("") } else { file.to_owned() };
     (plain.as_os_str().len(), plain)
@@ -199,7 +199,7 @@ pub(crate) struct BagDirectory {
 }
 
 impl BagDirectory {
-    /// Makes `parent/name`, which must not be there before.
+    /// Makes `parent/name`, which must not exist.
     pub(crate) fn create(parent: &Path, name: &str) -> io::Result<Self> {
         let is_plain =
             !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\', '\0']);
@@ -215,16 +215,16 @@ impl BagDirectory {
         Ok(Self { directory, name: name.to_owned() })
     }
 
-    /// Makes a file of the bag, which must not be there before.
+    /// Makes a file of the bag, which must not exist.
     pub(crate) fn part(&self, part: usize) -> io::Result<PartFile> {
         part_file(&self.directory, part_file_name(&self.name, part))
     }
 }
 
-/// Makes a file of a bag in its directory, which must not be there before.
+/// Makes a file of a bag in its directory, which must not exist.
 pub(crate) fn part_file(directory: &Path, name: String) -> io::Result<PartFile> {
     let file = File::create_new(directory.join(&name))?;
-    // Tells others that it is being written. Where there are no locks nobody can know.
+    // The lock shows other processes that it is being written; not all file systems have locks.
     let _ = file.try_lock();
     let for_sync = file.try_clone()?;
     let directory = directory.to_owned();
@@ -232,8 +232,8 @@ pub(crate) fn part_file(directory: &Path, name: String) -> io::Result<PartFile> 
     let sync = move || {
         for_sync.sync_data()?;
         if !is_entered.swap(true, Ordering::Relaxed) {
-            // That the file is there has to reach the disk too; not every kind of
-            // file system knows how.
+            // The directory entry has to be synced too; not every file system
+            // supports this.
             for directory in [Some(directory.as_path()), directory.parent()] {
                 let _ = directory.map(File::open).transpose().map(|it| it.map(|it| it.sync_all()));
             }
@@ -243,14 +243,14 @@ pub(crate) fn part_file(directory: &Path, name: String) -> io::Result<PartFile> 
     Ok(PartFile { name, sink: Box::new(BufWriter::new(file)), sync: Box::new(sync) })
 }
 
-/// Writes metadata.yaml in one step: whoever sees it sees it whole.
+/// Writes metadata.yaml atomically: a reader never sees half of it.
 pub(crate) fn write_metadata_file(directory: &Path, text: &str) -> io::Result<()> {
     let temporary = directory.join(METADATA_TEMPORARY);
     let mut file = File::create(&temporary)?;
     file.write_all(text.as_bytes())?;
     file.sync_all()?;
     fs::rename(&temporary, directory.join(METADATA_FILE))?;
-    // The rename itself has to reach the disk.
+    // The rename has to be synced too.
     File::open(directory)?.sync_all()
 }
 
@@ -291,7 +291,7 @@ fn copy_bag(
     let name = to.file_name().map_or(String::new(), |name| name.display().to_string());
     let made = BagDirectory::create(parent, &name)
         .map_err(|cause| RecoverFilesError::Io { path: to.display().to_string(), cause })?;
-    // What the run is stays said beside the file.
+    // The identity of the run stays in metadata.yaml.
     let mut custom_data = bag.metadata_named(RUN_RECORD).cloned().unwrap_or_default();
     let old = from.file_name().unwrap_or(from.as_os_str()).display().to_string();
     custom_data.insert(relation.to_owned(), old);
@@ -300,12 +300,12 @@ fn copy_bag(
         .part(0)
         .map_err(error)
         .and_then(|file| write_copy(&made.directory, file, &mut bag, &custom_data, selection));
-    // It was made here, and half of one helps nobody.
+    // It was made here, and half a bag is useless.
     copied.inspect_err(|_| drop(fs::remove_dir_all(&made.directory)))
 }
 
-/// Copies a bag into a file of this directory and writes metadata.yaml beside it; both are on
-/// the disk then.
+/// Copies a bag into a file of this directory and writes its metadata.yaml; syncs both to the
+/// disk.
 pub(crate) fn write_copy(
     directory: &Path,
     file: PartFile,
@@ -393,7 +393,7 @@ mod tests {
         let error = trim_bag(&path, &to, selection).unwrap_err().to_string();
         assert!(error.contains("copy cannot be written: Is a directory"), "{error}");
         assert!(!to.exists() && path.exists());
-        // What is there already is nobody's half copy.
+        // An existing directory is not a half copy; it is not removed.
         fs::create_dir(&to).unwrap();
         let error = recover_bag(&path, &to).unwrap_err();
         assert!(error.to_string().contains("copy cannot be written") && to.exists(), "{error}");

@@ -1,4 +1,4 @@
-//! What a bag holds, as a value and as text for `kerf bag info`.
+//! The content of a bag, as a value and as text for `kerf bag info`.
 
 use intake::text::one_line;
 use std::collections::BTreeMap;
@@ -29,7 +29,7 @@ pub struct AttachmentInfo {
     pub size: u64,
 }
 
-/// How a run ended, in the words of the driver.
+/// How a run ended, as the driver reported it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct RunEnd {
     /// `succeeded`, `canceled` or `aborted`.
@@ -58,20 +58,20 @@ impl fmt::Display for RunEnd {
     }
 }
 
-/// What a bag holds.
+/// The content of a bag.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct BagInfo {
-    /// What the caller calls the bag, its path for example.
+    /// The caller's name of the bag, for example its path.
     pub bag: String,
     /// The program that wrote it.
     pub library: String,
-    /// Closed properly, nothing lost, nothing damaged as far as was read.
+    /// Closed properly, nothing lost, no damage found so far.
     pub complete: bool,
-    /// What is wrong, a sentence each.
+    /// The problems, a sentence each.
     pub problems: Vec<String>,
-    /// How the run ended; the caller looks, since the recorder's core knows no messages.
+    /// How the run ended; the caller sets it, since the recorder's core knows no message types.
     pub result: Option<RunEnd>,
-    /// Why it is marked, if it is; the caller looks, since the mark is a file next to the bag's.
+    /// Why it is marked, if it is; the caller sets it, since the mark is a file next to the bag's.
     pub kept: Option<String>,
     pub message_count: u64,
     /// Log time of the first message, nanoseconds since the epoch.
@@ -85,7 +85,7 @@ pub struct BagInfo {
 }
 
 impl BagInfo {
-    /// Takes stock of an opened bag. Call [`Bag::verify`] before, and damage inside chunks shows too.
+    /// Summarises an opened bag. Call [`Bag::verify`] first to include damage inside chunks.
     pub fn new<R: Read + Seek>(name: &str, bag: &Bag<R>) -> Self {
         let summary = bag.summary();
         Self {
@@ -138,7 +138,7 @@ impl fmt::Display for BagInfo {
             None => {}
             Some("") => writeln!(f, "kept:        yes")?,
             Some(because) => {
-                // A reason of several lines stays below its key.
+                // Indents a reason of several lines below its key.
                 writeln!(f, "kept:        {}", because.replace('\n', "\n             "))?;
             }
         }
@@ -188,7 +188,7 @@ mod tests {
     use super::utc;
 
     #[test]
-    fn times_are_told_by_the_calendar() {
+    fn times_are_shown_as_calendar_dates() {
         let cases = [
             (0, "1970-01-01 00:00:00.000"),
             (951_782_399_999, "2000-02-28 23:59:59.999"),

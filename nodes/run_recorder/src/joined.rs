@@ -1,4 +1,4 @@
-//! The files of a bag that was split: walked in turn, and whether one of them is missing.
+//! Walks the files of a split bag and checks that none is missing.
 
 use std::io::{Read, Seek};
 
@@ -6,7 +6,7 @@ use crate::bag_problem::{BagError, Problem};
 use crate::bag_reader::{BagSource, RESULT_RECORD};
 use crate::scan::{Scan, scan};
 
-/// Walks all files; those of which nothing can be read are told of, unless there is no other.
+/// Walks all files. Unreadable files are reported; if all are unreadable, that is an error.
 pub(crate) fn scan_all<R: Read + Seek>(
     sources: &mut [BagSource<R>],
     problems: &mut Vec<Problem>,
@@ -29,10 +29,10 @@ pub(crate) fn scan_all<R: Read + Seek>(
     }
 }
 
-/// Follows the parts of a split bag: whether one is missing.
+/// Checks that no part of a split bag is missing.
 #[derive(Default)]
 pub(crate) struct PartsRead {
-    /// The part right before this one was read, to its end: what this one repeats is known.
+    /// The part before this one was read to its end, so what this one repeats is known.
     pub(crate) has_earlier: bool,
     /// The last part that was read, and whether it was finished.
     before: Option<(u64, bool)>,
@@ -55,7 +55,7 @@ impl PartsRead {
         }
         self.next = part.saturating_add(1);
         let has_end = found.metadata.iter().any(|record| record.name == RESULT_RECORD);
-        // One that broke off is told of anyway.
+        // A truncated file is reported anyway.
         self.open = (found.is_finished && !has_end).then(|| (file.to_owned(), part));
     }
 

@@ -1,10 +1,10 @@
-//! Every topic and both serial directions to one MCAP bag a run; reads bags too.
+//! Records every topic and both serial directions to one MCAP bag per run; reads bags too.
 //!
-//! The core writes bags ([`bag_writer`]), reads them in whatever state they are
+//! The core writes bags ([`bag_writer`]), reads them even if damaged
 //! ([`bag_reader`]), decodes messages by the definitions inside the bag
-//! ([`decode`]), writes them back ([`encode`]) and compares them ([`diff`]). It works on anything that reads,
-//! writes and seeks. Files and the write thread come with the feature `std-fs`:
-//! `files` and `run_bag`.
+//! ([`decode`]), encodes them ([`encode`]) and compares them ([`diff`]). It works on
+//! anything that reads, writes and seeks. Files and the write thread come with the feature
+//! `std-fs`: `files` and `run_bag`.
 
 mod bag_messages;
 mod bag_problem;

@@ -1,4 +1,4 @@
-//! The node as a program of its own.
+//! The node as its own program.
 
 fn main() -> std::process::ExitCode {
     runtime::main_with("run_recorder", run_recorder::node::main)

@@ -1,7 +1,7 @@
 //! metadata.yaml of a bag directory, version 9, as `ros2 bag` of Jazzy writes it.
 //!
-//! This file knows the form; the figures come from [`BagSummary`], which the
-//! writer and the reader both make. Writing the file is for [`crate::files`].
+//! This file knows the format. The figures come from [`BagSummary`], which both the
+//! writer and the reader make. [`crate::files`] writes the file.
 
 use intake::yaml::{Limits, YamlError, from_str};
 use std::collections::BTreeMap;
@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 use crate::qos::QosProfile;
 use crate::verify::Facts;
 
-/// The version of the form written here.
+/// The version of the format written here.
 const VERSION: u32 = 9;
-/// The ROS distribution whose tools define this form.
+/// The ROS distribution whose tools define this format.
 const ROS_DISTRO: &str = "jazzy";
 
 /// One topic of a bag and what is known of it.
@@ -73,14 +73,14 @@ impl BagSummary {
 /// One file of a bag.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileSummary {
-    /// Its name beside metadata.yaml.
+    /// Its name in the directory of metadata.yaml.
     pub name: String,
     pub summary: BagSummary,
 }
 
 /// Writes metadata.yaml of a bag of one file.
 ///
-/// `file_name` is the bag's file beside it, `custom_data` free keys and values
+/// `file_name` is the bag's file next to it, `custom_data` free keys and values
 /// (run id, program checksum).
 pub fn metadata_yaml(
     summary: &BagSummary,
@@ -93,7 +93,7 @@ pub fn metadata_yaml(
 
 /// Writes metadata.yaml of a bag of several files, which are listed in their order.
 ///
-/// The counts are those of the files, with what a file repeats of those before it.
+/// The counts include the messages that a file repeats from earlier ones.
 pub fn metadata_yaml_of_files(
     files: &[FileSummary],
     custom_data: &BTreeMap<String, String>,
@@ -128,7 +128,7 @@ pub fn custom_data(text: &str) -> Result<BTreeMap<String, String>, YamlError> {
     Ok(file.information.custom_data.unwrap_or_default())
 }
 
-/// The figures that metadata.yaml or the record of rosbag2 tells, as far as it does.
+/// The figures in metadata.yaml or in the record of rosbag2, as far as they are there.
 #[derive(Debug, Default, Deserialize)]
 pub(crate) struct Claims {
     #[serde(default)]
@@ -179,24 +179,24 @@ impl Claims {
         from_str(text, &Limits::FILE)
     }
 
-    /// What is not as in the files of the bag, a clause each.
+    /// The differences from the files of the bag, a clause each.
     pub(crate) fn differences(&self, files: &[&Facts]) -> Vec<String> {
         let mut wrong = Vec::new();
-        let mut compare = |what: &str, told: Option<u64>, found: u64| {
-            if let Some(told) = told.filter(|told| *told != found) {
-                wrong.push(format!("{told} {what}, and there are {found}"));
+        let mut compare = |what: &str, stated: Option<u64>, found: u64| {
+            if let Some(stated) = stated.filter(|stated| *stated != found) {
+                wrong.push(format!("{stated} {what}, and there are {found}"));
             }
         };
         compare("messages", self.message_count, files.iter().map(|it| it.message_count).sum());
-        // Others round them, or take them by another clock.
+        // Other recorders round them, or use another clock.
         if files.iter().all(|it| it.is_ours) {
             let start = files.iter().filter_map(|it| it.range_ns).map(|(start, _)| start).min();
             let end = files.iter().filter_map(|it| it.range_ns).map(|(_, end)| end).max();
             let (start, end) = (start.unwrap_or(0), end.unwrap_or(0));
-            let told = self.starting_time.map(|it| it.nanoseconds_since_epoch);
-            compare("ns at the first message", told, start);
-            let told = self.duration.map(|it| it.nanoseconds);
-            compare("ns from the first to the last message", told, end.saturating_sub(start));
+            let stated = self.starting_time.map(|it| it.nanoseconds_since_epoch);
+            compare("ns at the first message", stated, start);
+            let stated = self.duration.map(|it| it.nanoseconds);
+            compare("ns from the first to the last message", stated, end.saturating_sub(start));
         }
         let count_of =
             |topic: &str| -> u64 { files.iter().filter_map(|it| it.counts.get(topic)).sum() };
@@ -212,10 +212,10 @@ impl Claims {
                 compare(&format!("messages on {name}"), Some(0), count_of(name));
             }
         }
-        let told = self.files.iter().filter(|told| told.len() == files.len()).flatten();
-        for (told, found) in told.zip(files) {
-            let what = format!("messages in {}", told.path);
-            compare(&what, Some(told.message_count), found.message_count);
+        let listed = self.files.iter().filter(|listed| listed.len() == files.len()).flatten();
+        for (listed, found) in listed.zip(files) {
+            let what = format!("messages in {}", listed.path);
+            compare(&what, Some(listed.message_count), found.message_count);
         }
         wrong
     }
@@ -262,7 +262,7 @@ struct Information<'a> {
     compression_mode: &'static str,
     relative_file_paths: Vec<&'a str>,
     files: Vec<FileInformation<'a>>,
-    // Nothing rather than an empty map, as rosbag2 does.
+    // Left out instead of an empty map, as in rosbag2.
     custom_data: Option<&'a BTreeMap<String, String>>,
     ros_distro: &'static str,
 }
@@ -324,7 +324,7 @@ impl<'a> Information<'a> {
             starting_time: starting_time(summary),
             message_count: summary.message_count,
             topics_with_message_count: topics.collect(),
-            // Chunks are compressed inside the container, which is not what these two mean.
+            // These two do not mean the compression of chunks inside the container.
             compression_format: "",
             compression_mode: "",
             relative_file_paths: files.iter().map(|file| file.name.as_str()).collect(),

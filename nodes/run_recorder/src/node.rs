@@ -1,8 +1,8 @@
-//! The ROS shell of the recorder: one bag for each run, without being asked.
+//! The ROS shell of the recorder: one bag for each run, automatically.
 //!
-//! Subscribes the bytes of every topic of its machine as soon as it is seen.
-//! Between runs only what late joiners would get is kept; while a goal of
-//! `run_program` is active, and a little longer, everything is written.
+//! Subscribes to the bytes of every topic of its machine when it is discovered.
+//! While a goal of `run_program` is active, and a little longer, all messages are
+//! written. Between runs only latched and very recent messages are kept.
 
 mod definitions;
 mod fetch;
@@ -13,9 +13,9 @@ mod lifecycle;
 mod numbers;
 mod parameters;
 mod prelude;
+mod remove_old_bags;
 mod run_id;
 mod store;
-mod tidy;
 mod watch;
 
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
@@ -31,21 +31,21 @@ use watch::RunWatch;
 
 /// How often the graph is searched for new topics.
 const DISCOVERY_PERIOD: Duration = Duration::from_millis(100);
-/// What still belongs to a run that has ended.
+/// How long messages still belong to a run that has ended.
 const TAIL: Duration = Duration::from_millis(700);
-/// How much longer a run is recorded whose machine may move on by itself, as it does when
-/// the line is cut, and how often that is looked at.
+/// How much longer a run is recorded while the machine may still move, as after the line is
+/// cut, and how often that is checked.
 const MOTION_WITHIN: Duration = Duration::from_secs(30);
 const MOTION_PERIOD: Duration = Duration::from_millis(100);
-/// How long the inputs of a run that has ended may take to arrive.
+/// How long fetching the inputs may take after the end of a run.
 const INPUTS_WITHIN: Duration = Duration::from_secs(30);
-/// How long a disk may take to accept what a bag begins with, and how often that is looked at.
+/// How long the disk may take for the beginning of a bag, and how often that is checked.
 const BEGUN_WITHIN: Duration = Duration::from_secs(4);
 const BEGUN_PERIOD: Duration = Duration::from_millis(5);
 /// How long closing a bag may take.
 const CLOSE_WITHIN: Duration = Duration::from_secs(20);
 
-/// Runs the node until it is told to stop.
+/// Runs the node until it is asked to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
     runtime::run_managed("run_recorder", parameters(), &args, start)
 }
@@ -67,7 +67,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         recording: node.publisher("recording", Qos::LATCHED)?,
         newest: Mutex::default(),
         stuck: Mutex::default(),
-        tidying: Mutex::default(),
+        removal_lock: Mutex::default(),
         state: Mutex::default(),
     });
     recorder.publish(Recording::default());
@@ -97,45 +97,45 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
 
 struct Recorder {
     node: Handle,
-    /// The topic that tells which goals are active. It has one reader as any other: with
-    /// keys, a second one that comes while the first shakes hands leaves both deaf.
+    /// The status topic of `run_program`. It has only one reader, as any other topic: with
+    /// security, a second reader made during the handshake of the first leaves both deaf.
     goals: String,
     directory: PathBuf,
     extra_topics: Vec<String>,
     includes_feedback: bool,
     sources: Sources,
     recording: Publisher<Recording>,
-    /// What was told last.
+    /// The newest published status.
     newest: Mutex<Recording>,
-    /// What is to go and could not, a sentence each.
+    /// Bags that could not be removed, a sentence each.
     stuck: Mutex<Vec<String>>,
     /// Held while bags are removed.
-    tidying: Mutex<()>,
-    state: Mutex<State>,
+    removal_lock: Mutex<()>,
+    state: Mutex<RecorderState>,
 }
 
 #[derive(Default)]
-struct State {
+struct RecorderState {
     store: Store,
     watch: RunWatch,
     open: Option<OpenRun>,
-    /// Counts the runs, so that a late end does not close the next bag.
+    /// Counts the runs, so that a late end of one does not close the bag of the next.
     run: u64,
 }
 
-impl State {
-    /// Whether the inputs of this run are still on their way.
+impl RecorderState {
+    /// Whether the inputs of this run are still being fetched.
     fn is_fetching(&self, run: u64) -> bool {
         self.run == run && self.open.as_ref().is_some_and(|open| !open.has_inputs)
     }
 }
 
 impl Recorder {
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, RecorderState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether a topic is one of this machine, or wanted beside them.
+    /// Whether a topic is one of this machine, or one of `extra_topics`.
     fn is_in_scope(&self, topic: &str) -> bool {
         let namespace = self.node.names().namespace();
         namespace == "/"
@@ -145,8 +145,8 @@ impl Recorder {
 
     /// Whether a publisher's topic is recorded.
     ///
-    /// Feedback of actions has a type that only ROS itself can name; readers of
-    /// bags stumble over it, and what it says is in other topics too.
+    /// The feedback of actions has a type that other bag readers cannot handle, and its
+    /// content is in other topics too.
     fn is_wanted(&self, found: &DiscoveredPublisher) -> bool {
         let is_feedback = found.type_name.ends_with("_FeedbackMessage");
         self.is_in_scope(&found.topic) && (self.includes_feedback || !is_feedback)
@@ -163,13 +163,13 @@ impl Recorder {
                 publishers.iter().filter(|other| other.topic == publisher.topic).collect();
             let spec = definitions::channel(&publisher.topic, &publisher.type_name, &offers);
             let qos = Qos {
-                // No more than what all of them offer, or some would not match.
+                // Only QoS that all publishers offer, or some would not match.
                 reliable: offers.iter().all(|offer| offer.qos.reliable),
                 transient_local: offers.iter().all(|offer| offer.qos.transient_local),
                 depth: definitions::depth(&spec),
             };
             let index = state.store.add(spec, qos.transient_local);
-            let State { store, open, .. } = &mut *state;
+            let RecorderState { store, open, .. } = &mut *state;
             if let Some(open) = open {
                 open.add_channel(store, index);
             }
@@ -205,14 +205,14 @@ impl Recorder {
 
     fn keep(&self, index: usize, sample: RawSample) {
         let mut state = self.state();
-        let State { store, open, .. } = &mut *state;
+        let RecorderState { store, open, .. } = &mut *state;
         store.take(open.as_mut(), index, sample);
     }
 
-    /// Begins the bag of a goal; `is_late` where it was not seen to begin.
+    /// Begins the bag of a goal; `is_late`: the goal began before it was noticed.
     fn begin(self: &Arc<Self>, goal: [u8; 16], is_late: bool) {
         let mut state = self.state();
-        // Seen by who follows the goals, and by who activates the node.
+        // Both a new goal and the activation of the node begin a bag.
         if state.open.as_ref().is_some_and(|open| open.goal == goal) {
             return;
         }
@@ -234,7 +234,7 @@ impl Recorder {
                 let shared = Arc::clone(self);
                 self.node.spawn("inputs of the run", async move {
                     shared.judge_beginning(run).await;
-                    shared.tell_of_beginning(run).await;
+                    shared.report_beginning(run).await;
                     shared.fetch_inputs(run, wanted).await;
                 });
             }
@@ -256,9 +256,9 @@ impl Recorder {
         }
     }
 
-    /// Says that it records, when the disk has taken what a bag begins with, or that it does
-    /// not: others wait for this before they begin.
-    async fn tell_of_beginning(&self, run: u64) {
+    /// Publishes whether the recording works, when the disk has taken the beginning of the bag
+    /// or failed. The driver waits for this before it begins.
+    async fn report_beginning(&self, run: u64) {
         let end = tokio::time::Instant::now() + BEGUN_WITHIN;
         loop {
             let is_decided = {
@@ -280,7 +280,7 @@ impl Recorder {
         self.node.spawn("end of the run", async move {
             shared.wait_for_standstill(run).await;
             tokio::time::sleep(TAIL).await;
-            // A run may be shorter than fetching what it was made of.
+            // A run may be shorter than fetching its inputs.
             let end = tokio::time::Instant::now() + INPUTS_WITHIN;
             while shared.state().is_fetching(run) && tokio::time::Instant::now() < end {
                 tokio::time::sleep(DISCOVERY_PERIOD).await;
@@ -295,7 +295,7 @@ impl Recorder {
         });
     }
 
-    /// A run has ended when its goal has; the machine goes on where nobody could stop it.
+    /// Waits after the end of a goal while the machine may still move.
     async fn wait_for_standstill(&self, run: u64) {
         let end = tokio::time::Instant::now() + MOTION_WITHIN;
         loop {
@@ -315,7 +315,7 @@ impl Recorder {
         }
     }
 
-    /// Fills what is missing, closes the bag and says how it went.
+    /// Fetches what is missing, closes the bag and logs the outcome.
     async fn finish(self: &Arc<Self>, mut open: OpenRun) {
         let problem = if open.driver_restarted {
             // A restarted driver no longer has the old traffic.
@@ -337,7 +337,7 @@ impl Recorder {
             tracing::error!("{}: {}", status.path.display(), status.reasons.join("; "));
         }
         self.publish(store::recording_message(stamp, run_id, false, &status));
-        self.begin_to_tidy();
+        self.spawn_removal_of_old_bags();
     }
 
     fn publish_progress(&self) {
@@ -356,8 +356,8 @@ impl Recorder {
         self.publish_what(|| Some(message));
     }
 
-    /// Publishes what is so, as one step: no end of a run can come between, and what is kept
-    /// is what went out last.
+    /// Makes and publishes the status under one lock, so that the kept status is always the one
+    /// that was published last.
     fn publish_what(&self, what: impl FnOnce() -> Option<Recording>) {
         let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(message) = what() {

@@ -1,4 +1,4 @@
-//! The channels and schemas of a bag, gathered while its files are walked.
+//! The channels and schemas of a bag, collected while its files are walked.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use mcap::records::{self, SchemaHeader};
 
 use crate::bag_reader::BagSchema;
 
-/// Channels and schemas as they come up, files told apart.
+/// Channels and schemas in the order they are found, per file.
 #[derive(Default)]
 pub(crate) struct Outline {
     pub(crate) schemas: BTreeMap<(usize, u16), Arc<BagSchema>>,
@@ -32,7 +32,7 @@ impl Outline {
         if self.place_of.contains_key(&key) {
             return;
         }
-        // The files of one bag number their channels each for itself.
+        // Each file of a bag has its own channel numbers.
         let same = self.order.iter().find(|(other, known)| {
             *other != source
                 && known.topic == channel.topic
@@ -59,14 +59,14 @@ impl Outline {
         true
     }
 
-    /// Takes a message back that was counted.
+    /// Takes a counted message off again.
     pub(crate) fn uncount(&mut self, source: usize, channel: u16) {
         if let Some(place) = self.place_of.get(&(source, channel)) {
             self.counts[*place] = self.counts[*place].saturating_sub(1);
         }
     }
 
-    /// Whether the outside of a file tells of every channel it counts, and its schema.
+    /// Whether the records outside of chunks define every channel of a file, with its schema.
     pub(crate) fn knows_all(&self, source: usize, statistics: &records::Statistics) -> bool {
         let of_source = || self.order.iter().filter(|(other, _)| *other == source);
         of_source().count() >= statistics.channel_count as usize

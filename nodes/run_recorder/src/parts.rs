@@ -1,9 +1,8 @@
-//! The files of a bag while it is written: one after the other, each whole by itself.
+//! The files of a bag while it is written: one after the other, each complete by itself.
 //!
-//! A file that is full gets its index and its footer, and is on the disk, before
-//! a message goes to the next: whatever happens to that one leaves it whole.
-//! When a file is full is said by [`crate::split`]; what goes in, and when it
-//! is flushed, by [`crate::write_thread`].
+//! A full file gets its index and footer and is synced to the disk before the next
+//! one is written, so that later errors cannot damage it. [`crate::split`] decides when
+//! a file is full, and [`crate::write_thread`] what is written and when it is flushed.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -22,25 +21,25 @@ use crate::run_bag::RunBagOptions;
 use crate::scan::MESSAGE_HEAD;
 use crate::split::{LatchedMessages, PART_KEY, PART_RECORD};
 
-/// What a message takes in a chunk beside its data, bytes.
+/// Bytes of a message in a chunk besides its data.
 const MESSAGE_OVERHEAD: u64 = (FRAME + MESSAGE_HEAD) as u64;
 
-/// One file, made and not yet written to.
+/// A new file.
 pub(crate) struct PartFile {
     pub(crate) name: String,
     pub(crate) sink: Box<dyn Write + Send>,
-    /// Has what was flushed reach the disk.
+    /// Syncs flushed data to the disk.
     pub(crate) sync: Box<dyn Fn() -> io::Result<()> + Send>,
 }
 
 /// All files of a bag that is closed.
 pub(crate) struct Finished {
     pub(crate) files: Vec<FileSummary>,
-    /// While this is there the last file is locked, as all are while they are written.
+    /// Keeps the lock of the last file; each file is locked while it is written.
     pub(crate) is_ours: Box<dyn Fn() -> io::Result<()> + Send>,
 }
 
-/// Where the bytes go.
+/// The files to write to.
 pub(crate) struct Outlet {
     pub(crate) directory: PathBuf,
     pub(crate) first: PartFile,
@@ -49,14 +48,14 @@ pub(crate) struct Outlet {
 }
 
 impl Outlet {
-    /// Removes what was made for nothing; what cannot be removed stays.
+    /// Removes a file that is not needed, if it can.
     pub(crate) fn remove(self) {
         let _ = fs::remove_file(self.directory.join(&self.first.name));
         let _ = fs::remove_dir(self.directory);
     }
 }
 
-/// The file that is written to, and those before it.
+/// The current file and the finished ones.
 pub(crate) struct Parts<'a> {
     options: &'a RunBagOptions,
     open_next: Box<dyn FnMut(usize) -> io::Result<PartFile> + Send>,
@@ -70,9 +69,9 @@ pub(crate) struct Parts<'a> {
     began: Instant,
     /// Of the files before.
     bytes_before: u64,
-    /// In the chunk that is open, at most.
+    /// Bytes in the open chunk, at most.
     bytes_open: u64,
-    /// Messages of this file that no other has.
+    /// Messages of this file that it does not repeat from others.
     messages: u64,
 }
 
@@ -137,7 +136,7 @@ impl<'a> Parts<'a> {
         self.bytes_before = self.bytes.load(Ordering::Relaxed);
         self.began = Instant::now();
         self.messages = 0;
-        // Definitions apart from messages: a damaged chunk must not take them along.
+        // A chunk of their own: damage to messages must not lose definitions.
         self.flush()?;
         self.write_part_record(part)?;
         for again in self.latched.iter() {
@@ -165,7 +164,7 @@ impl<'a> Parts<'a> {
         self.writer.write(channel, log_time_ns, publish_time_ns, data)?;
         self.latched.note(channel, sequence, publish_time_ns, data);
         self.messages += 1;
-        // A chunk that was full went out with it.
+        // This also wrote the full chunk.
         let is_closed = self.bytes.load(Ordering::Relaxed) != before;
         let so_far = if is_closed { 0 } else { self.bytes_open };
         self.bytes_open = so_far + MESSAGE_OVERHEAD + data.len() as u64;
@@ -198,7 +197,7 @@ impl<'a> Parts<'a> {
         self.writer.flush()
     }
 
-    /// Has what was flushed reach the disk.
+    /// Syncs flushed data to the disk.
     pub(crate) fn sync(&self) -> io::Result<()> {
         (self.sync)()
     }

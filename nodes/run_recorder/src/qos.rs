@@ -1,9 +1,8 @@
 //! The quality of service that publishers of a topic offered, in the form bags keep it.
 //!
-//! One value feeds both the channel record and metadata.yaml, because readers
-//! that compare the two drop a topic silently when they differ. This file knows
-//! the YAML of bag version 9 and reads the integers of older versions. What a
-//! publisher really offered is for the shell to know.
+//! The channel record and metadata.yaml get the same value, because readers
+//! that compare the two drop a topic silently when they differ. This file writes
+//! the YAML of bag version 9 and also reads the integers of older versions.
 
 use intake::yaml::{Limits, YamlError, from_str};
 use serde::{Deserialize, Deserializer, Serialize, de::Error};
@@ -40,7 +39,7 @@ pub enum Durability {
     BestAvailable,
 }
 
-/// How a publisher shows that it lives.
+/// How a publisher asserts its liveliness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Liveliness {
@@ -91,7 +90,7 @@ by_name_or_number!(Liveliness: SystemDefault "system_default" 0, Automatic "auto
 pub struct QosTime {
     /// Whole seconds.
     pub sec: u64,
-    /// Nanoseconds beside them.
+    /// The remaining nanoseconds.
     pub nsec: u64,
 }
 
@@ -144,11 +143,11 @@ impl QosProfile {
         Self { reliability: Reliability::BestEffort, ..Self::reliable(depth) }
     }
 
-    /// Samples that a late subscriber gets; as many as there are where all are kept.
+    /// Samples that a late subscriber gets; all of them with "keep all".
     pub(crate) fn depth_for_late_joiners(&self) -> usize {
         match (self.durability, self.history) {
             (Durability::TransientLocal, History::KeepAll) => usize::MAX,
-            // Discovery does not always tell the depth; what latches, latches one.
+            // Discovery does not always carry the depth; latched topics keep one.
             (Durability::TransientLocal, _) => usize::try_from(self.depth.max(1)).unwrap_or(1),
             _ => 0,
         }

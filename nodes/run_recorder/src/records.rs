@@ -1,8 +1,8 @@
-//! Records of the container, read without trust.
+//! Reads records of the container format, without trusting them.
 //!
-//! Knows the frame (one byte of kind, eight bytes of length) and guards the
-//! parser of crate `mcap`, which slices short bodies without looking. Decodes
-//! one chunk at a time; where records lie in a file is for [`crate::scan`].
+//! Knows the frame (one byte of kind, eight bytes of length), and checks the length of a
+//! body first, because the parser of crate `mcap` panics on short ones. Decodes
+//! one chunk at a time; [`crate::scan`] finds the records in a file.
 
 use mcap::records::{Record, op};
 use mcap::sans_io::LinearReader;
@@ -13,7 +13,7 @@ pub(crate) const FRAME: usize = 9;
 /// The largest record or chunk this reader takes into memory, bytes.
 pub const RECORD_SIZE_MAX: u64 = 256 * 1024 * 1024;
 
-/// What stands at the head of a record.
+/// The head of a record.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Frame {
     pub(crate) opcode: u8,
@@ -45,7 +45,7 @@ fn check_attachment(body: &[u8]) -> Result<(), String> {
     let end = length_at(16).and_then(|name| {
         let media_type_at = 20_usize.checked_add(name)?;
         let media_type = length_at(media_type_at)?;
-        // Behind it: eight bytes of length and four of checksum.
+        // Followed by eight bytes of length and four of checksum.
         media_type_at.checked_add(4)?.checked_add(media_type)?.checked_add(12)
     });
     match end {
@@ -54,7 +54,7 @@ fn check_attachment(body: &[u8]) -> Result<(), String> {
     }
 }
 
-/// Says in one line what the container library found, with its cause.
+/// The error of the container library in one line, with its cause.
 pub(crate) fn explain(error: &mcap::McapError) -> String {
     use mcap::McapError as E;
     match error {
@@ -89,10 +89,10 @@ impl ChunkHead {
     }
 }
 
-/// Calls `visit` with kind, body and place of each record in a chunk.
+/// Calls `visit` with kind, body and offset of each record in a chunk.
 ///
-/// With a checksum nothing is visited before it holds. Without one (rosbag2
-/// writes none) what comes before the damage is visited. The text says what is wrong.
+/// A checksum is verified before any record is visited. Without one (rosbag2
+/// writes none) the records before the damage are visited. The text says what is wrong.
 pub(crate) fn visit_chunk(
     body: &[u8],
     mut visit: impl FnMut(u8, &[u8], usize),

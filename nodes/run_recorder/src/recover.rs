@@ -1,4 +1,4 @@
-//! Copies what can be read of a bag, or a part of it, into a new, finished one.
+//! Copies the readable part of a bag, or a selection, into a new finished bag.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, Write};
@@ -9,11 +9,11 @@ use crate::closing::Closing;
 use crate::metadata::BagSummary;
 use crate::split::PART_RECORD;
 
-/// What names the bag that a copy is of, among what is said of it.
+/// The key that names the original bag in a copy.
 pub(crate) const RECOVERED_FROM: &str = "recovered_from";
 pub(crate) const TRIMMED_FROM: &str = "trimmed_from";
-/// The metadata record that a copy begins with, so that it is no recording of its own: that
-/// begins with what the run is.
+/// The metadata record at the beginning of a copy. It shows that the copy is not an original
+/// recording, which begins with the record of the run.
 const COPY_RECORD: &str = "cnc_copy";
 
 /// Why a bag could not be copied.
@@ -29,20 +29,20 @@ pub enum RecoverError {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Recovered {
     pub summary: BagSummary,
-    /// Topics left out, with the reason: those that could not stand in a bag of ours.
+    /// Topics left out because a bag of ours cannot hold them, with the reason.
     pub left_out: Vec<(String, String)>,
-    /// What was wrong with the old bag.
+    /// The problems of the old bag.
     pub problems: Vec<String>,
 }
 
-/// What of a bag is copied.
+/// What to copy.
 #[derive(Clone, Copy)]
 pub struct Selection<'a> {
     /// Which topics.
     pub topics: &'a dyn Fn(&BagChannel) -> bool,
     /// Which messages of them.
     pub messages: &'a dyn Fn(&BagMessage) -> bool,
-    /// What stands in the place of a message, none or several; `None` for itself.
+    /// Replaces a message by none or several; `None` keeps it.
     pub instead: &'a dyn Fn(&BagMessage) -> Option<Vec<Vec<u8>>>,
 }
 
@@ -61,7 +61,7 @@ impl Selection<'_> {
 ///
 /// Unless the old bag was complete, the new one says in its `cnc_run_result`
 /// that it is not, and why; what is not selected is not missed. `file_name` is the name
-/// the new file has beside its metadata.yaml.
+/// of the new file in its metadata.yaml.
 pub fn recover<R: Read + Seek, W: Write>(
     bag: &mut Bag<R>,
     sink: W,
@@ -83,10 +83,10 @@ pub fn recover<R: Read + Seek, W: Write>(
             log_time_ns: info.log_time_ns,
         })?;
     }
-    // The first is written anew, the second last, and the copy has one part.
+    // The first is written again, the second at the end, and the copy has one part.
     let not_here = ["rosbag2", RESULT_RECORD, PART_RECORD];
     for (index, record) in bag.metadata().iter().enumerate() {
-        // Each part of a bag says what the run is.
+        // Each part repeats the record of the run.
         let is_said = bag.metadata()[..index].contains(record)
             || (record.name == COPY_RECORD && record.values == copy_of);
         if !is_said && !not_here.contains(&record.name.as_str()) {
@@ -139,7 +139,7 @@ pub fn recover<R: Read + Seek, W: Write>(
         match (selection.instead)(&message) {
             None => writer.write_with_sequence(*channel, first, at, sent, &message.data)?,
             Some(instead) => {
-                // What follows is numbered as if these had been there.
+                // The following messages are numbered as if these had been there.
                 *count = count.wrapping_add(instead.len() as u32).wrapping_sub(1);
                 for (number, data) in (0..).zip(&instead) {
                     let sequence = first.wrapping_add(number);
@@ -150,7 +150,7 @@ pub fn recover<R: Read + Seek, W: Write>(
     }
     bag.verify_indexes()?;
     let words = |problem: &Problem| match problem {
-        // Its words, so that a copy of a copy says the same.
+        // Its own words, so that a copy of a copy says the same.
         Problem::RecorderSays { reason } => reason.clone(),
         problem => problem.to_string(),
     };
@@ -167,7 +167,7 @@ pub fn recover<R: Read + Seek, W: Write>(
         let closing = Closing { complete, reasons: reasons.join("; "), lost, written, missed };
         writer.write_metadata(RESULT_RECORD, &closing.to_record())?;
     } else if let Some(mut closing) = bag.closing() {
-        // What is not selected is not missed.
+        // Messages that are not selected do not count as missing.
         if !closing.written.is_empty() {
             closing.written = writer.counts();
         }

@@ -1,33 +1,33 @@
-//! Which bags go when bags are kept for so long or in so much space only.
+//! Retention: which bags are removed, by age and total size.
 //!
-//! Pure: takes what lies in the directory of bags and says what goes, oldest
-//! first. What a bag of ours is, and removing it, is for `stored_bags`.
+//! Pure: takes the bags of a directory and returns those to remove, oldest first.
+//! `stored_bags` lists and removes them.
 
 use std::path::PathBuf;
 use std::time::Duration;
 
 const NS_PER_DAY: u64 = 86_400_000_000_000;
 
-/// How long bags are kept, and in how much space; zero is for ever, and in any.
+/// How long bags are kept, and in how much space; zero: no limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Keep {
-    /// From its last write on.
+    /// Since its last write.
     pub days: u32,
-    /// Bytes of all bags together that are not marked.
+    /// Bytes of all unmarked bags together.
     pub bytes: u64,
 }
 
 impl Keep {
-    /// Whether anything ever goes.
+    /// Whether there is a limit at all.
     pub fn is_limited(&self) -> bool {
         self.days > 0 || self.bytes > 0
     }
 }
 
-/// Why a bag stays whatever the limits are.
+/// Why a bag is kept beyond the limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stays {
-    /// Somebody wants it; its space does not count.
+    /// It is marked; its space does not count.
     Marked,
     /// It is being written.
     InUse,
@@ -46,16 +46,16 @@ pub struct StoredBag {
     pub stays: Option<Stays>,
 }
 
-/// Which limit a bag is beyond.
+/// The limit that a bag exceeds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Beyond {
     /// More days than bags are kept.
     Age(Duration),
-    /// What all took together, bytes.
+    /// The size of all bags together, bytes.
     Space(u128),
 }
 
-/// A bag that goes.
+/// A bag to remove.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Removal {
     pub path: PathBuf,
@@ -64,10 +64,10 @@ pub struct Removal {
     pub beyond: Beyond,
 }
 
-/// Says which bags go, oldest first.
+/// The bags to remove, oldest first.
 ///
-/// The newest that is not marked stays: one run more than there is room for is better than
-/// none, and a clock that is wrong makes all of them old.
+/// The newest unmarked bag is always kept: one run above the limit is better than none, and a
+/// wrong clock makes all of them old.
 pub fn to_remove(bags: &[StoredBag], keep: Keep, now_ns: u64) -> Vec<Removal> {
     let mut counted: Vec<&StoredBag> =
         bags.iter().filter(|bag| bag.stays != Some(Stays::Marked)).collect();
@@ -78,7 +78,7 @@ pub fn to_remove(bags: &[StoredBag], keep: Keep, now_ns: u64) -> Vec<Removal> {
     let mut removals = Vec::new();
     let may_go = |bag: &&&StoredBag| bag.stays.is_none() && Some(&bag.path) != newest;
     for bag in counted.iter().filter(may_go) {
-        // A clock that was put back makes no bag old.
+        // A clock that was set back does not make bags old.
         let age_ns = now_ns.saturating_sub(bag.ended_ns);
         let beyond = if keep.days > 0 && age_ns > days_ns {
             Beyond::Age(Duration::from_nanos(age_ns))
@@ -102,7 +102,7 @@ mod tests {
     /// Name, size, age in days, what keeps it.
     type Row = (&'static str, u64, u64, Option<Stays>);
 
-    /// What it is about, what lies there, days, bytes, what goes.
+    /// The case, the bags, days, bytes, the removed bags.
     type Case<'a> = (&'a str, &'a [Row], u32, u64, &'a [(&'a str, &'a str)]);
 
     fn gone(rows: &[Row], days: u32, bytes: u64) -> Vec<(String, &'static str)> {

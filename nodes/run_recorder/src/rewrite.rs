@@ -1,8 +1,8 @@
-//! A bag written again in its place: all that is not replaced stays byte for byte.
+//! Rewrites a bag in place; messages that are not replaced stay byte for byte.
 //!
-//! The new bag is made beside the old one, can be looked at there, and takes its place in
-//! one step for each file: first its messages, then what metadata.yaml says of them. Until then,
-//! and whenever making the new one fails, the old one is whole.
+//! The new bag is made next to the old one, where it can be inspected. Then each of its files
+//! replaces the old one atomically: first the messages, then metadata.yaml. Until then, and if
+//! making the new bag fails, the old bag is unchanged.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -16,19 +16,19 @@ use crate::files::{
 use crate::metadata::custom_data;
 use crate::recover::{RecoverError, Selection};
 
-/// A new bag beside the one whose place it may take; removed when it is dropped.
+/// A new bag next to the one that it may replace; dropping it removes the new bag.
 #[derive(Debug)]
 pub struct Rewritten {
-    /// The folder of the new one.
+    /// The folder of the new bag.
     copy: PathBuf,
-    /// Its file, and the one that it is of.
+    /// The new file, and the old file that it replaces.
     file: PathBuf,
     old_file: PathBuf,
-    /// The folder of the old one, if it has one.
+    /// The folder of the old bag, if it has one.
     directory: Option<PathBuf>,
 }
 
-/// Writes a bag again beside itself.
+/// Writes a new copy of a bag next to it.
 pub fn rewrite_bag(path: &Path, selection: Selection<'_>) -> Result<Rewritten, RecoverFilesError> {
     let text = path.display().to_string();
     let io_error = |cause| RecoverFilesError::Io { path: text.clone(), cause };
@@ -58,7 +58,7 @@ pub fn rewrite_bag(path: &Path, selection: Selection<'_>) -> Result<Rewritten, R
     })?;
     let file_name = old_file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let file = copy.join(&file_name);
-    // From here on it is removed whatever happens.
+    // From here on it is removed in any case.
     let rewritten = Rewritten { copy, file, old_file, directory };
     let file = part_file(&rewritten.copy, file_name).map_err(io_error)?;
     write_copy(&rewritten.copy, file, &mut bag, &own_data, selection)?;
@@ -71,12 +71,12 @@ impl Rewritten {
         &self.copy
     }
 
-    /// Puts it in the place of the old one.
+    /// Replaces the old bag.
     pub fn put_in_place(self) -> io::Result<()> {
         fs::rename(&self.file, &self.old_file)?;
         if let Some(directory) = &self.directory {
             fs::rename(self.copy.join(METADATA_FILE), directory.join(METADATA_FILE))?;
-            // The renames themselves have to reach the disk.
+            // The renames have to be synced too.
             File::open(directory)?.sync_all()?;
         }
         Ok(())
@@ -85,7 +85,7 @@ impl Rewritten {
 
 impl Drop for Rewritten {
     fn drop(&mut self) {
-        // What is left of it tells of nothing.
+        // An error here would only leave a temporary folder.
         let _ = fs::remove_dir_all(&self.copy);
     }
 }

@@ -1,10 +1,10 @@
 //! The bag of one run: a directory, and the thread that writes it.
 //!
-//! Feeding never waits for the disk: messages that find no room are lost,
+//! Writing to the queue never waits for the disk: messages that do not fit are lost,
 //! counted, and make the bag incomplete. The thread closes a chunk at least
-//! once a second, so that a process that dies loses no more. Errors of the
-//! disk are told by [`RunBag::status`], and what was flushed before them stays
-//! readable. What to record, and when, is for the shell.
+//! once a second, so that a process that dies loses no more. [`RunBag::status`] reports
+//! errors of the disk; messages that were flushed before stay readable. The node decides
+//! what to record, and when.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -29,25 +29,25 @@ const CREATE_WITHIN: Duration = Duration::from_secs(1);
 /// How a run is recorded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RunBagOptions {
-    /// Where bags go; made if it is not there.
+    /// The directory of bags; made if it does not exist.
     pub directory: PathBuf,
-    /// Name of the bag's directory in it, which must not be there yet.
+    /// Name of the bag's directory in it, which must not exist yet.
     pub name: String,
-    /// What the run is: run id, program id and checksum, firmware. Written as
+    /// The identity of the run: run id, program id and checksum, firmware. Written as
     /// `cnc_run` at the start and as `custom_data` of metadata.yaml.
     pub run: BTreeMap<String, String>,
-    /// How much may wait for the disk.
+    /// The limits of the write queue.
     pub limits: QueueLimits,
     /// Longest time between two closed chunks while messages come.
     pub flush_interval: Duration,
-    /// Whether each flush goes through to the disk, against loss of power.
+    /// Whether each flush is synced to the disk, in case of a power failure.
     pub syncs_each_flush: bool,
-    /// When it goes on in another file.
+    /// When the bag is split into another file.
     pub split: SplitLimits,
 }
 
 impl RunBagOptions {
-    /// Half a second between flushes, each to the disk; one file.
+    /// Half a second between flushes, each synced to the disk; one file.
     pub fn new(directory: impl Into<PathBuf>, name: impl Into<String>) -> Self {
         Self {
             directory: directory.into(),
@@ -81,7 +81,7 @@ pub enum RunBagError {
     TooManyTopics,
 }
 
-/// How a recording stands.
+/// The status of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct RecordingStatus {
     /// The bag's directory.
@@ -90,9 +90,9 @@ pub struct RecordingStatus {
     pub messages_written: u64,
     /// Messages lost because the disk was too slow, full or broken.
     pub messages_lost: u64,
-    /// The same by topic, those alone that lost any.
+    /// The same by topic; only topics that lost any.
     pub lost_by_topic: BTreeMap<String, u64>,
-    /// Messages that were sent and did not come, by topic, those alone that miss any.
+    /// Messages that were sent but did not arrive, by topic; only topics that miss any.
     pub missed_by_topic: BTreeMap<String, u64>,
     /// Size of the file so far.
     pub bytes_written: u64,
@@ -100,9 +100,9 @@ pub struct RecordingStatus {
     pub bytes_waiting: usize,
     /// The first error of the disk; nothing is written after it.
     pub error: Option<String>,
-    /// What was there before [`RunBag::begin`] is in the file.
+    /// Everything from before [`RunBag::begin`] is in the file.
     pub has_begun: bool,
-    /// The disk has taken nothing for some seconds, though there is something for it.
+    /// The disk has accepted nothing for some seconds, although data is waiting.
     pub is_stalled: bool,
     /// The file is closed, with index, footer and metadata.yaml.
     pub is_finished: bool,
@@ -112,7 +112,7 @@ pub struct RecordingStatus {
     pub reasons: Vec<String>,
 }
 
-/// A bag that is being recorded. Dropping it finishes it too, but tells nobody how that went.
+/// A bag that is being recorded. Dropping it finishes it too, but reports no errors.
 pub struct RunBag {
     shared: Arc<Shared>,
     known: Mutex<Known>,
@@ -124,7 +124,7 @@ impl fmt::Debug for RunBag {
     }
 }
 
-/// What has been announced, so that mistakes show where they are made.
+/// The topics so far, so that a mistake is an error in the call that makes it.
 #[derive(Default)]
 struct Known {
     topics: BTreeSet<String>,
@@ -139,8 +139,8 @@ fn outlet(directory: &Path, name: &str) -> io::Result<Outlet> {
     Ok(Outlet { directory, first, next: Box::new(move |part| made.part(part)) })
 }
 
-/// What `make` makes, on a thread of its own, unless that takes too long; what comes too late
-/// is undone.
+/// Calls `make` on a thread of its own, with a timeout. If it finishes later, the result is
+/// removed.
 fn within<T: Send + 'static>(
     deadline: Duration,
     make: impl FnOnce() -> io::Result<T> + Send + 'static,
@@ -214,7 +214,7 @@ impl RunBag {
             Ok(index) if index < u16::MAX => ChannelIndex(index),
             _ => return Err(RunBagError::TooManyTopics),
         };
-        // Still under the lock, so that the writer counts channels in the same order.
+        // Under the lock, so that the writer numbers channels in the same order.
         if !self.shared.queue.put(Command::Channel(spec.clone())) {
             return Err(RunBagError::Closed);
         }
@@ -224,7 +224,7 @@ impl RunBag {
         Ok(index)
     }
 
-    /// Hands over one message: CDR with its four bytes of encapsulation, times
+    /// Queues one message: CDR with its four bytes of encapsulation, times
     /// in nanoseconds since the epoch. Never waits; `false` if it is lost.
     pub fn write(
         &self,
@@ -237,10 +237,10 @@ impl RunBag {
         queue.put_message(channel, log_time_ns, publish_time_ns, data)
     }
 
-    /// Notes that messages of a channel were sent and did not come, before the next that does.
+    /// Counts messages of a channel that were sent but did not arrive before the next one.
     ///
-    /// The bag is complete all the same: whoever sends decides what is sent again. They leave a
-    /// gap in the channel's numbers, and are counted where the bag is closed.
+    /// The bag still counts as complete: the sender decides what is sent again. The missed
+    /// messages leave a gap in the channel's numbers, and are counted when the bag is closed.
     pub fn note_missed(&self, channel: ChannelIndex, count: u32) {
         self.shared.queue.miss(channel, count);
     }
@@ -259,12 +259,12 @@ impl RunBag {
         self.put(Command::Metadata(name.to_owned(), values))
     }
 
-    /// Has all that was handed over written now; the status tells when it is, or why not.
+    /// Requests a flush of all messages; the status shows when it is done, or the error.
     pub fn begin(&self) -> Result<(), RunBagError> {
         self.put(Command::Begun)
     }
 
-    /// Notes that something is missing that only the caller knows of, and why.
+    /// Marks the bag as incomplete for a reason that only the caller knows.
     pub fn note_incomplete(&self, reason: impl Into<String>) {
         let reason = reason.into();
         let mut end = lock(&self.shared.end);
@@ -273,20 +273,20 @@ impl RunBag {
         }
     }
 
-    /// Whether less waits for the disk than half of what may; also when nothing is written
-    /// any more. Who can wait does well to wait for it.
+    /// Whether the queue is less than half full, or nothing more is written. A caller that can
+    /// wait should wait for this.
     pub fn has_room(&self) -> bool {
         self.shared.queue.has_room()
     }
 
-    /// How the recording stands.
+    /// The status of the recording.
     pub fn status(&self) -> RecordingStatus {
         self.shared.status()
     }
 
-    /// Writes what waits, closes the file and writes metadata.yaml.
+    /// Writes the queue, closes the file and writes metadata.yaml.
     ///
-    /// Waits at most `deadline`; the thread goes on by itself if that is over before.
+    /// Waits at most `deadline`; after that the thread continues by itself.
     pub fn finish(self, deadline: Duration) -> RecordingStatus {
         self.shared.queue.close();
         let end = lock(&self.shared.end);
@@ -298,7 +298,7 @@ impl RunBag {
         let is_over = end.is_over;
         drop(end);
         if !is_over {
-            // Also for the thread, which may close the bag later.
+            // The thread needs it too, as it may close the bag later.
             let seconds = deadline.as_secs_f64();
             self.note_incomplete(format!("the bag was not closed within {seconds} s"));
         }

@@ -1,8 +1,8 @@
-//! Finds the records of one file without decoding what can wait.
+//! Finds the records of one file without decoding chunks.
 //!
-//! Walks the frames from the first byte on, so that it needs neither footer nor
-//! index and reads a broken-off file up to its last whole record; what
-//! [`crate::chunk_index`] knows it leaps over. Chunks are noted by place and time;
+//! Walks the frames from the first byte on. So it needs neither footer nor index, and
+//! reads a truncated file up to its last whole record. It skips chunks that
+//! [`crate::chunk_index`] knows. It lists chunks by offset and time;
 //! [`crate::bag_messages`] decodes them when their time comes.
 
 #[cfg(feature = "std-fs")]
@@ -60,7 +60,7 @@ pub(crate) struct AttachmentPlace {
     pub(crate) record_length: u64,
 }
 
-/// What stands outside the chunks of one file.
+/// The records of one file outside of its chunks.
 #[derive(Debug, Default)]
 pub(crate) struct Scan {
     pub(crate) library: String,
@@ -72,9 +72,9 @@ pub(crate) struct Scan {
     pub(crate) statistics: Option<Statistics>,
     /// Which file of its bag it is, if the bag was split.
     pub(crate) part: Option<u64>,
-    /// The stretches whose messages the parts before have too.
+    /// The stretches that repeat messages of earlier parts.
     pub(crate) repeated: Range<usize>,
-    /// Footer and closing magic are there.
+    /// The file has its footer and closing magic.
     pub(crate) is_finished: bool,
     pub(crate) problems: Vec<Problem>,
 }
@@ -91,7 +91,7 @@ pub(crate) fn scan<R: Read + Seek>(file: &str, reader: &mut R) -> Result<Scan, B
     if index.chunks.is_empty() || scan.problems.is_empty() {
         return Ok(scan);
     }
-    // Either the index led astray or the records are damaged: the frames alone tell.
+    // Either the index is wrong or the records are damaged: the frames alone show which.
     let mut plain = walk(file, reader, length, &ClosingIndex::default())?;
     if plain.problems != scan.problems {
         let at = length.saturating_sub(END as u64);
@@ -119,9 +119,9 @@ struct Walk<'a, R> {
     file: &'a str,
     reader: &'a mut R,
     length: u64,
-    /// Place of the record at hand.
+    /// Offset of the current record.
     at: u64,
-    /// Place of the reader.
+    /// Offset of the reader.
     position: u64,
     scan: Scan,
 }
@@ -159,13 +159,13 @@ impl<R: Read + Seek> Walk<'_, R> {
         Ok(())
     }
 
-    /// Walks the records behind the header, and leaps over the chunks that are known.
+    /// Walks the records after the header, and skips the chunks that are known.
     fn records(&mut self, index: &ClosingIndex) -> io::Result<()> {
         if let Some((at, why)) = &index.damage {
             let (file, at, why) = (self.file.to_owned(), *at, why.clone());
             self.problem(Problem::DamagedRecord { file, at, why });
         }
-        // What a damaged index repeats is not taken from there.
+        // Data that a damaged index repeats is not taken from it.
         let mut is_believed = true;
         loop {
             if let Some(chunk) = index.chunks.get(&self.at) {
@@ -206,7 +206,7 @@ impl<R: Read + Seek> Walk<'_, R> {
             op::MESSAGE => self.message(frame),
             op::ATTACHMENT => self.attachment(frame),
             op::SCHEMA | op::CHANNEL | op::METADATA | op::STATISTICS => self.small(frame),
-            // Indexes only repeat what is found anyway; unknown kinds are for others.
+            // Indexes only repeat other records; unknown kinds are skipped.
             _ => Ok(()),
         }
     }
@@ -300,12 +300,12 @@ impl<R: Read + Seek> Walk<'_, R> {
         Ok(())
     }
 
-    /// What a file of a split bag repeats stands between the record of the part and that of the run.
+    /// The repeated messages of a part are between the record of the part and that of the run.
     fn metadata(&mut self, metadata: mcap::records::Metadata) {
         let so_far = self.scan.stretches.len();
         if metadata.name == PART_RECORD {
             self.scan.part = metadata.metadata.get(PART_KEY).and_then(|part| part.parse().ok());
-            // Until it is known where they end.
+            // Until their end is known.
             self.scan.repeated = so_far..usize::MAX;
         } else if metadata.name == RUN_RECORD && self.scan.repeated.end == usize::MAX {
             self.scan.repeated.end = so_far;
@@ -316,8 +316,8 @@ impl<R: Read + Seek> Walk<'_, R> {
     fn end(&mut self, frame: Frame) -> io::Result<()> {
         self.at += FRAME as u64 + frame.length;
         self.go_to(self.at)?;
-        let behind = self.length - self.at;
-        let magic = self.take(behind.min(mcap::MAGIC.len() as u64 + 1))?;
+        let left = self.length - self.at;
+        let magic = self.take(left.min(mcap::MAGIC.len() as u64 + 1))?;
         if magic.starts_with(mcap::MAGIC) {
             self.scan.is_finished = true;
             if magic.len() > mcap::MAGIC.len() {
@@ -332,7 +332,7 @@ impl<R: Read + Seek> Walk<'_, R> {
         Ok(())
     }
 
-    /// The frame at `at`, and the reader right behind it; `None` if the file ends before.
+    /// The frame at `at`, with the reader right after it; `None` if the file ends before.
     fn frame(&mut self) -> io::Result<Option<Frame>> {
         if self.length.saturating_sub(self.at) < FRAME as u64 {
             return Ok(None);
@@ -341,7 +341,7 @@ impl<R: Read + Seek> Walk<'_, R> {
         Ok(Some(Frame::parse(&self.head()?)))
     }
 
-    /// The body behind the frame just read, whose length was compared with the file's.
+    /// The body after the frame just read, whose length was compared with the file's.
     fn body(&mut self, frame: Frame) -> io::Result<Vec<u8>> {
         self.take(frame.length)
     }

@@ -1,9 +1,9 @@
 //! Message definitions as bags carry them: the `ros2msg` text of a schema record.
 //!
-//! Reads the text of a `.msg` file with every definition it needs behind it and
+//! Reads the text of a `.msg` file, followed by every definition it needs, and
 //! lays out the fields in wire order, so that [`crate::decode`] can read
-//! messages whose Rust type is long gone. Text may be junk: every error says
-//! its line, nothing recurses without bound.
+//! messages without their Rust type. The text may be junk: every error has its
+//! line, and recursion is bounded.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -114,7 +114,7 @@ pub struct Field {
     pub arity: Arity,
 }
 
-/// A constant beside the fields; not on the wire.
+/// A constant; not on the wire.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Constant {
     pub name: String,
@@ -141,8 +141,8 @@ impl MessageSchema {
         Self::parse(type_name, text)
     }
 
-    /// Reads a definition: the type's own text first, then, each behind a line of
-    /// equals signs and a line `MSG: package/Type`, the types it needs.
+    /// Reads a definition: the type's own text, then the types it needs, each after a line of
+    /// equals signs and a line `MSG: package/Type`.
     pub fn parse(type_name: &str, text: &str) -> Result<Arc<Self>, SchemaError> {
         let mut definitions = split(type_name, text);
         for (name, fields) in BUILTIN {
@@ -303,24 +303,24 @@ fn parse_line(raw: &str, line: usize) -> Result<Line, SchemaError> {
     let rest = rest.trim_start();
     let name_end =
         rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len());
-    let (name, behind) = rest.split_at(name_end);
+    let (name, after) = rest.split_at(name_end);
     if name.is_empty() || name.starts_with(|c: char| c.is_ascii_digit()) {
         return Err(not_a_field());
     }
-    if behind.trim_start().starts_with('=') {
+    if after.trim_start().starts_with('=') {
         // The value of a text constant may hold a number sign.
         let value = if type_text.starts_with("string") {
             text.split_once('=').map_or("", |(_, value)| value)
         } else {
-            behind.split_once('=').map_or("", |(_, value)| value)
+            after.split_once('=').map_or("", |(_, value)| value)
         };
         return Ok(Line::Constant(Constant {
             name: name.to_owned(),
             value: value.trim().to_owned(),
         }));
     }
-    // Anything else behind the name, set off by a space, is a default value.
-    if !behind.is_empty() && !behind.starts_with(char::is_whitespace) {
+    // Anything else after the name and a space is a default value.
+    if !after.is_empty() && !after.starts_with(char::is_whitespace) {
         return Err(not_a_field());
     }
     let (base, arity) = parse_type(type_text)
@@ -328,7 +328,7 @@ fn parse_line(raw: &str, line: usize) -> Result<Line, SchemaError> {
     Ok(Line::Field { base, arity, name: name.to_owned() })
 }
 
-/// Takes `string<=10[<=5]` apart. Bounds do not change the wire.
+/// Parses `string<=10[<=5]`. Bounds do not change the wire format.
 fn parse_type(text: &str) -> Option<(String, Arity)> {
     let (element, arity) = match text.strip_suffix(']') {
         None => (text, Arity::One),
@@ -340,7 +340,7 @@ fn parse_type(text: &str) -> Option<(String, Arity)> {
                 bound.parse::<u32>().ok()?;
                 Arity::Sequence
             } else {
-                // One of no element is no type in ROS, and takes memory without any bytes.
+                // ROS has no arrays without elements, and they would take memory without any bytes.
                 Arity::Array(length.parse::<u32>().ok().filter(|&length| length > 0)? as usize)
             };
             (element, arity)

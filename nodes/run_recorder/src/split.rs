@@ -1,9 +1,8 @@
-//! When a bag goes on in another file, and what that file repeats.
+//! When a bag is split into another file, and what that file repeats.
 //!
-//! Pure. A part begins with [`PART_RECORD`]; what stands between it and
-//! `cnc_run` was said in the parts before and is told again, so that a part
-//! can be looked at alone. Whoever reads all parts leaves it out. Opening and
-//! closing the files is for `parts`.
+//! Pure. A part begins with [`PART_RECORD`]; everything between it and
+//! `cnc_run` is repeated from the parts before, so that a part can be read alone.
+//! A reader of all parts leaves it out. `parts` opens and closes the files.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -14,13 +13,13 @@ use crate::bag_writer::{ChannelIndex, ChannelSpec};
 pub const PART_RECORD: &str = "cnc_run_part";
 /// Key of the part's number in [`PART_RECORD`].
 pub const PART_KEY: &str = "part";
-/// Messages of one topic that are repeated at most, whatever its publishers keep.
+/// Messages of one topic that are repeated, at most.
 const REPEATED_MAX: usize = 64;
 
-/// When a bag goes on in another file; zero is never.
+/// When a bag is split into another file; zero is never.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SplitLimits {
-    /// Bytes of a file. Its index comes on top, and one message may.
+    /// Bytes of a file, without its index and perhaps one more message.
     pub size: u64,
     /// How long a file is written to.
     pub duration: Duration,
@@ -48,7 +47,7 @@ pub fn part_file_name(bag: &str, part: usize) -> String {
     format!("{bag}_{part}.mcap")
 }
 
-/// A message that is told again.
+/// A message that is repeated.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Repeated {
     pub channel: ChannelIndex,
@@ -57,16 +56,16 @@ pub struct Repeated {
     pub data: Vec<u8>,
 }
 
-/// What a late joiner would get of each topic, for the next file.
+/// The messages that a late joiner would get from each topic, for the next file.
 #[derive(Debug, Default)]
 pub struct LatchedMessages {
-    /// How many of a topic are kept; those that keep none are not here.
+    /// How many messages of each latched topic are kept.
     depths: BTreeMap<ChannelIndex, usize>,
     newest: BTreeMap<ChannelIndex, VecDeque<Repeated>>,
 }
 
 impl LatchedMessages {
-    /// Notes a topic: its publishers say how much they keep for who comes late.
+    /// Adds a topic; its QoS says how many messages its publishers keep for late joiners.
     pub fn add_channel(&mut self, channel: ChannelIndex, spec: &ChannelSpec) {
         let kept = |qos: &crate::qos::QosProfile| qos.depth_for_late_joiners();
         let depth: usize = spec.qos.iter().map(kept).fold(0, usize::saturating_add);
@@ -75,7 +74,7 @@ impl LatchedMessages {
         }
     }
 
-    /// Notes a message, if its topic is latched.
+    /// Keeps a message, if its topic is latched.
     pub fn note(
         &mut self,
         channel: ChannelIndex,
@@ -91,7 +90,7 @@ impl LatchedMessages {
         }
     }
 
-    /// What the next file repeats, by topic and in the order in which it was said.
+    /// The messages that the next file repeats, by topic and in their order.
     pub fn iter(&self) -> impl Iterator<Item = &Repeated> {
         self.newest.values().flatten()
     }

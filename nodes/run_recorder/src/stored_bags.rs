@@ -1,9 +1,8 @@
-//! The bags in a directory: which are ours, which are marked, and removing what is not kept.
+//! The bags in a directory: which are ours, which are marked, and removing expired ones.
 //!
-//! A bag of ours is a folder, no link, in which nothing lies but what the
-//! recorder puts there, and whose first file says in `cnc_run` that it is the
-//! run of that name. Everything else is left alone, whatever it is. What goes
-//! is decided in [`crate::retention`].
+//! A bag of ours is a folder, not a link, that has only files of the recorder.
+//! The `cnc_run` record of its first file has the run id that names the folder. We
+//! leave everything else alone. [`crate::retention`] decides which bags are removed.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufReader, Read, Write};
@@ -16,72 +15,72 @@ use crate::retention::{Keep, Removal, Stays, StoredBag, to_remove};
 use crate::scan::run_of;
 use crate::split::part_file_name;
 
-/// The file in a bag's folder that marks it: it is kept, and the file says why.
+/// The file in a bag's folder that marks it as kept, with the reason.
 pub const MARK_FILE: &str = "keep.txt";
-/// How the name of a folder ends whose bag is being removed.
+/// The suffix of a folder whose bag is being removed.
 const REMOVING: &str = ".removing";
-/// Of a reason no more is read.
+/// Longest reason that is read, bytes.
 const REASON_MAX: u64 = 64 * 1024;
 
-/// What was removed, and what could not be.
+/// The bags that were removed, and those that could not be.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Tidied {
+pub struct RemovedBags {
     pub removed: Vec<Removal>,
     /// Path and reason.
     pub stuck: Vec<(PathBuf, String)>,
 }
 
-/// Removes what is not kept any more. What cannot be removed is passed over, and takes space.
+/// Removes expired bags. A bag that cannot be removed is skipped, and its space counts.
 ///
 /// # Errors
 /// The directory cannot be read.
-pub fn tidy(directory: &Path, keep: Keep, now_ns: u64) -> io::Result<Tidied> {
-    tidy_with(directory, keep, now_ns, remove)
+pub fn remove_old_bags(directory: &Path, keep: Keep, now_ns: u64) -> io::Result<RemovedBags> {
+    remove_old_bags_with(directory, keep, now_ns, remove)
 }
 
-fn tidy_with(
+fn remove_old_bags_with(
     directory: &Path,
     keep: Keep,
     now_ns: u64,
     mut remove: impl FnMut(&Path) -> io::Result<()>,
-) -> io::Result<Tidied> {
-    let mut tidied = Tidied::default();
+) -> io::Result<RemovedBags> {
+    let mut outcome = RemovedBags::default();
     if !keep.is_limited() {
-        return Ok(tidied);
+        return Ok(outcome);
     }
     let mut bags = find(directory)?;
-    // One at a time: what cannot go changes what has to.
+    // One at a time: a bag that cannot be removed changes which others have to be.
     while let Some(removal) = to_remove(&bags, keep, now_ns).into_iter().next() {
         match remove(&removal.path) {
             Ok(()) => {
                 bags.retain(|bag| bag.path != removal.path);
-                tidied.removed.push(removal);
+                outcome.removed.push(removal);
             }
             Err(error) => {
                 let bag = bags.iter_mut().find(|bag| bag.path == removal.path);
                 bag.expect("what goes was found").stays = Some(Stays::Stuck);
-                tidied.stuck.push((removal.path, error.to_string()));
+                outcome.stuck.push((removal.path, error.to_string()));
             }
         }
     }
-    Ok(tidied)
+    Ok(outcome)
 }
 
 /// The bags of ours in a directory, not below it.
 pub fn find(directory: &Path) -> io::Result<Vec<StoredBag>> {
     let mut bags = Vec::new();
     for entry in fs::read_dir(directory)? {
-        // What cannot be looked at, or goes meanwhile, is none of ours.
+        // A folder that cannot be read, or disappears meanwhile, is not ours.
         let found = entry.and_then(|entry| look_at(&entry.path()));
         bags.extend(found.unwrap_or(None));
     }
     Ok(bags)
 }
 
-/// Marks a bag, anybody's: it is kept whatever the limits are.
+/// Marks a bag, also one of another recorder: it is kept beyond all limits.
 pub fn mark(bag: &Path, because: &str) -> io::Result<()> {
     must_be_bag(bag)?;
-    // In one step: whoever looks finds the mark of before or the new one.
+    // Atomic: a reader finds the old mark or the new one.
     let temporary = bag.join(format!("{MARK_FILE}.tmp"));
     let mut file = File::create(&temporary)?;
     writeln!(file, "{because}")?;
@@ -89,7 +88,7 @@ pub fn mark(bag: &Path, because: &str) -> io::Result<()> {
     fs::rename(temporary, bag.join(MARK_FILE))
 }
 
-/// Takes the mark off a bag; `false` if it had none.
+/// Removes the mark of a bag; `false` if it had none.
 pub fn unmark(bag: &Path) -> io::Result<bool> {
     must_be_bag(bag)?;
     match fs::remove_file(bag.join(MARK_FILE)) {
@@ -113,7 +112,7 @@ fn must_be_bag(bag: &Path) -> io::Result<()> {
 pub fn mark_of(bag: &Path) -> Option<String> {
     let path = bag.join(MARK_FILE);
     fs::symlink_metadata(&path).ok()?;
-    // One that cannot be read marks all the same.
+    // A mark that cannot be read is a mark too.
     let mut text = Vec::new();
     if let Ok(file) = crate::files::open(&path) {
         let _ = file.take(REASON_MAX).read_to_end(&mut text);
@@ -121,26 +120,26 @@ pub fn mark_of(bag: &Path) -> Option<String> {
     Some(String::from_utf8_lossy(&text).trim().to_owned())
 }
 
-/// What the folder of a bag is called while it is removed: nobody marks or opens it then.
+/// The name of a bag's folder while it is removed, so that it is not marked or opened then.
 fn aside_of(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?.to_str()?;
     Some(path.with_file_name(format!(".{name}{REMOVING}")))
 }
 
-/// The name of the bag that a folder is of; also of one that is only removed in part.
+/// The name of the bag in a folder, also of a partly removed one.
 fn bag_name(path: &Path) -> Option<&str> {
     let name = path.file_name()?.to_str()?;
     let removed = name.strip_prefix('.').and_then(|name| name.strip_suffix(REMOVING));
     Some(removed.unwrap_or(name))
 }
 
-/// What a folder holds, if it is a bag of ours.
+/// The files of a folder, if it is a bag of ours.
 struct Content {
     name: String,
     /// Parts by number.
     parts: Vec<(usize, PathBuf)>,
-    /// What else the recorder leaves there.
-    beside: Vec<PathBuf>,
+    /// Other files of the recorder.
+    other_files: Vec<PathBuf>,
     size: u64,
     ended_ns: u64,
 }
@@ -161,9 +160,9 @@ fn look_at(path: &Path) -> io::Result<Option<StoredBag>> {
     Ok(Some(StoredBag { path: path.to_owned(), size, ended_ns, stays }))
 }
 
-/// Lists a folder; `None` if it is no folder or anything else lies in it.
+/// Lists a folder; `None` if it is not a folder or has files that are not of a bag.
 fn content(path: &Path) -> io::Result<Option<Content>> {
-    // Of the link, if it is one.
+    // Does not follow a link.
     if !fs::symlink_metadata(path)?.is_dir() {
         return Ok(None);
     }
@@ -171,7 +170,7 @@ fn content(path: &Path) -> io::Result<Option<Content>> {
     let mut content = Content {
         name: name.to_owned(),
         parts: Vec::new(),
-        beside: Vec::new(),
+        other_files: Vec::new(),
         size: 0,
         ended_ns: 0,
     };
@@ -189,7 +188,7 @@ fn content(path: &Path) -> io::Result<Option<Content>> {
             content.ended_ns = content.ended_ns.max(written_ns);
             content.parts.push((number, entry.path()));
         } else if [METADATA_FILE, METADATA_TEMPORARY].contains(&file_name) {
-            content.beside.push(entry.path());
+            content.other_files.push(entry.path());
         } else if file_name != MARK_FILE {
             return Ok(None);
         }
@@ -198,14 +197,14 @@ fn content(path: &Path) -> io::Result<Option<Content>> {
     Ok(Some(content))
 }
 
-/// The number of a part, if that is what a file of this bag is by its name.
+/// The number of a part, if the file name is that of a part of this bag.
 fn part_number(bag: &str, file_name: &str) -> Option<usize> {
     let number = file_name.strip_prefix(bag)?.strip_prefix('_')?.strip_suffix(".mcap")?;
     let number = number.parse().ok()?;
     (part_file_name(bag, number) == file_name).then_some(number)
 }
 
-/// Whether the first file says that it is the run of the folder's name, recorded by us.
+/// Whether the first file is of our recorder and has the run id of the folder's name.
 fn is_run(content: &Content) -> io::Result<bool> {
     let Some((0, first)) = content.parts.first() else { return Ok(false) };
     let mut reader = BufReader::new(crate::files::open(first)?);
@@ -214,7 +213,7 @@ fn is_run(content: &Content) -> io::Result<bool> {
     Ok(is_ours && run.get("run_id") == Some(&content.name))
 }
 
-/// Whether somebody writes to a file, or nobody can say.
+/// Whether a file is being written to, or that cannot be found out.
 fn is_in_use(part: &Path) -> bool {
     match crate::files::open(part).map(|file| file.try_lock()) {
         Ok(Ok(())) => false,
@@ -222,21 +221,21 @@ fn is_in_use(part: &Path) -> bool {
     }
 }
 
-/// Removes a bag, having looked at it once more.
+/// Removes a bag, after checking it again.
 fn remove(path: &Path) -> io::Result<()> {
     check_removable(path)?;
     let aside = aside_of(path).ok_or_else(changed)?;
     if bag_name(path).is_some_and(|name| path.file_name().is_some_and(|it| it != name)) {
-        // It was begun before, and broke off.
+        // An earlier removal was interrupted.
         return remove_files(path);
     }
     fs::rename(path, &aside)?;
     remove_aside(path, &aside)
 }
 
-/// Removes a bag that was called `path` and is set aside, or puts it back.
+/// Removes a bag that was renamed from `path`, or renames it back.
 fn remove_aside(path: &Path, aside: &Path) -> io::Result<()> {
-    // Somebody may have marked it before it was out of reach.
+    // It may have been marked just before it was renamed.
     check_removable(aside).or_else(|why| {
         fs::rename(aside, path).map_err(|error| {
             let aside = aside.display();
@@ -258,14 +257,14 @@ fn check_removable(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Removes what a bag of ours consists of.
+/// Removes the files of a bag of ours.
 ///
-/// The first file goes last: what is left when the power fails in between is still
-/// known as ours. Nothing is removed that was not looked at, and no mark.
+/// The first file goes last: if the power fails in between, the rest is still recognised
+/// as ours. Only listed files are removed, and never a mark.
 fn remove_files(path: &Path) -> io::Result<()> {
     let content = content(path)?.ok_or_else(changed)?;
     let parts = content.parts.iter().rev().map(|(_, part)| part);
-    let mut files = content.beside.iter().chain(parts);
+    let mut files = content.other_files.iter().chain(parts);
     let removed = files.try_for_each(fs::remove_file);
     removed.and_then(|()| fs::remove_dir(path)).map_err(|error| {
         let text = format!("{error}; what is left of it is in {}", path.display());
@@ -292,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_removed_is_told_and_others_make_room() {
+    fn what_cannot_be_removed_is_reported_and_others_make_room() {
         let directory = tempfile::tempdir().unwrap();
         for (day, name) in ["a", "b", "c", "d"].into_iter().enumerate() {
             bag(directory.path(), name, day as u64);
@@ -300,7 +299,7 @@ mod tests {
         let size = find(directory.path()).unwrap()[0].size;
         let keep = Keep { days: 0, bytes: size * 5 / 2 };
         let mut asked = Vec::new();
-        let tidied = tidy_with(directory.path(), keep, 0, |path| {
+        let removal = remove_old_bags_with(directory.path(), keep, 0, |path| {
             asked.push(path.file_name().unwrap().to_str().unwrap().to_owned());
             if path.ends_with("a") {
                 return Err(io::ErrorKind::PermissionDenied.into());
@@ -309,8 +308,8 @@ mod tests {
         })
         .unwrap();
         assert_eq!(asked, ["a", "b", "c"]);
-        assert_eq!(tidied.stuck, [(directory.path().join("a"), "permission denied".to_owned())]);
-        let removed: Vec<_> = tidied.removed.iter().map(|removal| &removal.path).collect();
+        assert_eq!(removal.stuck, [(directory.path().join("a"), "permission denied".to_owned())]);
+        let removed: Vec<_> = removal.removed.iter().map(|removal| &removal.path).collect();
         assert_eq!(removed, [&directory.path().join("b"), &directory.path().join("c")]);
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 2);
     }
@@ -322,12 +321,12 @@ mod tests {
         bag(directory.path(), "b", 1);
         let keep = Keep { days: 1, bytes: 0 };
         let day = 86_400_000_000_000;
-        let tidied = tidy_with(directory.path(), keep, 9 * day, |path| {
+        let removal = remove_old_bags_with(directory.path(), keep, 9 * day, |path| {
             mark(path, "it shows the fault").unwrap();
             remove(path)
         })
         .unwrap();
-        assert_eq!(tidied.stuck.len(), 1, "{tidied:?}");
+        assert_eq!(removal.stuck.len(), 1, "{removal:?}");
         assert_eq!(mark_of(&directory.path().join("a")).unwrap(), "it shows the fault");
         assert!(directory.path().join("a").join("metadata.yaml").exists());
     }
@@ -356,8 +355,8 @@ mod tests {
         let path = directory.path().join("a");
         fs::rename(&path, aside_of(&path).unwrap()).unwrap();
         fs::remove_file(aside_of(&path).unwrap().join("metadata.yaml")).unwrap();
-        let tidied = tidy(directory.path(), Keep { days: 0, bytes: 1 }, 0).unwrap();
-        assert_eq!((tidied.removed.len(), tidied.stuck), (1, vec![]));
+        let removal = remove_old_bags(directory.path(), Keep { days: 0, bytes: 1 }, 0).unwrap();
+        assert_eq!((removal.removed.len(), removal.stuck), (1, vec![]));
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
     }
 

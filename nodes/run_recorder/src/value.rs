@@ -81,7 +81,7 @@ impl Value {
         }
     }
 
-    /// What kind of value it is, for reports.
+    /// The kind of the value, for messages.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Bool(_) => "bool",
@@ -175,7 +175,7 @@ impl FieldPath {
 }
 
 fn matches(pattern: &[Step], path: &[Step]) -> bool {
-    // Where to go on when a later step does not fit: behind the last `**`, one step further.
+    // Where to retry when a later step does not fit: after the last `**`, one step further.
     let (mut p, mut s) = (0, 0);
     let mut again = None;
     while s < path.len() {
@@ -191,9 +191,9 @@ fn matches(pattern: &[Step], path: &[Step]) -> bool {
         };
         if fits {
             (p, s) = (p + 1, s + 1);
-        } else if let Some((behind, from)) = again {
-            again = Some((behind, from + 1));
-            (p, s) = (behind, from + 1);
+        } else if let Some((after, from)) = again {
+            again = Some((after, from + 1));
+            (p, s) = (after, from + 1);
         } else {
             return false;
         }

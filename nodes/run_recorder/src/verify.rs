@@ -1,8 +1,8 @@
-//! Whether all that a finished file says of itself is so: checksums, indexes, counts, places.
+//! Verifies what a finished file says about itself: checksums, indexes, counts, offsets.
 //!
-//! Reads the whole file once more, record by record, and compares what repeats something with
-//! what it repeats. A bag is opened and read without this: its messages are guarded by their
-//! chunks. What is wrong here alone costs no message, and other readers would go astray.
+//! Reads the whole file once more, record by record, and compares redundant data with its
+//! source. Opening and reading a bag does not need this: chunks have checksums. An error found
+//! only here loses no message, but misleads other readers.
 
 mod summary;
 
@@ -23,7 +23,7 @@ use summary::Summary;
 /// The metadata record of rosbag2, and its key.
 const ROSBAG2: (&str, &str) = ("rosbag2", "serialized_metadata");
 
-/// What a file holds, as its records tell.
+/// The content of a file, from its records.
 #[derive(Debug, Default)]
 pub(crate) struct Facts {
     /// Messages by topic.
@@ -37,7 +37,7 @@ pub(crate) struct Facts {
     pub(crate) is_part: bool,
 }
 
-/// Reads a finished file; what it holds, and what is wrong with what it says of that.
+/// Reads a finished file; returns its content, and what it says wrongly about itself.
 pub(crate) fn verify<R: Read + Seek>(
     file: &str,
     reader: &mut R,
@@ -45,7 +45,7 @@ pub(crate) fn verify<R: Read + Seek>(
     let length = reader.seek(SeekFrom::End(0))?;
     reader.seek(SeekFrom::Start(0))?;
     let mut check = Check { file: file.to_owned(), ..Check::default() };
-    // A file of which nothing could be read is told of already.
+    // A file that could not be read at all is reported already.
     if length < mcap::MAGIC.len() as u64 {
         check.is_unread = true;
         return Ok(check.end());
@@ -82,7 +82,7 @@ struct OpenChunk {
 #[derive(Debug, Default)]
 struct Check {
     file: String,
-    /// Place of the record at hand.
+    /// Offset of the current record.
     at: u64,
     /// Over all records so far of the data, then of the summary.
     crc: crc32fast::Hasher,
@@ -271,9 +271,9 @@ impl Check {
         open.index.message_index_length += length;
         let twice = open.index.message_index_offsets.insert(index.channel_id, self.at).is_some();
         let of_channel = open.entries.as_ref().map(|it| it.get(&index.channel_id));
-        let mut told = index.records;
-        told.sort_by_key(|entry| entry.offset);
-        if twice || of_channel.is_some_and(|it| it.map_or(&[][..], |it| it) != told) {
+        let mut indexed = index.records;
+        indexed.sort_by_key(|entry| entry.offset);
+        if twice || of_channel.is_some_and(|it| it.map_or(&[][..], |it| it) != indexed) {
             self.wrong(format!(
                 "the index of the messages of channel {} is not that of the chunk at byte {chunk}",
                 index.channel_id
@@ -324,7 +324,7 @@ impl Check {
             let found = self.facts.message_count;
             self.problems.push(Problem::MessagesMissing { promised, found });
         }
-        // Others write it at other moments.
+        // Other recorders write it at other moments.
         if let Some((at, text)) =
             self.rosbag2.take().filter(|_| self.facts.is_ours && !self.is_unread)
         {
@@ -338,7 +338,7 @@ impl Check {
                 Err(why) => self.wrong_at(at, format!("the record of rosbag2 is broken: {why}")),
             }
         }
-        // Where nothing else explains it, any record may be another one.
+        // If nothing else explains it, any record may be damaged.
         if let Some((at, why)) = self.wrong_data.take()
             && self.problems.is_empty()
         {
@@ -352,7 +352,7 @@ impl Check {
         self.wrong_at(self.at, why);
     }
 
-    /// What else was read may be wrong too.
+    /// Other data may be wrong too.
     fn lost(&mut self, why: String) {
         let (file, at) = (self.file.clone(), self.at);
         self.problems.push(Problem::DamagedRecord { file, at, why });
@@ -363,7 +363,7 @@ impl Check {
     }
 }
 
-/// What the data of a file holds, for its summary to be compared with.
+/// The content of a file's data section, to compare with its summary.
 #[derive(Debug)]
 pub(crate) struct Found<'a> {
     chunks: &'a BTreeMap<u64, ChunkIndex>,

@@ -1,7 +1,7 @@
-//! What waits to be written, between those who feed a bag and its write thread.
+//! The write queue of a bag.
 //!
-//! Bounded in messages and bytes. Feeding never waits: what does not fit is
-//! lost and counted, and leaves a gap in its channel's sequence numbers.
+//! Bounded in messages and bytes. Writing to it never blocks: a message that does not fit
+//! is lost and counted, and leaves a gap in its channel's sequence numbers.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -9,12 +9,12 @@ use std::time::Duration;
 
 use crate::bag_writer::{BagAttachment, ChannelIndex, ChannelSpec};
 
-/// Commands the write thread takes at once, so that room comes back soon.
+/// Commands that the write thread takes at once; few, so that room is free again soon.
 const BATCH: usize = 256;
-/// What a waiting message takes beside its data, bytes, about.
+/// Bytes of a waiting message besides its data, about.
 const OVERHEAD: usize = 64;
 
-/// How much may wait.
+/// The limits of the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct QueueLimits {
     /// Messages.
@@ -44,7 +44,7 @@ pub(crate) enum Command {
     },
     Attachment(BagAttachment),
     Metadata(String, BTreeMap<String, String>),
-    /// All that came before is to be in the file, and to be told of.
+    /// Everything before this has to be written, and the status has to show it.
     Begun,
 }
 
@@ -61,24 +61,24 @@ impl Command {
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct QueueState {
     commands: VecDeque<Command>,
-    /// Of all that waits or is being written.
+    /// Bytes that wait or are being written.
     bytes: usize,
     messages: usize,
-    /// Not yet told by a later message of the channel.
+    /// Not yet passed on with a later message of the channel.
     gaps: BTreeMap<ChannelIndex, u32>,
     lost: BTreeMap<ChannelIndex, u64>,
-    /// Sent, and never come here.
+    /// Sent, but never received.
     missed: BTreeMap<ChannelIndex, u64>,
     is_closed: bool,
 }
 
-/// What the write thread took.
+/// A batch for the write thread.
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     pub(crate) commands: Vec<Command>,
-    /// Nothing more will come.
+    /// The queue is closed and empty.
     pub(crate) is_last: bool,
     bytes: usize,
     messages: usize,
@@ -88,7 +88,7 @@ pub(crate) struct Batch {
 #[derive(Debug, Default)]
 pub(crate) struct WriteQueue {
     limits: QueueLimits,
-    state: Mutex<State>,
+    state: Mutex<QueueState>,
     filled: Condvar,
 }
 
@@ -116,7 +116,7 @@ impl WriteQueue {
             return false;
         }
         let lost_before = state.gaps.remove(&channel).unwrap_or(0);
-        // The thread waits only where there is nothing; waking it for nothing costs the feeder.
+        // The thread waits only if the queue is empty; other wake-ups would only cost time here.
         let is_awaited = state.commands.is_empty();
         state.messages += 1;
         state.bytes += size;
@@ -134,7 +134,7 @@ impl WriteQueue {
         true
     }
 
-    /// Puts in what must not be lost, whatever the limits. `false` once closed.
+    /// Queues a command that must not be lost, ignoring the limits. `false` once closed.
     pub(crate) fn put(&self, command: Command) -> bool {
         let mut state = self.state();
         if state.is_closed {
@@ -147,7 +147,7 @@ impl WriteQueue {
         true
     }
 
-    /// Takes some commands, after at most `wait` without any.
+    /// Takes some commands; waits at most `wait` for the first.
     pub(crate) fn take(&self, wait: Duration) -> Batch {
         let state = self.state();
         let (mut state, _) = self
@@ -165,7 +165,7 @@ impl WriteQueue {
         }
     }
 
-    /// Gives back the room of a batch that is written.
+    /// Frees the room of a batch that is written.
     pub(crate) fn done(&self, batch: &Batch) {
         let mut state = self.state();
         state.bytes -= batch.bytes;
@@ -177,7 +177,7 @@ impl WriteQueue {
         *self.state().lost.entry(channel).or_default() += count;
     }
 
-    /// Counts messages that were sent and did not come, before the next one that does.
+    /// Counts messages that were sent but not received, before the next one that is.
     pub(crate) fn miss(&self, channel: ChannelIndex, count: u32) {
         let mut state = self.state();
         let gap = state.gaps.entry(channel).or_default();
@@ -185,12 +185,12 @@ impl WriteQueue {
         *state.missed.entry(channel).or_default() += u64::from(count);
     }
 
-    /// Messages that did not come, by channel.
+    /// Messages that were not received, by channel.
     pub(crate) fn missed(&self) -> BTreeMap<ChannelIndex, u64> {
         self.state().missed.clone()
     }
 
-    /// Lets nothing more in; what waits is still written.
+    /// Closes the queue; waiting commands are still written.
     pub(crate) fn close(&self) {
         self.state().is_closed = true;
         self.filled.notify_all();
@@ -201,7 +201,7 @@ impl WriteQueue {
         self.state().lost.clone()
     }
 
-    /// Whether less than half of what may wait does, or nothing will any more.
+    /// Whether the queue is less than half full, or closed.
     pub(crate) fn has_room(&self) -> bool {
         let state = self.state();
         let is_under = |count: usize, most: usize| count <= most / 2;
@@ -215,8 +215,8 @@ impl WriteQueue {
         self.state().bytes
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
-        // Every change is complete before anything could panic.
+    fn state(&self) -> MutexGuard<'_, QueueState> {
+        // A panic cannot leave a change half done.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

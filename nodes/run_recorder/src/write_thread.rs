@@ -1,7 +1,7 @@
 //! The thread that writes the bag of a run.
 //!
-//! Takes what waits in [`crate::write_queue`], closes a chunk in time, and
-//! counts what a failing disk took along. [`crate::run_bag`] is its face.
+//! Takes messages from [`crate::write_queue`], closes chunks in time, and counts the
+//! messages that a failing disk loses. [`crate::run_bag`] is its interface.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -18,10 +18,10 @@ use crate::parts::{Finished, Outlet, Parts};
 use crate::run_bag::{RecordingStatus, RunBagOptions};
 use crate::write_queue::{Batch, Command, WriteQueue};
 
-/// What a disk may take for one message, flush or sync before it is told of.
+/// How long one message, flush or sync may take before the status reports a stall.
 const STALL: Duration = Duration::from_secs(2);
 
-/// What the thread and [`crate::run_bag::RunBag`] both see.
+/// Shared by the thread and [`crate::run_bag::RunBag`].
 pub(crate) struct Shared {
     pub(crate) path: PathBuf,
     pub(crate) queue: WriteQueue,
@@ -32,7 +32,7 @@ pub(crate) struct Shared {
     pub(crate) ended: Condvar,
 }
 
-/// Since when the thread is at work on one thing: the disk has not taken it yet.
+/// Since when the thread waits for one disk operation.
 #[derive(Default)]
 pub(crate) struct Busy(Mutex<Option<Instant>>);
 
@@ -45,14 +45,14 @@ impl Busy {
         *lock(&self.0) = None;
     }
 
-    /// How long the disk has taken nothing, if that is long.
+    /// How long the disk has stalled, if that is long.
     fn stalled(&self) -> Option<Duration> {
         let since = *lock(&self.0);
         since.map(|since| since.elapsed()).filter(|&elapsed| elapsed >= STALL)
     }
 }
 
-/// How it stands with the thread.
+/// The state of the thread.
 #[derive(Default)]
 pub(crate) struct End {
     pub(crate) topics: Vec<String>,
@@ -71,7 +71,7 @@ impl Shared {
         let mut reasons = end.noted.clone();
         reasons.extend(end.error.clone());
         reasons.extend(lost_by_topic.iter().map(|(topic, count)| match end.error {
-            // It says why.
+            // It returns the reason.
             Some(_) => format!("{count} messages of {topic} are lost"),
             None => format!(
                 "{count} messages of {topic} were lost: they came faster than they could be written"
@@ -117,7 +117,7 @@ pub(crate) fn run(shared: &Shared, options: &RunBagOptions, outlet: Outlet) {
         Ok(()) => lock(&shared.end).is_finished = true,
         Err(error) => {
             lock(&shared.end).error.get_or_insert(error.to_string());
-            // Nothing more goes in; what waits and what comes is counted.
+            // Nothing more is written; waiting and later messages are counted as lost.
             shared.queue.close();
             loop {
                 let batch = shared.queue.take(Duration::ZERO);
@@ -131,7 +131,7 @@ pub(crate) fn run(shared: &Shared, options: &RunBagOptions, outlet: Outlet) {
     }
 }
 
-/// Tells those who wait that the thread is over, even if it panics.
+/// Wakes the waiting callers when the thread ends, even if it panics.
 struct Over<'a>(&'a Shared);
 
 impl Drop for Over<'_> {
@@ -185,7 +185,7 @@ fn write_bag(
     }
     shared.busy.begin();
     pen.flush()?;
-    // What it did not take in time is in the file now.
+    // The stalled data is in the file now.
     shared.busy.end();
     let status = shared.status();
     let closing = Closing {
@@ -205,11 +205,11 @@ fn write_bag(
     Ok(())
 }
 
-/// The writer, and what it may still lose.
+/// The writer, with the counts of messages that it may still lose.
 struct Pen<'a> {
     shared: &'a Shared,
     parts: Parts<'a>,
-    /// Messages, in whatever file.
+    /// Messages in all files.
     written: u64,
     /// The same by channel.
     written_of: BTreeMap<ChannelIndex, u64>,
@@ -220,7 +220,7 @@ struct Pen<'a> {
 impl Pen<'_> {
     fn batch(&mut self, batch: &Batch) -> Result<(), BagWriteError> {
         for (index, command) in batch.commands.iter().enumerate() {
-            // Definitions go out before messages: a damaged chunk must not take them along.
+            // Flushed before messages: damage to messages must not lose definitions.
             self.shared.busy.begin();
             let next = batch.commands.get(index + 1);
             let ends_definitions = matches!(command, Command::Channel(_))
@@ -271,7 +271,7 @@ impl Pen<'_> {
         flushed
     }
 
-    /// Counts as lost what went down with the open chunk, and what was still in hand.
+    /// Counts the messages of the open chunk and of the current batch as lost.
     fn give_up(&mut self, rest: &[Command]) {
         let mut gone = 0;
         for (channel, count) in std::mem::take(&mut self.unflushed) {
@@ -291,6 +291,6 @@ fn lose(shared: &Shared, command: &Command) {
 }
 
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Every change under these locks is complete before anything could panic.
+    // A panic cannot leave a change under these locks half done.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

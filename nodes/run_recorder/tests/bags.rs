@@ -1,4 +1,4 @@
-//! What is written reads back, whole and in order.
+//! Written bags read back completely and in order.
 
 mod common;
 
@@ -61,7 +61,7 @@ fn messages_come_in_the_order_of_log_time_across_chunks() {
     assert_eq!(order, expected);
     assert!(bag.is_complete());
 
-    // With no window at all memory wins, every message still comes, and it is said.
+    // Without a window order is given up; every message still comes, and it is reported.
     let count = bag.messages().with_window(0).count();
     assert_eq!(count, expected.len());
     assert!(matches!(bag.problems(), [Problem::OrderNotKept { .. }]));
@@ -165,7 +165,7 @@ fn a_full_disk_is_an_error_and_leaves_what_was_flushed() {
         }
     };
     assert!(matches!(error, BagWriteError::Io(_)), "{error}");
-    // Nothing more goes in, and nothing panics.
+    // Further writes fail without a panic.
     assert!(writer.write(log, 0, 0, &[]).is_err());
     assert!(writer.flush().is_err());
     drop(writer);

@@ -1,4 +1,4 @@
-//! Bags that broke off or were damaged: what can be read is read, and nothing panics.
+//! Truncated and damaged bags: everything readable is read, and nothing panics.
 
 mod common;
 
@@ -28,7 +28,7 @@ fn a_bag_cut_at_any_byte_gives_everything_flushed_before() {
         assert!(!bag.is_complete(), "cut at {length}");
         let messages = read_all(&mut bag);
         let wanted = flushed.map_or(0, |(_, count)| *count);
-        // A chunk that was whole before its flush was reported may be there too.
+        // A chunk that was complete before its flush was reported may be there too.
         assert!(messages.len() >= wanted, "cut at {length}");
         if let Some((_, count)) = flushed
             && flushes.iter().any(|(size, _)| *size == length)
@@ -40,7 +40,7 @@ fn a_bag_cut_at_any_byte_gives_everything_flushed_before() {
 }
 
 #[test]
-fn any_byte_changed_is_told_and_never_gives_a_wrong_message() {
+fn any_changed_byte_is_reported_and_never_gives_a_wrong_message() {
     let (bytes, _) = bag_bytes(60, 20);
     let original = read_all(&mut open(&bytes));
     for at in 0..bytes.len() {
@@ -107,18 +107,18 @@ fn a_wrong_checksum_of_an_uncompressed_chunk_is_found() {
 }
 
 #[test]
-fn a_damaged_index_is_told_and_nothing_in_it_believed() {
+fn a_damaged_index_is_reported_and_not_used() {
     let (mut bytes, _) = bag_bytes(60, 20);
     let original = read_all(&mut open(&bytes));
-    // The topic as the index repeats it, behind all chunks.
+    // The topic in the index, after all chunks.
     let at = bytes.windows(9).rposition(|bytes| bytes == b"/mill/log").unwrap();
     bytes[at + 1] ^= 1;
     let mut bag = open(&bytes);
     let [problem] = bag.problems() else { panic!("{:?}", bag.problems()) };
-    let told = problem.to_string();
+    let text = problem.to_string();
     let footer = bytes.len() - 37;
-    assert!(told.contains(&format!("the record at byte {footer}")), "{told}");
-    assert!(told.contains("checksum"), "{told}");
+    assert!(text.contains(&format!("the record at byte {footer}")), "{text}");
+    assert!(text.contains("checksum"), "{text}");
     assert_eq!(bag.channels()[0].topic, "/mill/log");
     assert_eq!(read_all(&mut bag), original);
 }
@@ -132,12 +132,12 @@ fn an_index_that_lies_is_found_out_where_it_is_used() {
     let start = u64::from_le_bytes(bytes[footer + 9..footer + 17].try_into().unwrap()) as usize;
     let place = chunk.chunk_start_offset.to_le_bytes();
     let entry = start + bytes[start..].windows(8).position(|bytes| bytes == place).unwrap();
-    // Times come before the place, the length behind it.
+    // Times come before the offset, the length after it.
     let at_chunk = format!("the chunk at byte {}", chunk.chunk_start_offset);
     let at_footer = format!("the record at byte {footer}");
     for (at, by, place, says, left) in [
         (entry - 16, 7, &at_chunk, "the index says that it is from", 40),
-        // The frames tell what the index does not.
+        // The frames show what the index does not.
         (entry + 8, -1, &at_footer, "does not agree with the records", 60),
     ] {
         let mut lying = bytes.clone();
@@ -147,8 +147,8 @@ fn an_index_that_lies_is_found_out_where_it_is_used() {
         lying[footer + 25..footer + 29].copy_from_slice(&crc.to_le_bytes());
         let mut bag = open(&lying);
         bag.verify().unwrap();
-        let told = bag.problems()[0].to_string();
-        assert!(told.contains(says) && told.contains(place), "{told}");
+        let text = bag.problems()[0].to_string();
+        assert!(text.contains(says) && text.contains(place), "{text}");
         assert_eq!(bag.messages().count(), left);
     }
 }
@@ -165,7 +165,7 @@ fn records(bytes: &[u8]) -> Vec<(u8, usize, usize)> {
     records
 }
 
-/// Writes the checksums anew over whatever the file holds now.
+/// Recalculates the checksums for the changed file.
 fn seal(bytes: &mut [u8]) {
     let records = records(bytes);
     let place = |kind: u8| records.iter().find(|(of, ..)| *of == kind).unwrap().1;
@@ -216,7 +216,7 @@ fn indexes_that_lie_under_sound_checksums_are_found_and_mended_by_a_copy() {
             }
         }
     }
-    // What rosbag2 says of the file, in a record that no index repeats.
+    // The figures of rosbag2, in a record that no index repeats.
     let (_, at, length) = *records(&bytes).iter().rfind(|it| it.0 == op::METADATA).unwrap();
     let text = b"message_count: 60";
     let found = bytes[at..at + length].windows(text.len()).position(|it| it == text).unwrap();
@@ -305,7 +305,7 @@ fn recovering_a_whole_bag_copies_it() {
 }
 
 #[test]
-fn info_tells_what_is_in_a_bag() {
+fn info_lists_the_content_of_a_bag() {
     let (bytes, _) = bag_bytes(60, 20);
     let text = BagInfo::new("r1", &open(&bytes)).to_string();
     let expected = format!(
@@ -351,7 +351,7 @@ fn junk_records() -> impl Strategy<Value = Vec<u8>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
     #[test]
-    fn junk_behind_a_header_is_never_a_panic(junk in junk_records()) {
+    fn junk_after_a_header_is_never_a_panic(junk in junk_records()) {
         let (bag, _) = bag_bytes(0, 1);
         let header_end = 8 + 9 + usize::from(bag[9]);
         let mut bytes = bag[..header_end].to_vec();

@@ -10,13 +10,13 @@ use run_recorder::schema::{MessageSchema, SchemaError};
 use run_recorder::value::{MessageValue, Value};
 use serde::Serialize;
 
-/// Everything the wire knows, in an order that needs padding.
+/// Every wire type, in an order that needs padding.
 const ALL_TEXT: &str = "\
 # Constants and comments are not on the wire.
 uint8 UNKNOWN=0
 string HASH = a # b
 bool flag
-int8 small   # behind a field
+int8 small   # after a field
 Inner[] inner
 float64 wide 1.5
 uint8[] bytes
@@ -182,7 +182,7 @@ proptest! {
             let message = decode(&schema, data).unwrap();
             prop_assert_eq!(found(&message), expected(&all));
         }
-        // Every shorter one is an error with a place, not a wrong message.
+        // Every shorter message is an error with an offset, not a wrong message.
         for length in 0..little.len() {
             prop_assert!(decode(&schema, &little[..length]).is_err());
         }
@@ -233,7 +233,7 @@ fn a_message_that_does_not_fit_says_where() {
     assert_eq!(check(&[0, 2, 0, 0]), DecodeError::Encapsulation(2));
     let short = check(&[0, 1, 0, 0, 1, 0]).to_string();
     assert_eq!(short, "a: 4 bytes wanted at byte 4, 2 are left");
-    // Two gigabytes announced in twelve bytes are not allocated.
+    // A length of two gigabytes in twelve bytes must not be allocated.
     let huge = check(&[0, 1, 0, 0, 1, 0, 0, 0, 255, 255, 255, 127]).to_string();
     assert!(huge.starts_with("list: 2147483647 elements cannot be"), "{huge}");
     let mut two = vec![0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0];

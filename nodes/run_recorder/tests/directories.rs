@@ -33,7 +33,7 @@ fn what_is_not_a_bag_directory_says_what_is_missing() {
     assert!(matches!(error(path), BagError::ZeroLength { .. }));
     fs::write(path.join("run_0.mcap"), "G1 X5\n").unwrap();
     assert!(matches!(error(path), BagError::NotABag { .. }));
-    // A list that broke off is told of where there is nothing but it.
+    // A truncated list is reported if there is nothing else.
     fs::write(path.join("metadata.yaml"), "a: [").unwrap();
     assert!(matches!(error(path), BagError::NotABag { .. }));
     fs::remove_file(path.join("run_0.mcap")).unwrap();
@@ -55,16 +55,16 @@ fn a_metadata_file_cut_at_any_byte_costs_no_message() {
     assert!(path.join("run_2.mcap").exists(), "a bag of several files");
     let list = path.join("metadata.yaml");
     let whole = fs::read(&list).unwrap();
-    let mut told = 0;
+    let mut reported = 0;
     for length in 0..whole.len() {
         fs::write(&list, &whole[..length]).unwrap();
         let mut bag = open_bag(&path).unwrap();
         assert_eq!(bag.messages().count(), 100, "cut at {length}");
-        told += usize::from(!bag.is_complete());
+        reported += usize::from(!bag.is_complete());
     }
-    // Where the names of all files are there, the rest of it says nothing that they do not.
+    // Once all file names are there, the rest of the list is redundant.
     let names_end = String::from_utf8(whole).unwrap().find("  files:").unwrap();
-    assert!(told >= names_end - 1, "{told} of {names_end}");
+    assert!(reported >= names_end - 1, "{reported} of {names_end}");
 }
 
 #[test]
@@ -75,7 +75,7 @@ fn a_directory_without_metadata_is_read_and_counts_as_incomplete() {
     let mut bag = open_bag(directory.path()).unwrap();
     assert_eq!(bag.problems(), [Problem::NoMetadataFile]);
     assert_eq!(bag.messages().count(), 30);
-    // The file alone is whole.
+    // The file by itself is complete.
     assert!(open_bag(&directory.path().join("run_0.mcap")).unwrap().is_complete());
     fs::write(directory.path().join("metadata.yaml"), LISTS_RUN_0).unwrap();
     assert!(open_bag(directory.path()).unwrap().is_complete());

@@ -1,4 +1,4 @@
-//! A topic of a type that nobody here was compiled with is recorded too.
+//! A topic of a type that the recorder was not compiled with is recorded too.
 
 use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
@@ -20,7 +20,7 @@ impl Drop for Recorder {
     }
 }
 
-/// Longer than anything takes on a loaded machine.
+/// A timeout that only a broken build reaches.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn status(status: i8) -> GoalStatusArray {
@@ -63,7 +63,7 @@ async fn a_topic_of_an_unknown_type_is_recorded_byte_for_byte() {
                 }
             }
         });
-        found.await.expect("the recorder tells of its bag")
+        found.await.expect("the recorder reports its bag")
     };
 
     goals.publish(status(GoalStatus::STATUS_EXECUTING));

@@ -42,7 +42,7 @@ fn since_epoch() -> Duration {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap()
 }
 
-/// What can be read of the bag, which is all that is recovered.
+/// The readable part of the bag, which is what recovery keeps.
 fn left_in(directory: &Path) -> Vec<BagMessage> {
     let path = directory.join("run");
     let mut bag = open_bag(&path).unwrap();
@@ -83,8 +83,8 @@ fn a_killed_recorder_leaves_all_that_is_older_than_a_second() {
         for (i, message) in messages.iter().enumerate() {
             assert_eq!(message.sequence, i as u32);
         }
-        // Each message is of the time at which it was handed over, so the last that is left
-        // tells the age of the first that is not.
+        // Each message has the time at which it was written, so the last one that is left
+        // gives the age of the first lost one.
         let last = Duration::from_nanos(messages.last().expect("messages").log_time_ns);
         let stall = longest_stall(directory.path(), killed);
         let lost = killed.saturating_sub(last);
@@ -95,8 +95,8 @@ fn a_killed_recorder_leaves_all_that_is_older_than_a_second() {
     }
 }
 
-/// How long the host kept a thread that writes to the same disk from doing so, by what
-/// [`watch_the_host`] left. A test cannot ask more of a recorder than of that thread.
+/// How long the host delayed a thread that writes to the same disk, from the notes of
+/// [`watch_the_host`]. The test allows the recorder the same delay.
 fn longest_stall(directory: &Path, killed: Duration) -> Duration {
     let text = fs::read_to_string(directory.join("stalls")).unwrap();
     let numbers = text.lines().filter_map(|line| line.split_once(' '));
@@ -104,15 +104,14 @@ fn longest_stall(directory: &Path, killed: Duration) -> Duration {
         numbers.filter_map(|(at, stall)| Some((at.parse().ok()?, stall.parse().ok()?))).collect();
     let longest = numbers.iter().map(|(_, stall)| *stall).max().expect("a witness");
     let last = numbers.iter().map(|(at, _)| *at).max().expect("a witness");
-    // One that was under way.
+    // The delay that was not over.
     let open = killed.saturating_sub(Duration::from_millis(last + TURN_MS));
     open.max(Duration::from_millis(longest))
 }
 
 const TURN_MS: u64 = 50;
 
-/// Notes each turn how much longer it took than it should: to sleep, and to write a line
-/// through to the disk.
+/// Notes in each turn the extra time that a sleep and a synced write took.
 fn watch_the_host(directory: &Path) {
     let mut file = File::create(directory.join("stalls")).unwrap();
     let mut stall_ms = 0;

@@ -1,4 +1,4 @@
-//! The recorder as a process removes what its parameters do not keep, when it starts.
+//! The recorder process removes expired bags when it starts.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ const LONG: Duration = Duration::from_secs(60);
 struct Recorder(Child, PathBuf);
 
 impl Recorder {
-    /// Its bags go to a folder in this one, beside its log.
+    /// The folder of its log, and of the folder of its bags.
     fn start(folder: &Path, parameter: &str) -> Self {
         let log = folder.join("log");
         let directory = folder.join("bags");
@@ -51,7 +51,7 @@ fn old_bag(directory: &Path, name: &str) {
 }
 
 #[test]
-fn old_bags_go_when_the_recorder_starts_and_the_log_tells_their_sizes() {
+fn old_bags_are_removed_at_the_start_and_the_log_has_their_sizes() {
     let folder = tempfile::tempdir().unwrap();
     let bags = folder.path().join("bags");
     // The newest of those that are not marked stays.

@@ -1,7 +1,6 @@
-//! A recorded bag cut at every byte: all of it that was wholly written is read and recovered.
+//! A recorded bag cut at every byte: every chunk that was completely written is recovered.
 //!
-//! What was wholly written is taken from the index of the uncut bag, which another reader
-//! reads: the one of crate `mcap`.
+//! The index of the uncut bag, read by crate `mcap`, says which chunks those are.
 #![cfg(feature = "std-fs")]
 
 mod common;
@@ -80,7 +79,7 @@ fn recovered(bag: &mut Bag<Cursor<Vec<u8>>>) -> (Vec<u8>, Recovered) {
 }
 
 /// Content without the channels, whose counts differ.
-fn told(bag: &mut Bag<Cursor<Vec<u8>>>) -> Vec<(usize, u32, u64, u64, Vec<u8>)> {
+fn contents(bag: &mut Bag<Cursor<Vec<u8>>>) -> Vec<(usize, u32, u64, u64, Vec<u8>)> {
     bag.messages()
         .map(|message| {
             let BagMessage { channel_index, sequence, log_time_ns, publish_time_ns, data, .. } =
@@ -97,7 +96,7 @@ fn a_bag_cut_at_every_byte_is_recovered_up_to_its_last_whole_chunk() {
     let bytes = fs::read(bag.join("run_0.mcap")).unwrap();
     let ends = chunk_ends(&bytes);
     assert!(ends.iter().filter(|(_, messages)| *messages > 0).count() >= CHUNKS, "{ends:?}");
-    let original = told(&mut open(&bytes));
+    let original = contents(&mut open(&bytes));
     assert_eq!(original.len(), CHUNKS * 7);
     let (mut refused, mut last) = (0, usize::MAX);
     for length in 0..bytes.len() {
@@ -119,10 +118,10 @@ fn a_bag_cut_at_every_byte_is_recovered_up_to_its_last_whole_chunk() {
         assert!(report.left_out.is_empty(), "cut at {length}: {:?}", report.left_out);
         assert!(!report.problems.is_empty(), "cut at {length}");
         let mut first = open(&saved);
-        assert!(told(&mut first) == original[..whole], "cut at {length}");
-        // It says of itself what is missing; nothing else is wrong with it.
+        assert!(contents(&mut first) == original[..whole], "cut at {length}");
+        // It reports what is missing, and no other problem.
         assert!(matches!(first.problems(), [Problem::RecorderSays { .. }]), "cut at {length}");
-        // A copy of it is the same again; looked at wherever a chunk ends, and here and there.
+        // Its recovered copy has the same messages; checked at each chunk's end and at samples.
         if std::mem::replace(&mut last, whole) == whole && length % 8 != 0 {
             continue;
         }

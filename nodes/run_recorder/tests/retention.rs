@@ -1,4 +1,4 @@
-//! Removing old bags takes bags of ours and nothing else, whatever lies beside them.
+//! Retention removes only bags of ours, and leaves everything else in the directory.
 #![cfg(feature = "std-fs")]
 
 mod common;
@@ -11,7 +11,7 @@ use std::time::{Duration, UNIX_EPOCH};
 use common::*;
 use run_recorder::retention::{Beyond, Keep, Stays};
 use run_recorder::run_bag::{RunBag, RunBagOptions};
-use run_recorder::stored_bags::{MARK_FILE, find, mark, mark_of, tidy, unmark};
+use run_recorder::stored_bags::{MARK_FILE, find, mark, mark_of, remove_old_bags, unmark};
 
 const LONG: Duration = Duration::from_secs(60);
 const DAY_NS: u64 = 86_400_000_000_000;
@@ -83,7 +83,7 @@ fn nothing_goes_but_finished_and_dead_bags_of_ours_that_nobody_marked() {
     // A golden bag: a run of ours in a folder of another name.
     let golden = bag(here, "run_golden", 70);
     fs::rename(&golden, here.join("masso_example")).unwrap();
-    // Bags of others, also where they are named as ours.
+    // Bags of other recorders, also with names like ours.
     let foreign = here.join("run_foreign");
     fs::create_dir(&foreign).unwrap();
     let mut bytes = Vec::new();
@@ -96,7 +96,7 @@ fn nothing_goes_but_finished_and_dead_bags_of_ours_that_nobody_marked() {
     drop(writer);
     fs::write(foreign.join("run_foreign_0.mcap"), bytes).unwrap();
     date(&foreign, 80);
-    // Ours, with something in it that is somebody's.
+    // A bag of ours with a file of somebody else in it.
     let noted = bag(here, "run_noted", 80);
     fs::write(noted.join("notes.txt"), "ask Anna").unwrap();
     let nested = bag(here, "run_nested", 80);
@@ -105,7 +105,7 @@ fn nothing_goes_but_finished_and_dead_bags_of_ours_that_nobody_marked() {
     let elsewhere = outside.path().join("precious_0.mcap");
     fs::write(&elsewhere, "precious").unwrap();
     symlink(&elsewhere, with_link.join("run_with_link_7.mcap")).unwrap();
-    // Without its first file nobody can say what it is.
+    // Without its first file it cannot be recognised.
     let headless = bag(here, "run_headless", 80);
     fs::remove_file(headless.join("run_headless_0.mcap")).unwrap();
     // Links to bags, folders without anything, files.
@@ -128,34 +128,34 @@ fn nothing_goes_but_finished_and_dead_bags_of_ours_that_nobody_marked() {
     assert_eq!(stays("run_foreign"), None);
 
     // For ever is for ever.
-    assert_eq!(tidy(here, Keep::default(), NOW).unwrap().removed, []);
-    let tidied = tidy(here, Keep { days: 2, bytes: 1 }, NOW).unwrap();
-    assert_eq!(tidied.stuck, []);
+    assert_eq!(remove_old_bags(here, Keep::default(), NOW).unwrap().removed, []);
+    let removal = remove_old_bags(here, Keep { days: 2, bytes: 1 }, NOW).unwrap();
+    assert_eq!(removal.stuck, []);
     let removed: Vec<_> =
-        tidied.removed.iter().map(|removal| (removal.path.clone(), removal.size)).collect();
-    // The young one is not old, but there is no space for it beside the one that is written.
+        removal.removed.iter().map(|removal| (removal.path.clone(), removal.size)).collect();
+    // The young bag is not expired, but there is no space for it besides the open bag.
     assert_eq!(removed[..2], [(died, died_size), (old, old_size)]);
     assert_eq!(removed[2].0, here.join("run_young"));
-    assert!(matches!(tidied.removed[1].beyond, Beyond::Age(age) if age.as_secs() == 30 * 86_400));
-    assert!(matches!(tidied.removed[2].beyond, Beyond::Space(_)));
+    assert!(matches!(removal.removed[1].beyond, Beyond::Age(age) if age.as_secs() == 30 * 86_400));
+    assert!(matches!(removal.removed[2].beyond, Beyond::Space(_)));
     assert_eq!(removed.len(), 3, "{removed:?}");
     let left: Vec<_> = before
         .into_iter()
         .filter(|name| !["run_old", "run_died", "run_young"].contains(&name.as_str()))
         .collect();
     assert_eq!(names(here), left);
-    // What links point to is as it was.
+    // The targets of links are unchanged.
     assert_eq!(fs::read_to_string(elsewhere).unwrap(), "precious");
     assert!(linked.join("metadata.yaml").exists());
     assert!(noted.join("run_noted_0.mcap").exists() && nested.join("metadata.yaml").exists());
 
-    // The bag that was being written is whole, and goes when its time has come.
+    // The bag that was being written is complete, and is removed when it expires.
     let path = open.path().to_owned();
     assert!(open.finish(LONG).complete);
     date(&path, 60);
     bag(here, "run_newest", 0);
-    let tidied = tidy(here, Keep { days: 2, bytes: 0 }, NOW).unwrap();
-    assert_eq!(tidied.removed.len(), 1);
+    let removal = remove_old_bags(here, Keep { days: 2, bytes: 0 }, NOW).unwrap();
+    assert_eq!(removal.removed.len(), 1);
     assert!(!path.exists());
 }
 
@@ -170,15 +170,15 @@ fn a_mark_keeps_a_bag_until_it_is_taken_off() {
     assert_eq!(mark_of(&path).as_deref(), Some(""));
     mark(&path, "alarm 3021 in N70").unwrap();
     assert_eq!(mark_of(&path).as_deref(), Some("alarm 3021 in N70"));
-    assert_eq!(tidy(folder.path(), keep, NOW).unwrap().removed, []);
+    assert_eq!(remove_old_bags(folder.path(), keep, NOW).unwrap().removed, []);
     assert!(unmark(&path).unwrap() && !unmark(&path).unwrap());
-    // One that nobody can read marks too.
+    // An unreadable mark is a mark too.
     symlink("nowhere", path.join(MARK_FILE)).unwrap();
     assert_eq!(mark_of(&path).as_deref(), Some(""));
-    assert_eq!(tidy(folder.path(), keep, NOW).unwrap().removed, []);
+    assert_eq!(remove_old_bags(folder.path(), keep, NOW).unwrap().removed, []);
     assert!(unmark(&path).unwrap());
-    assert_eq!(tidy(folder.path(), keep, NOW).unwrap().removed.len(), 1);
+    assert_eq!(remove_old_bags(folder.path(), keep, NOW).unwrap().removed.len(), 1);
     assert_eq!(names(folder.path()), ["run_2"]);
     // A directory that is not there is an error, not an empty one.
-    assert!(tidy(&folder.path().join("gone"), keep, NOW).is_err());
+    assert!(remove_old_bags(&folder.path().join("gone"), keep, NOW).is_err());
 }

@@ -1,4 +1,4 @@
-//! A run in several files is the same run: for who reads all of them, and for who has one.
+//! A split run reads as one run, and each of its files can be read alone.
 #![cfg(feature = "std-fs")]
 
 mod common;
@@ -19,7 +19,7 @@ use run_recorder::run_bag::{RunBag, RunBagOptions, SplitLimits};
 const LONG: Duration = Duration::from_secs(60);
 const SIZE: u64 = 12_000;
 
-/// Records the same run whatever the limits: one topic latched, one not, one that comes late.
+/// Records the same run with any limits: one latched topic, one not, and a late one.
 fn record(directory: &Path, name: &str, split: SplitLimits) -> PathBuf {
     let mut options = RunBagOptions::new(directory, name);
     options.run.insert("run_id".into(), "r".into());
@@ -53,7 +53,7 @@ fn record(directory: &Path, name: &str, split: SplitLimits) -> PathBuf {
         let point = point_message(i as i32, [noise(1), noise(7_000), noise(90_000)]);
         assert!(bag.write(channel, time, time - 7, point));
         if i % 50 == 0 {
-            // So that some chunks are closed in between, whoever is faster.
+            // So that some chunks are closed in between.
             sleep(Duration::from_millis(2));
         }
     }
@@ -74,9 +74,9 @@ fn parts(bag: &Path) -> Vec<PathBuf> {
 }
 
 /// Topic, number, both times and content.
-type Told = (String, u32, u64, u64, Vec<u8>);
+type Content = (String, u32, u64, u64, Vec<u8>);
 
-fn all(bag: &mut FileBag) -> Vec<Told> {
+fn all(bag: &mut FileBag) -> Vec<Content> {
     bag.messages()
         .map(|message| {
             let BagMessage { channel, sequence, log_time_ns, publish_time_ns, data, .. } =
@@ -117,7 +117,7 @@ fn each_file_is_a_bag_by_itself_and_no_larger_than_it_may_be() {
         let mut bag = open_bag(part).unwrap();
         bag.verify().unwrap();
         let (is_first, is_last) = (number == 0, number + 1 == parts.len());
-        // It says which part it is, and nothing else is wrong with it.
+        // It reports its part number, and no other problem.
         for problem in bag.problems() {
             match problem {
                 Problem::PartMissing { part, expected: 0, .. } if !is_first => {
@@ -131,12 +131,12 @@ fn each_file_is_a_bag_by_itself_and_no_larger_than_it_may_be() {
         assert_eq!(bag.metadata_named(RUN_RECORD).unwrap()["run_id"], "r");
         assert_eq!(bag.metadata_named(RESULT_RECORD).is_some(), is_last);
         assert_eq!(bag.attachments().len(), usize::from(is_first));
-        // The index comes on top.
+        // The index is extra.
         assert!(fs::metadata(part).unwrap().len() < SIZE + 8_000, "{}", part.display());
         let messages = all(&mut bag);
         let (start, end) = bag.summary().time_range_ns.unwrap();
         if !is_first {
-            // What a late joiner would have got, at the time at which the file begins.
+            // The messages a late joiner would have got when the file begins.
             let (topic, _, log_time_ns, publish_time_ns, _) = &messages[0];
             assert_eq!((topic.as_str(), *log_time_ns), ("/mill/state", start));
             assert!(publish_time_ns + 5 < start, "it is older");
@@ -235,20 +235,20 @@ fn a_split_run_that_died_is_recovered_into_one_file() {
 }
 
 #[test]
-fn a_file_that_is_gone_or_not_listed_is_told_by_its_name() {
+fn a_file_that_is_missing_or_not_listed_is_reported_by_its_name() {
     let folder = tempfile::tempdir().unwrap();
     let split = split_by_size(folder.path());
     let original = all(&mut open_bag(&split).unwrap());
     let list = split.join("metadata.yaml");
     let text = fs::read_to_string(&list).unwrap();
 
-    // A list that names one file alone, as one that broke off may.
+    // A list that names only one file, as a truncated one may.
     fs::write(&list, "rosbag2_bagfile_information:\n  relative_file_paths: [r_0.mcap]\n").unwrap();
     let mut bag = open_bag(&split).unwrap();
     assert!(all(&mut bag) == original);
-    let told = bag.problems()[0].to_string();
-    assert!(told.contains("does not name r_1.mcap"), "{told}");
-    // Others that happen to lie there are none of this bag.
+    let problem = bag.problems()[0].to_string();
+    assert!(problem.contains("does not name r_1.mcap"), "{problem}");
+    // Other files in the directory are not part of this bag.
     fs::write(split.join("other_1.mcap"), "G1 X5").unwrap();
     let before = open_bag(&split).unwrap().problems().len();
     assert_eq!(before, bag.problems().len());
@@ -257,29 +257,29 @@ fn a_file_that_is_gone_or_not_listed_is_told_by_its_name() {
     fs::write(&list, &text).unwrap();
     fs::remove_file(split.join("r_1.mcap")).unwrap();
     let mut bag = open_bag(&split).unwrap();
-    let told: Vec<_> = bag.problems().iter().map(ToString::to_string).collect();
+    let problems: Vec<_> = bag.problems().iter().map(ToString::to_string).collect();
     assert!(
-        told.iter().any(|told| told.contains("names r_1.mcap, which is not there")),
-        "{told:?}"
+        problems.iter().any(|it| it.contains("names r_1.mcap, which is not there")),
+        "{problems:?}"
     );
-    assert!(told.iter().any(|told| told.contains("part 2 of a bag, where part 1")), "{told:?}");
+    let is_part = |it: &String| it.contains("part 2 of a bag, where part 1");
+    assert!(problems.iter().any(is_part), "{problems:?}");
     let left = all(&mut bag);
     let repeated: Vec<_> = left.iter().filter(|message| !original.contains(message)).collect();
-    // What the part that is gone may have said first is had from the one behind it.
+    // Latched messages of the missing part are repeated by the next part.
     assert!(!repeated.is_empty());
     for (topic, number, _, sent, data) in repeated {
-        let same =
-            |told: &&Told| (&told.0, told.1, told.3, &told.4) == (topic, *number, *sent, data);
-        assert!(original.iter().any(|told| same(&told)), "{topic} {number}");
+        let same = |it: &&Content| (&it.0, it.1, it.3, &it.4) == (topic, *number, *sent, data);
+        assert!(original.iter().any(|it| same(&it)), "{topic} {number}");
     }
 
-    // The last one: nothing else would tell that the run went on.
+    // The last part: nothing else would show that the run went on.
     fs::write(split.join("r_1.mcap"), "").unwrap();
     let parts = parts(&split);
     fs::remove_file(parts.last().unwrap()).unwrap();
     fs::remove_file(&list).unwrap();
-    let told: Vec<_> =
+    let problems: Vec<_> =
         open_bag(&split).unwrap().problems().iter().map(ToString::to_string).collect();
-    assert!(told.iter().any(|told| told.contains("and not the last")), "{told:?}");
-    assert!(told.iter().any(|told| told.contains("r_1.mcap is empty")), "{told:?}");
+    assert!(problems.iter().any(|it| it.contains("and not the last")), "{problems:?}");
+    assert!(problems.iter().any(|it| it.contains("r_1.mcap is empty")), "{problems:?}");
 }

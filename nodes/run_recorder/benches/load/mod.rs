@@ -1,4 +1,4 @@
-//! Messages as a run has them: many small ones, some larger, few near the limit of a message.
+//! Messages like those of a run: many small ones, some larger, few near the size limit.
 
 #![allow(dead_code)]
 
@@ -15,8 +15,8 @@ pub(crate) const TOPICS: [(&str, usize, usize); 6] = [
     ("/compensated_path/chunks", 48_000, 5),
 ];
 
-/// What a recorder takes them for, by which it says how many may wait. None is decoded: the
-/// messages are bytes.
+/// The types of the topics, by which the recorder sets how many samples may wait. The messages
+/// are bytes and are never decoded.
 pub(crate) const TYPES: [&str; 6] = [
     "sensor_msgs/msg/JointState",
     "tf2_msgs/msg/TFMessage",
@@ -94,14 +94,14 @@ pub(crate) fn is_test() -> bool {
     std::env::args().any(|word| word == "--test")
 }
 
-/// What a process holds, MB.
+/// Resident memory of a process, MB.
 pub(crate) fn memory_mb(process: u32) -> f64 {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).expect("Linux");
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("a size");
     line.trim().trim_end_matches(" kB").parse::<f64>().expect("a number") / 1e3
 }
 
-/// The most of the first quarter, of the last, and of all.
+/// The maxima of the first quarter, the last quarter, and all.
 pub(crate) fn print_memory(name: &str, samples: &[f64]) {
     let most = |samples: &[f64]| samples.iter().copied().fold(0.0, f64::max);
     let quarter = samples.len().div_ceil(4);

@@ -1,4 +1,4 @@
-//! What a bag says of a topic: its type, its definition, what was offered.
+//! The channel of a topic in a bag: its type, definition and offered QoS.
 
 use super::inputs::is_fetched;
 use crate::bag_writer::ChannelSpec;
@@ -9,16 +9,16 @@ use std::path::PathBuf;
 
 /// Samples of one topic that may wait unread; DDS keeps as many that were read.
 const DEPTH: usize = 20_000;
-/// The same where samples are large and can be had again from who sent them.
+/// The same for large samples that can be fetched again from their sender.
 const DEPTH_FETCHED: usize = 1_000;
-/// The same where samples may be as large as pictures: three seconds of a camera.
+/// The same for samples that may be as large as images: three seconds of a camera.
 const DEPTH_LARGE: usize = 100;
 
 /// The channel of a topic.
 ///
-/// The definition is one of ours, else one of an ROS installation in
-/// `AMENT_PREFIX_PATH`, else a comment that says it was not found: the bytes
-/// are recorded all the same.
+/// The definition is one of ours, or one of a ROS installation in
+/// `AMENT_PREFIX_PATH`, or a comment that says it was not found. The bytes
+/// are recorded in any case.
 pub(super) fn channel(
     topic: &str,
     type_name: &str,
@@ -45,8 +45,8 @@ pub(super) fn channel(
     }
 }
 
-/// How many samples of a topic may wait: memory is bounded whatever somebody sends, so there
-/// are few where bytes without number are sent, or it is not known what.
+/// How many samples of a topic may wait. To bound memory, few may wait if their type is
+/// unknown or has lists without a bound.
 pub(super) fn depth(spec: &ChannelSpec) -> usize {
     if is_fetched(&spec.type_name) {
         return DEPTH_FETCHED;
@@ -69,7 +69,7 @@ fn holds_bytes(schema: &MessageSchema) -> bool {
 }
 
 fn profile(offer: &DiscoveredPublisher) -> QosProfile {
-    // Discovery does not tell the depth; what latches, latches one.
+    // Discovery does not carry the depth; latched topics keep one.
     let mut profile = match (offer.qos.reliable, offer.qos.transient_local) {
         (_, true) => QosProfile::latched(1),
         (true, false) => QosProfile::reliable(10),
@@ -99,7 +99,7 @@ fn installed(type_name: &str) -> Option<String> {
     let read = |name: &str| {
         let (package, rest) = name.split_once('/')?;
         let name = rest.rsplit('/').next()?;
-        // Whoever announces a topic names its type: it is a name, never a way elsewhere.
+        // The publisher chooses the type name: it must not be a path to another file.
         let is_name =
             |part: &str| part.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
         if !is_name(package) || !is_name(name) {
@@ -160,7 +160,7 @@ mod tests {
         let table = [
             ("cnc_msgs/msg/PathChunk", "", DEPTH_FETCHED),
             ("cnc_msgs/msg/MachineState", "", DEPTH),
-            // It holds bytes, and is known not to be large.
+            // It has a list of bytes, but is known to be small.
             ("rcl_interfaces/msg/ParameterEvent", "", DEPTH),
             ("cell_msgs/msg/Gripper", "float64[] force\nuint8[4] flags\nstring text\n", DEPTH),
             ("cell_msgs/msg/Camera", camera, DEPTH_LARGE),

@@ -1,4 +1,4 @@
-//! What the other nodes still have of the time before a bag was open.
+//! Fetches messages from before a bag was open that other nodes still have.
 
 use super::numbers::Numbers;
 use cnc_msgs::chunk::Collector;
@@ -18,21 +18,21 @@ pub(super) struct Sources {
     traffic: Client<GetTraffic>,
 }
 
-/// Traffic that was had.
+/// Traffic that was fetched.
 #[derive(Debug, Default)]
 pub(super) struct FetchedTraffic {
     pub(super) batches: Vec<wire::ControllerTraffic>,
-    /// Why there is not more.
+    /// Why it is not complete.
     pub(super) problem: Option<String>,
 }
 
-/// What a service without success says.
+/// The reason of a service that answers without success.
 fn taken<C>(success: bool, message: String, chunks: Vec<C>) -> Result<Vec<C>, String> {
     if success { Ok(chunks) } else { Err(message) }
 }
 
-/// What to ask for after an answer to `first` whose newest entry is `got`; `None` when there is
-/// no more, or asking on would get no further.
+/// The next number to request after an answer to `first` whose newest entry is `got`; `None`
+/// when there are no more entries or no progress.
 fn next_wanted(first: u64, got: Option<u64>, newest: u64) -> Option<u64> {
     got.filter(|&got| got >= first && got < newest).and_then(|got| got.checked_add(1))
 }
@@ -84,20 +84,20 @@ impl Sources {
         Ok(collector.into_chunks())
     }
 
-    /// Everything that the driver has and `seen` has not.
+    /// Fetches every entry that the driver has and `seen` has not.
     pub(super) async fn traffic(&self, seen: &Numbers) -> FetchedTraffic {
         let mut fetched = FetchedTraffic::default();
         if !self.traffic.has_server() {
-            // When everything stops, the driver goes first: waiting would not bring it back.
+            // At a shutdown the driver may have stopped already: do not wait for it.
             fetched.problem = Some("the driver is not there any more".into());
             return fetched;
         }
         let ranges = match (seen.first(), seen.last()) {
-            // What is between, then whatever came after it.
+            // The gaps, then everything after them.
             (Some(first), Some(last)) => {
                 let gaps = seen.missing(first, last);
                 let gaps = gaps.iter().map(|gap| (*gap.start(), *gap.end()));
-                // Nothing comes after the largest number.
+                // There is no number after the largest one.
                 gaps.chain(last.checked_add(1).map(|next| (next, u64::MAX))).collect()
             }
             // From the checkpoint that the driver made for this run.
@@ -115,7 +115,7 @@ impl Sources {
                 };
                 if !response.success {
                     fetched.problem = Some(response.message);
-                    // What is older than the ring is gone; what is in it is not.
+                    // Entries older than the ring buffer are lost; those in it are not.
                     if response.oldest_sequence <= first || response.oldest_sequence > end {
                         break;
                     }
@@ -151,7 +151,7 @@ mod tests {
             (5, Some(9), 20, Some(10)),
             (5, Some(5), 20, Some(6)),
             (5, Some(20), 20, None),
-            // Older than what was asked for, or nothing.
+            // Older than requested, or nothing.
             (5, Some(4), 20, None),
             (5, None, 20, None),
             (0, Some(MAX), MAX, None),

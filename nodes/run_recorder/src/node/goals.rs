@@ -1,4 +1,4 @@
-//! The goals of `run_program` as the driver tells of them, and what they mean for the bag.
+//! Begins and ends a bag with the goals of `run_program` that the driver reports.
 
 use super::watch::{Edge, is_accepted_before};
 use super::{BEGUN_PERIOD, Recorder};
@@ -9,19 +9,19 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// What is older than this when it arrives was kept for who comes late, and what is newer
-/// follows it so soon.
+/// A sample that is older than this when it arrives was kept for late joiners. A newer one
+/// follows within [`NEWER_WITHIN`].
 const OLD: Duration = Duration::from_millis(300);
 const NEWER_WITHIN: Duration = Duration::from_millis(200);
-/// What a goal may be older than the subscription that tells of it: a driver that is found
-/// when it takes its first goal. What it said before is kept, or in its journal.
+/// How much older than its subscription a goal may be: a driver may be discovered when it
+/// takes its first goal. Earlier messages are latched or in its journal.
 const FOUND_WITHIN: Duration = Duration::from_millis(300);
-/// How long it may take until it is known how the machine stands.
+/// How long the state of the machine may take to arrive.
 const STATE_WITHIN: Duration = Duration::from_secs(2);
 
 impl Recorder {
-    /// Keeps the first sample, and those behind it that a late joiner is told before the
-    /// newest: what was said some time ago may not be so any more. Returns the last.
+    /// Keeps the first sample. If it is old, keeps the following ones too, up to the newest: a
+    /// late joiner gets outdated samples first. Returns the last.
     pub(super) async fn keep_newest(
         &self,
         index: usize,
@@ -42,10 +42,10 @@ impl Recorder {
         }
     }
 
-    /// Begins or ends a bag with the run that the goals tell of. Of the first that is heard
-    /// it is given since when there was somebody to hear it.
+    /// Begins or ends a bag when the goals show that a run begins or ends. `since` is given with
+    /// the first sample: when the subscription began.
     pub(super) fn follow(self: &Arc<Self>, goals: &[u8], since: Option<RosTime>) {
-        // What is not of that type is nobody's goal.
+        // Samples of another type are skipped.
         let Ok(status) = cdr::decode(goals) else { return };
         let edge = self.state().watch.update(&status);
         match edge {
@@ -59,8 +59,8 @@ impl Recorder {
         }
     }
 
-    /// Notes of a bag that came later than its goal that it misses the beginning, unless the
-    /// driver has waited for it.
+    /// Marks a bag that was begun after its goal as incomplete, unless the driver has waited for
+    /// it.
     pub(super) async fn judge_beginning(&self, run: u64) {
         let end = Instant::now() + STATE_WITHIN;
         loop {

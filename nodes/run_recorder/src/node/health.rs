@@ -1,12 +1,11 @@
-//! What `/diagnostics` says of the recorder.
+//! The recorder in `/diagnostics`.
 
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
 use runtime::{Health, HealthLevel};
 
-/// How the recorder does, by what it told of its newest bag.
+/// The health of the recorder, from the status of its newest bag.
 ///
-/// A bag that misses something is an error, in the run and until the next one: it
-/// cannot prove what happened.
+/// An incomplete bag is an error until the next run: it cannot prove what happened.
 pub(super) fn health(newest: &Recording) -> Health {
     let run = &newest.run_id;
     let (level, message) = match (run.is_empty(), newest.complete, newest.is_recording) {

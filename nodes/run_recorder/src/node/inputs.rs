@@ -1,12 +1,12 @@
-//! Brings what was sent before a bag was open into it, and what was missed.
+//! Fetches messages that were sent before the bag was open or were missed, into the bag.
 //!
-//! A program may be larger than what may wait for the disk: pieces are written one by one,
-//! as there is room.
+//! A program may be larger than the write queue: its chunks are written one by one, as
+//! there is room.
 
 use super::fetch::FetchedTraffic;
 use super::numbers::Numbers;
 use super::store::{OpenRun, Store, Wanted};
-use super::{DISCOVERY_PERIOD, Recorder, State};
+use super::{DISCOVERY_PERIOD, Recorder, RecorderState};
 use crate::bag_writer::BagAttachment;
 use cnc_msgs::interface::Message;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
@@ -14,16 +14,16 @@ use runtime::RosTime;
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
-/// How long what is latched may take to arrive.
+/// How long latched messages may take to arrive.
 const MANIFESTS_WITHIN: Duration = Duration::from_secs(3);
-/// How old what the driver tells of its journal may be, and something for slow machines.
+/// How old the driver's journal report may be, with a margin for slow machines.
 const JOURNAL_LAG: Duration = Duration::from_millis(60);
-/// How often it is looked whether the disk has taken enough.
+/// How often to check whether the write queue has room.
 const ROOM_PERIOD: Duration = Duration::from_millis(5);
-/// How long it may take nothing at the end of a run; what is written then may be lost.
+/// How long the disk may stall at the end of a run; messages written later may be lost.
 const ROOM_WITHIN: Duration = Duration::from_secs(20);
 
-/// Whether messages of this type are fetched when they are missing.
+/// Whether missing messages of this type are fetched.
 pub(super) fn is_fetched(type_name: &str) -> bool {
     [
         wire::ProgramChunk::TYPE_NAME,
@@ -35,7 +35,7 @@ pub(super) fn is_fetched(type_name: &str) -> bool {
 }
 
 impl Recorder {
-    /// Fetches what was sent before the bag was open: programs, paths, traffic.
+    /// Fetches messages from before the bag was open: programs, paths, traffic.
     pub(super) async fn fetch_inputs(&self, run: u64, wanted: Wanted) {
         let wanted = self.manifests(wanted).await;
         let at_ns = u64::try_from(RosTime::wall().as_nanos()).unwrap_or(0);
@@ -73,7 +73,7 @@ impl Recorder {
                 Err(error) => problems.push(format!("the compensated path: {error}")),
             }
         }
-        // The driver gathers its journal for a moment before anybody can ask for it.
+        // The driver collects its journal for a moment before it serves it.
         sleep(JOURNAL_LAG).await;
         let FetchedTraffic { batches, problem } = self.sources.traffic(&Numbers::default()).await;
         for traffic in &batches {
@@ -89,7 +89,7 @@ impl Recorder {
         .await;
     }
 
-    /// Waits for manifests that were not here when the run was noticed: a recorder that
+    /// Waits for manifests that had not arrived when the run was noticed: a recorder that
     /// starts in mid-run sees the goal first.
     async fn manifests(&self, mut wanted: Wanted) -> Wanted {
         let end = Instant::now() + MANIFESTS_WITHIN;
@@ -106,12 +106,12 @@ impl Recorder {
         }
     }
 
-    /// Does something with the bag of a run when it has room, unless it is closed before.
+    /// Calls `work` with the bag of a run when it has room, unless it is closed before.
     async fn when_room(&self, run: u64, write: impl FnOnce(&Store, &mut OpenRun)) {
         loop {
             {
                 let mut state = self.state();
-                let State { store, open, run: now, .. } = &mut *state;
+                let RecorderState { store, open, run: now, .. } = &mut *state;
                 match open {
                     Some(open) if *now == run && open.has_room() => return write(store, open),
                     Some(_) if *now == run => {}
@@ -122,7 +122,7 @@ impl Recorder {
         }
     }
 
-    /// Fetches the traffic that is missing at the end; says why there is not more of it.
+    /// Fetches the traffic that is missing at the end; returns why it could not get more.
     pub(super) async fn fetch_rest(&self, open: &mut OpenRun) -> Option<String> {
         if !open.has_beginning {
             let beginning = self.sources.traffic(&Numbers::default()).await;

@@ -1,7 +1,7 @@
-//! What the states of the recorder mean.
+//! The lifecycle of the recorder.
 //!
-//! Configured is: there is a directory for the bags. Active is: runs are recorded. It
-//! listens in every state, so that one that is activated in a run has what came before.
+//! Configured: the directory for bags exists. Active: runs are recorded. The recorder
+//! subscribes in every state, so that one activated during a run has the earlier messages.
 
 use super::Recorder;
 use runtime::{Health, Managed, Step, Trouble};
@@ -12,21 +12,21 @@ pub(super) struct Shell(pub(super) Arc<Recorder>);
 
 impl Managed for Shell {
     async fn configure(&self) -> Step {
-        // Whether bags can be made is better known before the first run.
+        // An error in making bags should show before the first run.
         let directory = self.0.directory.clone();
         let shown = directory.display().to_string();
-        // A disk that hangs keeps this step, not the node.
+        // A disk that hangs blocks this step, not the node.
         let made = tokio::task::spawn_blocking(move || std::fs::create_dir_all(directory)).await;
         made.map_err(std::io::Error::other)
             .flatten()
             .map_err(|error| Trouble::failure(format!("bags cannot go to {shown}: {error}")))?;
-        self.0.begin_to_tidy();
+        self.0.spawn_removal_of_old_bags();
         Ok(())
     }
 
     async fn activate(&self) -> Step {
         let (recorder, mut states) = (Arc::clone(&self.0), self.0.node.lifecycle_changes());
-        // A run that is under way is recorded from here on, when the node is active.
+        // A run that is active already is recorded from here on.
         self.0.node.spawn("recording on activation", async move {
             if states.changed().await.is_ok()
                 && let Some(goal) = { recorder.state().watch.goal() }
@@ -53,7 +53,7 @@ impl Managed for Shell {
 }
 
 impl Shell {
-    /// Closes the bag that is open; it says why, unless the run is over.
+    /// Closes the open bag, with the reason in it unless the run is over.
     async fn close(&self, why: &str) {
         let (open, is_run) = {
             let mut state = self.0.state();

@@ -1,4 +1,4 @@
-//! Which numbers of an unbroken count have been seen, and which are missing.
+//! Which sequence numbers have been seen, and which are missing.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -23,7 +23,7 @@ impl Numbers {
                 first = start;
             }
         }
-        // Behind the largest number there is none.
+        // There is no number after the largest one.
         let next = number.checked_add(1);
         let last = next.and_then(|next| self.ranges.remove(&next)).unwrap_or(number);
         self.ranges.insert(first, last);
@@ -40,7 +40,7 @@ impl Numbers {
         self.ranges.last_key_value().map(|(_, &last)| last)
     }
 
-    /// What is missing from `first` to `last`.
+    /// The missing numbers from `first` to `last`.
     pub(super) fn missing(&self, first: u64, last: u64) -> Vec<RangeInclusive<u64>> {
         let mut gaps = Vec::new();
         let mut next = first;

@@ -1,4 +1,4 @@
-//! The parameters of the recorder and what they mean.
+//! The parameters of the recorder.
 
 use crate::retention::Keep;
 use crate::run_bag::SplitLimits;
@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 const MB: u64 = 1_000_000;
-/// A file of this many MB, or of so many seconds, is as good as one without a limit.
+/// The largest split limits, MB and seconds: as good as no limit.
 const SPLIT_SIZE_MB_MAX: i64 = 1_000_000;
 const SPLIT_DURATION_S_MAX: i64 = 365 * 86_400;
 const GB: u64 = 1_000_000_000;
@@ -66,7 +66,7 @@ pub(super) fn directory(node: &Handle) -> std::io::Result<PathBuf> {
     std::path::absolute(PathBuf::from(node.parameter::<String>("directory")))
 }
 
-/// When a bag that is begun now is to go on in another file.
+/// When a new bag is split into another file.
 pub(super) fn split(node: &Handle) -> SplitLimits {
     SplitLimits {
         size: unsigned(node, "split_size_mb").saturating_mul(MB),
@@ -74,7 +74,7 @@ pub(super) fn split(node: &Handle) -> SplitLimits {
     }
 }
 
-/// Which of the bags of before are kept.
+/// Which old bags are kept.
 pub(super) fn keep(node: &Handle) -> Keep {
     Keep {
         days: u32::try_from(unsigned(node, "keep_days")).unwrap_or(u32::MAX),

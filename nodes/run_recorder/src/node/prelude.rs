@@ -1,10 +1,10 @@
-//! What is kept of the time before a run, and what a bag begins with.
+//! The samples from just before a run, with which its bag begins.
 
 use crate::run_bag::QueueLimits;
 use runtime::{Gid, RawSample, RosTime};
 use std::collections::VecDeque;
 
-/// What is kept of the time before a run, nanoseconds and samples.
+/// How much is kept from before a run, nanoseconds and samples.
 const PRELUDE_NS: u64 = 2_000_000_000;
 const PRELUDE_SAMPLES: usize = 4_000;
 
@@ -14,7 +14,7 @@ pub(super) struct Kept {
     pub(super) publisher: [u8; 16],
     /// Its number at its publisher.
     pub(super) sequence: i64,
-    /// How many before it the publisher sent that did not come.
+    /// How many samples of the publisher were missed before it.
     pub(super) missed_before: u32,
     pub(super) log_time_ns: u64,
     pub(super) publish_time_ns: u64,
@@ -43,7 +43,7 @@ pub(super) struct Prelude {
 }
 
 impl Default for Prelude {
-    /// They go through the queue of their bag, and what follows them has to have room there.
+    /// They go through the write queue, which must have room for the samples that follow.
     fn default() -> Self {
         let bytes_max = QueueLimits::default().bytes / 4;
         Self { samples: VecDeque::new(), bytes: 0, bytes_max }
@@ -51,7 +51,7 @@ impl Default for Prelude {
 }
 
 impl Prelude {
-    /// Adds the newest sample; the oldest go for it.
+    /// Adds the newest sample; drops the oldest ones.
     pub(super) fn push(&mut self, topic: usize, kept: Kept) {
         let oldest = kept.log_time_ns.saturating_sub(PRELUDE_NS);
         self.bytes += kept.bytes.len();
@@ -65,11 +65,11 @@ impl Prelude {
         }
     }
 
-    /// Takes what a bag begins with that is opened now, in its order: the samples, and beside
-    /// them the `newest` of latched topics.
+    /// Takes the samples that a bag opened now begins with, in order, merged with the `newest`
+    /// of latched topics.
     ///
-    /// What is latched may be hours old, and holds when the bag begins: that is when it is
-    /// logged. When it was said is in its other time.
+    /// A latched sample may be hours old, but is still valid when the bag begins. So its log time
+    /// is the beginning of the bag; its publish time is the original one.
     pub(super) fn take_with(
         &mut self,
         newest: Vec<(usize, Kept)>,
@@ -80,7 +80,7 @@ impl Prelude {
         let mut taken: Vec<_> = self.samples.drain(..).collect();
         taken.retain(|(_, kept)| kept.log_time_ns >= begin_ns);
         taken.extend(newest);
-        // Before they are logged at one time, so that the older stays before the newer.
+        // Sorted before they get the same log time, so that the older stays before the newer.
         taken.sort_by_key(|(_, kept)| kept.log_time_ns);
         for (_, kept) in &mut taken {
             kept.log_time_ns = kept.log_time_ns.max(begin_ns);
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!((topics(&prelude), prelude.bytes), (vec![2, 3], 70));
         prelude.push(4, kept(PRELUDE_NS + 2, 1));
         assert_eq!((topics(&prelude), prelude.bytes), (vec![4], 1));
-        // What has no room at all does not stay.
+        // A sample that is larger than the limit is not kept.
         prelude.push(5, kept(PRELUDE_NS + 2, 101));
         assert_eq!((topics(&prelude), prelude.bytes), (vec![], 0));
         for topic in 0..=PRELUDE_SAMPLES {
@@ -125,7 +125,7 @@ mod tests {
     fn a_bag_begins_two_seconds_before_it_is_opened_whenever_its_messages_were_said() {
         let now = 10 * PRELUDE_NS;
         let mut prelude = Prelude::default();
-        // Nothing came for long, and nothing pushed it out.
+        // No sample came for long, so the old one is still there.
         prelude.push(0, kept(3, 5));
         let latched = vec![(1, kept(7, 1)), (2, kept(5, 1)), (3, kept(now - 1, 1))];
         let taken = prelude.take_with(latched.clone(), now);

@@ -1,9 +1,9 @@
-//! Removing the bags that are not kept any more, and telling of it.
+//! Removes expired bags and reports them.
 
 use super::Recorder;
 use super::parameters;
 use crate::retention::Beyond;
-use crate::stored_bags::{Tidied, tidy};
+use crate::stored_bags::{RemovedBags, remove_old_bags};
 use runtime::{Health, HealthLevel};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -12,36 +12,35 @@ use std::sync::{Arc, PoisonError};
 const BYTES_PER_MB: f64 = 1e6;
 
 impl Recorder {
-    /// Removes what is not kept, beside whatever else is to be done: at the start, and when a
-    /// bag is closed.
-    pub(super) fn begin_to_tidy(self: &Arc<Self>) {
+    /// Removes expired bags in the background: at the start, and when a bag is closed.
+    pub(super) fn spawn_removal_of_old_bags(self: &Arc<Self>) {
         let shared = Arc::clone(self);
-        self.node.spawn("old bags", async move { shared.tidy().await });
+        self.node.spawn("old bags", async move { shared.remove_old_bags().await });
     }
 
-    async fn tidy(self: &Arc<Self>) {
+    async fn remove_old_bags(self: &Arc<Self>) {
         let keep = parameters::keep(&self.node);
         let shared = Arc::clone(self);
-        let tidied = tokio::task::spawn_blocking(move || {
-            let one_at_a_time = shared.tidying.lock().unwrap_or_else(PoisonError::into_inner);
-            // By the clock of the disk, not that of the run.
+        let removal = tokio::task::spawn_blocking(move || {
+            let one_at_a_time = shared.removal_lock.lock().unwrap_or_else(PoisonError::into_inner);
+            // By the wall clock, as the times of files, not by the clock of the run.
             let now_ns = u64::try_from(runtime::RosTime::wall().as_nanos()).unwrap_or(0);
-            let tidied = tidy(&shared.directory, keep, now_ns);
-            *shared.stuck.lock().unwrap_or_else(PoisonError::into_inner) = match &tidied {
-                Ok(tidied) => tidied.stuck.iter().map(not_removed).collect(),
+            let removal = remove_old_bags(&shared.directory, keep, now_ns);
+            *shared.stuck.lock().unwrap_or_else(PoisonError::into_inner) = match &removal {
+                Ok(removal) => removal.stuck.iter().map(not_removed).collect(),
                 Err(error) => vec![not_listed(&shared.directory, error)],
             };
             drop(one_at_a_time);
-            tidied
+            removal
         });
-        match tidied.await {
-            Ok(Ok(tidied)) => log(&tidied),
+        match removal.await {
+            Ok(Ok(removal)) => log(&removal),
             Ok(Err(error)) => tracing::warn!("{}", not_listed(&self.directory, &error)),
             Err(error) => tracing::error!("removing old bags failed: {error}"),
         }
     }
 
-    /// Whether all bags went that were to go.
+    /// The health of the retention: whether all expired bags were removed.
     pub(super) fn health_of_old_bags(&self) -> Health {
         health(&self.stuck.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -65,8 +64,8 @@ fn not_listed(directory: &Path, error: &io::Error) -> String {
     format!("old bags in {} are not looked for: {error}", directory.display())
 }
 
-fn log(tidied: &Tidied) {
-    for removal in &tidied.removed {
+fn log(removal: &RemovedBags) {
+    for removal in &removal.removed {
         let (path, size) = (removal.path.display(), removal.size as f64 / BYTES_PER_MB);
         match removal.beyond {
             Beyond::Age(age) => tracing::info!(
@@ -79,7 +78,7 @@ fn log(tidied: &Tidied) {
             ),
         }
     }
-    for stuck in &tidied.stuck {
+    for stuck in &removal.stuck {
         tracing::warn!("{}", not_removed(stuck));
     }
 }

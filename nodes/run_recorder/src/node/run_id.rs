@@ -1,10 +1,10 @@
-//! What a run is called.
+//! The id of a run, which names its bag.
 
 use crate::run_bag::{RunBag, RunBagError, RunBagOptions};
 use chrono::DateTime;
 use runtime::RosTime;
 
-/// Seconds that are tried, so that a bag has a name of its own.
+/// Seconds that are tried, so that the name of a bag is unique.
 const SECONDS_TRIED: i32 = 10;
 
 /// `run_20261121_004500_1a2b3c4d`: UTC and the beginning of the goal's id.
@@ -14,10 +14,10 @@ pub(super) fn run_id(now: RosTime, goal: [u8; 16]) -> String {
     format!("run_{}_{}", date.format("%Y%m%d_%H%M%S"), cnc_msgs::chunk::hex(&goal[..4]))
 }
 
-/// A bag for a run, under the first name from now on that no bag has.
+/// Makes a bag for a run, with the first name from now on that no bag has.
 ///
-/// A recorder that dies in the second in which it begins leaves a bag of that second; the one
-/// in its place continues in a bag of the next second.
+/// A recorder that dies in the second in which it begins leaves a bag of that second. The
+/// restarted recorder uses the name of the next second.
 pub(super) fn create_bag(
     now: RosTime,
     goal: [u8; 16],

@@ -1,5 +1,4 @@
-//! The topics that were seen, what late joiners would get of them, and the
-//! bag that is open.
+//! The discovered topics, their latched samples, and the open bag.
 
 use super::numbers::Numbers;
 use super::prelude::{Kept, Prelude};
@@ -16,9 +15,9 @@ use runtime::{RawSample, RosTime};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Publishers of one latched topic of which the newest is kept.
+/// Publishers of a latched topic whose newest sample is kept, at most.
 const PUBLISHERS_MAX: usize = 32;
-/// Publishers of one topic of which the newest sample is known.
+/// Publishers of a topic whose newest number is known, at most.
 const HEARD_MAX: usize = 256;
 
 #[derive(Debug)]
@@ -31,7 +30,7 @@ struct Topic {
     heard: BTreeMap<[u8; 16], Heard>,
 }
 
-/// What is known of the newest sample of a publisher.
+/// The number and log time of a publisher's newest sample.
 #[derive(Debug, Clone, Copy)]
 struct Heard {
     sequence: i64,
@@ -39,11 +38,11 @@ struct Heard {
 }
 
 impl Topic {
-    /// Notes a sample behind the others of its publisher: how many between did not come, and
-    /// when it is logged.
+    /// Records a sample after the others of its publisher: sets how many were missed before it,
+    /// and its log time.
     ///
-    /// Samples are handed over in the order of their numbers. One that had to be sent again
-    /// arrived after those that follow it, and they are logged no earlier than it.
+    /// Samples come in the order of their numbers. A sample that had to be resent arrived after
+    /// those that follow it, and they are logged no earlier than it.
     fn hear(&mut self, kept: &mut Kept) {
         let Kept { publisher, sequence, .. } = *kept;
         if self.heard.len() >= HEARD_MAX && !self.heard.contains_key(&publisher) {
@@ -52,7 +51,7 @@ impl Topic {
         let newest = Heard { sequence, log_time_ns: kept.log_time_ns };
         let newest = self.heard.entry(publisher).or_insert(newest);
         let missed = sequence.saturating_sub(newest.sequence).saturating_sub(1);
-        // A publisher that says what cannot be is not believed.
+        // A publisher with impossible numbers counts as missing nothing.
         kept.missed_before = u32::try_from(missed).unwrap_or(0);
         kept.log_time_ns = kept.log_time_ns.max(newest.log_time_ns);
         newest.sequence = sequence.max(newest.sequence);
@@ -83,7 +82,7 @@ impl Store {
         self.topics.len() - 1
     }
 
-    /// Takes a sample: into the bag if one is open, and to memory.
+    /// Takes a sample: into the bag if one is open, else into memory.
     pub(super) fn take(&mut self, open: Option<&mut OpenRun>, index: usize, sample: RawSample) {
         let mut kept = Kept::new(sample);
         let publisher = kept.publisher;
@@ -98,8 +97,8 @@ impl Store {
         }
         match open {
             Some(open) => open.write(index, &topic.spec.type_name, kept),
-            // Traffic of before is fetched from the driver; it numbers every entry.
-            // The states that led to the one of the beginning tell how the machine came to it.
+            // Earlier traffic is fetched from the driver, which numbers every entry.
+            // Earlier machine states show how the machine came to its state at the beginning.
             None if topic.spec.type_name == wire::MachineState::TYPE_NAME => {
                 followed.into_iter().for_each(|before| self.prelude.push(index, before));
             }
@@ -108,7 +107,7 @@ impl Store {
         }
     }
 
-    /// What is loaded and planned now.
+    /// The program and path that are loaded and planned now.
     pub(super) fn wanted(&self) -> Wanted {
         Wanted { program: self.latched(), contour: self.latched(), path: self.latched() }
     }
@@ -118,8 +117,8 @@ impl Store {
         self.latched::<wire::MachineState>().is_some_and(|state| state.motion_possible)
     }
 
-    /// Whether the driver has sent nothing yet because it waits for the record; `None` if it
-    /// has told of nothing.
+    /// Whether the driver has sent nothing yet because it waits for the recorder; `None` if it
+    /// has published no state.
     pub(super) fn waits_for_recorder(&self) -> Option<bool> {
         let state = self.latched::<wire::MachineState>()?;
         Some(state.reason.starts_with(WAITING_FOR_RECORDER))
@@ -137,7 +136,7 @@ fn is_traffic(type_name: &str) -> bool {
     type_name == wire::ControllerTraffic::TYPE_NAME
 }
 
-/// What has to be fetched when a run begins.
+/// The inputs that have to be fetched when a run begins.
 #[derive(Debug, Default)]
 pub(super) struct Wanted {
     pub(super) program: Option<wire::Program>,
@@ -159,7 +158,7 @@ impl Wanted {
     }
 }
 
-/// What a bag says of its run.
+/// The `cnc_run` record of a run.
 fn described(run_id: &str, goal: [u8; 16], wanted: &Wanted) -> BTreeMap<String, String> {
     let mut run = BTreeMap::from([
         ("run_id".to_owned(), run_id.to_owned()),
@@ -188,21 +187,21 @@ pub(super) struct OpenRun {
     pub(super) bag: RunBag,
     /// The traffic entries that are in the bag.
     pub(super) numbers: Numbers,
-    /// Whether the program, contour and path were asked for, and what was had is here.
+    /// Whether the program, contour and path were fetched as far as they are available.
     pub(super) has_inputs: bool,
-    /// Whether the serial traffic is there from where it can be replayed.
+    /// Whether the serial traffic begins early enough for a replay.
     pub(super) has_beginning: bool,
     /// The clock of the driver whose traffic is counted: wall time of its zero, ns.
     driver_zero_ns: Option<i64>,
-    /// Another driver was heard: its numbers begin anew.
+    /// The driver was restarted: its numbers begin again.
     pub(super) driver_restarted: bool,
-    /// The goal was not seen to begin, and it is not known yet what that costs.
+    /// The bag was begun after its goal, and it is not known yet what it misses.
     pub(super) is_beginning_unclear: bool,
     channels: BTreeMap<usize, ChannelIndex>,
 }
 
 impl OpenRun {
-    /// Makes the bag and writes what was kept for it.
+    /// Makes the bag and writes the messages that were kept for it.
     pub(super) fn create(
         directory: &Path,
         now: RosTime,
@@ -245,7 +244,7 @@ impl OpenRun {
         Ok(open)
     }
 
-    /// Whether it is known that the disk takes what is written, or that it does not.
+    /// Whether it is known that writing works or has failed.
     pub(super) fn is_decided(&self) -> bool {
         let status = self.bag.status();
         status.error.is_some()
@@ -277,9 +276,9 @@ impl OpenRun {
         self.bag.write(channel, kept.log_time_ns, kept.publish_time_ns, kept.bytes);
     }
 
-    /// Notes which entries are there, of the driver that is heard first.
+    /// Records which traffic entries have arrived, from the first driver.
     ///
-    /// A driver whose ROS face is another goes on numbering, on the same clock.
+    /// A driver whose ROS process was restarted continues its numbers, on the same clock.
     fn take_numbers(&mut self, traffic: &wire::ControllerTraffic) {
         let Some(first) = traffic.entries.first() else { return };
         let zero_ns = zero_of_clock_ns(first);
@@ -293,8 +292,8 @@ impl OpenRun {
         }
     }
 
-    /// Whether what was fetched may be written: it waits for the disk, so that what comes
-    /// meanwhile is not lost.
+    /// Whether fetched messages may be written: they wait while the queue is half full, so
+    /// that messages that arrive meanwhile are not lost.
     pub(super) fn has_room(&self) -> bool {
         self.bag.has_room()
     }
@@ -307,7 +306,7 @@ impl OpenRun {
         self.write_ours(store, at_ns, traffic);
     }
 
-    /// Notes what is not in the bag; `problem` says why traffic is missing.
+    /// Records what is missing in the bag; `problem` says why traffic is missing.
     pub(super) fn note_gaps(&mut self, problem: Option<String>) {
         let why = problem.unwrap_or_else(|| "the driver did not have it".into());
         if !self.has_inputs {
@@ -330,7 +329,7 @@ impl OpenRun {
         }
     }
 
-    /// Writes a message of ours on the topic of its type, where it would have come.
+    /// Writes a fetched message to the topic of its type.
     pub(super) fn write_ours<M: Message>(&mut self, store: &Store, at_ns: u64, message: &M) {
         let found = store.topics.iter().position(|topic| {
             topic.spec.type_name == M::TYPE_NAME
@@ -344,13 +343,13 @@ impl OpenRun {
         }
     }
 
-    /// What is told of the bag now.
+    /// The present status message of the bag.
     pub(super) fn message(&self, now: RosTime) -> wire::Recording {
         recording_message(now.into(), self.run_id.clone(), true, &self.bag.status())
     }
 }
 
-/// What is told of a bag.
+/// The status message of a bag.
 pub(super) fn recording_message(
     stamp: Time,
     run_id: String,
@@ -370,7 +369,7 @@ pub(super) fn recording_message(
     }
 }
 
-/// Wall time at which the driver's clock showed zero, ns: each driver has another.
+/// Wall time at the zero of the driver's clock, ns; each driver has another.
 fn zero_of_clock_ns(entry: &wire::TrafficEntry) -> i64 {
     let wire::TrafficEntry { stamp, monotonic, .. } = entry;
     let ns = |sec: i32, nanosec: u32| i64::from(sec) * 1_000_000_000 + i64::from(nanosec);

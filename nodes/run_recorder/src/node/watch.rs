@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 /// Follows the status of `run_program`.
 #[derive(Debug, Default)]
 pub(super) struct RunWatch {
-    /// The goal whose run it is.
+    /// The goal of the run.
     current: Option<[u8; 16]>,
 }
 
@@ -99,16 +99,16 @@ mod tests {
     }
 
     #[test]
-    fn the_goal_after_another_is_a_run_of_its_own_however_they_are_told() {
+    fn the_next_goal_is_a_run_of_its_own_in_any_order_of_reports() {
         const ACCEPTED: i8 = GoalStatus::STATUS_ACCEPTED;
         const SUCCEEDED: i8 = GoalStatus::STATUS_SUCCEEDED;
         let begin = |id: u8| Some(Edge::Begin { goal: [id; 16] });
         let mut watch = RunWatch::default();
         assert_eq!(watch.update(&status(&[(5, ACCEPTED)])), begin(5));
-        // The end of one and the beginning of the next at once, whichever id comes first.
+        // One ends and the next begins in the same message, in either order of their ids.
         assert_eq!(watch.update(&status(&[(5, SUCCEEDED), (7, ACCEPTED)])), begin(7));
         assert_eq!(watch.update(&status(&[(7, SUCCEEDED), (2, ACCEPTED)])), begin(2));
-        // One that waits for its turn is no run yet.
+        // A goal that waits for its turn is not a run yet.
         assert_eq!(watch.update(&status(&[(2, ACCEPTED), (1, ACCEPTED)])), None);
         assert_eq!(watch.update(&status(&[(2, SUCCEEDED), (1, ACCEPTED)])), begin(1));
         assert_eq!(watch.update(&status(&[(1, SUCCEEDED)])), Some(Edge::End));
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_that_was_accepted_before_is_told_by_its_own_stamp() {
+    fn a_goal_that_was_accepted_before_is_found_by_its_stamp() {
         let mut array =
             status(&[(1, GoalStatus::STATUS_SUCCEEDED), (2, GoalStatus::STATUS_EXECUTING)]);
         for (goal, sec) in array.status_list.iter_mut().zip([10, 20]) {

@@ -52,7 +52,7 @@ fn bag_on(directory: &Path, room: usize, gate: Arc<Mutex<Vec<u8>>>, limits: Queu
 }
 
 #[test]
-fn a_disk_that_hangs_keeps_nobody_and_what_it_makes_later_goes() {
+fn a_disk_that_hangs_blocks_nobody_and_late_results_are_removed() {
     assert_eq!(within(LONG, || Ok(5), |_| panic!("in time")).unwrap(), 5);
     let full = || Err::<(), _>(io::ErrorKind::StorageFull.into());
     assert_eq!(within(LONG, full, |()| ()).unwrap_err().kind(), io::ErrorKind::StorageFull);
@@ -197,14 +197,14 @@ fn a_slow_disk_loses_messages_but_never_holds_the_feeder() {
 }
 
 #[test]
-fn a_disk_that_hangs_is_told_of_while_it_does() {
+fn a_disk_that_hangs_is_reported_at_once() {
     let directory = tempfile::tempdir().unwrap();
     let gate: Arc<Mutex<Vec<u8>>> = Arc::default();
     let held = lock(&gate);
     let bag = bag_on(directory.path(), usize::MAX, gate.clone(), QueueLimits::default());
     let end = Instant::now() + LONG;
     while !bag.status().is_stalled {
-        assert!(Instant::now() < end, "it is not told");
+        assert!(Instant::now() < end, "it is not reported");
         thread::sleep(Duration::from_millis(10));
     }
     let status = bag.status();
@@ -252,7 +252,7 @@ fn the_queue_is_bounded_in_bytes_too() {
 }
 
 #[test]
-fn who_waits_for_room_loses_nothing_however_much_there_is() {
+fn a_caller_that_waits_for_room_loses_nothing() {
     let directory = tempfile::tempdir().unwrap();
     let gate = Arc::new(Mutex::new(Vec::new()));
     let limits = QueueLimits { messages: 1000, bytes: 10_000 };
@@ -271,7 +271,7 @@ fn who_waits_for_room_loses_nothing_however_much_there_is() {
 }
 
 #[test]
-fn a_full_disk_is_told_and_every_message_accounted_for() {
+fn a_full_disk_is_reported_and_every_message_accounted_for() {
     let directory = tempfile::tempdir().unwrap();
     let limits = QueueLimits::default();
     let disk: Arc<Mutex<Vec<u8>>> = Arc::default();
@@ -341,7 +341,7 @@ fn a_disk_that_takes_no_second_file_keeps_the_first_whole() {
     let mut options = RunBagOptions::new(directory.path(), "r");
     options.split.size = 1;
     let bag = RunBag::create(options).unwrap();
-    // Where the second file is to be there is something else.
+    // Something else has the name of the second file.
     std::fs::create_dir(bag.path().join("r_1.mcap")).unwrap();
     let channel = bag.add_channel(&spec("/a")).unwrap();
     for time in 0..10 {

@@ -1,4 +1,4 @@
-//! Which run a file is of, without reading the file.
+//! Reads which run a file belongs to from its first records.
 
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -11,12 +11,12 @@ use crate::bag_reader::RUN_RECORD;
 use crate::records::{FRAME, parse_body};
 use crate::split::PART_RECORD;
 
-/// The library that wrote a file, and the run it says it is of; `None` if it does not say so
-/// in its first records. No more than those are read.
+/// The library that wrote a file, and its run id; `None` if they are not in its first
+/// records. Reads nothing else.
 pub(crate) fn run_of<R: Read + Seek>(
     reader: &mut R,
 ) -> io::Result<Option<(String, BTreeMap<String, String>)>> {
-    /// A run is a few lines of keys and values.
+    /// The largest record of a run, bytes; it has a few keys and values.
     const SIZE_MAX: u64 = 1024 * 1024;
     let length = reader.seek(SeekFrom::End(0))?;
     reader.seek(SeekFrom::Start(0))?;

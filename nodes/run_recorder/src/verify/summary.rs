@@ -1,4 +1,4 @@
-//! The summary of a file: its indexes, its counts, and where they are.
+//! The summary of a file: its indexes, counts and offsets.
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -10,7 +10,7 @@ use mcap::records::{
 use super::Found;
 use crate::records::{FRAME, parse_body};
 
-/// What stands behind the data.
+/// The part of the file after the data.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
     /// Where it begins.
@@ -41,7 +41,7 @@ impl Summary {
         }
     }
 
-    /// What is wrong with the footer, whose checksum comes out as `calculated`.
+    /// What is wrong with the footer; its calculated checksum is `calculated`.
     pub(super) fn footer(&self, at: u64, footer: &Footer, calculated: u32) -> Vec<String> {
         let of_kind = |is: &dyn Fn(u8) -> bool| {
             self.groups.iter().find(|(kind, ..)| is(*kind)).map(|(_, start, _)| *start)
@@ -74,12 +74,12 @@ impl Summary {
         wrong
     }
 
-    /// How many messages there are to be.
+    /// The expected number of messages.
     pub(super) fn promised(&self) -> Option<u64> {
         self.statistics.first().map(|(_, statistics)| statistics.message_count)
     }
 
-    /// What is not as in the data, with the place of the record that says so.
+    /// Differences from the data, with the offset of the summary record.
     pub(super) fn compare(&self, found: &Found<'_>) -> Vec<(u64, String)> {
         let mut wrong = Vec::new();
         let Some((_, last, _)) = self.groups.last() else { return wrong };
@@ -118,19 +118,19 @@ impl Summary {
     }
 }
 
-/// Places where an index and what is there are not the same, each with the place of its record
-/// if it has one. An index that is left out altogether is not wrong.
+/// Entries where an index and the data differ, each with the offset of its record if it has
+/// one. An index that is missing altogether is not an error.
 fn compare_index<T: PartialEq + Debug>(
-    told: &[(u64, T)],
+    indexes: &[(u64, T)],
     there: &BTreeMap<u64, T>,
     place: impl Fn(&T) -> u64,
 ) -> Vec<(Option<u64>, u64)> {
-    if told.is_empty() {
+    if indexes.is_empty() {
         return Vec::new();
     }
     let mut wrong = Vec::new();
     let mut seen = BTreeMap::new();
-    for (at, index) in told {
+    for (at, index) in indexes {
         let twice = seen.insert(place(index), ()).is_some();
         if twice || there.get(&place(index)) != Some(index) {
             wrong.push((Some(*at), place(index)));
@@ -157,7 +157,7 @@ fn compare_statistics(told: &Statistics, found: &Found<'_>) -> Vec<String> {
     let mut wrong: Vec<String> = differs
         .map(|(what, told, found)| format!("the file says {told} {what}, and it has {found}"))
         .collect();
-    // Some writers do not count what has no messages.
+    // Some writers do not count channels without messages.
     let most = [
         ("topics", u64::from(told.channel_count), count(found.channel_count)),
         ("definitions", u64::from(told.schema_count), count(found.schema_count)),

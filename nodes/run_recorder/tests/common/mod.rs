@@ -1,4 +1,4 @@
-//! Bags of tests: two topics, readable definitions, a sink that can be looked at.
+//! Test bags: two topics, readable definitions, and a sink that can be inspected.
 
 #![allow(dead_code)]
 
@@ -71,7 +71,7 @@ pub(crate) fn point_message(sec: i32, xyz: [f64; 3]) -> Vec<u8> {
     data
 }
 
-/// A sink whose content can be looked at while it is written.
+/// A sink whose content can be inspected while it is written.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SharedSink(pub(crate) Arc<Mutex<Vec<u8>>>);
 
