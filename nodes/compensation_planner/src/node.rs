@@ -34,7 +34,7 @@ use report::uncut_to_wire;
 pub use report::{certify, manifest_of, report_of};
 use runtime::chunks::{ChunkTopic, Cut, page};
 use runtime::commands::{Answer, CommandLog};
-use runtime::{Client, Complaints, Declared, Handle, Publisher, Qos, RosTime};
+use runtime::{Client, Declared, Handle, Publisher, Qos, RosTime, WarningRateLimit};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -138,7 +138,7 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
     let shared = Arc::clone(&planner);
     let memory = node.memory_bytes_max();
     node.spawn("programmed contour", async move {
-        let mut complaints = Complaints::default();
+        let mut complaints = WarningRateLimit::default();
         loop {
             // Of several that waited only a loader's newest matters.
             for (manifest, info) in contours.newest_of_each().await {

@@ -132,8 +132,6 @@ pub use session::Session;
 pub use subscription::{SampleInfo, Subscription};
 pub use time::RosTime;
 pub use warning_rate_limit::WarningRateLimit;
-/// The former name of [`WarningRateLimit`], until all crates use the new one.
-pub use warning_rate_limit::WarningRateLimit as Complaints;
 pub use wire::{Gid, ServiceMapping};
 
 /// Whatever ends a node, for its log.

@@ -11,7 +11,7 @@ use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{GetPathChunks, GetPathChunksRequest};
 use runtime::chunks::pull;
-use runtime::{Client, Complaints, Handle, NodeError, Qos};
+use runtime::{Client, Handle, NodeError, Qos, WarningRateLimit};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Notify, oneshot};
@@ -144,7 +144,7 @@ impl Paths {
         let client = node.client::<GetPathChunks>("compensated_path/get_chunks")?;
         let shared = paths.clone();
         node.spawn("compensated path", async move {
-            let mut complaints = Complaints::default();
+            let mut complaints = WarningRateLimit::default();
             loop {
                 // Of several that waited only a planner's newest matters.
                 for (manifest, info) in manifests.newest_of_each().await {
@@ -187,7 +187,7 @@ impl Paths {
         let mut tables = node.subscription::<wire::ToolTable>("tool_table", Qos::LATCHED)?;
         let shared = paths.clone();
         node.spawn("tool table", async move {
-            let mut complaints = Complaints::default();
+            let mut complaints = WarningRateLimit::default();
             loop {
                 let (table, info) = tables.next().await;
                 match ToolTable::try_from(&table) {

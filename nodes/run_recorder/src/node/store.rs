@@ -82,7 +82,8 @@ impl Store {
         self.topics.len() - 1
     }
 
-    /// Takes a sample: into the bag if one is open, else into memory.
+    /// Takes a sample: into the bag if one is open, and into memory if late joiners would get it or
+    /// the next bag begins with it.
     pub(super) fn take(&mut self, open: Option<&mut OpenRun>, index: usize, sample: RawSample) {
         let mut kept = Kept::new(sample);
         let publisher = kept.publisher;

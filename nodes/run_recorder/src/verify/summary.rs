@@ -140,44 +140,45 @@ fn compare_index<T: PartialEq + Debug>(
     wrong
 }
 
-fn compare_statistics(told: &Statistics, found: &Found<'_>) -> Vec<String> {
+fn compare_statistics(stated: &Statistics, found: &Found<'_>) -> Vec<String> {
     let count = |count: usize| u64::try_from(count).unwrap_or(u64::MAX);
     let (start, end) = found.range_ns.unwrap_or((0, 0));
     let rows = [
-        ("chunks", told.chunk_count.into(), count(found.chunks.len())),
-        ("attachments", told.attachment_count.into(), count(found.attachments.len())),
-        ("metadata records", told.metadata_count.into(), count(found.metadata.len())),
+        ("chunks", stated.chunk_count.into(), count(found.chunks.len())),
+        ("attachments", stated.attachment_count.into(), count(found.attachments.len())),
+        ("metadata records", stated.metadata_count.into(), count(found.metadata.len())),
     ];
     let times = [
-        ("ns at its first message", told.message_start_time, start),
-        ("ns at its last message", told.message_end_time, end),
+        ("ns at its first message", stated.message_start_time, start),
+        ("ns at its last message", stated.message_end_time, end),
     ];
     let times = times.iter().filter(|_| found.is_counted);
-    let differs = rows.iter().chain(times).filter(|(_, told, found)| told != found);
+    let differs = rows.iter().chain(times).filter(|(_, stated, found)| stated != found);
     let mut wrong: Vec<String> = differs
-        .map(|(what, told, found)| format!("the file says {told} {what}, and it has {found}"))
+        .map(|(what, stated, found)| format!("the file says {stated} {what}, and it has {found}"))
         .collect();
     // Some writers do not count channels without messages.
     let most = [
-        ("topics", u64::from(told.channel_count), count(found.channel_count)),
-        ("definitions", u64::from(told.schema_count), count(found.schema_count)),
+        ("topics", u64::from(stated.channel_count), count(found.channel_count)),
+        ("definitions", u64::from(stated.schema_count), count(found.schema_count)),
     ];
-    let differs = most.iter().filter(|(_, told, found)| told > found);
+    let differs = most.iter().filter(|(_, stated, found)| stated > found);
     wrong.extend(
-        differs
-            .map(|(what, told, found)| format!("the file says {told} {what}, and it has {found}")),
+        differs.map(|(what, stated, found)| {
+            format!("the file says {stated} {what}, and it has {found}")
+        }),
     );
     if !found.is_counted {
         return wrong;
     }
-    let channels = told.channel_message_counts.keys().chain(found.counts.keys());
+    let channels = stated.channel_message_counts.keys().chain(found.counts.keys());
     let channels: std::collections::BTreeSet<_> = channels.collect();
     for channel in channels {
         let of = |counts: &BTreeMap<u16, u64>| counts.get(channel).copied().unwrap_or(0);
-        let (told, found) = (of(&told.channel_message_counts), of(found.counts));
-        if told != found {
+        let (stated, found) = (of(&stated.channel_message_counts), of(found.counts));
+        if stated != found {
             wrong.push(format!(
-                "the file says {told} messages of channel {channel}, and it has {found}"
+                "the file says {stated} messages of channel {channel}, and it has {found}"
             ));
         }
     }
