@@ -10,7 +10,7 @@ use crate::tolerance::LENGTH_MM;
 use cnc_msgs::contour::{Action, CutterSide, Motion, MotionClass, Source};
 use cnc_msgs::geometry::{self, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// What an element has beside its geometry.
 #[derive(Debug, Clone, Copy)]
@@ -127,14 +127,25 @@ impl Emitter {
             clockwise: arc.turn < 0.0,
             turns: turns as u16,
         });
-        self.push(shape, in_work(plane, point, end_height), label);
+        let end = in_work(plane, point, end_height);
+        // Most of a circle ends near its start, and goes a long way.
+        let stays = sweep < PI && self.stays_at(end);
+        self.push_unless(stays && turns <= 0.0, shape, end, label);
     }
 
     fn push(&mut self, shape: Shape, end: Position, label: Label) {
-        let moves = (0..3).map(|axis| (end[axis] - self.position[axis]).abs());
-        let stays = moves.fold(0.0, f64::max) <= LENGTH_MM;
         let turns_around = matches!(shape, Shape::Arc(arc) if arc.turns > 0);
-        if stays && !turns_around {
+        self.push_unless(self.stays_at(end) && !turns_around, shape, end, label);
+    }
+
+    fn stays_at(&self, end: Position) -> bool {
+        let moves = (0..3).map(|axis| (end[axis] - self.position[axis]).abs());
+        moves.fold(0.0, f64::max) <= LENGTH_MM
+    }
+
+    /// Puts an element out, unless it goes nowhere and says nothing.
+    fn push_unless(&mut self, stays: bool, shape: Shape, end: Position, label: Label) {
+        if stays {
             let is_programmed = matches!(label.role, Role::None | Role::OffPlane);
             let says_nothing = !is_programmed || label.axes.without(self.told).is_empty();
             if says_nothing {
