@@ -21,15 +21,19 @@ pub(super) fn is_corner_of_curves(
     d_mm: f64,
 ) -> bool {
     let mut points: Vec<Point> = Vec::new();
+    // Where the first leg ends and the last begins: the corner is there or between.
+    let (mut first_end, mut last_start) = (0, 0);
     let mut legs = legs.peekable();
     while let Some(leg) = legs.next() {
         // An arc between both is a feature, if it is more than a chord.
         if !points.is_empty() && legs.peek().is_some() && leg.bulge() > CHORD_MM {
             return false;
         }
-        if points.is_empty() {
+        let is_first = points.is_empty();
+        if is_first {
             points.push(leg.from);
         }
+        last_start = points.len() - 1;
         let steps = leg.round.map_or(1.0, |round| {
             // As fine as chords of a curve are.
             let step = (CHORD_TURN_RAD / 1.5).min((2.0 * CHORD_MM / round.radius).sqrt());
@@ -38,11 +42,13 @@ pub(super) fn is_corner_of_curves(
         let length = leg.length() / f64::from(steps);
         points.extend((1..steps).map(|step| leg.at(length * f64::from(step))));
         points.push(leg.to);
+        if is_first {
+            first_end = points.len() - 1;
+        }
     }
     let from_joint = |point: &Point| (point - joint).norm();
     // The corner is what the tool is farthest from, between the two that it touches.
-    let between = 1..points.len().saturating_sub(1);
-    let corner = between.max_by(|&a, &b| from_joint(&points[a]).total_cmp(&from_joint(&points[b])));
+    let corner = (first_end..=last_start).max_by(|&a, &b| from_joint(&points[a]).total_cmp(&from_joint(&points[b])));
     let Some(corner) = corner else { return false };
     let before = thinned(points[..=corner].iter().rev().copied());
     let after = thinned(points[corner..].iter().copied());
