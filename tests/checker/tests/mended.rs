@@ -40,6 +40,23 @@ const MENDED: &[(&str, &[u64], bool)] = &[
     ("an arc that leads away, and ends on a wall", &[72062], false),
     ("a short arc hardly smaller than the tool, at the end of a contour", &[903_241], false),
     ("a ring with one block that is rounded otherwise", &[769_097], true),
+    (
+        "a circle whose ends are a micrometre apart, taken for a move that goes nowhere",
+        &[
+            32483, 164_746, 185_969, 205_139, 247_988, 260_675, 308_459, 500_300, 507_524, 556_938,
+            705_155, 824_318,
+        ],
+        true,
+    ),
+    (
+        "a corner of two curves that the audit looked for at the far end of one of them",
+        &[
+            38192, 81637, 81739, 130_679, 154_470, 200_938, 247_782, 336_193, 348_256, 389_694,
+            415_353, 441_341, 484_633, 514_785, 533_186, 553_900, 586_128, 661_487, 664_698,
+            748_411, 749_523, 752_703, 817_494, 838_422, 881_855, 909_946, 925_177, 966_320,
+        ],
+        true,
+    ),
 ];
 
 #[test]

@@ -48,7 +48,8 @@ pub(super) fn is_corner_of_curves(
     }
     let from_joint = |point: &Point| (point - joint).norm();
     // The corner is what the tool is farthest from, between the two that it touches.
-    let corner = (first_end..=last_start).max_by(|&a, &b| from_joint(&points[a]).total_cmp(&from_joint(&points[b])));
+    let corner = (first_end..=last_start)
+        .max_by(|&a, &b| from_joint(&points[a]).total_cmp(&from_joint(&points[b])));
     let Some(corner) = corner else { return false };
     let before = thinned(points[..=corner].iter().rev().copied());
     let after = thinned(points[corner..].iter().copied());
