@@ -399,8 +399,15 @@ impl Check<'_> {
             off if off <= PLACE_MM => 0.0,
             off => (off + MERGE_MM) as f32,
         };
+        // A lead that joins the contour as a corner may take away its first or last blocks; the
+        // planner says so.
+        let is_at_lead = left_out.start == self.span.legs.start && from.follow.is_none()
+            || left_out.end == self.span.legs.end && to.follow.is_none();
+        let first = way.program.source(self.legs[left_out.start]);
+        let is_skipped = is_lost && is_at_lead && report.is_known_uncut(first, worst.0);
         // What is trimmed away bounds the tool as before, to the very radius.
-        let is_trimmed = is_lost && report.profile.interference.react == Reaction::Trim;
+        let is_trimmed =
+            is_skipped || is_lost && report.profile.interference.react == Reaction::Trim;
         let slack = if is_lost { 0.0 } else { slack };
         for index in left_out.clone() {
             let block = &mut way.program.blocks[self.legs[index] as usize];
@@ -411,7 +418,7 @@ impl Check<'_> {
             let block = &mut way.program.blocks[follow.block as usize];
             block.slack_mm = block.slack_mm.max(slack);
         }
-        if is_lost {
+        if is_lost && !is_skipped {
             let source = |index: usize| way.program.source(self.legs[index]);
             let other = if worst.1 == left_out.start { left_out.end - 1 } else { left_out.start };
             let sources = (source(worst.1), source(other));

@@ -74,6 +74,17 @@ impl<'a> Report<'a> {
         self.push(finding);
     }
 
+    /// Whether the planner has warned that a lead skips this block, with no less that stays of it
+    /// than the audit finds, mm.
+    pub(super) fn is_known_uncut(&self, source: Source, off_mm: f64) -> bool {
+        self.said.iter().any(|said| {
+            let line = said.other.map_or(said.source.line, |other| other.line);
+            said.code == Code::Uncut
+                && line == source.line
+                && said.available_mm.is_some_and(|stays_mm| stays_mm >= off_mm)
+        })
+    }
+
     pub(super) fn is_full(&self) -> bool {
         self.is_cut_off
     }

@@ -30,21 +30,25 @@ pub(super) fn is_corner_of_curves(
             return false;
         }
         let is_first = points.is_empty();
-        if is_first {
-            points.push(leg.from);
-        }
-        last_start = points.len() - 1;
         let steps = leg.round.map_or(1.0, |round| {
             // As fine as chords of a curve are.
             let step = (CHORD_TURN_RAD / 1.5).min((2.0 * CHORD_MM / round.radius).sqrt());
             (round.sweep.abs() / step).ceil().clamp(1.0, STEPS_MAX)
         }) as u32;
         let length = leg.length() / f64::from(steps);
+        // Of the first and the last only how they come to the corner counts.
+        if is_first {
+            points.extend([leg.at(length * f64::from(steps - 1)), leg.to]);
+            first_end = 1;
+            continue;
+        }
+        last_start = points.len() - 1;
+        if legs.peek().is_none() {
+            points.push(leg.at(length));
+            continue;
+        }
         points.extend((1..steps).map(|step| leg.at(length * f64::from(step))));
         points.push(leg.to);
-        if is_first {
-            first_end = points.len() - 1;
-        }
     }
     let from_joint = |point: &Point| (point - joint).norm();
     // The corner is what the tool is farthest from, between the two that it touches.
