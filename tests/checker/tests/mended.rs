@@ -57,6 +57,16 @@ const MENDED: &[(&str, &[u64], bool)] = &[
         ],
         true,
     ),
+    (
+        "a first line that a joined lead takes away with a warning, left out for the audit",
+        &[84198, 273_726, 423_870, 679_938, 771_780, 894_462, 900_294, 955_818],
+        true,
+    ),
+    (
+        "an arc of a small radius at a sharp corner, no curve for the audit",
+        &[235_163, 246_106, 372_190, 488_192, 535_550, 579_880, 780_887, 960_249],
+        true,
+    ),
 ];
 
 #[test]
