@@ -1,6 +1,7 @@
 //! What the workspace tests share: where things are, the rows of the manuals,
-//! and a driver on a line with a controller.
+//! a driver on a line with a controller, and the order of a crate's folders.
 
+pub mod layers;
 pub mod line;
 pub mod plain;
 pub mod rows;

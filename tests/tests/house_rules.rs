@@ -1,6 +1,13 @@
 //! Rules that a compiler does not check.
 
+use kerf_tests::layers::upward_imports;
 use kerf_tests::{files, root};
+
+/// Crates with folders in an order: each folder imports only those before it.
+const LAYERS: [(&str, &[&str]); 1] = [(
+    "nodes/runtime/src",
+    &["process", "parameters", "command_line", "rustdds", "endpoints", "managed"],
+)];
 
 #[test]
 fn every_file_says_first_what_it_knows() {
@@ -96,5 +103,46 @@ fn nothing_is_named_an_emergency_stop() {
                 assert!(!text.contains(word) && !name.contains(word), "{word} in {name}");
             }
         }
+    }
+}
+
+#[test]
+fn a_folder_imports_only_the_folders_before_it() {
+    for (src, order) in LAYERS {
+        let wrong = upward_imports(&root().join(src), order);
+        assert!(wrong.is_empty(), "{src}, in the order {order:?}: {wrong:#?}");
+    }
+}
+
+#[test]
+fn an_import_of_a_later_folder_is_found() {
+    let seeds = [
+        ("a/x.rs", "use crate::b::y::Y;", "crate::b"),
+        ("a/mod.rs", "//! A.\nuse crate::{a::x, b::{y, z}};", "crate::b"),
+        ("a/x.rs", "fn f() {\n    crate::root::run();\n}", "crate::root"),
+        ("a/x.rs", "use super::super::b::y;", "super::super::b"),
+        ("a/x.rs", "mod tests {\n    use super::super::super::b::y;\n}", "super::super::super"),
+        ("c/mod.rs", "//! C.", "c/ has no place"),
+        ("b/mod.rs", "mod y;", "b/ does not say"),
+    ];
+    for (file, text, expected) in seeds {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |file: &str, text: &str| {
+            let path = folder.path().join(file);
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+            std::fs::write(path, text).expect("written");
+        };
+        write("a/mod.rs", "//! A.\nmod x;");
+        write("a/x.rs", "//! Not [`crate::b`].\nmod tests {\n    use super::super::a;\n}");
+        write("b/mod.rs", "//! B.\nmod y;");
+        write("b/y.rs", "use crate::{a::x::X, b};\nuse super::super::a::x;");
+        write("root.rs", "use crate::b;");
+        let order = ["a", "b"];
+        assert_eq!(upward_imports(folder.path(), &order), ["b/y.rs: use super::super::a::x;"]);
+        write("b/y.rs", "use crate::{a::x::X, b};");
+        assert!(upward_imports(folder.path(), &order).is_empty());
+        write(file, text);
+        let found = upward_imports(folder.path(), &order);
+        assert!(found.iter().any(|it| it.contains(expected)), "{file}, {text}: {found:?}");
     }
 }

@@ -1,7 +1,7 @@
 //! A short-lived node for a command that calls services and exits.
 
-use crate::configuration::{Configuration, ConfigurationError};
-use crate::node::NodeError;
+use crate::command_line::configuration::{Configuration, ConfigurationError};
+use crate::endpoints::error::NodeError;
 use crate::session::Session;
 
 /// Why there is no such node.

@@ -11,15 +11,18 @@
 //! Exit status: 0 success, 1 failure, 2 wrong arguments, environment or files, 70 deaf,
 //! 71 too much memory, 101 panic, 130 second signal.
 
-use crate::configuration::Configuration;
-use crate::dds_watch::EndOfProcess;
-use crate::lifecycle::{self, Managed};
-use crate::memory_bound::{self, MemoryBound};
-use crate::node::Handle;
-use crate::panic_guard::end_on_panic;
+use crate::command_line::configuration::Configuration;
+use crate::endpoints::node::Handle;
+use crate::managed::lifecycle::{self, Managed};
+use crate::parameters::common::{MEMORY_MB_MAX, autostart, memory_mb_max};
 use crate::parameters::{Declared, ParameterValue};
+use crate::process::console::write;
+use crate::process::panic_guard::end_on_panic;
+use crate::process::shutdown::Error;
+use crate::process::supervision::Notifier;
+use crate::rustdds::dds_watch::EndOfProcess;
+use crate::rustdds::memory_bound::MemoryBound;
 use crate::session::Session;
-use crate::supervision::Notifier;
 use futures::FutureExt;
 use intake::text::lines;
 use std::fmt::Display;
@@ -74,7 +77,7 @@ where
         .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
         .collect();
     let mut declared = declared;
-    declared.push(memory_bound::declared());
+    declared.push(memory_mb_max());
     let configuration = match Configuration::read(name, declared, words, &variables) {
         Ok(configuration) => configuration,
         Err(error) => {
@@ -117,9 +120,9 @@ pub fn run_managed<M, F, Fut>(
 where
     M: Managed,
     F: FnOnce(Handle) -> Fut,
-    Fut: Future<Output = Result<M, crate::Error>>,
+    Fut: Future<Output = Result<M, Error>>,
 {
-    declared.push(lifecycle::autostart());
+    declared.push(autostart());
     run_with(name, declared, words, |node| async move {
         let managed = start(node.clone()).await?;
         lifecycle::live(&node, managed).await
@@ -139,7 +142,7 @@ where
     for warning in &configuration.warnings {
         tracing::warn!("{warning}");
     }
-    let memory = match configuration.parameters.get(memory_bound::PARAMETER) {
+    let memory = match configuration.parameters.get(MEMORY_MB_MAX) {
         Some(ParameterValue::Integer(megabytes)) => MemoryBound::of(*megabytes),
         _ => MemoryBound::usual(),
     };
@@ -224,5 +227,5 @@ fn obey_signals(handle: &Handle) -> std::io::Result<()> {
 /// Writes an error to the console, before there is a log.
 pub fn complain(name: &str, error: &dyn Display) {
     let text = format!("{name}: {error}\n");
-    crate::console::write(&lines(&text));
+    write(&lines(&text));
 }

@@ -3,24 +3,26 @@
 //! More than one node on a participant would steal each other's events. What
 //! the node does meanwhile is in `node`; signals and exit status are in `run`.
 
-use crate::cancel::Shutdown;
-use crate::configuration::Configuration;
-use crate::dds_threads::{DdsThreads, dds_threads};
-use crate::dds_watch::{DdsWatch, EndOfProcess};
-use crate::endpoint_rate_limit::EndpointRateLimit;
-use crate::environment::{DiscoveryRange, Environment};
-use crate::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
-use crate::live_parameters::LiveParameters;
-use crate::logger_services;
-use crate::memory_bound::MemoryBound;
-use crate::node::{Handle, Inner, NodeError, failed, lock};
-use crate::parameter_services::serve;
+use crate::command_line::configuration::Configuration;
+use crate::command_line::environment::{DiscoveryRange, Environment};
+use crate::endpoints::error::{NodeError, failed};
+use crate::endpoints::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
+use crate::endpoints::node::{Handle, Inner};
+use crate::endpoints::qos::Qos;
+use crate::managed::logger_services;
+use crate::managed::parameter_services::serve;
+use crate::managed::type_description;
 use crate::parameters::USE_SIM_TIME;
-use crate::publisher::LastWords;
-use crate::qos::Qos;
-use crate::sockets::{confine_since, open_sockets};
-use crate::supervision::Notifier;
-use crate::type_description;
+use crate::parameters::live::LiveParameters;
+use crate::process::lock;
+use crate::process::shutdown::Shutdown;
+use crate::process::supervision::Notifier;
+use crate::rustdds::dds_threads::{DdsThreads, dds_threads};
+use crate::rustdds::dds_watch::{DdsWatch, EndOfProcess};
+use crate::rustdds::endpoint_rate_limit::EndpointRateLimit;
+use crate::rustdds::last_words::LastWords;
+use crate::rustdds::memory_bound::MemoryBound;
+use crate::rustdds::sockets::{confine_since, open_sockets};
 use ros2_client::{Context, NodeName, NodeOptions};
 use rustdds::{DomainParticipant, DomainParticipantBuilder};
 use std::net::Ipv4Addr;
@@ -87,7 +89,7 @@ impl Session {
             .create_publisher(&Qos::SERVICES.policies())
             .map_err(|error| failed("the DDS publisher", &error))?;
         let shutdown = Shutdown::new();
-        let last_words = LastWords { shutdown: shutdown.clone(), publishers: Arc::default() };
+        let last_words = LastWords::new(shutdown.clone());
         let inner = Inner {
             configuration: again,
             names,
@@ -165,7 +167,7 @@ impl Session {
             tracing::warn!("a task does not end; the node stops without it");
         }
         tokio::time::sleep(Duration::from_millis(500)).await;
-        lock(&inner.last_words.publishers).clear();
+        inner.last_words.clear();
         drop(self.watch);
         drop(lock(&inner.node).take());
         drop(self.context);

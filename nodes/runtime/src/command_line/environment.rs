@@ -1,0 +1,276 @@
+//! The ROS network settings in the environment.
+//!
+//! Pure: reads a map of variables, not the process. Knows the variables of
+//! ROS 2 Jazzy and how this stack handles each.
+
+use crate::command_line::security::SecurityRequest;
+use std::collections::BTreeMap;
+
+/// How the identity of a request travels on the wire; all peers must agree.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ServiceMapping {
+    /// In the protocol's own fields, as `rmw_fastrtps_cpp` does.
+    Enhanced,
+    /// In 16 bytes before the payload, as `rmw_cyclonedds_cpp` does.
+    Cyclone,
+}
+
+/// The network interfaces that the node uses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DiscoveryRange {
+    /// 127.0.0.1 alone: our default, because whoever can reach the node can
+    /// move the machine. The node announces itself nowhere else, and its
+    /// sockets are bound to the loopback interface (see `sockets`).
+    Localhost,
+    /// All interfaces with multicast.
+    Subnet,
+    /// As localhost, but peers are not looked for: the node is alone.
+    Off,
+}
+
+/// What was found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Environment {
+    /// The DDS domain, 0 to 232.
+    pub domain_id: u16,
+    pub range: DiscoveryRange,
+    pub mapping: ServiceMapping,
+    /// Who may talk to the node; none: every peer in reach.
+    pub security: Option<SecurityRequest>,
+    /// What was understood but is not done; for the log.
+    pub warnings: Vec<String>,
+}
+
+/// A variable with an invalid or unsupported value.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{variable}=\"{value}\": {reason}")]
+pub struct EnvironmentError {
+    pub variable: &'static str,
+    pub value: String,
+    pub reason: String,
+}
+
+impl Default for Environment {
+    fn default() -> Self {
+        Self {
+            domain_id: 0,
+            range: DiscoveryRange::Localhost,
+            mapping: ServiceMapping::Enhanced,
+            security: None,
+            warnings: Vec::new(),
+        }
+    }
+}
+
+impl Environment {
+    /// Whether service answers may be longer than one network packet (1.4 kB on Ethernet).
+    ///
+    /// With rmw_fastrtps_cpp the identity of the request precedes the payload, and RustDDS
+    /// corrupts it when it fragments a message; the loopback interface does not fragment.
+    /// With rmw_cyclonedds_cpp the identity is in the payload.
+    pub fn keeps_long_replies(&self) -> bool {
+        self.range != DiscoveryRange::Subnet || self.mapping == ServiceMapping::Cyclone
+    }
+
+    /// Reads the variables; an empty value counts as none, as it does in ROS 2.
+    ///
+    /// # Errors
+    /// A value is invalid or not supported.
+    pub fn read(variables: &BTreeMap<String, String>) -> Result<Self, EnvironmentError> {
+        let get = |name: &str| {
+            variables.get(name).map(|value| value.trim()).filter(|value| !value.is_empty())
+        };
+        let refuse = |variable, value: &str, reason: &str| EnvironmentError {
+            variable,
+            value: value.to_owned(),
+            reason: reason.to_owned(),
+        };
+        let mut found = Self::default();
+
+        if let Some(value) = get("ROS_DOMAIN_ID") {
+            let id = value.parse::<u16>().ok().filter(|id| *id <= 232);
+            found.domain_id = id.ok_or_else(|| {
+                refuse("ROS_DOMAIN_ID", value, "a whole number from 0 to 232 is needed")
+            })?;
+            if (102..=214).contains(&found.domain_id) {
+                found.warnings.push(format!(
+                    "ROS_DOMAIN_ID={value}: the ports of domains 102 to 214 are ephemeral ports \
+                     of Linux and may be taken"
+                ));
+            }
+        }
+
+        if let Some(value) = get("ROS_AUTOMATIC_DISCOVERY_RANGE") {
+            found.range = match value {
+                "LOCALHOST" | "SYSTEM_DEFAULT" => DiscoveryRange::Localhost,
+                "SUBNET" => DiscoveryRange::Subnet,
+                "OFF" => DiscoveryRange::Off,
+                _ => {
+                    return Err(refuse(
+                        "ROS_AUTOMATIC_DISCOVERY_RANGE",
+                        value,
+                        "one of LOCALHOST (our default), SUBNET, OFF, SYSTEM_DEFAULT is needed",
+                    ));
+                }
+            };
+        }
+        // The older variable wins where it is more restrictive, as in ROS 2.
+        match get("ROS_LOCALHOST_ONLY") {
+            None | Some("0") => {}
+            Some("1") => {
+                if found.range == DiscoveryRange::Subnet {
+                    found.warnings.push(
+                        "ROS_LOCALHOST_ONLY=1 overrides ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
+                            .to_owned(),
+                    );
+                    found.range = DiscoveryRange::Localhost;
+                }
+            }
+            Some(value) => return Err(refuse("ROS_LOCALHOST_ONLY", value, "0 or 1 is needed")),
+        }
+
+        if let Some(value) = get("ROS_STATIC_PEERS") {
+            return Err(refuse(
+                "ROS_STATIC_PEERS",
+                value,
+                "peers by address are not supported; unset it, and use \
+                 ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET on a network with multicast",
+            ));
+        }
+
+        match get("RMW_IMPLEMENTATION") {
+            None | Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp") => {}
+            Some("rmw_cyclonedds_cpp") => found.mapping = ServiceMapping::Cyclone,
+            Some(value) => {
+                return Err(refuse(
+                    "RMW_IMPLEMENTATION",
+                    value,
+                    "services would be misread; rmw_fastrtps_cpp (our default) and \
+                     rmw_cyclonedds_cpp are supported",
+                ));
+            }
+        }
+
+        if !found.keeps_long_replies() {
+            found.warnings.push(
+                "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET under rmw_fastrtps_cpp: answers longer than \
+                 1.2 kB, and so programs and paths, do not reach other nodes; set \
+                 RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all of them"
+                    .to_owned(),
+            );
+        }
+
+        if get("ROS_SECURITY_ENABLE").is_some_and(|value| value.eq_ignore_ascii_case("true")) {
+            let is_enforced = match get("ROS_SECURITY_STRATEGY") {
+                None | Some("Permissive") => false,
+                Some("Enforce") => true,
+                Some(value) => {
+                    let reason = "Enforce or Permissive is needed";
+                    return Err(refuse("ROS_SECURITY_STRATEGY", value, reason));
+                }
+            };
+            let Some(keystore) = get("ROS_SECURITY_KEYSTORE") else {
+                let reason = "ROS_SECURITY_KEYSTORE has to say where the keystore is";
+                return Err(refuse("ROS_SECURITY_ENABLE", "true", reason));
+            };
+            let enclave = get("ROS_SECURITY_ENCLAVE_OVERRIDE").map(str::to_owned);
+            found.security =
+                Some(SecurityRequest { keystore: keystore.into(), is_enforced, enclave });
+        }
+        Ok(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(variables: &[(&str, &str)]) -> Result<Environment, EnvironmentError> {
+        let map = variables.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+        Environment::read(&map)
+    }
+
+    #[test]
+    fn without_variables_only_this_computer_is_reached_in_domain_0() {
+        assert_eq!(read(&[]), Ok(Environment::default()));
+        assert_eq!(read(&[("ROS_DOMAIN_ID", ""), ("RMW_IMPLEMENTATION", " ")]), read(&[]));
+    }
+
+    #[test]
+    fn domains_go_from_0_to_232() {
+        for (value, id) in [("0", 0), ("42", 42), ("232", 232), (" 7 ", 7)] {
+            assert_eq!(read(&[("ROS_DOMAIN_ID", value)]).expect(value).domain_id, id);
+        }
+        assert_eq!(read(&[("ROS_DOMAIN_ID", "150")]).expect("valid").warnings.len(), 1);
+        for value in ["233", "-1", "1.5", "0x10", "seven", "99999999999999999999"] {
+            let error = read(&[("ROS_DOMAIN_ID", value)]).expect_err(value);
+            assert!(error.to_string().contains("0 to 232"), "{error}");
+        }
+    }
+
+    #[test]
+    fn the_range_of_discovery_is_the_smaller_of_both_variables() {
+        use DiscoveryRange::{Localhost, Off, Subnet};
+        let table = [
+            ("SUBNET", "", Subnet),
+            ("SUBNET", "0", Subnet),
+            ("SUBNET", "1", Localhost),
+            ("LOCALHOST", "0", Localhost),
+            ("SYSTEM_DEFAULT", "", Localhost),
+            ("OFF", "1", Off),
+            ("", "1", Localhost),
+        ];
+        for (range, only, expected) in table {
+            let variables =
+                [("ROS_AUTOMATIC_DISCOVERY_RANGE", range), ("ROS_LOCALHOST_ONLY", only)];
+            assert_eq!(read(&variables).expect(range).range, expected, "{range} {only}");
+        }
+        assert!(read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "subnet")]).is_err());
+        assert!(read(&[("ROS_LOCALHOST_ONLY", "yes")]).is_err());
+    }
+
+    #[test]
+    fn the_service_mapping_follows_the_middleware_of_the_peers() {
+        let mapping =
+            |value| read(&[("RMW_IMPLEMENTATION", value)]).map(|environment| environment.mapping);
+        assert_eq!(mapping("rmw_fastrtps_cpp"), Ok(ServiceMapping::Enhanced));
+        assert_eq!(mapping("rmw_cyclonedds_cpp"), Ok(ServiceMapping::Cyclone));
+        assert!(mapping("rmw_zenoh_cpp").is_err());
+    }
+
+    #[test]
+    fn under_fastrtps_long_answers_stay_on_this_computer_with_a_warning() {
+        let warns = |range, rmw| {
+            let found =
+                read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", range), ("RMW_IMPLEMENTATION", rmw)]);
+            let found = found.expect("valid");
+            assert_eq!(found.warnings.is_empty(), found.keeps_long_replies());
+            found.keeps_long_replies()
+        };
+        assert!(warns("LOCALHOST", "rmw_fastrtps_cpp") && warns("SUBNET", "rmw_cyclonedds_cpp"));
+        assert!(!warns("SUBNET", "rmw_fastrtps_cpp") && !warns("SUBNET", ""));
+    }
+
+    #[test]
+    fn what_cannot_be_done_is_refused_not_ignored() {
+        assert!(read(&[("ROS_STATIC_PEERS", "10.0.0.1")]).is_err());
+    }
+
+    #[test]
+    fn security_is_asked_for_as_in_ros() {
+        let asked = |more: &[(&str, &str)]| {
+            let keystore = ("ROS_SECURITY_KEYSTORE", "/keys");
+            let variables = [&[("ROS_SECURITY_ENABLE", "true"), keystore], more].concat();
+            read(&variables).map(|environment| environment.security.expect("it was asked for"))
+        };
+        let enforced = ("ROS_SECURITY_STRATEGY", "Enforce");
+        assert!(!asked(&[]).expect("valid").is_enforced);
+        assert!(asked(&[enforced]).expect("valid").is_enforced);
+        assert!(asked(&[("ROS_SECURITY_STRATEGY", "enforce")]).is_err());
+        let overridden = asked(&[("ROS_SECURITY_ENCLAVE_OVERRIDE", "/mill")]).expect("valid");
+        assert_eq!(overridden.enclave.as_deref(), Some("/mill"));
+        assert!(read(&[("ROS_SECURITY_ENABLE", "true")]).is_err());
+        assert_eq!(read(&[("ROS_SECURITY_ENABLE", "false")]), read(&[]));
+        assert_eq!(read(&[("ROS_SECURITY_KEYSTORE", "/keys")]), read(&[]));
+    }
+}

@@ -1,0 +1,280 @@
+//! Service clients.
+//!
+//! One task receives all replies and passes each to its call, so that any number of calls
+//! may wait at once. A call first waits for a server, and a little longer than the match
+//! takes on this side: a server that has not yet matched this client loses the request.
+
+use crate::command_line::environment::ServiceMapping;
+use crate::endpoints::graph::Graph;
+use crate::endpoints::subscription::Reader;
+use crate::endpoints::wire::{CycloneHeader, Framed, Gid};
+use crate::rustdds::padded::Padded;
+use cnc_msgs::interface::Service;
+use rustdds::no_key::DataWriterCdr;
+use rustdds::{Timestamp, WriteOptionsBuilder};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::oneshot;
+
+/// How long a call waits for a server to appear.
+pub const SERVER_WITHIN: Duration = Duration::from_secs(5);
+/// How long [`Client::call`] waits for the answer.
+pub const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+/// How long a server needs to match the client (a Cyclone server lost 5 of 5 requests
+/// without this wait, none with it).
+const SETTLE: Duration = Duration::from_millis(100);
+/// After this long an idempotent request is sent again.
+const RESEND_AFTER: Duration = Duration::from_secs(1);
+
+/// The two endpoints of a client.
+pub(crate) struct Endpoints<In, Out: Serialize> {
+    pub(crate) name: String,
+    pub(crate) reader: Reader<In>,
+    pub(crate) writer: DataWriterCdr<Padded<Framed<Out>>>,
+}
+
+/// Why there is no answer.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum CallError {
+    /// There is no server.
+    #[error(
+        "no such node answered within {} s: nobody offers {service} \
+         (is the node running, in this ROS_DOMAIN_ID and namespace?)", waited.as_secs_f64()
+    )]
+    NoServer { service: String, waited: Duration },
+    /// There is a server, but it did not answer.
+    #[error(
+        "{service} did not answer within {} s (is the node alive, and its RMW_IMPLEMENTATION \
+         the same?)", waited.as_secs_f64()
+    )]
+    NoAnswer { service: String, waited: Duration },
+    /// The request could not be sent.
+    #[error("the request to {service} was not sent: {reason}")]
+    NotSent { service: String, reason: String },
+}
+
+/// A client of a service; clones share the endpoint, calls may overlap.
+pub struct Client<S: Service> {
+    shared: Arc<Shared<S>>,
+}
+
+struct Shared<S: Service> {
+    name: String,
+    mapping: ServiceMapping,
+    graph: Arc<Graph>,
+    /// The request writer and the reply reader.
+    endpoints: [Gid; 2],
+    calls: Mutex<Calls<S>>,
+}
+
+/// A response and the endpoint that sent it.
+type Answer<S> = (<S as Service>::Response, Gid);
+
+struct Calls<S: Service> {
+    writer: DataWriterCdr<Padded<Framed<S::Request>>>,
+    /// The last sequence number, in the mapping where we number requests.
+    sequence: i64,
+    waiting: BTreeMap<i64, oneshot::Sender<Answer<S>>>,
+}
+
+impl<S: Service> Clone for Client<S> {
+    fn clone(&self) -> Self {
+        Self { shared: Arc::clone(&self.shared) }
+    }
+}
+
+impl<S: Service> std::fmt::Debug for Client<S> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Client").field("service", &self.shared.name).finish_non_exhaustive()
+    }
+}
+
+impl<S: Service + 'static> Client<S> {
+    /// The client and the task that takes in its replies.
+    pub(crate) fn new(
+        endpoints: Endpoints<S::Response, S::Request>,
+        mapping: ServiceMapping,
+        graph: Arc<Graph>,
+    ) -> (Self, impl Future<Output = ()> + Send + 'static) {
+        let Endpoints { name, reader, writer } = endpoints;
+        let gid = Gid::from(rustdds::RTPSEntity::guid(&writer));
+        let shared = Arc::new(Shared {
+            name,
+            mapping,
+            graph,
+            endpoints: [gid, reader.gid()],
+            calls: Mutex::new(Calls { writer, sequence: 0, waiting: BTreeMap::new() }),
+        });
+        (Self { shared: Arc::clone(&shared) }, dispatch(shared, reader))
+    }
+
+    /// Asks once, and waits up to [`SERVER_WITHIN`] for a server and then up
+    /// to [`ANSWER_WITHIN`] for its answer.
+    ///
+    /// # Errors
+    /// See [`CallError`].
+    pub async fn call(&self, request: S::Request) -> Result<S::Response, CallError> {
+        self.call_within(request, ANSWER_WITHIN).await
+    }
+
+    /// As [`Self::call`], with another time limit for the answer.
+    ///
+    /// # Errors
+    /// See [`CallError`].
+    pub async fn call_within(
+        &self,
+        request: S::Request,
+        answer_within: Duration,
+    ) -> Result<S::Response, CallError> {
+        if !self.wait_for_server(SERVER_WITHIN).await {
+            return Err(self.no_server(SERVER_WITHIN));
+        }
+        let (sequence, answer) = self.send(request)?;
+        let _forget = Forget { shared: &self.shared, sequences: vec![sequence] };
+        match tokio::time::timeout(answer_within, answer).await {
+            Ok(Ok((response, _))) => Ok(response),
+            _ => Err(self.no_answer(answer_within)),
+        }
+    }
+
+    /// Repeats the request every second until an answer comes; only for idempotent requests.
+    ///
+    /// # Errors
+    /// See [`CallError`].
+    pub async fn call_idempotent(
+        &self,
+        request: &S::Request,
+        answer_within: Duration,
+    ) -> Result<S::Response, CallError> {
+        self.call_for_server(request, answer_within).await.map(|(response, _)| response)
+    }
+
+    /// As [`Self::call_idempotent`]; also returns which endpoint answered.
+    ///
+    /// # Errors
+    /// See [`CallError`].
+    pub async fn call_for_server(
+        &self,
+        request: &S::Request,
+        answer_within: Duration,
+    ) -> Result<Answer<S>, CallError> {
+        self.call_again(request, answer_within, |_| RESEND_AFTER).await
+    }
+
+    /// Repeats the request after the time that `resend_after` returns for the number of
+    /// requests so far.
+    pub(crate) async fn call_again(
+        &self,
+        request: &S::Request,
+        answer_within: Duration,
+        resend_after: impl Fn(usize) -> Duration,
+    ) -> Result<Answer<S>, CallError> {
+        let start = Instant::now();
+        let mut forget = Forget { shared: &self.shared, sequences: Vec::new() };
+        let mut answers = Vec::new();
+        if !self.wait_for_server(answer_within.min(SERVER_WITHIN)).await {
+            return Err(self.no_server(answer_within.min(SERVER_WITHIN)));
+        }
+        loop {
+            let (sequence, answer) = self.send(request.clone())?;
+            forget.sequences.push(sequence);
+            answers.push(answer);
+            let left = answer_within.saturating_sub(start.elapsed());
+            // An answer to any of the attempts counts.
+            let any = futures::future::select_ok(answers.iter_mut());
+            let period = resend_after(forget.sequences.len());
+            match tokio::time::timeout(left.min(period), any).await {
+                Ok(Ok((answer, _))) => return Ok(answer),
+                _ if left <= period => return Err(self.no_answer(answer_within)),
+                _ => {}
+            }
+        }
+    }
+
+    /// Whether a server is matched now.
+    pub fn has_server(&self) -> bool {
+        self.shared.endpoints.iter().all(|gid| self.shared.graph.matches(*gid) > 0)
+    }
+
+    /// Waits for a server; false when `deadline` came first.
+    pub async fn wait_for_server(&self, deadline: Duration) -> bool {
+        self.shared.graph.wait_for_peers(&self.shared.endpoints, SETTLE, deadline).await
+    }
+
+    /// The absolute name of the service.
+    pub fn name(&self) -> &str {
+        &self.shared.name
+    }
+
+    fn send(&self, request: S::Request) -> Result<(i64, oneshot::Receiver<Answer<S>>), CallError> {
+        let mut calls = self.shared.calls();
+        let options = WriteOptionsBuilder::new().source_timestamp(Timestamp::now());
+        let header = match self.shared.mapping {
+            ServiceMapping::Enhanced => None,
+            ServiceMapping::Cyclone => {
+                calls.sequence += 1;
+                Some(CycloneHeader::new(self.shared.endpoints[0], calls.sequence))
+            }
+        };
+        let not_sent = |reason| CallError::NotSent { service: self.shared.name.clone(), reason };
+        let framed = Padded::new(Framed { header, body: request }).map_err(not_sent)?;
+        let sent = calls.writer.write_with_options(framed, options.build());
+        let sent = sent.map_err(|error| not_sent(error.to_string()))?;
+        let sequence = match header {
+            Some(header) => header.sequence(),
+            None => i64::from(sent.sequence_number),
+        };
+        // The reply cannot overtake this: its receiver needs the same lock.
+        let (sender, receiver) = oneshot::channel();
+        calls.waiting.insert(sequence, sender);
+        Ok((sequence, receiver))
+    }
+
+    fn no_server(&self, waited: Duration) -> CallError {
+        CallError::NoServer { service: self.shared.name.clone(), waited }
+    }
+
+    fn no_answer(&self, waited: Duration) -> CallError {
+        CallError::NoAnswer { service: self.shared.name.clone(), waited }
+    }
+}
+
+impl<S: Service> Shared<S> {
+    fn calls(&self) -> MutexGuard<'_, Calls<S>> {
+        self.calls.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Removes calls whose caller has given up.
+struct Forget<'a, S: Service> {
+    shared: &'a Shared<S>,
+    sequences: Vec<i64>,
+}
+
+impl<S: Service> Drop for Forget<'_, S> {
+    fn drop(&mut self) {
+        let mut calls = self.shared.calls();
+        for sequence in &self.sequences {
+            calls.waiting.remove(sequence);
+        }
+    }
+}
+
+/// Passes replies to their calls; skips replies to other clients and late ones.
+async fn dispatch<S: Service + 'static>(shared: Arc<Shared<S>>, mut replies: Reader<S::Response>) {
+    let me = shared.endpoints[0];
+    loop {
+        let (framed, info) = replies.next().await;
+        let sequence = match (framed.header, info.related_request_id()) {
+            (Some(header), _) if header.client(me) == me => header.sequence(),
+            (None, Some(id)) if Gid::from(id.writer_gid) == me => id.sequence_number,
+            _ => continue,
+        };
+        if let Some(caller) = shared.calls().waiting.remove(&sequence) {
+            // The caller may have given up meanwhile.
+            drop(caller.send((framed.body, info.publisher_gid().into())));
+        }
+    }
+}

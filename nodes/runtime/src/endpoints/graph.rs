@@ -1,0 +1,161 @@
+//! Discovery: the peers of a node.
+//!
+//! The only reader of the participant's status channel. It remembers which
+//! remote endpoints are matched with each of ours and since when, wakes the tasks
+//! that wait for a peer, and reports peers that are refused for their QoS.
+
+use crate::endpoints::wire::Gid;
+use futures::StreamExt;
+use rustdds::{DomainParticipant, DomainParticipantStatusEvent as Event, GUID, StatusEvented};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::watch;
+
+/// How many participants find each other on the loopback interface alone:
+/// discovery without multicast probes the ports of the ids 0 to 11.
+pub const LOOPBACK_PARTICIPANTS_MAX: usize = 12;
+
+/// The known peers; shared by all endpoints.
+#[derive(Debug)]
+pub(crate) struct Graph {
+    peers: Mutex<Peers>,
+    changes: watch::Sender<u64>,
+}
+
+#[derive(Debug, Default)]
+struct Peers {
+    /// Remote endpoints by local endpoint, with the time of the match.
+    matched: BTreeMap<Gid, BTreeMap<Gid, Instant>>,
+    participants: BTreeSet<[u8; 12]>,
+}
+
+impl Graph {
+    pub(crate) fn new() -> Arc<Self> {
+        Arc::new(Self { peers: Mutex::default(), changes: watch::Sender::new(0) })
+    }
+
+    fn peers(&self) -> MutexGuard<'_, Peers> {
+        self.peers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How many remote endpoints the local one is matched with.
+    pub(crate) fn matches(&self, local: Gid) -> usize {
+        self.peers().matched.get(&local).map_or(0, BTreeMap::len)
+    }
+
+    /// The endpoints of a process that the local one is matched with.
+    pub(crate) fn matched_of(&self, local: Gid, participant: [u8; 12]) -> Vec<Gid> {
+        let peers = self.peers();
+        let remotes = peers.matched.get(&local).into_iter().flat_map(BTreeMap::keys);
+        remotes.filter(|remote| remote.participant() == participant).copied().collect()
+    }
+
+    /// Wakes at every change, without saying what has changed.
+    pub(crate) fn changes(&self) -> watch::Receiver<u64> {
+        self.changes.subscribe()
+    }
+
+    /// How long ago the first peer that is still there was matched with each
+    /// of `locals`: the youngest of these; `None` while one of them has no peer.
+    fn matched_for(&self, locals: &[Gid]) -> Option<Duration> {
+        let peers = self.peers();
+        let mut youngest = Duration::MAX;
+        for local in locals {
+            let since = peers.matched.get(local)?.values().min()?;
+            youngest = youngest.min(since.elapsed());
+        }
+        Some(youngest)
+    }
+
+    /// Waits until each of `locals` has had a peer for `settle`; false when
+    /// `deadline` came first.
+    pub(crate) async fn wait_for_peers(
+        &self,
+        locals: &[Gid],
+        settle: Duration,
+        deadline: Duration,
+    ) -> bool {
+        let mut changes = self.changes.subscribe();
+        let waiting = async {
+            loop {
+                changes.borrow_and_update();
+                match self.matched_for(locals) {
+                    Some(age) if age >= settle => return,
+                    Some(age) => tokio::time::sleep(settle - age).await,
+                    // The sender lives as long as `self`.
+                    None => drop(changes.changed().await),
+                }
+            }
+        };
+        tokio::time::timeout(deadline, waiting).await.is_ok()
+    }
+
+    /// Follows the participant's status channel for ever; exactly one task may.
+    pub(crate) async fn follow(self: Arc<Self>, participant: DomainParticipant) {
+        let listener = participant.status_listener();
+        let mut events = listener.as_async_status_stream();
+        while let Some(event) = events.next().await {
+            self.take(event);
+            self.changes.send_modify(|count| *count = count.wrapping_add(1));
+        }
+    }
+
+    fn take(&self, event: Event) {
+        let mut peers = self.peers();
+        match event {
+            Event::RemoteReaderMatched { local_writer, remote_reader } => {
+                peers.add(local_writer, remote_reader);
+            }
+            Event::RemoteWriterMatched { local_reader, remote_writer } => {
+                peers.add(local_reader, remote_writer);
+            }
+            Event::ReaderLost { guid, .. } | Event::WriterLost { guid, .. } => {
+                let lost = Gid::from(guid);
+                for remotes in peers.matched.values_mut() {
+                    remotes.remove(&lost);
+                }
+            }
+            Event::ParticipantDiscovered { dpd } => {
+                let is_new = peers.participants.insert(Gid::from(dpd.guid).participant());
+                if is_new && peers.participants.len() == LOOPBACK_PARTICIPANTS_MAX {
+                    tracing::warn!(
+                        "{} participants in this ROS domain: on the loopback interface alone \
+                         no more than {LOOPBACK_PARTICIPANTS_MAX} find each other; stop some, or \
+                         use another ROS_DOMAIN_ID, or ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
+                        peers.participants.len() + 1
+                    );
+                }
+            }
+            Event::ParticipantLost { id, .. } => {
+                let prefix: &[u8] = id.as_ref();
+                peers.participants.retain(|known| known != prefix);
+                for remotes in peers.matched.values_mut() {
+                    remotes.retain(|remote, _| remote.participant() != *prefix);
+                }
+            }
+            Event::RemoteReaderQosIncompatible { remote_reader, requested_qos, .. } => {
+                tracing::warn!(
+                    "subscriber {} asks for more than this node's publisher offers and gets \
+                     nothing: {requested_qos:?}",
+                    Gid::from(remote_reader)
+                );
+            }
+            Event::RemoteWriterQosIncompatible { remote_writer, offered_qos, .. } => {
+                tracing::warn!(
+                    "publisher {} offers less than this node's subscription asks for and is \
+                     not heard: {offered_qos:?}",
+                    Gid::from(remote_writer)
+                );
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Peers {
+    fn add(&mut self, local: GUID, remote: GUID) {
+        let remotes = self.matched.entry(local.into()).or_default();
+        remotes.entry(remote.into()).or_insert_with(Instant::now);
+    }
+}

@@ -1,0 +1,20 @@
+//! What sends and receives: the node's handle, topics, services, actions and their bytes.
+//!
+//! Uses `process`, `parameters`, `command_line` and `rustdds`. Belongs here: what makes an
+//! endpoint or carries a message. Does not belong here: what an endpoint of ROS itself means
+//! (`managed`), and how a participant joins a domain (`session.rs` at the top).
+
+pub mod action;
+pub mod chunks;
+pub(crate) mod client;
+pub(crate) mod error;
+pub(crate) mod graph;
+pub(crate) mod node;
+pub(crate) mod publisher;
+pub(crate) mod qos;
+pub(crate) mod raw;
+pub(crate) mod service;
+pub(crate) mod subscription;
+mod tasks;
+pub(crate) mod warning_rate_limit;
+pub(crate) mod wire;

@@ -1,0 +1,352 @@
+//! The node, as its tasks see it.
+//!
+//! Makes the endpoints and owns what they share. `session` starts and stops it.
+//!
+//! All endpoints are made at the start and kept until the node ends: peers do not notice
+//! that a single endpoint is gone.
+
+use crate::command_line::configuration::Configuration;
+use crate::command_line::environment::Environment;
+use crate::command_line::names::{Names, Scope};
+use crate::endpoints::client::{Client, Endpoints};
+use crate::endpoints::error::{NodeError, failed};
+use crate::endpoints::graph::Graph;
+use crate::endpoints::publisher::Publisher;
+use crate::endpoints::qos::Qos;
+use crate::endpoints::service::{Crowd, Replies, RequestInfo, Server, UNACKNOWLEDGED_MAX};
+use crate::endpoints::subscription::{Reader, Subscription};
+use crate::endpoints::wire::{Decoder, Framed, dds_type, service_topics, service_types};
+use crate::parameters::live::LiveParameters;
+use crate::process::lifecycle_states::State;
+use crate::process::lock;
+use crate::process::memory::Memory;
+use crate::process::shutdown::Shutdown;
+use crate::process::time::{Clock, RosTime};
+use crate::rustdds::endpoint_rate_limit::EndpointRateLimit;
+use crate::rustdds::last_words::LastWords;
+use crate::rustdds::padded::Padded;
+use cnc_msgs::interface::{Message, Service};
+use rustdds::no_key::DataWriterCdr;
+use rustdds::policy::ResourceLimits;
+use rustdds::{DomainParticipant, QosPolicies, QosPolicyBuilder, Topic, TopicKind};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::sync::{Arc, Mutex, OnceLock};
+use tokio::task::JoinSet;
+
+/// The node as its tasks see it; clones are the same node.
+#[derive(Clone)]
+pub struct Handle {
+    pub(crate) inner: Arc<Inner>,
+}
+
+/// Shared by all handles of a node.
+pub(crate) struct Inner {
+    /// To restart the node.
+    pub(crate) configuration: Configuration,
+    pub(crate) names: Names,
+    pub(crate) environment: Environment,
+    /// `None` once the node is being taken down.
+    pub(crate) node: Mutex<Option<ros2_client::Node>>,
+    pub(crate) participant: DomainParticipant,
+    /// Makes the writers that ros2-client cannot make.
+    pub(crate) writers: rustdds::Publisher,
+    /// Limits how fast endpoints are made.
+    pub(crate) endpoint_rate: EndpointRateLimit,
+    pub(crate) graph: Arc<Graph>,
+    pub(crate) parameters: Arc<LiveParameters>,
+    pub(crate) clock: Arc<Clock>,
+    /// `None` while the node is not managed.
+    pub(crate) lifecycle: tokio::sync::watch::Sender<Option<State>>,
+    pub(crate) shutdown: Shutdown,
+    /// Why the DDS layer does not serve this node any more; `None` while it does.
+    pub(crate) deaf: tokio::sync::watch::Sender<Option<String>>,
+    pub(crate) last_words: LastWords,
+    pub(crate) tasks: Mutex<JoinSet<()>>,
+    pub(crate) memory: OnceLock<Memory>,
+}
+
+impl Handle {
+    /// The names of the node and what it resolves.
+    pub fn names(&self) -> &Names {
+        &self.inner.names
+    }
+
+    /// The settings from the environment.
+    pub fn environment(&self) -> &Environment {
+        &self.inner.environment
+    }
+
+    /// ROS time: the wall clock, or `/clock` with `use_sim_time`.
+    pub fn now(&self) -> RosTime {
+        self.inner.clock.now()
+    }
+
+    /// The shutdown signal.
+    pub fn shutdown(&self) -> &Shutdown {
+        &self.inner.shutdown
+    }
+
+    /// Waits until the DDS layer no longer serves this node, and returns the reason. From then on
+    /// the node can neither send nor receive.
+    pub async fn deaf(&self) -> String {
+        let mut deaf = self.inner.deaf.subscribe();
+        // The sender lives as long as `self`.
+        match deaf.wait_for(Option::is_some).await {
+            Ok(reason) => reason.clone().unwrap_or_default(),
+            Err(_) => std::future::pending().await,
+        }
+    }
+
+    /// Gives the node a memory; to be called before its actions are offered.
+    ///
+    /// # Panics
+    /// It has one already.
+    pub fn remember_in(&self, memory: Memory) {
+        let given = self.inner.memory.set(memory);
+        assert!(given.is_ok(), "a node has one memory");
+    }
+
+    /// The node's memory, if it has one.
+    pub fn memory(&self) -> Option<&Memory> {
+        self.inner.memory.get()
+    }
+
+    /// Publishes `T` on `topic` (relative, `~/private` or absolute).
+    ///
+    /// # Errors
+    /// The name is not valid, or DDS refused.
+    pub fn publisher<T: Message>(&self, topic: &str, qos: Qos) -> Result<Publisher<T>, NodeError> {
+        self.publisher_of(topic, T::TYPE_NAME, qos)
+    }
+
+    /// The same for a type whose name is only known at run time.
+    pub(crate) fn publisher_of<T: Message>(
+        &self,
+        topic: &str,
+        type_name: &str,
+        qos: Qos,
+    ) -> Result<Publisher<T>, NodeError> {
+        let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
+        let inner = self.ros_endpoint(&name, type_name, qos, |dds| {
+            self.with_node(&name, |node| node.create_publisher::<Padded<T>>(dds, None))
+        })?;
+        let last_words = self.inner.last_words.clone();
+        Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph), last_words))
+    }
+
+    /// Subscribes `T` on `topic`; up to `qos.depth` samples may wait unread.
+    ///
+    /// # Errors
+    /// The name is not valid, or DDS refused.
+    pub fn subscription<T: Message>(
+        &self,
+        topic: &str,
+        qos: Qos,
+    ) -> Result<Subscription<T>, NodeError> {
+        self.subscription_of(topic, T::TYPE_NAME, qos)
+    }
+
+    /// The same for a type whose name is only known at run time.
+    pub(crate) fn subscription_of<T: Message>(
+        &self,
+        topic: &str,
+        type_name: &str,
+        qos: Qos,
+    ) -> Result<Subscription<T>, NodeError> {
+        let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
+        let (dds_name, dds_type) = (format!("rt{name}"), dds_type(type_name, ""));
+        Ok(Subscription::new(self.reader(name, &dds_name, &dds_type, qos, Decoder::plain())?))
+    }
+
+    /// Offers a service; requests are answered one after the other, in order.
+    ///
+    /// # Errors
+    /// The name is not valid, or DDS refused.
+    pub fn service<S, F, Fut>(&self, name: &str, handler: F) -> Result<(), NodeError>
+    where
+        S: Service + 'static,
+        F: FnMut(S::Request, RequestInfo) -> Fut + Send + 'static,
+        Fut: Future<Output = S::Response> + Send + 'static,
+    {
+        let server = self.server::<S>(name, S::TYPE_NAME)?;
+        self.spawn(&format!("service {name}"), server.serve(handler));
+        Ok(())
+    }
+
+    /// Offers a service whose answers may take long and come in any order.
+    ///
+    /// # Errors
+    /// The name is not valid, or DDS refused.
+    pub fn concurrent_service<S, F, Fut>(&self, name: &str, handler: F) -> Result<(), NodeError>
+    where
+        S: Service + 'static,
+        F: Fn(S::Request, RequestInfo) -> Fut + Send + 'static,
+        Fut: Future<Output = S::Response> + Send + 'static,
+    {
+        let (crowd, earlier) = (Crowd::Waits, Vec::new());
+        self.concurrent_service_of::<S, F, Fut>(name, S::TYPE_NAME, crowd, earlier, handler)
+    }
+
+    /// The same for a type whose name is only known at run time. `earlier` are requests that the
+    /// previous process did not answer.
+    pub(crate) fn concurrent_service_of<S, F, Fut>(
+        &self,
+        name: &str,
+        type_name: &str,
+        crowd: Crowd,
+        earlier: Vec<(S::Request, RequestInfo)>,
+        handler: F,
+    ) -> Result<(), NodeError>
+    where
+        S: Service + 'static,
+        F: Fn(S::Request, RequestInfo) -> Fut + Send + 'static,
+        Fut: Future<Output = S::Response> + Send + 'static,
+    {
+        let server = self.server::<S>(name, type_name)?;
+        let serving = server.serve_concurrently(crowd, earlier, handler);
+        self.spawn(&format!("service {name}"), serving);
+        Ok(())
+    }
+
+    fn server<S: Service + 'static>(
+        &self,
+        name: &str,
+        type_name: &str,
+    ) -> Result<Server<S>, NodeError> {
+        let name = self.inner.names.resolve_as(name, Scope::Service)?;
+        let (request_topic, reply_topic) = service_topics(&name);
+        let (request_type, reply_type) = service_types(type_name);
+        let mapping = self.inner.environment.mapping;
+        let handle = self.clone();
+        let policies = QosPolicyBuilder::new()
+            .resource_limits(ResourceLimits {
+                max_samples: UNACKNOWLEDGED_MAX,
+                max_instances: -1,
+                max_samples_per_instance: UNACKNOWLEDGED_MAX,
+            })
+            .build();
+        let new_writer =
+            Box::new(move || handle.writer(&reply_topic, &reply_type, Some(policies.clone())));
+        let replies = Replies::new(&name, &self.inner.environment, new_writer)?;
+        let decoder = Decoder::of_service(mapping);
+        let reader = self.reader(
+            format!("requests of {name}"),
+            &request_topic,
+            &request_type,
+            Qos::SERVICES,
+            decoder,
+        )?;
+        Ok(Server::new(reader, replies, Arc::clone(&self.inner.graph)))
+    }
+
+    /// Makes a client of a service.
+    ///
+    /// # Errors
+    /// The name is not valid, or DDS refused.
+    pub fn client<S: Service + 'static>(&self, name: &str) -> Result<Client<S>, NodeError> {
+        self.client_of(name, S::TYPE_NAME)
+    }
+
+    /// The same for a type whose name is only known at run time.
+    pub(crate) fn client_of<S: Service + 'static>(
+        &self,
+        name: &str,
+        type_name: &str,
+    ) -> Result<Client<S>, NodeError> {
+        let name = self.inner.names.resolve_as(name, Scope::Service)?;
+        let (request_topic, reply_topic) = service_topics(&name);
+        let (request_type, reply_type) = service_types(type_name);
+        let mapping = self.inner.environment.mapping;
+        let decoder = Decoder::of_service(mapping);
+        let reader = self.reader(
+            format!("replies of {name}"),
+            &reply_topic,
+            &reply_type,
+            Qos::SERVICES,
+            decoder,
+        )?;
+        let writer = self.writer(&request_topic, &request_type, None)?;
+        let endpoints = Endpoints { name, reader, writer };
+        let (client, dispatch) = Client::new(endpoints, mapping, Arc::clone(&self.inner.graph));
+        self.spawn("replies", dispatch);
+        Ok(client)
+    }
+
+    pub(crate) fn participant(&self) -> &DomainParticipant {
+        &self.inner.participant
+    }
+
+    /// Makes an endpoint on an absolute ROS topic.
+    pub(crate) fn ros_endpoint<R>(
+        &self,
+        name: &str,
+        type_name: &str,
+        qos: Qos,
+        make: impl FnOnce(&Topic) -> Result<R, NodeError>,
+    ) -> Result<R, NodeError> {
+        self.endpoint(&format!("rt{name}"), &dds_type(type_name, ""), qos, make)
+    }
+
+    /// Makes an endpoint on a DDS topic, when the rate limit allows it.
+    fn endpoint<R>(
+        &self,
+        topic: &str,
+        dds_type: &str,
+        qos: Qos,
+        make: impl FnOnce(&Topic) -> Result<R, NodeError>,
+    ) -> Result<R, NodeError> {
+        let _turn = self.inner.endpoint_rate.turn();
+        let topic = self
+            .inner
+            .participant
+            .create_topic(topic.to_owned(), dds_type.to_owned(), &qos.policies(), TopicKind::NoKey)
+            .map_err(|error| failed(topic, &error))?;
+        make(&topic)
+    }
+
+    fn reader<T: DeserializeOwned + 'static>(
+        &self,
+        label: String,
+        topic: &str,
+        dds_type: &str,
+        qos: Qos,
+        decoder: Decoder<T>,
+    ) -> Result<Reader<T>, NodeError> {
+        let inner = self.endpoint(topic, dds_type, qos, |topic| {
+            self.with_node(&label, |node| node.create_subscription(topic, None))
+        })?;
+        Ok(Reader::new(label, inner, decoder))
+    }
+
+    fn writer<T: Serialize>(
+        &self,
+        topic: &str,
+        dds_type: &str,
+        policies: Option<QosPolicies>,
+    ) -> Result<DataWriterCdr<Padded<Framed<T>>>, NodeError> {
+        self.endpoint(topic, dds_type, Qos::SERVICES, |dds| {
+            self.inner
+                .writers
+                .create_datawriter_no_key_cdr(dds, policies)
+                .map_err(|error| failed(topic, &error))
+        })
+    }
+
+    fn with_node<R>(
+        &self,
+        what: &str,
+        make: impl FnOnce(&mut ros2_client::Node) -> ros2_client::CreateResult<R>,
+    ) -> Result<R, NodeError> {
+        match lock(&self.inner.node).as_mut() {
+            Some(node) => make(node).map_err(|error| failed(what, &error)),
+            None => Err(NodeError::Stopping { what: what.to_owned() }),
+        }
+    }
+}
+
+impl std::fmt::Debug for Handle {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Handle").field(&self.inner.names.fully_qualified()).finish()
+    }
+}

@@ -1,0 +1,122 @@
+//! Typed publishers.
+//!
+//! Publishing never waits: when the window of unacknowledged samples is full,
+//! the sample is dropped, counted, and reported at most every ten seconds.
+
+use crate::endpoints::graph::Graph;
+use crate::endpoints::wire::Gid;
+use crate::rustdds::last_words::LastWords;
+use crate::rustdds::padded::Padded;
+use cnc_msgs::interface::Message;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// How often drops of one publisher are reported.
+const REPORT_PERIOD: Duration = Duration::from_secs(10);
+
+/// A typed publisher; may be shared between threads.
+pub struct Publisher<T: Message> {
+    /// `None` only while this is dropped.
+    inner: Option<ros2_client::Publisher<Padded<T>>>,
+    graph: Arc<Graph>,
+    last_words: LastWords,
+    drops: Drops,
+}
+
+impl<T: Message> Drop for Publisher<T> {
+    fn drop(&mut self) {
+        if let Some(inner) = self.inner.take() {
+            self.last_words.keep_while_stopping(inner);
+        }
+    }
+}
+
+impl<T: Message> Publisher<T> {
+    pub(crate) fn new(
+        topic: String,
+        inner: ros2_client::Publisher<Padded<T>>,
+        graph: Arc<Graph>,
+        last_words: LastWords,
+    ) -> Self {
+        Self { inner: Some(inner), graph, last_words, drops: Drops::new(topic) }
+    }
+
+    fn inner(&self) -> &ros2_client::Publisher<Padded<T>> {
+        self.inner.as_ref().expect("it is taken by drop alone")
+    }
+
+    /// Passes a message to the transport, stamped with the wall time; returns
+    /// at once. False when it was dropped, which is counted and reported.
+    pub fn publish(&self, message: T) -> bool {
+        let message = match Padded::new(message) {
+            Ok(message) => message,
+            Err(reason) => {
+                self.drops.add(&reason);
+                return false;
+            }
+        };
+        match self.inner().publish(message) {
+            Ok(()) => true,
+            Err(error) => {
+                self.drops.add(&error.to_string());
+                false
+            }
+        }
+    }
+
+    /// The absolute name of the topic.
+    pub fn topic(&self) -> &str {
+        &self.drops.topic
+    }
+
+    /// The subscribers that are matched now.
+    pub fn subscribers(&self) -> usize {
+        self.graph.matches(self.gid())
+    }
+
+    /// Waits for a first subscriber; false when `deadline` came first.
+    pub async fn wait_for_subscriber(&self, deadline: Duration) -> bool {
+        self.graph.wait_for_peers(&[self.gid()], Duration::ZERO, deadline).await
+    }
+
+    /// Messages that were dropped, since the start.
+    pub fn dropped(&self) -> u64 {
+        self.drops.count.load(Ordering::Relaxed)
+    }
+
+    /// The endpoint's own address.
+    pub fn gid(&self) -> Gid {
+        self.inner().guid().into()
+    }
+}
+
+impl<T: Message> std::fmt::Debug for Publisher<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Publisher").field("topic", &self.drops.topic).finish_non_exhaustive()
+    }
+}
+
+/// Counts dropped samples and reports them with a rate limit.
+#[derive(Debug)]
+pub(crate) struct Drops {
+    topic: String,
+    count: AtomicU64,
+    reported: Mutex<Option<Instant>>,
+}
+
+impl Drops {
+    pub(crate) fn new(topic: String) -> Self {
+        Self { topic, count: AtomicU64::new(0), reported: Mutex::new(None) }
+    }
+
+    pub(crate) fn add(&self, reason: &str) {
+        let count = self.count.fetch_add(1, Ordering::Relaxed) + 1;
+        let mut reported = self.reported.lock().unwrap_or_else(PoisonError::into_inner);
+        if reported.is_none_or(|at| at.elapsed() >= REPORT_PERIOD) {
+            *reported = Some(Instant::now());
+            drop(reported);
+            tracing::warn!("{}: {count} messages dropped so far: {reason}", self.topic);
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! Sends each answer as soon as the reader of its client has been discovered.
+
+use super::client_readers::ClientReaders;
+use super::{Replies, RequestInfo};
+use crate::endpoints::graph::Graph;
+use crate::process::lock;
+use cnc_msgs::interface::Service;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+use tokio::sync::Semaphore;
+
+/// How long an answer waits for a client's reader.
+const FOUND_WITHIN: Duration = Duration::from_millis(500);
+/// Answers that may wait; a further one is sent at once, even if it is lost.
+const WAITING_MAX: usize = 256;
+
+/// Sends each answer as soon as its client can receive it.
+pub(super) struct Answers<S: Service> {
+    replies: Replies<S>,
+    graph: Arc<Graph>,
+    client_readers: Arc<Mutex<ClientReaders>>,
+    room: Arc<Semaphore>,
+}
+
+impl<S: Service> Clone for Answers<S> {
+    fn clone(&self) -> Self {
+        Self {
+            replies: self.replies.clone(),
+            graph: Arc::clone(&self.graph),
+            client_readers: Arc::clone(&self.client_readers),
+            room: Arc::clone(&self.room),
+        }
+    }
+}
+
+impl<S: Service + 'static> Answers<S> {
+    pub(super) fn new(replies: Replies<S>, graph: Arc<Graph>) -> Self {
+        Self {
+            replies,
+            graph,
+            client_readers: Arc::default(),
+            room: Arc::new(Semaphore::new(WAITING_MAX)),
+        }
+    }
+
+    fn can_hear(&self, to: &RequestInfo) -> bool {
+        let matched = self.graph.matched_of(self.replies.gid(), to.writer.participant());
+        lock(&self.client_readers).has_reader(to.client, &matched)
+    }
+
+    /// Sends an answer now, or when the client's reader has been discovered.
+    pub(super) fn send(&self, to: RequestInfo, response: S::Response) {
+        if self.can_hear(&to) {
+            return self.replies.send(to, response);
+        }
+        let Ok(place) = Arc::clone(&self.room).try_acquire_owned() else {
+            return self.replies.send(to, response);
+        };
+        let answers = self.clone();
+        // In a task of its own: other clients do not wait for this one.
+        tokio::spawn(async move {
+            let mut changes = answers.graph.changes();
+            let found = async {
+                while !answers.can_hear(&to) {
+                    // The sender lives as long as the graph.
+                    drop(changes.changed().await);
+                }
+            };
+            if tokio::time::timeout(FOUND_WITHIN, found).await.is_err() {
+                lock(&answers.client_readers).give_up(to.client);
+            }
+            answers.replies.send(to, response);
+            drop(place);
+        });
+    }
+}

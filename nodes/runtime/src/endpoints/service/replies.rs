@@ -1,0 +1,172 @@
+//! Sends replies even if some clients hang.
+//!
+//! A reply writer reaches the readers of all clients, and keeps each reply until
+//! all of them have acknowledged it. A client that hangs or was killed does not,
+//! until its lease ends 50 s later; meanwhile the window fills, and then no client
+//! gets a reply. So a writer whose window is full is replaced by a new one, which sends
+//! replies once the clients have discovered it.
+
+use super::RequestInfo;
+use crate::command_line::environment::{Environment, ServiceMapping};
+use crate::endpoints::error::NodeError;
+use crate::endpoints::publisher::Drops;
+use crate::endpoints::wire::{CycloneHeader, Framed, Gid};
+use crate::process::lock;
+use crate::rustdds::padded::{BYTES_MAX, Padded};
+use cnc_msgs::interface::Service;
+use rustdds::dds::WriteError;
+use rustdds::no_key::DataWriterCdr;
+use rustdds::{SampleIdentity, Timestamp, WriteOptionsBuilder};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// Unacknowledged replies that are kept. More takes more memory for a client that hangs;
+/// fewer replaces the writer more often.
+pub(crate) const UNACKNOWLEDGED_MAX: i32 = 2048;
+/// How long clients need to discover a new writer.
+const SETTLE: Duration = Duration::from_millis(200);
+/// Replies that may wait for that, at most. The clients of further ones retry or time out.
+const WAITING_MAX: usize = 1000;
+
+/// The longest reply in one network packet, bytes, with the identity of the request.
+const IN_ONE_PIECE: usize = 1_200;
+
+type Writer<S> = DataWriterCdr<Padded<Framed<<S as Service>::Response>>>;
+type NewWriter<S> = dyn Fn() -> Result<Writer<S>, NodeError> + Send + Sync;
+
+/// The replies of a service; clones share the writer.
+pub(crate) struct Replies<S: Service> {
+    shared: Arc<Shared<S>>,
+}
+
+struct Shared<S: Service> {
+    mapping: ServiceMapping,
+    /// Longer replies cannot be sent.
+    bytes_max: usize,
+    new_writer: Box<NewWriter<S>>,
+    state: Mutex<ReplyState<S>>,
+    drops: Drops,
+}
+
+struct ReplyState<S: Service> {
+    writer: Writer<S>,
+    /// Replies that wait until a new writer is discovered; `None`: no reply has to wait.
+    waiting: Option<Vec<(RequestInfo, S::Response)>>,
+}
+
+impl<S: Service> Clone for Replies<S> {
+    fn clone(&self) -> Self {
+        Self { shared: Arc::clone(&self.shared) }
+    }
+}
+
+impl<S: Service + 'static> Replies<S> {
+    pub(crate) fn new(
+        name: &str,
+        environment: &Environment,
+        new_writer: Box<NewWriter<S>>,
+    ) -> Result<Self, NodeError> {
+        let mapping = environment.mapping;
+        let bytes_max = if environment.keeps_long_replies() { BYTES_MAX } else { IN_ONE_PIECE };
+        let state = Mutex::new(ReplyState { writer: new_writer()?, waiting: None });
+        let drops = Drops::new(format!("replies of {name}"));
+        Ok(Self { shared: Arc::new(Shared { mapping, bytes_max, new_writer, state, drops }) })
+    }
+
+    /// The address of the writer.
+    pub(super) fn gid(&self) -> Gid {
+        rustdds::RTPSEntity::guid(&lock(&self.shared.state).writer).into()
+    }
+
+    /// Sends a reply now, or as soon as the clients know a new writer.
+    pub(super) fn send(&self, to: RequestInfo, response: S::Response) {
+        let mut state = lock(&self.shared.state);
+        if let Some(waiting) = &mut state.waiting {
+            match waiting.len() {
+                WAITING_MAX => self.shared.drops.add("too many replies wait for a new writer"),
+                _ => waiting.push((to, response)),
+            }
+            return;
+        }
+        match self.shared.write(&state.writer, to, response) {
+            Ok(()) => {}
+            Err(Unsent::Full(response)) => {
+                state.waiting = Some(vec![(to, response)]);
+                drop(state);
+                self.replace_writer();
+            }
+            Err(Unsent::Failed(reason)) => self.shared.drops.add(&reason),
+        }
+    }
+
+    fn replace_writer(&self) {
+        let replies = self.clone();
+        tokio::spawn(async move {
+            match (replies.shared.new_writer)() {
+                Ok(writer) => {
+                    // This drops the old writer with its unacknowledged replies.
+                    let old = std::mem::replace(&mut lock(&replies.shared.state).writer, writer);
+                    tokio::time::sleep(SETTLE).await;
+                    drop(old);
+                }
+                Err(error) => replies.shared.drops.add(&error.to_string()),
+            }
+            replies.catch_up();
+        });
+    }
+
+    /// Sends the waiting replies.
+    fn catch_up(&self) {
+        let mut state = lock(&self.shared.state);
+        for (to, response) in state.waiting.take().unwrap_or_default() {
+            if let Err(unsent) = self.shared.write(&state.writer, to, response) {
+                self.shared.drops.add(match &unsent {
+                    Unsent::Full(_) => "the new writer is full as well",
+                    Unsent::Failed(reason) => reason,
+                });
+            }
+        }
+    }
+}
+
+/// Why a reply was not sent.
+enum Unsent<R> {
+    /// Too many replies are not acknowledged.
+    Full(R),
+    Failed(String),
+}
+
+impl<S: Service> Shared<S> {
+    fn write(
+        &self,
+        writer: &Writer<S>,
+        to: RequestInfo,
+        response: S::Response,
+    ) -> Result<(), Unsent<S::Response>> {
+        let header = match self.mapping {
+            ServiceMapping::Enhanced => None,
+            ServiceMapping::Cyclone => Some(CycloneHeader::new(to.client, to.sequence)),
+        };
+        let options = WriteOptionsBuilder::new().source_timestamp(Timestamp::now());
+        let options = match header {
+            Some(_) => options,
+            None => options.related_sample_identity(SampleIdentity {
+                writer_guid: rustdds::GUID::from_bytes(to.client.0),
+                sequence_number: to.sequence.into(),
+            }),
+        };
+        let reply = Padded::new(Framed { header, body: response }).map_err(Unsent::Failed)?;
+        if reply.bytes() > self.bytes_max {
+            return Err(Unsent::Failed(format!(
+                "an answer of {} bytes cannot leave this computer under rmw_fastrtps_cpp; set \
+                 RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all nodes",
+                reply.bytes()
+            )));
+        }
+        match writer.write_with_options(reply, options.build()) {
+            Ok(_) => Ok(()),
+            Err(WriteError::WouldBlock { data }) => Err(Unsent::Full(data.body.body)),
+            Err(error) => Err(Unsent::Failed(error.to_string())),
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! The watchdog of the DDS layer: whether it still serves this process.
+//!
+//! RustDDS ends its event loops when SIGSTOP and SIGCONT interrupt a wait, and some packets make a
+//! thread panic or spin. The process then lives on but receives nothing. So a thread of our own
+//! gives each of the two DDS threads some work four times a second, and checks that it waits for
+//! more afterwards. The receiver gets a datagram on the participant's own port, the discovery
+//! thread a command. This uses no endpoint, so it works the same with security, on any network,
+//! with any number of peers.
+//! The reports: docs/upstream/rustdds-interrupted-poll.md, docs/upstream/rustdds-nack-frag.md,
+//! docs/upstream/rustdds-heartbeat-range.md and docs/upstream/rustdds-gap-range.md.
+//!
+//! Many messages may keep the receiver busy without a break; it serves as long as it takes the
+//! datagrams from its socket.
+//!
+//! A thread that has ended is noticed at the next look; a thread that hangs, after
+//! [`UNSERVED_MAX`] looks. Looks are counted, not seconds: a process that is stopped, or gets no
+//! processor time, does not look either.
+
+use crate::process::lock;
+use crate::process::panic_guard;
+use crate::process::supervision::{DEAF, Notifier, TOO_LARGE};
+use crate::rustdds::dds_threads::{DdsThreads, RECEIVING, Seen};
+use crate::rustdds::memory_bound::MemoryBound;
+use rustdds::DomainParticipant;
+use std::net::{Ipv4Addr, UdpSocket};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use tokio::sync::watch;
+
+/// The time between two looks.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// Looks in a row without progress: five seconds if this thread runs on time.
+const UNSERVED_MAX: u32 = 20;
+/// A thread that waited so often between two looks runs its loop. A thread that was woken and
+/// got stuck waits at most once.
+const WAITS_MIN: u64 = 2;
+/// Hundredths of a second.
+const ASKING_ENDS_WITHIN: u32 = 50;
+/// A datagram of RTPS without content: protocol 2.4, no vendor, no sender. Receivers drop it.
+const NOTHING: [u8; 20] = *b"RTPS\x02\x04\0\0\0\0\0\0\0\0\0\0\0\0\0\0";
+
+/// What to do when the process is deaf or takes too much memory.
+#[derive(Debug, Clone)]
+pub(crate) struct EndOfProcess {
+    pub(crate) logger: String,
+    pub(crate) memory: MemoryBound,
+    /// A node exits when it is deaf; a command reconnects.
+    pub(crate) when_deaf: bool,
+}
+
+/// The watching thread. It ends when this is dropped.
+#[derive(Debug)]
+pub(crate) struct DdsWatch {
+    shared: Arc<Shared>,
+    /// Nothing is sent: the thread ends when this is gone.
+    stop: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    notifier: Mutex<Notifier>,
+    end: Option<EndOfProcess>,
+}
+
+impl DdsWatch {
+    /// Starts to watch the threads of a participant; `deaf` gets the reason once, unless the
+    /// process exits.
+    ///
+    /// # Errors
+    /// The system has no thread left.
+    pub(crate) fn start(
+        participant: DomainParticipant,
+        domain_id: u16,
+        threads: DdsThreads,
+        deaf: watch::Sender<Option<String>>,
+        end: Option<EndOfProcess>,
+    ) -> std::io::Result<Self> {
+        let shared = Arc::new(Shared { notifier: Mutex::default(), end });
+        let (stop, stopped) = channel();
+        // A thread of its own sends the commands: it blocks if the DDS layer does not take one.
+        let (requests, requested) = sync_channel(1);
+        let served = Arc::new(AtomicU64::new(0));
+        let port = metatraffic_port(domain_id, participant.participant_id());
+        let counter = Arc::clone(&served);
+        let asking = std::thread::Builder::new()
+            .name("dds-ask".into())
+            .spawn(move || ask(&participant, port, &requested, &counter))?;
+        let watching = Arc::clone(&shared);
+        let threads = (threads, port);
+        let thread = std::thread::Builder::new().name("dds-watch".into()).spawn(move || {
+            look(&watching, &threads, &stopped, &requests, &served, &deaf);
+            drop(requests);
+            // Its participant must be dropped before the last other one. A thread that hangs in the
+            // DDS layer is left there.
+            for _ in 0..ASKING_ENDS_WITHIN {
+                if asking.is_finished() {
+                    break;
+                }
+                std::thread::sleep(Duration::from_millis(10));
+            }
+        })?;
+        Ok(Self { shared, stop: Some(stop), thread: Some(thread) })
+    }
+
+    /// From now on the supervisor hears that the process serves.
+    pub(crate) fn report_to(&self, notifier: Notifier) {
+        *lock(&self.shared.notifier) = notifier;
+    }
+}
+
+impl Drop for DdsWatch {
+    fn drop(&mut self) {
+        self.stop.take();
+        if let Some(thread) = self.thread.take() {
+            // It has reported an error already, if there was one.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Gives both threads some work at each request.
+fn ask(
+    participant: &DomainParticipant,
+    port: Option<u16>,
+    requested: &Receiver<()>,
+    served: &AtomicU64,
+) {
+    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).ok();
+    while requested.recv().is_ok() {
+        if let (Some(socket), Some(port)) = (&socket, port) {
+            // If there is no such port, the thread still wakes by its timers.
+            let _ = socket.send_to(&NOTHING, (Ipv4Addr::LOCALHOST, port));
+        }
+        // An error means that the thread has ended, which is noticed anyway.
+        let _ = participant.assert_liveliness();
+        served.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// Where a participant hears the discovery of others: RTPS 2.5, 9.6.1.
+fn metatraffic_port(domain_id: u16, participant_id: u16) -> Option<u16> {
+    let port = 7_400 + 250 * u32::from(domain_id) + 10 + 2 * u32::from(participant_id);
+    u16::try_from(port).ok()
+}
+
+fn look(
+    shared: &Shared,
+    (threads, port): &(DdsThreads, Option<u16>),
+    stopped: &Receiver<()>,
+    requests: &SyncSender<()>,
+    served: &AtomicU64,
+    deaf: &watch::Sender<Option<String>>,
+) {
+    let mut proof = Proof::new(threads.count());
+    while let Err(RecvTimeoutError::Timeout) = stopped.recv_timeout(LOOK_EVERY) {
+        let end = shared.end.as_ref();
+        if let Some(EndOfProcess { logger, memory, .. }) = end
+            && let Some(what) = memory.exceeded()
+        {
+            panic_guard::exit_now(
+                TOO_LARGE,
+                logger,
+                &format!("{what}; it ends with status {TOO_LARGE}"),
+            );
+        }
+        let mut seen = threads.look();
+        for (name, seen) in &mut seen {
+            let is_busy = *name == RECEIVING && matches!(seen, Seen::Busy { .. });
+            if is_busy && port.is_some_and(|port| is_taken(port) == Some(true)) {
+                *seen = Seen::Waiting;
+            }
+        }
+        let verdict = proof.take(&seen, served.load(Ordering::Relaxed));
+        // Not in the condition: its lock would be held in what follows.
+        let known = deaf.borrow().clone();
+        if let Some(reason) = known.or(verdict) {
+            if let Some(EndOfProcess { logger, when_deaf: true, .. }) = end {
+                let text = format!("{reason}; this process is deaf and ends with status {DEAF}");
+                panic_guard::exit_now(DEAF, logger, &text);
+            }
+            deaf.send_if_modified(|known| {
+                let is_new = known.is_none();
+                known.get_or_insert(reason);
+                is_new
+            });
+            continue;
+        }
+        lock(&shared.notifier).alive();
+        // No new request while one is pending.
+        let _ = requests.try_send(());
+    }
+}
+
+/// Whether all that was sent to a port of this computer so far was taken from its socket.
+fn is_taken(port: u16) -> Option<bool> {
+    waiting_bytes(&std::fs::read_to_string("/proc/self/net/udp").ok()?, port).map(|it| it == 0)
+}
+
+/// The bytes that wait at a port, from the system's table of sockets.
+fn waiting_bytes(table: &str, port: u16) -> Option<u64> {
+    table.lines().skip(1).find_map(|line| {
+        let mut words = line.split_ascii_whitespace();
+        let own = words.nth(1)?.rsplit_once(':')?.1;
+        let queues = words.nth(2)?;
+        let is_ours = u16::from_str_radix(own, 16) == Ok(port);
+        is_ours.then(|| u64::from_str_radix(queues.rsplit_once(':')?.1, 16).ok())?
+    })
+}
+
+/// What the looks have shown so far: a pure core.
+#[derive(Debug)]
+struct Proof {
+    threads: Vec<Progress>,
+    /// The thread that sends the requests, which the DDS layer may block too.
+    asking: Progress,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Progress {
+    count: u64,
+    unserved: u32,
+}
+
+impl Progress {
+    /// Whether there was none for too long.
+    fn is_overdue(&mut self, count: u64, progress_min: u64) -> bool {
+        let is_served = count >= self.count.saturating_add(progress_min);
+        self.unserved = if is_served { 0 } else { self.unserved + 1 };
+        self.count = count;
+        self.unserved > UNSERVED_MAX
+    }
+}
+
+impl Proof {
+    fn new(threads: usize) -> Self {
+        Self { threads: vec![Progress::default(); threads], asking: Progress::default() }
+    }
+
+    /// Takes one look; the reason when the process is deaf.
+    fn take(&mut self, seen: &[(&'static str, Seen)], served: u64) -> Option<String> {
+        for ((name, seen), progress) in seen.iter().zip(&mut self.threads) {
+            match *seen {
+                Seen::Gone => {
+                    return Some(format!(
+                        "the {name} thread of the DDS layer has ended (after SIGSTOP and SIGCONT, \
+                         or on a packet it cannot handle)"
+                    ));
+                }
+                Seen::Waiting => progress.unserved = 0,
+                Seen::Busy { waits } => {
+                    if progress.is_overdue(waits, WAITS_MIN) {
+                        return Some(format!(
+                            "the {name} thread of the DDS layer has not come to rest for \
+                             {UNSERVED_MAX} looks, {} ms apart",
+                            LOOK_EVERY.as_millis()
+                        ));
+                    }
+                }
+            }
+        }
+        self.asking.is_overdue(served, 1).then(|| {
+            format!(
+                "the DDS layer has taken nothing for {UNSERVED_MAX} looks, {} ms apart",
+                LOOK_EVERY.as_millis()
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn looks(seen: impl Fn(u64) -> Seen, served: impl Fn(u64) -> u64) -> Option<(u64, String)> {
+        let mut proof = Proof::new(2);
+        (0..1_000).find_map(|look| {
+            let seen = [("receiving", Seen::Waiting), ("discovery", seen(look))];
+            proof.take(&seen, served(look)).map(|reason| (look, reason))
+        })
+    }
+
+    #[test]
+    fn threads_that_come_to_rest_or_go_round_serve() {
+        assert_eq!(looks(|_| Seen::Waiting, |look| look), None);
+        assert_eq!(looks(|look| Seen::Busy { waits: 2 * look + 5 }, |look| look), None);
+        // Busy most of the time, at rest now and then.
+        let seldom = |look| if look % 15 == 0 { Seen::Waiting } else { Seen::Busy { waits: 3 } };
+        assert_eq!(looks(seldom, |look| look), None);
+    }
+
+    #[test]
+    fn a_thread_that_ended_is_noticed_at_once() {
+        let ends = |look| if look < 7 { Seen::Waiting } else { Seen::Gone };
+        let (look, reason) = looks(ends, |look| look).expect("deaf");
+        assert_eq!(look, 7);
+        assert!(reason.starts_with("the discovery thread of the DDS layer has ended"), "{reason}");
+    }
+
+    #[test]
+    fn a_thread_that_spins_or_waits_for_a_lock_is_given_its_looks_and_no_more() {
+        let limit = u64::from(UNSERVED_MAX);
+        let spins = |_| Seen::Busy { waits: 40 };
+        // The first look may see progress: the count is new to it.
+        assert_eq!(looks(spins, |look| look).expect("deaf").0, limit + 1);
+        // Woken once by a request, stuck since.
+        let stuck = |look: u64| Seen::Busy { waits: 40 + look.min(1) };
+        assert_eq!(looks(stuck, |look| look).expect("deaf").0, limit + 1);
+    }
+
+    #[test]
+    fn a_request_that_is_not_taken_is_deafness_too() {
+        let (look, reason) = looks(|_| Seen::Waiting, |look| look.min(9)).expect("deaf");
+        assert_eq!(look, 9 + u64::from(UNSERVED_MAX) + 1);
+        assert!(reason.contains("taken nothing"), "{reason}");
+    }
+
+    #[test]
+    fn what_waits_at_a_port_is_read_from_the_table_of_sockets() {
+        let table = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt\n\
+             10: 0100007F:4ADE 00000000:0000 07 00000000:00000300 00:00000000 00000000 0 0 9\n\
+             11: 00000000:4AE0 00000000:0000 07 00000000:00000000 00:00000000 00000000 0 0 8\n";
+        assert_eq!(waiting_bytes(table, 0x4ade), Some(0x300));
+        assert_eq!(waiting_bytes(table, 0x4ae0), Some(0));
+        assert_eq!(waiting_bytes(table, 7_410), None);
+    }
+
+    #[test]
+    fn what_was_sent_to_a_socket_waits_until_it_is_taken() {
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+        let port = socket.local_addr().expect("an address").port();
+        assert_eq!(is_taken(port), Some(true));
+        socket.send_to(&NOTHING, (Ipv4Addr::LOCALHOST, port)).expect("sent");
+        assert_eq!(is_taken(port), Some(false));
+        socket.recv(&mut [0; 64]).expect("a datagram");
+        assert_eq!(is_taken(port), Some(true));
+    }
+
+    #[test]
+    fn ports_are_those_of_rtps() {
+        let table = [((0, 0), Some(7_410)), ((47, 3), Some(19_166)), ((232, 200), None)];
+        for ((domain, participant), expected) in table {
+            assert_eq!(metatraffic_port(domain, participant), expected);
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Keeps publishers that are dropped while the node stops.
+//!
+//! RustDDS removes a writer as soon as it is dropped, with the samples that are not sent or not
+//! acknowledged yet. So the last messages of a node would be lost.
+//! The report: docs/upstream/rustdds-writer-drop.md.
+
+use crate::process::lock;
+use crate::process::shutdown::Shutdown;
+use std::any::Any;
+use std::sync::{Arc, Mutex};
+
+/// The publishers that live until the node ends; clones share them.
+#[derive(Clone)]
+pub(crate) struct LastWords {
+    shutdown: Shutdown,
+    publishers: Arc<Mutex<Vec<Box<dyn Any + Send>>>>,
+}
+
+impl LastWords {
+    pub(crate) fn new(shutdown: Shutdown) -> Self {
+        Self { shutdown, publishers: Arc::default() }
+    }
+
+    /// Takes a publisher that is no longer used. Drops it at once unless the node is stopping.
+    pub(crate) fn keep_while_stopping(&self, publisher: impl Any + Send) {
+        if self.shutdown.is_requested() {
+            lock(&self.publishers).push(Box::new(publisher));
+        }
+    }
+
+    /// Drops them all.
+    pub(crate) fn clear(&self) {
+        lock(&self.publishers).clear();
+    }
+}
