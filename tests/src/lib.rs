@@ -3,6 +3,7 @@
 
 pub mod layers;
 pub mod line;
+pub mod lists;
 pub mod plain;
 pub mod rows;
 

@@ -13,10 +13,36 @@ use crate::files;
 use cnc_msgs::tool_table::ToolTable;
 use serde::Deserialize;
 use serde_json::Value;
+use settings::Control;
 use std::path::PathBuf;
 
-/// The files in `tests/controls`, in the order of the page.
-pub const CONTROLS: [&str; 5] = ["masso", "automation1", "osp_lathe", "sinumerik_840c", "nct"];
+/// All controls in the order of the pages: the default first.
+pub const IN_ORDER: [Control; Control::ALL.len()] = [
+    Control::Rs274,
+    Control::Masso,
+    Control::Automation1,
+    Control::OspLathe,
+    Control::Sinumerik840c,
+    Control::Nct,
+];
+
+/// The files in `tests/controls`, in the order of the page: of each control that [`manual`] knows.
+pub fn controls() -> impl Iterator<Item = &'static str> {
+    IN_ORDER.into_iter().filter(|control| manual(*control).is_some()).map(Control::name)
+}
+
+/// Letter and last number of the rows of a control's manual. `None`: its rows are tested elsewhere.
+pub fn manual(control: Control) -> Option<(char, u32)> {
+    match control {
+        // LinuxCNC, which the oracles compare with.
+        Control::Rs274 => None,
+        Control::Masso => Some(('M', 30)),
+        Control::Automation1 => Some(('A', 22)),
+        Control::OspLathe => Some(('O', 8)),
+        Control::Sinumerik840c => Some(('S', 73)),
+        Control::Nct => Some(('N', 10)),
+    }
+}
 
 /// One rule of a control.
 #[derive(Debug, Clone, Deserialize)]
@@ -143,7 +169,7 @@ pub fn of(control: &str) -> Vec<Row> {
 /// # Panics
 /// There is no such row, or what was seen is not what it asks.
 pub fn check_at_node(id: &str, test: &str, observed: &Value) {
-    let rows = CONTROLS.iter().flat_map(|control| of(control));
+    let rows = controls().flat_map(of);
     let row = rows.into_iter().find(|row| row.id == id).expect("the row is there");
     let node = row.nodes.iter().find(|node| node.test == test).expect("the row names the test");
     if let Err(difference) = compare::matches(&node.expect, observed, tolerance()) {

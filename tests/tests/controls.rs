@@ -7,20 +7,12 @@
 use kerf_tests::root;
 use kerf_tests::rows::compare::{count_numbers, lax_numbers, matches};
 use kerf_tests::rows::observe::observe;
-use kerf_tests::rows::{CONTROLS, Row, of};
+use kerf_tests::rows::{IN_ORDER, Row, controls, manual, of};
 use libtest_mimic::{Arguments, Failed, Trial};
 use serde_json::json;
+use settings::Control;
 use std::fmt::Write;
 use std::process::ExitCode;
-
-/// Rows of the manuals: letter and last number; `W` are the worked programs.
-const ROWS: [(&str, char, u32); 5] = [
-    ("masso", 'M', 30),
-    ("automation1", 'A', 22),
-    ("osp_lathe", 'O', 8),
-    ("sinumerik_840c", 'S', 73),
-    ("nct", 'N', 10),
-];
 
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
@@ -28,7 +20,7 @@ fn main() -> ExitCode {
         Trial::test("every_rule_of_the_manuals_has_its_row", every_rule_has_its_row),
         Trial::test("the_page_of_all_rows_is_up_to_date", the_page_is_up_to_date),
     ];
-    for control in CONTROLS {
+    for control in controls() {
         for row in of(control) {
             let name = format!("{}::{}", control, row.id);
             trials.push(Trial::test(name, move || holds(&row, control)));
@@ -75,10 +67,12 @@ fn holds(row: &Row, control: &str) -> Result<(), Failed> {
 
 fn every_rule_has_its_row() -> Result<(), Failed> {
     let mut missing = Vec::new();
-    for (control, letter, last) in ROWS {
-        let rows = of(control);
+    for control in IN_ORDER {
+        let Some((letter, last)) = manual(control) else { continue };
+        let rows = of(control.name());
         let mut wanted: Vec<String> = (1..=last).map(|n| format!("{letter}{n:02}")).collect();
-        if control == "sinumerik_840c" {
+        if control == Control::Sinumerik840c {
+            // The worked programs.
             wanted.extend(["W1".into(), "W2".into()]);
         }
         let count = |id: &String| rows.iter().filter(|row| row.id == *id).count();
@@ -97,7 +91,7 @@ fn every_rule_has_its_row() -> Result<(), Failed> {
 
 /// How many rules hold, and which fall short.
 fn tally() -> String {
-    let rows: Vec<Row> = CONTROLS.iter().flat_map(|control| of(control)).collect();
+    let rows: Vec<Row> = controls().flat_map(of).collect();
     // The worked programs are no rules.
     let is_rule = |row: &&Row| !row.id.starts_with('W');
     let short: Vec<&str> = (rows.iter().filter(is_rule))
@@ -125,7 +119,7 @@ fn the_page_is_up_to_date() -> Result<(), Failed> {
          lists what a case without a path does not notice.\n",
     );
     page += &tally();
-    for control in CONTROLS {
+    for control in controls() {
         write!(page, "\n## `{control}`\n\n| row | rule | proof | switch |\n|---|---|---|---|\n")?;
         for row in of(control) {
             let mut proof: Vec<String> = row.cases.iter().map(|case| case.name.clone()).collect();

@@ -7,7 +7,7 @@
 use kerf_tests::root;
 use kerf_tests::rows::compare::matches;
 use kerf_tests::rows::observe::{merge, observe};
-use kerf_tests::rows::{CONTROLS, Case, Row, of};
+use kerf_tests::rows::{Case, Row, controls, of};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -20,10 +20,7 @@ type Mutate = fn(&Case) -> Vec<Case>;
 
 /// All rows with their control.
 fn rows() -> Vec<(&'static str, Row)> {
-    CONTROLS
-        .iter()
-        .flat_map(|&control| of(control).into_iter().map(move |row| (control, row)))
-        .collect()
+    controls().flat_map(|control| of(control).into_iter().map(move |row| (control, row))).collect()
 }
 
 /// What a case is made of, without what it expects.

@@ -2,10 +2,11 @@
 
 use cnc_msgs::tool_table::ToolTable;
 use kerf_tests::root;
-use kerf_tests::rows::Case;
 use kerf_tests::rows::observe::{merge, observe, profile};
+use kerf_tests::rows::{Case, IN_ORDER};
 use serde::Deserialize;
 use serde_json::{Value, json};
+use settings::Control;
 use std::collections::{BTreeMap, BTreeSet};
 
 #[derive(Deserialize)]
@@ -148,7 +149,7 @@ const QUESTIONS: [(&str, &[&str]); 21] = [
 /// `UPDATE_EXPECT=1 cargo test -p kerf_tests --test profiles decides` writes it anew.
 #[test]
 fn the_page_says_how_each_profile_decides() {
-    let controls = ["rs274", "masso", "automation1", "osp_lathe", "sinumerik_840c", "nct"];
+    let controls = IN_ORDER.map(Control::name);
     let profiles = controls.map(|name| {
         serde_json::to_value(profile(name, &Value::Null)).expect("a profile is plain data")
     });
@@ -156,7 +157,11 @@ fn the_page_says_how_each_profile_decides() {
         "# How each control decides\n\nMade from `config/controls/` by a test. The rows are those \
          of [rules.md](rules.md).\n\n",
     );
-    page += &format!("| row | key | {} |\n|---|---|{}\n", controls.join(" | "), "---|".repeat(6));
+    page += &format!(
+        "| row | key | {} |\n|---|---|{}\n",
+        controls.join(" | "),
+        "---|".repeat(controls.len())
+    );
     for (row, keys) in QUESTIONS {
         for key in keys {
             let pointer = format!("/{}", key.replace('.', "/"));

@@ -8,7 +8,7 @@
 use cnc_msgs::tool_table::ToolTable;
 use kerf_tests::root;
 use kerf_tests::rows::observe::{observe, profile};
-use kerf_tests::rows::{CONTROLS, Case, of};
+use kerf_tests::rows::{Case, controls, of};
 use program_loader::{LoadOptions, load};
 use serde::Deserialize;
 use serde_json::Value;
@@ -114,7 +114,7 @@ fn a_remedy_makes_its_finding_go_and_leaves_no_error() {
 /// All help texts of the rows, of the programs of the profile keys and of bad programs.
 fn helps() -> BTreeSet<String> {
     let mut helps = BTreeSet::new();
-    for control in CONTROLS {
+    for control in controls() {
         for case in of(control).iter().flat_map(|row| &row.cases) {
             let observed = observe(case, control);
             helps.extend(findings(&observed).iter().map(|(.., help)| (*help).to_owned()));

@@ -1,7 +1,6 @@
 //! What the driver has to know of each firmware: one table for each, in a file of its own.
 //!
-//! A new firmware is a variant of [`Firmware`], its row in [`Firmware::ALL`], and a file with its
-//! [`Traits`]. Nothing else asks which firmware it is: what differs is a field here. Numbers and
+//! A new firmware is a row of the list below and a file with its [`Traits`]. Nothing else asks which firmware it is: what differs is a field here. Numbers and
 //! texts that all of them share are in [`crate::codes`].
 
 mod fluidnc;
@@ -10,13 +9,33 @@ mod grblhal;
 
 use serde::{Deserialize, Serialize};
 
-/// The family of the firmware, as far as its texts show it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum Firmware {
+/// Makes the enum, its list and its tables from one row for each firmware.
+macro_rules! firmwares {
+    ($($(#[$note:meta])* $variant:ident: $file:ident,)+) => {
+        /// The family of the firmware, as far as its texts show it.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+        pub enum Firmware {
+            $($(#[$note])* $variant,)+
+        }
+
+        impl Firmware {
+            pub const ALL: [Self; [$(stringify!($file)),+].len()] = [$(Self::$variant),+];
+
+            /// What is special about it.
+            pub const fn traits(self) -> &'static Traits {
+                match self {
+                    $(Self::$variant => &$file::TRAITS,)+
+                }
+            }
+        }
+    };
+}
+
+firmwares! {
     #[default]
-    Grbl,
-    GrblHal,
-    FluidNc,
+    Grbl: grbl,
+    GrblHal: grblhal,
+    FluidNc: fluidnc,
 }
 
 /// A code and what it means.
@@ -93,17 +112,6 @@ const BUFFER: ReportField = ReportField {
 pub(crate) const QUEUED_MAX: i16 = 6;
 
 impl Firmware {
-    pub const ALL: [Self; 3] = [Self::Grbl, Self::GrblHal, Self::FluidNc];
-
-    /// What is special about it.
-    pub const fn traits(self) -> &'static Traits {
-        match self {
-            Self::Grbl => &grbl::TRAITS,
-            Self::GrblHal => &grblhal::TRAITS,
-            Self::FluidNc => &fluidnc::TRAITS,
-        }
-    }
-
     /// Of a start message: `Grbl 1.1h ['$' for help]`, `GrblHAL 1.1f ['$' or '$HELP' for help]`,
     /// `Grbl 3.9 [FluidNC v3.9.5 (wifi) '$' for help]`. FluidNC lets its owner word the line, so
     /// the name alone counts.

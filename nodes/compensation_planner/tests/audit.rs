@@ -10,6 +10,7 @@ use cnc_msgs::profile::{OutputPoint, Profile};
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::audit::{Audit, audit, audit_after};
 use proptest::prelude::*;
+use settings::Control;
 use support::*;
 
 /// A program with its path.
@@ -386,11 +387,13 @@ fn what_every_control_accepts_is_sound() {
         N130 X25 Y50
         N140 M30";
     // These two are written in their own words; their rules are tried on the same events.
-    for name in ["rs274", "masso", "sinumerik_840c", "nct", "automation1", "osp_lathe"] {
-        let mut profile = profile(name);
-        let reader = match name {
-            "automation1" | "osp_lathe" => sinumerik(),
-            _ => profile.clone(),
+    for control in Control::ALL {
+        let mut profile = control.profile().expect("a shipped profile");
+        let reader = match control {
+            Control::Automation1 | Control::OspLathe => sinumerik(),
+            Control::Rs274 | Control::Masso | Control::Sinumerik840c | Control::Nct => {
+                profile.clone()
+            }
         };
         profile.language.planes.rule = vec![Plane::Xy];
         for radius in [0.0, 0.5, 4.0, 5.0] {
@@ -406,10 +409,10 @@ fn what_every_control_accepts_is_sound() {
                     }
                     let contour = contour(BLOCKS, &reader);
                     let plan = plan_of(&contour, &profile, &tools);
-                    assert!(plan.accepted(), "{name} {radius}: {}", findings(&plan));
+                    assert!(plan.accepted(), "{control} {radius}: {}", findings(&plan));
                     let said = &plan.findings;
                     let new = audit_after(&contour, &plan.path, &profile, &tools, said).findings;
-                    assert_eq!(new, [], "{name} {radius} {output:?} {tip}");
+                    assert_eq!(new, [], "{control} {radius} {output:?} {tip}");
                 }
             }
         }

@@ -73,7 +73,7 @@ pub(crate) fn run(args: &CheckArgs) -> Outcome {
     let tools = files::tool_table(args.tools.as_deref())?;
     let mut names: Vec<String> = Vec::new();
     if args.all_controls || args.controls.is_empty() {
-        names.extend(settings::known_profiles().map(str::to_owned));
+        names.extend(settings::Control::ALL.map(|control| control.name().to_owned()));
     }
     names.extend(args.controls.iter().cloned());
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };

@@ -43,7 +43,7 @@ pub(crate) fn inputs<'a>(
 /// A control as the loader finds it: it runs in another folder, so a file of this one is
 /// named from the root.
 pub(crate) fn as_loader_finds_it(name: &str) -> String {
-    let is_built_in = settings::known_profiles().any(|known| known == name);
+    let is_built_in = settings::Control::named(name).is_some();
     match Path::new(name).canonicalize() {
         Ok(path) if !is_built_in && !name.is_empty() => path.display().to_string(),
         // A file of the loader's computer.

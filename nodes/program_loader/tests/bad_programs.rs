@@ -7,6 +7,7 @@ mod common;
 use cnc_msgs::finding::Severity;
 use common::profile;
 use program_loader::{LoadOptions, load, render};
+use settings::Control;
 use std::path::Path;
 
 #[test]
@@ -14,9 +15,11 @@ fn bad_programs_get_the_errors_of_their_first_comment() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bad");
     let mut count = 0;
     let mut wrong = String::new();
-    for control in ["rs274", "masso", "sinumerik_840c", "automation1", "nct", "osp_lathe"] {
-        let profile = profile(control);
-        let entries = std::fs::read_dir(folder.join(control)).expect("the folder of the control");
+    for control in Control::ALL {
+        let profile = profile(control.name());
+        let folder = folder.join(control.name());
+        let entries = std::fs::read_dir(&folder)
+            .unwrap_or_else(|error| panic!("programs of a control, {}: {error}", folder.display()));
         let mut paths: Vec<_> = entries.map(|entry| entry.expect("an entry").path()).collect();
         paths.sort();
         for path in paths {

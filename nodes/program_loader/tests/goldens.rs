@@ -5,15 +5,18 @@ mod common;
 use common::profile;
 use expect_test::expect_file;
 use program_loader::{LoadOptions, canonical, load, render};
+use settings::Control;
 use std::path::Path;
 
 #[test]
 fn programs_mean_what_the_files_beside_them_say() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/programs");
     let mut count = 0;
-    for control in ["rs274", "masso", "sinumerik_840c", "automation1", "nct", "osp_lathe"] {
-        let profile = profile(control);
-        let entries = std::fs::read_dir(folder.join(control)).expect("the folder of the control");
+    for control in Control::ALL {
+        let profile = profile(control.name());
+        let folder = folder.join(control.name());
+        let entries = std::fs::read_dir(&folder)
+            .unwrap_or_else(|error| panic!("programs of a control, {}: {error}", folder.display()));
         let mut paths: Vec<_> = entries.map(|entry| entry.expect("an entry").path()).collect();
         paths.sort();
         for path in paths.iter().filter(|path| path.extension().is_none_or(|end| end != "txt")) {

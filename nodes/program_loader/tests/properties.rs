@@ -7,8 +7,8 @@ use cnc_msgs::geometry::Shape;
 use common::profile;
 use program_loader::{LoadOptions, Loaded, limits, load, render};
 use proptest::prelude::*;
-
-const CONTROLS: [&str; 6] = ["rs274", "masso", "sinumerik_840c", "automation1", "osp_lathe", "nct"];
+use proptest::sample::select;
+use settings::Control;
 
 fn load_as(control: &str, text: &[u8]) -> Loaded {
     load(text, &profile(control), &LoadOptions::default())
@@ -129,18 +129,18 @@ proptest! {
 
     #[test]
     fn any_bytes_are_read_or_refused_at_a_place_in_the_text(
-        text in proptest::collection::vec(any::<u8>(), 0..600), control in 0_usize..3
+        text in proptest::collection::vec(any::<u8>(), 0..600), control in select(Control::ALL.to_vec())
     ) {
-        let loaded = load_as(CONTROLS[control], &text);
+        let loaded = load_as(control.name(), &text);
         check_places(&text, &loaded);
         check_numbers(&loaded.contour);
     }
 
     #[test]
     fn anything_like_a_program_is_read_or_refused_at_a_place_in_the_text(
-        text in nearly_a_program(), control in 0_usize..3
+        text in nearly_a_program(), control in select(Control::ALL.to_vec())
     ) {
-        let loaded = load_as(CONTROLS[control], text.as_bytes());
+        let loaded = load_as(control.name(), text.as_bytes());
         check_places(text.as_bytes(), &loaded);
         check_numbers(&loaded.contour);
         prop_assert!(loaded.is_accepted() || loaded.contour.events.is_empty());

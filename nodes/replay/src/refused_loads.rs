@@ -66,7 +66,7 @@ fn again(
         name => name,
     };
     // A file that has that name here may be another one.
-    if !settings::known_profiles().any(|known| known == control) {
+    if settings::Control::named(control).is_none() {
         return Ok(Err("its profile came from a file"));
     }
     let problem = |reason: String| ReplayError::Input { of: command.message.clone(), reason };

@@ -10,4 +10,4 @@ pub mod yaml;
 pub use documents::{
     ToolTableFileError, load_tool_table, profile_from_yaml, profile_to_yaml, tool_table_from_yaml,
 };
-pub use profiles::{ProfileError, known_profiles, load_foreign_profile, load_profile};
+pub use profiles::{Control, ProfileError, load_foreign_profile, load_profile};

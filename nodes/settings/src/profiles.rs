@@ -8,9 +8,10 @@ use cnc_msgs::profile::{Profile, ProfileFault};
 use intake::folders::{Folders, LookupError};
 use intake::text::one_line;
 use intake::yaml::Limits;
+use std::fmt;
 use std::path::Path;
 
-include!(concat!(env!("OUT_DIR"), "/profiles.rs"));
+include!(concat!(env!("OUT_DIR"), "/controls.rs"));
 
 /// Why there is no such profile.
 #[derive(Debug, thiserror::Error)]
@@ -30,9 +31,19 @@ pub enum ProfileError {
     },
 }
 
-/// The names that `--control` knows, in order.
-pub fn known_profiles() -> impl Iterator<Item = &'static str> {
-    BUILT_IN.iter().map(|(name, _)| *name)
+impl Control {
+    /// The control of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|control| control.name() == name)
+    }
+
+    /// Its rules.
+    ///
+    /// # Errors
+    /// Its file is not a consistent profile; a test makes sure that each is.
+    pub fn profile(self) -> Result<Profile, ProfileError> {
+        checked(self.text(), &format!("config/controls/{}.yaml", self.name()), from_yaml_str)
+    }
 }
 
 /// Loads the profile that the operator named: a known name, or a file if the word looks
@@ -62,15 +73,20 @@ pub fn load_foreign_profile(name: &str, folders: &Folders) -> Result<Profile, Pr
 
 /// `None` for a word that looks like a path.
 fn built_in(name: &str) -> Result<Option<Profile>, ProfileError> {
-    if let Some((name, text)) = BUILT_IN.iter().find(|(known, _)| *known == name) {
-        let file = format!("config/controls/{name}.yaml");
-        return checked(text, &file, from_yaml_str).map(Some);
+    if let Some(control) = Control::named(name) {
+        return control.profile().map(Some);
     }
     if name.contains('/') || [".yaml", ".yml"].iter().any(|end| name.ends_with(end)) {
         return Ok(None);
     }
-    let known = known_profiles().collect::<Vec<_>>().join(", ");
+    let known = Control::ALL.map(Control::name).join(", ");
     Err(ProfileError::Unknown { name: one_line(name).into_owned(), known })
+}
+
+impl fmt::Display for Control {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
 }
 
 fn checked(
@@ -92,10 +108,9 @@ mod tests {
 
     #[test]
     fn every_profile_that_comes_along_loads_and_has_the_name_of_its_file() {
-        assert!(known_profiles().any(|name| name == "rs274"));
-        for name in known_profiles() {
-            let profile = load_profile(name).expect(name);
-            assert_eq!(profile.name, name);
+        for control in Control::ALL {
+            let profile = control.profile().expect(control.name());
+            assert_eq!(profile.name, control.name());
         }
     }
 
@@ -109,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_profile_that_contradicts_itself_is_refused() {
-        let good = BUILT_IN.iter().find(|(name, _)| *name == "rs274").expect("there").1;
+        let good = Control::Rs274.text();
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("mine.yaml");
         let table = [
@@ -131,7 +146,7 @@ mod tests {
 
     #[test]
     fn a_file_that_a_peer_names_is_looked_up_in_the_folders_and_not_quoted() {
-        let good = BUILT_IN.iter().find(|(name, _)| *name == "rs274").expect("there").1;
+        let good = Control::Rs274.text();
         let folder = tempfile::tempdir().expect("a folder");
         let at = |name: &str| folder.path().join(name).display().to_string();
         std::fs::create_dir(at("controls")).expect("made");

@@ -11,6 +11,7 @@ use crate::piece::{Piece, Point, point};
 use crate::program::{CONTROLS, Corner, Element, End, Program, Role, Span};
 use crate::random::Random;
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
+use settings::Control;
 use std::f64::consts::PI;
 use writer::Writer;
 
@@ -27,7 +28,7 @@ pub fn program(seed: u64) -> Program {
 
 /// What is the same all through a program.
 struct Job {
-    control: &'static str,
+    control: Control,
     /// Never negative, mm.
     radius_mm: f64,
     /// The size of what is drawn goes by this: tools fit better into larger contours, mm.
@@ -41,10 +42,10 @@ struct Job {
     features: Vec<&'static str>,
 }
 
-fn attempt(seed: u64, control: &'static str, random: &mut Random) -> Option<Program> {
+fn attempt(seed: u64, control: Control, random: &mut Random) -> Option<Program> {
     let axes = match control {
-        "osp_lathe" => [2, 0, 1],
-        "masso" => [0, 1, 2],
+        Control::OspLathe => [2, 0, 1],
+        Control::Masso => [0, 1, 2],
         _ => random.of(&[[0, 1, 2], [0, 1, 2], [0, 1, 2], [2, 0, 1], [1, 2, 0]]),
     };
     let mut writer = Writer::new(control, random.of(&[3, 3, 4, 6]), axes);
@@ -53,14 +54,14 @@ fn attempt(seed: u64, control: &'static str, random: &mut Random) -> Option<Prog
         if random.once_in(3) { (random.between(0.3, 8.0) * 1e3).round() / 1e3 } else { radius_mm };
     let other_radius_mm = ((radius_mm * random.of(&[0.9, 0.98, 1.02, 1.1])) * 1e3).round() / 1e3;
     let sign = match control {
-        "automation1" | "osp_lathe" => 1.0,
+        Control::Automation1 | Control::OspLathe => 1.0,
         _ => random.of(&[1.0, 1.0, 1.0, 1.0, -1.0]),
     };
     let mut job = Job {
         control,
         radius_mm,
         drawn_mm: radius_mm
-            * if control == "osp_lathe" {
+            * if control == Control::OspLathe {
                 random.of(&[2.0, 2.01, 4.0, 8.0])
             } else {
                 random.of(&[1.0, 2.0, 4.0, 8.0])
@@ -88,10 +89,10 @@ fn attempt(seed: u64, control: &'static str, random: &mut Random) -> Option<Prog
             origin = origin + point(60.0 * job.drawn_mm, random.between(-40.0, 40.0));
         }
     }
-    if control == "osp_lathe" || control == "sinumerik_840c" {
+    if control == Control::OspLathe || control == Control::Sinumerik840c {
         writer.block("M5");
     }
-    writer.block(if control == "sinumerik_840c" { "M30" } else { "M2" });
+    writer.block(if control == Control::Sinumerik840c { "M30" } else { "M2" });
     job.features.sort_unstable();
     job.features.dedup();
     let Job { features, .. } = job;
@@ -109,7 +110,7 @@ fn header(writer: &mut Writer, job: &mut Job, random: &mut Random) -> ToolTable 
         _ => "G19",
     };
     match job.control {
-        "rs274" => {
+        Control::Rs274 => {
             writer.block(&format!("G21 G90 {plane} F600"));
             writer.block("T1 M6");
             job.tool_words = random.of(&["", " D1"]).into();
@@ -117,7 +118,7 @@ fn header(writer: &mut Writer, job: &mut Job, random: &mut Random) -> ToolTable 
                 job.tool_words = format!(".1 D{}", 2.0 * signed_mm);
             }
         }
-        "masso" => {
+        Control::Masso => {
             writer.block("G21 G90 G17 F600");
             writer.block("T1 M6");
             if job.sign < 0.0 {
@@ -127,19 +128,19 @@ fn header(writer: &mut Writer, job: &mut Job, random: &mut Random) -> ToolTable 
                 job.tool_words = format!(" P{}", job.radius_mm / 2.0);
             }
         }
-        "automation1" => {
+        Control::Automation1 => {
             writer.block(&format!("G71 G90 {plane} F600"));
             let set = random.of(&["G43 P", "CutterCompensationSetRadius("]);
             let end = if set.ends_with('(') { ")" } else { "" };
             writer.block(&format!("{set}{}{end}", job.radius_mm));
         }
-        "osp_lathe" => {
+        Control::OspLathe => {
             writer.block("G90 G94");
             writer.block("T010101");
             writer.block("F600");
             tool = Tool { nose_radius_mm: job.radius_mm, ..Tool::default() };
         }
-        _ => {
+        Control::Sinumerik840c | Control::Nct => {
             writer.block(&format!("{plane} G90 F600"));
             job.tool_words = " D1".into();
             let offset =
@@ -192,7 +193,7 @@ fn draw_spans(
         Piece::Arc { radius, sweep, .. } => sweep * side > 0.0 && radius < 2.0 * radius_mm,
         Piece::Line { .. } => false,
     };
-    if job.control == "osp_lathe" && planned.iter().any(is_tight) && !random.once_in(30) {
+    if job.control == Control::OspLathe && planned.iter().any(is_tight) && !random.once_in(30) {
         return None;
     }
     let (begin, end, select, cancel, corner) = words(writer, job, random);
@@ -200,12 +201,12 @@ fn draw_spans(
     let outside = writer.rounded(outside);
     writer.go("G0", outside);
     writer.height("G1", *height_mm);
-    let rapid = job.control != "automation1" && random.once_in(8);
+    let rapid = job.control != Control::Automation1 && random.once_in(8);
     if rapid {
         job.features.push("rapid leads");
     }
     let mode = if rapid { "G0" } else { "G1" };
-    if rapid && job.control == "osp_lathe" {
+    if rapid && job.control == Control::OspLathe {
         writer.block("G1 F600");
     }
     writer.go(&format!("{word}{}{select} {mode}", job.tool_words), first.start());
@@ -227,7 +228,8 @@ fn draw_spans(
     if !is_simple(&span) {
         return None;
     }
-    let may_change = matches!(job.control, "osp_lathe" | "nct" | "sinumerik_840c");
+    let may_change =
+        matches!(job.control, Control::OspLathe | Control::Nct | Control::Sinumerik840c);
     let mut spans = Vec::new();
     if may_change && !is_closed && changes_at.is_none() && random.once_in(4) {
         job.features.push("change of side");
@@ -262,7 +264,7 @@ fn other_side(
     let other = if word == "G41" { "G42" } else { "G41" };
     let mut select = format!("{other} ");
     let mut start = last.end();
-    if job.control == "sinumerik_840c" {
+    if job.control == Control::Sinumerik840c {
         let far = radius_mm * random.of(&[2.0, 4.0, 8.0]);
         start = start + point(far, 0.0).turned(random.between(0.0, 2.0 * PI));
         writer.go(&format!("{select}G1"), start);
@@ -295,10 +297,10 @@ fn words(
     let normal: Ends = |outside| End::Normal { outside };
     let joined: Ends = |outside| End::Joined { outside };
     match job.control {
-        "rs274" => (joined, normal, "", "", Corner::Arc),
-        "osp_lathe" => (normal, normal, "", "", Corner::Intersection),
-        "nct" => (normal, normal, "", "", Corner::Extended),
-        "sinumerik_840c" => {
+        Control::Rs274 => (joined, normal, "", "", Corner::Arc),
+        Control::OspLathe => (normal, normal, "", "", Corner::Intersection),
+        Control::Nct => (normal, normal, "", "", Corner::Extended),
+        Control::Sinumerik840c => {
             let (word, corner) = random.of(&[("G450", Corner::Arc), ("G451", Corner::Extended)]);
             writer.block(word);
             match random.once_in(2) {
@@ -306,7 +308,7 @@ fn words(
                 false => (joined, joined, "", "", corner),
             }
         }
-        _ => (normal, normal, "", "", Corner::Arc),
+        Control::Masso | Control::Automation1 => (normal, normal, "", "", Corner::Arc),
     }
 }
 
@@ -335,7 +337,7 @@ fn closed(
     random: &mut Random,
 ) -> (Vec<Planned>, bool) {
     let radius_mm = job.radius_mm;
-    let may_be_whole = job.control != "masso";
+    let may_be_whole = job.control != Control::Masso;
     let mut ring: Vec<Piece> = outline::closed(random, job.drawn_mm);
     while ring.len() == 1 && !may_be_whole {
         ring = outline::closed(random, job.drawn_mm);
@@ -356,7 +358,7 @@ fn closed(
         planned[count - 1].piece = Piece::line(last.start(), to);
         return (planned, true);
     }
-    let may_go_down = !matches!(job.control, "masso" | "osp_lathe");
+    let may_go_down = !matches!(job.control, Control::Masso | Control::OspLathe);
     match random.below(4) {
         0 => {
             job.features.push("overlap");
@@ -433,7 +435,7 @@ fn open(job: &Job, angle: f64, origin: Point, random: &mut Random) -> Vec<Planne
 
 /// The block that calls another tool, if one does: a straight one, not the first or the last.
 fn change_of_tool(job: &mut Job, planned: &[Planned], random: &mut Random) -> Option<usize> {
-    let may_change = matches!(job.control, "nct" | "sinumerik_840c");
+    let may_change = matches!(job.control, Control::Nct | Control::Sinumerik840c);
     let is_long = |index: &usize| match planned[*index].piece {
         Piece::Line { .. } => planned[*index].piece.length() > 2.0 * job.radius_mm,
         Piece::Arc { .. } => false,

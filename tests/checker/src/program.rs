@@ -5,16 +5,23 @@
 
 use crate::piece::{Piece, Point};
 use cnc_msgs::tool_table::ToolTable;
+use settings::Control;
 
-/// The six shipped profiles.
-pub const CONTROLS: [&str; 6] =
-    ["rs274", "masso", "automation1", "sinumerik_840c", "osp_lathe", "nct"];
+/// All controls, in the order that decides what a seed draws: a new one comes last.
+pub const CONTROLS: [Control; Control::ALL.len()] = [
+    Control::Rs274,
+    Control::Masso,
+    Control::Automation1,
+    Control::Sinumerik840c,
+    Control::OspLathe,
+    Control::Nct,
+];
 
 /// A program and what it means.
 #[derive(Debug, Clone)]
 pub struct Program {
     pub seed: u64,
-    pub control: &'static str,
+    pub control: Control,
     pub text: String,
     pub tools: ToolTable,
     /// Of a position: first and second axis of the plane, and the height.

@@ -3,6 +3,7 @@
 use crate::judge::{Kind, NotJudged, Outcome, Wrong, judge};
 use crate::program::{CONTROLS, Program};
 use crate::{draw, product, profiles};
+use settings::Control;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::ops::Range;
@@ -11,11 +12,11 @@ use std::ops::Range;
 #[derive(Debug, Clone, Default)]
 pub struct Tally {
     /// By control and outcome.
-    pub outcomes: BTreeMap<(&'static str, Outcome), u64>,
+    pub outcomes: BTreeMap<(Control, Outcome), u64>,
     /// Programs in which something was drawn.
     pub features: BTreeMap<&'static str, u64>,
     /// Refusals by a rule, by the code of the finding.
-    pub rules: BTreeMap<(&'static str, &'static str), u64>,
+    pub rules: BTreeMap<(Control, &'static str), u64>,
     /// Programs with a verdict that is wrong.
     pub wrong: Vec<(u64, Vec<Wrong>)>,
 }
@@ -76,13 +77,13 @@ impl Tally {
     }
 
     /// How many programs of a control had this outcome.
-    pub fn of(&self, control: &'static str, outcome: Outcome) -> u64 {
+    pub fn of(&self, control: Control, outcome: Outcome) -> u64 {
         self.outcomes.get(&(control, outcome)).copied().unwrap_or(0)
     }
 
     /// How many programs had this outcome.
     pub fn all(&self, outcome: Outcome) -> u64 {
-        CONTROLS.iter().map(|control| self.of(control, outcome)).sum()
+        CONTROLS.into_iter().map(|control| self.of(control, outcome)).sum()
     }
 
     /// The programs with something of a kind that is wrong.

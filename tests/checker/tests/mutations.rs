@@ -8,6 +8,7 @@ use kerf_checker::judge::{Kind, Outcome, Verdict, judge};
 use kerf_checker::piece::{Piece, point};
 use kerf_checker::program::{Corner, End, Program, Role};
 use kerf_checker::{draw, product, profiles};
+use settings::Control;
 
 /// Accepted programs with one contour, and their verdicts, before anything is changed.
 fn accepted(profiles: &[Profile]) -> Vec<(Program, Verdict)> {
@@ -61,7 +62,9 @@ fn a_path_for_another_radius_is_found() {
             offset.radius_mm *= 1.03;
         }
         // Their radius is in the program.
-        if matches!(program.control, "automation1" | "masso") || program.text.contains(".1 D") {
+        if matches!(program.control, Control::Automation1 | Control::Masso)
+            || program.text.contains(".1 D")
+        {
             continue;
         }
         let verdict = product(&other, &profiles);

@@ -6,6 +6,7 @@ use cnc_msgs::tool_table::{Offset, ToolTable};
 use kerf_checker::judge::Verdict;
 use kerf_checker::program::Program;
 use kerf_checker::{product, profiles};
+use settings::Control;
 
 /// A ring in three blocks, half of the first again, and an arc that leaves it beside the tool.
 const RETRACED: &str = "G18 G90 F600
@@ -25,11 +26,11 @@ M30
 ";
 
 /// What loader and planner say of a program with one offset.
-fn findings(control: &'static str, axes: [usize; 3], radius_mm: f64, text: &str) -> Vec<Finding> {
+fn findings(control: Control, axes: [usize; 3], radius_mm: f64, text: &str) -> Vec<Finding> {
     verdict(control, axes, radius_mm, text).findings
 }
 
-fn verdict(control: &'static str, axes: [usize; 3], radius_mm: f64, text: &str) -> Verdict {
+fn verdict(control: Control, axes: [usize; 3], radius_mm: f64, text: &str) -> Verdict {
     let mut tools = ToolTable::default();
     tools.offsets.insert(1, Offset { radius_mm, ..Offset::default() });
     let text = text.into();
@@ -40,7 +41,7 @@ fn verdict(control: &'static str, axes: [usize; 3], radius_mm: f64, text: &str) 
 
 #[test]
 fn a_ring_is_not_left_out_for_an_arc_behind_it_that_cuts_it() {
-    let findings = findings("sinumerik_840c", [2, 0, 1], 4.956, RETRACED);
+    let findings = findings(Control::Sinumerik840c, [2, 0, 1], 4.956, RETRACED);
     let refusal = findings.iter().find(|finding| finding.is_error());
     let refusal = refusal.map(|finding| (finding.code, finding.source.line));
     assert_eq!(refusal, Some((Code::Gouge, 10)), "{findings:?}");
@@ -65,7 +66,7 @@ M2
 /// One half was taken for the way back along the other, and left out.
 #[test]
 fn a_ring_of_rounded_blocks_is_followed_all_around() {
-    let verdict = verdict("nct", [0, 1, 2], 3.0, ROUNDED);
+    let verdict = verdict(Control::Nct, [0, 1, 2], 3.0, ROUNDED);
     assert!(!verdict.findings.iter().any(Finding::is_error), "{:?}", verdict.findings);
     for line in 5..=9 {
         let is_followed = verdict.path.elements.iter().any(|it| it.source.line == line);
@@ -160,7 +161,7 @@ fn a_ring_closes_whatever_its_blocks_are_rounded_to() {
         ([0, 1, 2], 1.901, TWICE),
         ([0, 1, 2], 8.0, THREE_DEPTHS),
     ] {
-        let findings = findings("nct", axes, radius_mm, text);
+        let findings = findings(Control::Nct, axes, radius_mm, text);
         assert!(!findings.iter().any(Finding::is_error), "{text}\n{findings:?}");
     }
 }
@@ -168,7 +169,7 @@ fn a_ring_closes_whatever_its_blocks_are_rounded_to() {
 #[test]
 fn a_ring_that_is_smaller_than_the_tool_is_refused_all_the_same() {
     for (axes, radius_mm, text) in [([0, 1, 2], 24.1, CLOSED), ([1, 2, 0], 30.1, OVERLAP)] {
-        let findings = findings("nct", axes, radius_mm, text);
+        let findings = findings(Control::Nct, axes, radius_mm, text);
         assert!(findings.iter().any(Finding::is_error), "{text}\n{findings:?}");
     }
 }

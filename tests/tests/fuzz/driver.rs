@@ -53,7 +53,7 @@ struct Bench {
 
 /// One case.
 pub(crate) fn check(random: &mut Random) -> Goals {
-    let firmware = *random.of(&[Firmware::Grbl, Firmware::GrblHal, Firmware::FluidNc]);
+    let firmware = *random.of(&Firmware::ALL);
     let start_in_machine = Some([-300.0, -200.0, -50.0]);
     let build = Build { start_in_machine, ..Build::new(Settings::small_router_of(firmware)) };
     let losses = OnCommanderLoss::WORDS.map(|(_, on_loss)| on_loss);

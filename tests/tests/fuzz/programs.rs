@@ -12,23 +12,21 @@ use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use compensation_planner::{Plan, plan, plan_certified};
 use kerf_tests::root;
+use kerf_tests::rows::IN_ORDER;
 use program_loader::{LoadOptions, load};
-
-pub(crate) const CONTROLS: [&str; 6] =
-    ["rs274", "masso", "automation1", "osp_lathe", "sinumerik_840c", "nct"];
 
 /// Programs to begin with, each with the profile of its control.
 pub(crate) fn corpus() -> Vec<(Profile, Vec<u8>)> {
     let mut corpus = Vec::new();
-    for control in CONTROLS {
-        let folder = root().join("nodes/program_loader/tests/programs").join(control);
+    for control in IN_ORDER {
+        let folder = root().join("nodes/program_loader/tests/programs").join(control.name());
         let files = std::fs::read_dir(folder).expect("golden programs of each control");
         let mut paths: Vec<_> = files.map(|file| file.expect("a file").path()).collect();
         paths.retain(|path| path.extension().is_some_and(|ending| ending != "txt"));
         paths.sort();
         assert!(!paths.is_empty(), "no golden program of {control}");
         for path in paths {
-            corpus.push((profile(control), std::fs::read(path).expect("a golden program")));
+            corpus.push((profile(control.name()), std::fs::read(path).expect("a golden program")));
         }
     }
     corpus
@@ -39,7 +37,7 @@ pub(crate) fn profile(control: &str) -> Profile {
 }
 
 pub(crate) fn controls() -> Vec<Profile> {
-    CONTROLS.iter().map(|control| profile(control)).collect()
+    IN_ORDER.iter().map(|control| profile(control.name())).collect()
 }
 
 /// T1 to T7 and D1 to D7, of sizes between nothing and too much.

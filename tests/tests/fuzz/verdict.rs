@@ -5,7 +5,7 @@
 //! exactly the radii that are in them.
 
 use crate::mutate::{Random, mutate};
-use crate::programs::{CONTROLS, profile};
+use crate::programs::profile;
 use cnc_msgs::chunk::{Collector, ContourChunks, PathChunks};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::path::CompensatedPath;
@@ -15,8 +15,10 @@ use cnc_msgs::wire::cnc_msgs::msg::{
     CompensatedPath as CompensatedPathMessage, ProgrammedContour as ProgrammedContourMessage,
 };
 use compensation_planner::{Planning, judge};
+use kerf_tests::rows::IN_ORDER;
 use kerf_tests::{root, rows};
 use program_loader::{LoadOptions, load};
+use settings::Control;
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -59,8 +61,8 @@ pub(crate) fn corpus() -> Vec<Program> {
                 "ascript" => "automation1",
                 "nc" => "masso",
                 "ngc" => "rs274",
-                ending => match CONTROLS.iter().find(|control| **control == ending) {
-                    Some(control) => control,
+                ending => match Control::named(ending) {
+                    Some(control) => control.name(),
                     None => continue,
                 },
             };
@@ -73,7 +75,7 @@ pub(crate) fn corpus() -> Vec<Program> {
             });
         }
     }
-    for control in rows::CONTROLS {
+    for control in rows::controls() {
         for case in rows::of(control).into_iter().flat_map(|row| row.cases) {
             let name = case.control.as_deref().unwrap_or(control);
             corpus.push(Program {
@@ -116,8 +118,8 @@ pub(crate) fn check(corpus: &[Program], random: &mut Random) -> Outcome {
     let mut program = random.of(corpus).clone();
     let other = &random.of(corpus).text;
     if random.once_in(6) {
-        let control: &str = CONTROLS[random.below(CONTROLS.len())];
-        program.profile = profile(control);
+        let control = IN_ORDER[random.below(IN_ORDER.len())];
+        program.profile = profile(control.name());
     }
     if !random.once_in(8) {
         program.text = if random.once_in(3) {
@@ -236,7 +238,7 @@ type Point = [f64; 2];
 
 /// A polyline on a coarse grid with fillets, closed or open, rounded as posts do.
 fn grid_program(random: &mut Random) -> Program {
-    let control = CONTROLS[random.below(CONTROLS.len())];
+    let control = IN_ORDER[random.below(IN_ORDER.len())];
     let step = *random.of(&[1.0, 2.5, 5.0, 10.0]);
     let count = 2 + random.below(9);
     let is_rectilinear = random.once_in(2);
@@ -288,11 +290,11 @@ fn grid_program(random: &mut Random) -> Program {
     let turn = |p: Point| [p[0] * cos - p[1] * sin, p[0] * sin + p[1] * cos];
     let points: Vec<Point> = points.into_iter().map(turn).collect();
     let text = written(control, &points, fillet, decimals, radius, random);
-    Program::of(control, &text, radius)
+    Program::of(control.name(), &text, radius)
 }
 
 fn written(
-    control: &str,
+    control: Control,
     points: &[Point],
     fillet: f64,
     decimals: usize,
@@ -304,7 +306,7 @@ fn written(
         let rounded = (value * unit).round() / unit;
         if rounded == 0.0 { 0.0 } else { rounded }
     };
-    let is_lathe = control == "osp_lathe";
+    let is_lathe = control == Control::OspLathe;
     // The first letter of a lathe's plane is Z; X is a diameter.
     let at = |p: Point| {
         let [a, b] = p.map(round);
@@ -320,21 +322,21 @@ fn written(
     };
     let mut text = String::new();
     let tool = match control {
-        "osp_lathe" => {
+        Control::OspLathe => {
             text += &format!("N1 G0 {}\nN2 T010101\nN3 F100\n", at(aside(start, random)));
             ""
         }
-        "automation1" => {
+        Control::Automation1 => {
             text += &format!("G0 {}\nG43 P{radius}\nF100\n", at(aside(start, random)));
             ""
         }
-        "masso" | "rs274" => {
+        Control::Masso | Control::Rs274 => {
             text += &format!("T1 M6\nG0 {}\nF100\n", at(aside(start, random)));
             ""
         }
-        _ => {
+        Control::Sinumerik840c | Control::Nct => {
             text += &format!("N1 G0 {}\nN2 F100\n", at(aside(start, random)));
-            if control == "sinumerik_840c" && random.once_in(2) {
+            if control == Control::Sinumerik840c && random.once_in(2) {
                 text += "N3 G451\n";
             }
             " D1"
@@ -378,8 +380,8 @@ fn written(
         if random.once_in(4)
             && fillet > 0.0
             && !is_lathe
-            && control != "sinumerik_840c"
-            && control != "automation1"
+            && control != Control::Sinumerik840c
+            && control != Control::Automation1
         {
             let _ = writeln!(text, "{word} {} R{fillet}", at(to));
         } else {

@@ -18,44 +18,52 @@ use crate::line::LineRules;
 use crate::receive::Realtime;
 use crate::settings::Settings;
 
-/// A family of firmware.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Firmware {
+/// Makes the enum, its list, its names and its tables from one row for each family.
+macro_rules! families {
+    ($($(#[$note:meta])* $variant:ident: $file:ident,)+) => {
+        /// A family of firmware.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+        pub enum Firmware {
+            $($(#[$note])* $variant,)+
+        }
+
+        impl Firmware {
+            /// All of them.
+            pub const ALL: [Self; [$(stringify!($file)),+].len()] = [$(Self::$variant),+];
+
+            /// As the command line and scenarios spell it: the name of its file.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => stringify!($file),)+
+                }
+            }
+
+            pub(crate) fn traits(self) -> &'static Traits {
+                match self {
+                    $(Self::$variant => &$file::TRAITS,)+
+                }
+            }
+        }
+    };
+}
+
+families! {
     /// grbl 1.1h on an Arduino Uno.
     #[default]
-    Grbl,
+    Grbl: grbl,
     /// grblHAL, as its simulator is built.
-    GrblHal,
+    GrblHal: grblhal,
     /// FluidNC on an ESP32.
-    FluidNc,
+    FluidNc: fluidnc,
 }
 
 /// A text that names no family.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no firmware this controller speaks; there are grbl, grblhal and fluidnc")]
+#[error(
+    "`{0}` is no firmware this controller speaks; there are {known}",
+    known = Firmware::ALL.map(Firmware::name).join(", ")
+)]
 pub struct UnknownFirmware(String);
-
-impl Firmware {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Grbl, Self::GrblHal, Self::FluidNc];
-
-    /// As the command line and scenarios spell it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Grbl => "grbl",
-            Self::GrblHal => "grblhal",
-            Self::FluidNc => "fluidnc",
-        }
-    }
-
-    pub(crate) fn traits(self) -> &'static Traits {
-        match self {
-            Self::Grbl => &grbl::TRAITS,
-            Self::GrblHal => &grblhal::TRAITS,
-            Self::FluidNc => &fluidnc::TRAITS,
-        }
-    }
-}
 
 impl fmt::Display for Firmware {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -275,6 +283,6 @@ mod tests {
             assert_eq!(firmware.to_string().parse(), Ok(firmware));
         }
         let error = "marlin".parse::<Firmware>().unwrap_err().to_string();
-        assert!(error.contains("grbl, grblhal and fluidnc"), "{error}");
+        assert!(error.contains("grbl, grblhal, fluidnc"), "{error}");
     }
 }

@@ -2,12 +2,13 @@
 
 use crate::piece::{Piece, Point, point};
 use crate::random::Random;
+use settings::Control;
 use std::f64::consts::TAU;
 
 /// Writes blocks and says what they mean.
 #[derive(Debug)]
 pub(super) struct Writer {
-    pub control: &'static str,
+    pub control: Control,
     decimals: usize,
     /// Of a position: first and second axis of the plane, and the height.
     pub axes: [usize; 3],
@@ -20,13 +21,13 @@ pub(super) struct Writer {
 }
 
 impl Writer {
-    pub(super) fn new(control: &'static str, decimals: usize, axes: [usize; 3]) -> Self {
+    pub(super) fn new(control: Control, decimals: usize, axes: [usize; 3]) -> Self {
         let (text, at) = (String::new(), point(0.0, 0.0));
         Self { control, decimals, axes, text, line: 0, at, words: "" }
     }
 
     pub(super) fn is_lathe(&self) -> bool {
-        self.control == "osp_lathe"
+        self.control == Control::OspLathe
     }
 
     pub(super) fn block(&mut self, words: &str) {
@@ -88,7 +89,7 @@ impl Writer {
         let word = if is_ccw { "G3" } else { "G2" };
         let (from, to) = (self.at, self.rounded(piece.end()));
         let words = std::mem::take(&mut self.words);
-        let knows_radius = !matches!(self.control, "sinumerik_840c" | "automation1");
+        let knows_radius = !matches!(self.control, Control::Sinumerik840c | Control::Automation1);
         if knows_radius && (0.2..2.6).contains(&sweep.abs()) && random.once_in(4) {
             let radius = self.round(center.to(piece.start()));
             let half = (to - from) * 0.5;
