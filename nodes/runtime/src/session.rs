@@ -19,8 +19,8 @@ use crate::process::shutdown::Shutdown;
 use crate::process::supervision::Notifier;
 use crate::rustdds::dds_threads::{DdsThreads, dds_threads};
 use crate::rustdds::dds_watch::{DdsWatch, EndOfProcess};
+use crate::rustdds::dropped_publishers::DroppedPublishers;
 use crate::rustdds::endpoint_rate_limit::EndpointRateLimit;
-use crate::rustdds::last_words::LastWords;
 use crate::rustdds::memory_bound::MemoryBound;
 use crate::rustdds::sockets::{confine_since, open_sockets};
 use ros2_client::{Context, NodeName, NodeOptions};
@@ -89,7 +89,7 @@ impl Session {
             .create_publisher(&Qos::SERVICES.policies())
             .map_err(|error| failed("the DDS publisher", &error))?;
         let shutdown = Shutdown::new();
-        let last_words = LastWords::new(shutdown.clone());
+        let dropped_publishers = DroppedPublishers::new(shutdown.clone());
         let inner = Inner {
             configuration: again,
             names,
@@ -104,13 +104,13 @@ impl Session {
             lifecycle: tokio::sync::watch::Sender::new(None),
             shutdown,
             deaf,
-            last_words,
+            dropped_publishers,
             tasks: Mutex::default(),
             memory: std::sync::OnceLock::new(),
         };
         let handle = Handle { inner: Arc::new(inner) };
         handle.spawn("graph", Arc::clone(&handle.inner.graph).follow(participant.clone()));
-        warn_of_crowd(&handle);
+        warn_of_too_many_participants(&handle);
         serve(&handle, &handle.inner.parameters)?;
         logger_services::serve(&handle, &logs.levels)?;
         type_description::serve(&handle)?;
@@ -167,14 +167,14 @@ impl Session {
             tracing::warn!("a task does not end; the node stops without it");
         }
         tokio::time::sleep(Duration::from_millis(500)).await;
-        inner.last_words.clear();
+        inner.dropped_publishers.clear();
         drop(self.watch);
         drop(lock(&inner.node).take());
         drop(self.context);
     }
 }
 
-fn warn_of_crowd(handle: &Handle) {
+fn warn_of_too_many_participants(handle: &Handle) {
     let id = usize::from(handle.inner.participant.participant_id());
     let is_local = handle.inner.environment.range != DiscoveryRange::Subnet;
     if is_local && id >= LOOPBACK_PARTICIPANTS_MAX {

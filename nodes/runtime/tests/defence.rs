@@ -33,7 +33,7 @@ async fn a_storm_of_garbage_on_a_topic_hides_no_message_of_another_peer() {
     let (stranger, friend) = (start("stranger", domain(50)), start("friend", domain(50)));
     let node = start("node", domain(50));
     let topic = format!("{}/chatter", common::namespace());
-    let mut heard = node
+    let mut received = node
         .handle()
         .subscription::<Text>("chatter", Qos::DEFAULT.with_depth(10_000))
         .expect("sub");
@@ -48,7 +48,7 @@ async fn a_storm_of_garbage_on_a_topic_hides_no_message_of_another_peer() {
     for number in 0..50 {
         sane.publish(Text { data: format!("{number}") });
         loop {
-            let (said, info) = soon("a sane message", heard.next()).await;
+            let (said, info) = soon("a sane message", received.next()).await;
             if info.publisher == sane.gid() {
                 assert_eq!(said.data, format!("{number}"));
                 break;
@@ -59,8 +59,8 @@ async fn a_storm_of_garbage_on_a_topic_hides_no_message_of_another_peer() {
     stop.send(()).expect("it storms");
     let sent = storming.await.expect("no panic");
     assert!(sent > 1000, "{sent} were sent");
-    assert!(heard.undecodable() > 0);
-    drop((sane, heard));
+    assert!(received.undecodable() > 0);
+    drop((sane, received));
     for session in [stranger, friend, node] {
         session.stop().await;
     }
@@ -86,28 +86,28 @@ async fn each_piece_of_garbage_is_counted_and_passed_over() {
     let (stranger, node) = (start("stranger", domain(51)), start("node", domain(51)));
     let topic = format!("{}/chatter", common::namespace());
     let qos = Qos::DEFAULT.with_depth(100);
-    let mut heard = node.handle().subscription::<Text>("chatter", qos).expect("subscription");
+    let mut received = node.handle().subscription::<Text>("chatter", qos).expect("subscription");
     let raw = stranger.handle().raw_publisher(&topic, "a/msg/B", Qos::DEFAULT).expect("raw");
     let good = text(3, b"ab\0");
     // Until it is matched nothing arrives.
     soon("a match", async {
-        while heard.drain().is_empty() {
+        while received.drain().is_empty() {
             raw.publish(&good);
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     })
     .await;
     tokio::time::sleep(Duration::from_millis(200)).await;
-    heard.drain();
-    let before = heard.undecodable();
+    received.drain();
+    let before = received.undecodable();
     let garbage = garbage();
     for (index, (what, bytes)) in garbage.iter().enumerate() {
         assert!(raw.publish(bytes), "{what}");
         assert!(raw.publish(&good), "{what}");
-        assert_eq!(soon(what, heard.next()).await.0.data, "ab", "{what}");
-        assert_eq!(heard.undecodable() - before, index as u64 + 1, "{what} is no text");
+        assert_eq!(soon(what, received.next()).await.0.data, "ab", "{what}");
+        assert_eq!(received.undecodable() - before, index as u64 + 1, "{what} is no text");
     }
-    drop((raw, heard));
+    drop((raw, received));
     stranger.stop().await;
     node.stop().await;
 }
@@ -128,7 +128,7 @@ async fn a_list_of_four_billion_that_is_not_there_takes_no_memory() {
     let (stranger, node) = (start("stranger", domain(52)), start("node", domain(52)));
     let topic = format!("{}/lists", common::namespace());
     let qos = Qos::DEFAULT.with_depth(100);
-    let mut heard = node.handle().subscription::<Lists>("lists", qos).expect("subscription");
+    let mut received = node.handle().subscription::<Lists>("lists", qos).expect("subscription");
     let raw = stranger.handle().raw_publisher(&topic, Lists::name(), Qos::DEFAULT).expect("raw");
     let billions = [&[0, 1, 0, 0], &u32::MAX.to_le_bytes()[..], &[0; 8]].concat();
     let none = [0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
@@ -139,9 +139,9 @@ async fn a_list_of_four_billion_that_is_not_there_takes_no_memory() {
             }
             raw.publish(&none);
             tokio::select! {
-                (lists, _) = heard.next() => {
+                (lists, _) = received.next() => {
                     assert!(lists.names.is_empty() && lists.numbers.is_empty());
-                    if heard.undecodable() > 0 {
+                    if received.undecodable() > 0 {
                         return;
                     }
                 }
@@ -154,7 +154,7 @@ async fn a_list_of_four_billion_that_is_not_there_takes_no_memory() {
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("VmHWM");
     let peak: u64 = peak.trim().trim_end_matches(" kB").parse().expect("a number");
     assert!(peak < 500_000, "{peak} kB were needed");
-    drop((raw, heard));
+    drop((raw, received));
     stranger.stop().await;
     node.stop().await;
 }

@@ -156,7 +156,8 @@ async fn a_subscriber_that_hangs_or_dies_leaves_the_others_what_is_published() {
         let (node, other) = (start("node", domain(offset)), start("other", domain(offset)));
         let counts = node.handle().publisher::<Count>("count", Qos::DEFAULT).expect("publisher");
         let qos = Qos::DEFAULT.with_depth(2 * COUNT as usize);
-        let mut heard = other.handle().subscription::<Count>("count", qos).expect("subscription");
+        let mut received =
+            other.handle().subscription::<Count>("count", qos).expect("subscription");
         let peer = Peer::start("listen", domain(offset));
         soon("two subscribers", async {
             while counts.subscribers() < 2 {
@@ -177,13 +178,13 @@ async fn a_subscriber_that_hangs_or_dies_leaves_the_others_what_is_published() {
             }
         }
         for data in 0..COUNT {
-            assert_eq!(soon("a sample", heard.next()).await.0.data, data, "{fate}");
+            assert_eq!(soon("a sample", received.next()).await.0.data, data, "{fate}");
         }
         // It takes microseconds; a busy host may take the processor away for long.
         assert!(longest < Duration::from_secs(5), "{fate}: publishing took {longest:?}");
         let grown = resident_mb() - before;
         assert!(grown < 64.0, "{fate}: {grown} MB more");
-        drop((counts, heard, peer));
+        drop((counts, received, peer));
         node.stop().await;
         other.stop().await;
     }

@@ -193,7 +193,7 @@ impl Manager {
         ways.map(|way| (way.id, way.label)).collect()
     }
 
-    fn heard(&self) -> Vec<(u8, u8)> {
+    fn received(&self) -> Vec<(u8, u8)> {
         self.events.lock().expect("no panic").clone()
     }
 
@@ -203,7 +203,7 @@ impl Manager {
         for round in 1.. {
             assert!(self.set(0, "configure").await && self.set(0, "cleanup").await);
             tokio::time::sleep(Duration::from_millis(500)).await;
-            if self.heard().last() == Some(&(11, 1)) {
+            if self.received().last() == Some(&(11, 1)) {
                 return round;
             }
         }
@@ -273,12 +273,12 @@ async fn others_configure_activate_and_shut_down_over_either_mapping() {
 
         let way = [(10, 2), (13, 3), (14, 2), (11, 1), (12, 4)];
         soon("all events", async {
-            while manager.heard().last() != Some(&(12, 4)) {
+            while manager.received().last() != Some(&(12, 4)) {
                 tokio::time::sleep(Duration::from_millis(20)).await;
             }
         })
         .await;
-        assert!(manager.heard().ends_with(&way), "{:?}", manager.heard());
+        assert!(manager.received().ends_with(&way), "{:?}", manager.received());
         manager.stop().await;
     }
 }

@@ -102,7 +102,7 @@ fn command(words: &str, domain_id: u16) -> Command {
 }
 
 /// Reads the console until a text appears, and returns what was read.
-fn heard(child: &mut Child, part: &str) -> String {
+fn received(child: &mut Child, part: &str) -> String {
     let console = child.stderr.as_mut().expect("a pipe");
     let mut text = Vec::new();
     while !String::from_utf8_lossy(&text).contains(part) {
@@ -205,7 +205,7 @@ fn a_panic_of_any_thread_ends_the_process() {
 #[test]
 fn a_node_that_was_stopped_and_continued_notices_that_it_is_deaf() {
     let mut child = launch("--ros-args", domain(66));
-    let console = heard(&mut child, " started");
+    let console = received(&mut child, " started");
     let mut continued = Instant::now();
     // If none of its DDS threads was waiting at that moment, it works as before.
     for _ in 0..10 {

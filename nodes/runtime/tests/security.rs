@@ -139,7 +139,7 @@ async fn of_many_endpoints_that_meet_at_once_none_stays_deaf() {
     served.await.expect("it only serves");
     for (number, client) in clients.iter().enumerate() {
         let answer = client.call_within(TriggerRequest::default(), PATIENCE);
-        assert!(soon("an answer", answer).await.is_ok(), "n{number} is not heard");
+        assert!(soon("an answer", answer).await.is_ok(), "n{number} is not received");
     }
     drop(clients);
     commander.stop().await;

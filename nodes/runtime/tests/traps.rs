@@ -26,7 +26,7 @@ async fn a_burst_within_the_depth_of_a_subscription_is_whole() {
     let (left, right) = (start("left", domain(30)), start("right", domain(30)));
     let counts = left.handle().publisher::<Count>("count", Qos::DEFAULT).expect("publisher");
     let qos = Qos::DEFAULT.with_depth(2 * COUNT as usize);
-    let mut heard = right.handle().subscription::<Count>("count", qos).expect("subscription");
+    let mut received = right.handle().subscription::<Count>("count", qos).expect("subscription");
     matched(&counts).await;
     for data in 0..COUNT {
         assert!(counts.publish(Count { data }));
@@ -34,9 +34,9 @@ async fn a_burst_within_the_depth_of_a_subscription_is_whole() {
     // Nobody takes a sample before all are there.
     tokio::time::sleep(Duration::from_secs(1)).await;
     for data in 0..COUNT {
-        assert_eq!(soon("a sample", heard.next()).await.0.data, data);
+        assert_eq!(soon("a sample", received.next()).await.0.data, data);
     }
-    drop((counts, heard));
+    drop((counts, received));
     stop([left, right]).await;
 }
 
@@ -45,13 +45,13 @@ async fn what_a_node_says_last_arrives() {
     let (left, right) = (start("left", domain(31)), start("right", domain(31)));
     let counts = left.handle().publisher::<Count>("count", Qos::DEFAULT).expect("publisher");
     let qos = Qos::DEFAULT.with_depth(1000);
-    let mut heard = right.handle().subscription::<Count>("count", qos).expect("subscription");
+    let mut received = right.handle().subscription::<Count>("count", qos).expect("subscription");
     matched(&counts).await;
-    let hearing = tokio::spawn(async move {
+    let receiving = tokio::spawn(async move {
         for data in 0..200 {
-            assert_eq!(soon("a sample", heard.next()).await.0.data, data);
+            assert_eq!(soon("a sample", received.next()).await.0.data, data);
         }
-        heard
+        received
     });
     for data in 0..200 {
         assert!(counts.publish(Count { data }));
@@ -60,7 +60,7 @@ async fn what_a_node_says_last_arrives() {
     left.handle().shutdown().request("that was all");
     drop(counts);
     left.stop().await;
-    drop(hearing.await.expect("all of it"));
+    drop(receiving.await.expect("all of it"));
     right.stop().await;
 }
 

@@ -18,13 +18,13 @@ pub enum ServiceMapping {
 /// The network interfaces that the node uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DiscoveryRange {
-    /// 127.0.0.1 alone: our default, because whoever can reach the node can
+    /// 127.0.0.1 alone: our default, because a peer that can reach the node can
     /// move the machine. The node announces itself nowhere else, and its
     /// sockets are bound to the loopback interface (see `sockets`).
     Localhost,
     /// All interfaces with multicast.
     Subnet,
-    /// As localhost, but peers are not looked for: the node is alone.
+    /// As localhost, but the node does not look for peers: it is alone.
     Off,
 }
 

@@ -50,7 +50,7 @@ pub(crate) struct LogLevels {
 
 impl LogLevels {
     /// As the arguments say, the later over the earlier. The node's base name stands for
-    /// its logger, so that nobody has to know its namespace.
+    /// its logger, so that users need not know its namespace.
     pub(crate) fn new(arguments: &Arguments, names: &Names) -> Self {
         let mut levels = Self { default: LogLevel::Info, loggers: BTreeMap::new() };
         for argument in &arguments.log_levels {

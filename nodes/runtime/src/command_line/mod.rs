@@ -1,4 +1,4 @@
-//! What a node is told before it starts: arguments, environment variables and files.
+//! What a node reads before it starts: arguments, environment variables and files.
 //!
 //! Uses `process` and `parameters`. Belongs here: how `--ros-args`, `ROS_*` and `RMW_*` variables,
 //! parameter files and keystores are read, and the [`configuration`] that they add up to, so that

@@ -15,8 +15,8 @@ use std::time::Duration;
 use tokio::sync::watch;
 
 /// Time between two chunks on a topic: a reader that died holds at most 8192
-/// of them before its lease ends, and nobody else is slowed.
-const PACE: Duration = Duration::from_millis(10);
+/// of them before its lease ends, and no other reader is slowed.
+const CHUNK_PERIOD: Duration = Duration::from_millis(10);
 /// Bytes of a service reply that are not chunks, at most.
 const ENVELOPE_BYTES: usize = 4_000;
 
@@ -49,7 +49,7 @@ impl<C: Message> ChunkTopic<C> {
                 while let Some(chunk) = cut(index) {
                     publisher.publish(chunk);
                     index += 1;
-                    tokio::time::sleep(PACE).await;
+                    tokio::time::sleep(CHUNK_PERIOD).await;
                     // Newer data replaces this; the rest of it is not sent.
                     if changes.has_changed().unwrap_or(true) {
                         break;

@@ -13,7 +13,7 @@ use crate::endpoints::error::{NodeError, failed};
 use crate::endpoints::graph::Graph;
 use crate::endpoints::publisher::Publisher;
 use crate::endpoints::qos::Qos;
-use crate::endpoints::service::{Crowd, Replies, RequestInfo, Server, UNACKNOWLEDGED_MAX};
+use crate::endpoints::service::{Overload, Replies, RequestInfo, Server, UNACKNOWLEDGED_MAX};
 use crate::endpoints::subscription::{Reader, Subscription};
 use crate::endpoints::wire::{Decoder, Framed, dds_type, service_topics, service_types};
 use crate::parameters::live::LiveParameters;
@@ -22,8 +22,8 @@ use crate::process::lock;
 use crate::process::memory::Memory;
 use crate::process::shutdown::Shutdown;
 use crate::process::time::{Clock, RosTime};
+use crate::rustdds::dropped_publishers::DroppedPublishers;
 use crate::rustdds::endpoint_rate_limit::EndpointRateLimit;
-use crate::rustdds::last_words::LastWords;
 use crate::rustdds::padded::Padded;
 use cnc_msgs::interface::{Message, Service};
 use rustdds::no_key::DataWriterCdr;
@@ -61,7 +61,7 @@ pub(crate) struct Inner {
     pub(crate) shutdown: Shutdown,
     /// Why the DDS layer does not serve this node any more; `None` while it does.
     pub(crate) deaf: tokio::sync::watch::Sender<Option<String>>,
-    pub(crate) last_words: LastWords,
+    pub(crate) dropped_publishers: DroppedPublishers,
     pub(crate) tasks: Mutex<JoinSet<()>>,
     pub(crate) memory: OnceLock<Memory>,
 }
@@ -131,8 +131,8 @@ impl Handle {
         let inner = self.ros_endpoint(&name, type_name, qos, |dds| {
             self.with_node(&name, |node| node.create_publisher::<Padded<T>>(dds, None))
         })?;
-        let last_words = self.inner.last_words.clone();
-        Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph), last_words))
+        let dropped_publishers = self.inner.dropped_publishers.clone();
+        Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph), dropped_publishers))
     }
 
     /// Subscribes `T` on `topic`; up to `qos.depth` samples may wait unread.
@@ -184,8 +184,8 @@ impl Handle {
         F: Fn(S::Request, RequestInfo) -> Fut + Send + 'static,
         Fut: Future<Output = S::Response> + Send + 'static,
     {
-        let (crowd, earlier) = (Crowd::Waits, Vec::new());
-        self.concurrent_service_of::<S, F, Fut>(name, S::TYPE_NAME, crowd, earlier, handler)
+        let (overload, earlier) = (Overload::Wait, Vec::new());
+        self.concurrent_service_of::<S, F, Fut>(name, S::TYPE_NAME, overload, earlier, handler)
     }
 
     /// The same for a type whose name is only known at run time. `earlier` are requests that the
@@ -194,7 +194,7 @@ impl Handle {
         &self,
         name: &str,
         type_name: &str,
-        crowd: Crowd,
+        overload: Overload,
         earlier: Vec<(S::Request, RequestInfo)>,
         handler: F,
     ) -> Result<(), NodeError>
@@ -204,7 +204,7 @@ impl Handle {
         Fut: Future<Output = S::Response> + Send + 'static,
     {
         let server = self.server::<S>(name, type_name)?;
-        let serving = server.serve_concurrently(crowd, earlier, handler);
+        let serving = server.serve_concurrently(overload, earlier, handler);
         self.spawn(&format!("service {name}"), serving);
         Ok(())
     }

@@ -5,7 +5,7 @@
 
 use crate::endpoints::graph::Graph;
 use crate::endpoints::wire::Gid;
-use crate::rustdds::last_words::LastWords;
+use crate::rustdds::dropped_publishers::DroppedPublishers;
 use crate::rustdds::padded::Padded;
 use cnc_msgs::interface::Message;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -20,14 +20,14 @@ pub struct Publisher<T: Message> {
     /// `None` only while this is dropped.
     inner: Option<ros2_client::Publisher<Padded<T>>>,
     graph: Arc<Graph>,
-    last_words: LastWords,
+    dropped_publishers: DroppedPublishers,
     drops: Drops,
 }
 
 impl<T: Message> Drop for Publisher<T> {
     fn drop(&mut self) {
         if let Some(inner) = self.inner.take() {
-            self.last_words.keep_while_stopping(inner);
+            self.dropped_publishers.keep_while_stopping(inner);
         }
     }
 }
@@ -37,9 +37,9 @@ impl<T: Message> Publisher<T> {
         topic: String,
         inner: ros2_client::Publisher<Padded<T>>,
         graph: Arc<Graph>,
-        last_words: LastWords,
+        dropped_publishers: DroppedPublishers,
     ) -> Self {
-        Self { inner: Some(inner), graph, last_words, drops: Drops::new(topic) }
+        Self { inner: Some(inner), graph, dropped_publishers, drops: Drops::new(topic) }
     }
 
     fn inner(&self) -> &ros2_client::Publisher<Padded<T>> {

@@ -29,12 +29,12 @@ const CONCURRENT_MAX: usize = 256;
 
 /// What a concurrent service does with further requests when it handles that many.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Crowd {
+pub(crate) enum Overload {
     /// They wait until one is answered: no answer takes long.
-    Waits,
+    Wait,
     /// It drops the oldest, whose answer may take any time. So a client that asks again and
     /// again does not block the others.
-    GivesUpOldest,
+    DropOldest,
 }
 
 /// The sender of a request.
@@ -91,7 +91,7 @@ impl<S: Service + 'static> Server<S> {
     /// Answers requests concurrently, for ever; first those that the previous process left.
     pub(crate) async fn serve_concurrently<F, Fut>(
         mut self,
-        crowd: Crowd,
+        overload: Overload,
         earlier: Vec<(S::Request, RequestInfo)>,
         handler: F,
     ) where
@@ -107,9 +107,9 @@ impl<S: Service + 'static> Server<S> {
                 None => self.next().await,
             };
             while making.try_join_next().is_some() {}
-            match crowd {
-                Crowd::Waits if making.len() >= CONCURRENT_MAX => drop(making.join_next().await),
-                Crowd::GivesUpOldest if oldest_first.len() >= CONCURRENT_MAX => {
+            match overload {
+                Overload::Wait if making.len() >= CONCURRENT_MAX => drop(making.join_next().await),
+                Overload::DropOldest if oldest_first.len() >= CONCURRENT_MAX => {
                     // Requests that can be answered now are not dropped.
                     tokio::task::yield_now().await;
                     oldest_first.retain(|task| !task.is_finished());
@@ -121,7 +121,7 @@ impl<S: Service + 'static> Server<S> {
             }
             let (answer, answers) = (handler(request, info), self.answers.clone());
             let task = making.spawn(async move { answers.send(info, answer.await) });
-            if crowd == Crowd::GivesUpOldest {
+            if overload == Overload::DropOldest {
                 oldest_first.push_back(task);
             }
         }

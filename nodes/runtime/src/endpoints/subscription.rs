@@ -20,7 +20,7 @@ pub struct SampleInfo {
     pub publisher: Gid,
     /// Its number at that endpoint, from 1; a gap is a lost sample.
     pub sequence: i64,
-    /// Wall time at the sender, if it said so.
+    /// Wall time at the sender, if the sample has it.
     pub source_time: Option<RosTime>,
     /// Wall time at which it arrived here.
     pub reception_time: RosTime,
@@ -105,11 +105,11 @@ pub(crate) struct Reader<T> {
     inner: ros2_client::Subscription<Decoded<T>>,
     decoder: Decoder<T>,
     undecodable: u64,
-    complained_about: BTreeSet<Gid>,
+    warned_senders: BTreeSet<Gid>,
 }
 
 /// Senders of invalid samples that are remembered, at most.
-const COMPLAINTS_MAX: usize = 1000;
+const WARNED_SENDERS_MAX: usize = 1000;
 
 impl<T: DeserializeOwned + 'static> Reader<T> {
     pub(crate) fn new(
@@ -117,7 +117,7 @@ impl<T: DeserializeOwned + 'static> Reader<T> {
         inner: ros2_client::Subscription<Decoded<T>>,
         decoder: Decoder<T>,
     ) -> Self {
-        Self { topic, inner, decoder, undecodable: 0, complained_about: BTreeSet::new() }
+        Self { topic, inner, decoder, undecodable: 0, warned_senders: BTreeSet::new() }
     }
 
     pub(crate) fn gid(&self) -> Gid {
@@ -156,9 +156,9 @@ impl<T: DeserializeOwned + 'static> Reader<T> {
             Err(error) => (Gid::default(), error.to_string()),
         };
         self.undecodable += 1;
-        if self.complained_about.len() < COMPLAINTS_MAX && self.complained_about.insert(gid) {
+        if self.warned_senders.len() < WARNED_SENDERS_MAX && self.warned_senders.insert(gid) {
             tracing::warn!(
-                "{} gets samples from {gid} that it cannot read, and passes over them: {reason}; \
+                "{} gets samples from {gid} that it cannot read, and skips them: {reason}; \
                  the sender has another type, another version of it, or another service mapping \
                  (see RMW_IMPLEMENTATION)",
                 self.topic

@@ -240,8 +240,8 @@ impl<M: Managed> Lifecycle<M> {
     /// There is no such transition from here, or it failed.
     async fn request(&self, id: u8, label: &str) -> Result<(), String> {
         let _alone = self.step.lock().await;
-        let way = requested(self.state(), id, label)?;
-        self.go(way).await
+        let transition = requested(self.state(), id, label)?;
+        self.go(transition).await
     }
 
     /// Finalizes the node. Waits for a step that is running; a step that was cut off does not
@@ -252,9 +252,9 @@ impl<M: Managed> Lifecycle<M> {
         if state == State::Finalized {
             return;
         }
-        if let Ok(way) = requested(state, 0, "shutdown") {
+        if let Ok(transition) = requested(state, 0, "shutdown") {
             // The reason is in the log.
-            let _ = self.go(way).await;
+            let _ = self.go(transition).await;
             return;
         }
         if let Err(trouble) = self.managed.shutdown().await {
@@ -266,9 +266,9 @@ impl<M: Managed> Lifecycle<M> {
         self.take(ended(State::ErrorProcessing, Outcome::Failure));
     }
 
-    async fn go(&self, way: Transition) -> Result<(), String> {
-        self.take(way);
-        let went = match way.goal {
+    async fn go(&self, transition: Transition) -> Result<(), String> {
+        self.take(transition);
+        let went = match transition.goal {
             State::Configuring => self.managed.configure().await,
             State::Activating => self.managed.activate().await,
             State::Deactivating => self.managed.deactivate().await,
@@ -281,13 +281,13 @@ impl<M: Managed> Lifecycle<M> {
             Err(Trouble::Error(_)) => Outcome::Error,
         };
         if let Err(trouble) = &went {
-            tracing::error!("{} failed: {trouble}", way.label);
+            tracing::error!("{} failed: {trouble}", transition.label);
         }
-        self.take(ended(way.goal, outcome));
+        self.take(ended(transition.goal, outcome));
         if self.state() == State::ErrorProcessing {
             // Only a new process recovers from a step that is half done.
             self.take(ended(State::ErrorProcessing, Outcome::Failure));
-            self.node.shutdown().fail(&format!("{} failed", way.label));
+            self.node.shutdown().fail(&format!("{} failed", transition.label));
         }
         if self.state() == State::Finalized {
             self.node.shutdown().request("it was shut down");
@@ -308,12 +308,12 @@ impl<M: Managed> Lifecycle<M> {
         self.node.lifecycle_state().unwrap_or(State::Unknown)
     }
 
-    fn take(&self, way: Transition) {
-        self.node.inner.lifecycle.send_replace(Some(way.goal));
-        if !way.goal.is_transitional() {
-            tracing::info!("{}", way.goal.label());
+    fn take(&self, transition: Transition) {
+        self.node.inner.lifecycle.send_replace(Some(transition.goal));
+        if !transition.goal.is_transitional() {
+            tracing::info!("{}", transition.goal.label());
         }
-        let kept = match way.goal {
+        let kept = match transition.goal {
             // If the process ends during this transition, the next one does not activate the node.
             State::Deactivating => Some(State::Inactive),
             state => (!state.is_transitional()).then_some(state),
@@ -321,6 +321,6 @@ impl<M: Managed> Lifecycle<M> {
         if let (Some(memory), Some(state)) = (self.node.memory(), kept) {
             memory.keep(KEPT_STATE, vec![state.id()]);
         }
-        self.events.publish(services::event(self.node.now(), way));
+        self.events.publish(services::event(self.node.now(), transition));
     }
 }

@@ -18,7 +18,7 @@ pub(crate) fn serve(node: &Handle, levels: &Arc<LiveLevels>) -> Result<(), NodeE
     let live = Arc::clone(levels);
     node.service::<srv::GetLoggerLevels, _, _>("~/get_logger_levels", move |request, _| {
         let levels = request.names.into_iter().map(|name| {
-            // Without a level of its own: unset, as rcl says it.
+            // Without a level of its own: unset, as in rcl.
             let level = live.get(&name).map_or(0, |level| u32::from(number_of(level)));
             LoggerLevel { name, level }
         });

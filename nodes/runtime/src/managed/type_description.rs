@@ -81,7 +81,7 @@ fn individual(Individual { type_name, fields }: Individual) -> wire::IndividualT
     wire::IndividualTypeDescription { type_name, fields: fields.collect() }
 }
 
-/// The files of a type and of those that it names, as they stand in its schema.
+/// The files of a type and of those that it names, as its schema has them.
 fn sources(info: &TypeInfo) -> Vec<wire::TypeSource> {
     let separator = format!("\n{}\nMSG: ", "=".repeat(80));
     let mut parts = info.schema_text.split(separator.as_str());

@@ -98,62 +98,62 @@ impl Outcome {
     }
 }
 
-const fn way(id: u8, label: &'static str, start: State, goal: State) -> Transition {
+const fn transition(id: u8, label: &'static str, start: State, goal: State) -> Transition {
     Transition { id, label, start, goal }
 }
 
 /// All transitions, in the order in which tools list them.
 pub(crate) const TRANSITIONS: [Transition; 25] = [
-    way(1, "configure", Unconfigured, Configuring),
-    way(10, "transition_success", Configuring, Inactive),
-    way(11, "transition_failure", Configuring, Unconfigured),
-    way(12, "transition_error", Configuring, ErrorProcessing),
-    way(2, "cleanup", Inactive, CleaningUp),
-    way(20, "transition_success", CleaningUp, Unconfigured),
-    way(21, "transition_failure", CleaningUp, Inactive),
-    way(22, "transition_error", CleaningUp, ErrorProcessing),
-    way(3, "activate", Inactive, Activating),
-    way(30, "transition_success", Activating, Active),
-    way(31, "transition_failure", Activating, Inactive),
-    way(32, "transition_error", Activating, ErrorProcessing),
-    way(4, "deactivate", Active, Deactivating),
-    way(40, "transition_success", Deactivating, Inactive),
-    way(41, "transition_failure", Deactivating, Active),
-    way(42, "transition_error", Deactivating, ErrorProcessing),
-    way(5, "shutdown", Unconfigured, ShuttingDown),
-    way(6, "shutdown", Inactive, ShuttingDown),
-    way(7, "shutdown", Active, ShuttingDown),
-    way(50, "transition_success", ShuttingDown, Finalized),
-    way(51, "transition_failure", ShuttingDown, Finalized),
-    way(52, "transition_error", ShuttingDown, ErrorProcessing),
-    way(60, "transition_success", ErrorProcessing, Unconfigured),
-    way(61, "transition_failure", ErrorProcessing, Finalized),
-    way(62, "transition_error", ErrorProcessing, Finalized),
+    transition(1, "configure", Unconfigured, Configuring),
+    transition(10, "transition_success", Configuring, Inactive),
+    transition(11, "transition_failure", Configuring, Unconfigured),
+    transition(12, "transition_error", Configuring, ErrorProcessing),
+    transition(2, "cleanup", Inactive, CleaningUp),
+    transition(20, "transition_success", CleaningUp, Unconfigured),
+    transition(21, "transition_failure", CleaningUp, Inactive),
+    transition(22, "transition_error", CleaningUp, ErrorProcessing),
+    transition(3, "activate", Inactive, Activating),
+    transition(30, "transition_success", Activating, Active),
+    transition(31, "transition_failure", Activating, Inactive),
+    transition(32, "transition_error", Activating, ErrorProcessing),
+    transition(4, "deactivate", Active, Deactivating),
+    transition(40, "transition_success", Deactivating, Inactive),
+    transition(41, "transition_failure", Deactivating, Active),
+    transition(42, "transition_error", Deactivating, ErrorProcessing),
+    transition(5, "shutdown", Unconfigured, ShuttingDown),
+    transition(6, "shutdown", Inactive, ShuttingDown),
+    transition(7, "shutdown", Active, ShuttingDown),
+    transition(50, "transition_success", ShuttingDown, Finalized),
+    transition(51, "transition_failure", ShuttingDown, Finalized),
+    transition(52, "transition_error", ShuttingDown, ErrorProcessing),
+    transition(60, "transition_success", ErrorProcessing, Unconfigured),
+    transition(61, "transition_failure", ErrorProcessing, Finalized),
+    transition(62, "transition_error", ErrorProcessing, Finalized),
 ];
 
 /// The transitions that lead away from a state.
-pub(crate) fn ways_from(state: State) -> impl Iterator<Item = &'static Transition> {
+pub(crate) fn transitions_from(state: State) -> impl Iterator<Item = &'static Transition> {
     TRANSITIONS.iter().filter(move |transition| transition.start == state)
 }
 
 /// The transition that a request asks for in this state.
 ///
-/// A label wins over the number: whoever asks by label leaves the number zero.
+/// A label wins over the number: a request by label leaves the number zero.
 ///
 /// # Errors
 /// There is none from here; with those that there are.
 pub(crate) fn requested(state: State, id: u8, label: &str) -> Result<Transition, String> {
-    let is_meant = |way: &&Transition| match label {
-        "" => way.id == id,
-        label => way.label == label,
+    let is_meant = |transition: &&Transition| match label {
+        "" => transition.id == id,
+        label => transition.label == label,
     };
     // A request cannot set the outcome of a transition.
     let is_transitional = state.is_transitional();
-    ways_from(state).filter(|_| !is_transitional).find(is_meant).copied().ok_or_else(|| {
+    transitions_from(state).filter(|_| !is_transitional).find(is_meant).copied().ok_or_else(|| {
         let asked = if label.is_empty() { format!("{id}") } else { format!("\"{label}\"") };
-        let known: Vec<_> = ways_from(state)
+        let known: Vec<_> = transitions_from(state)
             .filter(|_| !is_transitional)
-            .map(|way| format!("{} ({})", way.label, way.id))
+            .map(|transition| format!("{} ({})", transition.label, transition.id))
             .collect();
         let known = if known.is_empty() { "nothing".to_owned() } else { known.join(", ") };
         format!("there is no transition {asked} from {}: {known} can be asked for", state.label())
@@ -163,10 +163,10 @@ pub(crate) fn requested(state: State, id: u8, label: &str) -> Result<Transition,
 /// The transition by which a transitional state is left.
 ///
 /// # Panics
-/// The state is not transitional: nothing is under way.
+/// The state is not transitional: nothing is under transition.
 pub(crate) fn ended(state: State, outcome: Outcome) -> Transition {
-    let way = ways_from(state).find(|way| way.label == outcome.label());
-    *way.unwrap_or_else(|| panic!("nothing is under way in {}", state.label()))
+    let transition = transitions_from(state).find(|transition| transition.label == outcome.label());
+    *transition.unwrap_or_else(|| panic!("nothing is under transition in {}", state.label()))
 }
 
 #[cfg(test)]
@@ -186,21 +186,32 @@ mod tests {
             (Active, 4, "deactivate", Deactivating),
             (Active, 7, "shutdown", ShuttingDown),
         ];
-        let labels: Vec<&str> =
-            TRANSITIONS.iter().map(|way| way.label).chain(["create", "destroy", "x"]).collect();
+        let labels: Vec<&str> = TRANSITIONS
+            .iter()
+            .map(|transition| transition.label)
+            .chain(["create", "destroy", "x"])
+            .collect();
         for state in STATES {
             for id in 0..100 {
                 let row = table.iter().find(|row| row.0 == state && row.1 == id);
-                let goal = requested(state, id, "").map(|way| way.goal);
+                let goal = requested(state, id, "").map(|transition| transition.goal);
                 assert_eq!(goal.ok(), row.map(|row| row.3), "{state:?} {id}");
             }
             for label in &labels {
                 let row = table.iter().find(|row| row.0 == state && row.2 == *label);
                 // The number that comes with a label does not count.
                 for id in [0, 1, 4, 99] {
-                    let way = requested(state, id, label).ok();
-                    assert_eq!(way.map(|way| way.goal), row.map(|row| row.3), "{state:?} {label}");
-                    assert_eq!(way.map(|way| way.id), row.map(|row| row.1), "{state:?} {label}");
+                    let transition = requested(state, id, label).ok();
+                    assert_eq!(
+                        transition.map(|transition| transition.goal),
+                        row.map(|row| row.3),
+                        "{state:?} {label}"
+                    );
+                    assert_eq!(
+                        transition.map(|transition| transition.id),
+                        row.map(|row| row.1),
+                        "{state:?} {label}"
+                    );
                 }
             }
         }
@@ -283,6 +294,6 @@ mod tests {
             W::TRANSITION_ON_ERROR_FAILURE,
             W::TRANSITION_ON_ERROR_ERROR,
         ];
-        assert_eq!(TRANSITIONS.map(|way| way.id), ids);
+        assert_eq!(TRANSITIONS.map(|transition| transition.id), ids);
     }
 }

@@ -1,7 +1,7 @@
 //! The panic guard, and the immediate exit of a process that cannot continue.
 //!
 //! A node that is deaf or takes too much memory exits at once: an orderly end would need the DDS
-//! layer. Its supervisor restarts it. Nothing here blocks, not even a console that nobody reads.
+//! layer. Its supervisor restarts it. Nothing here blocks, not even a full console.
 
 use crate::process::console::{log_line, write_within};
 use crate::process::supervision::PANICKED;

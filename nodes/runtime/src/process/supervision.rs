@@ -43,7 +43,7 @@ pub fn die_with_parent() -> std::io::Result<bool> {
 /// Wakes this process from SIGSTOP when the thread that started it ends, so that it notices.
 ///
 /// For a process that shuts down when the pipe from its parent closes. If it is stopped at that
-/// moment, it would otherwise stay for ever and keep its port.
+/// moment, it would otherwise live on and keep its port.
 pub fn wake_with_parent() -> std::io::Result<bool> {
     signal_with_parent(Signal::CONT)
 }

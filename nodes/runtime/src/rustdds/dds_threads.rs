@@ -20,24 +20,24 @@ use std::time::{Duration, Instant};
 /// computer it may never be idle; after the timeout we assume that it has finished.
 const THREADS: [(&str, Duration); 2] =
     [("RustDDS Partici", Duration::from_millis(20)), ("RustDDS discove", Duration::from_secs(2))];
-/// The time between two looks: short at first, then longer and longer.
-const SHORTEST: Duration = Duration::from_micros(50);
-const LONGEST: Duration = Duration::from_millis(2);
+/// The pause between two checks: short at first, then longer and longer.
+const PAUSE_MIN: Duration = Duration::from_micros(50);
+const PAUSE_MAX: Duration = Duration::from_millis(2);
 /// How long they usually need, for systems where they cannot be watched.
-const UNWATCHED: Duration = Duration::from_millis(2);
+const USUAL_TIME: Duration = Duration::from_millis(2);
 
 /// Their names in messages.
 const NAMES: [&str; 2] = [RECEIVING, "discovery"];
 /// The thread that reads the sockets.
 pub(crate) const RECEIVING: &str = "receiving";
 
-/// What a thread was seen doing.
+/// What a thread is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Seen {
+pub(crate) enum ThreadState {
     /// It has ended.
-    Gone,
+    Ended,
     /// It waits for something to do.
-    Waiting,
+    Idle,
     /// It runs, or waits for a lock; with the count of its waits so far.
     Busy { waits: u64 },
 }
@@ -70,42 +70,41 @@ impl DdsThreads {
     }
 
     /// What each of them does now, with its name in messages.
-    pub(crate) fn look(&self) -> Vec<(&'static str, Seen)> {
-        self.0.iter().map(|(place, call)| (NAMES[*place], look(*place, call))).collect()
+    pub(crate) fn states(&self) -> Vec<(&'static str, ThreadState)> {
+        self.0.iter().map(|(place, call)| (NAMES[*place], state_of(*place, call))).collect()
     }
 
     /// Waits until each of them has been idle, one after the other.
-    pub(crate) fn wait_for_rest(&self) {
+    pub(crate) fn wait_until_idle(&self) {
         if self.0.is_empty() {
-            std::thread::sleep(UNWATCHED);
+            std::thread::sleep(USUAL_TIME);
         }
         for (place, thread) in &self.0 {
-            let (end, mut pause) = (Instant::now() + THREADS[*place].1, SHORTEST);
-            while read_to_string(thread).is_ok_and(|call| !is_at_rest(&call))
-                && Instant::now() < end
-            {
+            let (end, mut pause) = (Instant::now() + THREADS[*place].1, PAUSE_MIN);
+            while read_to_string(thread).is_ok_and(|call| !is_idle(&call)) && Instant::now() < end {
                 std::thread::sleep(pause);
-                pause = (2 * pause).min(LONGEST);
+                pause = (2 * pause).min(PAUSE_MAX);
             }
         }
     }
 }
 
-/// Looks at one thread of those above. What cannot be read for another reason than that the
-/// thread has ended (too many open files) says nothing.
-fn look(place: usize, call: &Path) -> Seen {
+/// The state of one thread. It counts as idle if its files cannot be read for another reason than
+/// that it has ended, such as too many open files.
+fn state_of(place: usize, call: &Path) -> ThreadState {
     let read = |name: &str| read_to_string(call.with_file_name(name));
     match read("comm") {
         // The system may reuse the number for another thread.
-        Ok(name) if !name.starts_with(THREADS[place].0) => return Seen::Gone,
+        Ok(name) if !name.starts_with(THREADS[place].0) => return ThreadState::Ended,
         Ok(_) => {}
-        Err(error) if is_end(&error) => return Seen::Gone,
-        Err(_) => return Seen::Waiting,
+        Err(error) if is_end(&error) => return ThreadState::Ended,
+        Err(_) => return ThreadState::Idle,
     }
     match read_to_string(call) {
-        Ok(call) if is_at_rest(&call) => Seen::Waiting,
-        Err(error) if is_end(&error) => Seen::Gone,
-        _ => read("status").map_or(Seen::Waiting, |status| Seen::Busy { waits: waits(&status) }),
+        Ok(call) if is_idle(&call) => ThreadState::Idle,
+        Err(error) if is_end(&error) => ThreadState::Ended,
+        _ => read("status")
+            .map_or(ThreadState::Idle, |status| ThreadState::Busy { waits: waits(&status) }),
     }
 }
 
@@ -124,7 +123,7 @@ fn waits(status: &str) -> u64 {
 /// Whether a thread waits for events: in a system call whose first argument is a file, that
 /// of its poll. One that waits for a lock or a queue gives an address; one that could run,
 /// "running".
-fn is_at_rest(call: &str) -> bool {
+fn is_idle(call: &str) -> bool {
     const FILES_MAX: u64 = 1 << 20;
     let first = call.split_whitespace().nth(1).and_then(|word| word.strip_prefix("0x"));
     first.and_then(|word| u64::from_str_radix(word, 16).ok()).is_some_and(|it| it < FILES_MAX)
@@ -144,13 +143,19 @@ mod tests {
         let threads = DdsThreads::since(&before);
         let places: Vec<_> = threads.0.iter().map(|(place, _)| *place).collect();
         assert_eq!(places, [0, 1]);
-        threads.wait_for_rest();
+        threads.wait_until_idle();
         assert_eq!(threads.count(), 2);
-        for (name, seen) in threads.look() {
-            assert!(matches!(seen, Seen::Waiting | Seen::Busy { waits: 1.. }), "{name}: {seen:?}");
+        for (name, seen) in threads.states() {
+            assert!(
+                matches!(seen, ThreadState::Idle | ThreadState::Busy { waits: 1.. }),
+                "{name}: {seen:?}"
+            );
         }
         drop(participant);
-        assert_eq!(threads.look(), [("receiving", Seen::Gone), ("discovery", Seen::Gone)]);
+        assert_eq!(
+            threads.states(),
+            [("receiving", ThreadState::Ended), ("discovery", ThreadState::Ended)]
+        );
     }
 
     #[test]
@@ -164,7 +169,7 @@ mod tests {
             ("", false),
         ];
         for (call, expected) in table {
-            assert_eq!(is_at_rest(call), expected, "{call}");
+            assert_eq!(is_idle(call), expected, "{call}");
         }
     }
 }

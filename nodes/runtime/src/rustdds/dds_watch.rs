@@ -12,14 +12,14 @@
 //! Many messages may keep the receiver busy without a break; it serves as long as it takes the
 //! datagrams from its socket.
 //!
-//! A thread that has ended is noticed at the next look; a thread that hangs, after
-//! [`UNSERVED_MAX`] looks. Looks are counted, not seconds: a process that is stopped, or gets no
-//! processor time, does not look either.
+//! A thread that has ended is noticed at the next check; a thread that hangs, after
+//! [`FAILED_CHECKS_MAX`] checks. Checks are counted, not seconds: a process that is stopped, or gets
+//! no processor time, does not check either.
 
 use crate::process::lock;
 use crate::process::panic_guard;
 use crate::process::supervision::{DEAF, Notifier, TOO_LARGE};
-use crate::rustdds::dds_threads::{DdsThreads, RECEIVING, Seen};
+use crate::rustdds::dds_threads::{DdsThreads, RECEIVING, ThreadState};
 use crate::rustdds::memory_bound::MemoryBound;
 use rustdds::DomainParticipant;
 use std::net::{Ipv4Addr, UdpSocket};
@@ -30,17 +30,17 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::sync::watch;
 
-/// The time between two looks.
-const LOOK_EVERY: Duration = Duration::from_millis(250);
-/// Looks in a row without progress: five seconds if this thread runs on time.
-const UNSERVED_MAX: u32 = 20;
-/// A thread that waited so often between two looks runs its loop. A thread that was woken and
+/// The time between two checks.
+const CHECK_PERIOD: Duration = Duration::from_millis(250);
+/// Checks in a row without progress: five seconds if this thread runs on time.
+const FAILED_CHECKS_MAX: u32 = 20;
+/// A thread that waited so often between two checks runs its loop. A thread that was woken and
 /// got stuck waits at most once.
 const WAITS_MIN: u64 = 2;
-/// Hundredths of a second.
-const ASKING_ENDS_WITHIN: u32 = 50;
+/// How long the probing thread may take to end, in hundredths of a second.
+const PROBE_ENDS_WITHIN: u32 = 50;
 /// A datagram of RTPS without content: protocol 2.4, no vendor, no sender. Receivers drop it.
-const NOTHING: [u8; 20] = *b"RTPS\x02\x04\0\0\0\0\0\0\0\0\0\0\0\0\0\0";
+const EMPTY_MESSAGE: [u8; 20] = *b"RTPS\x02\x04\0\0\0\0\0\0\0\0\0\0\0\0\0\0";
 
 /// What to do when the process is deaf or takes too much memory.
 #[derive(Debug, Clone)]
@@ -55,7 +55,7 @@ pub(crate) struct EndOfProcess {
 #[derive(Debug)]
 pub(crate) struct DdsWatch {
     shared: Arc<Shared>,
-    /// Nothing is sent: the thread ends when this is gone.
+    /// Nothing is sent: the thread ends when this is dropped.
     stop: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -83,21 +83,21 @@ impl DdsWatch {
         let (stop, stopped) = channel();
         // A thread of its own sends the commands: it blocks if the DDS layer does not take one.
         let (requests, requested) = sync_channel(1);
-        let served = Arc::new(AtomicU64::new(0));
+        let probes = Arc::new(AtomicU64::new(0));
         let port = metatraffic_port(domain_id, participant.participant_id());
-        let counter = Arc::clone(&served);
-        let asking = std::thread::Builder::new()
-            .name("dds-ask".into())
-            .spawn(move || ask(&participant, port, &requested, &counter))?;
+        let counter = Arc::clone(&probes);
+        let probing = std::thread::Builder::new()
+            .name("dds-probe".into())
+            .spawn(move || probe(&participant, port, &requested, &counter))?;
         let watching = Arc::clone(&shared);
         let threads = (threads, port);
         let thread = std::thread::Builder::new().name("dds-watch".into()).spawn(move || {
-            look(&watching, &threads, &stopped, &requests, &served, &deaf);
+            watch_threads(&watching, &threads, &stopped, &requests, &probes, &deaf);
             drop(requests);
             // Its participant must be dropped before the last other one. A thread that hangs in the
             // DDS layer is left there.
-            for _ in 0..ASKING_ENDS_WITHIN {
-                if asking.is_finished() {
+            for _ in 0..PROBE_ENDS_WITHIN {
+                if probing.is_finished() {
                     break;
                 }
                 std::thread::sleep(Duration::from_millis(10));
@@ -106,7 +106,7 @@ impl DdsWatch {
         Ok(Self { shared, stop: Some(stop), thread: Some(thread) })
     }
 
-    /// From now on the supervisor hears that the process serves.
+    /// Reports to the supervisor from now on that the process serves.
     pub(crate) fn report_to(&self, notifier: Notifier) {
         *lock(&self.shared.notifier) = notifier;
     }
@@ -123,40 +123,40 @@ impl Drop for DdsWatch {
 }
 
 /// Gives both threads some work at each request.
-fn ask(
+fn probe(
     participant: &DomainParticipant,
     port: Option<u16>,
     requested: &Receiver<()>,
-    served: &AtomicU64,
+    probes: &AtomicU64,
 ) {
     let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).ok();
     while requested.recv().is_ok() {
         if let (Some(socket), Some(port)) = (&socket, port) {
             // If there is no such port, the thread still wakes by its timers.
-            let _ = socket.send_to(&NOTHING, (Ipv4Addr::LOCALHOST, port));
+            let _ = socket.send_to(&EMPTY_MESSAGE, (Ipv4Addr::LOCALHOST, port));
         }
         // An error means that the thread has ended, which is noticed anyway.
         let _ = participant.assert_liveliness();
-        served.fetch_add(1, Ordering::Relaxed);
+        probes.fetch_add(1, Ordering::Relaxed);
     }
 }
 
-/// Where a participant hears the discovery of others: RTPS 2.5, 9.6.1.
+/// The port on which a participant receives the discovery of others: RTPS 2.5, 9.6.1.
 fn metatraffic_port(domain_id: u16, participant_id: u16) -> Option<u16> {
     let port = 7_400 + 250 * u32::from(domain_id) + 10 + 2 * u32::from(participant_id);
     u16::try_from(port).ok()
 }
 
-fn look(
+fn watch_threads(
     shared: &Shared,
     (threads, port): &(DdsThreads, Option<u16>),
     stopped: &Receiver<()>,
     requests: &SyncSender<()>,
-    served: &AtomicU64,
+    probes: &AtomicU64,
     deaf: &watch::Sender<Option<String>>,
 ) {
-    let mut proof = Proof::new(threads.count());
-    while let Err(RecvTimeoutError::Timeout) = stopped.recv_timeout(LOOK_EVERY) {
+    let mut checks = Checks::new(threads.count());
+    while let Err(RecvTimeoutError::Timeout) = stopped.recv_timeout(CHECK_PERIOD) {
         let end = shared.end.as_ref();
         if let Some(EndOfProcess { logger, memory, .. }) = end
             && let Some(what) = memory.exceeded()
@@ -167,14 +167,14 @@ fn look(
                 &format!("{what}; it ends with status {TOO_LARGE}"),
             );
         }
-        let mut seen = threads.look();
+        let mut seen = threads.states();
         for (name, seen) in &mut seen {
-            let is_busy = *name == RECEIVING && matches!(seen, Seen::Busy { .. });
-            if is_busy && port.is_some_and(|port| is_taken(port) == Some(true)) {
-                *seen = Seen::Waiting;
+            let is_busy = *name == RECEIVING && matches!(seen, ThreadState::Busy { .. });
+            if is_busy && port.is_some_and(|port| is_read(port) == Some(true)) {
+                *seen = ThreadState::Idle;
             }
         }
-        let verdict = proof.take(&seen, served.load(Ordering::Relaxed));
+        let verdict = checks.take(&seen, probes.load(Ordering::Relaxed));
         // Not in the condition: its lock would be held in what follows.
         let known = deaf.borrow().clone();
         if let Some(reason) = known.or(verdict) {
@@ -196,7 +196,7 @@ fn look(
 }
 
 /// Whether all that was sent to a port of this computer so far was taken from its socket.
-fn is_taken(port: u16) -> Option<bool> {
+fn is_read(port: u16) -> Option<bool> {
     waiting_bytes(&std::fs::read_to_string("/proc/self/net/udp").ok()?, port).map(|it| it == 0)
 }
 
@@ -211,61 +211,61 @@ fn waiting_bytes(table: &str, port: u16) -> Option<u64> {
     })
 }
 
-/// What the looks have shown so far: a pure core.
+/// The checks so far: a pure core.
 #[derive(Debug)]
-struct Proof {
+struct Checks {
     threads: Vec<Progress>,
     /// The thread that sends the requests, which the DDS layer may block too.
-    asking: Progress,
+    probing: Progress,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Progress {
     count: u64,
-    unserved: u32,
+    failed_checks: u32,
 }
 
 impl Progress {
     /// Whether there was none for too long.
     fn is_overdue(&mut self, count: u64, progress_min: u64) -> bool {
         let is_served = count >= self.count.saturating_add(progress_min);
-        self.unserved = if is_served { 0 } else { self.unserved + 1 };
+        self.failed_checks = if is_served { 0 } else { self.failed_checks + 1 };
         self.count = count;
-        self.unserved > UNSERVED_MAX
+        self.failed_checks > FAILED_CHECKS_MAX
     }
 }
 
-impl Proof {
+impl Checks {
     fn new(threads: usize) -> Self {
-        Self { threads: vec![Progress::default(); threads], asking: Progress::default() }
+        Self { threads: vec![Progress::default(); threads], probing: Progress::default() }
     }
 
-    /// Takes one look; the reason when the process is deaf.
-    fn take(&mut self, seen: &[(&'static str, Seen)], served: u64) -> Option<String> {
+    /// Takes one check; the reason when the process is deaf.
+    fn take(&mut self, seen: &[(&'static str, ThreadState)], probes: u64) -> Option<String> {
         for ((name, seen), progress) in seen.iter().zip(&mut self.threads) {
             match *seen {
-                Seen::Gone => {
+                ThreadState::Ended => {
                     return Some(format!(
                         "the {name} thread of the DDS layer has ended (after SIGSTOP and SIGCONT, \
                          or on a packet it cannot handle)"
                     ));
                 }
-                Seen::Waiting => progress.unserved = 0,
-                Seen::Busy { waits } => {
+                ThreadState::Idle => progress.failed_checks = 0,
+                ThreadState::Busy { waits } => {
                     if progress.is_overdue(waits, WAITS_MIN) {
                         return Some(format!(
-                            "the {name} thread of the DDS layer has not come to rest for \
-                             {UNSERVED_MAX} looks, {} ms apart",
-                            LOOK_EVERY.as_millis()
+                            "the {name} thread of the DDS layer has not been idle for \
+                             {FAILED_CHECKS_MAX} checks, {} ms apart",
+                            CHECK_PERIOD.as_millis()
                         ));
                     }
                 }
             }
         }
-        self.asking.is_overdue(served, 1).then(|| {
+        self.probing.is_overdue(probes, 1).then(|| {
             format!(
-                "the DDS layer has taken nothing for {UNSERVED_MAX} looks, {} ms apart",
-                LOOK_EVERY.as_millis()
+                "the DDS layer has taken nothing for {FAILED_CHECKS_MAX} checks, {} ms apart",
+                CHECK_PERIOD.as_millis()
             )
         })
     }
@@ -275,26 +275,30 @@ impl Proof {
 mod tests {
     use super::*;
 
-    fn looks(seen: impl Fn(u64) -> Seen, served: impl Fn(u64) -> u64) -> Option<(u64, String)> {
-        let mut proof = Proof::new(2);
+    fn looks(
+        seen: impl Fn(u64) -> ThreadState,
+        probes: impl Fn(u64) -> u64,
+    ) -> Option<(u64, String)> {
+        let mut checks = Checks::new(2);
         (0..1_000).find_map(|look| {
-            let seen = [("receiving", Seen::Waiting), ("discovery", seen(look))];
-            proof.take(&seen, served(look)).map(|reason| (look, reason))
+            let seen = [("receiving", ThreadState::Idle), ("discovery", seen(look))];
+            checks.take(&seen, probes(look)).map(|reason| (look, reason))
         })
     }
 
     #[test]
     fn threads_that_come_to_rest_or_go_round_serve() {
-        assert_eq!(looks(|_| Seen::Waiting, |look| look), None);
-        assert_eq!(looks(|look| Seen::Busy { waits: 2 * look + 5 }, |look| look), None);
-        // Busy most of the time, at rest now and then.
-        let seldom = |look| if look % 15 == 0 { Seen::Waiting } else { Seen::Busy { waits: 3 } };
+        assert_eq!(looks(|_| ThreadState::Idle, |look| look), None);
+        assert_eq!(looks(|look| ThreadState::Busy { waits: 2 * look + 5 }, |look| look), None);
+        // Busy most of the time, idle now and then.
+        let seldom =
+            |look| if look % 15 == 0 { ThreadState::Idle } else { ThreadState::Busy { waits: 3 } };
         assert_eq!(looks(seldom, |look| look), None);
     }
 
     #[test]
     fn a_thread_that_ended_is_noticed_at_once() {
-        let ends = |look| if look < 7 { Seen::Waiting } else { Seen::Gone };
+        let ends = |look| if look < 7 { ThreadState::Idle } else { ThreadState::Ended };
         let (look, reason) = looks(ends, |look| look).expect("deaf");
         assert_eq!(look, 7);
         assert!(reason.starts_with("the discovery thread of the DDS layer has ended"), "{reason}");
@@ -302,19 +306,19 @@ mod tests {
 
     #[test]
     fn a_thread_that_spins_or_waits_for_a_lock_is_given_its_looks_and_no_more() {
-        let limit = u64::from(UNSERVED_MAX);
-        let spins = |_| Seen::Busy { waits: 40 };
+        let limit = u64::from(FAILED_CHECKS_MAX);
+        let spins = |_| ThreadState::Busy { waits: 40 };
         // The first look may see progress: the count is new to it.
         assert_eq!(looks(spins, |look| look).expect("deaf").0, limit + 1);
         // Woken once by a request, stuck since.
-        let stuck = |look: u64| Seen::Busy { waits: 40 + look.min(1) };
+        let stuck = |look: u64| ThreadState::Busy { waits: 40 + look.min(1) };
         assert_eq!(looks(stuck, |look| look).expect("deaf").0, limit + 1);
     }
 
     #[test]
     fn a_request_that_is_not_taken_is_deafness_too() {
-        let (look, reason) = looks(|_| Seen::Waiting, |look| look.min(9)).expect("deaf");
-        assert_eq!(look, 9 + u64::from(UNSERVED_MAX) + 1);
+        let (look, reason) = looks(|_| ThreadState::Idle, |look| look.min(9)).expect("deaf");
+        assert_eq!(look, 9 + u64::from(FAILED_CHECKS_MAX) + 1);
         assert!(reason.contains("taken nothing"), "{reason}");
     }
 
@@ -332,11 +336,11 @@ mod tests {
     fn what_was_sent_to_a_socket_waits_until_it_is_taken() {
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
         let port = socket.local_addr().expect("an address").port();
-        assert_eq!(is_taken(port), Some(true));
-        socket.send_to(&NOTHING, (Ipv4Addr::LOCALHOST, port)).expect("sent");
-        assert_eq!(is_taken(port), Some(false));
+        assert_eq!(is_read(port), Some(true));
+        socket.send_to(&EMPTY_MESSAGE, (Ipv4Addr::LOCALHOST, port)).expect("sent");
+        assert_eq!(is_read(port), Some(false));
         socket.recv(&mut [0; 64]).expect("a datagram");
-        assert_eq!(is_taken(port), Some(true));
+        assert_eq!(is_read(port), Some(true));
     }
 
     #[test]

@@ -54,7 +54,7 @@ impl EndpointRateLimit {
             turn.as_mut().map_or(Some(Duration::ZERO), |schedule| schedule.take(Instant::now()));
         if let Some(wait) = wait {
             std::thread::sleep(wait);
-            self.threads.wait_for_rest();
+            self.threads.wait_until_idle();
         }
         turn
     }

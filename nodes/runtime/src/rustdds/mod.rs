@@ -7,8 +7,8 @@
 pub(crate) mod dds_threads;
 pub(crate) mod dds_watch;
 pub(crate) mod decode;
+pub(crate) mod dropped_publishers;
 pub(crate) mod endpoint_rate_limit;
-pub(crate) mod last_words;
 pub(crate) mod memory_bound;
 pub(crate) mod padded;
 pub(crate) mod panics;

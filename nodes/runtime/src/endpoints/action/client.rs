@@ -157,7 +157,7 @@ impl<A: Action + 'static> GoalHandle<A> {
     /// is being read.
     ///
     /// # Errors
-    /// The server does not answer within `within`, or knows nothing any more.
+    /// The server does not answer within `within`, or has forgotten the goal.
     pub fn result(
         &self,
         within: Duration,

@@ -62,7 +62,7 @@ pub(super) struct Goals<R> {
 
 #[derive(Debug)]
 enum GoalState<R> {
-    /// The node has not decided yet; it will not be done when somebody cancels it meanwhile.
+    /// The node has not decided yet; it will not run if a client cancels it meanwhile.
     Offered {
         is_canceling: bool,
     },

@@ -20,7 +20,7 @@ use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
 use crate::endpoints::publisher::Publisher;
 use crate::endpoints::qos::Qos;
-use crate::endpoints::service::{Crowd, RequestInfo};
+use crate::endpoints::service::{Overload, RequestInfo};
 use crate::process::time::RosTime;
 use cnc_msgs::cdr;
 use cnc_msgs::interface::Action;
@@ -93,7 +93,7 @@ impl Handle {
         self.concurrent_service_of::<SendGoal<A>, _, _>(
             &names.send_goal.0,
             &names.send_goal.1,
-            Crowd::Waits,
+            Overload::Wait,
             goals_asked,
             move |request, info| {
                 let (state, sender) = (Arc::clone(&state), sender.clone());
@@ -124,7 +124,7 @@ impl Handle {
         self.concurrent_service_of::<GetResult<A>, _, _>(
             &names.get_result.0,
             &names.get_result.1,
-            Crowd::GivesUpOldest,
+            Overload::DropOldest,
             results_asked,
             move |request, info| {
                 let state = Arc::clone(&state);

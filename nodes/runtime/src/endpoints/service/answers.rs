@@ -43,14 +43,14 @@ impl<S: Service + 'static> Answers<S> {
         }
     }
 
-    fn can_hear(&self, to: &RequestInfo) -> bool {
+    fn can_receive(&self, to: &RequestInfo) -> bool {
         let matched = self.graph.matched_of(self.replies.gid(), to.writer.participant());
         lock(&self.client_readers).has_reader(to.client, &matched)
     }
 
     /// Sends an answer now, or when the client's reader has been discovered.
     pub(super) fn send(&self, to: RequestInfo, response: S::Response) {
-        if self.can_hear(&to) {
+        if self.can_receive(&to) {
             return self.replies.send(to, response);
         }
         let Ok(place) = Arc::clone(&self.room).try_acquire_owned() else {
@@ -61,7 +61,7 @@ impl<S: Service + 'static> Answers<S> {
         tokio::spawn(async move {
             let mut changes = answers.graph.changes();
             let found = async {
-                while !answers.can_hear(&to) {
+                while !answers.can_receive(&to) {
                     // The sender lives as long as the graph.
                     drop(changes.changed().await);
                 }

@@ -6,7 +6,7 @@ use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
 use crate::endpoints::publisher::Publisher;
 use crate::endpoints::qos::Qos;
-use crate::process::lifecycle_states::{STATES, State, TRANSITIONS, Transition, ways_from};
+use crate::process::lifecycle_states::{STATES, State, TRANSITIONS, Transition, transitions_from};
 use crate::process::time::RosTime;
 use cnc_msgs::wire::lifecycle_msgs::msg as wire;
 use cnc_msgs::wire::lifecycle_msgs::srv;
@@ -48,7 +48,7 @@ pub(super) fn offer<M: Managed>(
     node.service::<srv::GetAvailableTransitions, _, _>(
         "~/get_available_transitions",
         move |_, _| {
-            let available_transitions = ways_from(now(&handle)).map(description).collect();
+            let available_transitions = transitions_from(now(&handle)).map(description).collect();
             ready(srv::GetAvailableTransitionsResponse { available_transitions })
         },
     )?;
@@ -59,8 +59,9 @@ pub(super) fn offer<M: Managed>(
 }
 
 /// The message about a change. rcl leaves time and transition empty; we fill them.
-pub(super) fn event(now: RosTime, way: Transition) -> wire::TransitionEvent {
-    let wire::TransitionDescription { transition, start_state, goal_state } = description(&way);
+pub(super) fn event(now: RosTime, transition: Transition) -> wire::TransitionEvent {
+    let wire::TransitionDescription { transition, start_state, goal_state } =
+        description(&transition);
     let timestamp = u64::try_from(now.as_nanos()).unwrap_or(0);
     wire::TransitionEvent { timestamp, transition, start_state, goal_state }
 }
@@ -73,10 +74,10 @@ fn state(state: State) -> wire::State {
     wire::State { id: state.id(), label: state.label().to_owned() }
 }
 
-fn description(way: &Transition) -> wire::TransitionDescription {
+fn description(transition: &Transition) -> wire::TransitionDescription {
     wire::TransitionDescription {
-        transition: wire::Transition { id: way.id, label: way.label.to_owned() },
-        start_state: state(way.start),
-        goal_state: state(way.goal),
+        transition: wire::Transition { id: transition.id, label: transition.label.to_owned() },
+        start_state: state(transition.start),
+        goal_state: state(transition.goal),
     }
 }

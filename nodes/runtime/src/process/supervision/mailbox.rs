@@ -19,13 +19,13 @@ const TEXTS_MAX: usize = 1_000;
 
 /// The messages of a child since the last look.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct Heard {
+pub(crate) struct Notices {
     pub(crate) ready: bool,
     pub(crate) alive: bool,
     pub(crate) stopping: bool,
 }
 
-impl Heard {
+impl Notices {
     /// Reads one message, a `NAME=value` a line; skips unknown names.
     pub(crate) fn take(&mut self, text: &[u8]) {
         for line in text.split(|byte| *byte == b'\n') {
@@ -93,14 +93,14 @@ impl Mailbox {
     }
 
     /// All messages since the last look.
-    pub(crate) fn look(&self) -> Heard {
-        let (mut heard, mut text) = (Heard::default(), [0; TEXT_MAX]);
+    pub(crate) fn read(&self) -> Notices {
+        let (mut notices, mut text) = (Notices::default(), [0; TEXT_MAX]);
         for _ in 0..TEXTS_MAX {
             // Empty or unreadable: the child is silent.
             let Ok(length) = self.socket.recv(&mut text) else { break };
-            heard.take(&text[..length]);
+            notices.take(&text[..length]);
         }
-        heard
+        notices
     }
 }
 

@@ -66,7 +66,7 @@ impl Notifier {
 
     fn send(&self, text: &str) {
         if let Some((socket, address)) = self.to.as_deref() {
-            // The supervisor has gone or its queue is full.
+            // The supervisor has ended, or its queue is full.
             let _ = socket.send_to_addr(text.as_bytes(), address);
         }
     }
@@ -84,7 +84,7 @@ fn address(name: &OsStr) -> Option<SocketAddr> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::process::supervision::mailbox::{Heard, Mailbox};
+    use crate::process::supervision::mailbox::{Mailbox, Notices};
 
     #[test]
     fn what_a_process_says_reaches_the_mailbox() {
@@ -92,16 +92,16 @@ mod tests {
         let path = mailbox.path();
         let notifier = Notifier::new(Some(path.as_os_str()), Some("1500000"), None);
         assert_eq!(notifier.silence_max(), Some(Duration::from_millis(1500)));
-        assert_eq!(mailbox.look(), Heard::default());
+        assert_eq!(mailbox.read(), Notices::default());
         notifier.alive();
-        assert_eq!(mailbox.look(), Heard { alive: true, ..Heard::default() });
+        assert_eq!(mailbox.read(), Notices { alive: true, ..Notices::default() });
         notifier.ready();
         notifier.stopping();
-        assert_eq!(mailbox.look(), Heard { ready: true, alive: true, stopping: true });
+        assert_eq!(mailbox.read(), Notices { ready: true, alive: true, stopping: true });
         let folder = path.parent().expect("a folder").to_owned();
         drop(mailbox);
         assert!(!folder.exists());
-        // The supervisor has gone; nothing happens.
+        // The supervisor has ended; nothing happens.
         notifier.alive();
     }
 

@@ -3,7 +3,7 @@
 //! Pure: gets the time and the child's messages. Time in which the supervisor itself did not run
 //! (it was stopped, or the computer is overloaded) does not count as silence of the child.
 
-use super::mailbox::Heard;
+use super::mailbox::Notices;
 use std::time::{Duration, Instant};
 
 /// The most that counts as silence between two looks of the supervisor.
@@ -80,19 +80,19 @@ impl RestartPolicy {
     }
 
     /// Takes the messages since the last call; true when the child has just become ready.
-    pub(super) fn hear(&mut self, heard: Heard, now: Instant) -> bool {
+    pub(super) fn take_notices(&mut self, notices: Notices, now: Instant) -> bool {
         self.silence += now.saturating_duration_since(self.looked).min(COUNTED_MAX);
         self.looked = now;
         // A shutdown is limited in time, even if the child sends messages.
-        let is_sign = heard.alive || heard.ready || heard.stopping;
+        let is_sign = notices.alive || notices.ready || notices.stopping;
         if is_sign && self.phase != Phase::Stopping {
             self.silence = Duration::ZERO;
         }
-        let becomes_ready = heard.ready && self.phase == Phase::Starting;
+        let becomes_ready = notices.ready && self.phase == Phase::Starting;
         if becomes_ready {
             self.phase = Phase::Ready;
         }
-        if heard.stopping {
+        if notices.stopping {
             self.phase = Phase::Stopping;
         }
         becomes_ready
@@ -137,16 +137,16 @@ mod tests {
         pause_max: Duration::from_secs(2),
         settled_after: Duration::from_secs(5),
     };
-    const NOTHING: Heard = Heard { ready: false, alive: false, stopping: false };
-    const READY: Heard = Heard { ready: true, ..NOTHING };
-    const ALIVE: Heard = Heard { alive: true, ..NOTHING };
-    const STOPPING: Heard = Heard { stopping: true, ..NOTHING };
+    const NOTHING: Notices = Notices { ready: false, alive: false, stopping: false };
+    const READY: Notices = Notices { ready: true, ..NOTHING };
+    const ALIVE: Notices = Notices { alive: true, ..NOTHING };
+    const STOPPING: Notices = Notices { stopping: true, ..NOTHING };
 
-    /// Looks every 100 ms for so long, hearing the same each time.
-    fn look(policy: &mut RestartPolicy, now: &mut Instant, seconds: f64, heard: Heard) {
+    /// Takes the same notices every 100 ms for so long.
+    fn look(policy: &mut RestartPolicy, now: &mut Instant, seconds: f64, notices: Notices) {
         for _ in 0..(seconds * 10.0).round() as usize {
             *now += Duration::from_millis(100);
-            policy.hear(heard, *now);
+            policy.take_notices(notices, *now);
         }
     }
 
@@ -154,7 +154,7 @@ mod tests {
     fn a_child_that_was_ready_may_be_silent_for_so_long_and_no_longer() {
         let mut now = Instant::now();
         let mut policy = RestartPolicy::new(LIMITS, now);
-        assert!(policy.hear(READY, now) && policy.is_ready());
+        assert!(policy.take_notices(READY, now) && policy.is_ready());
         look(&mut policy, &mut now, 60.0, ALIVE);
         assert_eq!(policy.silent_for(), None);
         look(&mut policy, &mut now, 5.0, NOTHING);
@@ -177,10 +177,10 @@ mod tests {
     fn a_minute_in_which_the_supervisor_was_stopped_is_no_silence() {
         let mut now = Instant::now();
         let mut policy = RestartPolicy::new(LIMITS, now);
-        policy.hear(READY, now);
+        policy.take_notices(READY, now);
         look(&mut policy, &mut now, 4.0, NOTHING);
         now += Duration::from_secs(60);
-        policy.hear(NOTHING, now);
+        policy.take_notices(NOTHING, now);
         assert_eq!(policy.silent_for(), None);
         look(&mut policy, &mut now, 0.6, NOTHING);
         assert!(policy.silent_for().is_some(), "the child really is silent");
@@ -190,8 +190,8 @@ mod tests {
     fn a_child_that_ends_in_its_own_order_has_its_time_for_it() {
         let mut now = Instant::now();
         let mut policy = RestartPolicy::new(LIMITS, now);
-        policy.hear(READY, now);
-        policy.hear(STOPPING, now);
+        policy.take_notices(READY, now);
+        policy.take_notices(STOPPING, now);
         look(&mut policy, &mut now, 40.0, ALIVE);
         assert_eq!(policy.silent_for(), None);
         look(&mut policy, &mut now, 0.1, ALIVE);
@@ -213,7 +213,7 @@ mod tests {
         now += Duration::from_secs(60);
         assert_eq!(policy.pause(now).as_millis(), 2_000);
         policy.started(now);
-        policy.hear(READY, now);
+        policy.take_notices(READY, now);
         now += Duration::from_secs(60);
         assert_eq!(policy.pause(now).as_millis(), 0);
         policy.started(now);

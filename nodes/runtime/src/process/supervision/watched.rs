@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 /// the child. A child that uses `die_with_parent` must be started and polled on a thread
 /// that lives as long as the child should.
 pub struct Watched {
-    /// Makes the command anew for each start.
+    /// Makes a new command for each start.
     make: Box<dyn FnMut() -> io::Result<Command> + Send>,
     mailbox: Mailbox,
     limits: Limits,
@@ -97,7 +97,7 @@ impl Watched {
         let now = Instant::now();
         match &mut self.state {
             ChildState::Running { child, is_killed } => {
-                let becomes_ready = self.policy.hear(self.mailbox.look(), now);
+                let becomes_ready = self.policy.take_notices(self.mailbox.read(), now);
                 if let Ok(Some(status)) = child.try_wait() {
                     let pause = self.policy.pause(now);
                     self.state = ChildState::Pausing { until: now + pause };
@@ -115,7 +115,7 @@ impl Watched {
             ChildState::Pausing { until } if now < *until => None,
             ChildState::Pausing { .. } => {
                 // Messages of the previous child.
-                self.mailbox.look();
+                self.mailbox.read();
                 Some(match spawn(&mut self.make, &self.mailbox, self.limits) {
                     Ok(child) => {
                         self.policy.started(Instant::now());

@@ -61,7 +61,7 @@ impl<A: Action> GoalOffer<A> {
         self.info
     }
 
-    /// Whether somebody has canceled the goal before it was decided on.
+    /// Whether a client has canceled the goal before it was decided on.
     pub fn is_canceled(&self) -> bool {
         self.pending.as_ref().is_some_and(|(shared, _)| shared.goals().is_canceling(self.id))
     }
@@ -162,12 +162,12 @@ impl<A: Action> Goal<A> {
         self.shared.feedback.publish(FeedbackMessage { goal_id, feedback });
     }
 
-    /// Whether somebody wants it canceled.
+    /// Whether a client wants it canceled.
     pub fn is_cancel_requested(&self) -> bool {
         self.shared.goals().is_canceling(self.id)
     }
 
-    /// Waits until somebody wants it canceled; may be dropped and asked again.
+    /// Waits until a client wants it canceled; may be dropped and called again.
     pub async fn cancel_requested(&self) {
         let mut changes = self.shared.changes.subscribe();
         while !self.is_cancel_requested() {
@@ -176,7 +176,7 @@ impl<A: Action> Goal<A> {
         }
     }
 
-    /// Ends the goal and hands its result to all who ask.
+    /// Ends the goal and sends its result to all clients that wait for it.
     pub fn end(mut self, outcome: Outcome, result: A::Result) {
         self.fallback = None;
         self.shared.end(self.id, outcome, result);

@@ -9,14 +9,14 @@ use crate::process::shutdown::Shutdown;
 use std::any::Any;
 use std::sync::{Arc, Mutex};
 
-/// The publishers that live until the node ends; clones share them.
+/// Publishers that live until the node ends; clones share them.
 #[derive(Clone)]
-pub(crate) struct LastWords {
+pub(crate) struct DroppedPublishers {
     shutdown: Shutdown,
     publishers: Arc<Mutex<Vec<Box<dyn Any + Send>>>>,
 }
 
-impl LastWords {
+impl DroppedPublishers {
     pub(crate) fn new(shutdown: Shutdown) -> Self {
         Self { shutdown, publishers: Arc::default() }
     }
