@@ -5,6 +5,10 @@
 //! `/rosout`, and takes everything down in order on SIGINT or SIGTERM. Between
 //! that, the node's own function has a [`Handle`], which makes the endpoints.
 //!
+//! The folders, each using only those before it: `process`, `parameters`, `command_line`,
+//! `rustdds`, `endpoints`, `managed`. The first lines of each say what belongs there. The files
+//! beside them use all folders: `session` joins a domain, `run` is a node from start to end.
+//!
 //! What holds everywhere:
 //!
 //! - Publishing returns at once. A sample that the transport cannot take is dropped and

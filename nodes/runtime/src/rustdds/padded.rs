@@ -1,8 +1,8 @@
 //! Pads each payload to a multiple of four bytes.
 //!
 //! RTPS requires it, and RustDDS does it for a message in one piece. It does not pad the last
-//! fragment of a long message, so other implementations reject that fragment. So we pad every
-//! payload before RustDDS gets it.
+//! fragment of a long message, which then ends at a length that RTPS does not allow. So we pad
+//! every payload before RustDDS gets it.
 //! The report: docs/upstream/rustdds-fragment-padding.md.
 
 use cnc_msgs::cdr;
