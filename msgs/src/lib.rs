@@ -21,6 +21,7 @@ pub mod machine;
 pub mod numbers;
 pub mod path;
 pub mod profile;
+pub mod radius;
 pub mod schema;
 pub mod tool_table;
 mod unique;

@@ -42,6 +42,7 @@ fn every_dependency_has_its_reason_above_it() {
                 "runtime",
                 "program_loader",
                 "compensation_planner",
+                "path_audit",
                 "axis_driver",
                 "run_recorder",
                 "virtual_controller",

@@ -1,7 +1,7 @@
 //! Programmed contour and tool table to compensated path.
 //!
 //! [`judge`] is the whole interface: a contour, the rules of a control and the
-//! tools go in; the path of the tool centre, proved by [`audit`], or the reasons against it
+//! tools go in; the path of the tool centre, proved by [`path_audit`], or the reasons against it
 //! come out.
 //! It does not read programs.
 //!
@@ -17,7 +17,6 @@
 //! Beside it: `mdi` plans a single block, `set_tool` decides on a change of the tool
 //! table and `tool_file` writes it into the file of its owner.
 
-pub mod audit;
 mod certificate;
 mod chain;
 mod compensate;
@@ -40,7 +39,6 @@ mod normalise;
 mod other_spans;
 #[cfg(feature = "node")]
 mod preview;
-mod radius;
 mod reach;
 pub mod rest;
 mod restart;

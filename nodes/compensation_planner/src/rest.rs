@@ -6,7 +6,6 @@
 //! (S43). Lengths of tools stay: they would move the machine where it stands.
 
 use crate::frame::in_plane;
-use crate::radius::resolve;
 use crate::set_tool::{LoadedProgram, told};
 use crate::tolerance::MERGE_MM;
 use crate::verdict::{Disagreement, Verdict, prove};
@@ -15,6 +14,7 @@ use cnc_msgs::contour::{ContourEvent, ContourEventKind, ProgrammedContour, Radiu
 use cnc_msgs::geometry::{Arc, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement};
 use cnc_msgs::profile::{LiveValue, Profile, RadiusValue};
+use cnc_msgs::radius::resolve;
 use cnc_msgs::tool_table::ToolTable;
 
 /// A path that begins as the one that runs, and goes on with other radii.

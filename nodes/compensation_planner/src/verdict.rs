@@ -6,7 +6,6 @@
 //! and not the program, with a name for the file that a shell keeps for a report. Where one of
 //! them has only reached a limit, that is no disagreement: the contour is refused with what to do.
 
-use crate::audit::{Audit, audit_after};
 use crate::{Plan, Planning, plan_with};
 use cnc_msgs::chunk::ITEM_COUNT_MAX;
 use cnc_msgs::contour::{ProgrammedContour, Source};
@@ -14,6 +13,7 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::path::{PathTooLong, check_length};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
+use path_audit::{Audit, audit_after};
 use std::fmt::Write;
 
 /// A plan whose path is proved, or refused.

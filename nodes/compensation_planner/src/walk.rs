@@ -11,7 +11,6 @@ mod spans;
 
 use crate::compensate::{Exit, Verdict, WallBehind};
 use crate::frame::{element, height};
-use crate::radius;
 use crate::rules::{self, Rules};
 use crate::span::{Item, ItemKind, Span};
 use crate::tolerance::LENGTH_MM;
@@ -24,6 +23,7 @@ use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::{Direction, Plane, Position, Shape};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{LeadMove, LengthOfD, OffPlaneAfterCancel, Profile, SideChange};
+use cnc_msgs::radius;
 use cnc_msgs::tool_table::ToolTable;
 use output::Output;
 use std::collections::BTreeSet;

@@ -6,7 +6,7 @@ mod support;
 use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{PathElement, Role};
-use compensation_planner::{Plan, Planning, Verdict, audit, judge};
+use compensation_planner::{Plan, Planning, Verdict, judge};
 use std::f64::consts::{PI, TAU};
 use support::{contour, finding, findings, profile, tool};
 
@@ -115,7 +115,7 @@ fn no_change_of_side_cuts_without_a_word() {
                 let is_told = alone.findings.iter().any(|it| it.code == Code::LinkGouge);
                 assert!(is_told || near > RADIUS_MM - 0.06, "{near} {text}\n{}", findings(&plan));
                 // The audit sees it by itself.
-                let audited = audit::audit(&contour, &plan.path, &profile, &tools);
+                let audited = path_audit::audit(&contour, &plan.path, &profile, &tools);
                 let is_seen = audited.findings.iter().any(|it| it.code == Code::LinkGouge);
                 assert_eq!(is_seen, is_told, "{text}\n{:?}", audited.findings);
                 told += u32::from(is_told);

@@ -333,8 +333,7 @@ fn a_loop_at_the_end_of_a_contour_hides_no_gouge_before_it() {
         ignoring.interference.react = Reaction::Ignore;
         let programmed = contour(&slot_and(end), &rs274());
         let cuts = compensation_planner::plan(&programmed, &ignoring, &tool(5.0));
-        let audit =
-            compensation_planner::audit::audit(&programmed, &cuts.path, &rs274(), &tool(5.0));
+        let audit = path_audit::audit(&programmed, &cuts.path, &rs274(), &tool(5.0));
         assert!(audit.findings.iter().any(|finding| finding.code == Code::Gouge), "{end}");
         let fits = plan_certified(&contour(&slot_and(end), &rs274()), &rs274(), &tool(3.5));
         assert!(fits.accepted(), "{end}: {}", findings(&fits));

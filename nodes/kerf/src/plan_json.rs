@@ -7,8 +7,8 @@ use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, PathEvent, StartInSpan};
-use compensation_planner::audit::Audit;
 use compensation_planner::{Certificate, CertificateLimit, OutlinePiece, Start, UncutRegion};
+use path_audit::Audit;
 use serde_json::{Map, Value, json};
 
 /// What is printed.

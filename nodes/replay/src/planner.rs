@@ -12,12 +12,12 @@ use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::{
     CompensatedPath as CompensatedPathMessage, CompensationReport, PathChunk, PathEvent,
 };
-use compensation_planner::audit::audit_after;
 use compensation_planner::node::{certify, manifest_of, report_of};
 use compensation_planner::rest::{Rest, plan_rest};
 use compensation_planner::set_tool::LoadedProgram;
 use compensation_planner::verdict::prove;
 use compensation_planner::{UncutRegion, plan, plan_certified};
+use path_audit::audit_after;
 use std::sync::Arc;
 
 /// What today's planner makes of a revision; of a refused one, nothing.

@@ -8,13 +8,13 @@ use crate::compensate::{Exit, WallBehind};
 use crate::element::Element;
 use crate::emit::feed;
 use crate::frame::{height, in_plane};
-use crate::radius;
 use crate::rules;
 use crate::span::{Entry, ItemKind, Lead, Leg, Span};
 use crate::tolerance::RADIUS_MM;
 use cnc_msgs::contour::{Approach, CutterSide, Motion, OutsideCorner, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;
+use cnc_msgs::radius;
 
 impl<'a> Walk<'a> {
     pub(super) fn leg(

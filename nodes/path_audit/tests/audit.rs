@@ -1,5 +1,6 @@
 //! The audit of a path: silent about sound ones, and loud about every fault that is put in.
 
+#[path = "../../compensation_planner/tests/support/programs.rs"]
 mod support;
 
 use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, CutterSide, ProgrammedContour};
@@ -8,7 +9,7 @@ use cnc_msgs::geometry::{Plane, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use cnc_msgs::profile::{OutputPoint, Profile};
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::audit::{Audit, audit, audit_after};
+use path_audit::{Audit, audit, audit_after};
 use proptest::prelude::*;
 use settings::Control;
 use support::*;
@@ -264,26 +265,6 @@ fn an_element_of_no_block_is_found_wherever_it_is() {
     let planned = a6();
     for index in 0..planned.path.elements.len() {
         planned.check(Code::PathMismatch, |path| path.elements[index].source.line = 1000);
-    }
-}
-
-#[test]
-fn the_audit_shares_no_geometry_with_the_planner() {
-    let folder = format!("{}/src/audit", env!("CARGO_MANIFEST_DIR"));
-    let mut files: Vec<_> =
-        std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    files.push(format!("{folder}.rs").into());
-    assert!(files.len() > 5, "{files:?}");
-    for file in files {
-        let text = std::fs::read_to_string(&file).unwrap();
-        // Paths of this crate are written from its root, and only radii come from there.
-        for line in text.lines().filter(|line| !line.trim_start().starts_with("//")) {
-            let outside = line.match_indices("crate::").any(|(at, _)| {
-                !["crate::radius", "crate::Plan;"].iter().any(|own| line[at..].starts_with(own))
-            });
-            let climbs = line.contains("super::super");
-            assert!(!outside && !climbs, "{}: {line}", file.display());
-        }
     }
 }
 

@@ -1,8 +1,8 @@
 //! An independent audit of a compensated path: a second algorithm that proves a path against
 //! the contour it was made of.
 //!
-//! It shares no geometry with the planner, only the vocabulary of contours and paths and the
-//! resolving of radii. `program` reads what each motion is to compensation, `align` gives
+//! It shares no code with the planner, which depends on it; both use `cnc_msgs`: the vocabulary of
+//! contours and paths, and how a radius is resolved. `program` reads what each motion is to compensation, `align` gives
 //! every element its block, `events` counts what is not motion, `beside` and `follow` prove
 //! that elements run at their radius beside their own blocks (`sharp`: what a sharp corner
 //! takes), `bounds` finds what bounds the tool, and `clearance` measures the exact distance of
@@ -31,16 +31,16 @@ mod spans;
 mod strip;
 mod way;
 
+use crate::pieces::Chains;
+use crate::report::Report;
+use crate::spans::{Span, Spans};
+use crate::way::Way;
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{CompensatedPath, Role};
 use cnc_msgs::profile::{OutputPoint, Profile, Reaction};
 use cnc_msgs::tool_table::ToolTable;
-use pieces::Chains;
-use report::Report;
-use spans::{Span, Spans};
-use way::Way;
 
 /// What an audit found, and how much it looked at.
 #[derive(Debug, Clone, PartialEq, Default)]

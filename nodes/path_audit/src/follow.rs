@@ -1,16 +1,16 @@
 //! One element beside its own leg: its distance, its direction, where it begins and ends, and
 //! the joint with the one before it.
 
-use super::pieces::Chains;
-use super::planar::{Piece, Point, carriers_cross, cross};
-use super::report::{self, Report};
-use super::way::Way;
+use crate::pieces::Chains;
+use crate::planar::{Piece, Point, carriers_cross, cross};
+use crate::report::{self, Report};
+use crate::way::Way;
 use std::f64::consts::TAU;
 
 /// How far an element may be off its place, mm: the longest that is not put out, some times.
-pub(super) const PLACE_MM: f64 = 5e-6;
+pub(crate) const PLACE_MM: f64 = 5e-6;
 /// Legs that stay so close to one line or arc may be one, mm.
-pub(super) const MERGE_MM: f64 = 1e-4;
+pub(crate) const MERGE_MM: f64 = 1e-4;
 /// Shorter elements say nothing of a direction, mm.
 const SHORT_MM: f64 = 1e-3;
 /// Offsets below this are none, mm.
@@ -20,7 +20,7 @@ const STRAIGHT_RAD: f64 = 1.1e-3;
 
 /// An element of role contour and the leg that it follows.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Follow {
+pub(crate) struct Follow {
     pub element: usize,
     pub block: u32,
     /// Among all legs.
@@ -40,7 +40,7 @@ pub(super) struct Follow {
 }
 
 /// Whether two elements are one line or circle.
-pub(super) fn runs_on(a: &Piece, b: &Piece) -> bool {
+pub(crate) fn runs_on(a: &Piece, b: &Piece) -> bool {
     match (&a.round, &b.round) {
         (None, None) => {
             let (ta, tb) = (a.tangent(a.to), b.tangent(b.from));
@@ -57,7 +57,7 @@ pub(super) fn runs_on(a: &Piece, b: &Piece) -> bool {
 }
 
 /// How far the circle of an element is from that of its leg, mm.
-pub(super) fn off_circle(way: &Piece, leg: &Piece, d_mm: f64) -> f64 {
+pub(crate) fn off_circle(way: &Piece, leg: &Piece, d_mm: f64) -> f64 {
     match (&way.round, &leg.round) {
         (Some(way), Some(leg)) if way.sweep * leg.sweep > 0.0 => {
             let radius = leg.radius - d_mm * leg.sweep.signum();
@@ -68,7 +68,7 @@ pub(super) fn off_circle(way: &Piece, leg: &Piece, d_mm: f64) -> f64 {
 }
 
 /// One element beside its leg, when it is known what comes next.
-pub(super) fn one(
+pub(crate) fn one(
     way: &mut Way<'_>,
     follow: &Follow,
     chains: &Chains<'_>,
@@ -156,12 +156,12 @@ fn rounding(leg: &Piece) -> f64 {
 
 /// How much the programmed ends of an arc differ in their distance from its centre, mm: where
 /// they are too near to each other to say where the centre is, it stays where it is programmed.
-pub(super) fn unevenness(leg: &Piece) -> f64 {
+pub(crate) fn unevenness(leg: &Piece) -> f64 {
     leg.round.map_or(0.0, |round| ((leg.to - round.center).norm() - round.radius).abs())
 }
 
 /// Whether a leg or one beside it is so short that it is merged.
-pub(super) fn is_beside_short(way: &Way<'_>, index: usize, chains: &Chains<'_>) -> bool {
+pub(crate) fn is_beside_short(way: &Way<'_>, index: usize, chains: &Chains<'_>) -> bool {
     let first = index.saturating_sub(1);
     (first..chains.all_legs.len().min(first + 3))
         .any(|leg| chains.leg(way, leg).length() <= 1.01 * MERGE_MM)
@@ -257,7 +257,7 @@ fn is_lengthened(follow: &Follow) -> bool {
 }
 
 /// The contour begins beside the start of its first leg, and ends beside the end of its last.
-pub(super) fn reaches(
+pub(crate) fn reaches(
     way: &Way<'_>,
     follow: &Follow,
     lead: Option<u32>,
@@ -293,7 +293,7 @@ pub(super) fn reaches(
 }
 
 /// Whether a place is on the offset of a lead, as joints with it are.
-pub(super) fn meets_lead(
+pub(crate) fn meets_lead(
     way: &Way<'_>,
     lead: Option<u32>,
     at: Point,
@@ -309,7 +309,7 @@ pub(super) fn meets_lead(
 
 /// Where two elements meet without a corner: turning to the tool they meet within both legs;
 /// turning away from it, beyond both.
-pub(super) fn joint(way: &Way<'_>, a: &Follow, b: &Follow, report: &mut Report<'_>) -> bool {
+pub(crate) fn joint(way: &Way<'_>, a: &Follow, b: &Follow, report: &mut Report<'_>) -> bool {
     if a.d_in != a.d_out || b.d_in != b.d_out || b.d_in == 0.0 {
         return true;
     }

@@ -3,23 +3,23 @@
 //! Elements come in the order of their blocks; what a block may become follows from what it
 //! is to compensation. Free moves, and moves out of the plane, must be what is programmed.
 
-use super::planar::{Piece, cross, flat};
-use super::program::{Block, Kind, NONE};
-use super::report::{self, Report};
-use super::way::Way;
+use crate::planar::{Piece, cross, flat};
+use crate::program::{Block, Kind, NONE};
+use crate::report::{self, Report};
+use crate::way::Way;
 use cnc_msgs::contour::{Motion, MotionClass};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, Role};
 
 /// How far a position may be off that should be the programmed one, mm: elements shorter
 /// than half of it are not put out.
-pub(super) const SAME_MM: f64 = 2e-6;
+pub(crate) const SAME_MM: f64 = 2e-6;
 
 /// Elements without a block, after which nothing more can be said.
 const STRAYS_MAX: usize = 20;
 
 /// Gives every element its block; false when path and program have too little in common.
-pub(super) fn align(way: &mut Way<'_>, report: &mut Report<'_>) -> bool {
+pub(crate) fn align(way: &mut Way<'_>, report: &mut Report<'_>) -> bool {
     let mut next = 0;
     let mut strays = 0;
     for index in 0..way.path.elements.len() {

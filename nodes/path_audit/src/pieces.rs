@@ -4,15 +4,15 @@
 //! Such a chain hangs together: each piece begins where the one before it ends, so that a line
 //! is one point. Only arcs keep more.
 
-use super::planar::{Piece, Point, Round, unit};
-use super::program::NONE;
-use super::spans::Span;
-use super::way::Way;
+use crate::planar::{Piece, Point, Round, unit};
+use crate::program::NONE;
+use crate::spans::Span;
+use crate::way::Way;
 use std::f64::consts::PI;
 
 /// What an arc has besides its ends.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Bow {
+pub(crate) struct Bow {
     pub round: Round,
     /// How far it is at most from its chord, mm.
     pub bulge: f64,
@@ -22,7 +22,7 @@ pub(super) struct Bow {
 
 impl Bow {
     /// `None`: it is a line.
-    pub(super) fn of(piece: &Piece) -> Option<Self> {
+    pub(crate) fn of(piece: &Piece) -> Option<Self> {
         let round = piece.round?;
         let out = piece.to - round.center;
         let uneven = (out.norm() - round.radius).abs();
@@ -34,7 +34,7 @@ impl Bow {
 }
 
 #[derive(Debug)]
-pub(super) struct Pieces {
+pub(crate) struct Pieces {
     /// One more than there are pieces.
     points: Vec<Point>,
     bows: Vec<Bow>,
@@ -43,7 +43,7 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    pub(super) fn new(pieces: impl ExactSizeIterator<Item = Piece>) -> Self {
+    pub(crate) fn new(pieces: impl ExactSizeIterator<Item = Piece>) -> Self {
         let count = pieces.len();
         let mut all =
             Self { points: Vec::with_capacity(count + 1), bows: Vec::new(), bow_of: Vec::new() };
@@ -67,32 +67,32 @@ impl Pieces {
         all
     }
 
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.points.len() - 1
     }
 
-    pub(super) fn begin(&self, index: usize) -> Point {
+    pub(crate) fn begin(&self, index: usize) -> Point {
         self.points[index]
     }
 
-    pub(super) fn end(&self, index: usize) -> Point {
+    pub(crate) fn end(&self, index: usize) -> Point {
         self.points[index + 1]
     }
 
-    pub(super) fn chord(&self, index: usize) -> (Point, Point) {
+    pub(crate) fn chord(&self, index: usize) -> (Point, Point) {
         (self.points[index], self.points[index + 1])
     }
 
     /// What makes an arc of a piece; `None`: it is a line.
-    pub(super) fn bow(&self, index: usize) -> Option<&Bow> {
+    pub(crate) fn bow(&self, index: usize) -> Option<&Bow> {
         self.bows.get(*self.bow_of.get(index)? as usize)
     }
 
-    pub(super) fn bulge(&self, index: usize) -> f64 {
+    pub(crate) fn bulge(&self, index: usize) -> f64 {
         self.bow(index).map_or(0.0, |bow| bow.bulge)
     }
 
-    pub(super) fn piece(&self, index: usize) -> Piece {
+    pub(crate) fn piece(&self, index: usize) -> Piece {
         let (from, to) = self.chord(index);
         Piece { from, to, round: self.bow(index).map(|bow| bow.round) }
     }
@@ -100,7 +100,7 @@ impl Pieces {
 
 /// The legs and the elements of a span.
 #[derive(Debug)]
-pub(super) struct Chains<'a> {
+pub(crate) struct Chains<'a> {
     pub span: &'a Span,
     /// Of all spans.
     pub all_legs: &'a [u32],
@@ -109,7 +109,7 @@ pub(super) struct Chains<'a> {
 }
 
 impl<'a> Chains<'a> {
-    pub(super) fn of(way: &Way<'_>, span: &'a Span, all_legs: &'a [u32]) -> Self {
+    pub(crate) fn of(way: &Way<'_>, span: &'a Span, all_legs: &'a [u32]) -> Self {
         let legs = all_legs[span.legs.clone()].iter().map(|&leg| way.leg(leg));
         // Where the element before ends, if that is known to be where this one begins.
         let mut before = None;
@@ -127,12 +127,12 @@ impl<'a> Chains<'a> {
     }
 
     /// The blocks of its legs.
-    pub(super) fn blocks(&self) -> &'a [u32] {
+    pub(crate) fn blocks(&self) -> &'a [u32] {
         &self.all_legs[self.span.legs.clone()]
     }
 
     /// A leg by its index among all.
-    pub(super) fn leg(&self, way: &Way<'_>, index: usize) -> Piece {
+    pub(crate) fn leg(&self, way: &Way<'_>, index: usize) -> Piece {
         if self.span.legs.contains(&index) {
             self.legs.piece(index - self.span.legs.start)
         } else {
@@ -141,7 +141,7 @@ impl<'a> Chains<'a> {
     }
 
     /// One of its elements by its index in the path.
-    pub(super) fn element(&self, element: usize) -> Piece {
+    pub(crate) fn element(&self, element: usize) -> Piece {
         self.elements.piece(element - self.span.elements.start)
     }
 }

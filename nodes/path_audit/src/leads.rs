@@ -1,9 +1,9 @@
 //! Leads are judged apart from the contour: above what is cut they cut nothing, and before a free
 //! end of the contour there is only air.
 
-use super::clearance::{GOUGE_MM, Search, Tool};
-use super::planar::{Near, Piece, Point, cross};
-use super::program::{Kind, NONE};
+use crate::clearance::{GOUGE_MM, Search, Tool};
+use crate::planar::{Near, Piece, Point, cross};
+use crate::program::{Kind, NONE};
 use cnc_msgs::path::Role;
 
 /// How much a contour may bend from the lead where it begins and still have a free end there, as
@@ -13,7 +13,7 @@ const BEND_RAD: f64 = 0.1;
 const COPY_MM: f64 = 2e-3;
 
 impl Search<'_> {
-    pub(super) fn lead(&self, element: usize) -> Tool {
+    pub(crate) fn lead(&self, element: usize) -> Tool {
         let leads_on = self.span.lead_on == Some(element);
         let leg = if leads_on { 0 } else { self.legs.len() - 1 };
         let own = if self.way.of[element] == self.legs[leg] { leg as u32 } else { NONE };
@@ -22,7 +22,7 @@ impl Search<'_> {
 
     /// An element between what it is lengthened by at outside corners with the leads: that is
     /// part of them.
-    pub(super) fn without_leads(&self, piece: &Piece, tool: &Tool) -> [Option<Piece>; 3] {
+    pub(crate) fn without_leads(&self, piece: &Piece, tool: &Tool) -> [Option<Piece>; 3] {
         let own = tool.own as usize;
         let is_first = own == 0 && self.span.lead_on.is_some() && !self.span.from_side;
         let is_last =
@@ -71,13 +71,13 @@ impl Search<'_> {
     }
 
     /// Whether the side changes where a leg begins, and where it ends.
-    pub(super) fn at_change_of_side(&self, leg: usize) -> (bool, bool) {
+    pub(crate) fn at_change_of_side(&self, leg: usize) -> (bool, bool) {
         let is_last = leg + 1 == self.legs.len();
         (leg == 0 && self.span.from_side, is_last && self.span.to_side)
     }
 
     /// Whether a lead passes above all cuts of the pass of a leg, and above the material.
-    pub(super) fn is_above(&self, element: usize, leg: usize) -> bool {
+    pub(crate) fn is_above(&self, element: usize, leg: usize) -> bool {
         let way = self.way;
         if matches!(way.roles[element], Role::Corner | Role::Contour) {
             return false;
@@ -99,7 +99,7 @@ impl Search<'_> {
 
     /// Whether what a lead comes near to is the leg that it leads onto or leaves, once more: what
     /// is retraced is one wall, but for the rounding of its coordinates.
-    pub(super) fn is_copy(&self, element: usize, leg: usize, near: &Near) -> bool {
+    pub(crate) fn is_copy(&self, element: usize, leg: usize, near: &Near) -> bool {
         let leads_on = self.span.lead_on == Some(element);
         let is_lead = leads_on || self.span.lead_off == Some(element);
         let own = if leads_on { 0 } else { self.legs.len() - 1 };
@@ -123,7 +123,7 @@ impl Search<'_> {
     /// For a lead that joins the contour one radius away from its free end, before which there
     /// is only air: how near it comes to that, the part of a leg that it then passes over, and
     /// the rest of the leg. `None`: the lead or the leg is no such one.
-    pub(super) fn at_free_end(
+    pub(crate) fn at_free_end(
         &self,
         lead: &Piece,
         element: usize,
@@ -172,7 +172,7 @@ impl Search<'_> {
 
     /// Whether an element is a corner between a lead and the contour: it is judged with the lead,
     /// and a tail bounds neither.
-    pub(super) fn is_of_lead(&self, element: usize) -> bool {
+    pub(crate) fn is_of_lead(&self, element: usize) -> bool {
         let block = self.way.of[element];
         self.way.roles[element] == Role::Corner
             && self.span.elements.start <= element

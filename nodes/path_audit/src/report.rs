@@ -11,7 +11,7 @@ use std::ops::RangeInclusive;
 const FINDINGS_MAX: usize = 100;
 
 #[derive(Debug)]
-pub(super) struct Report<'a> {
+pub(crate) struct Report<'a> {
     pub profile: &'a Profile,
     /// What the planner has said already.
     said: &'a [Finding],
@@ -24,13 +24,13 @@ pub(super) struct Report<'a> {
 }
 
 impl<'a> Report<'a> {
-    pub(super) fn new(profile: &'a Profile, said: &'a [Finding]) -> Self {
+    pub(crate) fn new(profile: &'a Profile, said: &'a [Finding]) -> Self {
         let (misfits, findings) = (Vec::new(), Vec::new());
         Self { profile, said, misfits, findings, errors: 0, is_cut_off: false }
     }
 
     /// Errors and warnings are counted apart, so that no number of warnings hides an error.
-    pub(super) fn push(&mut self, finding: Finding) {
+    pub(crate) fn push(&mut self, finding: Finding) {
         let (is_error, warnings) = (finding.is_error(), self.findings.len() - self.errors);
         let is_full = if is_error { self.is_cut_off } else { warnings >= FINDINGS_MAX };
         if is_full || self.said.iter().any(|said| is_same(said, &finding)) {
@@ -49,7 +49,7 @@ impl<'a> Report<'a> {
     }
 
     /// A finding about where the path is beside its contour, and about nothing else.
-    pub(super) fn push_shape(&mut self, mut finding: Finding) {
+    pub(crate) fn push_shape(&mut self, mut finding: Finding) {
         if self.misfits.iter().any(|lines| lines.contains(&finding.source.line)) {
             finding.severity = Severity::Warning;
             finding.help = HELP_OF_MISFIT.into();
@@ -59,7 +59,7 @@ impl<'a> Report<'a> {
 
     /// A cut; where it is into blocks that the planner has said the tool does not reach, it is as
     /// the profile takes that: what is not followed is not cut into either.
-    pub(super) fn push_cut(&mut self, cut: &Cut) {
+    pub(crate) fn push_cut(&mut self, cut: &Cut) {
         let mut finding = self::cut(cut, self.profile);
         let is_of = |said: &&Finding| said.code == Code::Unreachable && !said.is_error();
         let lines = |said: &Finding| {
@@ -76,7 +76,7 @@ impl<'a> Report<'a> {
 
     /// Whether the planner has warned that a lead skips this block, with no less that stays of it
     /// than the audit finds, mm.
-    pub(super) fn is_known_uncut(&self, source: Source, off_mm: f64) -> bool {
+    pub(crate) fn is_known_uncut(&self, source: Source, off_mm: f64) -> bool {
         self.said.iter().any(|said| {
             let line = said.other.map_or(said.source.line, |other| other.line);
             said.code == Code::Uncut
@@ -85,7 +85,7 @@ impl<'a> Report<'a> {
         })
     }
 
-    pub(super) fn is_full(&self) -> bool {
+    pub(crate) fn is_full(&self) -> bool {
         self.is_cut_off
     }
 }
@@ -119,7 +119,7 @@ fn is_one_place(a: &Finding, b: &Finding) -> bool {
 }
 
 /// What is said of a contour that the tool does not fit.
-pub(super) const fn is_misfit(code: Code) -> bool {
+pub(crate) const fn is_misfit(code: Code) -> bool {
     matches!(code, Code::Gouge | Code::Unreachable | Code::ArcOver360)
 }
 
@@ -127,7 +127,7 @@ const HELP_OF_MISFIT: &str = "the tool does not fit this contour, and the profil
                               control run it; look at the path there, or use a smaller tool";
 const HELP: &str = "do not run this path; plan the program again";
 
-pub(super) fn block_name(source: Source) -> String {
+pub(crate) fn block_name(source: Source) -> String {
     match source.block {
         Some(block) => format!("block N{block}"),
         None => format!("line {}", source.line),
@@ -138,7 +138,7 @@ fn mismatch(source: Source, message: String) -> Finding {
     Finding::error(Code::PathMismatch, source, message).help(HELP)
 }
 
-pub(super) fn stray(element: &PathElement, index: usize) -> Finding {
+pub(crate) fn stray(element: &PathElement, index: usize) -> Finding {
     let message = format!(
         "element {index} of the path is a {} of {}, and the program has none here",
         element.role.name(),
@@ -147,7 +147,7 @@ pub(super) fn stray(element: &PathElement, index: usize) -> Finding {
     mismatch(element.source, message)
 }
 
-pub(super) fn not_as_programmed(element: &PathElement, motion: &Motion) -> Finding {
+pub(crate) fn not_as_programmed(element: &PathElement, motion: &Motion) -> Finding {
     let message = format!(
         "the path goes to {} in {}, which is programmed to {}",
         all_axes(element.end),
@@ -159,7 +159,7 @@ pub(super) fn not_as_programmed(element: &PathElement, motion: &Motion) -> Findi
     finding
 }
 
-pub(super) fn dropped(source: Source, motion: &Motion) -> Finding {
+pub(crate) fn dropped(source: Source, motion: &Motion) -> Finding {
     let message = format!(
         "the path leaves out {}, which goes to {}",
         block_name(source),
@@ -170,11 +170,11 @@ pub(super) fn dropped(source: Source, motion: &Motion) -> Finding {
     finding
 }
 
-pub(super) fn lost(source: Source, action: &Action) -> Finding {
+pub(crate) fn lost(source: Source, action: &Action) -> Finding {
     mismatch(source, format!("{} of {} is not in the path", action.text(), block_name(source)))
 }
 
-pub(super) fn extra(event: &PathEvent) -> Finding {
+pub(crate) fn extra(event: &PathEvent) -> Finding {
     let (text, name) = (event.action.text(), block_name(event.source));
     mismatch(
         event.source,
@@ -182,7 +182,7 @@ pub(super) fn extra(event: &PathEvent) -> Finding {
     )
 }
 
-pub(super) fn other_event(source: Source, action: &Action, found: &PathEvent) -> Finding {
+pub(crate) fn other_event(source: Source, action: &Action, found: &PathEvent) -> Finding {
     let message = format!(
         "where {} of {} is due, the path has {} of {}",
         action.text(),
@@ -195,7 +195,7 @@ pub(super) fn other_event(source: Source, action: &Action, found: &PathEvent) ->
     finding
 }
 
-pub(super) fn misplaced(event: &PathEvent, due: usize) -> Finding {
+pub(crate) fn misplaced(event: &PathEvent, due: usize) -> Finding {
     let message = format!(
         "{} of {} happens before element {} of the path, and is due before element {due}",
         event.action.text(),
@@ -205,7 +205,7 @@ pub(super) fn misplaced(event: &PathEvent, due: usize) -> Finding {
     mismatch(event.source, message)
 }
 
-pub(super) fn not_finite(element: &PathElement, index: usize) -> Finding {
+pub(crate) fn not_finite(element: &PathElement, index: usize) -> Finding {
     let message = format!(
         "element {index} of the path, of {}, has a coordinate or feed that is not a finite number",
         block_name(element.source)
@@ -213,12 +213,12 @@ pub(super) fn not_finite(element: &PathElement, index: usize) -> Finding {
     Finding::error(Code::BadNumber, element.source, message).help(HELP)
 }
 
-pub(super) fn no_length(element: &PathElement, index: usize) -> Finding {
+pub(crate) fn no_length(element: &PathElement, index: usize) -> Finding {
     let name = block_name(element.source);
     mismatch(element.source, format!("element {index} of the path, of {name}, goes nowhere"))
 }
 
-pub(super) fn uneven(element: &PathElement, radii: (f64, f64)) -> Finding {
+pub(crate) fn uneven(element: &PathElement, radii: (f64, f64)) -> Finding {
     let message = format!(
         "the arc of the path in {} begins {:.6} mm and ends {:.6} mm from its centre",
         block_name(element.source),
@@ -232,7 +232,7 @@ pub(super) fn uneven(element: &PathElement, radii: (f64, f64)) -> Finding {
 }
 
 /// The tool does not run at its radius beside its own block.
-pub(super) fn beside(element: &PathElement, needed_mm: f64, found_mm: f64) -> Finding {
+pub(crate) fn beside(element: &PathElement, needed_mm: f64, found_mm: f64) -> Finding {
     let is_near = found_mm < needed_mm;
     let (code, word) =
         if is_near { (Code::Gouge, "near to") } else { (Code::Unreachable, "far from") };
@@ -248,7 +248,7 @@ pub(super) fn beside(element: &PathElement, needed_mm: f64, found_mm: f64) -> Fi
 }
 
 /// An element that does not follow its block.
-pub(super) fn astray(element: &PathElement, what: &str) -> Finding {
+pub(crate) fn astray(element: &PathElement, what: &str) -> Finding {
     let message = format!("the path does not follow {}: it {what}", block_name(element.source));
     let mut finding = mismatch(element.source, message);
     finding.position = Some(element.end);
@@ -258,7 +258,7 @@ pub(super) fn astray(element: &PathElement, what: &str) -> Finding {
 /// Too close to a wall, or past what the tool reaches: two blocks, and how far apart they are
 /// in legs.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cut {
+pub(crate) struct Cut {
     pub code: Code,
     pub on: Source,
     pub into: Source,
@@ -271,7 +271,7 @@ pub(super) struct Cut {
     pub is_forgiven: bool,
 }
 
-pub(super) fn cut(cut: &Cut, profile: &Profile) -> Finding {
+pub(crate) fn cut(cut: &Cut, profile: &Profile) -> Finding {
     let depth_mm = cut.radius_mm - cut.distance_mm;
     let later = if cut.into.line > cut.on.line { cut.into } else { cut.on };
     let source = if is_lead(cut.code) { cut.on } else { later };
@@ -321,7 +321,7 @@ fn contour_severity(legs_apart: usize, profile: &Profile) -> Severity {
 }
 
 /// Blocks that the path leaves out although they are no noise.
-pub(super) fn left_out(
+pub(crate) fn left_out(
     (source, other): (Source, Source),
     (off_mm, legs): (f64, usize),
     at: Position,
@@ -353,7 +353,7 @@ pub(super) fn left_out(
     finding
 }
 
-pub(super) fn too_entangled(source: Source) -> Finding {
+pub(crate) fn too_entangled(source: Source) -> Finding {
     let message = "the contour after this block comes near to itself in so many places that the \
                    audit cannot look at them all";
     Finding::error(Code::Limit, source, message)

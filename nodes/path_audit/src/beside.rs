@@ -4,21 +4,21 @@
 //! Blocks that the path leaves out must be noise: as near to their neighbours, lengthened, as
 //! the profile accepts.
 
-use super::follow::{
+use crate::follow::{
     Follow, MERGE_MM, PLACE_MM, is_beside_short, joint, meets_lead, off_circle, one, reaches,
     runs_on, unevenness,
 };
-use super::pieces::Chains;
-use super::planar::{Piece, Point, cross};
-use super::program::{Kind, NONE};
-use super::report::{self, Report};
-use super::sharp::is_corner_of_curves;
-use super::spans::Span;
-use super::way::Way;
+use crate::pieces::Chains;
+use crate::planar::{Piece, Point, cross};
+use crate::program::{Kind, NONE};
+use crate::report::{self, Report};
+use crate::sharp::is_corner_of_curves;
+use crate::spans::Span;
+use crate::way::Way;
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{Reaction, SelectTarget};
 
-pub(super) fn check(way: &mut Way<'_>, chains: &Chains<'_>, report: &mut Report<'_>) {
+pub(crate) fn check(way: &mut Way<'_>, chains: &Chains<'_>, report: &mut Report<'_>) {
     let span = chains.span;
     let mut check = Check {
         chains,

@@ -3,10 +3,10 @@
 //! Each is a lower bound of the exact distance, so that it may miss that pieces are apart,
 //! but never says so of pieces that are not. What is left is for `planar::nearest`.
 
-use super::pieces::Bow;
+use crate::pieces::Bow;
 #[cfg(test)]
-use super::planar::{Piece, Round, nearest};
-use super::planar::{Point, cross, on_segment};
+use crate::planar::{Piece, Round, nearest};
+use crate::planar::{Point, cross, on_segment};
 
 type Chord = (Point, Point);
 
@@ -38,7 +38,7 @@ impl Beside {
 
 /// Whether two segments are as far apart as the limit, mm: exactly, without a division.
 #[inline]
-pub(super) fn chords(a: Chord, b: Chord, limit: f64) -> bool {
+pub(crate) fn chords(a: Chord, b: Chord, limit: f64) -> bool {
     let squared = limit * limit;
     let (da, db) = (a.1 - a.0, b.1 - b.0);
     let (to_b0, to_b1) = (b.0 - a.0, b.1 - a.0);
@@ -69,7 +69,7 @@ pub(super) fn chords(a: Chord, b: Chord, limit: f64) -> bool {
 }
 
 /// Whether two pieces with these chords are as far apart as the limit, mm.
-pub(super) fn pieces(
+pub(crate) fn pieces(
     a: Chord,
     of_a: Option<&Bow>,
     b: Chord,

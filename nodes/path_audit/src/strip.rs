@@ -3,10 +3,10 @@
 //! A node stands for consecutive pieces by the chord between their ends and how far they are
 //! at most from it. The nodes of a level lie in a row, so that a tree is one vector of widths.
 
-use super::apart;
-use super::fans::Fan;
-use super::pieces::Pieces;
-use super::planar::{Point, on_segment};
+use crate::apart;
+use crate::fans::Fan;
+use crate::pieces::Pieces;
+use crate::planar::{Point, on_segment};
 use std::ops::Range;
 
 /// Pieces of a node of the lowest level.
@@ -17,7 +17,7 @@ const VISITS: (usize, usize) = (96, 100_000);
 
 /// A tree over the pieces of a chain.
 #[derive(Debug)]
-pub(super) struct StripTree<'a> {
+pub(crate) struct StripTree<'a> {
     pub pieces: &'a Pieces,
     /// How far the pieces of each node are from its chord, mm: level by level, lowest first.
     widths: Vec<f64>,
@@ -30,7 +30,7 @@ pub(super) struct StripTree<'a> {
 }
 
 impl<'a> StripTree<'a> {
-    pub(super) fn new(pieces: &'a Pieces) -> Self {
+    pub(crate) fn new(pieces: &'a Pieces) -> Self {
         let leaves = pieces.count().div_ceil(LEAF);
         let widths = Vec::with_capacity(2 * leaves + 8);
         let mut tree = Self { pieces, widths, levels: vec![0], fans: Vec::new(), idle: Vec::new() };
@@ -74,7 +74,7 @@ impl<'a> StripTree<'a> {
 
     /// With what [`near_itself`] needs besides.
     #[must_use]
-    pub(super) fn with_fans(mut self) -> Self {
+    pub(crate) fn with_fans(mut self) -> Self {
         let mut fans = Vec::with_capacity(self.widths.len());
         for level in 0..self.levels.len() {
             for node in 0..self.nodes(level) {
@@ -98,7 +98,7 @@ impl<'a> StripTree<'a> {
 
     /// Only these pieces are to be looked at.
     #[must_use]
-    pub(super) fn holding(mut self, holds: impl Fn(usize) -> bool) -> Self {
+    pub(crate) fn holding(mut self, holds: impl Fn(usize) -> bool) -> Self {
         let mut idle: Vec<bool> = Vec::with_capacity(self.widths.len());
         for level in 0..self.levels.len() {
             for node in 0..self.nodes(level) {
@@ -153,7 +153,7 @@ type Node = (usize, usize);
 
 /// Calls `each` for all leaves of two chains whose pieces may be nearer than `limit` mm, until
 /// it says no. False when there were too many to look at.
-pub(super) fn near(
+pub(crate) fn near(
     a: &StripTree<'_>,
     b: &StripTree<'_>,
     limit: f64,
@@ -203,7 +203,7 @@ pub(super) fn near(
 
 /// The same for the leaves of one chain, each pair once and the earlier first, without those
 /// that go about one way and follow each other.
-pub(super) fn near_itself(
+pub(crate) fn near_itself(
     tree: &StripTree<'_>,
     limit: f64,
     mut each: impl FnMut(Range<usize>, Range<usize>) -> bool,

@@ -1,14 +1,14 @@
 //! Whether everything that is not motion happens once, in order, between the right blocks.
 
-use super::program::NONE;
-use super::report::{self, Report};
-use super::way::Way;
+use crate::program::NONE;
+use crate::report::{self, Report};
+use crate::way::Way;
 use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind};
 use cnc_msgs::path::{PathElement, PathEvent, Role};
 use cnc_msgs::profile::{LengthOfD, Profile};
 use cnc_msgs::tool_table::ToolTable;
 
-pub(super) fn check(way: &Way<'_>, profile: &Profile, tools: &ToolTable, report: &mut Report<'_>) {
+pub(crate) fn check(way: &Way<'_>, profile: &Profile, tools: &ToolTable, report: &mut Report<'_>) {
     let is_of_d = |action: &Action| {
         profile.radius.length_of_d == LengthOfD::WithZ
             && matches!(action, Action::ToolLength { .. })

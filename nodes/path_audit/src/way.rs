@@ -2,8 +2,8 @@
 //!
 //! Where the path is that of the theoretical tip of a turning tool, the centre is found here.
 
-use super::planar::{Piece, Point, flat};
-use super::program::{Kind, NONE, Program};
+use crate::planar::{Piece, Point, flat};
+use crate::program::{Kind, NONE, Program};
 use cnc_msgs::geometry::{Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, Role};
 
@@ -23,7 +23,7 @@ const TIPS: [[f64; 2]; 10] = [
 ];
 
 #[derive(Debug)]
-pub(super) struct Way<'a> {
+pub(crate) struct Way<'a> {
     pub path: &'a CompensatedPath,
     pub program: Program<'a>,
     /// The block of each element; [`NONE`] where it is not known.
@@ -34,7 +34,7 @@ pub(super) struct Way<'a> {
 }
 
 impl Way<'_> {
-    pub(super) fn position_before(&self, element: usize) -> Position {
+    pub(crate) fn position_before(&self, element: usize) -> Position {
         match element.checked_sub(1) {
             Some(before) => self.path.elements[before].end,
             None => self.path.start,
@@ -67,12 +67,12 @@ impl Way<'_> {
     }
 
     /// Where the centre is at the end of an element.
-    pub(super) fn end(&self, element: usize) -> Point {
+    pub(crate) fn end(&self, element: usize) -> Point {
         flat(self.plane(element), self.path.elements[element].end) - self.to_tip(element)
     }
 
     /// Where the centre is at the start of an element.
-    pub(super) fn start(&self, element: usize) -> Point {
+    pub(crate) fn start(&self, element: usize) -> Point {
         match element.checked_sub(1) {
             Some(before) if !self.is_of_tip || !self.is_free(before) => {
                 flat(self.plane(element), self.path.elements[before].end) - self.to_tip(before)
@@ -81,19 +81,19 @@ impl Way<'_> {
         }
     }
 
-    pub(super) fn piece(&self, element: usize) -> Piece {
+    pub(crate) fn piece(&self, element: usize) -> Piece {
         self.piece_from(None, element)
     }
 
     /// The same where it may be known where it starts.
-    pub(super) fn piece_from(&self, start: Option<Point>, element: usize) -> Piece {
+    pub(crate) fn piece_from(&self, start: Option<Point>, element: usize) -> Piece {
         let (from, to) = (start.unwrap_or_else(|| self.start(element)), self.end(element));
         let shape = &self.path.elements[element].shape;
         Piece::new(self.plane(element), from, to, shape, -self.to_tip(element))
     }
 
     /// What a block does in the plane, as it is programmed.
-    pub(super) fn leg(&self, block: u32) -> Piece {
+    pub(crate) fn leg(&self, block: u32) -> Piece {
         let (from, to) = self.program.ends(block);
         let motion = self.program.motion(block);
         match motion.shape {

@@ -1,15 +1,15 @@
 //! How near the path comes to the walls of its pass: the exact distance, everywhere.
 
-use super::apart;
-use super::bounds::Bounds;
-use super::copies::Copies;
-use super::pieces::{Chains, Pieces};
-use super::planar::{Near, Piece, Point, cross, nearest};
-use super::program::{Kind, NONE};
-use super::report::{self, Cut, Report};
-use super::spans::Span;
-use super::strip::{self, StripTree};
-use super::way::Way;
+use crate::apart;
+use crate::bounds::Bounds;
+use crate::copies::Copies;
+use crate::pieces::{Chains, Pieces};
+use crate::planar::{Near, Piece, Point, cross, nearest};
+use crate::program::{Kind, NONE};
+use crate::report::{self, Cut, Report};
+use crate::spans::Span;
+use crate::strip::{self, StripTree};
+use crate::way::Way;
 use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
@@ -18,7 +18,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
 /// How much nearer than its radius the tool may be, mm.
-pub(super) const GOUGE_MM: f64 = 1e-4;
+pub(crate) const GOUGE_MM: f64 = 1e-4;
 /// How much nearer a lead may come to its leg than to the free end of that, mm: rounding.
 const FREE_END_MM: f64 = 2e-6;
 /// Cuts that are kept of a span; what is cut everywhere needs no more.
@@ -28,7 +28,7 @@ const PLACES_MAX: usize = 100;
 
 /// The tool on an element comes too near to a leg.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Found {
+pub(crate) struct Found {
     element: usize,
     /// The leg it follows and the one it cuts, in the span.
     on: usize,
@@ -44,7 +44,7 @@ pub(super) struct Found {
     is_forgiven: bool,
 }
 
-pub(super) fn check(
+pub(crate) fn check(
     way: &Way<'_>,
     chains: &Chains<'_>,
     nearest_mm: &mut Option<f64>,
@@ -127,7 +127,7 @@ pub(super) fn check(
 /// Where the tool changes from one side of the contour to the other at an intersection: it may
 /// cut into the leg before with the first element behind, and into the leg behind with the last
 /// before, lengthened as they are.
-pub(super) fn check_change_of_side(
+pub(crate) fn check_change_of_side(
     way: &Way<'_>,
     (before, behind): (&Chains<'_>, &Chains<'_>),
     report: &mut Report<'_>,
@@ -170,7 +170,7 @@ pub(super) fn check_change_of_side(
 
 /// How near the tool may come to walls while it is on an element.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Tool {
+pub(crate) struct Tool {
     /// The leg it follows or leads to, in the span; [`NONE`]: it need not keep away.
     pub on: u32,
     /// Its own leg.
@@ -179,7 +179,7 @@ pub(super) struct Tool {
     pub limit_mm: f64,
 }
 
-pub(super) struct Search<'a> {
+pub(crate) struct Search<'a> {
     pub profile: &'a Profile,
     pub way: &'a Way<'a>,
     pub span: &'a Span,
@@ -221,7 +221,7 @@ impl Search<'_> {
     }
 
     /// Of the tool on an element.
-    pub(super) fn radius_mm(&self, element: usize) -> f64 {
+    pub(crate) fn radius_mm(&self, element: usize) -> f64 {
         let block = self.way.of[element];
         match self.way.roles[element] {
             // A corner runs at the radius before it; a leg that changes it has both.

@@ -3,11 +3,11 @@
 //! A pass ends where the contour returns to a point that it has already passed. A tail is the
 //! piece from a free end of a pass to the first place where the pass meets itself.
 
-use super::apart;
-use super::copies::Copies;
-use super::pieces::Pieces;
-use super::planar::{Piece, Point, cross, crossings, unit};
-use super::strip::{self, StripTree};
+use crate::apart;
+use crate::copies::Copies;
+use crate::pieces::Pieces;
+use crate::planar::{Piece, Point, cross, crossings, unit};
+use crate::strip::{self, StripTree};
 use std::ops::Range;
 
 /// Places so near each other are one, mm.
@@ -45,19 +45,19 @@ struct Pass {
 }
 
 #[derive(Debug)]
-pub(super) struct Bounds {
+pub(crate) struct Bounds {
     passes: Vec<Pass>,
 }
 
 impl Bounds {
     /// Of the legs of a span; `None` when they meet too often to look at.
-    pub(super) fn of(tree: &StripTree<'_>) -> Option<Self> {
+    pub(crate) fn of(tree: &StripTree<'_>) -> Option<Self> {
         let meetings = meetings(tree, FEW, |_| true, true)?;
         Some(Self::between(tree.pieces, meetings))
     }
 
     /// Of the legs of a span that retraces itself.
-    pub(super) fn of_copies(tree: StripTree<'_>, copies: &Copies) -> Option<Self> {
+    pub(crate) fn of_copies(tree: StripTree<'_>, copies: &Copies) -> Option<Self> {
         let is_first = |leg: usize| copies.is_first(leg);
         let tree = tree.holding(is_first);
         let meetings = meetings(&tree, MEETINGS_MAX, is_first, false)?;
@@ -108,7 +108,7 @@ impl Bounds {
     }
 
     /// Number of the pass of a leg.
-    pub(super) fn pass(&self, leg: usize) -> usize {
+    pub(crate) fn pass(&self, leg: usize) -> usize {
         if self.passes.len() == 1 {
             return 0;
         }
@@ -117,7 +117,7 @@ impl Bounds {
 
     /// Whether all of a leg is a wall for what runs beside any other, so that nothing has to
     /// be cut off.
-    pub(super) fn is_whole(&self, leg: usize) -> bool {
+    pub(crate) fn is_whole(&self, leg: usize) -> bool {
         self.passes.get(self.pass(leg)).is_some_and(|pass| {
             pass.begin.is_none_or(|begin| leg > begin.leg)
                 && pass.end.is_none_or(|end| leg < end.leg)
@@ -126,7 +126,7 @@ impl Bounds {
 
     /// What of a leg is a wall for the tool beside a place of a leg, mm along it, if it is beside
     /// any; `None` when all of it is a tail. A tail bounds what runs along it.
-    pub(super) fn wall(
+    pub(crate) fn wall(
         &self,
         on: Option<(usize, f64)>,
         leg: usize,
@@ -164,7 +164,7 @@ impl Bounds {
     }
 
     /// First and last leg of the walls of the pass that a leg belongs to.
-    pub(super) fn ends(&self, leg: usize) -> Option<(usize, usize)> {
+    pub(crate) fn ends(&self, leg: usize) -> Option<(usize, usize)> {
         let pass = self.passes.get(self.pass(leg))?;
         let first = pass.begin.map_or(pass.legs.start, |begin| begin.leg);
         let last = pass.end.map_or(pass.legs.end.saturating_sub(1), |end| end.leg);
@@ -172,7 +172,7 @@ impl Bounds {
     }
 
     /// The legs of a pass.
-    pub(super) fn legs(&self, pass: usize) -> Range<usize> {
+    pub(crate) fn legs(&self, pass: usize) -> Range<usize> {
         self.passes[pass].legs.clone()
     }
 }

@@ -5,11 +5,11 @@
 use cnc_msgs::geometry::{Plane, Position, Shape};
 use std::f64::consts::TAU;
 
-pub(super) type Point = nalgebra::Vector2<f64>;
+pub(crate) type Point = nalgebra::Vector2<f64>;
 
 /// A line, or an arc if it has a [`Round`].
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Piece {
+pub(crate) struct Piece {
     pub from: Point,
     pub to: Point,
     pub round: Option<Round>,
@@ -17,7 +17,7 @@ pub(super) struct Piece {
 
 /// The circle of an arc.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Round {
+pub(crate) struct Round {
     pub center: Point,
     pub radius: f64,
     /// Angle run through, rad; positive counter-clockwise.
@@ -26,7 +26,7 @@ pub(super) struct Round {
 
 /// The place on the second of two that is nearest to the first, and their distance, mm.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Near {
+pub(crate) struct Near {
     pub on_b: Point,
     pub distance: f64,
 }
@@ -39,29 +39,29 @@ const CENTER_OF_SHORT_MOVES_MAX: f64 = 0.5;
 const CLOSES_MM: f64 = 1e-6;
 
 #[inline]
-pub(super) fn cross(a: Point, b: Point) -> f64 {
+pub(crate) fn cross(a: Point, b: Point) -> f64 {
     a.x * b.y - a.y * b.x
 }
 
 /// A quarter turn to the left.
-pub(super) fn left(a: Point) -> Point {
+pub(crate) fn left(a: Point) -> Point {
     Point::new(-a.y, a.x)
 }
 
 /// The point in a plane.
-pub(super) fn flat(plane: Plane, position: Position) -> Point {
+pub(crate) fn flat(plane: Plane, position: Position) -> Point {
     let [u, v, _] = plane.axes();
     Point::new(position[u], position[v])
 }
 
 impl Piece {
-    pub(super) fn line(from: Point, to: Point) -> Self {
+    pub(crate) fn line(from: Point, to: Point) -> Self {
         Self { from, to, round: None }
     }
 
     /// A shape of a contour or of a path, in a plane, after a shift. An arc of another plane
     /// is a line here.
-    pub(super) fn new(plane: Plane, from: Point, to: Point, shape: &Shape, shift: Point) -> Self {
+    pub(crate) fn new(plane: Plane, from: Point, to: Point, shape: &Shape, shift: Point) -> Self {
         let Shape::Arc(arc) = shape else { return Self::line(from, to) };
         if arc.plane != plane {
             return Self::line(from, to);
@@ -82,7 +82,7 @@ impl Piece {
     }
 
     /// With the centre where both ends are equally far from it: controls trust the ends.
-    pub(super) fn centred(mut self) -> Self {
+    pub(crate) fn centred(mut self) -> Self {
         let Some(round) = &mut self.round else { return self };
         let chord = self.to - self.from;
         let squared = chord.norm_squared();
@@ -103,12 +103,12 @@ impl Piece {
         self
     }
 
-    pub(super) fn is_line(&self) -> bool {
+    pub(crate) fn is_line(&self) -> bool {
         self.round.is_none()
     }
 
     #[inline]
-    pub(super) fn length(&self) -> f64 {
+    pub(crate) fn length(&self) -> f64 {
         match &self.round {
             None => (self.to - self.from).norm(),
             Some(round) => round.radius * round.sweep.abs(),
@@ -117,7 +117,7 @@ impl Piece {
 
     /// Unit direction at a point of it; that of a line everywhere.
     #[inline]
-    pub(super) fn tangent(&self, at: Point) -> Point {
+    pub(crate) fn tangent(&self, at: Point) -> Point {
         match &self.round {
             None => unit(self.to - self.from),
             Some(round) => left(unit(at - round.center)) * round.sweep.signum(),
@@ -125,7 +125,7 @@ impl Piece {
     }
 
     /// The point so far along, mm.
-    pub(super) fn at(&self, along: f64) -> Point {
+    pub(crate) fn at(&self, along: f64) -> Point {
         match &self.round {
             None => self.from + unit(self.to - self.from) * along,
             Some(round) => {
@@ -138,7 +138,7 @@ impl Piece {
 
     /// How far along a point beside it is, mm; beside no part of an arc: past its end, or
     /// before its start where that is nearer.
-    pub(super) fn along(&self, point: Point) -> f64 {
+    pub(crate) fn along(&self, point: Point) -> f64 {
         match &self.round {
             None => (point - self.from).dot(&unit(self.to - self.from)),
             Some(round) => {
@@ -154,7 +154,7 @@ impl Piece {
     }
 
     /// All of it at a signed distance to the left; `None` where nothing is left of an arc.
-    pub(super) fn beside(&self, d_mm: f64) -> Option<Self> {
+    pub(crate) fn beside(&self, d_mm: f64) -> Option<Self> {
         match &self.round {
             None => {
                 let out = left(unit(self.to - self.from)) * d_mm;
@@ -172,7 +172,7 @@ impl Piece {
     }
 
     /// The part between two places along it, mm.
-    pub(super) fn part(&self, begin: f64, end: f64) -> Self {
+    pub(crate) fn part(&self, begin: f64, end: f64) -> Self {
         let (from, to) = (self.at(begin), self.at(end));
         let round = self.round.map(|round| Round {
             sweep: (end - begin).max(0.0) / round.radius * round.sweep.signum(),
@@ -197,7 +197,7 @@ impl Piece {
     }
 
     /// The place of it that is nearest to a point.
-    pub(super) fn nearest(&self, point: Point) -> Point {
+    pub(crate) fn nearest(&self, point: Point) -> Point {
         match &self.round {
             None => on_segment(self.from, self.to, point),
             Some(round) => {
@@ -213,7 +213,7 @@ impl Piece {
     }
 
     /// How far it is at most from the chord between its ends, mm.
-    pub(super) fn bulge(&self) -> f64 {
+    pub(crate) fn bulge(&self) -> f64 {
         let Some(round) = &self.round else { return 0.0 };
         if round.sweep.abs() >= std::f64::consts::PI {
             // The chord is no longer than the circle is wide.
@@ -226,13 +226,13 @@ impl Piece {
 }
 
 #[inline]
-pub(super) fn unit(a: Point) -> Point {
+pub(crate) fn unit(a: Point) -> Point {
     let length = a.norm();
     if length > 0.0 { a / length } else { Point::zeros() }
 }
 
 /// The place of a segment that is nearest to a point.
-pub(super) fn on_segment(from: Point, to: Point, point: Point) -> Point {
+pub(crate) fn on_segment(from: Point, to: Point, point: Point) -> Point {
     let span = to - from;
     let squared = span.norm_squared();
     if squared <= 0.0 {
@@ -244,7 +244,7 @@ pub(super) fn on_segment(from: Point, to: Point, point: Point) -> Point {
 /// The nearest places of two pieces, exactly.
 ///
 /// They cross, or one of both places is an end, or both lie on a line through a centre.
-pub(super) fn nearest(a: &Piece, b: &Piece) -> Near {
+pub(crate) fn nearest(a: &Piece, b: &Piece) -> Near {
     let mut best = Near { on_b: b.from, distance: f64::INFINITY };
     let mut offer = |on_a: Point, on_b: Point| {
         let distance = (on_a - on_b).norm();
@@ -286,7 +286,7 @@ pub(super) fn nearest(a: &Piece, b: &Piece) -> Near {
 }
 
 /// Where two pieces cross.
-pub(super) fn crossings(a: &Piece, b: &Piece) -> [Option<Point>; 2] {
+pub(crate) fn crossings(a: &Piece, b: &Piece) -> [Option<Point>; 2] {
     let on_both = |point: Option<Point>| {
         point.filter(|&point| {
             let on = |piece: &Piece| match &piece.round {
@@ -308,7 +308,7 @@ pub(super) fn crossings(a: &Piece, b: &Piece) -> [Option<Point>; 2] {
 }
 
 /// Where the whole lines and circles of two pieces cross.
-pub(super) fn carriers_cross(a: &Piece, b: &Piece) -> [Option<Point>; 2] {
+pub(crate) fn carriers_cross(a: &Piece, b: &Piece) -> [Option<Point>; 2] {
     match (&a.round, &b.round) {
         (None, None) => {
             let (da, db) = (a.to - a.from, b.to - b.from);

@@ -3,8 +3,7 @@
 //! A second, smaller reading than the planner's: it tells leads, legs and free moves apart
 //! and knows the offset of each leg. It judges nothing; `align` compares it with a path.
 
-use super::planar::{Point, flat};
-use crate::radius;
+use crate::planar::{Point, flat};
 use cnc_msgs::contour::{
     Action, ContourEventKind, CutterSide, Motion, MotionClass, ProgrammedContour, RadiusSource,
     Source,
@@ -14,16 +13,17 @@ use cnc_msgs::geometry::{Plane, Position, Shape};
 use cnc_msgs::profile::{
     ChangeAt, LeadMove, LengthOfD, Profile, RapidMode, Reselect, SelectTarget, SideChange,
 };
+use cnc_msgs::radius;
 use cnc_msgs::tool_table::ToolTable;
 
 /// No index.
-pub(super) const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// Moves shorter than this are none, mm.
 const STILL_MM: f64 = 1e-9;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     /// Not compensated.
     Free,
     LeadOn,
@@ -40,7 +40,7 @@ pub(super) enum Kind {
 
 /// One motion of the contour.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Block {
+pub(crate) struct Block {
     /// Its event, and that of the motion before it.
     pub event: u32,
     pub before: u32,
@@ -59,7 +59,7 @@ pub(super) struct Block {
 
 /// Offsets at both ends of legs, mm, positive to the left.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Offset {
+pub(crate) struct Offset {
     pub d_in: f64,
     pub d_out: f64,
     /// Tip directions before and in the leg.
@@ -71,7 +71,7 @@ pub(super) struct Offset {
 }
 
 #[derive(Debug)]
-pub(super) struct Program<'a> {
+pub(crate) struct Program<'a> {
     pub contour: &'a ProgrammedContour,
     pub blocks: Vec<Block>,
     /// The events that are actions.
@@ -97,7 +97,7 @@ enum State {
 }
 
 impl Program<'_> {
-    pub(super) fn motion(&self, block: u32) -> &Motion {
+    pub(crate) fn motion(&self, block: u32) -> &Motion {
         let event = self.blocks[block as usize].event as usize;
         match &self.contour.events[event].kind {
             ContourEventKind::Motion(motion) => motion,
@@ -105,12 +105,12 @@ impl Program<'_> {
         }
     }
 
-    pub(super) fn source(&self, block: u32) -> Source {
+    pub(crate) fn source(&self, block: u32) -> Source {
         self.contour.events[self.blocks[block as usize].event as usize].source
     }
 
     /// Where the program is before a block.
-    pub(super) fn start(&self, block: u32) -> Position {
+    pub(crate) fn start(&self, block: u32) -> Position {
         let before = self.blocks[block as usize].before;
         match self.contour.events.get(before as usize).map(|event| &event.kind) {
             Some(ContourEventKind::Motion(motion)) => motion.end,
@@ -118,12 +118,12 @@ impl Program<'_> {
         }
     }
 
-    pub(super) fn offset(&self, block: u32) -> &Offset {
+    pub(crate) fn offset(&self, block: u32) -> &Offset {
         &self.offsets[self.blocks[block as usize].offset as usize]
     }
 
     /// Where a block starts and ends in its plane.
-    pub(super) fn ends(&self, block: u32) -> (Point, Point) {
+    pub(crate) fn ends(&self, block: u32) -> (Point, Point) {
         let plane = self.offset(block).plane;
         (flat(plane, self.start(block)), flat(plane, self.motion(block).end))
     }
@@ -148,7 +148,7 @@ struct Reader<'a> {
     legs: usize,
 }
 
-pub(super) fn read<'a>(
+pub(crate) fn read<'a>(
     contour: &'a ProgrammedContour,
     profile: &Profile,
     tools: &ToolTable,

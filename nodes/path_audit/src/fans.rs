@@ -3,10 +3,10 @@
 //! Where all directions lie within [`FAN_RAD`], every step leads on along the middle one by
 //! most of its length: two places are as far apart as a part of the way between them.
 
-use super::pieces::Pieces;
+use crate::pieces::Pieces;
 #[cfg(test)]
-use super::planar::Piece;
-use super::planar::{Point, cross, left};
+use crate::planar::Piece;
+use crate::planar::{Point, cross, left};
 
 /// The directions of a fan are within 60°, rad; with its cosine.
 const FAN_RAD: f64 = std::f64::consts::FRAC_PI_3;
@@ -15,7 +15,7 @@ const FAN_COS: f64 = 0.5;
 /// The rightmost and the leftmost direction of some legs, of any length; in half the memory,
 /// which is exact enough for so coarse an angle. Zeros: they go too many ways.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Fan([f32; 4]);
+pub(crate) struct Fan([f32; 4]);
 
 impl Fan {
     const NONE: Self = Self([0.0; 4]);
@@ -29,7 +29,7 @@ impl Fan {
         (Point::new(a, b), Point::new(c, d))
     }
 
-    pub(super) fn is_any(self) -> bool {
+    pub(crate) fn is_any(self) -> bool {
         self.0 != Self::NONE.0
     }
 
@@ -51,7 +51,7 @@ impl Fan {
     }
 
     /// Of both.
-    pub(super) fn and(self, other: Self) -> Self {
+    pub(crate) fn and(self, other: Self) -> Self {
         if !other.is_any() {
             return Self::NONE;
         }
@@ -71,7 +71,7 @@ impl Fan {
     }
 
     /// Of several legs.
-    pub(super) fn of_all(legs: &Pieces, mut range: std::ops::Range<usize>) -> Self {
+    pub(crate) fn of_all(legs: &Pieces, mut range: std::ops::Range<usize>) -> Self {
         let Some(first) = range.next() else { return Self::NONE };
         range.fold(Self::of(legs, first), |fan, index| match legs.bow(index) {
             None => fan.with(legs.end(index) - legs.begin(index)),

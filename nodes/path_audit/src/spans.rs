@@ -1,12 +1,12 @@
 //! What lies between a lead-on and the next lead-off: legs, the elements beside them, leads.
 
-use super::program::{Kind, NONE, Offset};
-use super::way::Way;
+use crate::program::{Kind, NONE, Offset};
+use crate::way::Way;
 use cnc_msgs::path::Role;
 use std::ops::Range;
 
 #[derive(Debug, Clone)]
-pub(super) struct Span {
+pub(crate) struct Span {
     /// Its legs, in the list of all legs.
     pub legs: Range<usize>,
     /// All its blocks, with those of its leads.
@@ -23,13 +23,13 @@ pub(super) struct Span {
 
 /// All spans, and all legs in order.
 #[derive(Debug, Default)]
-pub(super) struct Spans {
+pub(crate) struct Spans {
     pub spans: Vec<Span>,
     pub legs: Vec<u32>,
 }
 
 impl Spans {
-    pub(super) fn of(way: &Way<'_>) -> Self {
+    pub(crate) fn of(way: &Way<'_>) -> Self {
         let mut all =
             Self { spans: Vec::new(), legs: Vec::with_capacity(way.program.blocks.len()) };
         all.gather(way);
@@ -126,7 +126,7 @@ impl Spans {
 impl Span {
     /// The offsets that an element of it has: that of its block, behind the last leg that of
     /// the last leg.
-    pub(super) fn offset<'a>(&self, way: &'a Way<'_>, legs: &[u32], block: u32) -> &'a Offset {
+    pub(crate) fn offset<'a>(&self, way: &'a Way<'_>, legs: &[u32], block: u32) -> &'a Offset {
         let is_leg = way.program.blocks[block as usize].kind == Kind::Leg;
         let last = legs[self.legs.end - 1];
         way.program.offset(if is_leg { block } else { last })

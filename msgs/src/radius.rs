@@ -1,12 +1,13 @@
 //! Where the radius of compensation comes from.
 //!
-//! Turns a word of the program, the tool in the spindle and the tool table into
-//! one signed number; what its sign does to the side is decided in `walk`.
+//! Turns a word of the program, the tool in the spindle and the tool table into one signed
+//! number. This is a definition, so the planner and the audit of its path share it; each decides
+//! by itself what the sign does to the side.
 
-use cnc_msgs::contour::{RadiusSource, Source};
-use cnc_msgs::finding::{Code, Finding};
-use cnc_msgs::profile::{NegativeRadius, Profile, RadiusKind, RadiusValue};
-use cnc_msgs::tool_table::{Offset, Tool, ToolTable, wear_turns_side};
+use crate::contour::{RadiusSource, Source};
+use crate::finding::{Code, Finding};
+use crate::profile::{NegativeRadius, Profile, RadiusKind, RadiusValue};
+use crate::tool_table::{Offset, Tool, ToolTable, wear_turns_side};
 
 /// The radius in force, mm, signed, and what is to be said of it: an error when
 /// there is none, which goes with a radius of 0.
@@ -14,7 +15,7 @@ use cnc_msgs::tool_table::{Offset, Tool, ToolTable, wear_turns_side};
 /// Without a word the profile decides: the tool in the spindle (rs274, MASSO), or
 /// nothing (where a register must be named, or the program sets the value).
 /// Source: MASSO M03 to M10; SINUMERIK 840C S17, S22, S49; Automation1 A03, A13.
-pub(crate) fn resolve(
+pub fn resolve(
     word: Option<RadiusSource>,
     spindle_tool: Option<u32>,
     profile: &Profile,
@@ -128,7 +129,7 @@ fn double_radius(
 }
 
 /// The tip direction that goes with the radius in force; 0 when there is none.
-pub(crate) fn tip(word: Option<RadiusSource>, spindle_tool: Option<u32>, tools: &ToolTable) -> u8 {
+pub fn tip(word: Option<RadiusSource>, spindle_tool: Option<u32>, tools: &ToolTable) -> u8 {
     let of_tool = |number: u32| tools.tools.get(&number).map(|tool| tool.tip_direction);
     let of_offset = |number: u32| tools.offsets.get(&number).map(|offset| offset.tip_direction);
     match word {
@@ -142,7 +143,7 @@ pub(crate) fn tip(word: Option<RadiusSource>, spindle_tool: Option<u32>, tools: 
 }
 
 /// The radius of a tool, mm: half of the worn diameter (M05).
-pub(crate) fn of_tool(tool: &Tool) -> f64 {
+fn of_tool(tool: &Tool) -> f64 {
     (tool.diameter_mm + tool.wear_diameter_mm) / 2.0
 }
 
@@ -220,7 +221,7 @@ fn worn(
 }
 
 /// A number that the tool table does not know.
-pub(crate) fn unknown(name: String, tools: &ToolTable, at: Source) -> Finding {
+pub fn unknown(name: String, tools: &ToolTable, at: Source) -> Finding {
     Finding::error(
         Code::UnknownTool,
         at,

@@ -1,14 +1,14 @@
 //! Legs that lie on each other: a contour at several depths retraces its own walls, and each is
 //! looked at once.
 
-use super::pieces::Pieces;
-use super::planar::{Piece, Point};
+use crate::pieces::Pieces;
+use crate::planar::{Piece, Point};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Groups of legs that are the same bit for bit, in the same direction.
 #[derive(Debug)]
-pub(super) struct Copies {
+pub(crate) struct Copies {
     group_of: Vec<u32>,
     /// The legs of each group, in order.
     groups: Vec<Vec<usize>>,
@@ -16,7 +16,7 @@ pub(super) struct Copies {
 
 impl Copies {
     /// Legs that do not count are alone.
-    pub(super) fn of(legs: &Pieces, counts: impl Fn(usize) -> bool) -> Self {
+    pub(crate) fn of(legs: &Pieces, counts: impl Fn(usize) -> bool) -> Self {
         let mut known: BTreeMap<[u64; 8], u32> = BTreeMap::new();
         let (mut groups, mut group_of) = (Vec::<Vec<usize>>::new(), Vec::new());
         for leg in 0..legs.count() {
@@ -35,23 +35,23 @@ impl Copies {
     }
 
     /// All legs that are the same as one, itself too.
-    pub(super) fn of_leg(&self, leg: usize) -> &[usize] {
+    pub(crate) fn of_leg(&self, leg: usize) -> &[usize] {
         &self.groups[self.group_of[leg] as usize]
     }
 
-    pub(super) fn is_first(&self, leg: usize) -> bool {
+    pub(crate) fn is_first(&self, leg: usize) -> bool {
         self.of_leg(leg)[0] == leg
     }
 
     /// The copy of a leg among others; itself where there is none.
-    pub(super) fn within(&self, leg: usize, legs: &Range<usize>) -> usize {
+    pub(crate) fn within(&self, leg: usize, legs: &Range<usize>) -> usize {
         let copies = self.of_leg(leg);
         let from = copies.partition_point(|copy| *copy < legs.start);
         copies.get(from).copied().filter(|copy| legs.contains(copy)).unwrap_or(leg)
     }
 
     /// The first and the last copies of a leg that come before another.
-    pub(super) fn before(&self, leg: usize, end: usize) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn before(&self, leg: usize, end: usize) -> impl Iterator<Item = usize> + '_ {
         let copies = self.of_leg(leg);
         let copies = &copies[..copies.partition_point(|copy| *copy < end)];
         let last = copies.len().saturating_sub(2).max(1).min(copies.len());

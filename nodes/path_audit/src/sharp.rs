@@ -3,7 +3,7 @@
 //! Such chords are left out of the path as a piece of an arc would be, and are no feature
 //! that is missed.
 
-use super::planar::{Piece, Point, cross, unit};
+use crate::planar::{Piece, Point, cross, unit};
 
 /// Chords of a curve bend less than this, rad, and are off it by less than [`CHORD_MM`].
 const CHORD_TURN_RAD: f64 = 0.12;
@@ -15,7 +15,7 @@ const STEPS_MAX: f64 = 1000.0;
 
 /// Whether legs are two curves that meet in one sharp inside corner; the tool goes from the
 /// first to the last of them at `joint`.
-pub(super) fn is_corner_of_curves(
+pub(crate) fn is_corner_of_curves(
     legs: impl Iterator<Item = Piece>,
     joint: Point,
     d_mm: f64,
