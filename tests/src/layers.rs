@@ -7,8 +7,8 @@ use std::path::Path;
 
 /// Everything that breaks the order in `src`, one line each.
 ///
-/// `order` names the folders of `src`, the lowest first. Files beside the folders may import
-/// everything, and no folder may import them.
+/// `order` names the folders of `src`, the lowest first; `a.rs` belongs to the folder `a`. Other
+/// files next to the folders may import everything, and no folder may import them.
 pub fn upward_imports(src: &Path, order: &[&str]) -> Vec<String> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(src).expect("a folder of sources") {
@@ -28,7 +28,7 @@ pub fn upward_imports(src: &Path, order: &[&str]) -> Vec<String> {
             found.push(format!("{room}/ does not say what belongs there"));
         }
         let allowed = &order[..=place];
-        walk(&folder, &mut |file| {
+        let mut look = |file: &Path| {
             let text = std::fs::read_to_string(file).expect("sources are UTF-8");
             let inside = file.strip_prefix(src).expect("a file in src");
             let is_mod = inside.file_name().is_some_and(|name| name == "mod.rs");
@@ -36,7 +36,12 @@ pub fn upward_imports(src: &Path, order: &[&str]) -> Vec<String> {
             for wrong in outside(&text, depth, allowed) {
                 found.push(format!("{}: {wrong}", inside.display()));
             }
-        });
+        };
+        walk(&folder, &mut look);
+        let root_of_folder = src.join(format!("{room}.rs"));
+        if root_of_folder.exists() {
+            look(&root_of_folder);
+        }
     }
     found.sort();
     found

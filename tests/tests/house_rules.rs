@@ -4,10 +4,13 @@ use kerf_tests::layers::upward_imports;
 use kerf_tests::{files, root};
 
 /// Crates with folders in an order: each folder imports only those before it.
-const LAYERS: [(&str, &[&str]); 1] = [(
-    "nodes/runtime/src",
-    &["process", "parameters", "command_line", "rustdds", "endpoints", "managed"],
-)];
+const LAYERS: [(&str, &[&str]); 2] = [
+    (
+        "nodes/runtime/src",
+        &["process", "parameters", "command_line", "rustdds", "endpoints", "managed"],
+    ),
+    ("nodes/compensation_planner/src", &["geometry", "span", "check", "walk", "tools", "node"]),
+];
 
 #[test]
 fn every_file_says_first_what_it_knows() {
@@ -120,6 +123,7 @@ fn an_import_of_a_later_folder_is_found() {
     let seeds = [
         ("a/x.rs", "use crate::b::y::Y;", "crate::b"),
         ("a/mod.rs", "//! A.\nuse crate::{a::x, b::{y, z}};", "crate::b"),
+        ("a.rs", "//! A.\nuse crate::b::y;", "crate::b"),
         ("a/x.rs", "fn f() {\n    crate::root::run();\n}", "crate::root"),
         ("a/x.rs", "use super::super::b::y;", "super::super::b"),
         ("a/x.rs", "mod tests {\n    use super::super::super::b::y;\n}", "super::super::super"),

@@ -9,13 +9,15 @@ mod health;
 mod input;
 mod lifecycle;
 mod live;
+mod preview;
 mod report;
 mod run_start;
 pub mod threads;
 mod tool_file;
 
-use crate::set_tool::{self, LoadedProgram, Refusal};
-use crate::{Planning, Verdict as Judged, judge, plan_with, preview};
+use crate::tools::set_tool::{self, LoadedProgram, Refusal};
+use crate::tools::verdict::{Verdict as Judged, judge};
+use crate::walk::plan::{Plan, Planning, plan_with};
 use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::interface::Service;
 use cnc_msgs::tool_table::ToolTable;
@@ -223,7 +225,7 @@ struct Current {
 
 impl Current {
     /// What a plan says; its path comes when it is published.
-    fn new(program_id: String, revision: u64, plan: &crate::Plan, chord_error_mm: f64) -> Self {
+    fn new(program_id: String, revision: u64, plan: &Plan, chord_error_mm: f64) -> Self {
         let uncut = plan.uncut.iter().map(|region| uncut_to_wire(region, chord_error_mm));
         Self {
             program_id,

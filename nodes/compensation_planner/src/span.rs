@@ -2,10 +2,14 @@
 //!
 //! Only data: `walk` fills it, `compensate` reads it.
 
-use crate::element::{Element, Vec2};
-use crate::emit::feed;
-use crate::frame::{element_from, height};
-use cnc_msgs::contour::{Action, Approach, Motion, OutsideCorner, Source};
+pub(crate) mod chain;
+pub(crate) mod corner;
+pub(crate) mod links;
+pub(crate) mod normalise;
+
+use crate::geometry::element::{Element, Vec2};
+use crate::geometry::frame::{element_from, height};
+use cnc_msgs::contour::{Action, Approach, Motion, MotionClass, OutsideCorner, Source};
 use cnc_msgs::geometry::{Plane, Position};
 
 /// One block with motion in the plane.
@@ -145,7 +149,17 @@ pub(crate) struct Run {
 impl Lead {
     /// Its length in the plane, mm.
     pub(crate) fn length(&self, plane: Plane) -> f64 {
-        let from = crate::frame::in_plane(plane, self.start);
-        (crate::frame::in_plane(plane, self.motion.end) - from).norm()
+        let from = crate::geometry::frame::in_plane(plane, self.start);
+        (crate::geometry::frame::in_plane(plane, self.motion.end) - from).norm()
     }
+}
+
+/// The feed of a motion; `None` for a rapid.
+pub(crate) fn feed(motion: &Motion) -> Option<f64> {
+    (motion.class == MotionClass::Feed).then_some(motion.feed_mm_per_min)
+}
+
+/// The feed that holds beside a rapid, where no motion has had it yet.
+pub(crate) fn feed_in_force(motion: &Motion) -> Option<f64> {
+    (motion.feed_mm_per_min > 0.0).then_some(motion.feed_mm_per_min)
 }

@@ -5,16 +5,23 @@
 //! [`Span`]; `compensate` makes the path of it. The rules of controls about
 //! where compensation may begin and end are in `rules`.
 
+mod compensate;
+mod emit;
 mod joints;
+mod other_spans;
 mod output;
+pub(crate) mod plan;
+mod rules;
 mod spans;
+mod tip;
+mod write;
 
-use crate::compensate::{Exit, Verdict, WallBehind};
-use crate::frame::{element, height};
-use crate::rules::{self, Rules};
+use crate::check::lead::WallBehind;
+use crate::geometry::frame::{element, height};
+use crate::geometry::tolerance::LENGTH_MM;
 use crate::span::{Item, ItemKind, Span};
-use crate::tolerance::LENGTH_MM;
-use crate::{Plan, Planning};
+use crate::walk::compensate::{Exit, Verdict};
+use crate::walk::plan::{Plan, Planning};
 use cnc_msgs::contour::{
     Action, Approach, ContourEventKind, CutterSide, Motion, MotionClass, OutsideCorner,
     ProgrammedContour, RadiusSource, Source,
@@ -26,6 +33,7 @@ use cnc_msgs::profile::{LeadMove, LengthOfD, OffPlaneAfterCancel, Profile, SideC
 use cnc_msgs::radius;
 use cnc_msgs::tool_table::ToolTable;
 use output::Output;
+use rules::Rules;
 use std::collections::BTreeSet;
 
 /// A selection that waits for its first move in the plane.

@@ -3,9 +3,8 @@
 //! Nothing is kept: the plan of the loaded program stays what it is.
 
 use super::report::{fitting, manifest_of};
-use crate::Verdict;
-use crate::mdi::plan_block;
-use crate::verdict::Disagreement;
+use crate::tools::mdi::plan_block;
+use crate::tools::verdict::{Disagreement, Verdict};
 use cnc_msgs::chunk::{Collector, PathChunks};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::tool_table::ToolTable;

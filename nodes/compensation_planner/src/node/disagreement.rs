@@ -4,7 +4,7 @@
 //! for them, there are few, and none is large: a folder of reports must not stop a machine.
 
 use super::Planner;
-use crate::verdict::Disagreement;
+use crate::tools::verdict::Disagreement;
 use cnc_msgs::wire::cnc_msgs::srv::GetProgramChunksRequest;
 use serde_yaml::{Mapping, Value};
 use std::fs;
@@ -232,7 +232,7 @@ impl Planner {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::tests::{offset, sinumerik, square};
+    use crate::tools::verdict::tests::{offset, sinumerik, square};
     use std::fs::FileTimes;
 
     fn disagreement(number: usize) -> Disagreement {

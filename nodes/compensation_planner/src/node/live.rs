@@ -6,8 +6,8 @@
 //! values that it began with.
 
 use super::{Current, Input, Planner};
-use crate::rest::{NoRest, Rest, plan_rest};
-use crate::set_tool::LoadedProgram;
+use crate::tools::rest::{NoRest, Rest, plan_rest};
+use crate::tools::set_tool::LoadedProgram;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;

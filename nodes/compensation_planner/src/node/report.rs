@@ -1,7 +1,10 @@
 //! The verdict on a plan as messages: the report, and its findings page by page.
 
 use super::{Input, Planner};
-use crate::{Certificate, Plan, UncutRegion, preview};
+use crate::check::certificate::Certificate;
+use crate::check::uncut::UncutRegion;
+use crate::node::preview;
+use crate::walk::plan::Plan;
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::contour::CutterSide;

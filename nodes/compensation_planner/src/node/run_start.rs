@@ -1,7 +1,7 @@
 //! A run that begins at a line, over the wire: the line in, how it begins out.
 
 use super::live::RunningPlan;
-use crate::restart::start;
+use crate::tools::restart::start;
 use cnc_msgs::convert::start_in_span_to_wire;
 use cnc_msgs::wire::cnc_msgs::srv::{PlanStartRequest, PlanStartResponse};
 

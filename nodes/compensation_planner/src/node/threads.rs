@@ -1,6 +1,6 @@
 //! The processors of this machine, as workers for the core.
 
-use crate::Workers;
+use crate::walk::plan::Workers;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 

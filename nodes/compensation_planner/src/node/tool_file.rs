@@ -2,10 +2,10 @@
 //!
 //! A new file is written beside the old one, brought to the disk and renamed over
 //! it, so that a crash leaves one of the two. What stands in it is decided in
-//! [`tool_file`](crate::tool_file).
+//! [`tool_file`](crate::tools::tool_file).
 
-use crate::set_tool::{Change, Refusal};
-use crate::tool_file::{edited, whole};
+use crate::tools::set_tool::{Change, Refusal};
+use crate::tools::tool_file::{edited, whole};
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::srv::SetToolResponse;
 use std::fs::{self, File, OpenOptions};
@@ -89,7 +89,7 @@ impl ToolFile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::set_tool::change;
+    use crate::tools::set_tool::change;
     use cnc_msgs::wire::cnc_msgs::srv::SetToolRequest as W;
     use std::os::unix::fs::PermissionsExt;
 

@@ -5,17 +5,17 @@
 //! When a span begins and ends otherwise is decided in `walk`.
 
 use super::{Active, OneSide, Selection, State, Walk};
-use crate::chain::{Link, Role, join, push};
-use crate::compensate::Exit;
-use crate::element::{Element, Vec2};
-use crate::finding;
-use crate::intersect::{Meeting, meet_across};
-use crate::links;
-use crate::normalise::{first_runs, last_runs};
-use crate::reach::is_any_unreachable;
-use crate::rules;
+use crate::check::finding;
+use crate::check::reach::is_any_unreachable;
+use crate::geometry::element::{Element, Vec2};
+use crate::geometry::intersect::{Meeting, meet_across};
+use crate::geometry::tolerance::{FAR_CORNER_RADII, LENGTH_MM, MERGE_MM};
+use crate::span::chain::{Link, Role, join, push};
+use crate::span::links;
+use crate::span::normalise::{first_runs, last_runs};
 use crate::span::{AtChange, Lead, OtherSide, Run, Span};
-use crate::tolerance::{FAR_CORNER_RADII, LENGTH_MM, MERGE_MM};
+use crate::walk::compensate::Exit;
+use crate::walk::rules;
 use cnc_msgs::contour::{Approach, Motion, MotionClass, Source};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::profile::{ChangeAt, Profile, RapidMode, Strictness};

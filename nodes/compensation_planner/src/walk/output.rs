@@ -4,11 +4,12 @@
 //! all that comes after them, until there are enough to be solved together. How many
 //! that is depends on the program alone, and so does the result.
 
-use crate::compensate::{Exit, Solution, Verdict, WallBehind, empty_span, solve};
-use crate::emit::Emitter;
-use crate::other_spans::Earlier;
+use crate::check::lead::WallBehind;
 use crate::span::{ItemKind, Span};
-use crate::{Planning, SpanSummary};
+use crate::walk::compensate::{Exit, Solution, Verdict, empty_span, solve};
+use crate::walk::emit::Emitter;
+use crate::walk::other_spans::Earlier;
+use crate::walk::plan::{Planning, SpanSummary};
 use cnc_msgs::contour::{Action, CutterSide, Motion, ProgrammedContour, Source};
 use cnc_msgs::finding::Finding;
 use cnc_msgs::path::{CompensatedPath, Role};

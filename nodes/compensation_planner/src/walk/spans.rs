@@ -4,13 +4,14 @@
 //! span is made by `compensate`.
 
 use super::{Active, Selection, State, Walk};
-use crate::compensate::{Exit, WallBehind};
-use crate::element::Element;
-use crate::emit::feed;
-use crate::frame::{height, in_plane};
-use crate::rules;
+use crate::check::lead::WallBehind;
+use crate::geometry::element::Element;
+use crate::geometry::frame::{height, in_plane};
+use crate::geometry::tolerance::RADIUS_MM;
+use crate::span::feed;
 use crate::span::{Entry, ItemKind, Lead, Leg, Span};
-use crate::tolerance::RADIUS_MM;
+use crate::walk::compensate::Exit;
+use crate::walk::rules;
 use cnc_msgs::contour::{Approach, CutterSide, Motion, OutsideCorner, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;

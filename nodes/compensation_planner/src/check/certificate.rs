@@ -1,0 +1,330 @@
+//! The radii that a span is good for.
+//!
+//! The interval about the planned radius in which nothing of the contour is
+//! consumed and no wall is nearer than the radius, at zero tolerance, and what
+//! limits it. Every trial is a whole join and a whole check at another radius;
+//! what fails tells where to try next, so that few trials are needed.
+
+use crate::check::interference::{self, Cut, Joined};
+use crate::check::lead;
+use crate::check::reach::{Unreachable, consumed, is_any_unreachable, left_of};
+use crate::check::walls::Walls;
+use crate::geometry::element::{Element, Vec2, cross, left};
+use crate::geometry::frame::{height, in_plane, in_work};
+use crate::geometry::tolerance::{BEND_RAD, GOUGE_MM, LENGTH_MM};
+use crate::span::chain::{Link, Placed, join};
+use crate::span::corner::Corners;
+use crate::span::links::{links, push_runs};
+use crate::span::{Lead, Run, Span};
+use cnc_msgs::contour::{CutterSide, Source};
+use cnc_msgs::geometry::Position;
+use cnc_msgs::profile::Profile;
+
+/// No tool is larger, mm; an interval that reaches it has no upper end.
+const RADIUS_MM_MAX: f64 = 1e4;
+
+/// How exact an end is, mm.
+const EXACT_MM: f64 = 1e-7;
+
+/// How much nearer than the radius a wall may be in a trial, mm: rounding.
+const TOUCH_MM: f64 = 1e-8;
+
+/// Runs at an end that a lead may depend on.
+const END_RUNS: usize = 64;
+
+/// The same for leads: they leave the circle about the contour's end at a tangent,
+/// so that this is squared on the way to the radius.
+const LEAD_TOUCH_MM: f64 = 1e-12;
+
+/// Trials for one end, of a small contour; and elements in all trials of a large one,
+/// which is noise where it takes so many: its certificate ends where it surely holds.
+const TRIALS: (usize, usize) = (100, 12_000_000);
+
+/// The radii that a compensated piece of a program is good for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Certificate {
+    /// Lines of the first and last block, without the leads.
+    pub first_line: u32,
+    pub last_line: u32,
+    /// The side that the tool runs on; a negative radius has been taken into account.
+    pub side: CutterSide,
+    /// The radius that was planned, mm, never negative.
+    pub radius_mm: f64,
+    /// The interval of radii, mm. The upper end is infinite when nothing limits it.
+    pub valid_from_mm: f64,
+    pub valid_to_mm: f64,
+    /// What limits the upper end.
+    pub limited_by: Vec<CertificateLimit>,
+    /// The largest radius for which the leads are free, mm.
+    pub leads_valid_to_mm: f64,
+}
+
+/// A block that limits a certificate, and where.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CertificateLimit {
+    pub source: Source,
+    pub position: Position,
+}
+
+/// A span whose radius is tried.
+pub(crate) struct Subject<'a> {
+    pub span: &'a Span<'a>,
+    pub runs: &'a [Run],
+    pub lead_off: Option<&'a Lead>,
+    pub profile: &'a Profile,
+}
+
+/// What fails in a trial.
+#[derive(Debug)]
+enum Failure {
+    Consumed(Unreachable),
+    Cut(Cut),
+}
+
+impl Subject<'_> {
+    pub(crate) fn certificate(&self) -> Certificate {
+        let planned = self.span.d_mm.abs();
+        let (below, above) = if self.failures(planned).is_empty() {
+            (planned, self.first_failing_above(planned))
+        } else {
+            (0.0, Some(planned))
+        };
+        let (valid_to_mm, failures) = match above {
+            Some(failing) => self.end_between(below, failing),
+            None => (f64::INFINITY, Vec::new()),
+        };
+        let mut limited_by: Vec<CertificateLimit> =
+            failures.iter().flat_map(|failure| self.limits(failure)).collect();
+        limited_by.sort_by_key(|limit| limit.source.line);
+        limited_by.dedup_by_key(|limit| limit.source.line);
+        let (first, last) = (&self.span.legs[0], &self.span.legs[self.span.legs.len() - 1]);
+        Certificate {
+            first_line: first.source.line,
+            last_line: last.source.line,
+            side: if self.span.d_mm < 0.0 { CutterSide::Right } else { CutterSide::Left },
+            radius_mm: planned,
+            valid_from_mm: 0.0,
+            valid_to_mm,
+            limited_by,
+            leads_valid_to_mm: self.leads_valid_to(valid_to_mm),
+        }
+    }
+
+    fn joined(&self, radius_mm: f64) -> (Vec<Link>, Vec<Placed>) {
+        let mut links = Vec::with_capacity(self.runs.len() * 2);
+        let short_mm = self.profile.corner.short_block_mm;
+        push_runs(&mut links, self.runs, radius_mm / self.span.d_mm.abs(), short_mm);
+        let placed = join(&links, 0.0);
+        (links, placed)
+    }
+
+    fn corners(&self) -> Corners<'_> {
+        Corners { span: self.span, short_mm: self.profile.corner.short_block_mm }
+    }
+
+    fn failures(&self, radius_mm: f64) -> Vec<Failure> {
+        const FAILURES_MAX: usize = 32;
+        let (links, placed) = self.joined(radius_mm);
+        let gaps = consumed(&links, &placed).take(FAILURES_MAX);
+        let mut failures: Vec<Failure> = gaps.map(Failure::Consumed).collect();
+        if failures.is_empty() {
+            let walls = Walls::new(self.runs, &links, &placed);
+            let corners = self.corners();
+            let joined = Joined { links: &links, placed: &placed, corners };
+            let cuts = interference::cuts(&walls, &joined, 0.0, TOUCH_MM);
+            let within = cuts.cuts.into_iter().filter(|cut| !cut.is_other_pass);
+            let within = within.filter(|cut| !self.is_bend(cut));
+            failures.extend(within.take(FAILURES_MAX).map(Failure::Cut));
+        }
+        failures
+    }
+
+    /// Whether one wall goes on in the other, with a bend that is noise: the tool would have to
+    /// be huge to cut into it.
+    fn is_bend(&self, cut: &Cut) -> bool {
+        let tangent = |run: usize, at: Vec2| match &self.runs[run].element {
+            Element::Line(line) => line.tangent,
+            Element::Arc(arc) => left(at - arc.center).normalize() * arc.turn,
+        };
+        let turn = cross(tangent(cut.on, cut.foot), tangent(cut.into, cut.on_wall)).abs();
+        let cosine = tangent(cut.on, cut.foot).dot(&tangent(cut.into, cut.on_wall));
+        cosine > 0.0 && turn < BEND_RAD && cut.radius_mm - cut.distance_mm < GOUGE_MM
+    }
+
+    fn first_failing_above(&self, valid: f64) -> Option<f64> {
+        let mut radius = valid * 2.0;
+        while radius <= RADIUS_MM_MAX {
+            if !self.failures(radius).is_empty() {
+                return Some(radius);
+            }
+            radius *= 4.0;
+        }
+        None
+    }
+
+    /// The end of validity between a valid and a failing radius, and what fails there.
+    fn end_between(&self, mut valid: f64, mut failing: f64) -> (f64, Vec<Failure>) {
+        let mut failures = self.failures(failing);
+        let (most, elements) = TRIALS;
+        for _ in 0..(elements / self.runs.len().max(1)).clamp(12, most) {
+            if failing - valid <= EXACT_MM {
+                break;
+            }
+            let scale = failing;
+            let estimate = failures
+                .iter()
+                .map(|failure| match failure {
+                    Failure::Consumed(place) => place.radius_mm_max,
+                    Failure::Cut(cut) => scale - (cut.radius_mm - cut.distance_mm) / 2.0,
+                })
+                .fold(f64::INFINITY, f64::min);
+            // A little beyond the estimate, so that it closes the interval from above.
+            let mut trial = estimate + EXACT_MM / 2.0;
+            if !(trial > valid && trial < failing - EXACT_MM / 4.0) {
+                trial = f64::midpoint(valid, failing);
+            }
+            let found = self.failures(trial);
+            if found.is_empty() {
+                valid = trial;
+            } else {
+                let progress = (failing - trial) / (failing - valid);
+                (failing, failures) = (trial, found);
+                let below = failing - EXACT_MM;
+                if below > valid && self.failures(below).is_empty() {
+                    valid = below;
+                } else if progress < 0.5 {
+                    // Estimates that creep are no better than halving.
+                    let middle = f64::midpoint(valid, failing);
+                    let found = self.failures(middle);
+                    if found.is_empty() {
+                        valid = middle;
+                    } else {
+                        (failing, failures) = (middle, found);
+                    }
+                }
+            }
+        }
+        if failing - valid > EXACT_MM {
+            return (valid, failures);
+        }
+        // Joining allows for rounding: what vanishes shows a little later.
+        let failures = self.failures(failing + 4.0 * LENGTH_MM);
+        let end = match failures.first() {
+            Some(Failure::Consumed(place)) => self.vanishing(place, failing),
+            _ => f64::midpoint(valid, failing),
+        };
+        (end, failures)
+    }
+
+    /// Where exactly a run vanishes: the radius at which nothing is left of it.
+    ///
+    /// Joining allows for rounding; what is left at smaller radii leads to the zero.
+    fn vanishing(&self, place: &Unreachable, failing: f64) -> f64 {
+        let left = |radius_mm: f64| {
+            let (links, placed) = self.joined(radius_mm);
+            left_of(&links, &placed, place.longest)
+        };
+        let (mut far, mut near) = (failing * (1.0 - 1e-3), failing * (1.0 - 1e-4));
+        for _ in 0..6 {
+            let (Some(at_far), Some(at_near)) = (left(far), left(near)) else { return failing };
+            let zero = near + (near - far) * at_near / (at_far - at_near);
+            if !zero.is_finite() || (zero - failing).abs() > 1e-4 * failing {
+                return failing;
+            }
+            let step = (zero - near) * 0.01;
+            if step.abs() <= EXACT_MM / 10.0 {
+                return zero;
+            }
+            (far, near) = (near, zero - step);
+        }
+        near
+    }
+
+    fn limits(&self, failure: &Failure) -> Vec<CertificateLimit> {
+        let limit = |run: usize, at: Vec2| {
+            let leg = &self.span.legs[self.runs[run].legs.start];
+            let position = in_work(self.span.plane, at, height(self.span.plane, leg.motion.end));
+            CertificateLimit { source: leg.source, position }
+        };
+        match failure {
+            Failure::Consumed(place) => {
+                vec![limit(place.longest, self.runs[place.longest].element.start())]
+            }
+            Failure::Cut(cut) => vec![limit(cut.on, cut.foot), limit(cut.into, cut.on_wall)],
+        }
+    }
+
+    fn leads_valid_to(&self, limit_mm: f64) -> f64 {
+        let planned = self.span.d_mm.abs();
+        let (links, placed) = self.joined(planned);
+        let walls = Walls::new(self.runs, &links, &placed);
+        let exact = self.leads_free_to(&walls, limit_mm, LEAD_TOUCH_MM);
+        // Where a contour closes with the noise of its coordinates, leads cut a little into it.
+        if exact < planned && self.leads_are_free(&walls, planned.min(limit_mm), GOUGE_MM) {
+            return self.leads_free_to(&walls, limit_mm, GOUGE_MM);
+        }
+        exact
+    }
+
+    fn leads_free_to(&self, walls: &Walls<'_>, limit_mm: f64, touch_mm: f64) -> f64 {
+        let mut high = limit_mm.min(RADIUS_MM_MAX);
+        if self.leads_are_free(walls, high, touch_mm) {
+            return limit_mm;
+        }
+        let mut low = 0.0;
+        while high - low > EXACT_MM {
+            let middle = f64::midpoint(low, high);
+            if self.leads_are_free(walls, middle, touch_mm) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        low
+    }
+
+    /// Whether the straight moves to and from the contour keep off its walls.
+    fn leads_are_free(&self, walls: &Walls<'_>, radius_mm: f64, touch_mm: f64) -> bool {
+        let scale = radius_mm / self.span.d_mm.abs();
+        let plane = self.span.plane;
+        let (head, tail) = (&self.runs[..self.runs.len().min(END_RUNS)], {
+            &self.runs[self.runs.len().saturating_sub(END_RUNS)..]
+        });
+        let is_free = |way: &lead::Way, end, lead: &Lead, radius_mm: f64| {
+            let cuts = |is_above: &dyn Fn(usize) -> bool| {
+                way.cuts(walls, end, radius_mm - touch_mm, is_above).gouge.is_some()
+            };
+            !cuts(&|_| false) || {
+                let below = lead::Below::of(self.span, self.runs, walls, lead, self.profile);
+                !cuts(&|run| below.is(walls, run))
+            }
+        };
+        let way = |(links, placed): (&[Link], &[Placed]), is_on, outside| {
+            let joined = Joined { links, placed, corners: self.corners() };
+            if is_on { lead::Way::on(&joined, outside) } else { lead::Way::off(&joined, outside) }
+        };
+        if !self.span.entry.is_link {
+            let links = links(self.span, head, None, self.profile, scale);
+            let placed = join(&links, 0.0);
+            if is_any_unreachable(&links, &placed, self.profile.accept_tolerance_mm) {
+                return false;
+            }
+            let on = &self.span.entry.lead;
+            let end = lead::FreeEnd::first(walls);
+            let way = way((&links, &placed), true, in_plane(plane, on.start));
+            if way.is_some_and(|way| !is_free(&way, end, on, radius_mm)) {
+                return false;
+            }
+        }
+        let Some(lead) = self.lead_off else { return true };
+        let links = links(self.span, tail, Some(lead), self.profile, scale);
+        let placed = join(&links, 0.0);
+        if is_any_unreachable(&links, &placed, self.profile.accept_tolerance_mm) {
+            return false;
+        }
+        let to = in_plane(plane, lead.motion.end);
+        let end = lead::FreeEnd::last(walls);
+        let radius_mm = self.span.d_out_mm.abs() * scale;
+        way((&links, &placed), false, to).is_none_or(|way| is_free(&way, end, lead, radius_mm))
+    }
+}

@@ -1,0 +1,365 @@
+//! Whether the tool, anywhere on its way along a span, cuts into a wall of it.
+//!
+//! Joints keep the tool off the elements that they join; this looks at all
+//! others, however far apart they are in the program: walls of a slot, a contour
+//! that comes back on itself, an arc that bends back to its neighbour. What the
+//! tool does not reach is the business of `reach`.
+
+use crate::check::walls::Walls;
+use crate::geometry::distance::{Nearest, nearest_on_element, nearest_on_way};
+use crate::geometry::element::{Element, Vec2};
+use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
+use crate::geometry::tree::{Bounds, LEAF, NO_CHAIN, Tree, budget};
+use crate::span::chain::{Link, Placed, Role};
+use crate::span::corner::{Corners, PIECES};
+use std::ops::ControlFlow;
+
+/// The tool on one run comes too near to another.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cut {
+    /// The run that the tool is on, and the one it cuts into.
+    pub on: usize,
+    pub into: usize,
+    /// The two places of the contour that are too near: what the tool follows, and what it cuts.
+    pub foot: Vec2,
+    pub on_wall: Vec2,
+    pub radius_mm: f64,
+    /// Of the tool centre from the wall, mm.
+    pub distance_mm: f64,
+    pub is_other_pass: bool,
+    /// Between what the contour begins with and what it ends with, where that is forgiven.
+    pub is_forgiven: bool,
+}
+
+impl Cut {
+    /// Cuts of one kind are as bad as each other.
+    const fn kind(&self) -> (bool, bool) {
+        (self.is_other_pass, self.is_forgiven)
+    }
+}
+
+/// What was found, and whether everything was looked at.
+#[derive(Debug)]
+pub(crate) struct Cuts {
+    pub cuts: Vec<Cut>,
+    pub is_complete: bool,
+}
+
+/// An element of the way of the tool.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    place: usize,
+    /// Of a corner that is not an arc.
+    piece: Option<usize>,
+    /// The run that it belongs to; a corner belongs to the run after it (S07).
+    run: usize,
+    chain: u32,
+    /// How much nearer than the radius it may be, mm.
+    slack: f64,
+}
+
+/// Cuts found at most; what is cut everywhere needs no more.
+const CUTS_MAX: usize = 100_000;
+
+/// The joined way of the tool along a span.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Joined<'a> {
+    pub links: &'a [Link],
+    pub placed: &'a [Placed],
+    pub corners: Corners<'a>,
+}
+
+/// All places where the tool cuts into a wall, the deepest point of each.
+///
+/// The tool may be `gouge_mm` nearer than its radius, and `tolerance` more where
+/// something was consumed, mm.
+pub(crate) fn cuts(walls: &Walls<'_>, joined: &Joined<'_>, tolerance: f64, gouge_mm: f64) -> Cuts {
+    let (found, is_complete) = all_cuts(walls, joined, [gouge_mm, gouge_mm + tolerance]);
+    Cuts { cuts: deepest_of_each_place(found), is_complete }
+}
+
+/// For each place whether the tool cuts into a wall of the same pass from there.
+pub(crate) fn cut_places(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> Vec<bool> {
+    let mut is_cutting = vec![false; joined.placed.len()];
+    for (place, cut) in all_cuts(walls, joined, slack).0 {
+        is_cutting[place] |= !cut.is_other_pass;
+    }
+    is_cutting
+}
+
+/// All cuts with the place that each is made from that makes each, and whether that is all.
+fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(usize, Cut)>, bool) {
+    if !walls.is_complete() {
+        // Without its passes each copy of a wall would be in the way of the others.
+        return (Vec::new(), false);
+    }
+    let Joined { links, placed, .. } = *joined;
+    let ways = ways(walls, joined, slack);
+    let element = |way: &Way| way.element(joined);
+    let boxes = ways
+        .iter()
+        .map(|way| (element(way).map_or(Bounds::EMPTY, |element| Bounds::of(&element)), way.chain));
+    let tree = Tree::new(boxes);
+    let reach = links.iter().map(|link| link.d_in_mm.abs().max(link.d_out_mm.abs()));
+    let reach = reach.fold(0.0, f64::max);
+    let mut found: Vec<(usize, Cut)> = Vec::new();
+    let is_complete = tree.near_pairs(walls.tree(), reach, &mut budget(ways.len()), |on, into| {
+        // Once for all pairs: most are far enough apart by these alone.
+        let mut wall_boxes = [Bounds::EMPTY; LEAF];
+        for (wall_box, run) in wall_boxes.iter_mut().zip(into.clone()) {
+            *wall_box = Bounds::of(walls.element(run));
+        }
+        for index in on {
+            let Some(way) = element(&ways[index]) else { continue };
+            let way_box = Bounds::of(&way);
+            let link = &links[placed[ways[index].place].link];
+            for (run, wall_box) in into.clone().zip(&wall_boxes) {
+                let gap_squared = way_box.gap_squared(wall_box);
+                if let Some(cut) = cut(walls, &ways[index], &way, gap_squared, link, run) {
+                    found.push((ways[index].place, cut));
+                }
+            }
+        }
+        if found.len() < CUTS_MAX { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    (found, is_complete)
+}
+
+impl Way {
+    fn element(&self, joined: &Joined<'_>) -> Option<Element> {
+        let Joined { links, placed, corners } = *joined;
+        match self.piece {
+            None => element(&links[placed[self.place].link], &placed[self.place]),
+            Some(piece) => corners.pieces(links, placed, self.place)?[piece],
+        }
+    }
+}
+
+/// The way of the tool between the leads: the run that each piece belongs to, and the radius
+/// there, mm.
+pub(crate) fn pieces(
+    walls: &Walls<'_>,
+    joined: &Joined<'_>,
+) -> impl Iterator<Item = (usize, f64, Element)> {
+    ways(walls, joined, [0.0; 2]).into_iter().filter_map(|way| {
+        let link = &joined.links[joined.placed[way.place].link];
+        let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
+        Some((way.run, radius_mm, way.element(joined)?))
+    })
+}
+
+/// What there is between the leads. A corner belongs to the run behind it, or before
+/// it when there is none.
+fn ways(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec<Way> {
+    let Joined { links, placed, corners } = *joined;
+    let role = |place: Option<usize>| Some(links[placed.get(place?)?.link].role);
+    let mut ways: Vec<Way> = Vec::with_capacity(placed.len());
+    let mut run_before: Option<usize> = None;
+    for place in 0..placed.len() {
+        let run = match role(Some(place)) {
+            Some(Role::Run(run)) => Some(run),
+            Some(Role::Corner { .. }) => {
+                match (role(place.checked_sub(1)), role(Some(place + 1))) {
+                    // They are part of the lead.
+                    (Some(Role::Entry), _) | (_, Some(Role::Exit)) => None,
+                    (_, Some(Role::Run(run))) => Some(run),
+                    _ => run_before,
+                }
+            }
+            _ => None,
+        };
+        let Some(run) = run else { continue };
+        let is_corner = role(Some(place)) != Some(Role::Run(run));
+        let is_gap = run_before.is_some_and(|before| before + 1 != run);
+        if is_gap && let Some(way) = ways.last_mut() {
+            way.slack = nearer;
+        }
+        let slack = if is_gap { nearer } else { near };
+        let mut chain = walls.chain(run);
+        if is_corner {
+            let before = run_before.filter(|before| *before != run);
+            if before.map(|before| walls.chain(before)) != Some(chain) {
+                chain = NO_CHAIN;
+            }
+        } else {
+            run_before = Some(run);
+        }
+        let way = Way { place, piece: None, run, chain, slack };
+        match corners.lines(links, placed, place).filter(|_| is_corner) {
+            None => ways.push(way),
+            Some(_) => ways.extend((0..PIECES).map(|piece| Way { piece: Some(piece), ..way })),
+        }
+    }
+    ways
+}
+
+/// The cut into one run, if there is one; `gap_squared` is between the boxes of both, mm².
+fn cut(
+    walls: &Walls<'_>,
+    on: &Way,
+    way: &Element,
+    gap_squared: f64,
+    link: &Link,
+    into: usize,
+) -> Option<Cut> {
+    let into = walls.in_pass_of(on.run, into);
+    // What the tool does not touch has been judged as unreachable, or accepted.
+    if !walls.is_judged(into) || (on.chain != NO_CHAIN && on.chain == walls.chain(into)) {
+        return None;
+    }
+    let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
+    let limit = radius_mm - on.slack;
+    let whole = walls.element(into);
+    // The quick looks first.
+    if gap_squared >= limit * limit || (into == on.run && whole.is_line()) {
+        return None;
+    }
+    let mut near = nearest_on_way(way, whole);
+    if near.distance >= limit {
+        return None;
+    }
+    near = nearest_on_way(way, &walls.seen_from(Some(walls.place(on.run, near.on_way)), into)?);
+    if near.distance >= limit {
+        return None;
+    }
+    let is_other_pass = walls.pass(on.run) != walls.pass(into);
+    if !is_other_pass && is_retraced(walls, on.run, into, near) {
+        return None;
+    }
+    Some(Cut {
+        on: on.run,
+        into,
+        foot: link.element.project(near.on_way),
+        on_wall: near.on_wall,
+        radius_mm,
+        distance_mm: near.distance,
+        is_other_pass,
+        is_forgiven: walls.forgives_closing() && walls.close_on(on.run, into),
+    })
+}
+
+/// Whether a wall is that which the tool follows there, once more: copies of a wall are one, and
+/// not near each other. Rounded coordinates leave them less than the width of a loop apart, and
+/// the tool is not deeper in one of them than that.
+fn is_retraced(walls: &Walls<'_>, on: usize, into: usize, near: Nearest) -> bool {
+    let followed = walls.element(on);
+    let at = nearest_on_element(followed, near.on_way);
+    let is_at = |point: Vec2| (point - near.on_wall).norm() <= LOOP_MM;
+    // Where one goes on in the other, neither is retraced.
+    let is_joint =
+        into == on + 1 && is_at(followed.end()) || into + 1 == on && is_at(followed.start());
+    // A tangent that leaves a circle is near it for a while, and no copy of it.
+    let is_same = match (followed, walls.element(into)) {
+        (Element::Line(_), Element::Line(_)) => true,
+        (Element::Arc(a), Element::Arc(b)) => {
+            (a.center - b.center).norm().max((a.radius - b.radius).abs()) <= LOOP_MM
+        }
+        _ => false,
+    };
+    into != on
+        && is_same
+        && !is_joint
+        && is_at(at)
+        && followed.tangent_at(at).dot(&walls.element(into).tangent_at(near.on_wall)) > 0.0
+}
+
+/// Neighbours that cut into neighbours are one place; so is a pair of walls that
+/// the tool cuts from both.
+fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
+    found.sort_by_key(|(way, cut)| (*way, cut.into));
+    let mut places: Vec<Place> = Vec::new();
+    for (way, cut) in found {
+        let open = places.iter_mut().rev().take(8).find(|place| place.continues(way, &cut));
+        match open {
+            Some(place) => place.take(way, cut),
+            None => places.push(Place::new(way, cut)),
+        }
+    }
+    places.sort_by(|a, b| {
+        a.deepest.distance_mm.total_cmp(&b.deepest.distance_mm).then(a.on.0.cmp(&b.on.0))
+    });
+    let mut kept: Vec<Place> = Vec::new();
+    for place in places {
+        // What is only a warning must not hide what is an error.
+        let is_other_side = |other: &Place| {
+            other.deepest.kind() == place.deepest.kind()
+                && (overlap(place.on, other.into) && overlap(place.into, other.on)
+                    || overlap(place.on, other.on) && overlap(place.into, other.into))
+        };
+        if kept.len() < 1000 && !kept.iter().any(is_other_side) {
+            kept.push(place);
+        }
+    }
+    kept.sort_by_key(|place| (place.on.0.max(place.into.0), place.on.0));
+    kept.into_iter().map(|place| place.deepest).collect()
+}
+
+/// Cuts that hang together.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    last_way: usize,
+    /// First and last run on which and into which is cut.
+    on: (usize, usize),
+    into: (usize, usize),
+    deepest: Cut,
+}
+
+impl Place {
+    fn new(way: usize, cut: Cut) -> Self {
+        Self { last_way: way, on: (cut.on, cut.on), into: (cut.into, cut.into), deepest: cut }
+    }
+
+    fn continues(&self, way: usize, cut: &Cut) -> bool {
+        way <= self.last_way + 2
+            && cut.into + 2 >= self.into.0
+            && cut.into <= self.into.1 + 2
+            && cut.kind() == self.deepest.kind()
+    }
+
+    fn take(&mut self, way: usize, cut: Cut) {
+        self.last_way = way;
+        self.on = (self.on.0.min(cut.on), self.on.1.max(cut.on));
+        self.into = (self.into.0.min(cut.into), self.into.1.max(cut.into));
+        // Of a vertex both runs are as near; it belongs to the later (S07).
+        let nearer = self.deepest.distance_mm - cut.distance_mm;
+        if nearer > LENGTH_MM || (nearer > -LENGTH_MM && cut.into > self.deepest.into) {
+            self.deepest = cut;
+        }
+    }
+}
+
+fn overlap(a: (usize, usize), b: (usize, usize)) -> bool {
+    a.0 <= b.1 + 1 && b.0 <= a.1 + 1
+}
+
+/// The way of the tool along an element, without what joints cut off.
+pub(crate) fn element(link: &Link, place: &Placed) -> Option<Element> {
+    match link.element.offset(link.d_in_mm)? {
+        Element::Line(_) => Element::line(place.start, place.end),
+        Element::Arc(arc) if arc.radius <= LENGTH_MM => None,
+        Element::Arc(arc) => {
+            // What a short corner lengthens is not looked at (S68); beside a lead it is part of that.
+            let (skipped, left_out) = (place.trim_in.max(0.0), place.trim_out.max(0.0));
+            Element::Arc(arc).after(skipped)?.before(arc.radius * arc.sweep - skipped - left_out)
+        }
+    }
+}
+
+/// The same with what joints lengthen it by.
+pub(crate) fn lengthened(link: &Link, place: &Placed) -> Option<Element> {
+    match link.element.offset(link.d_in_mm)? {
+        Element::Line(_) => Element::line(place.start, place.end),
+        Element::Arc(arc) => Element::arc(place.start, place.end, arc.center, arc.turn > 0.0, 0),
+    }
+}
+
+/// What a joint lengthens an arc by, at its end or at its start.
+pub(crate) fn beyond(link: &Link, place: &Placed, at_end: bool) -> Option<Element> {
+    let whole = link.element.offset(link.d_in_mm)?;
+    let Element::Arc(arc) = whole else { return None };
+    let (trim, from, to) = match at_end {
+        true => (place.trim_out, whole.end(), place.end),
+        false => (place.trim_in, place.start, whole.start()),
+    };
+    if trim >= 0.0 { None } else { Element::arc(from, to, arc.center, arc.turn > 0.0, 0) }
+}

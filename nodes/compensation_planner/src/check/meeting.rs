@@ -1,0 +1,231 @@
+//! Where a contour meets itself.
+//!
+//! The contour between two passings of one place is a loop. A loop without width is none:
+//! the contour went back over itself, or posted coordinates jumped to and fro.
+
+use crate::check::copies::Copies;
+use crate::geometry::distance::is_near;
+use crate::geometry::element::{Element, Vec2, cross};
+use crate::geometry::intersect::crossings;
+use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
+use crate::geometry::tree::{Bounds, Tree, budget};
+use crate::span::Run;
+use std::ops::ControlFlow;
+
+/// Meetings that are kept for one run, and for any contour; and before it is asked whether the
+/// contour retraces itself.
+const MEETINGS_MAX: (usize, usize) = (4, 200_000);
+const FEW: (usize, usize) = (4, 100);
+
+/// A place on a run, mm from its start.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+pub(crate) struct Place {
+    pub run: usize,
+    pub along: f64,
+}
+
+/// The contour is where it has been before.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Meeting {
+    pub early: Place,
+    pub late: Place,
+    /// The later run ends there.
+    pub is_return: bool,
+}
+
+/// All places where the contour meets itself, in the order of the later place; `None` where
+/// there are too many.
+pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Option<Vec<Meeting>> {
+    places(runs, tree, FEW, |_| true, true).map(|found| wide(runs, found))
+}
+
+/// The same of a contour that retraces itself: of each run with its copies before it the first
+/// place and the last ones. The tree holds the first of all copies alone.
+pub(crate) fn meetings_of_copies(
+    runs: &[Run],
+    tree: &Tree,
+    copies: &Copies,
+) -> Option<Vec<Meeting>> {
+    let mut partners: Vec<Vec<(usize, Meeting)>> = vec![Vec::new(); runs.len()];
+    for meeting in places(runs, tree, MEETINGS_MAX, |run| copies.is_first(run), false)? {
+        let Meeting { early, late, .. } = meeting;
+        partners[late.run].push((early.run, meeting));
+        if early.run != late.run {
+            let turned = Meeting { early: late, late: early, is_return: false };
+            partners[early.run].push((late.run, turned));
+        }
+    }
+    for (index, run) in runs.iter().enumerate().filter(|(index, _)| copies.is_first(*index)) {
+        for along in [0.0, run.element.length()] {
+            let place = Place { run: index, along };
+            partners[index].push((index, Meeting { early: place, late: place, is_return: false }));
+        }
+    }
+    let mut found: Vec<Meeting> = Vec::new();
+    for late in 0..runs.len() {
+        let Some(first) = copies.of_run(late).next() else { continue };
+        for (partner, meeting) in &partners[first] {
+            let is_own = *partner == first && meeting.early.along != meeting.late.along;
+            let before = || copies.within(*partner, 0..late + usize::from(is_own));
+            for early in before().take(1).chain(before().rev().take(2)) {
+                found.extend(between(runs, meeting, early, late));
+            }
+        }
+    }
+    Some(wide(runs, found))
+}
+
+/// A meeting of copies, but for the joint of two that follow each other.
+fn between(runs: &[Run], meeting: &Meeting, early: usize, late: usize) -> Option<Meeting> {
+    let length = |run: usize| runs[run].element.length();
+    let is_joint = early + 1 == late
+        && meeting.late.along <= LENGTH_MM
+        && meeting.early.along >= length(early) - LENGTH_MM;
+    let place = |run: usize, along: f64| Place { run, along };
+    (!is_joint).then(|| Meeting {
+        early: place(early, meeting.early.along),
+        late: place(late, meeting.late.along),
+        is_return: meeting.late.along >= length(late) - LENGTH_MM,
+    })
+}
+
+/// Meetings after loops that have a width, in the order of the later place.
+fn wide(runs: &[Run], mut found: Vec<Meeting>) -> Vec<Meeting> {
+    if !found.is_empty() {
+        let areas = Areas::of(runs);
+        found.retain(|meeting| areas.width(meeting) > LOOP_MM);
+    }
+    found.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
+    found
+}
+
+/// All places where runs that count meet; `None` where there are too many. The joint of two
+/// that follow each other is one of them only where their copies may meet there.
+fn places(
+    runs: &[Run],
+    tree: &Tree,
+    most: (usize, usize),
+    counts: impl Fn(usize) -> bool,
+    skips_joints: bool,
+) -> Option<Vec<Meeting>> {
+    let mut found: Vec<Meeting> = Vec::new();
+    for (index, run) in runs.iter().enumerate().filter(|(index, _)| counts(*index)) {
+        if run.element.is_closed() || run.element.goes_around() {
+            let late = Place { run: index, along: run.element.length() };
+            let early = Place { run: index, along: 0.0 };
+            found.push(Meeting { early, late, is_return: true });
+        }
+    }
+    let most = most.0 * runs.len() + most.1;
+    let is_complete = tree.near_pairs(tree, LENGTH_MM, &mut budget(runs.len()), |early, late| {
+        if early.start > late.start {
+            return ControlFlow::Continue(());
+        }
+        for late in late.filter(|late| counts(*late)) {
+            let late_box = Bounds::of(&runs[late].element);
+            for early in (early.start..early.end.min(late)).filter(|early| counts(*early)) {
+                let early_box = Bounds::of(&runs[early].element);
+                if early_box.gap_squared(&late_box) <= LENGTH_MM * LENGTH_MM {
+                    let joint =
+                        (skips_joints && early + 1 == late).then(|| runs[early].element.end());
+                    meet(runs, (early, late), joint, &mut found);
+                }
+            }
+        }
+        if found.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    (is_complete && found.len() < most).then_some(found)
+}
+
+fn meet(
+    runs: &[Run],
+    (early, late): (usize, usize),
+    joint: Option<Vec2>,
+    found: &mut Vec<Meeting>,
+) {
+    let (a, b) = (&runs[early].element, &runs[late].element);
+    let mut add = |point: Vec2, is_end_of_late: bool| {
+        if joint.is_some_and(|joint| (joint - point).norm() <= LENGTH_MM)
+            || !is_near(a, point)
+            || !is_near(b, point)
+        {
+            return;
+        }
+        let length = b.length();
+        let along = if is_end_of_late { length } else { b.along_from_start(point, LENGTH_MM) };
+        found.push(Meeting {
+            early: Place {
+                run: early,
+                along: a.along_from_start(point, LENGTH_MM).clamp(0.0, a.length()),
+            },
+            late: Place { run: late, along: along.clamp(0.0, length) },
+            is_return: is_end_of_late,
+        });
+    };
+    add(b.end(), true);
+    add(b.start(), false);
+    add(a.start(), false);
+    add(a.end(), false);
+    for &point in crossings(a, b, 0.0).points() {
+        add(point, false);
+    }
+}
+
+/// Areas and lengths along a contour, for those of its loops.
+struct Areas<'a> {
+    runs: &'a [Run],
+    /// Of the runs before each: twice the area swept from the origin, mm², and the length, mm.
+    before: Vec<(f64, f64)>,
+    origin: Vec2,
+}
+
+impl<'a> Areas<'a> {
+    fn of(runs: &'a [Run]) -> Self {
+        let origin = runs.first().map_or(Vec2::zeros(), |run| run.element.start());
+        let mut sum = (0.0, 0.0);
+        let before = runs.iter().map(|run| {
+            let before = sum;
+            sum.0 += swept_area(&run.element, origin);
+            sum.1 += run.element.length();
+            before
+        });
+        Self { runs, before: before.collect(), origin }
+    }
+
+    /// How wide the loop between two passings of one place is in the mean, mm.
+    fn width(&self, &Meeting { early, late, .. }: &Meeting) -> f64 {
+        if early.run == late.run {
+            return f64::INFINITY;
+        }
+        let begin = self.runs[early.run].element.after(early.along);
+        let end = self.runs[late.run].element.before(late.along);
+        let between = early.run + 1..late.run;
+        // Of a short loop the sums from the start of the contour know too few digits.
+        const FEW: usize = 64;
+        let (origin, mut area, mut length) = if between.len() <= FEW {
+            let origin = self.runs[early.run].element.end();
+            let runs = self.runs[between].iter().map(|run| &run.element);
+            let area = runs.clone().map(|element| swept_area(element, origin)).sum();
+            (origin, area, runs.map(Element::length).sum())
+        } else {
+            let (from, to) = (self.before[between.start], self.before[between.end]);
+            (self.origin, to.0 - from.0, to.1 - from.1)
+        };
+        for element in [begin, end].iter().flatten() {
+            area += swept_area(element, origin);
+            length += element.length();
+        }
+        area.abs() / length
+    }
+}
+
+/// Twice the area that the line from a point to a place on an element sweeps along it, mm².
+fn swept_area(element: &Element, from: Vec2) -> f64 {
+    let chord = cross(element.start() - from, element.end() - from);
+    match element {
+        Element::Line(_) => chord,
+        Element::Arc(arc) => {
+            chord + arc.turn * arc.radius * arc.radius * (arc.sweep - arc.sweep.sin())
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! How near the tool comes to a line or an arc.
+
+use crate::geometry::element::{Arc, Element, Line, Vec2, left};
+use crate::geometry::intersect::crossings;
+use crate::geometry::tolerance::LENGTH_MM;
+
+/// The distance, mm, and the nearest point of the wall.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Nearest {
+    pub distance: f64,
+    /// Of the tool centre.
+    pub on_way: Vec2,
+    pub on_wall: Vec2,
+}
+
+/// The smallest distance between a straight move and an element.
+pub(crate) fn nearest(from: Vec2, to: Vec2, wall: &Element) -> Nearest {
+    match Element::line(from, to) {
+        Some(way) => nearest_on_way(&way, wall),
+        None => {
+            let on_wall = nearest_on_element(wall, from);
+            Nearest { distance: (on_wall - from).norm(), on_way: from, on_wall }
+        }
+    }
+}
+
+/// The smallest distance between the way of the tool and an element.
+pub(crate) fn nearest_on_way(way: &Element, wall: &Element) -> Nearest {
+    let mut best = Nearest { distance: f64::INFINITY, on_way: way.start(), on_wall: wall.start() };
+    let mut offer = |on_way: Vec2, on_wall: Vec2| {
+        let distance = (on_way - on_wall).norm();
+        if distance < best.distance {
+            best = Nearest { distance, on_way, on_wall };
+        }
+    };
+    for end in [way.start(), way.end()] {
+        offer(end, nearest_on_element(wall, end));
+    }
+    for end in [wall.start(), wall.end()] {
+        offer(nearest_on_element(way, end), end);
+    }
+    // Inside both, the nearest points face each other across both elements.
+    for (on_way, on_wall) in facing(way, wall) {
+        if is_on(way, on_way) && is_on(wall, on_wall) {
+            offer(on_way, on_wall);
+        }
+    }
+    for &point in crossings(way, wall, 0.0).points() {
+        if is_on(way, point) && is_on(wall, point) {
+            offer(point, point);
+        }
+    }
+    best
+}
+
+/// The pairs of points of two whole lines or circles that have a common normal.
+fn facing(way: &Element, wall: &Element) -> impl Iterator<Item = (Vec2, Vec2)> {
+    let normal = match (way, wall) {
+        (Element::Line(_), Element::Line(_)) => None,
+        (Element::Line(line), Element::Arc(_)) | (Element::Arc(_), Element::Line(line)) => {
+            Some(left(line.tangent))
+        }
+        (Element::Arc(way), Element::Arc(wall)) => {
+            let between = wall.center - way.center;
+            (between.norm() > 0.0).then(|| between.normalize())
+        }
+    };
+    let (way, wall) = (*way, *wall);
+    let on = move |element: &Element, other: &Element, normal: Vec2, sign: f64| match element {
+        Element::Arc(arc) => arc.center + normal * (arc.radius * sign),
+        Element::Line(_) => match other {
+            Element::Arc(arc) => element.project(arc.center),
+            Element::Line(_) => element.start(),
+        },
+    };
+    const SIGNS: [(f64, f64); 4] = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+    normal.into_iter().flat_map(move |normal| {
+        SIGNS
+            .into_iter()
+            .map(move |(one, other)| (on(&way, &wall, normal, one), on(&wall, &way, normal, other)))
+    })
+}
+
+/// How far a point is from an element, mm.
+pub(crate) fn distance_to(element: &Element, point: Vec2) -> f64 {
+    (nearest_on_element(element, point) - point).norm()
+}
+
+/// Whether a point is on an element, but for rounding.
+pub(crate) fn is_near(element: &Element, point: Vec2) -> bool {
+    distance_to(element, point) <= LENGTH_MM
+}
+
+/// Whether a point of the whole line or circle is within the element.
+pub(crate) fn is_on(element: &Element, point: Vec2) -> bool {
+    match element {
+        Element::Line(line) => is_on_line(line, point),
+        Element::Arc(arc) => arc.faces(point - arc.center),
+    }
+}
+
+fn is_on_line(line: &Line, point: Vec2) -> bool {
+    let along = (point - line.start).dot(&line.tangent);
+    (0.0..=line.length).contains(&along)
+}
+
+pub(crate) fn nearest_on_element(element: &Element, point: Vec2) -> Vec2 {
+    match element {
+        Element::Line(line) => {
+            let along = (point - line.start).dot(&line.tangent);
+            line.start + line.tangent * along.clamp(0.0, line.length)
+        }
+        Element::Arc(arc) => nearest_on_arc(element, arc, point),
+    }
+}
+
+fn nearest_on_arc(element: &Element, arc: &Arc, point: Vec2) -> Vec2 {
+    if arc.faces(point - arc.center) {
+        return element.project(point);
+    }
+    let (start, end) = (element.start(), element.end());
+    if (start - point).norm() <= (end - point).norm() { start } else { end }
+}

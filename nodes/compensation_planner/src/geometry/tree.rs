@@ -1,0 +1,293 @@
+//! Boxes over consecutive elements, for questions about pairs that are near.
+//!
+//! A binary tree in arrays: the lowest boxes hold a few elements each, every
+//! box above holds two. Besides its box a node knows its *chain*: elements in a
+//! row whose directions stay within a right angle. The offset of a chain whose
+//! joints hold is nowhere too near to the chain itself, so that pairs within a
+//! chain need no look; that is what makes long smooth contours cheap.
+
+use crate::geometry::element::{Element, Vec2, cross};
+use std::ops::{ControlFlow, Range};
+
+/// Boxes that may be looked at for one element, and for any contour.
+///
+/// Boxes along the axes are poor at turns that lie within each other: a spiral of a
+/// thousand turns needs more than 64 for each of its lines.
+const BUDGET: (usize, usize) = (256, 2_000_000);
+
+/// How many boxes may be looked at for a contour of so many elements.
+pub(crate) const fn budget(count: usize) -> usize {
+    BUDGET.0 * count + BUDGET.1
+}
+
+/// Elements in a lowest box.
+pub(crate) const LEAF: usize = 8;
+
+/// Not within one chain.
+pub(crate) const NO_CHAIN: u32 = u32::MAX;
+
+/// A box along the axes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bounds {
+    low: Vec2,
+    high: Vec2,
+}
+
+impl Bounds {
+    /// Contains nothing.
+    pub(crate) const EMPTY: Self = Self {
+        low: Vec2::new(f64::INFINITY, f64::INFINITY),
+        high: Vec2::new(f64::NEG_INFINITY, f64::NEG_INFINITY),
+    };
+
+    /// Around an element; of an arc at most a little larger than need be.
+    pub(crate) fn of(element: &Element) -> Self {
+        let (start, end) = (element.start(), element.end());
+        let chord = Self { low: start.inf(&end), high: start.sup(&end) };
+        let Element::Arc(arc) = element else { return chord };
+        if arc.sweep >= std::f64::consts::FRAC_PI_2 {
+            let reach = Vec2::repeat(arc.radius);
+            return Self { low: arc.center - reach, high: arc.center + reach };
+        }
+        // No point of the arc is farther from its chord than the sagitta.
+        let sagitta = Vec2::repeat(arc.radius * (1.0 - (arc.sweep / 2.0).cos()));
+        Self { low: chord.low - sagitta, high: chord.high + sagitta }
+    }
+
+    pub(crate) fn union(self, other: Self) -> Self {
+        Self { low: self.low.inf(&other.low), high: self.high.sup(&other.high) }
+    }
+
+    /// The square of the distance between two boxes, mm²; 0 when they overlap.
+    #[inline]
+    pub(crate) fn gap_squared(&self, other: &Self) -> f64 {
+        let x = (self.low.x - other.high.x).max(other.low.x - self.high.x).max(0.0);
+        let y = (self.low.y - other.high.y).max(other.low.y - self.high.y).max(0.0);
+        x * x + y * y
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    bounds: Bounds,
+    chain: u32,
+}
+
+/// Boxes over elements that are asked for by index.
+#[derive(Debug, Clone)]
+pub(crate) struct Tree {
+    /// The lowest first; the last has one node.
+    levels: Vec<Vec<Node>>,
+    count: usize,
+}
+
+impl Tree {
+    /// Over boxes with their chains, in order.
+    pub(crate) fn new(items: impl Iterator<Item = (Bounds, u32)>) -> Self {
+        let mut leaves: Vec<Node> = Vec::new();
+        let mut count = 0;
+        for (bounds, chain) in items {
+            let node = Node { bounds, chain };
+            match leaves.last_mut() {
+                Some(leaf) if count % LEAF != 0 => *leaf = leaf.and(&node),
+                _ => leaves.push(node),
+            }
+            count += 1;
+        }
+        let mut levels = vec![leaves];
+        while let Some(top) = levels.last().filter(|top| top.len() > 1) {
+            let above = top.chunks(2).map(|pair| match pair {
+                [left, right] => left.and(right),
+                _ => pair[0],
+            });
+            levels.push(above.collect());
+        }
+        Self { levels, count }
+    }
+
+    /// Visits the elements of all pairs of lowest boxes that are nearer than
+    /// `reach` mm and not within one chain; of a tree with itself each pair
+    /// twice. Gives up when the budget of boxes is used up, where a visit counts as a box for
+    /// each element: whether it saw all.
+    pub(crate) fn near_pairs(
+        &self,
+        other: &Self,
+        reach: f64,
+        budget: &mut usize,
+        mut visit: impl FnMut(Range<usize>, Range<usize>) -> ControlFlow<()>,
+    ) -> bool {
+        if self.count == 0 || other.count == 0 {
+            return true;
+        }
+        let reach_squared = reach * reach;
+        let mut stack = vec![((self.levels.len() - 1, 0), (other.levels.len() - 1, 0))];
+        while let Some(((level_a, a), (level_b, b))) = stack.pop() {
+            if *budget == 0 {
+                return false;
+            }
+            *budget -= 1;
+            let (node_a, node_b) = (&self.levels[level_a][a], &other.levels[level_b][b]);
+            if (node_a.chain == node_b.chain && node_a.chain != NO_CHAIN)
+                || node_a.bounds.gap_squared(&node_b.bounds) > reach_squared
+            {
+                continue;
+            }
+            if level_a == 0 && level_b == 0 {
+                *budget = budget.saturating_sub(LEAF);
+                if visit(self.items(a), other.items(b)).is_break() {
+                    return true;
+                }
+                continue;
+            }
+            if level_a >= level_b {
+                for child in children(a, self.levels[level_a - 1].len()) {
+                    stack.push(((level_a - 1, child), (level_b, b)));
+                }
+            } else {
+                for child in children(b, other.levels[level_b - 1].len()) {
+                    stack.push(((level_a, a), (level_b - 1, child)));
+                }
+            }
+        }
+        true
+    }
+
+    fn items(&self, leaf: usize) -> Range<usize> {
+        leaf * LEAF..((leaf + 1) * LEAF).min(self.count)
+    }
+}
+
+fn children(node: usize, count: usize) -> Range<usize> {
+    2 * node..(2 * node + 2).min(count)
+}
+
+impl Node {
+    fn and(&self, other: &Self) -> Self {
+        Self {
+            bounds: self.bounds.union(other.bounds),
+            chain: if self.chain == other.chain { self.chain } else { NO_CHAIN },
+        }
+    }
+}
+
+/// Gives elements in a row their chains.
+#[derive(Debug)]
+pub(crate) struct Chains {
+    chain: u32,
+    /// The rightmost and leftmost direction so far.
+    range: Option<(Vec2, Vec2)>,
+}
+
+impl Chains {
+    pub(crate) const fn new() -> Self {
+        Self { chain: 0, range: None }
+    }
+
+    /// The chain of the next element.
+    pub(crate) fn next(&mut self, element: &Element) -> u32 {
+        let fits = element.is_line()
+            || matches!(element, Element::Arc(arc) if arc.sweep < std::f64::consts::FRAC_PI_2);
+        let tangents = [element.start_tangent(), element.end_tangent()];
+        let widened = self
+            .range
+            .filter(|_| fits)
+            .and_then(|range| widen(widen(range, tangents[0])?, tangents[1]));
+        if widened.is_none() {
+            self.chain += 1;
+        }
+        self.range = match widened {
+            Some(range) => Some(range),
+            None if fits => widen((tangents[0], tangents[0]), tangents[1]),
+            None => None,
+        };
+        self.chain
+    }
+
+    /// The chain of the last element.
+    pub(crate) const fn current(&self) -> u32 {
+        self.chain
+    }
+
+    /// The next element begins a chain of its own.
+    pub(crate) fn cut(&mut self) {
+        self.range = None;
+    }
+}
+
+/// The range of directions with one more; `None` when it would be a right angle or more.
+fn widen((right, left): (Vec2, Vec2), tangent: Vec2) -> Option<(Vec2, Vec2)> {
+    if right.dot(&tangent) <= 0.0 || left.dot(&tangent) <= 0.0 {
+        return None;
+    }
+    let range = (
+        if cross(right, tangent) < 0.0 { tangent } else { right },
+        if cross(left, tangent) > 0.0 { tangent } else { left },
+    );
+    (range.0.dot(&range.1) > 0.0).then_some(range)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+
+    fn line(&[x, y, dx, dy]: &[f64; 4]) -> Element {
+        let start = Vec2::new(x, y);
+        Element::line(start, start + Vec2::new(dx, dy)).expect("a length")
+    }
+
+    proptest! {
+        #[test]
+        fn no_pair_that_is_near_is_missed(
+            lines in prop::collection::vec(prop::array::uniform4(0.1..20.0_f64), 1..60),
+            others in prop::collection::vec(prop::array::uniform4(0.1..20.0_f64), 1..60),
+            reach in 0.0..5.0_f64,
+        ) {
+            let boxes = |lines: &[[f64; 4]]| -> Vec<Bounds> {
+                lines.iter().map(|numbers| Bounds::of(&line(numbers))).collect()
+            };
+            let (a, b) = (boxes(&lines), boxes(&others));
+            let tree = |boxes: &[Bounds]| Tree::new(boxes.iter().map(|bounds| (*bounds, NO_CHAIN)));
+            let mut seen = BTreeSet::new();
+            let is_complete = tree(&a).near_pairs(&tree(&b), reach, &mut usize::MAX.clone(), |a, b| {
+                seen.extend(a.flat_map(|a| b.clone().map(move |b| (a, b))));
+                ControlFlow::Continue(())
+            });
+            prop_assert!(is_complete);
+            for (i, one) in a.iter().enumerate() {
+                for (j, other) in b.iter().enumerate() {
+                    let is_near = one.gap_squared(other) <= reach * reach;
+                    prop_assert!(!is_near || seen.contains(&(i, j)), "{i} {j}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_chain_ends_before_its_directions_span_a_right_angle() {
+        let mut chains = Chains::new();
+        let directions = [0.0_f64, 40.0, -45.0, 30.0, 90.0, 120.0, 179.0, -1.0];
+        let numbers = directions.map(|degrees| {
+            let (y, x) = degrees.to_radians().sin_cos();
+            chains.next(&line(&[0.0, 0.0, x, y]))
+        });
+        assert_eq!(numbers, [1, 1, 1, 1, 2, 2, 2, 3]);
+    }
+
+    #[test]
+    fn the_box_of_an_arc_holds_it() {
+        for degrees in [1.0_f64, 30.0, 89.0, 91.0, 200.0, 359.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let (from, to) = (Vec2::new(5.0, 0.0), Vec2::new(5.0 * cos, 5.0 * sin));
+            let arc = Element::arc(from, to, Vec2::zeros(), true, 0).expect("an arc");
+            let bounds = Bounds::of(&arc);
+            for step in 0..=100 {
+                let point = arc.point_at(arc.length() * f64::from(step) / 100.0);
+                let inside = point - bounds.low;
+                let outside = bounds.high - point;
+                assert!(inside.min().min(outside.min()) > -1e-9, "{degrees}: {point}");
+            }
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Which links the chain of a span has.
+//!
+//! Runs, the corners between them, and the leads where they take part in a corner; where
+//! these are joined is the business of `chain`.
+
+use crate::geometry::element::Element;
+use crate::geometry::frame::in_plane;
+use crate::geometry::tolerance::REVERSAL;
+use crate::span::chain::{Link, Role, Turn, push, turn};
+use crate::span::{Lead, Run, Span};
+use cnc_msgs::contour::Approach;
+use cnc_msgs::profile::{Profile, SelectTarget};
+
+/// The chain of a span: the leads where they take part in a corner, runs and corners;
+/// with all radii scaled.
+pub(crate) fn links(
+    span: &Span<'_>,
+    runs: &[Run],
+    exit: Option<&Lead>,
+    profile: &Profile,
+    scale: f64,
+) -> Vec<Link> {
+    let mut links = Vec::with_capacity(runs.len() * 2 + 2);
+    let d_mm = span.d_mm * scale;
+    let first = runs.first().map(|run| run.element);
+    let joins_on = |lead: &Element| match profile.select.target {
+        _ if span.entry.is_joined => true,
+        // Where the imaginary line comes straight back there is no intersection.
+        _ if span.entry.lead.along.is_some() => first
+            .is_some_and(|first| 1.0 + lead.end_tangent().dot(&first.start_tangent()) >= REVERSAL),
+        _ if span.entry.is_link => is_outside_corner(lead, first, d_mm, &span.entry.lead),
+        SelectTarget::NormalEntry => true,
+        SelectTarget::NormalNext => is_outside_corner(lead, first, d_mm, &span.entry.lead),
+    };
+    if let Some(from) = span.entry.from {
+        let d_mm = from.d_mm * scale;
+        links.push(link(Role::Entry, from.element, d_mm, d_mm));
+    } else if let Some(element) = line_of(&span.entry.lead, span).filter(joins_on) {
+        links.push(link(Role::Entry, element, d_mm, d_mm));
+    }
+    let short_mm = profile.corner.short_block_mm;
+    push_runs(&mut links, runs, scale, short_mm);
+    if let Some(next) = span.next {
+        let d_mm = next.d_mm * scale;
+        push(&mut links, link(Role::Exit, next.element, d_mm, d_mm), span.legs.len(), short_mm);
+    } else if let (Some(lead), Some(last)) = (exit, runs.last()) {
+        let d_mm = span.d_out_mm * scale;
+        let joins_off = |element: &Element| {
+            lead.approach == Approach::Corner && turn(&last.element, element, d_mm) == Turn::Outside
+        };
+        if let Some(element) = line_of(lead, span).filter(joins_off) {
+            let exit = link(Role::Exit, element, d_mm, d_mm);
+            push(&mut links, exit, span.legs.len(), short_mm);
+        }
+    }
+    links
+}
+
+/// Runs and the corners between them, with all radii scaled.
+pub(crate) fn push_runs(links: &mut Vec<Link>, runs: &[Run], scale: f64, short_mm: f64) {
+    for (index, run) in runs.iter().enumerate() {
+        let role = Role::Run(index);
+        let link = link(role, run.element, run.d_in_mm * scale, run.d_out_mm * scale);
+        push(links, link, run.legs.start, short_mm);
+    }
+}
+
+fn is_outside_corner(lead: &Element, first: Option<Element>, d_mm: f64, of: &Lead) -> bool {
+    of.approach == Approach::Corner
+        && first.is_some_and(|first| turn(lead, &first, d_mm) == Turn::Outside)
+}
+
+fn line_of(lead: &Lead, span: &Span<'_>) -> Option<Element> {
+    let end = in_plane(span.plane, lead.motion.end);
+    match lead.along {
+        // However far it comes from.
+        Some(along) => Element::line(end - along.normalize() * 1e3, end),
+        None => Element::line(in_plane(span.plane, lead.start), end),
+    }
+}
+
+/// A link of its own.
+pub(crate) fn link(role: Role, element: Element, d_in_mm: f64, d_out_mm: f64) -> Link {
+    let straight_mm = if element.is_line() { element.length() as f32 } else { 0.0 };
+    Link { role, element, d_in_mm, d_out_mm, is_smooth: false, straight_mm, is_lengthened: false }
+}

@@ -1,0 +1,9 @@
+//! What is asked of a plan: whether its path is proved, and what changes with another tool,
+//! another start, a single block or the rest of a run.
+
+pub mod mdi;
+pub mod rest;
+pub(crate) mod restart;
+pub mod set_tool;
+pub mod tool_file;
+pub mod verdict;

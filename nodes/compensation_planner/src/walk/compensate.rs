@@ -1,0 +1,374 @@
+//! One span: from its legs to compensated elements.
+//!
+//! Brings the parts together in order: runs, leads, joints, what cannot be
+//! reached, and the way back from runs to blocks. Each part's rules are its own.
+
+use crate::check::certificate::{Certificate, Subject};
+use crate::check::finding;
+use crate::check::interference::{self, Cut, Cuts, Joined};
+use crate::check::lead::{self, WallBehind};
+use crate::check::reach::{self, is_any_unreachable, unreachable};
+use crate::check::trim::trim;
+use crate::check::uncut::{self, UncutRegion};
+use crate::check::walls::{Layout, Walls};
+use crate::geometry::frame::{height, in_plane, plane_axes};
+use crate::geometry::tolerance::{GOUGE_MM, MERGE_MM, RADIUS_MM};
+use crate::span::chain::{Link, Placed, Role as LinkRole, join};
+use crate::span::corner::Corners;
+use crate::span::feed;
+use crate::span::links::links;
+use crate::span::normalise::runs;
+use crate::span::{Lead, Run, Span};
+use crate::walk::emit::{Emitter, Label};
+use crate::walk::tip;
+use crate::walk::write::Writer;
+use cnc_msgs::contour::CutterSide;
+use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::path::Role;
+use cnc_msgs::profile::{Profile, Reaction};
+
+/// Findings of one kind in a span; more help nobody, and each takes a search.
+const FINDINGS_MAX: usize = 100;
+
+/// How a span ends.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Exit {
+    /// By a move back to the programmed path.
+    LeadOff(Lead),
+    /// By a move that also begins the next span, which will put it out.
+    Link(Lead),
+    /// Not at all: the program is over.
+    None,
+}
+
+impl Exit {
+    pub(crate) fn lead(&self) -> Option<&Lead> {
+        match self {
+            Self::LeadOff(lead) | Self::Link(lead) => Some(lead),
+            Self::None => None,
+        }
+    }
+}
+
+/// What is said about the spans of a contour.
+#[derive(Debug, Default)]
+pub(crate) struct Verdict {
+    pub findings: Vec<Finding>,
+    /// Where certificates go, if they are wanted.
+    pub certificates: Option<Vec<Certificate>>,
+    pub uncut: Vec<UncutRegion>,
+}
+
+impl Verdict {
+    /// Adds what is said about a later span.
+    fn extend(&mut self, later: Self) {
+        self.findings.extend(later.findings);
+        if let Some(certificates) = &mut self.certificates {
+            certificates.extend(later.certificates.into_iter().flatten());
+        }
+        self.uncut.extend(later.uncut);
+    }
+}
+
+/// The way of the tool along a span, and what is said about it: all that depends on
+/// nothing but the span.
+#[derive(Debug)]
+pub(crate) struct Solution {
+    runs: Vec<Run>,
+    links: Vec<Link>,
+    placed: Vec<Placed>,
+    layout: Layout,
+    is_identity: bool,
+    verdict: Verdict,
+    /// The lead-on and the lead-off, once they are put out: radius, mm, and way.
+    leads: [Option<(f64, lead::Way)>; 2],
+}
+
+/// Finds the way of the tool along a span.
+pub(crate) fn solve(
+    span: &mut Span<'_>,
+    exit: &Exit,
+    profile: &Profile,
+    certifies: bool,
+) -> Solution {
+    let mut verdict = Verdict { certificates: certifies.then(Vec::new), ..Verdict::default() };
+    let Verdict { findings, certificates, uncut } = &mut verdict;
+    let is_identity = is_zero(span.d_mm) && span.legs.iter().all(|leg| is_zero(leg.d_out_mm));
+    let tolerance = profile.accept_tolerance_mm;
+    let mut straight_mm = MERGE_MM;
+    let mut chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
+    if let Some(certificates) = certificates.as_mut().filter(|_| !is_zero(span.d_mm)) {
+        let lead_off = exit.lead().filter(|_| matches!(exit, Exit::LeadOff(_)));
+        let subject = Subject { span, runs: &chain.runs, lead_off, profile };
+        certificates.push(subject.certificate());
+    }
+    if is_any_unreachable(&chain.links, &chain.placed, tolerance) {
+        // Rounded coordinates bend short chords so much that the tool loses them,
+        // and break straight walls. Taken as straight as is accepted, the contour
+        // shows what is really too narrow.
+        let exact = chain.runs;
+        straight_mm = tolerance;
+        chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
+        chain.measure_straights(&exact);
+        unreachable_places(span, &chain, profile, findings);
+        if profile.interference.react == Reaction::Trim
+            && is_any_unreachable(&chain.links, &chain.placed, tolerance)
+        {
+            // What is cut all the same is to be exact.
+            straight_mm = MERGE_MM;
+            chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
+        }
+    }
+    let (mut layout, mut cuts) = chain.cuts(span, profile);
+    if chain.is_cut_by_noise(&cuts, tolerance) {
+        let mut straight = Chain::new(span, tolerance, exit.lead(), is_identity, profile);
+        straight.measure_straights(&chain.runs);
+        let (other_layout, other_cuts) = straight.cuts(span, profile);
+        if other_cuts.cuts.len() < cuts.cuts.len()
+            && !is_any_unreachable(&straight.links, &straight.placed, tolerance)
+        {
+            (chain, layout, cuts) = (straight, other_layout, other_cuts);
+        } else {
+            chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
+        }
+    }
+    let Chain { runs, links, mut placed } = chain;
+    for skipped in reach::skipped_by_leads(&links, &placed, tolerance) {
+        findings.push(finding::skipped_by_lead(span, &runs, &skipped, exit.lead()));
+    }
+    let corners = Corners { span, short_mm: profile.corner.short_block_mm };
+    let joined = Joined { links: &links, placed: &placed, corners };
+    for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
+        findings.push(finding::cut(span, &runs, cut, profile));
+    }
+    if !cuts.is_complete {
+        findings.push(finding::too_entangled(span));
+    }
+    if profile.interference.react == Reaction::Trim
+        && (!cuts.cuts.is_empty() || reach::left_out(&links, &placed, tolerance).next().is_some())
+    {
+        let rule = profile.interference.at_closing;
+        let walls = Walls::all(&runs, &links, &placed).forgiving_closing(rule);
+        let trimmed = trim(&walls, &joined, tolerance);
+        for cut in &trimmed.cuts {
+            findings.push(finding::not_trimmed(span, &runs, cut, profile));
+        }
+        if !trimmed.placed.iter().any(|p| matches!(links[p.link].role, LinkRole::Run(_))) {
+            findings.push(finding::nothing_left(span));
+        }
+        let joined = Joined { placed: &trimmed.placed, ..joined };
+        uncut.extend(uncut::regions(&joined, &runs, &trimmed.loops, tolerance));
+        placed = trimmed.placed;
+        layout = walls.into_layout();
+    }
+    Solution { runs, links, placed, layout, is_identity, verdict, leads: [None; 2] }
+}
+
+impl Solution {
+    /// Puts the span out. `behind` is the wall that a link at its start leaves; the
+    /// wall that a link at its end leaves is given back.
+    pub(crate) fn put_out(
+        &mut self,
+        span: &Span<'_>,
+        exit: &Exit,
+        behind: Option<WallBehind>,
+        profile: &Profile,
+        out: &mut Emitter,
+        verdict: &mut Verdict,
+    ) -> Option<WallBehind> {
+        let Self { runs, links, placed, layout, is_identity, verdict: own, leads } = self;
+        verdict.extend(std::mem::take(own));
+        let findings = &mut verdict.findings;
+        let corners = Corners { span, short_mm: profile.corner.short_block_mm };
+        let joined = Joined { links, placed, corners };
+        out.side = side_of(span.d_mm);
+        // What is compensated is computed at the centre, and put out there or at the tip.
+        let to_tip = tip::Shift::new(span, profile);
+        out.position = to_tip.centre(span.plane, out.position, to_tip.first);
+        let mut writer = Writer {
+            span,
+            corners,
+            profile,
+            out,
+            findings,
+            item: 0,
+            exit_source: exit.lead().map(|lead| lead.source),
+        };
+        let first_element = writer.out.path.elements.len();
+        let lead_start = in_plane(span.plane, writer.out.position);
+        writer.lead_on(links, placed);
+        if *is_identity {
+            writer.as_programmed();
+        } else {
+            writer.links(runs, links, placed, exit.lead());
+        }
+        writer.items_before(span.legs.len(), false);
+        to_tip.apply(span, &mut out.path.elements[first_element..]);
+        out.position = to_tip.tip(span.plane, out.position, to_tip.last);
+        let walls = Walls::of_layout(runs, layout);
+        let mut check = lead::Check { profile, plane: span.plane, walls: &walls, findings };
+        if span.entry.from.is_none()
+            && let Some(way) = lead::Way::on(&joined, lead_start)
+        {
+            check.lead_on(span, runs, &way, behind);
+            // A link begins with the offset of the span before.
+            let from_mm = behind.map_or(f64::INFINITY, |behind| behind.d_mm.abs());
+            leads[0] = Some((span.d_mm.abs().min(from_mm), way));
+        }
+        let way_of = |run: usize| {
+            let place = placed.iter().find(|place| links[place.link].role == LinkRole::Run(run))?;
+            interference::lengthened(&links[place.link], place)
+        };
+        if let (Some(behind), Some(_)) = (behind, span.entry.from) {
+            check.change_of_side(span, way_of(0), behind);
+        }
+        for (at_end, other_side) in [(false, span.entry.from), (true, span.next)] {
+            let run = if at_end { runs.len() - 1 } else { 0 };
+            let place = placed.iter().find(|it| links[it.link].role == LinkRole::Run(run));
+            let beyond = |place: &Placed| interference::beyond(&links[place.link], place, at_end);
+            if let Some(way) = place.filter(|_| other_side.is_some()).and_then(beyond) {
+                check.beyond(span, runs, &way, run);
+            }
+        }
+        if let Exit::LeadOff(lead) = exit {
+            let label = Label {
+                role: Role::LeadOff,
+                source: lead.source,
+                feed_mm_per_min: feed(&lead.motion),
+                axes: lead.motion.axes.union(plane_axes(span.plane)),
+            };
+            let end = in_plane(span.plane, lead.motion.end);
+            out.line_to(span.plane, end, height(span.plane, lead.motion.end), label);
+            let centre = to_tip.centre(span.plane, lead.motion.end, to_tip.last);
+            if let Some(way) = lead::Way::off(&joined, in_plane(span.plane, centre)) {
+                check.lead_off(span, runs, &way, lead);
+                leads[1] = Some((span.d_out_mm.abs(), way));
+            }
+        }
+        out.side = None;
+        check.wall_behind(span, runs, runs.len().checked_sub(1).and_then(way_of))
+    }
+}
+
+impl Solution {
+    pub(crate) fn runs(&self) -> &[Run] {
+        &self.runs
+    }
+
+    /// What the contour bounds.
+    pub(crate) fn walls(&self) -> Walls<'_> {
+        Walls::of_layout(&self.runs, &self.layout)
+    }
+
+    /// The way of the tool between the leads.
+    pub(crate) fn joined<'a>(&'a self, span: &'a Span<'_>, profile: &Profile) -> Joined<'a> {
+        let corners = Corners { span, short_mm: profile.corner.short_block_mm };
+        Joined { links: &self.links, placed: &self.placed, corners }
+    }
+
+    /// The lead-on and the lead-off, once they are put out: radius, mm, and way.
+    pub(crate) fn leads(&self) -> [Option<(f64, lead::Way)>; 2] {
+        self.leads
+    }
+
+    /// The path is what the program says: nothing is compensated.
+    pub(crate) fn is_identity(&self) -> bool {
+        self.is_identity
+    }
+}
+
+/// Tells what the tool does not reach.
+fn unreachable_places(
+    span: &Span<'_>,
+    Chain { runs, links, placed }: &Chain,
+    profile: &Profile,
+    findings: &mut Vec<Finding>,
+) {
+    let mut places = unreachable(links, placed, profile.accept_tolerance_mm);
+    for place in places.by_ref().take(FINDINGS_MAX) {
+        findings.push(finding::unreachable(span, runs, &place, profile));
+    }
+    if let Some(place) = places.next() {
+        findings.push(finding::more_unreachable(span, runs, &place, FINDINGS_MAX, profile));
+    }
+}
+
+/// The runs of a span, joined.
+struct Chain {
+    runs: Vec<Run>,
+    links: Vec<Link>,
+    placed: Vec<Placed>,
+}
+
+impl Chain {
+    /// Points within `straight_mm` of a line are on it; `is_identity` joins nothing.
+    fn new(
+        span: &mut Span<'_>,
+        straight_mm: f64,
+        exit: Option<&Lead>,
+        is_identity: bool,
+        profile: &Profile,
+    ) -> Self {
+        let runs = runs(span, straight_mm.max(MERGE_MM));
+        let links = if is_identity { Vec::new() } else { links(span, &runs, exit, profile, 1.0) };
+        let placed = join(&links, profile.accept_tolerance_mm);
+        Self { runs, links, placed }
+    }
+
+    /// Where the tool cuts into walls, and what bounds it.
+    fn cuts(&self, span: &Span<'_>, profile: &Profile) -> (Layout, Cuts) {
+        let Self { runs, links, placed } = self;
+        let corners = Corners { span, short_mm: profile.corner.short_block_mm };
+        let joined = Joined { links, placed, corners };
+        let rule = profile.interference.at_closing;
+        let walls = Walls::new(runs, links, placed).forgiving_closing(rule);
+        let cuts = interference::cuts(&walls, &joined, profile.accept_tolerance_mm, GOUGE_MM);
+        (walls.into_layout(), cuts)
+    }
+
+    /// Whether a cut is made from a run that is as short as posted coordinates jump to and
+    /// fro: around such a one the tool turns anywhere.
+    fn is_cut_by_noise(&self, cuts: &Cuts, tolerance: f64) -> bool {
+        let is_short = |cut: &Cut| self.runs[cut.on].element.length() <= 2.0 * tolerance;
+        cuts.cuts.iter().any(is_short)
+    }
+
+    /// Takes the straights of runs from what runs they are made of.
+    fn measure_straights(&mut self, exact: &[Run]) {
+        let mut next = 0;
+        for link in &mut self.links {
+            let LinkRole::Run(run) = link.role else { continue };
+            let end = self.runs[run].legs.end;
+            link.straight_mm = 0.0;
+            while let Some(part) = exact.get(next).filter(|part| part.legs.end <= end) {
+                if part.element.is_line() {
+                    link.straight_mm = link.straight_mm.max(part.element.length() as f32);
+                }
+                next += 1;
+            }
+        }
+    }
+}
+
+/// The side that the tool runs on; none without an offset.
+pub(crate) fn side_of(d_mm: f64) -> Option<CutterSide> {
+    match d_mm {
+        _ if is_zero(d_mm) => None,
+        _ if d_mm < 0.0 => Some(CutterSide::Right),
+        _ => Some(CutterSide::Left),
+    }
+}
+
+fn is_zero(d_mm: f64) -> bool {
+    d_mm.abs() < RADIUS_MM
+}
+
+/// Reports a span that has no contour between its leads.
+pub(crate) fn empty_span(span: &Span<'_>) -> Finding {
+    Finding::error(
+        Code::NeverActive,
+        span.entry.lead.source,
+        "compensation is selected and cancelled with no contour in between",
+    )
+    .help("put at least one move in the plane between the lead-on and the lead-off")
+}

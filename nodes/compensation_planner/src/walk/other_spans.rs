@@ -1,0 +1,297 @@
+//! Whether the tool cuts into what an earlier contour of the program has left.
+//!
+//! Contours are of one part when they lie in one plane of one work coordinate system. A wall
+//! is there for all that is cut at its depth or below; what is cut only above it, such as the
+//! counterbore of a hole, is meant to take its rim. A contour that is cut again is one contour.
+
+use crate::check::finding::{self, OtherCut};
+use crate::check::interference;
+use crate::geometry::distance::nearest_on_way;
+use crate::geometry::element::{Element, Vec2};
+use crate::geometry::tolerance::{GOUGE_MM, LENGTH_MM};
+use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, budget};
+use crate::span::{ItemKind, Run, Span};
+use crate::walk::compensate::{Exit, Solution};
+use cnc_msgs::contour::{Action, Source};
+use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::geometry::Plane;
+use cnc_msgs::profile::{OtherSpans, Profile};
+use std::ops::ControlFlow;
+
+/// Findings of this kind in a program; more help nobody.
+const FINDINGS_MAX: usize = 100;
+
+/// What is one part: a plane, and the number of a work coordinate system.
+type Part = (Plane, u8);
+
+/// What the spans so far have left.
+#[derive(Debug)]
+pub(crate) struct Earlier<'a> {
+    /// The first span waits for a second one: most programs that are long have one only.
+    first: Option<Box<(Part, Span<'a>, Solution)>>,
+    left: Vec<Left>,
+    work_system: u8,
+    /// Boxes that may still be looked at.
+    budget: usize,
+    /// How many findings there may still be.
+    findings_left: usize,
+}
+
+/// What one span has left.
+#[derive(Debug)]
+struct Left {
+    part: Part,
+    walls: Vec<Wall>,
+    tree: Tree,
+    bounds: Bounds,
+    /// The same for a contour that is cut again, in whatever direction.
+    fingerprint: (usize, u64),
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Wall {
+    element: Element,
+    /// The lowest that it was cut, mm.
+    height_mm: f64,
+    source: Source,
+}
+
+/// A piece of the way of the tool.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    way: Element,
+    radius_mm: f64,
+    /// The lowest that the tool is along it, mm.
+    height_mm: f64,
+    source: Source,
+}
+
+impl<'a> Earlier<'a> {
+    pub(crate) fn new() -> Self {
+        Self {
+            first: None,
+            left: Vec::new(),
+            work_system: 1,
+            budget: budget(0),
+            findings_left: FINDINGS_MAX,
+        }
+    }
+
+    /// An action, in the order of the program.
+    pub(crate) fn action(&mut self, action: &Action) {
+        if let Action::WorkOffset { system } = action {
+            self.work_system = *system;
+        }
+    }
+
+    /// Compares the next span with those before it; `said`: what was found in it by itself.
+    pub(crate) fn compare(
+        &mut self,
+        span: Span<'a>,
+        exit: &Exit,
+        solution: Solution,
+        profile: &Profile,
+        said: &[Finding],
+    ) -> Option<Finding> {
+        let part = (span.plane, self.work_system);
+        for item in &span.items {
+            if let ItemKind::Action(action) = &item.what {
+                self.action(action);
+            }
+        }
+        let is_over = profile.interference.other_spans == OtherSpans::Ignore
+            || self.findings_left == 0
+            || solution.is_identity();
+        if is_over {
+            return None;
+        }
+        if self.first.is_none() && self.left.is_empty() {
+            self.first = Some(Box::new((part, span, solution)));
+            return None;
+        }
+        if let Some((part, span, solution)) = self.first.take().map(|first| *first) {
+            self.left.extend(Left::of(part, &span, &solution));
+        }
+        let left = Left::of(part, &span, &solution)?;
+        // A link is checked against what it leaves by itself.
+        let by_link = |said: &&Finding| said.code == Code::LinkGouge;
+        let checked: Vec<Source> = said.iter().filter(by_link).filter_map(|it| it.other).collect();
+        let pieces = pieces(&span, exit, &solution, profile, said);
+        let found = self.cut(&left, pieces, &checked, &span, profile);
+        match self.left.iter_mut().find(|other| other.is_same(&left)) {
+            Some(same) => same.is_cut_again(&left),
+            None => self.left.push(left),
+        }
+        self.findings_left -= usize::from(found.is_some());
+        found
+    }
+
+    /// The deepest cut into the latest span that is cut into.
+    fn cut(
+        &mut self,
+        of: &Left,
+        pieces: Vec<Piece>,
+        checked: &[Source],
+        span: &Span<'_>,
+        profile: &Profile,
+    ) -> Option<Finding> {
+        self.budget += budget(pieces.len()) - budget(0);
+        let boxes = || pieces.iter().map(|piece| Bounds::of(&piece.way));
+        let reach = pieces.iter().fold(0.0, |reach: f64, piece| reach.max(piece.radius_mm));
+        let bounds = boxes().fold(Bounds::EMPTY, Bounds::union);
+        let is_near = |left: &&Left| {
+            left.part == of.part
+                && !left.is_same(of)
+                && left.bounds.gap_squared(&bounds) < reach * reach
+        };
+        let mut tree = None;
+        for left in self.left.iter().rev().filter(is_near) {
+            let tree =
+                tree.get_or_insert_with(|| Tree::new(boxes().map(|bounds| (bounds, NO_CHAIN))));
+            let mut deepest: Option<OtherCut> = None;
+            let is_complete = tree.near_pairs(&left.tree, reach, &mut self.budget, |on, into| {
+                for piece in &pieces[on] {
+                    for wall in &left.walls[into.clone()] {
+                        let cut = piece.cut_into(wall, profile, span.d_mm);
+                        let is_deeper = |cut: &OtherCut| {
+                            !checked.contains(&cut.into)
+                                && deepest.is_none_or(|other| cut.depth_mm() > other.depth_mm())
+                        };
+                        deepest = cut.filter(is_deeper).or(deepest);
+                    }
+                }
+                ControlFlow::Continue(())
+            });
+            if let Some(cut) = deepest {
+                let is_last = self.findings_left == 1;
+                return Some(finding::cuts_other_span(&cut, span.plane, is_last, profile));
+            }
+            if !is_complete {
+                self.findings_left = 1;
+                return Some(finding::too_many_spans(span));
+            }
+        }
+        None
+    }
+}
+
+impl Left {
+    /// `None` where not all was found that the contour bounds.
+    fn of(part: Part, span: &Span<'_>, solution: &Solution) -> Option<Self> {
+        let walls = solution.walls();
+        let heights = span.leg_heights();
+        let runs = solution.runs();
+        let is_first = |&run: &usize| walls.copies(run).nth(1).is_none_or(|first| first == run);
+        let wall = |run: usize| {
+            let lowest = |run| lowest(&heights, &runs[run]);
+            Some(Wall {
+                element: walls.of(run).filter(|_| walls.is_judged(run))?,
+                height_mm: walls.copies(run).map(lowest).fold(f64::INFINITY, f64::min),
+                source: span.legs[runs[run].legs.start].source,
+            })
+        };
+        let walls: Vec<Wall> = match walls.is_complete() {
+            true => (0..walls.count()).filter(is_first).filter_map(wall).collect(),
+            false => return None,
+        };
+        let boxes = || walls.iter().map(|wall| Bounds::of(&wall.element));
+        let tree = Tree::new(boxes().map(|bounds| (bounds, NO_CHAIN)));
+        let bounds = boxes().fold(Bounds::EMPTY, Bounds::union);
+        let print = walls.iter().fold(0_u64, |sum, wall| sum.wrapping_add(print(&wall.element)));
+        Some(Self { part, fingerprint: (walls.len(), print), walls, tree, bounds })
+    }
+
+    fn is_same(&self, other: &Self) -> bool {
+        (self.part, self.fingerprint) == (other.part, other.fingerprint)
+    }
+
+    /// The same contour, at another height.
+    fn is_cut_again(&mut self, other: &Self) {
+        let highest = other.walls.iter().fold(f64::NEG_INFINITY, |a, wall| a.max(wall.height_mm));
+        for wall in &mut self.walls {
+            wall.height_mm = wall.height_mm.min(highest);
+        }
+    }
+}
+
+impl Piece {
+    fn cut_into(&self, wall: &Wall, profile: &Profile, d_mm: f64) -> Option<OtherCut> {
+        let limit = self.radius_mm - GOUGE_MM - profile.accept_tolerance_mm;
+        let gap_squared = Bounds::of(&self.way).gap_squared(&Bounds::of(&wall.element));
+        if self.height_mm > wall.height_mm + LENGTH_MM || limit <= 0.0 {
+            return None;
+        }
+        if gap_squared >= limit * limit {
+            return None;
+        }
+        let near = nearest_on_way(&self.way, &wall.element);
+        (near.distance < limit).then_some(OtherCut {
+            on: self.source,
+            into: wall.source,
+            on_wall: near.on_wall,
+            height_mm: self.height_mm,
+            d_mm: self.radius_mm.copysign(d_mm),
+            distance_mm: near.distance,
+        })
+    }
+}
+
+/// The way of the tool along a span, and along those of its leads of which nothing has been said.
+fn pieces(
+    span: &Span<'_>,
+    exit: &Exit,
+    solution: &Solution,
+    profile: &Profile,
+    said: &[Finding],
+) -> Vec<Piece> {
+    let runs = solution.runs();
+    let heights = span.leg_heights();
+    let on_contour = |(run, radius_mm, way): (usize, f64, Element)| Piece {
+        way,
+        radius_mm,
+        height_mm: lowest(&heights, &runs[run]),
+        source: span.legs[runs[run].legs.start].source,
+    };
+    let walls = solution.walls();
+    let mut pieces: Vec<Piece> =
+        interference::pieces(&walls, &solution.joined(span, profile)).map(on_contour).collect();
+    let leads = [Some(&span.entry.lead), exit.lead()];
+    for (lead, way) in leads.into_iter().zip(solution.leads()) {
+        let (Some(lead), Some((radius_mm, way))) = (lead, way) else { continue };
+        let is_cut = |said: &&Finding| {
+            said.source == lead.source && matches!(said.code, Code::LeadGouge | Code::LinkGouge)
+        };
+        if said.iter().find(is_cut).is_some() {
+            continue;
+        }
+        let height = |position| crate::geometry::frame::height(span.plane, position);
+        let height_mm = height(lead.start).min(height(lead.motion.end));
+        let piece = |way| Piece { way, radius_mm, height_mm, source: lead.source };
+        pieces.extend(way.elements().map(piece));
+    }
+    pieces
+}
+
+/// The lowest that the tool is along a run, mm.
+fn lowest(heights: &[(f64, f64)], run: &Run) -> f64 {
+    heights[run.legs.clone()].iter().fold(f64::INFINITY, |low, heights| low.min(heights.0))
+}
+
+/// Of a wall, the same in both directions.
+fn print(element: &Element) -> u64 {
+    let center = match element {
+        Element::Line(_) => Vec2::zeros(),
+        Element::Arc(arc) => arc.center,
+    };
+    let number = |value: f64| (value / LENGTH_MM).round() as i64 as u64;
+    let of = |point: Vec2| mixed(mixed(number(point.x)) ^ number(point.y));
+    mixed(of(element.start()).wrapping_add(of(element.end())) ^ of(center))
+}
+
+/// Each bit depends on each (the finalizer of `SplitMix64`).
+fn mixed(mut bits: u64) -> u64 {
+    bits = bits.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    bits ^ (bits >> 31)
+}
