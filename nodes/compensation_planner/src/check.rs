@@ -7,12 +7,12 @@
 //! Nothing is put out here.
 
 pub(crate) mod certificate;
-mod copies;
 pub(crate) mod finding;
 pub(crate) mod interference;
 pub(crate) mod lead;
-mod meeting;
 pub(crate) mod reach;
+mod retraced_runs;
+mod self_meeting;
 pub(crate) mod trim;
 pub(crate) mod uncut;
 pub(crate) mod walls;

@@ -27,7 +27,7 @@ pub use check::uncut::{OutlinePiece, UncutRegion};
 pub use geometry::tessellate;
 pub use tools::restart::{NoStart, Start, start};
 pub use tools::verdict::{Verdict, judge};
-pub use tools::{mdi, rest, set_tool, tool_file, verdict};
+pub use tools::{mdi, replan, set_tool, tool_file, verdict};
 pub use walk::plan::{
     Alone, Plan, Planning, SpanSummary, Workers, plan, plan_certified, plan_with,
 };

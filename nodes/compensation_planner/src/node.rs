@@ -8,7 +8,7 @@ pub mod disagreement;
 mod health;
 mod input;
 mod lifecycle;
-mod live;
+mod live_offset;
 mod preview;
 mod report;
 mod run_start;
@@ -16,7 +16,7 @@ pub mod threads;
 mod tool_file;
 
 use crate::tools::set_tool::{self, LoadedProgram, Refusal};
-use crate::tools::verdict::{Verdict as Judged, judge};
+use crate::tools::verdict::{Verdict, judge};
 use crate::walk::plan::{Plan, Planning, plan_with};
 use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::interface::Service;
@@ -29,9 +29,9 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 };
 use cnc_msgs::wire::std_msgs::msg::Header;
 use cnc_msgs::wire::{nav_msgs, visualization_msgs};
-use health::Verdict;
+use health::PlanSummary;
 use input::{Input, fetch};
-use live::{Live, RunningPlan};
+use live_offset::{Live, RunningPlan};
 use report::uncut_to_wire;
 pub use report::{certify, manifest_of, report_of};
 use runtime::chunks::{ChunkTopic, Cut, page};
@@ -134,7 +134,7 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
 
     let shared = Arc::clone(&planner);
     node.spawn("reports", async move { shared.keep_reports(waiting).await });
-    live::follow(&node, &planner)?;
+    live_offset::follow(&node, &planner)?;
     let mut contours = node.subscription("programmed_contour", Qos::LATCHED)?;
     let chunks = node.client::<GetContourChunks>("programmed_contour/get_chunks")?;
     let shared = Arc::clone(&planner);
@@ -190,13 +190,13 @@ struct Planner {
     markers: Publisher<visualization_msgs::msg::MarkerArray>,
     /// Held while the table is being changed: one change after the other.
     tool_file: Mutex<Option<ToolFile>>,
-    state: Mutex<State>,
+    state: Mutex<PlannerState>,
     /// Held by all who plan or change the table; alone by who deactivates.
     work: tokio::sync::RwLock<()>,
 }
 
 #[derive(Default)]
-struct State {
+struct PlannerState {
     tools: ToolTable,
     tools_revision: u64,
     input: Option<Input>,
@@ -206,7 +206,7 @@ struct State {
     revision: u64,
     current: Option<Current>,
     /// Of the newest plan, refused ones too.
-    verdict: Option<Verdict>,
+    summary: Option<PlanSummary>,
     live: Live,
     /// Planning waits for so long, until the path before it has gone out.
     pause: Option<Duration>,
@@ -262,13 +262,13 @@ impl Planner {
         })
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, PlannerState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn health(&self) -> runtime::Health {
         let state = self.state();
-        health::health(state.verdict.as_ref(), state.tools_revision)
+        health::health(state.summary.as_ref(), state.tools_revision)
     }
 
     fn tools_message(&self) -> wire::ToolTable {
@@ -359,10 +359,10 @@ impl Planner {
         let threads = Threads::all();
         let mut planning = Planning { certifies: false, workers: &threads };
         let judged = match &input.too_long {
-            Some(limit) => Judged::refused(limit.clone()),
+            Some(limit) => Verdict::refused(limit.clone()),
             None => judge(&input.contour, &input.profile, &tools, planning),
         };
-        let Judged { plan: planned, disagreement, .. } = judged;
+        let Verdict { plan: planned, disagreement, .. } = judged;
         if let Some(disagreement) = disagreement {
             self.keep(&input.manifest.name, Some(&input.manifest.program_id), disagreement);
         }
@@ -377,7 +377,7 @@ impl Planner {
             report.error_count,
             report.warning_count
         );
-        self.state().verdict = Some(Verdict {
+        self.state().summary = Some(PlanSummary {
             name: input.manifest.name.clone(),
             revision,
             accepted,

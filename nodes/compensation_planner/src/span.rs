@@ -3,9 +3,9 @@
 //! Only data: `walk` fills it, `compensate` reads it.
 
 pub(crate) mod chain;
+pub(crate) mod chain_links;
 pub(crate) mod corner;
-pub(crate) mod links;
-pub(crate) mod normalise;
+pub(crate) mod runs;
 
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::frame::{element_from, height};

@@ -2,7 +2,7 @@
 //! another start, a single block or the rest of a run.
 
 pub mod mdi;
-pub mod rest;
+pub mod replan;
 pub(crate) mod restart;
 pub mod set_tool;
 pub mod tool_file;

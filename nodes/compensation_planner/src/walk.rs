@@ -6,21 +6,21 @@
 //! where compensation may begin and end are in `rules`.
 
 mod compensate;
-mod emit;
+mod emitter;
 mod joints;
 mod other_spans;
 mod output;
 pub(crate) mod plan;
 mod rules;
+mod span_writer;
 mod spans;
-mod tip;
-mod write;
+mod tool_tip;
 
 use crate::check::lead::WallBehind;
 use crate::geometry::frame::{element, height};
 use crate::geometry::tolerance::LENGTH_MM;
 use crate::span::{Item, ItemKind, Span};
-use crate::walk::compensate::{Exit, Verdict};
+use crate::walk::compensate::{Exit, SpanReport};
 use crate::walk::plan::{Plan, Planning};
 use cnc_msgs::contour::{
     Action, Approach, ContourEventKind, CutterSide, Motion, MotionClass, OutsideCorner,
@@ -87,7 +87,7 @@ struct OneSide<'a> {
 }
 
 #[derive(Debug)]
-enum State<'a> {
+enum WalkState<'a> {
     Off,
     Selected(Selection),
     Active(Box<Active<'a>>),
@@ -97,7 +97,7 @@ pub(crate) struct Walk<'a> {
     profile: &'a Profile,
     tools: &'a ToolTable,
     out: Output<'a>,
-    verdict: Verdict,
+    report: SpanReport,
     plane: Plane,
     corner: OutsideCorner,
     radius: Option<RadiusSource>,
@@ -113,7 +113,7 @@ pub(crate) struct Walk<'a> {
     led_off_in: Option<Source>,
     /// Where the program is; the tool may be elsewhere.
     programmed: Position,
-    state: State<'a>,
+    state: WalkState<'a>,
 }
 
 impl<'a> Walk<'a> {
@@ -128,7 +128,7 @@ impl<'a> Walk<'a> {
             profile,
             tools,
             out: Output::new(contour, profile, planning),
-            verdict: Verdict { certificates, ..Verdict::default() },
+            report: SpanReport { certificates, ..SpanReport::default() },
             plane: Plane::default(),
             corner: profile.corner.default,
             radius: None,
@@ -139,12 +139,12 @@ impl<'a> Walk<'a> {
             refused_tool: None,
             led_off_in: None,
             programmed: contour.start,
-            state: State::Off,
+            state: WalkState::Off,
         }
     }
 
     pub(crate) fn event(&mut self, kind: &'a ContourEventKind, source: Source) {
-        self.out.put_out_much(&mut self.verdict);
+        self.out.put_out_much(&mut self.report);
         match *kind {
             ContourEventKind::Motion(ref motion) => self.motion(motion, source),
             ContourEventKind::Plane(plane) => self.select_plane(plane, source),
@@ -153,7 +153,7 @@ impl<'a> Walk<'a> {
             ContourEventKind::Radius(word) => {
                 self.radius = Some(word);
                 self.radius_value_mm = None;
-                if let State::Active(active) = &mut self.state {
+                if let WalkState::Active(active) = &mut self.state {
                     active.radius_changes = Some(source);
                 }
             }
@@ -163,16 +163,16 @@ impl<'a> Walk<'a> {
             ContourEventKind::Cancel { exit } => self.cancel(exit, source),
             ContourEventKind::Corner(corner) => {
                 self.corner = corner;
-                if let State::Active(active) = &mut self.state {
+                if let WalkState::Active(active) = &mut self.state {
                     active.between.block(source);
                 }
             }
             ContourEventKind::RadiusValue { radius_mm } => self.radius_value(radius_mm, source),
             ContourEventKind::HoldDirection { .. } => {
-                self.verdict.findings.push(rules::no_held_direction(source));
+                self.report.findings.push(rules::no_held_direction(source));
             }
             ContourEventKind::CornerArc { along } => {
-                if let State::Active(active) = &mut self.state {
+                if let WalkState::Active(active) = &mut self.state {
                     active.corner_arc = Some((along, source));
                 }
             }
@@ -182,15 +182,15 @@ impl<'a> Walk<'a> {
 
     /// Ends the program.
     pub(crate) fn finish(mut self) -> Plan {
-        match std::mem::replace(&mut self.state, State::Off) {
-            State::Off => {}
-            State::Selected(selection) => self.never_active(selection.source),
-            State::Active(active) => {
+        match std::mem::replace(&mut self.state, WalkState::Off) {
+            WalkState::Off => {}
+            WalkState::Selected(selection) => self.never_active(selection.source),
+            WalkState::Active(active) => {
                 let source = match active.cancel {
                     Some((_, source)) => source,
                     None => active.span.entry.lead.source,
                 };
-                self.verdict.findings.push(rules::not_cancelled(
+                self.report.findings.push(rules::not_cancelled(
                     source,
                     active.cancel.is_some(),
                     self.profile,
@@ -198,14 +198,14 @@ impl<'a> Walk<'a> {
                 self.close(*active, Exit::None);
             }
         }
-        let (path, spans) = self.out.finish(&mut self.verdict);
-        self.verdict.findings.sort_by_key(|finding| finding.source.line);
-        let is_refused = self.verdict.findings.iter().any(Finding::is_error);
+        let (path, spans) = self.out.finish(&mut self.report);
+        self.report.findings.sort_by_key(|finding| finding.source.line);
+        let is_refused = self.report.findings.iter().any(Finding::is_error);
         let mut plan = Plan {
-            findings: self.verdict.findings,
+            findings: self.report.findings,
             spans,
-            certificates: self.verdict.certificates.unwrap_or_default(),
-            uncut: self.verdict.uncut,
+            certificates: self.report.certificates.unwrap_or_default(),
+            uncut: self.report.uncut,
             ..Plan::default()
         };
         if is_refused {
@@ -217,8 +217,8 @@ impl<'a> Walk<'a> {
     }
 
     fn select_plane(&mut self, plane: Plane, source: Source) {
-        if plane != self.plane && !matches!(self.state, State::Off) {
-            self.verdict.findings.push(rules::plane_change(source));
+        if plane != self.plane && !matches!(self.state, WalkState::Off) {
+            self.report.findings.push(rules::plane_change(source));
             return;
         }
         self.plane = plane;
@@ -228,18 +228,18 @@ impl<'a> Walk<'a> {
         if !self.profile.language.planes.rule.contains(&self.plane) {
             let finding = rules::wrong_plane(selection.source, self.plane, self.profile);
             let is_refused = finding.is_error();
-            self.verdict.findings.push(finding);
+            self.report.findings.push(finding);
             if is_refused {
                 return;
             }
         }
-        self.verdict.findings.extend(rules::dominant_axes(
+        self.report.findings.extend(rules::dominant_axes(
             selection.source,
             self.plane,
             self.profile,
         ));
-        let State::Active(active) = &mut self.state else {
-            self.state = State::Selected(selection);
+        let WalkState::Active(active) = &mut self.state else {
+            self.state = WalkState::Selected(selection);
             return;
         };
         let is_repeat = active.side == selection.side && active.cancel.is_none();
@@ -247,7 +247,7 @@ impl<'a> Walk<'a> {
         if forbids {
             let finding = rules::reselected(selection.source, is_repeat, self.profile);
             let is_refused = finding.is_error();
-            self.verdict.findings.push(finding);
+            self.report.findings.push(finding);
             if is_refused {
                 return;
             }
@@ -275,13 +275,13 @@ impl<'a> Walk<'a> {
 
     fn cancel(&mut self, exit: Option<Approach>, source: Source) {
         match &mut self.state {
-            State::Off => {}
-            State::Selected(selection) => {
+            WalkState::Off => {}
+            WalkState::Selected(selection) => {
                 let at = selection.source;
-                self.state = State::Off;
+                self.state = WalkState::Off;
                 self.never_active(at);
             }
-            State::Active(active) => {
+            WalkState::Active(active) => {
                 active.relink = None;
                 active.cancel = Some((exit.unwrap_or(self.profile.cancel.default), source));
             }
@@ -291,14 +291,14 @@ impl<'a> Walk<'a> {
     /// The value changes; while compensation is active after some more blocks (S47).
     fn radius_value(&mut self, radius_mm: f64, source: Source) {
         self.radius_value_mm = Some(radius_mm);
-        if let State::Active(active) = &mut self.state {
+        if let WalkState::Active(active) = &mut self.state {
             active.between.block(source);
             active.value_waits = Some((self.profile.radius.value_latency_blocks, source));
         }
     }
 
     fn never_active(&mut self, source: Source) {
-        self.verdict.findings.push(rules::never_active(source, self.profile));
+        self.report.findings.push(rules::never_active(source, self.profile));
     }
 
     fn action(&mut self, action: Action, source: Source) {
@@ -317,14 +317,14 @@ impl<'a> Walk<'a> {
             Action::ProgramEnd { .. } => self.end_of_program(source),
             _ => {}
         }
-        let rules = Rules { profile: self.profile, findings: &mut self.verdict.findings };
+        let rules = Rules { profile: self.profile, findings: &mut self.report.findings };
         match &mut self.state {
-            State::Off => self.out.action(action, source),
-            State::Selected(selection) => {
+            WalkState::Off => self.out.action(action, source),
+            WalkState::Selected(selection) => {
                 let _ = rules.action(&action, source, selection.source);
                 self.out.action(action, source);
             }
-            State::Active(active) => {
+            WalkState::Active(active) => {
                 let since = active.span.entry.lead.source;
                 let is_refused = rules.action(&action, source, since);
                 if is_refused && matches!(action, Action::ChangeTool { .. }) {
@@ -338,15 +338,15 @@ impl<'a> Walk<'a> {
 
     /// Homing ends compensation at once, without a lead-off (A05).
     fn home(&mut self, source: Source) {
-        match std::mem::replace(&mut self.state, State::Off) {
-            State::Off => {}
-            State::Selected(selection) => {
+        match std::mem::replace(&mut self.state, WalkState::Off) {
+            WalkState::Off => {}
+            WalkState::Selected(selection) => {
                 let finding = rules::homed(source, selection.source, false, self.profile);
-                self.verdict.findings.push(finding);
+                self.report.findings.push(finding);
             }
-            State::Active(active) => {
+            WalkState::Active(active) => {
                 let since = active.span.entry.lead.source;
-                self.verdict.findings.push(rules::homed(source, since, true, self.profile));
+                self.report.findings.push(rules::homed(source, since, true, self.profile));
                 self.close(*active, Exit::None);
             }
         }
@@ -354,8 +354,8 @@ impl<'a> Walk<'a> {
 
     /// The cancel with its move stands in a block before that of the end (S32).
     fn end_of_program(&mut self, source: Source) {
-        if self.led_off_in == Some(source) && matches!(self.state, State::Off) {
-            self.verdict.findings.extend(rules::cancelled_with_the_end(source, self.profile));
+        if self.led_off_in == Some(source) && matches!(self.state, WalkState::Off) {
+            self.report.findings.extend(rules::cancelled_with_the_end(source, self.profile));
         }
     }
 
@@ -382,7 +382,7 @@ impl<'a> Walk<'a> {
                 && self.told_lengths.insert(number)
             {
                 let finding = rules::length_of_d(source, number, length_mm, normal);
-                self.verdict.findings.push(finding);
+                self.report.findings.push(finding);
             }
             return false;
         }
@@ -390,8 +390,8 @@ impl<'a> Walk<'a> {
         let offset = selected.map(|(number, _)| number);
         let action = Action::ToolLength { offset, length_mm: length_mm(selected) };
         match &mut self.state {
-            State::Active(active) => active.push_item(source, ItemKind::Action(action)),
-            State::Off | State::Selected(_) => self.out.action(action, source),
+            WalkState::Active(active) => active.push_item(source, ItemKind::Action(action)),
+            WalkState::Off | WalkState::Selected(_) => self.out.action(action, source),
         }
         true
     }
@@ -406,7 +406,7 @@ impl<'a> Walk<'a> {
                     finding.severity = cnc_msgs::finding::Severity::Warning;
                     finding.message += "; a length of 0 is taken";
                 }
-                self.verdict.findings.push(finding);
+                self.report.findings.push(finding);
                 0.0
             }
         };
@@ -415,15 +415,15 @@ impl<'a> Walk<'a> {
 
     fn motion(&mut self, motion: &'a Motion, source: Source) {
         if !rules::is_sane(motion) {
-            self.verdict.findings.push(rules::not_sane(source, motion));
+            self.report.findings.push(rules::not_sane(source, motion));
             return;
         }
         let shifts_z = self.apply_length_of_d(motion, source);
         let start = self.programmed;
         self.programmed = motion.end;
-        match std::mem::replace(&mut self.state, State::Off) {
-            State::Off => self.out.programmed(motion, source, Role::None),
-            State::Selected(selection) => {
+        match std::mem::replace(&mut self.state, WalkState::Off) {
+            WalkState::Off => self.out.programmed(motion, source, Role::None),
+            WalkState::Selected(selection) => {
                 let leads = is_lead(motion, self.profile.select.lead);
                 if leads && self.moves_in_plane(start, motion) {
                     self.open(selection, start, motion, source, None, false);
@@ -433,10 +433,10 @@ impl<'a> Walk<'a> {
                         self.rules().off_plane_move(source, plane);
                     }
                     self.out.programmed(motion, source, Role::None);
-                    self.state = State::Selected(selection);
+                    self.state = WalkState::Selected(selection);
                 }
             }
-            State::Active(active) => {
+            WalkState::Active(active) => {
                 let rises = shifts_z || height(self.plane, motion.end) != height(self.plane, start);
                 self.active_motion(active, start, motion, source, rises);
             }
@@ -495,7 +495,7 @@ impl<'a> Walk<'a> {
                         && self.profile.cancel.before_off_plane.rule
                             == OffPlaneAfterCancel::LeadOffFirst
                     {
-                        self.verdict.findings.push(rules::no_lead_off(source, self.profile));
+                        self.report.findings.push(rules::no_lead_off(source, self.profile));
                     } else {
                         self.rules().off_plane_move(source, plane);
                     }
@@ -503,11 +503,11 @@ impl<'a> Walk<'a> {
                 }
             }
         }
-        self.state = State::Active(active);
+        self.state = WalkState::Active(active);
     }
 
     fn rules(&mut self) -> Rules<'_> {
-        Rules { profile: self.profile, findings: &mut self.verdict.findings }
+        Rules { profile: self.profile, findings: &mut self.report.findings }
     }
 
     /// Whether a motion is one in the plane: it moves there, or names one of its axes (S21).

@@ -8,7 +8,7 @@ use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{PathElement, Role};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
-use compensation_planner::rest::plan_rest;
+use compensation_planner::replan::replan;
 use compensation_planner::set_tool::LoadedProgram;
 use proptest::prelude::*;
 use support::opened::{Opened, shapes};
@@ -164,7 +164,7 @@ proptest! {
         let running = plan_of(&contour, &profile, &old).path;
         let settled = 2 + (parts.2 * (running.elements.len() - 2) as f64) as usize;
         let program = LoadedProgram { name: "shape", contour: &contour, profile: &profile };
-        let rest = match plan_rest(program, &old, &new, &running, settled) {
+        let rest = match replan(program, &old, &new, &running, settled) {
             Ok(rest) => rest,
             Err(why) => {
                 prop_assert!(is_refusal(&shape, &running.elements, settled, &why.message), "{why}");

@@ -6,7 +6,7 @@
 use crate::planar::{Piece, cross, flat};
 use crate::program::{Block, Kind, NONE};
 use crate::report::{self, Report};
-use crate::way::Way;
+use crate::tool_path::ToolPath;
 use cnc_msgs::contour::{Motion, MotionClass};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, Role};
@@ -19,32 +19,32 @@ pub(crate) const SAME_MM: f64 = 2e-6;
 const STRAYS_MAX: usize = 20;
 
 /// Gives every element its block; false when path and program have too little in common.
-pub(crate) fn align(way: &mut Way<'_>, report: &mut Report<'_>) -> bool {
+pub(crate) fn align(tool_path: &mut ToolPath<'_>, report: &mut Report<'_>) -> bool {
     let mut next = 0;
     let mut strays = 0;
-    for index in 0..way.path.elements.len() {
-        let element = &way.path.elements[index];
-        way.roles.push(element.role);
-        let Some(found) = find(way, index, element, next) else {
+    for index in 0..tool_path.path.elements.len() {
+        let element = &tool_path.path.elements[index];
+        tool_path.roles.push(element.role);
+        let Some(found) = find(tool_path, index, element, next) else {
             strays += 1;
-            report.push(report::stray(element, index));
+            report.push(report::unknown_block(element, index));
             if strays >= STRAYS_MAX {
                 return false;
             }
             continue;
         };
-        let here = way.position_before(index);
+        let here = tool_path.position_before(index);
         for skipped in next..found {
-            check_skipped(way, skipped as u32, here, report);
+            check_skipped(tool_path, skipped as u32, here, report);
         }
-        way.of[index] = found as u32;
+        tool_path.block_of[index] = found as u32;
         next = found;
-        let motion = way.program.motion(found as u32);
+        let motion = tool_path.program.motion(found as u32);
         let is_programmed = match element.role {
             Role::None => same_motion(motion, element),
             Role::LeadOff => near(motion.end, element.end),
             Role::OffPlane => {
-                let [u, v, w] = way.program.offset(found as u32).plane.axes();
+                let [u, v, w] = tool_path.program.offset(found as u32).plane.axes();
                 element.shape == Shape::Line
                     && element.end[w] == motion.end[w]
                     && (element.end[u] - here[u]).abs().max((element.end[v] - here[v]).abs())
@@ -56,7 +56,7 @@ pub(crate) fn align(way: &mut Way<'_>, report: &mut Report<'_>) -> bool {
         if !is_programmed {
             report.push(report::not_as_programmed(element, motion));
         }
-        let block = &mut way.program.blocks[found];
+        let block = &mut tool_path.program.blocks[found];
         if is_own(block.kind, element.role) {
             block.element = index as u32;
             next = found + 1;
@@ -64,9 +64,9 @@ pub(crate) fn align(way: &mut Way<'_>, report: &mut Report<'_>) -> bool {
             block.begins = true;
         }
     }
-    let here = way.path.elements.last().map_or(way.path.start, |element| element.end);
-    for skipped in next..way.program.blocks.len() {
-        check_skipped(way, skipped as u32, here, report);
+    let here = tool_path.path.elements.last().map_or(tool_path.path.start, |element| element.end);
+    for skipped in next..tool_path.program.blocks.len() {
+        check_skipped(tool_path, skipped as u32, here, report);
     }
     true
 }
@@ -93,34 +93,41 @@ fn may_be(kind: Kind, role: Role) -> bool {
 
 /// The first block from here on that an element can belong to; of several in one line that
 /// which it fits.
-fn find(way: &Way<'_>, index: usize, element: &PathElement, next: usize) -> Option<usize> {
-    let blocks = &way.program.blocks;
+fn find(
+    tool_path: &ToolPath<'_>,
+    index: usize,
+    element: &PathElement,
+    next: usize,
+) -> Option<usize> {
+    let blocks = &tool_path.program.blocks;
     let is_candidate = |block: usize| {
-        way.program.source(block as u32) == element.source
+        tool_path.program.source(block as u32) == element.source
             && may_be(blocks[block].kind, element.role)
     };
     let first = (next..blocks.len()).find(|&block| is_candidate(block))?;
     let in_line = (first..blocks.len())
-        .take_while(|&block| way.program.source(block as u32) == element.source);
+        .take_while(|&block| tool_path.program.source(block as u32) == element.source);
     let mut others = in_line.filter(|&block| is_candidate(block));
-    if blocks.get(first + 1).is_none_or(|_| way.program.source(first as u32 + 1) != element.source)
+    if blocks
+        .get(first + 1)
+        .is_none_or(|_| tool_path.program.source(first as u32 + 1) != element.source)
     {
         return Some(first);
     }
-    others.find(|&block| fits(way, index, element, block as u32)).or(Some(first))
+    others.find(|&block| fits(tool_path, index, element, block as u32)).or(Some(first))
 }
 
 /// Whether an element is beside a block, by far: for blocks of one line only.
-fn fits(way: &Way<'_>, index: usize, element: &PathElement, block: u32) -> bool {
+fn fits(tool_path: &ToolPath<'_>, index: usize, element: &PathElement, block: u32) -> bool {
     const BESIDE_MM: f64 = 1e-2;
-    let motion = way.program.motion(block);
-    let plane = way.program.offset(block).plane;
+    let motion = tool_path.program.motion(block);
+    let plane = tool_path.program.offset(block).plane;
     match element.role {
         Role::None => near(motion.end, element.end),
         Role::OffPlane => motion.end[plane.axes()[2]] == element.end[plane.axes()[2]],
         Role::Contour => {
-            let leg = way.leg(block);
-            let d_out = way.program.offset(block).d_out;
+            let leg = tool_path.leg(block);
+            let d_out = tool_path.program.offset(block).d_out;
             let end = flat(plane, element.end);
             let beside = leg.nearest(end) - end;
             match (&leg.round, &element.shape) {
@@ -134,33 +141,33 @@ fn fits(way: &Way<'_>, index: usize, element: &PathElement, block: u32) -> bool 
             }
         }
         Role::Corner => {
-            let from = flat(plane, way.position_before(index));
-            let at = Piece::line(from, from).nearest(way.program.ends(block).0);
-            let vertex = way.program.ends(block).0;
-            (at - vertex).norm() <= way.program.offset(block).d_in.abs() * 2.0 + BESIDE_MM
+            let from = flat(plane, tool_path.position_before(index));
+            let at = Piece::line(from, from).nearest(tool_path.program.ends(block).0);
+            let vertex = tool_path.program.ends(block).0;
+            (at - vertex).norm() <= tool_path.program.offset(block).d_in.abs() * 2.0 + BESIDE_MM
         }
         Role::LeadOn | Role::LeadOff | Role::Link => true,
     }
 }
 
 /// A block without an element must be one that does nothing.
-fn check_skipped(way: &Way<'_>, block: u32, here: Position, report: &mut Report<'_>) {
-    let Block { kind, element, .. } = way.program.blocks[block as usize];
+fn check_skipped(tool_path: &ToolPath<'_>, block: u32, here: Position, report: &mut Report<'_>) {
+    let Block { kind, element, .. } = tool_path.program.blocks[block as usize];
     if element != NONE {
         return;
     }
-    let motion = way.program.motion(block);
+    let motion = tool_path.program.motion(block);
     let does_nothing = match kind {
         Kind::Free | Kind::LeadOff => near(motion.end, here) && !turns(motion),
         Kind::OffPlane => {
-            let w = way.program.offset(block).plane.axes()[2];
+            let w = tool_path.program.offset(block).plane.axes()[2];
             (motion.end[w] - here[w]).abs() <= SAME_MM
         }
         // A lead may be too short to be a move; what is left of a contour is seen beside it.
         Kind::LeadOn | Kind::Link | Kind::Leg | Kind::Still => true,
     };
     if !does_nothing {
-        report.push(report::dropped(way.program.source(block), motion));
+        report.push(report::dropped(tool_path.program.source(block), motion));
     }
 }
 

@@ -1,15 +1,15 @@
 //! How near the path comes to the walls of its pass: the exact distance, everywhere.
 
-use crate::apart;
-use crate::bounds::Bounds;
-use crate::copies::Copies;
+use crate::distance_bounds;
+use crate::passes::Passes;
 use crate::pieces::{Chains, Pieces};
 use crate::planar::{Near, Piece, Point, cross, nearest};
 use crate::program::{Kind, NONE};
 use crate::report::{self, Cut, Report};
+use crate::retraced_legs::RetracedLegs;
 use crate::spans::Span;
-use crate::strip::{self, StripTree};
-use crate::way::Way;
+use crate::strip_tree::{self, StripTree};
+use crate::tool_path::ToolPath;
 use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
@@ -45,59 +45,59 @@ pub(crate) struct Found {
 }
 
 pub(crate) fn check(
-    way: &Way<'_>,
+    tool_path: &ToolPath<'_>,
     chains: &Chains<'_>,
     nearest_mm: &mut Option<f64>,
     report: &mut Report<'_>,
 ) {
     let Chains { span, legs: walls, elements, .. } = chains;
     let legs = chains.blocks();
-    let offset = |leg: u32| way.program.offset(leg);
+    let offset = |leg: u32| tool_path.program.offset(leg);
     let reach = legs.iter().fold(0.0_f64, |reach, &leg| {
         reach.max(offset(leg).d_in.abs()).max(offset(leg).d_out.abs())
     });
     if reach <= GOUGE_MM {
         return;
     }
-    let first = way.program.source(legs[0]);
-    let mut wall_tree = StripTree::new(walls).with_fans();
-    let (mut bounds, mut copies) = (Bounds::of(&wall_tree), None);
-    if bounds.is_none() {
-        let all = Copies::of(walls, |_| true);
-        bounds = Bounds::of_copies(wall_tree, &all);
+    let first = tool_path.program.source(legs[0]);
+    let mut wall_tree = StripTree::new(walls).with_directions();
+    let (mut passes, mut copies) = (Passes::of(&wall_tree), None);
+    if passes.is_none() {
+        let all = RetracedLegs::of(walls, |_| true);
+        passes = Passes::of_copies(wall_tree, &all);
         let is_whole = |leg| {
             let piece = walls.piece(leg);
-            let wall = bounds.as_ref().and_then(|bounds| bounds.wall(None, leg, &piece));
+            let wall = passes.as_ref().and_then(|passes| passes.wall(None, leg, &piece));
             wall.is_some_and(|wall| (wall.from, wall.to) == (piece.from, piece.to))
         };
-        let whole = copies.insert(Copies::of(walls, is_whole));
+        let whole = copies.insert(RetracedLegs::of(walls, is_whole));
         wall_tree = StripTree::new(walls).holding(|leg| whole.is_first(leg));
     }
-    let Some(bounds) = bounds else {
+    let Some(passes) = passes else {
         report.push(report::too_entangled(first));
         return;
     };
     let slack = |&leg: &u32| {
-        let block = &way.program.blocks[leg as usize];
+        let block = &tool_path.program.blocks[leg as usize];
         // Nothing comes too near to what is lost.
         if block.is_lost { f32::INFINITY } else { block.slack_mm }
     };
     let slacks = legs.iter().map(slack).collect();
     let mut search = Search {
         profile: report.profile,
-        way,
+        tool_path,
         span,
         all_legs: chains.all_legs,
         legs,
         walls,
         slacks,
-        bounds,
+        passes,
         copies,
         found: Vec::new(),
     };
     let tools = search.tools();
     let tree = StripTree::new(elements);
-    let on_way = strip::near(&tree, &wall_tree, reach - GOUGE_MM, |on, into| {
+    let on_way = strip_tree::near(&tree, &wall_tree, reach - GOUGE_MM, |on, into| {
         for element in on {
             search.tool((elements, span.elements.start), element, &tools[element], into.clone());
         }
@@ -107,10 +107,10 @@ pub(crate) fn check(
         report.push(report::too_entangled(first));
     }
     for lead in [span.lead_on, span.lead_off].into_iter().flatten() {
-        let elements = Pieces::new(std::iter::once(way.piece(lead)));
+        let elements = Pieces::new(std::iter::once(tool_path.piece(lead)));
         let tool = search.lead(lead);
         let tree = StripTree::new(&elements);
-        strip::near(&tree, &wall_tree, reach - GOUGE_MM, |_, into| {
+        strip_tree::near(&tree, &wall_tree, reach - GOUGE_MM, |_, into| {
             search.tool((&elements, lead), 0, &tool, into);
             true
         });
@@ -128,11 +128,11 @@ pub(crate) fn check(
 /// cut into the leg before with the first element behind, and into the leg behind with the last
 /// before, lengthened as they are.
 pub(crate) fn check_change_of_side(
-    way: &Way<'_>,
+    tool_path: &ToolPath<'_>,
     (before, behind): (&Chains<'_>, &Chains<'_>),
     report: &mut Report<'_>,
 ) {
-    let is_contour = |element: &usize| way.roles[*element] == Role::Contour;
+    let is_contour = |element: &usize| tool_path.roles[*element] == Role::Contour;
     let last = before.span.elements.clone().rev().find(is_contour);
     let first = behind.span.elements.clone().find(is_contour);
     let legs = [before.blocks().last().copied(), behind.blocks().first().copied()];
@@ -141,23 +141,23 @@ pub(crate) fn check_change_of_side(
         return;
     };
     let pairs = [
-        (last, leg_before, leg_behind, way.program.offset(leg_before).d_out),
-        (first, leg_behind, leg_before, way.program.offset(leg_behind).d_in),
+        (last, leg_before, leg_behind, tool_path.program.offset(leg_before).d_out),
+        (first, leg_behind, leg_before, tool_path.program.offset(leg_behind).d_in),
     ];
     for (element, on, into, d_mm) in pairs {
-        let near = nearest(&way.piece(element), &way.leg(into));
+        let near = nearest(&tool_path.piece(element), &tool_path.leg(into));
         let radius_mm = d_mm.abs();
         if near.distance >= radius_mm - GOUGE_MM {
             continue;
         }
-        let plane = way.program.offset(into).plane;
+        let plane = tool_path.program.offset(into).plane;
         let [u, v, _] = plane.axes();
-        let mut at = way.program.motion(into).end;
+        let mut at = tool_path.program.motion(into).end;
         (at[u], at[v]) = (near.on_b.x, near.on_b.y);
         report.push_cut(&Cut {
             code: Code::LinkGouge,
-            on: way.program.source(on),
-            into: way.program.source(into),
+            on: tool_path.program.source(on),
+            into: tool_path.program.source(into),
             legs_apart: 1,
             at,
             plane,
@@ -181,16 +181,16 @@ pub(crate) struct Tool {
 
 pub(crate) struct Search<'a> {
     pub profile: &'a Profile,
-    pub way: &'a Way<'a>,
+    pub tool_path: &'a ToolPath<'a>,
     pub span: &'a Span,
     pub all_legs: &'a [u32],
     pub legs: &'a [u32],
     pub walls: &'a Pieces,
     /// How far the path may be off beside each leg.
     pub slacks: Vec<f32>,
-    pub bounds: Bounds,
+    pub passes: Passes,
     /// Where each wall is looked at once.
-    pub copies: Option<Copies>,
+    pub copies: Option<RetracedLegs>,
     pub found: Vec<Found>,
 }
 
@@ -199,12 +199,12 @@ impl Search<'_> {
     fn tools(&self) -> Vec<Tool> {
         let mut on = 0;
         let tool = |element: usize| {
-            let role = self.way.roles[element];
-            let block = self.way.of[element];
+            let role = self.tool_path.roles[element];
+            let block = self.tool_path.block_of[element];
             let is_judged = matches!(role, Role::Contour | Role::Corner) && block != NONE;
             let (mut limit_mm, mut own) = (0.0, NONE);
             if is_judged {
-                let slack = self.way.program.blocks[block as usize].slack_mm;
+                let slack = self.tool_path.program.blocks[block as usize].slack_mm;
                 limit_mm = self.radius_mm(element) - GOUGE_MM - f64::from(slack);
                 // Elements come in the order of their blocks.
                 while self.legs.get(on).is_some_and(|&leg| leg < block) {
@@ -222,18 +222,18 @@ impl Search<'_> {
 
     /// Of the tool on an element.
     pub(crate) fn radius_mm(&self, element: usize) -> f64 {
-        let block = self.way.of[element];
-        match self.way.roles[element] {
+        let block = self.tool_path.block_of[element];
+        match self.tool_path.roles[element] {
             // A corner runs at the radius before it; a leg that changes it has both.
-            Role::Corner => self.span.offset(self.way, self.all_legs, block).d_in.abs(),
+            Role::Corner => self.span.offset(self.tool_path, self.all_legs, block).d_in.abs(),
             Role::Contour => {
-                let offset = self.span.offset(self.way, self.all_legs, block);
+                let offset = self.span.offset(self.tool_path, self.all_legs, block);
                 offset.d_in.abs().min(offset.d_out.abs())
             }
             _ if self.span.lead_on == Some(element) => {
-                self.way.program.offset(self.legs[0]).d_in.abs()
+                self.tool_path.program.offset(self.legs[0]).d_in.abs()
             }
-            _ => self.way.program.offset(self.legs[self.legs.len() - 1]).d_out.abs(),
+            _ => self.tool_path.program.offset(self.legs[self.legs.len() - 1]).d_out.abs(),
         }
     }
 
@@ -253,15 +253,22 @@ impl Search<'_> {
             let leg = match &self.copies {
                 Some(copies) if !copies.is_first(leg) => continue,
                 Some(copies) => {
-                    let pass = self.bounds.pass(tool.on as usize);
-                    copies.within(leg, &self.bounds.legs(pass))
+                    let pass = self.passes.pass(tool.on as usize);
+                    copies.within(leg, &self.passes.legs(pass))
                 }
                 None => leg,
             };
             let limit = tool.limit_mm - f64::from(self.slacks[leg]);
             let bow_of_leg = self.walls.bow(leg);
             let is_own_line = leg == tool.own as usize && bow_of_leg.is_none();
-            if !is_own_line && !apart::pieces(chord, bow, self.walls.chord(leg), bow_of_leg, limit)
+            if !is_own_line
+                && !distance_bounds::are_pieces_apart(
+                    chord,
+                    bow,
+                    self.walls.chord(leg),
+                    bow_of_leg,
+                    limit,
+                )
             {
                 self.measure(&elements.piece(index), (first + index, tool), leg, limit);
             }
@@ -271,7 +278,7 @@ impl Search<'_> {
     /// The exact distance.
     #[cold]
     fn measure(&mut self, piece: &Piece, (element, tool): (usize, &Tool), leg: usize, limit: f64) {
-        let role = self.way.roles[element];
+        let role = self.tool_path.roles[element];
         let is_lead = !matches!(role, Role::Contour | Role::Corner) || self.is_of_lead(element);
         let [before, inner, after] = match role {
             Role::Contour => self.without_leads(piece, tool),
@@ -298,16 +305,16 @@ impl Search<'_> {
             return;
         }
         let on = tool.on as usize;
-        if !self.bounds.is_whole(leg) {
+        if !self.passes.is_whole(leg) {
             let foot = foot(&self.walls.piece(on), piece, piece.nearest(near.on_b));
             let beside = (!is_lead).then_some((on, foot));
-            let Some(wall) = self.bounds.wall(beside, leg, &whole) else { return };
+            let Some(wall) = self.passes.wall(beside, leg, &whole) else { return };
             near = nearest(piece, &wall);
             if near.distance >= limit {
                 return;
             }
         }
-        let is_other_pass = self.bounds.pass(on) != self.bounds.pass(leg);
+        let is_other_pass = self.passes.pass(on) != self.passes.pass(leg);
         if is_lead && (self.is_above(element, leg) || self.is_copy(element, leg, &near)) {
             return;
         }
@@ -343,10 +350,10 @@ impl Search<'_> {
     }
 
     fn cut(&self, found: &Found) -> Cut {
-        let way = self.way;
-        let element = &way.path.elements[found.element];
-        let block = way.of[found.element];
-        let kind = way.program.blocks[block as usize].kind;
+        let tool_path = self.tool_path;
+        let element = &tool_path.path.elements[found.element];
+        let block = tool_path.block_of[found.element];
+        let kind = tool_path.program.blocks[block as usize].kind;
         let code = match element.role {
             Role::Link => Code::LinkGouge,
             _ if kind == Kind::Link => Code::LinkGouge,
@@ -360,11 +367,11 @@ impl Search<'_> {
             _ => Code::Gouge,
         };
         let into = self.legs[found.into];
-        let offset = way.program.offset(self.legs[found.on]);
+        let offset = tool_path.program.offset(self.legs[found.on]);
         Cut {
             code,
             on: element.source,
-            into: way.program.source(into),
+            into: tool_path.program.source(into),
             legs_apart: found.on.abs_diff(found.into),
             at: self.position(found, into),
             plane: offset.plane,
@@ -375,11 +382,11 @@ impl Search<'_> {
     }
 
     fn position(&self, found: &Found, into: u32) -> Position {
-        let plane = self.way.program.offset(into).plane;
+        let plane = self.tool_path.program.offset(into).plane;
         let [u, v, w] = plane.axes();
-        let mut at = self.way.program.motion(into).end;
+        let mut at = self.tool_path.program.motion(into).end;
         (at[u], at[v]) = (found.near.on_b.x, found.near.on_b.y);
-        at[w] = self.way.path.elements[found.element].end[w];
+        at[w] = self.tool_path.path.elements[found.element].end[w];
         at
     }
 
@@ -389,7 +396,7 @@ impl Search<'_> {
 
     /// Whether the cut is between what the walls of a pass begin with and what they end with.
     fn is_at_closing(&self, on: usize, into: usize) -> bool {
-        let Some((first, last)) = self.bounds.ends(on) else { return false };
+        let Some((first, last)) = self.passes.ends(on) else { return false };
         let (low, high) = (on.min(into), on.max(into));
         let is_straight = |from: usize, to: usize| {
             (from..to).all(|leg| {
@@ -397,7 +404,7 @@ impl Search<'_> {
                 (a.tangent(a.to) - b.tangent(b.from)).norm() <= 1e-2
             })
         };
-        let wall = |leg: usize| self.bounds.wall(None, leg, &self.walls.piece(leg));
+        let wall = |leg: usize| self.passes.wall(None, leg, &self.walls.piece(leg));
         let ends = wall(first).zip(wall(last));
         let closes = ends.is_some_and(|(first, last)| (first.from - last.to).norm() <= GOUGE_MM);
         first != last

@@ -2,23 +2,28 @@
 
 use crate::program::NONE;
 use crate::report::{self, Report};
-use crate::way::Way;
+use crate::tool_path::ToolPath;
 use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind};
 use cnc_msgs::path::{PathElement, PathEvent, Role};
 use cnc_msgs::profile::{LengthOfD, Profile};
 use cnc_msgs::tool_table::ToolTable;
 
-pub(crate) fn check(way: &Way<'_>, profile: &Profile, tools: &ToolTable, report: &mut Report<'_>) {
+pub(crate) fn check(
+    tool_path: &ToolPath<'_>,
+    profile: &Profile,
+    tools: &ToolTable,
+    report: &mut Report<'_>,
+) {
     let is_of_d = |action: &Action| {
         profile.radius.length_of_d == LengthOfD::WithZ
             && matches!(action, Action::ToolLength { .. })
     };
-    let actions = way.program.actions.iter().map(|&index| index as usize);
-    let actions = actions.map(|index| (index, &way.program.contour.events[index]));
+    let actions = tool_path.program.actions.iter().map(|&index| index as usize);
+    let actions = actions.map(|index| (index, &tool_path.program.contour.events[index]));
     let stops = exact_stops(actions.clone().map(|(_, event)| event));
     let is_in_order =
         |event: &&PathEvent| event.action != Action::ExactStop && !is_of_d(&event.action);
-    let mut happened = way.path.events.iter().filter(is_in_order);
+    let mut happened = tool_path.path.events.iter().filter(is_in_order);
     let mut last = 0;
     // The first block behind the action, and the first element that is not before it.
     let (mut block, mut element) = (0, 0);
@@ -36,17 +41,18 @@ pub(crate) fn check(way: &Way<'_>, profile: &Profile, tools: &ToolTable, report:
             report.push(report::other_event(event.source, &action, found));
             return;
         }
-        while way.program.blocks.get(block).is_some_and(|b| (b.event as usize) < index) {
+        while tool_path.program.blocks.get(block).is_some_and(|b| (b.event as usize) < index) {
             block += 1;
         }
         // Elements of earlier blocks are before it.
-        while element < way.of.len()
-            && (way.of[element] == NONE || (way.of[element] as usize) < block)
+        while element < tool_path.block_of.len()
+            && (tool_path.block_of[element] == NONE
+                || (tool_path.block_of[element] as usize) < block)
         {
             element += 1;
         }
         // Generated elements belong to the next block, but may come before what stands before it.
-        let generated = way.path.elements[element..]
+        let generated = tool_path.path.elements[element..]
             .iter()
             .take_while(|element| matches!(element.role, Role::Corner | Role::Link));
         let latest = element + generated.count();
@@ -58,20 +64,20 @@ pub(crate) fn check(way: &Way<'_>, profile: &Profile, tools: &ToolTable, report:
     if let Some(extra) = happened.next() {
         report.push(report::extra(extra));
     }
-    check_stops(way, &stops, report);
+    check_stops(tool_path, &stops, report);
     if profile.radius.length_of_d == LengthOfD::WithZ {
-        check_lengths(way, report);
+        check_lengths(tool_path, report);
     }
 }
 
 /// Lengths of D act with the first element of the next block that moves Z, and nowhere else (S34).
-fn check_lengths(way: &Way<'_>, report: &mut Report<'_>) {
+fn check_lengths(tool_path: &ToolPath<'_>, report: &mut Report<'_>) {
     let is_length = |event: &&PathEvent| matches!(event.action, Action::ToolLength { .. });
-    let mut found = way.path.events.iter().filter(is_length);
-    let elements = &way.path.elements;
+    let mut found = tool_path.path.events.iter().filter(is_length);
+    let elements = &tool_path.path.elements;
     let mut first = 0;
-    for (index, action) in &way.program.lengths {
-        let source = way.program.contour.events[*index as usize].source;
+    for (index, action) in &tool_path.program.lengths {
+        let source = tool_path.program.contour.events[*index as usize].source;
         let Some(event) = found.next() else {
             return report.push(report::lost(source, action));
         };
@@ -144,8 +150,8 @@ fn exact_stops<'a>(events: impl Iterator<Item = &'a ContourEvent>) -> Vec<u32> {
     lines
 }
 
-fn check_stops(way: &Way<'_>, stops: &[u32], report: &mut Report<'_>) {
-    let mut found = way
+fn check_stops(tool_path: &ToolPath<'_>, stops: &[u32], report: &mut Report<'_>) {
+    let mut found = tool_path
         .path
         .events
         .iter()
@@ -157,7 +163,7 @@ fn check_stops(way: &Way<'_>, stops: &[u32], report: &mut Report<'_>) {
         }
         return;
     }
-    for (index, element) in way.path.elements.iter().enumerate() {
+    for (index, element) in tool_path.path.elements.iter().enumerate() {
         if stops.binary_search(&element.source.line).is_err() {
             continue;
         }

@@ -16,7 +16,8 @@ impl Search<'_> {
     pub(crate) fn lead(&self, element: usize) -> Tool {
         let leads_on = self.span.lead_on == Some(element);
         let leg = if leads_on { 0 } else { self.legs.len() - 1 };
-        let own = if self.way.of[element] == self.legs[leg] { leg as u32 } else { NONE };
+        let own =
+            if self.tool_path.block_of[element] == self.legs[leg] { leg as u32 } else { NONE };
         Tool { on: leg as u32, own, limit_mm: self.radius_mm(element) - GOUGE_MM }
     }
 
@@ -78,19 +79,20 @@ impl Search<'_> {
 
     /// Whether a lead passes above all cuts of the pass of a leg, and above the material.
     pub(crate) fn is_above(&self, element: usize, leg: usize) -> bool {
-        let way = self.way;
-        if matches!(way.roles[element], Role::Corner | Role::Contour) {
+        let tool_path = self.tool_path;
+        if matches!(tool_path.roles[element], Role::Corner | Role::Contour) {
             return false;
         }
-        let along = way.program.offset(self.legs[leg]).plane.axes()[2];
-        let lowest = way.position_before(element)[along].min(way.path.elements[element].end[along]);
-        let pass = self.bounds.pass(leg);
+        let along = tool_path.program.offset(self.legs[leg]).plane.axes()[2];
+        let lowest = tool_path.position_before(element)[along]
+            .min(tool_path.path.elements[element].end[along]);
+        let pass = self.passes.pass(leg);
         let highest = |leg: usize| {
             let block = self.legs[leg];
-            way.program.start(block)[along].max(way.program.motion(block).end[along])
+            tool_path.program.start(block)[along].max(tool_path.program.motion(block).end[along])
         };
         lowest > self.profile.interference.stock_top_mm
-            && self.bounds.legs(pass).all(|leg| lowest > highest(leg))
+            && self.passes.legs(pass).all(|leg| lowest > highest(leg))
             && self
                 .copies
                 .as_ref()
@@ -103,11 +105,11 @@ impl Search<'_> {
         let leads_on = self.span.lead_on == Some(element);
         let is_lead = leads_on || self.span.lead_off == Some(element);
         let own = if leads_on { 0 } else { self.legs.len() - 1 };
-        if !is_lead || self.way.roles[element] == Role::Link || leg == own {
+        if !is_lead || self.tool_path.roles[element] == Role::Link || leg == own {
             return false;
         }
         let (of, copy) = (self.walls.piece(own), self.walls.piece(leg));
-        let Some(wall) = self.bounds.wall(None, own, &of) else { return false };
+        let Some(wall) = self.passes.wall(None, own, &of) else { return false };
         let is_free = if leads_on { wall.from == of.from } else { wall.to == of.to };
         if !is_free || of.is_line() != copy.is_line() {
             return false;
@@ -131,13 +133,13 @@ impl Search<'_> {
     ) -> Option<(f64, Option<Piece>, Option<Piece>)> {
         let leads_on = self.span.lead_on == Some(element);
         let is_straight = leads_on || self.span.lead_off == Some(element);
-        if !is_straight || self.way.roles[element] == Role::Link {
+        if !is_straight || self.tool_path.roles[element] == Role::Link {
             return None;
         }
         let last = self.legs.len() - 1;
         let first = if leads_on { 0 } else { last };
         let piece = self.walls.piece(first);
-        let wall = self.bounds.wall(None, first, &piece)?;
+        let wall = self.passes.wall(None, first, &piece)?;
         let (end, begins) = match leads_on {
             true => (piece.from, wall.from),
             false => (piece.to, wall.to),
@@ -158,7 +160,7 @@ impl Search<'_> {
                 return None;
             }
         }
-        let piece = self.bounds.wall(None, leg, &self.walls.piece(leg))?;
+        let piece = self.passes.wall(None, leg, &self.walls.piece(leg))?;
         let length = piece.length();
         if left >= length {
             return Some((nearest_mm, Some(piece), None));
@@ -173,9 +175,10 @@ impl Search<'_> {
     /// Whether an element is a corner between a lead and the contour: it is judged with the lead,
     /// and a tail bounds neither.
     pub(crate) fn is_of_lead(&self, element: usize) -> bool {
-        let block = self.way.of[element];
-        self.way.roles[element] == Role::Corner
+        let block = self.tool_path.block_of[element];
+        self.tool_path.roles[element] == Role::Corner
             && self.span.elements.start <= element
-            && (block == self.legs[0] || self.way.program.blocks[block as usize].kind != Kind::Leg)
+            && (block == self.legs[0]
+                || self.tool_path.program.blocks[block as usize].kind != Kind::Leg)
     }
 }

@@ -13,28 +13,28 @@
 //! Blocks may be left out within the tolerance that the profile accepts.
 
 mod align;
-mod apart;
-mod beside;
-mod bounds;
 mod clearance;
-mod copies;
+mod direction_ranges;
+mod distance_bounds;
+mod element_offset;
 mod events;
-mod fans;
-mod follow;
 mod leads;
+mod offsets;
+mod passes;
 mod pieces;
 mod planar;
 mod program;
 mod report;
-mod sharp;
+mod retraced_legs;
+mod sharp_corner;
 mod spans;
-mod strip;
-mod way;
+mod strip_tree;
+mod tool_path;
 
 use crate::pieces::Chains;
 use crate::report::Report;
 use crate::spans::{Span, Spans};
-use crate::way::Way;
+use crate::tool_path::ToolPath;
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::Shape;
@@ -103,19 +103,19 @@ pub fn audit_after(
     let mut report = Report::new(profile, said);
     let mut result =
         Audit { elements: path.elements.len(), events: path.events.len(), ..Audit::default() };
-    let is_sane = sane(path, &mut report);
-    let mut way = Way {
+    let is_sane = check_numbers(path, &mut report);
+    let mut tool_path = ToolPath {
         path,
         program: program::read(contour, profile, tools),
-        of: vec![program::NONE; path.elements.len()],
+        block_of: vec![program::NONE; path.elements.len()],
         roles: Vec::with_capacity(path.elements.len()),
         is_of_tip: profile.output == OutputPoint::Tip,
     };
-    if is_sane && align::align(&mut way, &mut report) {
-        events::check(&way, profile, tools, &mut report);
-        let Spans { spans, legs } = Spans::of(&way);
+    if is_sane && align::align(&mut tool_path, &mut report) {
+        events::check(&tool_path, profile, tools, &mut report);
+        let Spans { spans, legs } = Spans::of(&tool_path);
         result.spans = spans.len();
-        let line = |block: u32| way.program.source(block).line;
+        let line = |block: u32| tool_path.program.source(block).line;
         if runs_what_does_not_fit(profile) {
             let misfits =
                 said.iter().filter(|said| !said.is_error() && report::is_misfit(said.code));
@@ -126,15 +126,15 @@ pub fn audit_after(
                 spans.filter(|span| misfits.iter().any(|line| span.contains(line))).collect();
         }
         let chains: Vec<Chains<'_>> =
-            spans.iter().map(|span| Chains::of(&way, span, &legs)).collect();
+            spans.iter().map(|span| Chains::of(&tool_path, span, &legs)).collect();
         for chains in &chains {
-            beside::check(&mut way, chains, &mut report);
+            offsets::check(&mut tool_path, chains, &mut report);
         }
         for chains in &chains {
-            clearance::check(&way, chains, &mut result.nearest_mm, &mut report);
+            clearance::check(&tool_path, chains, &mut result.nearest_mm, &mut report);
         }
         for pair in chains.windows(2).filter(|pair| pair[1].span.from_side) {
-            clearance::check_change_of_side(&way, (&pair[0], &pair[1]), &mut report);
+            clearance::check_change_of_side(&tool_path, (&pair[0], &pair[1]), &mut report);
         }
     }
     result.findings = report.findings;
@@ -143,7 +143,7 @@ pub fn audit_after(
 }
 
 /// Whether all numbers are numbers; what is no motion or no circle is reported beside.
-fn sane(path: &CompensatedPath, report: &mut Report<'_>) -> bool {
+fn check_numbers(path: &CompensatedPath, report: &mut Report<'_>) -> bool {
     let mut is_sane = path.start.iter().all(|value| value.is_finite());
     let mut start = path.start;
     for (index, element) in path.elements.iter().enumerate() {

@@ -7,7 +7,7 @@
 use crate::planar::{Piece, Point, Round, unit};
 use crate::program::NONE;
 use crate::spans::Span;
-use crate::way::Way;
+use crate::tool_path::ToolPath;
 use std::f64::consts::PI;
 
 /// What an arc has besides its ends.
@@ -109,17 +109,17 @@ pub(crate) struct Chains<'a> {
 }
 
 impl<'a> Chains<'a> {
-    pub(crate) fn of(way: &Way<'_>, span: &'a Span, all_legs: &'a [u32]) -> Self {
-        let legs = all_legs[span.legs.clone()].iter().map(|&leg| way.leg(leg));
+    pub(crate) fn of(tool_path: &ToolPath<'_>, span: &'a Span, all_legs: &'a [u32]) -> Self {
+        let legs = all_legs[span.legs.clone()].iter().map(|&leg| tool_path.leg(leg));
         // Where the element before ends, if that is known to be where this one begins.
         let mut before = None;
         let elements = span.elements.clone().map(|element| {
-            if way.of[element] == NONE {
+            if tool_path.block_of[element] == NONE {
                 // One of no block is nothing, where the one before it ends.
                 let at = before.take().unwrap_or_else(Point::zeros);
                 return Piece::line(at, at);
             }
-            let piece = way.piece_from(before, element);
+            let piece = tool_path.piece_from(before, element);
             before = Some(piece.to);
             piece
         });
@@ -132,11 +132,11 @@ impl<'a> Chains<'a> {
     }
 
     /// A leg by its index among all.
-    pub(crate) fn leg(&self, way: &Way<'_>, index: usize) -> Piece {
+    pub(crate) fn leg(&self, tool_path: &ToolPath<'_>, index: usize) -> Piece {
         if self.span.legs.contains(&index) {
             self.legs.piece(index - self.span.legs.start)
         } else {
-            way.leg(self.all_legs[index])
+            tool_path.leg(self.all_legs[index])
         }
     }
 

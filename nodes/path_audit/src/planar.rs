@@ -154,7 +154,7 @@ impl Piece {
     }
 
     /// All of it at a signed distance to the left; `None` where nothing is left of an arc.
-    pub(crate) fn beside(&self, d_mm: f64) -> Option<Self> {
+    pub(crate) fn offset(&self, d_mm: f64) -> Option<Self> {
         match &self.round {
             None => {
                 let out = left(unit(self.to - self.from)) * d_mm;

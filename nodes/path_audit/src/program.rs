@@ -82,7 +82,7 @@ pub(crate) struct Program<'a> {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum State {
+enum CompensationState {
     Off,
     Selected {
         side: CutterSide,
@@ -133,7 +133,7 @@ impl Program<'_> {
 struct Reader<'a> {
     profile: &'a Profile,
     tools: &'a ToolTable,
-    state: State,
+    state: CompensationState,
     plane: Plane,
     word: Option<RadiusSource>,
     value_mm: Option<f64>,
@@ -164,7 +164,7 @@ pub(crate) fn read<'a>(
     let mut reader = Reader {
         profile,
         tools,
-        state: State::Off,
+        state: CompensationState::Off,
         plane: Plane::default(),
         word: None,
         value_mm: None,
@@ -216,9 +216,11 @@ pub(crate) fn read<'a>(
 
 impl Reader<'_> {
     fn word(&mut self, kind: &ContourEventKind) {
-        let is_active = matches!(self.state, State::Active { .. });
+        let is_active = matches!(self.state, CompensationState::Active { .. });
         match *kind {
-            ContourEventKind::Plane(plane) if self.state == State::Off => self.plane = plane,
+            ContourEventKind::Plane(plane) if self.state == CompensationState::Off => {
+                self.plane = plane
+            }
             ContourEventKind::Radius(word) => {
                 (self.word, self.value_mm) = (Some(word), None);
                 self.radius_changes |= is_active;
@@ -234,21 +236,23 @@ impl Reader<'_> {
                 self.length = (offset, length_mm);
             }
             ContourEventKind::Action(Action::ChangeTool { tool }) => self.spindle_tool = Some(tool),
-            ContourEventKind::Action(Action::Home { .. }) => self.state = State::Off,
+            ContourEventKind::Action(Action::Home { .. }) => self.state = CompensationState::Off,
             ContourEventKind::Select { side, approach, along } => {
                 self.select(side, approach.is_some(), along.is_some());
             }
             ContourEventKind::Cancel { .. } => match &mut self.state {
-                State::Active { cancels, relinks, .. } => (*cancels, *relinks) = (true, None),
-                state => *state = State::Off,
+                CompensationState::Active { cancels, relinks, .. } => {
+                    (*cancels, *relinks) = (true, None)
+                }
+                state => *state = CompensationState::Off,
             },
             _ => {}
         }
     }
 
     fn select(&mut self, new: CutterSide, has_approach: bool, is_along: bool) {
-        let State::Active { side, cancels, relinks, changes } = &mut self.state else {
-            self.state = State::Selected { side: new, is_along };
+        let CompensationState::Active { side, cancels, relinks, changes } = &mut self.state else {
+            self.state = CompensationState::Selected { side: new, is_along };
             return;
         };
         let is_repeat = *side == new && !*cancels;
@@ -307,8 +311,8 @@ impl Reader<'_> {
         let names = motion.axes.contains(u) || motion.axes.contains(v);
         let rises = shifts_z || motion.end[w] != start[w];
         match self.state {
-            State::Off => (Kind::Free, false),
-            State::Selected { side, is_along } => {
+            CompensationState::Off => (Kind::Free, false),
+            CompensationState::Selected { side, is_along } => {
                 if (!shifts && !names) || self.is_too_fast(motion, self.profile.select.lead) {
                     return (Kind::Free, false);
                 }
@@ -317,13 +321,13 @@ impl Reader<'_> {
                     is_along || self.profile.select.target == SelectTarget::NormalEntry;
                 (Kind::LeadOn, false)
             }
-            State::Active { side, cancels, relinks, changes } => {
+            CompensationState::Active { side, cancels, relinks, changes } => {
                 let rules = self.profile;
                 let lead = if cancels { rules.cancel.lead } else { rules.select.lead };
                 let leads = (cancels || relinks.is_some()) && !self.is_too_fast(motion, lead);
                 if leads && (shifts || (names && !rises)) {
                     let Some(new) = relinks.filter(|_| !cancels) else {
-                        self.state = State::Off;
+                        self.state = CompensationState::Off;
                         return (Kind::LeadOff, false);
                     };
                     self.open(new, source);
@@ -336,8 +340,8 @@ impl Reader<'_> {
                 if motion.class != MotionClass::Feed && self.profile.rapid.rule == RapidMode::Raw {
                     let side = relinks.unwrap_or(side);
                     self.state = match cancels {
-                        true => State::Off,
-                        false => State::Selected { side, is_along: false },
+                        true => CompensationState::Off,
+                        false => CompensationState::Selected { side, is_along: false },
                     };
                     return (Kind::LeadOff, false);
                 }
@@ -366,7 +370,8 @@ impl Reader<'_> {
         let d_mm = self.signed(side, source);
         let tip = radius::tip(self.word, self.spindle_tool, self.tools);
         self.offset = Offset { d_in: d_mm, d_out: d_mm, tip_in: tip, tip, ..self.offset };
-        self.state = State::Active { side, cancels: false, relinks: None, changes: None };
+        self.state =
+            CompensationState::Active { side, cancels: false, relinks: None, changes: None };
         (self.radius_changes, self.value_waits, self.legs) = (false, None, 0);
     }
 
@@ -388,7 +393,7 @@ impl Reader<'_> {
         self.offset.tip = radius::tip(self.word, self.spindle_tool, self.tools);
         if self.radius_changes && is_line {
             self.radius_changes = false;
-            if let State::Active { side, .. } = self.state {
+            if let CompensationState::Active { side, .. } = self.state {
                 let d_mm = self.signed(side, source);
                 // Closer radii are the same.
                 if (d_mm - self.offset.d_out).abs() >= 1e-9 {
@@ -397,7 +402,7 @@ impl Reader<'_> {
             }
         } else if self.radius_changes {
             let now = match self.state {
-                State::Active { side, .. } => self.signed(side, source),
+                CompensationState::Active { side, .. } => self.signed(side, source),
                 _ => self.offset.d_out,
             };
             self.radius_changes = (now - self.offset.d_out).abs() >= 1e-9;

@@ -138,7 +138,7 @@ fn mismatch(source: Source, message: String) -> Finding {
     Finding::error(Code::PathMismatch, source, message).help(HELP)
 }
 
-pub(crate) fn stray(element: &PathElement, index: usize) -> Finding {
+pub(crate) fn unknown_block(element: &PathElement, index: usize) -> Finding {
     let message = format!(
         "element {index} of the path is a {} of {}, and the program has none here",
         element.role.name(),
@@ -232,7 +232,7 @@ pub(crate) fn uneven(element: &PathElement, radii: (f64, f64)) -> Finding {
 }
 
 /// The tool does not run at its radius beside its own block.
-pub(crate) fn beside(element: &PathElement, needed_mm: f64, found_mm: f64) -> Finding {
+pub(crate) fn wrong_offset(element: &PathElement, needed_mm: f64, found_mm: f64) -> Finding {
     let is_near = found_mm < needed_mm;
     let (code, word) =
         if is_near { (Code::Gouge, "near to") } else { (Code::Unreachable, "far from") };
@@ -248,7 +248,7 @@ pub(crate) fn beside(element: &PathElement, needed_mm: f64, found_mm: f64) -> Fi
 }
 
 /// An element that does not follow its block.
-pub(crate) fn astray(element: &PathElement, what: &str) -> Finding {
+pub(crate) fn wrong_place(element: &PathElement, what: &str) -> Finding {
     let message = format!("the path does not follow {}: it {what}", block_name(element.source));
     let mut finding = mismatch(element.source, message);
     finding.position = Some(element.end);

@@ -1,7 +1,7 @@
 //! What lies between a lead-on and the next lead-off: legs, the elements beside them, leads.
 
 use crate::program::{Kind, NONE, Offset};
-use crate::way::Way;
+use crate::tool_path::ToolPath;
 use cnc_msgs::path::Role;
 use std::ops::Range;
 
@@ -29,18 +29,18 @@ pub(crate) struct Spans {
 }
 
 impl Spans {
-    pub(crate) fn of(way: &Way<'_>) -> Self {
+    pub(crate) fn of(tool_path: &ToolPath<'_>) -> Self {
         let mut all =
-            Self { spans: Vec::new(), legs: Vec::with_capacity(way.program.blocks.len()) };
-        all.gather(way);
-        all.add_elements(way);
+            Self { spans: Vec::new(), legs: Vec::with_capacity(tool_path.program.blocks.len()) };
+        all.gather(tool_path);
+        all.add_elements(tool_path);
         all.spans.retain(|span| !span.legs.is_empty());
         all
     }
 
-    fn gather(&mut self, way: &Way<'_>) {
+    fn gather(&mut self, tool_path: &ToolPath<'_>) {
         let mut open: Option<Span> = None;
-        for (index, block) in way.program.blocks.iter().enumerate() {
+        for (index, block) in tool_path.program.blocks.iter().enumerate() {
             let number = index as u32;
             let new = |legs: usize, from_side: bool| Span {
                 legs: legs..legs,
@@ -86,9 +86,10 @@ impl Spans {
         self.spans.extend(open);
     }
 
-    fn add_elements(&mut self, way: &Way<'_>) {
+    fn add_elements(&mut self, tool_path: &ToolPath<'_>) {
         let mut current = 0;
-        for (index, (&role, &block)) in way.roles.iter().zip(&way.of).enumerate() {
+        for (index, (&role, &block)) in tool_path.roles.iter().zip(&tool_path.block_of).enumerate()
+        {
             if block == NONE || role == Role::None {
                 continue;
             }
@@ -100,7 +101,7 @@ impl Spans {
                 Role::LeadOn => span.lead_on = Some(index),
                 Role::LeadOff => span.lead_off = Some(index),
                 // A link block is the last of one span and the first of the next.
-                Role::Link if way.program.blocks[block as usize].kind == Kind::Link => {
+                Role::Link if tool_path.program.blocks[block as usize].kind == Kind::Link => {
                     span.lead_off = Some(index);
                     if let Some(next) = self.spans.get_mut(current + 1) {
                         next.lead_on = Some(index);
@@ -126,9 +127,14 @@ impl Spans {
 impl Span {
     /// The offsets that an element of it has: that of its block, behind the last leg that of
     /// the last leg.
-    pub(crate) fn offset<'a>(&self, way: &'a Way<'_>, legs: &[u32], block: u32) -> &'a Offset {
-        let is_leg = way.program.blocks[block as usize].kind == Kind::Leg;
+    pub(crate) fn offset<'a>(
+        &self,
+        tool_path: &'a ToolPath<'_>,
+        legs: &[u32],
+        block: u32,
+    ) -> &'a Offset {
+        let is_leg = tool_path.program.blocks[block as usize].kind == Kind::Leg;
         let last = legs[self.legs.end - 1];
-        way.program.offset(if is_leg { block } else { last })
+        tool_path.program.offset(if is_leg { block } else { last })
     }
 }

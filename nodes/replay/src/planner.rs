@@ -13,7 +13,7 @@ use cnc_msgs::wire::cnc_msgs::msg::{
     CompensatedPath as CompensatedPathMessage, CompensationReport, PathChunk, PathEvent,
 };
 use compensation_planner::node::{certify, manifest_of, report_of};
-use compensation_planner::rest::{Rest, plan_rest};
+use compensation_planner::replan::{Replanned, replan};
 use compensation_planner::set_tool::LoadedProgram;
 use compensation_planner::verdict::prove;
 use compensation_planner::{UncutRegion, plan, plan_certified};
@@ -250,7 +250,7 @@ fn rest_of(
     program: &RecordedProgram,
     profile: &Profile,
     revision: u64,
-) -> Result<Option<Rest>, ReplayError> {
+) -> Result<Option<Replanned>, ReplayError> {
     let recording = &given.recording;
     let manifest = recording.plans.get(&revision).and_then(|plan| plan.manifest.as_ref());
     let Some(manifest) = manifest.filter(|manifest| manifest.continues_revision > 0) else {
@@ -282,7 +282,7 @@ fn rest_of(
     let name = &program.manifest.name;
     let settled = usize::try_from(manifest.settled_elements).unwrap_or(usize::MAX);
     let loaded = LoadedProgram { name, contour, profile };
-    plan_rest(loaded, before, after, &running, settled).map(Some).map_err(|why| {
+    replan(loaded, before, after, &running, settled).map(Some).map_err(|why| {
         if let Some(found) = &why.disagreement {
             options.keep(&format!("the rest of {name}"), &program.text, found);
         }

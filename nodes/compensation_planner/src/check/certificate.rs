@@ -12,9 +12,9 @@ use crate::check::walls::Walls;
 use crate::geometry::element::{Element, Vec2, cross, left};
 use crate::geometry::frame::{height, in_plane, in_work};
 use crate::geometry::tolerance::{BEND_RAD, GOUGE_MM, LENGTH_MM};
-use crate::span::chain::{Link, Placed, join};
+use crate::span::chain::{ChainLink, Placed, join};
+use crate::span::chain_links::{links, push_runs};
 use crate::span::corner::Corners;
-use crate::span::links::{links, push_runs};
 use crate::span::{Lead, Run, Span};
 use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::geometry::Position;
@@ -110,7 +110,7 @@ impl Subject<'_> {
         }
     }
 
-    fn joined(&self, radius_mm: f64) -> (Vec<Link>, Vec<Placed>) {
+    fn joined(&self, radius_mm: f64) -> (Vec<ChainLink>, Vec<Placed>) {
         let mut links = Vec::with_capacity(self.runs.len() * 2);
         let short_mm = self.profile.corner.short_block_mm;
         push_runs(&mut links, self.runs, radius_mm / self.span.d_mm.abs(), short_mm);
@@ -290,18 +290,22 @@ impl Subject<'_> {
         let (head, tail) = (&self.runs[..self.runs.len().min(END_RUNS)], {
             &self.runs[self.runs.len().saturating_sub(END_RUNS)..]
         });
-        let is_free = |way: &lead::Way, end, lead: &Lead, radius_mm: f64| {
+        let is_free = |path: &lead::LeadPath, end, lead: &Lead, radius_mm: f64| {
             let cuts = |is_above: &dyn Fn(usize) -> bool| {
-                way.cuts(walls, end, radius_mm - touch_mm, is_above).gouge.is_some()
+                path.cuts(walls, end, radius_mm - touch_mm, is_above).gouge.is_some()
             };
             !cuts(&|_| false) || {
                 let below = lead::Below::of(self.span, self.runs, walls, lead, self.profile);
                 !cuts(&|run| below.is(walls, run))
             }
         };
-        let way = |(links, placed): (&[Link], &[Placed]), is_on, outside| {
+        let path = |(links, placed): (&[ChainLink], &[Placed]), is_on, outside| {
             let joined = Joined { links, placed, corners: self.corners() };
-            if is_on { lead::Way::on(&joined, outside) } else { lead::Way::off(&joined, outside) }
+            if is_on {
+                lead::LeadPath::on(&joined, outside)
+            } else {
+                lead::LeadPath::off(&joined, outside)
+            }
         };
         if !self.span.entry.is_link {
             let links = links(self.span, head, None, self.profile, scale);
@@ -311,8 +315,8 @@ impl Subject<'_> {
             }
             let on = &self.span.entry.lead;
             let end = lead::FreeEnd::first(walls);
-            let way = way((&links, &placed), true, in_plane(plane, on.start));
-            if way.is_some_and(|way| !is_free(&way, end, on, radius_mm)) {
+            let path = path((&links, &placed), true, in_plane(plane, on.start));
+            if path.is_some_and(|path| !is_free(&path, end, on, radius_mm)) {
                 return false;
             }
         }
@@ -325,6 +329,6 @@ impl Subject<'_> {
         let to = in_plane(plane, lead.motion.end);
         let end = lead::FreeEnd::last(walls);
         let radius_mm = self.span.d_out_mm.abs() * scale;
-        way((&links, &placed), false, to).is_none_or(|way| is_free(&way, end, lead, radius_mm))
+        path((&links, &placed), false, to).is_none_or(|path| is_free(&path, end, lead, radius_mm))
     }
 }

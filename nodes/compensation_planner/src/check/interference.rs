@@ -6,11 +6,11 @@
 //! tool does not reach is the business of `reach`.
 
 use crate::check::walls::Walls;
-use crate::geometry::distance::{Nearest, nearest_on_element, nearest_on_way};
+use crate::geometry::distance::{Nearest, nearest_between, nearest_on_element};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
 use crate::geometry::tree::{Bounds, LEAF, NO_CHAIN, Tree, budget};
-use crate::span::chain::{Link, Placed, Role};
+use crate::span::chain::{ChainLink, Placed, Role};
 use crate::span::corner::{Corners, PIECES};
 use std::ops::ControlFlow;
 
@@ -47,7 +47,7 @@ pub(crate) struct Cuts {
 
 /// An element of the way of the tool.
 #[derive(Debug, Clone, Copy)]
-struct Way {
+struct ToolMove {
     place: usize,
     /// Of a corner that is not an arc.
     piece: Option<usize>,
@@ -64,7 +64,7 @@ const CUTS_MAX: usize = 100_000;
 /// The joined way of the tool along a span.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Joined<'a> {
-    pub links: &'a [Link],
+    pub links: &'a [ChainLink],
     pub placed: &'a [Placed],
     pub corners: Corners<'a>,
 }
@@ -94,29 +94,29 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
         return (Vec::new(), false);
     }
     let Joined { links, placed, .. } = *joined;
-    let ways = ways(walls, joined, slack);
-    let element = |way: &Way| way.element(joined);
-    let boxes = ways
-        .iter()
-        .map(|way| (element(way).map_or(Bounds::EMPTY, |element| Bounds::of(&element)), way.chain));
+    let paths = paths(walls, joined, slack);
+    let element = |path: &ToolMove| path.element(joined);
+    let boxes = paths.iter().map(|path| {
+        (element(path).map_or(Bounds::EMPTY, |element| Bounds::of(&element)), path.chain)
+    });
     let tree = Tree::new(boxes);
     let reach = links.iter().map(|link| link.d_in_mm.abs().max(link.d_out_mm.abs()));
     let reach = reach.fold(0.0, f64::max);
     let mut found: Vec<(usize, Cut)> = Vec::new();
-    let is_complete = tree.near_pairs(walls.tree(), reach, &mut budget(ways.len()), |on, into| {
+    let is_complete = tree.near_pairs(walls.tree(), reach, &mut budget(paths.len()), |on, into| {
         // Once for all pairs: most are far enough apart by these alone.
         let mut wall_boxes = [Bounds::EMPTY; LEAF];
         for (wall_box, run) in wall_boxes.iter_mut().zip(into.clone()) {
             *wall_box = Bounds::of(walls.element(run));
         }
         for index in on {
-            let Some(way) = element(&ways[index]) else { continue };
-            let way_box = Bounds::of(&way);
-            let link = &links[placed[ways[index].place].link];
+            let Some(path) = element(&paths[index]) else { continue };
+            let path_box = Bounds::of(&path);
+            let link = &links[placed[paths[index].place].link];
             for (run, wall_box) in into.clone().zip(&wall_boxes) {
-                let gap_squared = way_box.gap_squared(wall_box);
-                if let Some(cut) = cut(walls, &ways[index], &way, gap_squared, link, run) {
-                    found.push((ways[index].place, cut));
+                let gap_squared = path_box.gap_squared(wall_box);
+                if let Some(cut) = cut(walls, &paths[index], &path, gap_squared, link, run) {
+                    found.push((paths[index].place, cut));
                 }
             }
         }
@@ -125,7 +125,7 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     (found, is_complete)
 }
 
-impl Way {
+impl ToolMove {
     fn element(&self, joined: &Joined<'_>) -> Option<Element> {
         let Joined { links, placed, corners } = *joined;
         match self.piece {
@@ -141,19 +141,19 @@ pub(crate) fn pieces(
     walls: &Walls<'_>,
     joined: &Joined<'_>,
 ) -> impl Iterator<Item = (usize, f64, Element)> {
-    ways(walls, joined, [0.0; 2]).into_iter().filter_map(|way| {
-        let link = &joined.links[joined.placed[way.place].link];
+    paths(walls, joined, [0.0; 2]).into_iter().filter_map(|path| {
+        let link = &joined.links[joined.placed[path.place].link];
         let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
-        Some((way.run, radius_mm, way.element(joined)?))
+        Some((path.run, radius_mm, path.element(joined)?))
     })
 }
 
 /// What there is between the leads. A corner belongs to the run behind it, or before
 /// it when there is none.
-fn ways(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec<Way> {
+fn paths(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec<ToolMove> {
     let Joined { links, placed, corners } = *joined;
     let role = |place: Option<usize>| Some(links[placed.get(place?)?.link].role);
-    let mut ways: Vec<Way> = Vec::with_capacity(placed.len());
+    let mut paths: Vec<ToolMove> = Vec::with_capacity(placed.len());
     let mut run_before: Option<usize> = None;
     for place in 0..placed.len() {
         let run = match role(Some(place)) {
@@ -171,8 +171,8 @@ fn ways(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec
         let Some(run) = run else { continue };
         let is_corner = role(Some(place)) != Some(Role::Run(run));
         let is_gap = run_before.is_some_and(|before| before + 1 != run);
-        if is_gap && let Some(way) = ways.last_mut() {
-            way.slack = nearer;
+        if is_gap && let Some(path) = paths.last_mut() {
+            path.slack = nearer;
         }
         let slack = if is_gap { nearer } else { near };
         let mut chain = walls.chain(run);
@@ -184,22 +184,24 @@ fn ways(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec
         } else {
             run_before = Some(run);
         }
-        let way = Way { place, piece: None, run, chain, slack };
+        let path = ToolMove { place, piece: None, run, chain, slack };
         match corners.lines(links, placed, place).filter(|_| is_corner) {
-            None => ways.push(way),
-            Some(_) => ways.extend((0..PIECES).map(|piece| Way { piece: Some(piece), ..way })),
+            None => paths.push(path),
+            Some(_) => {
+                paths.extend((0..PIECES).map(|piece| ToolMove { piece: Some(piece), ..path }))
+            }
         }
     }
-    ways
+    paths
 }
 
 /// The cut into one run, if there is one; `gap_squared` is between the boxes of both, mm².
 fn cut(
     walls: &Walls<'_>,
-    on: &Way,
-    way: &Element,
+    on: &ToolMove,
+    path: &Element,
     gap_squared: f64,
-    link: &Link,
+    link: &ChainLink,
     into: usize,
 ) -> Option<Cut> {
     let into = walls.in_pass_of(on.run, into);
@@ -214,11 +216,11 @@ fn cut(
     if gap_squared >= limit * limit || (into == on.run && whole.is_line()) {
         return None;
     }
-    let mut near = nearest_on_way(way, whole);
+    let mut near = nearest_between(path, whole);
     if near.distance >= limit {
         return None;
     }
-    near = nearest_on_way(way, &walls.seen_from(Some(walls.place(on.run, near.on_way)), into)?);
+    near = nearest_between(path, &walls.seen_from(Some(walls.place(on.run, near.on_path)), into)?);
     if near.distance >= limit {
         return None;
     }
@@ -229,7 +231,7 @@ fn cut(
     Some(Cut {
         on: on.run,
         into,
-        foot: link.element.project(near.on_way),
+        foot: link.element.project(near.on_path),
         on_wall: near.on_wall,
         radius_mm,
         distance_mm: near.distance,
@@ -243,7 +245,7 @@ fn cut(
 /// the tool is not deeper in one of them than that.
 fn is_retraced(walls: &Walls<'_>, on: usize, into: usize, near: Nearest) -> bool {
     let followed = walls.element(on);
-    let at = nearest_on_element(followed, near.on_way);
+    let at = nearest_on_element(followed, near.on_path);
     let is_at = |point: Vec2| (point - near.on_wall).norm() <= LOOP_MM;
     // Where one goes on in the other, neither is retraced.
     let is_joint =
@@ -266,13 +268,13 @@ fn is_retraced(walls: &Walls<'_>, on: usize, into: usize, near: Nearest) -> bool
 /// Neighbours that cut into neighbours are one place; so is a pair of walls that
 /// the tool cuts from both.
 fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
-    found.sort_by_key(|(way, cut)| (*way, cut.into));
+    found.sort_by_key(|(path, cut)| (*path, cut.into));
     let mut places: Vec<Place> = Vec::new();
-    for (way, cut) in found {
-        let open = places.iter_mut().rev().take(8).find(|place| place.continues(way, &cut));
+    for (path, cut) in found {
+        let open = places.iter_mut().rev().take(8).find(|place| place.continues(path, &cut));
         match open {
-            Some(place) => place.take(way, cut),
-            None => places.push(Place::new(way, cut)),
+            Some(place) => place.take(path, cut),
+            None => places.push(Place::new(path, cut)),
         }
     }
     places.sort_by(|a, b| {
@@ -297,7 +299,7 @@ fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
 /// Cuts that hang together.
 #[derive(Debug, Clone, Copy)]
 struct Place {
-    last_way: usize,
+    last_move: usize,
     /// First and last run on which and into which is cut.
     on: (usize, usize),
     into: (usize, usize),
@@ -305,19 +307,19 @@ struct Place {
 }
 
 impl Place {
-    fn new(way: usize, cut: Cut) -> Self {
-        Self { last_way: way, on: (cut.on, cut.on), into: (cut.into, cut.into), deepest: cut }
+    fn new(path: usize, cut: Cut) -> Self {
+        Self { last_move: path, on: (cut.on, cut.on), into: (cut.into, cut.into), deepest: cut }
     }
 
-    fn continues(&self, way: usize, cut: &Cut) -> bool {
-        way <= self.last_way + 2
+    fn continues(&self, path: usize, cut: &Cut) -> bool {
+        path <= self.last_move + 2
             && cut.into + 2 >= self.into.0
             && cut.into <= self.into.1 + 2
             && cut.kind() == self.deepest.kind()
     }
 
-    fn take(&mut self, way: usize, cut: Cut) {
-        self.last_way = way;
+    fn take(&mut self, path: usize, cut: Cut) {
+        self.last_move = path;
         self.on = (self.on.0.min(cut.on), self.on.1.max(cut.on));
         self.into = (self.into.0.min(cut.into), self.into.1.max(cut.into));
         // Of a vertex both runs are as near; it belongs to the later (S07).
@@ -333,7 +335,7 @@ fn overlap(a: (usize, usize), b: (usize, usize)) -> bool {
 }
 
 /// The way of the tool along an element, without what joints cut off.
-pub(crate) fn element(link: &Link, place: &Placed) -> Option<Element> {
+pub(crate) fn element(link: &ChainLink, place: &Placed) -> Option<Element> {
     match link.element.offset(link.d_in_mm)? {
         Element::Line(_) => Element::line(place.start, place.end),
         Element::Arc(arc) if arc.radius <= LENGTH_MM => None,
@@ -346,7 +348,7 @@ pub(crate) fn element(link: &Link, place: &Placed) -> Option<Element> {
 }
 
 /// The same with what joints lengthen it by.
-pub(crate) fn lengthened(link: &Link, place: &Placed) -> Option<Element> {
+pub(crate) fn lengthened(link: &ChainLink, place: &Placed) -> Option<Element> {
     match link.element.offset(link.d_in_mm)? {
         Element::Line(_) => Element::line(place.start, place.end),
         Element::Arc(arc) => Element::arc(place.start, place.end, arc.center, arc.turn > 0.0, 0),
@@ -354,7 +356,7 @@ pub(crate) fn lengthened(link: &Link, place: &Placed) -> Option<Element> {
 }
 
 /// What a joint lengthens an arc by, at its end or at its start.
-pub(crate) fn beyond(link: &Link, place: &Placed, at_end: bool) -> Option<Element> {
+pub(crate) fn beyond(link: &ChainLink, place: &Placed, at_end: bool) -> Option<Element> {
     let whole = link.element.offset(link.d_in_mm)?;
     let Element::Arc(arc) = whole else { return None };
     let (trim, from, to) = match at_end {

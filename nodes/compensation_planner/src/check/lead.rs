@@ -5,7 +5,7 @@
 use crate::check::finding::{self, LeadCut};
 use crate::check::interference::{self, Joined};
 use crate::check::walls::Walls;
-use crate::geometry::distance::{Nearest, nearest, nearest_on_element, nearest_on_way};
+use crate::geometry::distance::{Nearest, nearest, nearest_between, nearest_on_element};
 use crate::geometry::element::{Element, Vec2, cross};
 use crate::geometry::frame::{height, in_work};
 use crate::geometry::tolerance::{CHORD_TURN_RAD, GOUGE_MM, LENGTH_MM, LOOP_MM};
@@ -23,7 +23,7 @@ use std::ops::ControlFlow;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WallBehind {
     pub wall: Element,
-    pub way: Option<Element>,
+    pub path: Option<Element>,
     pub source: Source,
     /// The signed offset along it, mm.
     pub d_mm: f64,
@@ -32,12 +32,12 @@ pub(crate) struct WallBehind {
 /// The way of the tool between the programmed path and the contour: the straight
 /// move, and the corner between it and the contour.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Way {
+pub(crate) struct LeadPath {
     straight: (Vec2, Vec2),
     corner: [Option<Element>; PIECES],
 }
 
-impl Way {
+impl LeadPath {
     /// From `outside` to the contour; `None` where nothing leads to it.
     pub(crate) fn on(joined: &Joined<'_>, outside: Vec2) -> Option<Self> {
         let Joined { links, placed, corners } = *joined;
@@ -96,18 +96,19 @@ impl Way {
         is_above: impl Fn(usize) -> bool,
     ) -> LeadCuts {
         let mut cuts = LeadCuts::default();
-        for way in self.corner.iter().flatten() {
-            cuts.gouge = nearer(cuts.gouge, deepest_cut(walls, way, None, limit, |_| true));
+        for path in self.corner.iter().flatten() {
+            cuts.gouge = nearer(cuts.gouge, deepest_cut(walls, path, None, limit, |_| true));
         }
-        let Some(way) = Element::line(self.straight.0, self.straight.1) else { return cuts };
+        let Some(path) = Element::line(self.straight.0, self.straight.1) else { return cuts };
         let passed = free_end.map_or(Vec::new(), |end| end.passed(walls, self.straight, limit));
-        let is_copy = |run: usize| free_end.is_some_and(|end| end.is_copy(walls, &way, limit, run));
+        let is_copy =
+            |run: usize| free_end.is_some_and(|end| end.is_copy(walls, &path, limit, run));
         let counts = |run: usize| {
             !is_above(run) && passed.iter().all(|part| part.run != run) && !is_copy(run)
         };
-        cuts.gouge = nearer(cuts.gouge, deepest_cut(walls, &way, None, limit, counts));
+        cuts.gouge = nearer(cuts.gouge, deepest_cut(walls, &path, None, limit, counts));
         for part in passed.iter().filter(|part| !is_above(part.run)) {
-            let near = |wall: Element| (part.run, nearest_on_way(&way, &wall));
+            let near = |wall: Element| (part.run, nearest_between(&path, &wall));
             let is_cut = |found: &(usize, Nearest)| found.1.distance < limit;
             cuts.gouge = nearer(cuts.gouge, part.rest.map(near).filter(is_cut));
             match part.passed.map(near).filter(is_cut) {
@@ -169,13 +170,13 @@ impl FreeEnd {
     /// Whether what a lead comes near to in a run is the wall that it leads onto or leaves, once
     /// more: copies of a wall are one, and rounded coordinates leave them less than the width of a
     /// loop apart, and it is cut no deeper.
-    fn is_copy(&self, walls: &Walls<'_>, way: &Element, limit: f64, run: usize) -> bool {
+    fn is_copy(&self, walls: &Walls<'_>, path: &Element, limit: f64, run: usize) -> bool {
         let own = if self.is_start { 0 } else { walls.count() - 1 };
         let (of, Some(wall)) = (walls.element(own), walls.of(run)) else { return false };
         if run == own || of.is_line() != wall.is_line() {
             return false;
         }
-        let Nearest { distance, on_wall, .. } = nearest_on_way(way, &wall);
+        let Nearest { distance, on_wall, .. } = nearest_between(path, &wall);
         let at = nearest_on_element(of, on_wall);
         let (along, along_wall) = (of.tangent_at(at), wall.tangent_at(on_wall));
         distance >= limit - LOOP_MM
@@ -190,8 +191,8 @@ impl FreeEnd {
     /// that where the contour bends to it.
     fn passed(&self, walls: &Walls<'_>, straight: (Vec2, Vec2), radius_mm: f64) -> Vec<Part> {
         let out = (straight.0 - self.at).norm().min((straight.1 - self.at).norm());
-        let Some(way) = Element::line(straight.0, straight.1) else { return Vec::new() };
-        let nearest_mm = (nearest_on_element(&way, self.at) - self.at).norm();
+        let Some(path) = Element::line(straight.0, straight.1) else { return Vec::new() };
+        let nearest_mm = (nearest_on_element(&path, self.at) - self.at).norm();
         // A curve in chords bends from the lead at once: there they meet a little farther out.
         let farthest_mm = radius_mm / (CHORD_TURN_RAD / 2.0).cos() + 2.0 * GOUGE_MM;
         if out > farthest_mm || nearest_mm >= radius_mm {
@@ -240,7 +241,7 @@ fn corner(joined: &Joined<'_>, index: usize) -> [Option<Element>; PIECES] {
 /// is the place of the run that it is along.
 pub(crate) fn deepest_cut(
     walls: &Walls<'_>,
-    way: &Element,
+    path: &Element,
     on: Option<(usize, f64)>,
     limit: f64,
     counts: impl Fn(usize) -> bool,
@@ -248,7 +249,7 @@ pub(crate) fn deepest_cut(
     if limit <= 0.0 {
         return None;
     }
-    let bounds = Bounds::of(way);
+    let bounds = Bounds::of(path);
     let tree = Tree::new(std::iter::once((bounds, NO_CHAIN)));
     let mut deepest: Option<(usize, Nearest)> = None;
     tree.near_pairs(walls.tree(), limit, &mut budget(walls.count()), |_, into| {
@@ -256,12 +257,12 @@ pub(crate) fn deepest_cut(
             let whole = walls.element(run);
             // The quick looks first.
             if bounds.gap_squared(&Bounds::of(whole)) >= limit * limit
-                || nearest_on_way(way, whole).distance >= limit
+                || nearest_between(path, whole).distance >= limit
             {
                 continue;
             }
             let Some(wall) = walls.seen_from(on, run) else { continue };
-            let near = nearest_on_way(way, &wall);
+            let near = nearest_between(path, &wall);
             let is_deepest = deepest.is_none_or(|(_, other)| near.distance < other.distance);
             if near.distance < limit && is_deepest {
                 deepest = Some((run, near));
@@ -286,15 +287,15 @@ impl Check<'_> {
         &mut self,
         span: &Span<'_>,
         runs: &[Run],
-        way: &Way,
+        path: &LeadPath,
         behind: Option<WallBehind>,
     ) {
         let lead = &span.entry.lead;
         let code = if span.entry.is_link { Code::LinkGouge } else { Code::LeadGouge };
         let free_end = FreeEnd::first(self.walls).filter(|_| !span.entry.is_link);
-        self.span(code, (span, runs), (way, span.d_mm, free_end), lead);
+        self.span(code, (span, runs), (path, span.d_mm, free_end), lead);
         if let Some(behind) = behind {
-            let near = nearest(way.straight.0, way.straight.1, &behind.wall);
+            let near = nearest(path.straight.0, path.straight.1, &behind.wall);
             if near.distance < behind.d_mm.abs() - GOUGE_MM {
                 self.report(Code::LinkGouge, near, behind.d_mm, lead, behind.source);
             }
@@ -302,9 +303,9 @@ impl Check<'_> {
     }
 
     /// The lead-off, from the end of the contour.
-    pub(crate) fn lead_off(&mut self, span: &Span<'_>, runs: &[Run], way: &Way, lead: &Lead) {
+    pub(crate) fn lead_off(&mut self, span: &Span<'_>, runs: &[Run], path: &LeadPath, lead: &Lead) {
         let free_end = FreeEnd::last(self.walls);
-        self.span(Code::LeadGouge, (span, runs), (way, span.d_out_mm, free_end), lead);
+        self.span(Code::LeadGouge, (span, runs), (path, span.d_out_mm, free_end), lead);
     }
 
     /// The ways along the last block on one side and the first on the other (O02):
@@ -312,16 +313,17 @@ impl Check<'_> {
     pub(crate) fn change_of_side(
         &mut self,
         span: &Span<'_>,
-        way: Option<Element>,
+        path: Option<Element>,
         from: WallBehind,
     ) {
         let to = &span.legs[0];
         let pairs = [
-            (from.way, self.walls.of(0), from.d_mm, from.source, to.source),
-            (way, Some(from.wall), span.d_mm, to.source, from.source),
+            (from.path, self.walls.of(0), from.d_mm, from.source, to.source),
+            (path, Some(from.wall), span.d_mm, to.source, from.source),
         ];
-        for (way, wall, d_mm, source, other) in pairs {
-            let Some(near) = way.zip(wall).map(|(way, wall)| nearest_on_way(&way, &wall)) else {
+        for (path, wall, d_mm, source, other) in pairs {
+            let Some(near) = path.zip(wall).map(|(path, wall)| nearest_between(&path, &wall))
+            else {
                 continue;
             };
             if near.distance < d_mm.abs() - GOUGE_MM {
@@ -338,10 +340,10 @@ impl Check<'_> {
 
     /// What a change of side lengthens the last arc by, or the first: it belongs to the change,
     /// and may cut into the walls of the span.
-    pub(crate) fn beyond(&mut self, span: &Span<'_>, runs: &[Run], way: &Element, run: usize) {
+    pub(crate) fn beyond(&mut self, span: &Span<'_>, runs: &[Run], path: &Element, run: usize) {
         let d_mm = if run == 0 { span.d_mm } else { span.d_out_mm };
         let limit = d_mm.abs() - GOUGE_MM;
-        let cut = deepest_cut(self.walls, way, None, limit, |into| into != run);
+        let cut = deepest_cut(self.walls, path, None, limit, |into| into != run);
         let Some((into, near)) = cut else { return };
         let leg = |run: usize| span.legs[runs[run].legs.end - 1];
         let cut = LeadCut {
@@ -362,25 +364,25 @@ impl Check<'_> {
         &self,
         span: &Span<'_>,
         runs: &[Run],
-        way: Option<Element>,
+        path: Option<Element>,
     ) -> Option<WallBehind> {
         let last = runs.last()?;
         let source = span.legs[last.legs.end - 1].source;
-        Some(WallBehind { wall: last.element, way, source, d_mm: span.d_out_mm })
+        Some(WallBehind { wall: last.element, path, source, d_mm: span.d_out_mm })
     }
 
     fn span(
         &mut self,
         code: Code,
         (span, runs): (&Span<'_>, &[Run]),
-        (way, d_mm, free_end): (&Way, f64, Option<FreeEnd>),
+        (path, d_mm, free_end): (&LeadPath, f64, Option<FreeEnd>),
         lead: &Lead,
     ) {
         let limit = d_mm.abs() - GOUGE_MM;
-        let mut cuts = way.cuts(self.walls, free_end, limit, |_| false);
+        let mut cuts = path.cuts(self.walls, free_end, limit, |_| false);
         if cuts.gouge.is_some() || cuts.nick.is_some() {
             let below = Below::of(span, runs, self.walls, lead, self.profile);
-            cuts = way.cuts(self.walls, free_end, limit, |run| below.is(self.walls, run));
+            cuts = path.cuts(self.walls, free_end, limit, |run| below.is(self.walls, run));
         }
         let is_deep = |(_, near): &(usize, Nearest)| {
             d_mm.abs() - near.distance > self.profile.accept_tolerance_mm

@@ -12,7 +12,7 @@ use crate::geometry::intersect::crossings;
 use crate::geometry::tolerance::{
     CHORD_MM, CHORD_RADII, CHORD_TURN_RAD, CURVE_RADIUS_MM, GOUGE_MM, LENGTH_MM, SHARP_TURN_RAD,
 };
-use crate::span::chain::{Link, Placed, Role, Turn, join, turn};
+use crate::span::chain::{ChainLink, Placed, Role, Turn, join, turn};
 
 /// Elements in a row that the tool cannot reach.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,13 +30,13 @@ pub(crate) struct Unreachable {
 }
 
 /// Whether there is any place that the tool cannot reach.
-pub(crate) fn is_any_unreachable(links: &[Link], placed: &[Placed], tolerance: f64) -> bool {
+pub(crate) fn is_any_unreachable(links: &[ChainLink], placed: &[Placed], tolerance: f64) -> bool {
     gaps(links, placed).any(|gap| is_deep(links, placed, &gap, tolerance))
 }
 
 /// All places that the tool cannot reach, each with its own search for the radius.
 pub(crate) fn unreachable<'a>(
-    links: &'a [Link],
+    links: &'a [ChainLink],
     placed: &'a [Placed],
     tolerance: f64,
 ) -> impl Iterator<Item = Unreachable> + 'a {
@@ -50,10 +50,10 @@ pub(crate) fn unreachable<'a>(
 }
 
 fn place(
-    links: &[Link],
+    links: &[ChainLink],
     gap: &Gap,
     slack: f64,
-    fits: impl Fn(&[Link], &[Placed]) -> bool,
+    fits: impl Fn(&[ChainLink], &[Placed]) -> bool,
 ) -> Option<Unreachable> {
     let runs = || {
         links[gap.from..gap.to].iter().filter_map(|link| match link.role {
@@ -79,10 +79,10 @@ fn place(
 
 /// All that is consumed, accepted or not, each with its own search for the radius.
 pub(crate) fn consumed<'a>(
-    links: &'a [Link],
+    links: &'a [ChainLink],
     placed: &'a [Placed],
 ) -> impl Iterator<Item = Unreachable> + 'a {
-    let is_any = |links: &[Link], placed: &[Placed]| {
+    let is_any = |links: &[ChainLink], placed: &[Placed]| {
         gaps(links, placed).any(|gap| !is_corner_of_curves(links, placed, &gap, 0.0))
     };
     gaps(links, placed)
@@ -91,7 +91,7 @@ pub(crate) fn consumed<'a>(
 }
 
 /// What joints leave of the compensated element of a run, mm; below 0 when it vanishes.
-pub(crate) fn left_of(links: &[Link], placed: &[Placed], run: usize) -> Option<f64> {
+pub(crate) fn left_of(links: &[ChainLink], placed: &[Placed], run: usize) -> Option<f64> {
     let place = placed.iter().find(|place| links[place.link].role == Role::Run(run))?;
     let link = &links[place.link];
     let length = link.element.offset(link.d_in_mm)?.length();
@@ -101,7 +101,7 @@ pub(crate) fn left_of(links: &[Link], placed: &[Placed], run: usize) -> Option<f
 /// Where blocks are left out, sharp corners of curves too: each time the index of what
 /// is placed before them.
 pub(crate) fn left_out<'a>(
-    links: &'a [Link],
+    links: &'a [ChainLink],
     placed: &'a [Placed],
     tolerance: f64,
 ) -> impl Iterator<Item = Option<usize>> + 'a {
@@ -122,7 +122,7 @@ pub(crate) struct Skipped {
 /// What a lead skips of a curve that it meets in an inside corner: the tool takes chords from
 /// the end of a curve as it takes a piece of an arc, and a lead cuts no wall beside them.
 pub(crate) fn skipped_by_leads<'a>(
-    links: &'a [Link],
+    links: &'a [ChainLink],
     placed: &'a [Placed],
     tolerance: f64,
 ) -> impl Iterator<Item = Skipped> + 'a {
@@ -142,8 +142,8 @@ pub(crate) fn skipped_by_leads<'a>(
         let lead = &links[if is_by_entry { gap.before? } else { gap.after? }];
         let offset = lead.element.offset(lead.d_in_mm)?;
         let outside = if is_by_entry { offset.start() } else { offset.end() };
-        let way = Element::line(outside, stand)?;
-        let stays = |link: &Link, point: Vec2| distance_to(&way, point) - link.d_in_mm.abs();
+        let path = Element::line(outside, stand)?;
+        let stays = |link: &ChainLink, point: Vec2| distance_to(&path, point) - link.d_in_mm.abs();
         let parts = [0.0, 0.5, 1.0];
         let all = runs().flat_map(|(_, link)| {
             let at = move |part: f64| link.element.point_at(link.element.length() * part);
@@ -168,7 +168,7 @@ struct Gap {
     after: Option<usize>,
 }
 
-fn gaps<'a>(links: &'a [Link], placed: &'a [Placed]) -> impl Iterator<Item = Gap> + 'a {
+fn gaps<'a>(links: &'a [ChainLink], placed: &'a [Placed]) -> impl Iterator<Item = Gap> + 'a {
     (0..=placed.len()).filter_map(move |index| {
         let before = index.checked_sub(1).map(|index| placed[index].link);
         let after = placed.get(index).map(|placed| placed.link);
@@ -180,7 +180,7 @@ fn gaps<'a>(links: &'a [Link], placed: &'a [Placed]) -> impl Iterator<Item = Gap
 }
 
 /// Whether what is consumed is more than noise, and not what a sharp corner takes.
-fn is_deep(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+fn is_deep(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     deviation(links, placed, gap, tolerance) > tolerance
         && !is_end_that_is_touched(links, placed, gap, tolerance)
         && !is_curve_that_is_touched(links, placed, gap, tolerance)
@@ -189,7 +189,12 @@ fn is_deep(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool
 
 /// Whether a contour begins or ends with what the tool touches all of where it stands: an arc that
 /// is hardly smaller than the tool and so short that its offset goes nowhere.
-fn is_end_that_is_touched(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+fn is_end_that_is_touched(
+    links: &[ChainLink],
+    placed: &[Placed],
+    gap: &Gap,
+    tolerance: f64,
+) -> bool {
     let last = gap.index.checked_sub(1).and_then(|index| placed.get(index));
     let stand = match (gap.before, gap.after) {
         (Some(_), None) => last.map(|last| last.end),
@@ -211,7 +216,7 @@ fn is_end_that_is_touched(links: &[Link], placed: &[Placed], gap: &Gap, toleranc
 
 /// What stays on both sides of a gap, and all between, without the arcs around outside
 /// corners: they are no part of the contour.
-fn along(links: &[Link], gap: &Gap) -> Option<Vec<usize>> {
+fn along(links: &[ChainLink], gap: &Gap) -> Option<Vec<usize>> {
     let is_corner = |link: &usize| matches!(links[*link].role, Role::Corner { .. });
     let (before, after) = (gap.before?, gap.after?);
     let before = if is_corner(&before) { before.checked_sub(1)? } else { before };
@@ -223,11 +228,16 @@ fn along(links: &[Link], gap: &Gap) -> Option<Vec<usize>> {
 ///
 /// The noise of posted coordinates turns short chords so much that whole groups of them are
 /// consumed inside a curve that the tool fits into; what it leaves there is still noise.
-fn is_curve_that_is_touched(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+fn is_curve_that_is_touched(
+    links: &[ChainLink],
+    placed: &[Placed],
+    gap: &Gap,
+    tolerance: f64,
+) -> bool {
     let Some(stand) = placed.get(gap.index).map(|place| place.start) else { return false };
     let Some(along) = along(links, gap) else { return false };
     let consumed = &along[1..along.len() - 1];
-    let off = |link: &Link, point: Vec2| ((point - stand).norm() - link.d_in_mm.abs()).abs();
+    let off = |link: &ChainLink, point: Vec2| ((point - stand).norm() - link.d_in_mm.abs()).abs();
     along.windows(2).all(|pair| are_chords(&links[pair[0]], &links[pair[1]]))
         && consumed.iter().map(|&link| &links[link]).all(|link| {
             let length = link.element.length();
@@ -239,7 +249,7 @@ fn is_curve_that_is_touched(links: &[Link], placed: &[Placed], gap: &Gap, tolera
 }
 
 /// Whether a link may be a chord of a curve: no arc or straight that is a feature of its own.
-fn is_chord(link: &Link) -> bool {
+fn is_chord(link: &ChainLink) -> bool {
     match link.element {
         Element::Line(_) => f64::from(link.straight_mm) <= CHORD_RADII * link.d_in_mm.abs(),
         Element::Arc(arc) => arc.radius * arc.sweep * arc.sweep / 8.0 <= CHORD_MM,
@@ -250,7 +260,7 @@ fn is_chord(link: &Link) -> bool {
 /// fits into each of them alone.
 ///
 /// It takes chords from their ends as it takes a piece of an arc.
-fn is_corner_of_curves(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+fn is_corner_of_curves(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     const CHORDS_MIN: usize = 3;
     let Some(along) = along(links, gap) else { return false };
     if !is_passed_by(links, placed, gap, tolerance) {
@@ -283,7 +293,7 @@ fn is_corner_of_curves(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: 
 
 /// Whether an arc bends no more than the chords of a curve: a short one of a small radius is a
 /// feature, however near it is to its chord.
-fn bends_as_chords(link: &Link) -> bool {
+fn bends_as_chords(link: &ChainLink) -> bool {
     match link.element {
         Element::Line(_) => true,
         Element::Arc(arc) => arc.sweep <= CHORD_TURN_RAD || arc.radius >= CURVE_RADIUS_MM,
@@ -298,7 +308,7 @@ fn is_sharp(a: &Element, b: &Element) -> bool {
 
 /// Whether the tool, at the joint across a gap and where it runs on lengthened neighbours,
 /// keeps off all that is consumed, and leaves nothing beside the lengthened ones.
-fn is_passed_by(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+fn is_passed_by(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     let (Some(before), Some(after)) =
         (gap.index.checked_sub(1).and_then(|index| placed.get(index)), placed.get(gap.index))
     else {
@@ -315,10 +325,10 @@ fn is_passed_by(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) ->
     links[gap.from..gap.to].iter().filter(|link| matches!(link.role, Role::Run(_))).all(|link| {
         let radius = link.d_in_mm.abs();
         [link.element.start(), link.element.end()].into_iter().all(|point| {
-            let beside = |way: &Element| {
-                let along = way.along_from_start(point, 0.0);
-                let off = (way.project(point) - point).norm();
-                !(0.0..=way.length()).contains(&along)
+            let beside = |path: &Element| {
+                let along = path.along_from_start(point, 0.0);
+                let off = (path.project(point) - point).norm();
+                !(0.0..=path.length()).contains(&along)
                     || (off - radius).abs() <= tolerance.max(LENGTH_MM)
             };
             (point - stand).norm() >= radius - tolerance.max(LENGTH_MM)
@@ -328,7 +338,7 @@ fn is_passed_by(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) ->
 }
 
 /// Whether two links go on in each other as chords of one curve.
-fn are_chords(a: &Link, b: &Link) -> bool {
+fn are_chords(a: &ChainLink, b: &ChainLink) -> bool {
     let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
     let sine = cross(before, after).abs();
     let shorter = a.element.length().min(b.element.length());
@@ -337,7 +347,7 @@ fn are_chords(a: &Link, b: &Link) -> bool {
 
 /// How far what was consumed and the programmed corner that takes its place are
 /// apart where they are farthest, mm: the neighbours lengthened until they meet.
-fn deviation(links: &[Link], placed: &[Placed], gap: &Gap, tolerance: f64) -> f64 {
+fn deviation(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> f64 {
     // What is on the other side of the tool is not lengthened along this one.
     let on_this_side = |other: &usize| links[*other].d_in_mm * links[gap.from].d_in_mm >= 0.0;
     let before = gap.before.filter(on_this_side).map(|index| links[index].element);
@@ -418,12 +428,16 @@ fn programmed_corner(
 }
 
 /// The largest radius for which a piece of the chain fits.
-fn largest_radius(links: &[Link], slack: f64, fits: impl Fn(&[Link], &[Placed]) -> bool) -> f64 {
+fn largest_radius(
+    links: &[ChainLink],
+    slack: f64,
+    fits: impl Fn(&[ChainLink], &[Placed]) -> bool,
+) -> f64 {
     let radius = links.iter().map(|link| link.d_in_mm.abs()).fold(0.0, f64::max);
     let fits = |part: f64| {
-        let scaled: Vec<Link> = links
+        let scaled: Vec<ChainLink> = links
             .iter()
-            .map(|link| Link {
+            .map(|link| ChainLink {
                 d_in_mm: link.d_in_mm * part,
                 d_out_mm: link.d_out_mm * part,
                 ..*link

@@ -50,12 +50,12 @@ struct Crossing {
 /// allowed beside what was consumed, mm.
 pub(crate) fn trim(walls: &Walls<'_>, joined: &Joined<'_>, tolerance: f64) -> Trimmed {
     let (placed, joints) = with_consumed(joined, tolerance);
-    let trimmed = trim_way(walls, &Joined { placed: &placed, ..*joined }, joints, tolerance);
+    let trimmed = trim_path(walls, &Joined { placed: &placed, ..*joined }, joints, tolerance);
     if trimmed.is_connected && trimmed.cuts.is_empty() {
         return trimmed;
     }
     // A contour that begins or ends with what does not fit.
-    trim_way(walls, joined, Vec::new(), tolerance)
+    trim_path(walls, joined, Vec::new(), tolerance)
 }
 
 /// What is placed, with all that the tool does not reach, and the joints that this has.
@@ -113,7 +113,7 @@ fn with_consumed(joined: &Joined<'_>, tolerance: f64) -> (Vec<Placed>, Vec<Cross
     }
     let length = |index: usize| {
         let place: &Placed = &all[index];
-        element(&links[place.link], place).map_or(0.0, |way| way.length())
+        element(&links[place.link], place).map_or(0.0, |path| path.length())
     };
     for joint in &mut joints {
         // From what is cut off to where that is along the way.
@@ -125,22 +125,22 @@ fn with_consumed(joined: &Joined<'_>, tolerance: f64) -> (Vec<Placed>, Vec<Cross
     (all, joints)
 }
 
-fn trim_way(
+fn trim_path(
     walls: &Walls<'_>,
     joined: &Joined<'_>,
     joints: Vec<Crossing>,
     tolerance: f64,
 ) -> Trimmed {
     let Joined { links, placed, .. } = *joined;
-    let ways: Vec<Option<Element>> =
+    let paths: Vec<Option<Element>> =
         placed.iter().map(|place| element(&links[place.link], place)).collect();
-    let crossings = all_crossings(&ways, joints);
+    let crossings = all_crossings(&paths, joints);
     let trimmer = Trimmer {
         walls,
         joined,
         is_cutting: cut_places(walls, joined, [GOUGE_MM, GOUGE_MM + tolerance]),
         breaks: breaks(&crossings, placed.len()),
-        ways,
+        paths,
     };
     let mut left: Vec<Placed> = Vec::with_capacity(placed.len());
     let (mut loops, mut is_connected) = (Vec::new(), true);
@@ -177,7 +177,7 @@ fn trim_way(
 struct Trimmer<'a> {
     walls: &'a Walls<'a>,
     joined: &'a Joined<'a>,
-    ways: Vec<Option<Element>>,
+    paths: Vec<Option<Element>>,
     /// Whether a way cuts into a wall anywhere.
     is_cutting: Vec<bool>,
     /// Where each way is crossed, mm along it, in order.
@@ -198,7 +198,7 @@ impl Trimmer<'_> {
     fn is_free(&self, (index, along): (usize, f64)) -> bool {
         if along >= self.length(index) - LENGTH_MM {
             // It goes on with what comes behind.
-            return index + 1 >= self.ways.len() || self.is_free_from(index + 1, 0.0);
+            return index + 1 >= self.paths.len() || self.is_free_from(index + 1, 0.0);
         }
         self.is_free_from(index, along)
     }
@@ -207,9 +207,9 @@ impl Trimmer<'_> {
         if !self.is_cutting[index] {
             return true;
         }
-        let Some(way) = self.ways[index] else { return true };
+        let Some(path) = self.paths[index] else { return true };
         let next = self.breaks[index].iter().copied().find(|next| *next > along + LENGTH_MM);
-        let piece = next.map_or(Some(way), |next| way.before(next));
+        let piece = next.map_or(Some(path), |next| path.before(next));
         let Some(piece) = piece.and_then(|piece| piece.after(along)) else { return true };
         let Joined { links, placed, .. } = *self.joined;
         let run = placed[index..].iter().find_map(|place| match links[place.link].role {
@@ -226,7 +226,7 @@ impl Trimmer<'_> {
     }
 
     fn length(&self, index: usize) -> f64 {
-        self.ways[index].map_or(0.0, |way| way.length())
+        self.paths[index].map_or(0.0, |path| path.length())
     }
 }
 
@@ -244,15 +244,15 @@ fn breaks(crossings: &[Crossing], count: usize) -> Vec<Vec<f64>> {
 }
 
 /// All places where the way crosses itself, with those that are known, by the earlier place.
-fn all_crossings(ways: &[Option<Element>], joints: Vec<Crossing>) -> Vec<Crossing> {
-    let bounds = |way: &Option<Element>| way.as_ref().map_or(Bounds::EMPTY, Bounds::of);
-    let tree = Tree::new(ways.iter().map(|way| (bounds(way), NO_CHAIN)));
+fn all_crossings(paths: &[Option<Element>], joints: Vec<Crossing>) -> Vec<Crossing> {
+    let bounds = |path: &Option<Element>| path.as_ref().map_or(Bounds::EMPTY, Bounds::of);
+    let tree = Tree::new(paths.iter().map(|path| (bounds(path), NO_CHAIN)));
     let mut found = joints;
-    let most = CROSSINGS_MAX.0 * ways.len() + CROSSINGS_MAX.1;
-    tree.near_pairs(&tree, LENGTH_MM, &mut budget(ways.len()), |early, late| {
+    let most = CROSSINGS_MAX.0 * paths.len() + CROSSINGS_MAX.1;
+    tree.near_pairs(&tree, LENGTH_MM, &mut budget(paths.len()), |early, late| {
         for late in late {
             for early in early.start..early.end.min(late) {
-                if let (Some(a), Some(b)) = (&ways[early], &ways[late]) {
+                if let (Some(a), Some(b)) = (&paths[early], &paths[late]) {
                     let joint = (early + 1 == late).then(|| a.end());
                     cross(early, late, (a, b), joint, &mut found);
                 }

@@ -12,7 +12,7 @@ use crate::geometry::element::{Element, Vec2, cross};
 use crate::geometry::frame::{height, in_work};
 use crate::geometry::tessellate;
 use crate::geometry::tolerance::LENGTH_MM;
-use crate::span::chain::{Link, Placed, Role};
+use crate::span::chain::{ChainLink, Placed, Role};
 use crate::span::{Run, Span};
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{Arc, Plane, Position, Shape};
@@ -85,7 +85,7 @@ pub(crate) fn regions(
 fn region(
     span: &Span<'_>,
     runs: &[Run],
-    (links, placed): (&[Link], &[Placed]),
+    (links, placed): (&[ChainLink], &[Placed]),
     index: Option<usize>,
 ) -> Option<UncutRegion> {
     let before = index.and_then(|index| placed.get(index));
@@ -133,7 +133,7 @@ fn region(
     })
 }
 
-fn run_of(link: &Link) -> Option<usize> {
+fn run_of(link: &ChainLink) -> Option<usize> {
     match link.role {
         Role::Run(run) => Some(run),
         _ => None,
@@ -141,7 +141,7 @@ fn run_of(link: &Link) -> Option<usize> {
 }
 
 /// Where the tool at a joint touches a link, and what of it lies before and behind.
-fn split(link: &Link, joint: Vec2) -> (Option<Vec2>, (Option<Element>, Option<Element>)) {
+fn split(link: &ChainLink, joint: Vec2) -> (Option<Vec2>, (Option<Element>, Option<Element>)) {
     match link.role {
         Role::Run(_) => {
             let foot = link.element.project(joint);

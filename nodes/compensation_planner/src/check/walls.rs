@@ -6,13 +6,13 @@
 //! that is entered and left by legs that cross has no wall beyond the crossing
 //! (M12), but for a tool that runs along the same tail.
 
-use crate::check::copies::Copies;
-use crate::check::meeting::{Meeting, Place, meetings, meetings_of_copies};
+use crate::check::retraced_runs::RetracedRuns;
+use crate::check::self_meeting::{Place, SelfMeeting, meetings, meetings_of_copies};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, MERGE_MM};
 use crate::geometry::tree::{Bounds, Chains, NO_CHAIN, Tree};
 use crate::span::Run;
-use crate::span::chain::{Link, Placed, Role};
+use crate::span::chain::{ChainLink, Placed, Role};
 use cnc_msgs::finding::Severity;
 use cnc_msgs::profile::Strictness;
 use std::borrow::Cow;
@@ -36,7 +36,7 @@ pub(crate) struct Layout {
     /// Whether it may be cut into: it is followed, or all are judged.
     is_judged: Vec<bool>,
     /// Where the contour retraces itself so often that each wall is looked at once.
-    copies: Option<Copies>,
+    copies: Option<RetracedRuns>,
     /// Whether all places were found where it meets itself.
     is_complete: bool,
     /// A cut where the contour closes is only told.
@@ -54,16 +54,16 @@ struct Pass {
 
 impl<'a> Walls<'a> {
     /// `links` and `placed` tell which runs the tool follows; others are not judged.
-    pub(crate) fn new(runs: &'a [Run], links: &[Link], placed: &[Placed]) -> Self {
+    pub(crate) fn new(runs: &'a [Run], links: &[ChainLink], placed: &[Placed]) -> Self {
         Self::with(runs, links, placed, false)
     }
 
     /// Those that the tool does not follow are walls too.
-    pub(crate) fn all(runs: &'a [Run], links: &[Link], placed: &[Placed]) -> Self {
+    pub(crate) fn all(runs: &'a [Run], links: &[ChainLink], placed: &[Placed]) -> Self {
         Self::with(runs, links, placed, true)
     }
 
-    fn with(runs: &'a [Run], links: &[Link], placed: &[Placed], judges_all: bool) -> Self {
+    fn with(runs: &'a [Run], links: &[ChainLink], placed: &[Placed], judges_all: bool) -> Self {
         let mut chains = vec![NO_CHAIN; runs.len()];
         let mut is_judged = vec![false; runs.len()];
         let mut next = 0;
@@ -90,7 +90,7 @@ impl<'a> Walls<'a> {
         let tree = tree_of(runs, &chains, |_| true);
         let mut copies = None;
         let found = meetings(runs, &tree).or_else(|| {
-            let copies = copies.insert(Copies::of(runs, |_| true));
+            let copies = copies.insert(RetracedRuns::of(runs, |_| true));
             let firsts = tree_of(runs, &chains, |run| copies.is_first(run));
             meetings_of_copies(runs, &firsts, copies)
         });
@@ -109,7 +109,7 @@ impl<'a> Walls<'a> {
 
     /// Of whole walls that are the same the tree holds the first.
     fn look_once(&mut self) {
-        let copies = Copies::of(self.runs, |run| self.is_whole(run));
+        let copies = RetracedRuns::of(self.runs, |run| self.is_whole(run));
         let is_judged = |run: usize| copies.of_run(run).any(|copy| self.is_judged(copy));
         let is_judged = (0..self.runs.len()).map(|run| copies.is_first(run) && is_judged(run));
         let is_judged: Vec<bool> = is_judged.collect();
@@ -268,9 +268,9 @@ fn tree_of(runs: &[Run], chains: &[u32], holds: impl Fn(usize) -> bool) -> Tree 
     Tree::new((0..runs.len()).map(|run| (bounds(run), chains[run])))
 }
 
-fn passes(runs: &[Run], meetings: &[Meeting]) -> Vec<Pass> {
+fn passes(runs: &[Run], meetings: &[SelfMeeting]) -> Vec<Pass> {
     let mut passes: Vec<Pass> = Vec::new();
-    let mut closings: Vec<Meeting> = Vec::new();
+    let mut closings: Vec<SelfMeeting> = Vec::new();
     let mut start = 0;
     for meeting in meetings.iter().filter(|meeting| meeting.is_return) {
         if meeting.early.run >= start && meeting.late.run >= start {
@@ -319,7 +319,7 @@ impl Place {
 
 impl Pass {
     /// The walls begin and end where it meets itself.
-    fn take(&mut self, meeting: &Meeting) {
+    fn take(&mut self, meeting: &SelfMeeting) {
         self.begin = Some(self.begin.map_or(meeting.early, |begin| begin.first(meeting.early)));
         self.end = Some(self.end.map_or(meeting.late, |end| end.last(meeting.late)));
     }

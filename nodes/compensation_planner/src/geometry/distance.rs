@@ -9,44 +9,45 @@ use crate::geometry::tolerance::LENGTH_MM;
 pub(crate) struct Nearest {
     pub distance: f64,
     /// Of the tool centre.
-    pub on_way: Vec2,
+    pub on_path: Vec2,
     pub on_wall: Vec2,
 }
 
 /// The smallest distance between a straight move and an element.
 pub(crate) fn nearest(from: Vec2, to: Vec2, wall: &Element) -> Nearest {
     match Element::line(from, to) {
-        Some(way) => nearest_on_way(&way, wall),
+        Some(path) => nearest_between(&path, wall),
         None => {
             let on_wall = nearest_on_element(wall, from);
-            Nearest { distance: (on_wall - from).norm(), on_way: from, on_wall }
+            Nearest { distance: (on_wall - from).norm(), on_path: from, on_wall }
         }
     }
 }
 
 /// The smallest distance between the way of the tool and an element.
-pub(crate) fn nearest_on_way(way: &Element, wall: &Element) -> Nearest {
-    let mut best = Nearest { distance: f64::INFINITY, on_way: way.start(), on_wall: wall.start() };
-    let mut offer = |on_way: Vec2, on_wall: Vec2| {
-        let distance = (on_way - on_wall).norm();
+pub(crate) fn nearest_between(path: &Element, wall: &Element) -> Nearest {
+    let mut best =
+        Nearest { distance: f64::INFINITY, on_path: path.start(), on_wall: wall.start() };
+    let mut offer = |on_path: Vec2, on_wall: Vec2| {
+        let distance = (on_path - on_wall).norm();
         if distance < best.distance {
-            best = Nearest { distance, on_way, on_wall };
+            best = Nearest { distance, on_path, on_wall };
         }
     };
-    for end in [way.start(), way.end()] {
+    for end in [path.start(), path.end()] {
         offer(end, nearest_on_element(wall, end));
     }
     for end in [wall.start(), wall.end()] {
-        offer(nearest_on_element(way, end), end);
+        offer(nearest_on_element(path, end), end);
     }
     // Inside both, the nearest points face each other across both elements.
-    for (on_way, on_wall) in facing(way, wall) {
-        if is_on(way, on_way) && is_on(wall, on_wall) {
-            offer(on_way, on_wall);
+    for (on_path, on_wall) in facing(path, wall) {
+        if is_on(path, on_path) && is_on(wall, on_wall) {
+            offer(on_path, on_wall);
         }
     }
-    for &point in crossings(way, wall, 0.0).points() {
-        if is_on(way, point) && is_on(wall, point) {
+    for &point in crossings(path, wall, 0.0).points() {
+        if is_on(path, point) && is_on(wall, point) {
             offer(point, point);
         }
     }
@@ -54,18 +55,18 @@ pub(crate) fn nearest_on_way(way: &Element, wall: &Element) -> Nearest {
 }
 
 /// The pairs of points of two whole lines or circles that have a common normal.
-fn facing(way: &Element, wall: &Element) -> impl Iterator<Item = (Vec2, Vec2)> {
-    let normal = match (way, wall) {
+fn facing(path: &Element, wall: &Element) -> impl Iterator<Item = (Vec2, Vec2)> {
+    let normal = match (path, wall) {
         (Element::Line(_), Element::Line(_)) => None,
         (Element::Line(line), Element::Arc(_)) | (Element::Arc(_), Element::Line(line)) => {
             Some(left(line.tangent))
         }
-        (Element::Arc(way), Element::Arc(wall)) => {
-            let between = wall.center - way.center;
+        (Element::Arc(path), Element::Arc(wall)) => {
+            let between = wall.center - path.center;
             (between.norm() > 0.0).then(|| between.normalize())
         }
     };
-    let (way, wall) = (*way, *wall);
+    let (path, wall) = (*path, *wall);
     let on = move |element: &Element, other: &Element, normal: Vec2, sign: f64| match element {
         Element::Arc(arc) => arc.center + normal * (arc.radius * sign),
         Element::Line(_) => match other {
@@ -75,9 +76,9 @@ fn facing(way: &Element, wall: &Element) -> impl Iterator<Item = (Vec2, Vec2)> {
     };
     const SIGNS: [(f64, f64); 4] = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
     normal.into_iter().flat_map(move |normal| {
-        SIGNS
-            .into_iter()
-            .map(move |(one, other)| (on(&way, &wall, normal, one), on(&wall, &way, normal, other)))
+        SIGNS.into_iter().map(move |(one, other)| {
+            (on(&path, &wall, normal, one), on(&wall, &path, normal, other))
+        })
     })
 }
 

@@ -4,7 +4,7 @@ use runtime::{Health, HealthLevel};
 
 /// What came of the newest plan.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Verdict {
+pub(super) struct PlanSummary {
     pub(super) name: String,
     pub(super) revision: u64,
     pub(super) accepted: bool,
@@ -13,11 +13,11 @@ pub(super) struct Verdict {
 }
 
 /// How the planner does: a program that it refused cannot be run, which is a warning.
-pub(super) fn health(verdict: Option<&Verdict>, tool_table_revision: u64) -> Health {
+pub(super) fn health(summary: Option<&PlanSummary>, tool_table_revision: u64) -> Health {
     let mut values = vec![("tool table revision", tool_table_revision.to_string())];
-    let (level, message) = match verdict {
+    let (level, message) = match summary {
         None => (HealthLevel::Ok, "nothing is planned".to_owned()),
-        Some(Verdict { name, revision, accepted, error_count, warning_count }) => {
+        Some(PlanSummary { name, revision, accepted, error_count, warning_count }) => {
             values.push(("revision", revision.to_string()));
             values.push(("errors", error_count.to_string()));
             values.push(("warnings", warning_count.to_string()));
@@ -38,21 +38,21 @@ mod tests {
 
     #[test]
     fn only_a_refused_program_warns() {
-        let planned = Verdict {
+        let planned = PlanSummary {
             name: "part.ngc".into(),
             revision: 3,
             accepted: true,
             warning_count: 2,
-            ..Verdict::default()
+            ..PlanSummary::default()
         };
-        let refused = Verdict { accepted: false, error_count: 4, ..planned.clone() };
+        let refused = PlanSummary { accepted: false, error_count: 4, ..planned.clone() };
         let table = [
             (None, HealthLevel::Ok, "nothing is planned", 1),
             (Some(&planned), HealthLevel::Ok, "part.ngc is planned", 4),
             (Some(&refused), HealthLevel::Warn, "part.ngc is refused: 4 errors", 4),
         ];
-        for (verdict, level, message, values) in table {
-            let health = health(verdict, 1);
+        for (summary, level, message, values) in table {
+            let health = health(summary, 1);
             assert_eq!((health.level, health.message.as_str()), (level, message));
             assert_eq!(health.values.len(), values);
         }

@@ -51,7 +51,7 @@ impl Managed for Planner {
         // The contour stays: it is planned with the table that is read next, so that
         // nobody runs the path of before for want of a new one.
         let mut state = self.state();
-        (state.current, state.live, state.verdict) = (None, Live::default(), None);
+        (state.current, state.live, state.summary) = (None, Live::default(), None);
         Ok(())
     }
 

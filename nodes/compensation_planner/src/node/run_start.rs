@@ -1,6 +1,6 @@
 //! A run that begins at a line, over the wire: the line in, how it begins out.
 
-use super::live::RunningPlan;
+use super::live_offset::RunningPlan;
 use crate::tools::restart::start;
 use cnc_msgs::convert::start_in_span_to_wire;
 use cnc_msgs::wire::cnc_msgs::srv::{PlanStartRequest, PlanStartResponse};

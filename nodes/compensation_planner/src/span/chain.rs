@@ -27,7 +27,7 @@ pub(crate) enum Role {
 
 /// An element and the signed offsets at its ends, mm.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Link {
+pub(crate) struct ChainLink {
     pub role: Role,
     pub element: Element,
     pub d_in_mm: f64,
@@ -108,7 +108,12 @@ pub(crate) fn line_corner(at: Vec2, before: Vec2, after: Vec2, d_mm: f64) -> Vec
 /// Appends a link and, where the contour turns away from the tool, the corner before it.
 ///
 /// Corners with arcs whose ends are nearer than `short_mm` get none.
-pub(crate) fn push(links: &mut Vec<Link>, mut link: Link, next_leg: usize, short_mm: f64) {
+pub(crate) fn push(
+    links: &mut Vec<ChainLink>,
+    mut link: ChainLink,
+    next_leg: usize,
+    short_mm: f64,
+) {
     if let Some(before) = links.last() {
         let changes_side = before.d_out_mm * link.d_in_mm < 0.0;
         match turn(&before.element, &link.element, link.d_in_mm) {
@@ -127,7 +132,7 @@ pub(crate) fn push(links: &mut Vec<Link>, mut link: Link, next_leg: usize, short
                 let (d_in_mm, d_out_mm) = (link.d_in_mm, link.d_in_mm);
                 let role = Role::Corner { next_leg };
                 let is_lengthened = false;
-                links.push(Link {
+                links.push(ChainLink {
                     role,
                     element,
                     d_in_mm,
@@ -149,7 +154,7 @@ pub(crate) fn gap(before: Vec2, after: Vec2, d_mm: f64) -> f64 {
 }
 
 /// Whether the corner between two is so short that they are lengthened instead.
-fn is_short(before: &Link, link: &Link, short_mm: f64) -> bool {
+fn is_short(before: &ChainLink, link: &ChainLink, short_mm: f64) -> bool {
     if before.element.is_line() && link.element.is_line() {
         return false;
     }
@@ -170,7 +175,7 @@ fn is_short(before: &Link, link: &Link, short_mm: f64) -> bool {
 /// `slack` is how far elements that were not neighbours in the program may miss
 /// each other, mm. Each pair of neighbours in the result whose indices are not
 /// next to each other has consumed what lies between.
-pub(crate) fn join(links: &[Link], slack: f64) -> Vec<Placed> {
+pub(crate) fn join(links: &[ChainLink], slack: f64) -> Vec<Placed> {
     let mut placed: Vec<Placed> = Vec::with_capacity(links.len());
     for (index, link) in links.iter().enumerate() {
         let Some(ahead) = link.element.offset(link.d_in_mm) else { continue };
@@ -235,9 +240,9 @@ pub(crate) fn join(links: &[Link], slack: f64) -> Vec<Placed> {
 
 /// Chords at the free ends of a contour that are noise beside a line: the tool goes along
 /// the line as far as they do.
-fn lengthen_ends(links: &[Link], placed: &mut [Placed], slack: f64) {
+fn lengthen_ends(links: &[ChainLink], placed: &mut [Placed], slack: f64) {
     let (Some(very_first), Some(very_last)) = (links.first(), links.last()) else { return };
-    let is_run = |link: &Link| matches!(link.role, Role::Run(_));
+    let is_run = |link: &ChainLink| matches!(link.role, Role::Run(_));
     if let Some(last) = placed.last_mut().filter(|last| last.link + 1 < links.len())
         && is_run(very_last)
         && let Some(along) = along_line(&links[last.link], very_last.element.end(), slack)
@@ -261,13 +266,13 @@ fn lengthen_ends(links: &[Link], placed: &mut [Placed], slack: f64) {
 }
 
 /// How far along the line of a link a point lies that is within `slack` of it, mm.
-fn along_line(link: &Link, point: Vec2, slack: f64) -> Option<f64> {
+fn along_line(link: &ChainLink, point: Vec2, slack: f64) -> Option<f64> {
     let Element::Line(line) = &link.element else { return None };
     let out = point - line.start;
     (cross(line.tangent, out).abs() <= slack).then(|| out.dot(&line.tangent))
 }
 
-fn end_of(link: &Link, ahead: &Element) -> Vec2 {
+fn end_of(link: &ChainLink, ahead: &Element) -> Vec2 {
     if link.d_in_mm == link.d_out_mm {
         ahead.end()
     } else {
@@ -275,7 +280,7 @@ fn end_of(link: &Link, ahead: &Element) -> Vec2 {
     }
 }
 
-fn length(link: &Link, compensated: &Element) -> f64 {
+fn length(link: &ChainLink, compensated: &Element) -> f64 {
     match link.role {
         Role::Entry | Role::Exit => f64::INFINITY,
         Role::Run(_) | Role::Corner { .. } => compensated.length(),
@@ -283,15 +288,15 @@ fn length(link: &Link, compensated: &Element) -> f64 {
 }
 
 /// Which of two that do not meet is left out: corners, then what is shorter.
-fn is_smaller(a: &Link, b: &Link) -> bool {
+fn is_smaller(a: &ChainLink, b: &ChainLink) -> bool {
     length(a, &a.element) < length(b, &b.element)
 }
 
 /// Where one link is left for the next that is placed.
 pub(crate) fn joint(
-    a: &Link,
+    a: &ChainLink,
     behind: &Element,
-    b: &Link,
+    b: &ChainLink,
     ahead: &Element,
     is_neighbour: bool,
     slack: f64,
@@ -345,7 +350,7 @@ pub(crate) fn joint(
 
 /// The joint at a small inside corner, where the last digit of a centre moves the meeting of two
 /// nearly tangent circles away from it: there the tangents meet.
-fn bent(a: &Link, b: &Link, meeting: Option<Meeting>) -> Option<Meeting> {
+fn bent(a: &ChainLink, b: &ChainLink, meeting: Option<Meeting>) -> Option<Meeting> {
     let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
     let sine = cross(before, after) * b.d_in_mm.signum();
     let gap_mm = sine * b.d_in_mm.abs();
@@ -364,7 +369,7 @@ fn bent(a: &Link, b: &Link, meeting: Option<Meeting>) -> Option<Meeting> {
 
 /// Whether one goes on in the other but for what merging allows: without a joint the tool would
 /// come nearer by half the square of the sine, times its radius.
-fn is_hardly_bent(a: &Link, b: &Link) -> bool {
+fn is_hardly_bent(a: &ChainLink, b: &ChainLink) -> bool {
     let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
     let sine = cross(before, after).abs();
     before.dot(&after) > 0.0

@@ -9,7 +9,7 @@ use crate::geometry::element::{Arc, Element, Vec2, left};
 use crate::geometry::intersect::crossings;
 use crate::geometry::tolerance::{LENGTH_MM, REVERSAL};
 use crate::span::Span;
-use crate::span::chain::{Link, Placed, Role, gap, line_corner};
+use crate::span::chain::{ChainLink, Placed, Role, gap, line_corner};
 use cnc_msgs::contour::OutsideCorner;
 use std::f64::consts::{PI, TAU};
 
@@ -71,10 +71,11 @@ impl Corners<'_> {
     }
 
     /// The shape of what is placed there; a corner that was cut short stays an arc.
-    pub(crate) fn around(&self, links: &[Link], placed: &[Placed], index: usize) -> Around {
+    pub(crate) fn around(&self, links: &[ChainLink], placed: &[Placed], index: usize) -> Around {
         let place = &placed[index];
-        let Link { role: Role::Corner { next_leg }, element: Element::Arc(arc), d_in_mm, .. } =
-            links[place.link]
+        let ChainLink {
+            role: Role::Corner { next_leg }, element: Element::Arc(arc), d_in_mm, ..
+        } = links[place.link]
         else {
             return Around::Arc;
         };
@@ -90,7 +91,12 @@ impl Corners<'_> {
     }
 
     /// The lines around what is placed there, if it is a corner that has them.
-    pub(crate) fn lines(&self, links: &[Link], placed: &[Placed], index: usize) -> Option<Lines> {
+    pub(crate) fn lines(
+        &self,
+        links: &[ChainLink],
+        placed: &[Placed],
+        index: usize,
+    ) -> Option<Lines> {
         placed.get(index)?;
         match self.around(links, placed, index) {
             Around::Lines(lines) => Some(lines),
@@ -102,7 +108,7 @@ impl Corners<'_> {
     /// lengthened by.
     pub(crate) fn pieces(
         &self,
-        links: &[Link],
+        links: &[ChainLink],
         placed: &[Placed],
         index: usize,
     ) -> Option<[Option<Element>; PIECES]> {
@@ -133,7 +139,7 @@ pub(crate) const PIECES: usize = 5;
 
 /// The elements that a corner joins, where both are still there.
 fn neighbours<'a>(
-    links: &'a [Link],
+    links: &'a [ChainLink],
     placed: &[Placed],
     index: usize,
 ) -> Option<(&'a Element, &'a Element)> {

@@ -213,14 +213,14 @@ pub fn still_cuts(
         "{} is refused: {} could not be cut any more: {}; nothing was changed",
         change.describe(),
         program.name,
-        first.map(told).unwrap_or_default()
+        first.map(message_and_help).unwrap_or_default()
     );
     let refusal = Refusal::new(SetToolResponse::PLAN_REFUSED, text);
     Err(Refusal { disagreement: disagreement.map(Box::new), ..refusal })
 }
 
 /// A finding in one line, with its place.
-pub(crate) fn told(finding: &Finding) -> String {
+pub(crate) fn message_and_help(finding: &Finding) -> String {
     let block = finding.source.block.map(|block| format!(" (N{block})")).unwrap_or_default();
     format!("line {}{block}: {}", finding.source.line, finding.message)
 }

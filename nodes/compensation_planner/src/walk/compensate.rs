@@ -13,15 +13,15 @@ use crate::check::uncut::{self, UncutRegion};
 use crate::check::walls::{Layout, Walls};
 use crate::geometry::frame::{height, in_plane, plane_axes};
 use crate::geometry::tolerance::{GOUGE_MM, MERGE_MM, RADIUS_MM};
-use crate::span::chain::{Link, Placed, Role as LinkRole, join};
+use crate::span::chain::{ChainLink, Placed, Role as LinkRole, join};
+use crate::span::chain_links::links;
 use crate::span::corner::Corners;
 use crate::span::feed;
-use crate::span::links::links;
-use crate::span::normalise::runs;
+use crate::span::runs::runs;
 use crate::span::{Lead, Run, Span};
-use crate::walk::emit::{Emitter, Label};
-use crate::walk::tip;
-use crate::walk::write::Writer;
+use crate::walk::emitter::{Emitter, Label};
+use crate::walk::span_writer::SpanWriter;
+use crate::walk::tool_tip;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::path::Role;
@@ -52,14 +52,14 @@ impl Exit {
 
 /// What is said about the spans of a contour.
 #[derive(Debug, Default)]
-pub(crate) struct Verdict {
+pub(crate) struct SpanReport {
     pub findings: Vec<Finding>,
     /// Where certificates go, if they are wanted.
     pub certificates: Option<Vec<Certificate>>,
     pub uncut: Vec<UncutRegion>,
 }
 
-impl Verdict {
+impl SpanReport {
     /// Adds what is said about a later span.
     fn extend(&mut self, later: Self) {
         self.findings.extend(later.findings);
@@ -75,13 +75,13 @@ impl Verdict {
 #[derive(Debug)]
 pub(crate) struct Solution {
     runs: Vec<Run>,
-    links: Vec<Link>,
+    links: Vec<ChainLink>,
     placed: Vec<Placed>,
     layout: Layout,
     is_identity: bool,
-    verdict: Verdict,
+    report: SpanReport,
     /// The lead-on and the lead-off, once they are put out: radius, mm, and way.
-    leads: [Option<(f64, lead::Way)>; 2],
+    leads: [Option<(f64, lead::LeadPath)>; 2],
 }
 
 /// Finds the way of the tool along a span.
@@ -91,8 +91,8 @@ pub(crate) fn solve(
     profile: &Profile,
     certifies: bool,
 ) -> Solution {
-    let mut verdict = Verdict { certificates: certifies.then(Vec::new), ..Verdict::default() };
-    let Verdict { findings, certificates, uncut } = &mut verdict;
+    let mut report = SpanReport { certificates: certifies.then(Vec::new), ..SpanReport::default() };
+    let SpanReport { findings, certificates, uncut } = &mut report;
     let is_identity = is_zero(span.d_mm) && span.legs.iter().all(|leg| is_zero(leg.d_out_mm));
     let tolerance = profile.accept_tolerance_mm;
     let mut straight_mm = MERGE_MM;
@@ -161,7 +161,7 @@ pub(crate) fn solve(
         placed = trimmed.placed;
         layout = walls.into_layout();
     }
-    Solution { runs, links, placed, layout, is_identity, verdict, leads: [None; 2] }
+    Solution { runs, links, placed, layout, is_identity, report, leads: [None; 2] }
 }
 
 impl Solution {
@@ -174,18 +174,18 @@ impl Solution {
         behind: Option<WallBehind>,
         profile: &Profile,
         out: &mut Emitter,
-        verdict: &mut Verdict,
+        report: &mut SpanReport,
     ) -> Option<WallBehind> {
-        let Self { runs, links, placed, layout, is_identity, verdict: own, leads } = self;
-        verdict.extend(std::mem::take(own));
-        let findings = &mut verdict.findings;
+        let Self { runs, links, placed, layout, is_identity, report: own, leads } = self;
+        report.extend(std::mem::take(own));
+        let findings = &mut report.findings;
         let corners = Corners { span, short_mm: profile.corner.short_block_mm };
         let joined = Joined { links, placed, corners };
         out.side = side_of(span.d_mm);
         // What is compensated is computed at the centre, and put out there or at the tip.
-        let to_tip = tip::Shift::new(span, profile);
+        let to_tip = tool_tip::TipShift::new(span, profile);
         out.position = to_tip.centre(span.plane, out.position, to_tip.first);
-        let mut writer = Writer {
+        let mut writer = SpanWriter {
             span,
             corners,
             profile,
@@ -208,26 +208,26 @@ impl Solution {
         let walls = Walls::of_layout(runs, layout);
         let mut check = lead::Check { profile, plane: span.plane, walls: &walls, findings };
         if span.entry.from.is_none()
-            && let Some(way) = lead::Way::on(&joined, lead_start)
+            && let Some(path) = lead::LeadPath::on(&joined, lead_start)
         {
-            check.lead_on(span, runs, &way, behind);
+            check.lead_on(span, runs, &path, behind);
             // A link begins with the offset of the span before.
             let from_mm = behind.map_or(f64::INFINITY, |behind| behind.d_mm.abs());
-            leads[0] = Some((span.d_mm.abs().min(from_mm), way));
+            leads[0] = Some((span.d_mm.abs().min(from_mm), path));
         }
-        let way_of = |run: usize| {
+        let path_of = |run: usize| {
             let place = placed.iter().find(|place| links[place.link].role == LinkRole::Run(run))?;
             interference::lengthened(&links[place.link], place)
         };
         if let (Some(behind), Some(_)) = (behind, span.entry.from) {
-            check.change_of_side(span, way_of(0), behind);
+            check.change_of_side(span, path_of(0), behind);
         }
         for (at_end, other_side) in [(false, span.entry.from), (true, span.next)] {
             let run = if at_end { runs.len() - 1 } else { 0 };
             let place = placed.iter().find(|it| links[it.link].role == LinkRole::Run(run));
             let beyond = |place: &Placed| interference::beyond(&links[place.link], place, at_end);
-            if let Some(way) = place.filter(|_| other_side.is_some()).and_then(beyond) {
-                check.beyond(span, runs, &way, run);
+            if let Some(path) = place.filter(|_| other_side.is_some()).and_then(beyond) {
+                check.beyond(span, runs, &path, run);
             }
         }
         if let Exit::LeadOff(lead) = exit {
@@ -240,13 +240,13 @@ impl Solution {
             let end = in_plane(span.plane, lead.motion.end);
             out.line_to(span.plane, end, height(span.plane, lead.motion.end), label);
             let centre = to_tip.centre(span.plane, lead.motion.end, to_tip.last);
-            if let Some(way) = lead::Way::off(&joined, in_plane(span.plane, centre)) {
-                check.lead_off(span, runs, &way, lead);
-                leads[1] = Some((span.d_out_mm.abs(), way));
+            if let Some(path) = lead::LeadPath::off(&joined, in_plane(span.plane, centre)) {
+                check.lead_off(span, runs, &path, lead);
+                leads[1] = Some((span.d_out_mm.abs(), path));
             }
         }
         out.side = None;
-        check.wall_behind(span, runs, runs.len().checked_sub(1).and_then(way_of))
+        check.wall_behind(span, runs, runs.len().checked_sub(1).and_then(path_of))
     }
 }
 
@@ -267,7 +267,7 @@ impl Solution {
     }
 
     /// The lead-on and the lead-off, once they are put out: radius, mm, and way.
-    pub(crate) fn leads(&self) -> [Option<(f64, lead::Way)>; 2] {
+    pub(crate) fn leads(&self) -> [Option<(f64, lead::LeadPath)>; 2] {
         self.leads
     }
 
@@ -296,7 +296,7 @@ fn unreachable_places(
 /// The runs of a span, joined.
 struct Chain {
     runs: Vec<Run>,
-    links: Vec<Link>,
+    links: Vec<ChainLink>,
     placed: Vec<Placed>,
 }
 

@@ -4,15 +4,15 @@
 //! perpendicular: each ends the span that is being gathered and begins another.
 //! When a span begins and ends otherwise is decided in `walk`.
 
-use super::{Active, OneSide, Selection, State, Walk};
+use super::{Active, OneSide, Selection, Walk, WalkState};
 use crate::check::finding;
 use crate::check::reach::is_any_unreachable;
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::intersect::{Meeting, meet_across};
 use crate::geometry::tolerance::{FAR_CORNER_RADII, LENGTH_MM, MERGE_MM};
-use crate::span::chain::{Link, Role, join, push};
-use crate::span::links;
-use crate::span::normalise::{first_runs, last_runs};
+use crate::span::chain::{ChainLink, Role, join, push};
+use crate::span::chain_links;
+use crate::span::runs::{first_runs, last_runs};
 use crate::span::{AtChange, Lead, OtherSide, Run, Span};
 use crate::walk::compensate::Exit;
 use crate::walk::rules;
@@ -33,7 +33,7 @@ impl<'a> Walk<'a> {
         element: &Element,
     ) -> Option<Box<Active<'a>>> {
         if motion.class != MotionClass::Feed {
-            self.verdict.findings.extend(rules::rapid(source, self.profile));
+            self.report.findings.extend(rules::rapid(source, self.profile));
             if self.profile.rapid.rule == RapidMode::Raw {
                 self.leave_raw(*active, start, motion, source);
                 return None;
@@ -93,7 +93,7 @@ impl<'a> Walk<'a> {
             let before = last_runs(&one_side.span, MERGE_MM).pop();
             let next = first_runs(&active.span, MERGE_MM).into_iter().next();
             if !(is_line(next) && is_line(before)) {
-                self.verdict.findings.push(rules::no_intersection(selected, self.profile));
+                self.report.findings.push(rules::no_intersection(selected, self.profile));
             }
             active.behind = self.close(*one_side, Exit::Link(lead));
             return;
@@ -103,7 +103,7 @@ impl<'a> Walk<'a> {
         let distance_mm = (meeting.point - next.element.start()).norm();
         if distance_mm > FAR_CORNER_RADII * radius_mm {
             let finding = finding::far_corner(lead.source, distance_mm, next.d_mm);
-            self.verdict.findings.push(finding);
+            self.report.findings.push(finding);
         }
         one_side.span.next = Some(next);
         one_side.span.at_change[1] = Some(at_end);
@@ -114,8 +114,8 @@ impl<'a> Walk<'a> {
 
     /// The span that has just been opened.
     fn opened(&mut self) -> Box<Active<'a>> {
-        match std::mem::replace(&mut self.state, State::Off) {
-            State::Active(active) => active,
+        match std::mem::replace(&mut self.state, WalkState::Off) {
+            WalkState::Active(active) => active,
             _ => unreachable!("open makes the state active"),
         }
     }
@@ -171,9 +171,9 @@ impl<'a> Walk<'a> {
             source: active.span.entry.lead.source,
         };
         let next = match (active.cancel, active.relink) {
-            (Some(_), _) => State::Off,
-            (None, Some((selection, _))) => State::Selected(selection),
-            (None, None) => State::Selected(same_side),
+            (Some(_), _) => WalkState::Off,
+            (None, Some((selection, _))) => WalkState::Selected(selection),
+            (None, None) => WalkState::Selected(same_side),
         };
         let approach = self.profile.cancel.default;
         let lead = Lead { motion: *motion, source, start, approach, along: None };
@@ -235,8 +235,8 @@ impl Change {
 /// Where the second run begins after a change of side, if the first is left out within what is
 /// accepted.
 fn after_noise(from: &OtherSide, runs: &[Run], (short_mm, slack): (f64, f64)) -> Option<Vec2> {
-    let mut links = vec![links::link(Role::Entry, from.element, from.d_mm, from.d_mm)];
-    links::push_runs(&mut links, runs, 1.0, short_mm);
+    let mut links = vec![chain_links::link(Role::Entry, from.element, from.d_mm, from.d_mm)];
+    chain_links::push_runs(&mut links, runs, 1.0, short_mm);
     let placed = join(&links, slack);
     let first = placed.iter().find(|place| matches!(links[place.link].role, Role::Run(_)))?;
     let is_second = links[first.link].role == Role::Run(1);
@@ -250,9 +250,9 @@ fn is_all_reached(
     to: Option<&OtherSide>,
     (short_mm, slack): (f64, f64),
 ) -> bool {
-    let end = |role, side: &OtherSide| links::link(role, side.element, side.d_mm, side.d_mm);
-    let mut links: Vec<Link> = from.map(|from| end(Role::Entry, from)).into_iter().collect();
-    links::push_runs(&mut links, runs, 1.0, short_mm);
+    let end = |role, side: &OtherSide| chain_links::link(role, side.element, side.d_mm, side.d_mm);
+    let mut links: Vec<ChainLink> = from.map(|from| end(Role::Entry, from)).into_iter().collect();
+    chain_links::push_runs(&mut links, runs, 1.0, short_mm);
     if let Some(to) = to {
         push(&mut links, end(Role::Exit, to), 0, short_mm);
     }

@@ -6,7 +6,7 @@
 
 use crate::check::finding::{self, OtherCut};
 use crate::check::interference;
-use crate::geometry::distance::nearest_on_way;
+use crate::geometry::distance::nearest_between;
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{GOUGE_MM, LENGTH_MM};
 use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, budget};
@@ -26,10 +26,10 @@ type Part = (Plane, u8);
 
 /// What the spans so far have left.
 #[derive(Debug)]
-pub(crate) struct Earlier<'a> {
+pub(crate) struct EarlierSpans<'a> {
     /// The first span waits for a second one: most programs that are long have one only.
     first: Option<Box<(Part, Span<'a>, Solution)>>,
-    left: Vec<Left>,
+    left: Vec<SpanWalls>,
     work_system: u8,
     /// Boxes that may still be looked at.
     budget: usize,
@@ -39,7 +39,7 @@ pub(crate) struct Earlier<'a> {
 
 /// What one span has left.
 #[derive(Debug)]
-struct Left {
+struct SpanWalls {
     part: Part,
     walls: Vec<Wall>,
     tree: Tree,
@@ -59,14 +59,14 @@ struct Wall {
 /// A piece of the way of the tool.
 #[derive(Debug, Clone, Copy)]
 struct Piece {
-    way: Element,
+    path: Element,
     radius_mm: f64,
     /// The lowest that the tool is along it, mm.
     height_mm: f64,
     source: Source,
 }
 
-impl<'a> Earlier<'a> {
+impl<'a> EarlierSpans<'a> {
     pub(crate) fn new() -> Self {
         Self {
             first: None,
@@ -110,9 +110,9 @@ impl<'a> Earlier<'a> {
             return None;
         }
         if let Some((part, span, solution)) = self.first.take().map(|first| *first) {
-            self.left.extend(Left::of(part, &span, &solution));
+            self.left.extend(SpanWalls::of(part, &span, &solution));
         }
-        let left = Left::of(part, &span, &solution)?;
+        let left = SpanWalls::of(part, &span, &solution)?;
         // A link is checked against what it leaves by itself.
         let by_link = |said: &&Finding| said.code == Code::LinkGouge;
         let checked: Vec<Source> = said.iter().filter(by_link).filter_map(|it| it.other).collect();
@@ -129,17 +129,17 @@ impl<'a> Earlier<'a> {
     /// The deepest cut into the latest span that is cut into.
     fn cut(
         &mut self,
-        of: &Left,
+        of: &SpanWalls,
         pieces: Vec<Piece>,
         checked: &[Source],
         span: &Span<'_>,
         profile: &Profile,
     ) -> Option<Finding> {
         self.budget += budget(pieces.len()) - budget(0);
-        let boxes = || pieces.iter().map(|piece| Bounds::of(&piece.way));
+        let boxes = || pieces.iter().map(|piece| Bounds::of(&piece.path));
         let reach = pieces.iter().fold(0.0, |reach: f64, piece| reach.max(piece.radius_mm));
         let bounds = boxes().fold(Bounds::EMPTY, Bounds::union);
-        let is_near = |left: &&Left| {
+        let is_near = |left: &&SpanWalls| {
             left.part == of.part
                 && !left.is_same(of)
                 && left.bounds.gap_squared(&bounds) < reach * reach
@@ -175,7 +175,7 @@ impl<'a> Earlier<'a> {
     }
 }
 
-impl Left {
+impl SpanWalls {
     /// `None` where not all was found that the contour bounds.
     fn of(part: Part, span: &Span<'_>, solution: &Solution) -> Option<Self> {
         let walls = solution.walls();
@@ -217,14 +217,14 @@ impl Left {
 impl Piece {
     fn cut_into(&self, wall: &Wall, profile: &Profile, d_mm: f64) -> Option<OtherCut> {
         let limit = self.radius_mm - GOUGE_MM - profile.accept_tolerance_mm;
-        let gap_squared = Bounds::of(&self.way).gap_squared(&Bounds::of(&wall.element));
+        let gap_squared = Bounds::of(&self.path).gap_squared(&Bounds::of(&wall.element));
         if self.height_mm > wall.height_mm + LENGTH_MM || limit <= 0.0 {
             return None;
         }
         if gap_squared >= limit * limit {
             return None;
         }
-        let near = nearest_on_way(&self.way, &wall.element);
+        let near = nearest_between(&self.path, &wall.element);
         (near.distance < limit).then_some(OtherCut {
             on: self.source,
             into: wall.source,
@@ -246,8 +246,8 @@ fn pieces(
 ) -> Vec<Piece> {
     let runs = solution.runs();
     let heights = span.leg_heights();
-    let on_contour = |(run, radius_mm, way): (usize, f64, Element)| Piece {
-        way,
+    let on_contour = |(run, radius_mm, path): (usize, f64, Element)| Piece {
+        path,
         radius_mm,
         height_mm: lowest(&heights, &runs[run]),
         source: span.legs[runs[run].legs.start].source,
@@ -256,8 +256,8 @@ fn pieces(
     let mut pieces: Vec<Piece> =
         interference::pieces(&walls, &solution.joined(span, profile)).map(on_contour).collect();
     let leads = [Some(&span.entry.lead), exit.lead()];
-    for (lead, way) in leads.into_iter().zip(solution.leads()) {
-        let (Some(lead), Some((radius_mm, way))) = (lead, way) else { continue };
+    for (lead, path) in leads.into_iter().zip(solution.leads()) {
+        let (Some(lead), Some((radius_mm, path))) = (lead, path) else { continue };
         let is_cut = |said: &&Finding| {
             said.source == lead.source && matches!(said.code, Code::LeadGouge | Code::LinkGouge)
         };
@@ -266,8 +266,8 @@ fn pieces(
         }
         let height = |position| crate::geometry::frame::height(span.plane, position);
         let height_mm = height(lead.start).min(height(lead.motion.end));
-        let piece = |way| Piece { way, radius_mm, height_mm, source: lead.source };
-        pieces.extend(way.elements().map(piece));
+        let piece = |path| Piece { path, radius_mm, height_mm, source: lead.source };
+        pieces.extend(path.elements().map(piece));
     }
     pieces
 }

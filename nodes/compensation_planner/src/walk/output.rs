@@ -6,9 +6,9 @@
 
 use crate::check::lead::WallBehind;
 use crate::span::{ItemKind, Span};
-use crate::walk::compensate::{Exit, Solution, Verdict, empty_span, solve};
-use crate::walk::emit::Emitter;
-use crate::walk::other_spans::Earlier;
+use crate::walk::compensate::{Exit, Solution, SpanReport, empty_span, solve};
+use crate::walk::emitter::Emitter;
+use crate::walk::other_spans::EarlierSpans;
 use crate::walk::plan::{Planning, SpanSummary};
 use cnc_msgs::contour::{Action, CutterSide, Motion, ProgrammedContour, Source};
 use cnc_msgs::finding::Finding;
@@ -24,7 +24,7 @@ pub(super) struct Output<'a> {
     planning: Planning<'a>,
     emitter: Emitter,
     spans: Vec<SpanSummary>,
-    earlier: Earlier<'a>,
+    earlier: EarlierSpans<'a>,
     /// The first is a span, if there is any.
     waiting: Vec<Order<'a>>,
     /// Orders and the blocks of spans among them.
@@ -61,7 +61,7 @@ impl<'a> Output<'a> {
             planning,
             emitter,
             spans: Vec::new(),
-            earlier: Earlier::new(),
+            earlier: EarlierSpans::new(),
             waiting: Vec::new(),
             weight: 0,
         }
@@ -87,28 +87,28 @@ impl<'a> Output<'a> {
         span: Span<'a>,
         exit: Exit,
         behind: Option<WallBehind>,
-        verdict: &mut Verdict,
+        report: &mut SpanReport,
     ) -> Option<WallBehind> {
-        let said = std::mem::take(&mut verdict.findings);
+        let said = std::mem::take(&mut report.findings);
         let waits = matches!(exit, Exit::LeadOff(_));
         self.weight += span.legs.len();
         self.waiting.push(Order::Span(Box::new(Job { span, exit, behind, said })));
         if waits && self.weight < WAITING_MAX {
             return None;
         }
-        self.put_out_waiting(verdict)
+        self.put_out_waiting(report)
     }
 
     /// The whole path.
-    pub(super) fn finish(mut self, verdict: &mut Verdict) -> (CompensatedPath, Vec<SpanSummary>) {
-        self.put_out_waiting(verdict);
+    pub(super) fn finish(mut self, report: &mut SpanReport) -> (CompensatedPath, Vec<SpanSummary>) {
+        self.put_out_waiting(report);
         (self.emitter.path, self.spans)
     }
 
     /// Puts out what waits, if that is much.
-    pub(super) fn put_out_much(&mut self, verdict: &mut Verdict) {
+    pub(super) fn put_out_much(&mut self, report: &mut SpanReport) {
         if self.weight >= WAITING_MAX {
-            self.put_out_waiting(verdict);
+            self.put_out_waiting(report);
         }
     }
 
@@ -122,23 +122,23 @@ impl<'a> Output<'a> {
     }
 
     /// Puts out all that waits; gives the wall that the last span leaves behind.
-    fn put_out_waiting(&mut self, verdict: &mut Verdict) -> Option<WallBehind> {
+    fn put_out_waiting(&mut self, report: &mut SpanReport) -> Option<WallBehind> {
         self.weight = 0;
         let mut orders = std::mem::take(&mut self.waiting);
         let mut solutions = self.solutions(&mut orders).into_iter();
         // What was said since the last span was complete comes after what is said of it.
-        let said = std::mem::take(&mut verdict.findings);
+        let said = std::mem::take(&mut report.findings);
         let mut behind = None;
         for order in orders {
             match order {
                 Order::Span(job) => {
                     let solution = solutions.next().flatten();
-                    behind = self.put_out_span(*job, solution, verdict);
+                    behind = self.put_out_span(*job, solution, report);
                 }
                 order => self.put_out(order),
             }
         }
-        verdict.findings.extend(said);
+        report.findings.extend(said);
         behind
     }
 
@@ -182,19 +182,19 @@ impl<'a> Output<'a> {
         &mut self,
         job: Job<'a>,
         solution: Option<Solution>,
-        verdict: &mut Verdict,
+        report: &mut SpanReport,
     ) -> Option<WallBehind> {
         let Job { span, exit, behind, said } = job;
-        verdict.findings.extend(said);
-        let found = verdict.findings.len();
+        report.findings.extend(said);
+        let found = report.findings.len();
         let before = self.emitter.path.elements.len();
         let (Some(mut solution), [first, ..], [.., last]) =
             (solution, &span.legs[..], &span.legs[..])
         else {
-            self.without_contour(&span, &exit, verdict);
+            self.without_contour(&span, &exit, report);
             return None;
         };
-        let rest = solution.put_out(&span, &exit, behind, self.profile, &mut self.emitter, verdict);
+        let rest = solution.put_out(&span, &exit, behind, self.profile, &mut self.emitter, report);
         let elements = &self.emitter.path.elements[before..];
         let is_contour = |role| matches!(role, Role::Contour | Role::Corner | Role::OffPlane);
         let inside = |element: &cnc_msgs::path::PathElement| is_contour(element.role);
@@ -209,15 +209,15 @@ impl<'a> Output<'a> {
                 last_element: before + last_element,
             });
         }
-        let found = &verdict.findings[found..];
+        let found = &report.findings[found..];
         let cut = self.earlier.compare(span, &exit, solution, self.profile, found);
-        verdict.findings.extend(cut);
+        report.findings.extend(cut);
         rest
     }
 
     /// A span without a contour: its moves as programmed, and the finding.
-    fn without_contour(&mut self, span: &Span<'_>, exit: &Exit, verdict: &mut Verdict) {
-        verdict.findings.push(empty_span(span));
+    fn without_contour(&mut self, span: &Span<'_>, exit: &Exit, report: &mut SpanReport) {
+        report.findings.push(empty_span(span));
         let out = &mut self.emitter;
         out.programmed(&span.entry.lead.motion, span.entry.lead.source, Role::LeadOn);
         for item in &span.items {

@@ -5,10 +5,10 @@
 //! happens to the program afterwards is decided by `walk`.
 
 mod between;
-mod broken;
+mod findings;
 
 pub(crate) use between::Between;
-pub(crate) use broken::*;
+pub(crate) use findings::*;
 
 use crate::geometry::element::Element;
 use crate::geometry::tolerance::RADIUS_MM;

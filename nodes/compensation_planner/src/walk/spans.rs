@@ -3,7 +3,7 @@
 //! When each of these happens is decided in `walk`; the geometry of a closed
 //! span is made by `compensate`.
 
-use super::{Active, Selection, State, Walk};
+use super::{Active, Selection, Walk, WalkState};
 use crate::check::lead::WallBehind;
 use crate::geometry::element::Element;
 use crate::geometry::frame::{height, in_plane};
@@ -37,7 +37,7 @@ impl<'a> Walk<'a> {
         let corner = match active.corner_arc.take() {
             Some((along, at)) => {
                 let plane = active.span.plane;
-                self.verdict.findings.extend(rules::corner_arc(at, along, plane, element));
+                self.report.findings.extend(rules::corner_arc(at, along, plane, element));
                 OutsideCorner::Arc
             }
             // The intersection with the imaginary line, whatever the corner.
@@ -53,7 +53,7 @@ impl<'a> Walk<'a> {
                 let radii = (sign * d_out_mm, sign * resolved);
                 let finding = rules::radius_change(source, element, radii, self.profile);
                 let is_refused = finding.as_ref().is_some_and(Finding::is_error);
-                self.verdict.findings.extend(finding);
+                self.report.findings.extend(finding);
                 if element.is_line() && !is_refused {
                     d_out_mm = resolved;
                 } else if !is_refused {
@@ -62,12 +62,12 @@ impl<'a> Walk<'a> {
                 }
             }
         }
-        self.verdict.findings.extend(slow_corner(active, motion, source));
+        self.report.findings.extend(slow_corner(active, motion, source));
         active.span.d_out_mm = d_out_mm;
-        self.verdict.findings.extend(rules::inside_arc(source, element, d_out_mm, self.profile));
+        self.report.findings.extend(rules::inside_arc(source, element, d_out_mm, self.profile));
         let end = in_plane(active.span.plane, motion.end);
         let uneven = rules::uneven_arc(source, element, end, d_out_mm, self.profile);
-        self.verdict.findings.extend(uneven);
+        self.report.findings.extend(uneven);
         active.span.legs.push(Leg {
             motion,
             source,
@@ -84,7 +84,7 @@ impl<'a> Walk<'a> {
         let between = std::mem::take(&mut active.between);
         let excess = between.excess(source, self.profile);
         let is_too_much = excess.is_some();
-        self.verdict.findings.extend(excess);
+        self.report.findings.extend(excess);
         active.between = rules::Between::after(source);
         is_too_much
     }
@@ -124,7 +124,7 @@ impl<'a> Walk<'a> {
             at_change: [None, None],
             exit_corner: self.corner,
         };
-        self.state = State::Active(Box::new(Active {
+        self.state = WalkState::Active(Box::new(Active {
             span,
             side: selection.side,
             relink: None,
@@ -143,7 +143,7 @@ impl<'a> Walk<'a> {
     pub(super) fn close(&mut self, mut active: Active<'a>, exit: Exit) -> Option<WallBehind> {
         self.settle(&mut active);
         let Active { span, behind, .. } = active;
-        self.out.span(span, exit, behind, &mut self.verdict)
+        self.out.span(span, exit, behind, &mut self.report)
     }
 
     /// The radius in force with the sign of the side, mm; 0 when it is not known.
@@ -151,7 +151,7 @@ impl<'a> Walk<'a> {
         let (radius_mm, finding) =
             radius::resolve(self.radius, self.spindle_tool, self.profile, self.tools, at);
         let radius_mm = self.radius_value_mm.unwrap_or(radius_mm);
-        self.verdict.findings.extend(finding);
+        self.report.findings.extend(finding);
         match side {
             CutterSide::Left => radius_mm,
             CutterSide::Right => -radius_mm,

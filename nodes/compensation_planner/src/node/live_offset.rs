@@ -6,7 +6,7 @@
 //! values that it began with.
 
 use super::{Current, Input, Planner};
-use crate::tools::rest::{NoRest, Rest, plan_rest};
+use crate::tools::replan::{NotReplanned, Replanned, replan};
 use crate::tools::set_tool::LoadedProgram;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::tool_table::ToolTable;
@@ -94,10 +94,10 @@ impl Planner {
         let Input { manifest, contour, profile, .. } = &running.input;
         let program = LoadedProgram { name: &manifest.name, contour, profile };
         let settled_here = usize::try_from(settled).unwrap_or(usize::MAX);
-        let rest = plan_rest(program, &running.tools, &tools, &running.path, settled_here);
-        let Rest { contour, tools, plan, from_line } = match rest {
+        let rest = replan(program, &running.tools, &tools, &running.path, settled_here);
+        let Replanned { contour, tools, plan, from_line } = match rest {
             Ok(rest) => rest,
-            Err(NoRest { message, disagreement }) => {
+            Err(NotReplanned { message, disagreement }) => {
                 if let Some(disagreement) = disagreement {
                     let name = format!("the rest of {}", manifest.name);
                     self.keep(&name, Some(&running.program_id), *disagreement);

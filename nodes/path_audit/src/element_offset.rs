@@ -4,7 +4,7 @@
 use crate::pieces::Chains;
 use crate::planar::{Piece, Point, carriers_cross, cross};
 use crate::report::{self, Report};
-use crate::way::Way;
+use crate::tool_path::ToolPath;
 use std::f64::consts::TAU;
 
 /// How far an element may be off its place, mm: the longest that is not put out, some times.
@@ -20,12 +20,12 @@ const STRAIGHT_RAD: f64 = 1.1e-3;
 
 /// An element of role contour and the leg that it follows.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Follow {
+pub(crate) struct ElementOnLeg {
     pub element: usize,
     pub block: u32,
     /// Among all legs.
     pub leg_index: usize,
-    pub way: Piece,
+    pub piece: Piece,
     pub leg: Piece,
     pub d_in: f64,
     pub d_out: f64,
@@ -57,33 +57,33 @@ pub(crate) fn runs_on(a: &Piece, b: &Piece) -> bool {
 }
 
 /// How far the circle of an element is from that of its leg, mm.
-pub(crate) fn off_circle(way: &Piece, leg: &Piece, d_mm: f64) -> f64 {
-    match (&way.round, &leg.round) {
-        (Some(way), Some(leg)) if way.sweep * leg.sweep > 0.0 => {
+pub(crate) fn off_circle(piece: &Piece, leg: &Piece, d_mm: f64) -> f64 {
+    match (&piece.round, &leg.round) {
+        (Some(round), Some(leg)) if round.sweep * leg.sweep > 0.0 => {
             let radius = leg.radius - d_mm * leg.sweep.signum();
-            (way.center - leg.center).norm() + (way.radius - radius).abs()
+            (round.center - leg.center).norm() + (round.radius - radius).abs()
         }
         _ => f64::INFINITY,
     }
 }
 
 /// One element beside its leg, when it is known what comes next.
-pub(crate) fn one(
-    way: &mut Way<'_>,
-    follow: &Follow,
+pub(crate) fn check_element(
+    tool_path: &mut ToolPath<'_>,
+    on_leg: &ElementOnLeg,
     chains: &Chains<'_>,
     opens: bool,
     report: &mut Report<'_>,
 ) {
-    let Follow { way: piece, leg, d_in, d_out, .. } = follow;
-    let element = &way.path.elements[follow.element];
+    let ElementOnLeg { piece, leg, d_in, d_out, .. } = on_leg;
+    let element = &tool_path.path.elements[on_leg.element];
     let is_short = leg.length() <= 1.01 * MERGE_MM;
     let coarse = report.profile.accept_tolerance_mm.max(MERGE_MM) + PLACE_MM;
-    let mut place_mm = if follow.is_loose || is_short { coarse } else { PLACE_MM };
-    place_mm += follow.uneven_mm + rounding(leg);
+    let mut place_mm = if on_leg.is_loose || is_short { coarse } else { PLACE_MM };
+    place_mm += on_leg.uneven_mm + rounding(leg);
     if let Some(round) = &piece.round {
         let radii = (round.radius, (piece.to - round.center).norm());
-        let is_merged = follow.is_loose || is_beside_short(way, follow.leg_index, chains);
+        let is_merged = on_leg.is_loose || has_short_neighbour(tool_path, on_leg.leg_index, chains);
         let even_mm = if is_merged { coarse } else { 2.0 * PLACE_MM };
         // Without an offset the arc is the programmed one, as the program has it.
         let is_programmed = d_in.abs().max(d_out.abs()) < ZERO_MM;
@@ -101,8 +101,8 @@ pub(crate) fn one(
             (worst.abs(), d_in.abs() + worst * d_in.signum())
         }
         (None, None) => off_line(piece, leg, *d_in),
-        (Some(way), Some(of_leg)) => {
-            let found = (way.radius - of_leg.radius).abs();
+        (Some(round), Some(of_leg)) => {
+            let found = (round.radius - of_leg.radius).abs();
             let off = off_circle(piece, leg, *d_in);
             let is_off_centre = off - (found - d_in.abs()).abs() > PLACE_MM;
             (off, if is_off_centre { d_in.abs() - off } else { found })
@@ -123,28 +123,31 @@ pub(crate) fn one(
         }
     }
     if off.is_infinite() {
-        report
-            .push_shape(report::astray(element, "is a line beside an arc, or turns the other way"));
+        report.push_shape(report::wrong_place(
+            element,
+            "is a line beside an arc, or turns the other way",
+        ));
         return;
     }
-    if off > place_mm && (follow.is_behind_merged || is_beside_short(way, follow.leg_index, chains))
+    if off > place_mm
+        && (on_leg.is_behind_merged || has_short_neighbour(tool_path, on_leg.leg_index, chains))
     {
         // What is so short is merged with it; what an arc was merged with ends beside it.
         place_mm = place_mm.max(1.01 * MERGE_MM);
     }
     if off > place_mm {
-        report.push_shape(report::beside(element, d_in.abs(), found));
+        report.push_shape(report::wrong_offset(element, d_in.abs(), found));
         return;
     }
-    if follow.is_loose {
-        let block = &mut way.program.blocks[follow.block as usize];
+    if on_leg.is_loose {
+        let block = &mut tool_path.program.blocks[on_leg.block as usize];
         block.slack_mm =
             block.slack_mm.max((slack(piece, leg, *d_in) + PLACE_MM).min(coarse) as f32);
     }
     if d_in == d_out
-        && let Some(what) = extent(follow, opens, place_mm)
+        && let Some(what) = wrong_extent(on_leg, opens, place_mm)
     {
-        report.push_shape(report::astray(element, what));
+        report.push_shape(report::wrong_place(element, what));
     }
 }
 
@@ -161,10 +164,14 @@ pub(crate) fn unevenness(leg: &Piece) -> f64 {
 }
 
 /// Whether a leg or one beside it is so short that it is merged.
-pub(crate) fn is_beside_short(way: &Way<'_>, index: usize, chains: &Chains<'_>) -> bool {
+pub(crate) fn has_short_neighbour(
+    tool_path: &ToolPath<'_>,
+    index: usize,
+    chains: &Chains<'_>,
+) -> bool {
     let first = index.saturating_sub(1);
     (first..chains.all_legs.len().min(first + 3))
-        .any(|leg| chains.leg(way, leg).length() <= 1.01 * MERGE_MM)
+        .any(|leg| chains.leg(tool_path, leg).length() <= 1.01 * MERGE_MM)
 }
 
 /// How far a line is off, and how far from its leg it runs.
@@ -192,8 +199,8 @@ fn slack(piece: &Piece, leg: &Piece, d_mm: f64) -> f64 {
 }
 
 /// What is wrong with where an element begins and ends along its leg.
-fn extent(follow: &Follow, opens: bool, place_mm: f64) -> Option<&'static str> {
-    let Follow { way: piece, leg, .. } = follow;
+fn wrong_extent(on_leg: &ElementOnLeg, opens: bool, place_mm: f64) -> Option<&'static str> {
+    let ElementOnLeg { piece, leg, .. } = on_leg;
     let length = leg.length();
     let long_enough = length > 10.0 * place_mm && piece.length() > SHORT_MM;
     match (&piece.round, &leg.round) {
@@ -205,7 +212,7 @@ fn extent(follow: &Follow, opens: bool, place_mm: f64) -> Option<&'static str> {
             // Where the joints beside a block that is left out turn it a little, that of the leg
             // counts as well: at the radius of the tool a little is more than its place.
             let along = |off: Point| {
-                [off.dot(&tangent), off.dot(if follow.is_loose { &along_leg } else { &tangent })]
+                [off.dot(&tangent), off.dot(if on_leg.is_loose { &along_leg } else { &tangent })]
             };
             let begins = along(piece.from - leg.from);
             let ends = along(piece.to - leg.to).map(|beyond| length + beyond);
@@ -214,7 +221,7 @@ fn extent(follow: &Follow, opens: bool, place_mm: f64) -> Option<&'static str> {
             if long_enough && ahead <= 0.0 {
                 return Some("runs backwards");
             }
-            if (!follow.is_open && is_early(begins, -place_mm))
+            if (!on_leg.is_open && is_early(begins, -place_mm))
                 || is_late(begins, length + place_mm)
             {
                 return Some("begins where the block is not");
@@ -223,20 +230,20 @@ fn extent(follow: &Follow, opens: bool, place_mm: f64) -> Option<&'static str> {
                 return Some("ends where the block is not");
             }
         }
-        (Some(way), Some(of_leg)) => {
+        (Some(round), Some(of_leg)) => {
             let (begin, end) = (leg.along(piece.from), leg.along(piece.to));
-            let swept = way.sweep.abs() * of_leg.radius;
+            let swept = round.sweep.abs() * of_leg.radius;
             let full = TAU * of_leg.radius;
-            let more = if follow.is_open || opens { full } else { 0.0 };
+            let more = if on_leg.is_open || opens { full } else { 0.0 };
             // Both of its ends may be off their places.
             if swept > length + more + 2.0 * place_mm {
                 return Some("turns too far");
             }
-            if !follow.is_open && !opens && long_enough && length < full - place_mm {
+            if !on_leg.is_open && !opens && long_enough && length < full - place_mm {
                 let inside =
                     |along: f64| along >= -2.0 * place_mm && along <= length + 2.0 * place_mm;
                 // Beside a very short circle its own places are coarse.
-                let scale = (of_leg.radius / way.radius.max(1e-9)).max(1.0);
+                let scale = (of_leg.radius / round.radius.max(1e-9)).max(1.0);
                 if !inside(begin)
                     || !inside(end)
                     || (end - begin - swept).abs() > 4.0 * scale * place_mm
@@ -251,28 +258,28 @@ fn extent(follow: &Follow, opens: bool, place_mm: f64) -> Option<&'static str> {
 }
 
 /// Whether an element is an arc that its ends make no shorter than its leg.
-fn is_lengthened(follow: &Follow) -> bool {
-    let round = follow.way.round.zip(follow.leg.round);
-    round.is_some_and(|(way, leg)| way.sweep.abs() >= leg.sweep.abs())
+fn is_lengthened(on_leg: &ElementOnLeg) -> bool {
+    let round = on_leg.piece.round.zip(on_leg.leg.round);
+    round.is_some_and(|(round, leg)| round.sweep.abs() >= leg.sweep.abs())
 }
 
 /// The contour begins beside the start of its first leg, and ends beside the end of its last.
-pub(crate) fn reaches(
-    way: &Way<'_>,
-    follow: &Follow,
+pub(crate) fn check_reach(
+    tool_path: &ToolPath<'_>,
+    on_leg: &ElementOnLeg,
     lead: Option<u32>,
     is_first: bool,
     report: &mut Report<'_>,
 ) {
-    let Follow { way: piece, leg, .. } = follow;
+    let ElementOnLeg { piece, leg, .. } = on_leg;
     let place_mm = MERGE_MM.max(report.profile.accept_tolerance_mm) + PLACE_MM;
-    if leg.length() <= place_mm || is_lengthened(follow) || piece.is_line() != leg.is_line() {
+    if leg.length() <= place_mm || is_lengthened(on_leg) || piece.is_line() != leg.is_line() {
         return;
     }
     let (end, due) = if is_first { (piece.from, leg.from) } else { (piece.to, leg.to) };
     let behind = match &leg.round {
         // A line whose offset changes is not parallel to its leg.
-        None if follow.d_in != follow.d_out => (end - due).dot(&leg.tangent(due)),
+        None if on_leg.d_in != on_leg.d_out => (end - due).dot(&leg.tangent(due)),
         None => (end - due).dot(&piece.tangent(end)),
         Some(round) => {
             let (a, b) = (due - round.center, end - round.center);
@@ -284,24 +291,24 @@ pub(crate) fn reaches(
         return;
     }
     // Where it is joined with the offset of the lead it begins or ends in between.
-    let d_mm = if is_first { follow.d_in } else { follow.d_out };
-    if !meets_lead(way, lead, end, d_mm, place_mm) {
-        let element = &way.path.elements[follow.element];
+    let d_mm = if is_first { on_leg.d_in } else { on_leg.d_out };
+    if !meets_lead(tool_path, lead, end, d_mm, place_mm) {
+        let element = &tool_path.path.elements[on_leg.element];
         let what = if is_first { "begins behind its start" } else { "ends before its end" };
-        report.push_shape(report::astray(element, what));
+        report.push_shape(report::wrong_place(element, what));
     }
 }
 
 /// Whether a place is on the offset of a lead, as joints with it are.
 pub(crate) fn meets_lead(
-    way: &Way<'_>,
+    tool_path: &ToolPath<'_>,
     lead: Option<u32>,
     at: Point,
     d_mm: f64,
     place_mm: f64,
 ) -> bool {
     lead.is_some_and(|lead| {
-        let lead = way.leg(lead);
+        let lead = tool_path.leg(lead);
         let off = cross(lead.tangent(lead.from), at - lead.from);
         lead.is_line() && lead.length() > 0.0 && (off - d_mm).abs() <= place_mm
     })
@@ -309,20 +316,25 @@ pub(crate) fn meets_lead(
 
 /// Where two elements meet without a corner: turning to the tool they meet within both legs;
 /// turning away from it, beyond both.
-pub(crate) fn joint(way: &Way<'_>, a: &Follow, b: &Follow, report: &mut Report<'_>) -> bool {
+pub(crate) fn check_joint(
+    tool_path: &ToolPath<'_>,
+    a: &ElementOnLeg,
+    b: &ElementOnLeg,
+    report: &mut Report<'_>,
+) -> bool {
     if a.d_in != a.d_out || b.d_in != b.d_out || b.d_in == 0.0 {
         return true;
     }
     let short_mm = report.profile.corner.short_block_mm;
     if let Some(at) = nearer_joint(a, b, short_mm) {
-        let element = &way.path.elements[b.element];
+        let element = &tool_path.path.elements[b.element];
         let what = format!("meets the block before it {at:.4} mm from where their offsets meet");
-        report.push_shape(report::astray(element, &what));
+        report.push_shape(report::wrong_place(element, &what));
         return true;
     }
-    let (before, after) = (a.way.tangent(a.way.to), b.way.tangent(b.way.from));
+    let (before, after) = (a.piece.tangent(a.piece.to), b.piece.tangent(b.piece.from));
     let sine = cross(before, after) * b.d_in.signum();
-    let shorter = a.way.length().min(b.way.length());
+    let shorter = a.piece.length().min(b.piece.length());
     if shorter <= SHORT_MM {
         return true;
     }
@@ -338,24 +350,27 @@ pub(crate) fn joint(way: &Way<'_>, a: &Follow, b: &Follow, report: &mut Report<'
     } else {
         PLACE_MM
     };
-    let from_corner = (b.way.from - b.leg.from).norm().max((b.way.from - a.leg.to).norm());
+    let from_corner = (b.piece.from - b.leg.from).norm().max((b.piece.from - a.leg.to).norm());
     if from_corner < b.d_in.abs() - place_mm {
-        let element = &way.path.elements[b.element];
-        report.push_shape(report::beside(element, b.d_in.abs(), from_corner));
+        let element = &tool_path.path.elements[b.element];
+        report.push_shape(report::wrong_offset(element, b.d_in.abs(), from_corner));
         return true;
     }
     let turn = cross(a.leg.tangent(a.leg.to), b.leg.tangent(b.leg.from)) * b.d_in.signum();
     if a.leg_index + 1 == b.leg_index && !a.is_loose && !b.is_loose && turn > STRAIGHT_RAD {
         // At an inside corner there is nothing to go around.
-        let element = &way.path.elements[b.element];
-        report.push_shape(report::astray(element, "meets the block before it on the wrong side"));
+        let element = &tool_path.path.elements[b.element];
+        report.push_shape(report::wrong_place(
+            element,
+            "meets the block before it on the wrong side",
+        ));
     }
     true
 }
 
 /// How far the joint of two neighbours is from where their offsets cross, if they cross
 /// nearer to their corner, mm. Where they nearly touch nothing is told: any place is as good.
-fn nearer_joint(a: &Follow, b: &Follow, short_mm: f64) -> Option<f64> {
+fn nearer_joint(a: &ElementOnLeg, b: &ElementOnLeg, short_mm: f64) -> Option<f64> {
     if a.leg_index + 1 != b.leg_index || a.is_loose || b.is_loose {
         return None;
     }
@@ -363,8 +378,8 @@ fn nearer_joint(a: &Follow, b: &Follow, short_mm: f64) -> Option<f64> {
     if turn.abs() <= STRAIGHT_RAD {
         return None;
     }
-    let (behind, ahead) = (a.leg.beside(a.d_out)?, b.leg.beside(b.d_in)?);
-    let at = b.way.from;
+    let (behind, ahead) = (a.leg.offset(a.d_out)?, b.leg.offset(b.d_in)?);
+    let at = b.piece.from;
     let sine = |root: Point| cross(behind.tangent(root), ahead.tangent(root)).abs();
     // What both lose at a joint. The least wins: inside, where both get shorter; outside,
     // where they get longer by no more than a short block.

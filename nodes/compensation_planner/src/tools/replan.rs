@@ -7,7 +7,7 @@
 
 use crate::geometry::frame::in_plane;
 use crate::geometry::tolerance::MERGE_MM;
-use crate::tools::set_tool::{LoadedProgram, told};
+use crate::tools::set_tool::{LoadedProgram, message_and_help};
 use crate::tools::verdict::{Disagreement, Verdict, prove};
 use crate::walk::plan::{Plan, plan};
 use cnc_msgs::contour::{ContourEvent, ContourEventKind, ProgrammedContour, RadiusSource};
@@ -19,7 +19,7 @@ use cnc_msgs::tool_table::ToolTable;
 
 /// A path that begins as the one that runs, and goes on with other radii.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Rest {
+pub struct Replanned {
     /// What it is the path of: the program with its change of radius.
     pub contour: ProgrammedContour,
     /// The tools that it is planned with: new radii, old lengths.
@@ -32,19 +32,19 @@ pub struct Rest {
 /// Why the program goes on as it is.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{message}")]
-pub struct NoRest {
+pub struct NotReplanned {
     pub message: String,
     /// Planner and audit disagree on the rest.
     pub disagreement: Option<Box<Disagreement>>,
 }
 
-impl From<String> for NoRest {
+impl From<String> for NotReplanned {
     fn from(message: String) -> Self {
         Self { message, disagreement: None }
     }
 }
 
-impl From<&str> for NoRest {
+impl From<&str> for NotReplanned {
     fn from(message: &str) -> Self {
         message.to_owned().into()
     }
@@ -56,13 +56,13 @@ impl From<&str> for NoRest {
 /// # Errors
 /// The control does not work so, nothing is left to change, or the rest cannot be
 /// cut: the program goes on as it is.
-pub fn plan_rest(
+pub fn replan(
     program: LoadedProgram<'_>,
     before: &ToolTable,
     after: &ToolTable,
     running: &CompensatedPath,
     settled: usize,
-) -> Result<Rest, NoRest> {
+) -> Result<Replanned, NotReplanned> {
     let LoadedProgram { contour, profile, .. } = program;
     let rules = &profile.radius;
     if rules.live_value != LiveValue::WhenStopped || rules.value_is != RadiusValue::Radius {
@@ -84,7 +84,7 @@ pub fn plan_rest(
     let tools = with_lengths_of(before, after);
     let mut plan = plan(&changed, profile, &tools);
     if let Some(finding) = plan.findings.iter().find(|finding| finding.is_error()) {
-        return Err(told(finding).into());
+        return Err(message_and_help(finding).into());
     }
     if plan.path == *running {
         return Err("the change does not touch what is left of the program".into());
@@ -97,9 +97,9 @@ pub fn plan_rest(
     let Verdict { plan, disagreement, .. } = prove(plan, &changed, profile, &tools);
     if let Some(finding) = plan.findings.iter().find(|finding| finding.is_error()) {
         let disagreement = disagreement.map(Box::new);
-        return Err(NoRest { message: told(finding), disagreement });
+        return Err(NotReplanned { message: message_and_help(finding), disagreement });
     }
-    Ok(Rest { contour: changed, tools, plan, from_line })
+    Ok(Replanned { contour: changed, tools, plan, from_line })
 }
 
 /// Whether a path begins as what has been sent.
@@ -187,7 +187,7 @@ mod tests {
         let (profile, contour, before) = (sinumerik(), square(), offset(5.0));
         let program = LoadedProgram { name: "square", contour: &contour, profile: &profile };
         let running = plan(&contour, &profile, &before).path;
-        let rest = || plan_rest(program, &before, &offset(8.0), &running, 3);
+        let rest = || replan(program, &before, &offset(8.0), &running, 3);
         let planned = rest().expect("a rest");
         spoil_paths();
         let disagreement = rest().expect_err("a wrong path").disagreement;

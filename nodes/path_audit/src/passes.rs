@@ -3,11 +3,11 @@
 //! A pass ends where the contour returns to a point that it has already passed. A tail is the
 //! piece from a free end of a pass to the first place where the pass meets itself.
 
-use crate::apart;
-use crate::copies::Copies;
+use crate::distance_bounds;
 use crate::pieces::Pieces;
 use crate::planar::{Piece, Point, cross, crossings, unit};
-use crate::strip::{self, StripTree};
+use crate::retraced_legs::RetracedLegs;
+use crate::strip_tree::{self, StripTree};
 use std::ops::Range;
 
 /// Places so near each other are one, mm.
@@ -45,11 +45,11 @@ struct Pass {
 }
 
 #[derive(Debug)]
-pub(crate) struct Bounds {
+pub(crate) struct Passes {
     passes: Vec<Pass>,
 }
 
-impl Bounds {
+impl Passes {
     /// Of the legs of a span; `None` when they meet too often to look at.
     pub(crate) fn of(tree: &StripTree<'_>) -> Option<Self> {
         let meetings = meetings(tree, FEW, |_| true, true)?;
@@ -57,7 +57,7 @@ impl Bounds {
     }
 
     /// Of the legs of a span that retraces itself.
-    pub(crate) fn of_copies(tree: StripTree<'_>, copies: &Copies) -> Option<Self> {
+    pub(crate) fn of_copies(tree: StripTree<'_>, copies: &RetracedLegs) -> Option<Self> {
         let is_first = |leg: usize| copies.is_first(leg);
         let tree = tree.holding(is_first);
         let meetings = meetings(&tree, MEETINGS_MAX, is_first, false)?;
@@ -213,7 +213,7 @@ fn meetings(
     let most = most.0 * legs.count() + most.1;
     // Along a fan of legs two places are as far apart as half the way between them: those that
     // meet are on one place of the contour, which is no meeting.
-    let is_complete = strip::near_itself(tree, MEET_MM, |early, late| {
+    let is_complete = strip_tree::near_itself(tree, MEET_MM, |early, late| {
         for late in late.filter(|late| counts(*late)) {
             for early in (early.start..early.end.min(late)).filter(|early| counts(*early)) {
                 meet(legs, (early, late), skips_joints && early + 1 == late, &mut found);
@@ -225,7 +225,7 @@ fn meetings(
 }
 
 /// The meetings of all copies: of each leg with those before it, the first and the last.
-fn of_all(legs: &Pieces, copies: &Copies, of_firsts: &[Meeting]) -> Vec<Meeting> {
+fn of_all(legs: &Pieces, copies: &RetracedLegs, of_firsts: &[Meeting]) -> Vec<Meeting> {
     let mut meetings: Vec<Vec<(Place, Place)>> = vec![Vec::new(); legs.count()];
     for leg in (0..legs.count()).filter(|leg| copies.is_first(*leg)) {
         let place = |along: f64| Place { leg, along };
@@ -376,7 +376,7 @@ fn meet(legs: &Pieces, (early, late): (usize, usize), is_joined: bool, found: &m
         }
     }
     // A little more, for what is just as far apart.
-    if apart::pieces((a0, a1), of_a, (b0, b1), of_b, 1.01 * MEET_MM) {
+    if distance_bounds::are_pieces_apart((a0, a1), of_a, (b0, b1), of_b, 1.01 * MEET_MM) {
         return;
     }
     let (a, b) = (legs.piece(early), legs.piece(late));

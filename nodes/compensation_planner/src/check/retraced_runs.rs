@@ -11,14 +11,14 @@ use std::ops::Range;
 
 /// Which runs are the same, in the same direction.
 #[derive(Debug, Clone)]
-pub(crate) struct Copies {
+pub(crate) struct RetracedRuns {
     /// The first run that is the same as each.
     firsts: Vec<usize>,
     /// First and copy, sorted.
     copies: Vec<(usize, usize)>,
 }
 
-impl Copies {
+impl RetracedRuns {
     /// Runs that do not count have no copies.
     pub(crate) fn of(runs: &[Run], counts: impl Fn(usize) -> bool) -> Self {
         let mut known: BTreeMap<[i64; 8], usize> = BTreeMap::new();
@@ -84,7 +84,7 @@ mod tests {
                 d_out_mm: 1.0,
             })
             .collect();
-        let copies = Copies::of(&runs, |_| true);
+        let copies = RetracedRuns::of(&runs, |_| true);
         let all = |run| copies.of_run(run).collect::<Vec<_>>();
         assert_eq!([all(0), all(1), all(3), all(4)], [vec![0, 3], vec![1], vec![0, 3], vec![4]]);
         assert_eq!(copies.within(0, 1..4).collect::<Vec<_>>(), [3]);

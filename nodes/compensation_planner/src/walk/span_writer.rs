@@ -9,12 +9,12 @@ use crate::check::finding;
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::frame::{height, in_plane, in_work, plane_axes};
 use crate::geometry::tolerance::{FAR_CORNER_RADII, LENGTH_MM};
-use crate::span::chain::{Link, Placed, Role as LinkRole};
+use crate::span::chain::{ChainLink, Placed, Role as LinkRole};
 use crate::span::corner::{Around, Corners};
 use crate::span::{ItemKind, Lead, Leg, Run, Span};
 use crate::span::{feed, feed_in_force};
 use crate::walk::compensate::side_of;
-use crate::walk::emit::{Emitter, Label, follow};
+use crate::walk::emitter::{Emitter, Label, follow};
 use cnc_msgs::contour::{Motion, OutsideCorner, Source};
 use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::{AxisSet, Shape};
@@ -23,7 +23,7 @@ use cnc_msgs::profile::{Anchor, Profile, Strictness};
 use std::f64::consts::TAU;
 
 /// Puts out what was decided, block by block.
-pub(crate) struct Writer<'a> {
+pub(crate) struct SpanWriter<'a> {
     pub span: &'a Span<'a>,
     pub corners: Corners<'a>,
     pub profile: &'a Profile,
@@ -34,9 +34,9 @@ pub(crate) struct Writer<'a> {
     pub exit_source: Option<Source>,
 }
 
-impl Writer<'_> {
+impl SpanWriter<'_> {
     /// Goes to where compensation begins.
-    pub(crate) fn lead_on(&mut self, links: &[Link], placed: &[Placed]) {
+    pub(crate) fn lead_on(&mut self, links: &[ChainLink], placed: &[Placed]) {
         if self.span.entry.from.is_some() {
             return;
         }
@@ -82,7 +82,7 @@ impl Writer<'_> {
     pub(crate) fn links(
         &mut self,
         runs: &[Run],
-        links: &[Link],
+        links: &[ChainLink],
         placed: &[Placed],
         exit: Option<&Lead>,
     ) {
@@ -113,10 +113,10 @@ impl Writer<'_> {
     fn write_corner(
         &mut self,
         next_leg: usize,
-        link: &Link,
+        link: &ChainLink,
         place: &Placed,
         exit: Option<&Lead>,
-        context: (&[Link], &[Placed], usize),
+        context: (&[ChainLink], &[Placed], usize),
     ) -> f64 {
         let plane = self.span.plane;
         let (source, motion) = match (self.span.legs.get(next_leg), exit) {
@@ -176,7 +176,7 @@ impl Writer<'_> {
     }
 
     /// Says where an intersection is not there (O08), or far off.
-    fn check_corner(&mut self, next_leg: usize, source: Source, link: &Link, around: &Around) {
+    fn check_corner(&mut self, next_leg: usize, source: Source, link: &ChainLink, around: &Around) {
         let Element::Arc(corner) = &link.element else { return };
         let radius_mm = link.d_in_mm.abs();
         let found = match around {

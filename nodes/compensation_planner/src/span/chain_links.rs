@@ -6,7 +6,7 @@
 use crate::geometry::element::Element;
 use crate::geometry::frame::in_plane;
 use crate::geometry::tolerance::REVERSAL;
-use crate::span::chain::{Link, Role, Turn, push, turn};
+use crate::span::chain::{ChainLink, Role, Turn, push, turn};
 use crate::span::{Lead, Run, Span};
 use cnc_msgs::contour::Approach;
 use cnc_msgs::profile::{Profile, SelectTarget};
@@ -19,7 +19,7 @@ pub(crate) fn links(
     exit: Option<&Lead>,
     profile: &Profile,
     scale: f64,
-) -> Vec<Link> {
+) -> Vec<ChainLink> {
     let mut links = Vec::with_capacity(runs.len() * 2 + 2);
     let d_mm = span.d_mm * scale;
     let first = runs.first().map(|run| run.element);
@@ -57,7 +57,7 @@ pub(crate) fn links(
 }
 
 /// Runs and the corners between them, with all radii scaled.
-pub(crate) fn push_runs(links: &mut Vec<Link>, runs: &[Run], scale: f64, short_mm: f64) {
+pub(crate) fn push_runs(links: &mut Vec<ChainLink>, runs: &[Run], scale: f64, short_mm: f64) {
     for (index, run) in runs.iter().enumerate() {
         let role = Role::Run(index);
         let link = link(role, run.element, run.d_in_mm * scale, run.d_out_mm * scale);
@@ -80,7 +80,15 @@ fn line_of(lead: &Lead, span: &Span<'_>) -> Option<Element> {
 }
 
 /// A link of its own.
-pub(crate) fn link(role: Role, element: Element, d_in_mm: f64, d_out_mm: f64) -> Link {
+pub(crate) fn link(role: Role, element: Element, d_in_mm: f64, d_out_mm: f64) -> ChainLink {
     let straight_mm = if element.is_line() { element.length() as f32 } else { 0.0 };
-    Link { role, element, d_in_mm, d_out_mm, is_smooth: false, straight_mm, is_lengthened: false }
+    ChainLink {
+        role,
+        element,
+        d_in_mm,
+        d_out_mm,
+        is_smooth: false,
+        straight_mm,
+        is_lengthened: false,
+    }
 }

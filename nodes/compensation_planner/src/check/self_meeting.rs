@@ -3,7 +3,7 @@
 //! The contour between two passings of one place is a loop. A loop without width is none:
 //! the contour went back over itself, or posted coordinates jumped to and fro.
 
-use crate::check::copies::Copies;
+use crate::check::retraced_runs::RetracedRuns;
 use crate::geometry::distance::is_near;
 use crate::geometry::element::{Element, Vec2, cross};
 use crate::geometry::intersect::crossings;
@@ -26,7 +26,7 @@ pub(crate) struct Place {
 
 /// The contour is where it has been before.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Meeting {
+pub(crate) struct SelfMeeting {
     pub early: Place,
     pub late: Place,
     /// The later run ends there.
@@ -35,7 +35,7 @@ pub(crate) struct Meeting {
 
 /// All places where the contour meets itself, in the order of the later place; `None` where
 /// there are too many.
-pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Option<Vec<Meeting>> {
+pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Option<Vec<SelfMeeting>> {
     places(runs, tree, FEW, |_| true, true).map(|found| wide(runs, found))
 }
 
@@ -44,24 +44,25 @@ pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Option<Vec<Meeting>> {
 pub(crate) fn meetings_of_copies(
     runs: &[Run],
     tree: &Tree,
-    copies: &Copies,
-) -> Option<Vec<Meeting>> {
-    let mut partners: Vec<Vec<(usize, Meeting)>> = vec![Vec::new(); runs.len()];
+    copies: &RetracedRuns,
+) -> Option<Vec<SelfMeeting>> {
+    let mut partners: Vec<Vec<(usize, SelfMeeting)>> = vec![Vec::new(); runs.len()];
     for meeting in places(runs, tree, MEETINGS_MAX, |run| copies.is_first(run), false)? {
-        let Meeting { early, late, .. } = meeting;
+        let SelfMeeting { early, late, .. } = meeting;
         partners[late.run].push((early.run, meeting));
         if early.run != late.run {
-            let turned = Meeting { early: late, late: early, is_return: false };
+            let turned = SelfMeeting { early: late, late: early, is_return: false };
             partners[early.run].push((late.run, turned));
         }
     }
     for (index, run) in runs.iter().enumerate().filter(|(index, _)| copies.is_first(*index)) {
         for along in [0.0, run.element.length()] {
             let place = Place { run: index, along };
-            partners[index].push((index, Meeting { early: place, late: place, is_return: false }));
+            partners[index]
+                .push((index, SelfMeeting { early: place, late: place, is_return: false }));
         }
     }
-    let mut found: Vec<Meeting> = Vec::new();
+    let mut found: Vec<SelfMeeting> = Vec::new();
     for late in 0..runs.len() {
         let Some(first) = copies.of_run(late).next() else { continue };
         for (partner, meeting) in &partners[first] {
@@ -76,13 +77,13 @@ pub(crate) fn meetings_of_copies(
 }
 
 /// A meeting of copies, but for the joint of two that follow each other.
-fn between(runs: &[Run], meeting: &Meeting, early: usize, late: usize) -> Option<Meeting> {
+fn between(runs: &[Run], meeting: &SelfMeeting, early: usize, late: usize) -> Option<SelfMeeting> {
     let length = |run: usize| runs[run].element.length();
     let is_joint = early + 1 == late
         && meeting.late.along <= LENGTH_MM
         && meeting.early.along >= length(early) - LENGTH_MM;
     let place = |run: usize, along: f64| Place { run, along };
-    (!is_joint).then(|| Meeting {
+    (!is_joint).then(|| SelfMeeting {
         early: place(early, meeting.early.along),
         late: place(late, meeting.late.along),
         is_return: meeting.late.along >= length(late) - LENGTH_MM,
@@ -90,7 +91,7 @@ fn between(runs: &[Run], meeting: &Meeting, early: usize, late: usize) -> Option
 }
 
 /// Meetings after loops that have a width, in the order of the later place.
-fn wide(runs: &[Run], mut found: Vec<Meeting>) -> Vec<Meeting> {
+fn wide(runs: &[Run], mut found: Vec<SelfMeeting>) -> Vec<SelfMeeting> {
     if !found.is_empty() {
         let areas = Areas::of(runs);
         found.retain(|meeting| areas.width(meeting) > LOOP_MM);
@@ -107,13 +108,13 @@ fn places(
     most: (usize, usize),
     counts: impl Fn(usize) -> bool,
     skips_joints: bool,
-) -> Option<Vec<Meeting>> {
-    let mut found: Vec<Meeting> = Vec::new();
+) -> Option<Vec<SelfMeeting>> {
+    let mut found: Vec<SelfMeeting> = Vec::new();
     for (index, run) in runs.iter().enumerate().filter(|(index, _)| counts(*index)) {
         if run.element.is_closed() || run.element.goes_around() {
             let late = Place { run: index, along: run.element.length() };
             let early = Place { run: index, along: 0.0 };
-            found.push(Meeting { early, late, is_return: true });
+            found.push(SelfMeeting { early, late, is_return: true });
         }
     }
     let most = most.0 * runs.len() + most.1;
@@ -141,7 +142,7 @@ fn meet(
     runs: &[Run],
     (early, late): (usize, usize),
     joint: Option<Vec2>,
-    found: &mut Vec<Meeting>,
+    found: &mut Vec<SelfMeeting>,
 ) {
     let (a, b) = (&runs[early].element, &runs[late].element);
     let mut add = |point: Vec2, is_end_of_late: bool| {
@@ -153,7 +154,7 @@ fn meet(
         }
         let length = b.length();
         let along = if is_end_of_late { length } else { b.along_from_start(point, LENGTH_MM) };
-        found.push(Meeting {
+        found.push(SelfMeeting {
             early: Place {
                 run: early,
                 along: a.along_from_start(point, LENGTH_MM).clamp(0.0, a.length()),
@@ -193,7 +194,7 @@ impl<'a> Areas<'a> {
     }
 
     /// How wide the loop between two passings of one place is in the mean, mm.
-    fn width(&self, &Meeting { early, late, .. }: &Meeting) -> f64 {
+    fn width(&self, &SelfMeeting { early, late, .. }: &SelfMeeting) -> f64 {
         if early.run == late.run {
             return f64::INFINITY;
         }

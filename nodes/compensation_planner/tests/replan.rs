@@ -4,7 +4,7 @@ mod support;
 
 use cnc_msgs::profile::{Profile, Strictness};
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::rest::plan_rest;
+use compensation_planner::replan::replan;
 use compensation_planner::set_tool::LoadedProgram;
 use support::{contour, masso, plan, sinumerik, tool};
 
@@ -36,14 +36,14 @@ fn s48_a_value_entered_in_a_stop_is_in_force_from_the_next_corner_on() {
     let all = ends(&running);
     assert_eq!(all[1..5], [[5.0, 95.0], [95.0, 95.0], [95.0, 5.0], [0.0, 5.0]], "{all:?}");
     // N20 is under way: N30 ends at the corner with the new radius.
-    let rest = plan_rest(program, &before, &after, &running, 2).expect("it can change");
+    let rest = replan(program, &before, &after, &running, 2).expect("it can change");
     assert_eq!(rest.from_line, 3);
     let now = ends(&rest.plan.path);
     assert_eq!(now[..2], all[..2]);
     assert_eq!(now[2..5], [[92.0, 92.0], [92.0, 8.0], [0.0, 8.0]], "{now:?}");
     // And once more, on top of that.
     let program = LoadedProgram { contour: &rest.contour, ..program };
-    let again = plan_rest(program, &rest.tools, &tool(-2.0), &rest.plan.path, 3).expect("it can");
+    let again = replan(program, &rest.tools, &tool(-2.0), &rest.plan.path, 3).expect("it can");
     let now = ends(&again.plan.path);
     assert_eq!(now[2..5], [[92.0, 92.0], [98.0, 2.0], [0.0, 2.0]], "{now:?}");
     assert_eq!(again.from_line, 4);
@@ -61,7 +61,7 @@ fn a_value_may_change_within_a_line_that_is_written_in_pieces() {
     let line = contour(text, &profile);
     let program = LoadedProgram { name: "line", contour: &line, profile: &profile };
     let running = plan(text, &profile, &before).path;
-    let rest = plan_rest(program, &before, &after, &running, 2).expect("it can change");
+    let rest = replan(program, &before, &after, &running, 2).expect("it can change");
     assert_eq!((rest.from_line, &rest.plan.path.elements[..2]), (3, &running.elements[..2]));
     let whole = plan(text, &profile, &after).path;
     assert_eq!(rest.plan.path.elements[3..], whole.elements[3..]);
@@ -74,7 +74,7 @@ fn a_rest_that_cannot_change_leaves_the_program_as_it_is() {
     let program = LoadedProgram { name: "square", contour: &square, profile: &profile };
     let running = plan(SQUARE, &profile, &before).path;
     let refused = |tools: &ToolTable, settled| {
-        plan_rest(program, &before, tools, &running, settled).expect_err("refused").message
+        replan(program, &before, tools, &running, settled).expect_err("refused").message
     };
     for (radius, settled, part) in [
         (-60.0, 2, "line "),
@@ -88,6 +88,6 @@ fn a_rest_that_cannot_change_leaves_the_program_as_it_is() {
     let profile = masso();
     let program = LoadedProgram { profile: &profile, ..program };
     let text =
-        plan_rest(program, &before, &tool(8.0), &running, 2).expect_err("not this control").message;
+        replan(program, &before, &tool(8.0), &running, 2).expect_err("not this control").message;
     assert_eq!(text, "masso takes a new value with the next run");
 }

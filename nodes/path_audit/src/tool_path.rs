@@ -23,17 +23,17 @@ const TIPS: [[f64; 2]; 10] = [
 ];
 
 #[derive(Debug)]
-pub(crate) struct Way<'a> {
+pub(crate) struct ToolPath<'a> {
     pub path: &'a CompensatedPath,
     pub program: Program<'a>,
     /// The block of each element; [`NONE`] where it is not known.
-    pub of: Vec<u32>,
+    pub block_of: Vec<u32>,
     /// The role of each element, side by side.
     pub roles: Vec<Role>,
     pub is_of_tip: bool,
 }
 
-impl Way<'_> {
+impl ToolPath<'_> {
     pub(crate) fn position_before(&self, element: usize) -> Position {
         match element.checked_sub(1) {
             Some(before) => self.path.elements[before].end,
@@ -42,14 +42,14 @@ impl Way<'_> {
     }
 
     fn plane(&self, element: usize) -> Plane {
-        match self.of[element] {
+        match self.block_of[element] {
             NONE => Plane::default(),
             block => self.program.offset(block).plane,
         }
     }
 
     fn is_free(&self, element: usize) -> bool {
-        matches!(self.of[element], NONE) || self.path.elements[element].role == Role::None
+        matches!(self.block_of[element], NONE) || self.path.elements[element].role == Role::None
     }
 
     /// From the centre to the point of the tool that an element is of, mm.
@@ -57,7 +57,7 @@ impl Way<'_> {
         if !self.is_of_tip || self.is_free(element) {
             return Point::zeros();
         }
-        let block = self.of[element];
+        let block = self.block_of[element];
         let offset = self.program.offset(block);
         let own = self.path.elements[element].role == Role::Contour
             || self.program.blocks[block as usize].kind == Kind::LeadOn;

@@ -12,12 +12,12 @@ type Chord = (Point, Point);
 
 /// Where a point is beside a segment, in units of its length: how far along, and to its left.
 #[derive(Clone, Copy)]
-struct Beside {
+struct Projection {
     along: f64,
     left: f64,
 }
 
-impl Beside {
+impl Projection {
     #[inline]
     fn new(segment: Point, point: Point) -> Self {
         Self { along: segment.dot(&point), left: cross(segment, point) }
@@ -38,11 +38,11 @@ impl Beside {
 
 /// Whether two segments are as far apart as the limit, mm: exactly, without a division.
 #[inline]
-pub(crate) fn chords(a: Chord, b: Chord, limit: f64) -> bool {
+pub(crate) fn are_chords_apart(a: Chord, b: Chord, limit: f64) -> bool {
     let squared = limit * limit;
     let (da, db) = (a.1 - a.0, b.1 - b.0);
     let (to_b0, to_b1) = (b.0 - a.0, b.1 - a.0);
-    let (b0, b1) = (Beside::new(da, to_b0), Beside::new(da, to_b1));
+    let (b0, b1) = (Projection::new(da, to_b0), Projection::new(da, to_b1));
     let long_a = da.norm_squared();
     // All of one on one side of the other's line, before it or behind it, and far from it.
     let least = squared * long_a;
@@ -60,7 +60,7 @@ pub(crate) fn chords(a: Chord, b: Chord, limit: f64) -> bool {
     {
         return false;
     }
-    let (a0, a1) = (Beside::new(db, -to_b0), Beside::new(db, a.1 - b.0));
+    let (a0, a1) = (Projection::new(db, -to_b0), Projection::new(db, a.1 - b.0));
     let is_crossed = b0.left * b1.left < 0.0 && a0.left * a1.left < 0.0;
     let long_b = db.norm_squared();
     !(is_crossed
@@ -69,7 +69,7 @@ pub(crate) fn chords(a: Chord, b: Chord, limit: f64) -> bool {
 }
 
 /// Whether two pieces with these chords are as far apart as the limit, mm.
-pub(crate) fn pieces(
+pub(crate) fn are_pieces_apart(
     a: Chord,
     of_a: Option<&Bow>,
     b: Chord,
@@ -80,7 +80,7 @@ pub(crate) fn pieces(
         return true;
     }
     if of_a.is_none() && of_b.is_none() {
-        return chords(a, b, limit);
+        return are_chords_apart(a, b, limit);
     }
     if let (Some(one), Some(other)) = (of_a, of_b) {
         let (r, s) = (one.round.radius, other.round.radius);
@@ -98,7 +98,7 @@ pub(crate) fn pieces(
     if of_a.is_some_and(|bow| is_behind(a, bow, b, bulge(of_b))) {
         off_a = of_a.map_or(0.0, |bow| bow.uneven);
     }
-    chords(a, b, limit + off_a + off_b)
+    are_chords_apart(a, b, limit + off_a + off_b)
         || match (of_a, of_b) {
             (Some(bow), None) => is_off_circle(b, bow, limit) || is_around(a, bow, b, limit),
             (None, Some(bow)) => is_off_circle(a, bow, limit) || is_around(b, bow, a, limit),
@@ -198,7 +198,7 @@ mod tests {
         for case in 0..200_000 {
             let a = numbers.piece();
             // As a tool runs beside its walls.
-            let beside = a.beside(numbers.between(-2.0, 2.0)).filter(|_| case % 2 == 0);
+            let beside = a.offset(numbers.between(-2.0, 2.0)).filter(|_| case % 2 == 0);
             // Or around their ends.
             let around = a.round.filter(|_| case % 5 == 0);
             let around = around.map(|round| Piece::line(round.center, numbers.point()));
@@ -210,7 +210,8 @@ mod tests {
             };
             let chord = |piece: &Piece| (piece.from, piece.to);
             let (of_a, of_b) = (Bow::of(&a), Bow::of(&b));
-            let is_apart = pieces(chord(&a), of_a.as_ref(), chord(&b), of_b.as_ref(), limit);
+            let is_apart =
+                are_pieces_apart(chord(&a), of_a.as_ref(), chord(&b), of_b.as_ref(), limit);
             assert!(!is_apart || exact >= limit - 1e-12, "{exact} {limit} {a:?} {b:?}");
             apart += u32::from(exact >= limit);
             rejected += u32::from(is_apart);

@@ -3,8 +3,8 @@
 //! A node stands for consecutive pieces by the chord between their ends and how far they are
 //! at most from it. The nodes of a level lie in a row, so that a tree is one vector of widths.
 
-use crate::apart;
-use crate::fans::Fan;
+use crate::direction_ranges::DirectionRange;
+use crate::distance_bounds;
 use crate::pieces::Pieces;
 use crate::planar::{Point, on_segment};
 use std::ops::Range;
@@ -24,7 +24,7 @@ pub(crate) struct StripTree<'a> {
     /// Where each level begins in `widths`.
     levels: Vec<usize>,
     /// The directions of each node, if they are asked for.
-    fans: Vec<Fan>,
+    directions: Vec<DirectionRange>,
     /// The nodes that hold nothing to look at, if there are any.
     idle: Vec<bool>,
 }
@@ -33,7 +33,8 @@ impl<'a> StripTree<'a> {
     pub(crate) fn new(pieces: &'a Pieces) -> Self {
         let leaves = pieces.count().div_ceil(LEAF);
         let widths = Vec::with_capacity(2 * leaves + 8);
-        let mut tree = Self { pieces, widths, levels: vec![0], fans: Vec::new(), idle: Vec::new() };
+        let mut tree =
+            Self { pieces, widths, levels: vec![0], directions: Vec::new(), idle: Vec::new() };
         if leaves == 0 {
             return tree;
         }
@@ -74,25 +75,25 @@ impl<'a> StripTree<'a> {
 
     /// With what [`near_itself`] needs besides.
     #[must_use]
-    pub(crate) fn with_fans(mut self) -> Self {
-        let mut fans = Vec::with_capacity(self.widths.len());
+    pub(crate) fn with_directions(mut self) -> Self {
+        let mut directions = Vec::with_capacity(self.widths.len());
         for level in 0..self.levels.len() {
             for node in 0..self.nodes(level) {
-                let fan = match level.checked_sub(1) {
-                    None => Fan::of_all(self.pieces, self.range(0, node)),
+                let range = match level.checked_sub(1) {
+                    None => DirectionRange::of_all(self.pieces, self.range(0, node)),
                     Some(below) => {
                         let from = self.levels[below];
-                        let first: Fan = fans[from + 2 * node];
+                        let first: DirectionRange = directions[from + 2 * node];
                         match 2 * node + 1 < self.nodes(below) {
-                            true => first.and(fans[from + 2 * node + 1]),
+                            true => first.and(directions[from + 2 * node + 1]),
                             false => first,
                         }
                     }
                 };
-                fans.push(fan);
+                directions.push(range);
             }
         }
-        self.fans = fans;
+        self.directions = directions;
         self
     }
 
@@ -130,8 +131,8 @@ impl<'a> StripTree<'a> {
         self.widths[self.levels[level] + node]
     }
 
-    fn fan(&self, (level, node): Node) -> Fan {
-        self.fans[self.levels[level] + node]
+    fn directions_of(&self, (level, node): Node) -> DirectionRange {
+        self.directions[self.levels[level] + node]
     }
 
     fn nodes(&self, level: usize) -> usize {
@@ -178,7 +179,7 @@ pub(crate) fn near(
         let (chord_a, chord_b) = (a.chord(&range_a), b.chord(&range_b));
         // Mostly the tool runs beside a wall from the start of both.
         let is_near = (chord_a.0 - chord_b.0).norm_squared() < reach * reach;
-        if !is_near && apart::chords(chord_a, chord_b, reach) {
+        if !is_near && distance_bounds::are_chords_apart(chord_a, chord_b, reach) {
             continue;
         }
         match (node_a.0, node_b.0) {
@@ -223,7 +224,7 @@ pub(crate) fn near_itself(
         }
         let (of_early, of_late) = (tree.range(early.0, early.1), tree.range(late.0, late.1));
         if early == late {
-            if tree.fan(early).is_any() {
+            if tree.directions_of(early).is_any() {
                 continue;
             }
             if early.0 == 0 {
@@ -241,11 +242,16 @@ pub(crate) fn near_itself(
             continue;
         }
         let follows = of_early.end == of_late.start;
-        if follows && tree.fan(early).is_any() && tree.fan(early).and(tree.fan(late)).is_any() {
+        if follows
+            && tree.directions_of(early).is_any()
+            && tree.directions_of(early).and(tree.directions_of(late)).is_any()
+        {
             continue;
         }
         let reach = limit + tree.width(early) + tree.width(late);
-        if !follows && apart::chords(tree.chord(&of_early), tree.chord(&of_late), reach) {
+        if !follows
+            && distance_bounds::are_chords_apart(tree.chord(&of_early), tree.chord(&of_late), reach)
+        {
             continue;
         }
         if early.0 == 0 && late.0 == 0 {

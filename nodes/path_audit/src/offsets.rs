@@ -4,21 +4,21 @@
 //! Blocks that the path leaves out must be noise: as near to their neighbours, lengthened, as
 //! the profile accepts.
 
-use crate::follow::{
-    Follow, MERGE_MM, PLACE_MM, is_beside_short, joint, meets_lead, off_circle, one, reaches,
-    runs_on, unevenness,
+use crate::element_offset::{
+    ElementOnLeg, MERGE_MM, PLACE_MM, check_element, check_joint, check_reach, has_short_neighbour,
+    meets_lead, off_circle, runs_on, unevenness,
 };
 use crate::pieces::Chains;
 use crate::planar::{Piece, Point, cross};
 use crate::program::{Kind, NONE};
 use crate::report::{self, Report};
-use crate::sharp::is_corner_of_curves;
+use crate::sharp_corner::is_corner_of_curves;
 use crate::spans::Span;
-use crate::way::Way;
+use crate::tool_path::ToolPath;
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{Reaction, SelectTarget};
 
-pub(crate) fn check(way: &mut Way<'_>, chains: &Chains<'_>, report: &mut Report<'_>) {
+pub(crate) fn check(tool_path: &mut ToolPath<'_>, chains: &Chains<'_>, report: &mut Report<'_>) {
     let span = chains.span;
     let mut check = Check {
         chains,
@@ -27,24 +27,24 @@ pub(crate) fn check(way: &mut Way<'_>, chains: &Chains<'_>, report: &mut Report<
         next: span.legs.start,
         before: None,
         has_corner: false,
-        stands: Vec::new(),
+        corner_moves: Vec::new(),
     };
     for element in span.elements.clone() {
         if report.is_full() {
             return;
         }
-        if way.of[element] == NONE {
+        if tool_path.block_of[element] == NONE {
             // It has been reported as a stray.
             continue;
         }
-        check.goes_to(way.of[element]);
-        match way.roles[element] {
-            Role::Corner => check.corner(way, element, report),
-            Role::Contour => check.contour(way, element, report),
+        check.goes_to(tool_path.block_of[element]);
+        match tool_path.roles[element] {
+            Role::Corner => check.corner(tool_path, element, report),
+            Role::Contour => check.contour(tool_path, element, report),
             _ => {}
         }
     }
-    check.last(way, report);
+    check.last(tool_path, report);
 }
 
 struct Check<'a> {
@@ -53,15 +53,15 @@ struct Check<'a> {
     legs: &'a [u32],
     /// The first leg, among all, that is not before the block of the element.
     next: usize,
-    before: Option<Follow>,
+    before: Option<ElementOnLeg>,
     /// A corner lies between it and what comes next; what the tool does there.
     has_corner: bool,
-    stands: Vec<Stand>,
+    corner_moves: Vec<CornerMove>,
 }
 
 /// The tool goes around the start of a leg.
 #[derive(Debug, Clone, Copy)]
-struct Stand {
+struct CornerMove {
     /// The leg, among all.
     leg: usize,
     from: Point,
@@ -72,7 +72,7 @@ struct Stand {
 /// corner, or nothing.
 #[derive(Clone, Copy)]
 struct Neighbour<'a> {
-    follow: Option<&'a Follow>,
+    on_leg: Option<&'a ElementOnLeg>,
     at: Option<Point>,
 }
 
@@ -89,27 +89,29 @@ impl Check<'_> {
         self.span.legs.contains(&index).then(|| self.legs[index])
     }
 
-    fn contour(&mut self, way: &mut Way<'_>, element: usize, report: &mut Report<'_>) {
-        let block = way.of[element];
+    fn contour(&mut self, tool_path: &mut ToolPath<'_>, element: usize, report: &mut Report<'_>) {
+        let block = tool_path.block_of[element];
         if self.leg_at(self.next) != Some(block) {
             return;
         }
-        let offset = *way.program.offset(block);
-        let mut now = Follow {
+        let offset = *tool_path.program.offset(block);
+        let mut now = ElementOnLeg {
             element,
             block,
             leg_index: self.next,
-            way: self.chains.element(element),
-            leg: self.chains.leg(way, self.next),
+            piece: self.chains.element(element),
+            leg: self.chains.leg(tool_path, self.next),
             d_in: offset.d_in,
             d_out: offset.d_out,
             is_open: self.has_corner,
             is_loose: false,
             is_behind_merged: false,
-            uneven_mm: self.uneven(way, self.next, report).max(self.uneven_before(way, report)),
+            uneven_mm: self
+                .uneven(tool_path, self.next, report)
+                .max(self.uneven_before(tool_path, report)),
         };
         if now.uneven_mm > PLACE_MM {
-            let block = &mut way.program.blocks[block as usize];
+            let block = &mut tool_path.program.blocks[block as usize];
             block.slack_mm = block.slack_mm.max(now.uneven_mm as f32);
         }
         let is_joined = offset.is_joined || self.span.from_side;
@@ -117,123 +119,123 @@ impl Check<'_> {
         match self.before.take() {
             Some(mut before) => {
                 let left_out = before.leg_index + 1..now.leg_index;
-                let runs_on = !self.has_corner && runs_on(&before.way, &now.way);
+                let runs_on = !self.has_corner && runs_on(&before.piece, &now.piece);
                 if runs_on || !left_out.is_empty() {
                     (before.is_loose, now.is_loose) = (true, true);
                 }
-                now.is_behind_merged = before.is_loose && !before.way.is_line();
-                self.left_out(way, left_out, (Some(&before), Some(&now)), report);
+                now.is_behind_merged = before.is_loose && !before.piece.is_line();
+                self.left_out(tool_path, left_out, (Some(&before), Some(&now)), report);
                 if !self.has_corner && !runs_on {
-                    opens = joint(way, &before, &now, report);
+                    opens = check_joint(tool_path, &before, &now, report);
                 }
                 now.is_open = opens;
-                one(way, &before, self.chains, opens, report);
+                check_element(tool_path, &before, self.chains, opens, report);
             }
             None => {
                 let left_out = self.span.legs.start..now.leg_index;
                 if !left_out.is_empty() {
                     now.is_loose = true;
-                    self.left_out(way, left_out, (None, Some(&now)), report);
+                    self.left_out(tool_path, left_out, (None, Some(&now)), report);
                 } else if !is_joined && !self.has_corner {
-                    reaches(way, &now, self.lead(way, true), true, report);
+                    check_reach(tool_path, &now, self.lead(tool_path, true), true, report);
                 }
                 now.is_open = true;
             }
         }
         self.before = Some(now);
         self.has_corner = false;
-        self.stands.clear();
+        self.corner_moves.clear();
     }
 
-    fn last(&mut self, way: &mut Way<'_>, report: &mut Report<'_>) {
+    fn last(&mut self, tool_path: &mut ToolPath<'_>, report: &mut Report<'_>) {
         let Some(mut last) = self.before.take() else {
             let all = self.span.legs.clone();
             // Nothing of the contour is left at all.
-            self.left_out(way, all, (None, None), report);
+            self.left_out(tool_path, all, (None, None), report);
             return;
         };
         let left_out = last.leg_index + 1..self.span.legs.end;
         if left_out.is_empty() {
             if !self.span.to_side {
-                reaches(way, &last, self.lead(way, false), false, report);
+                check_reach(tool_path, &last, self.lead(tool_path, false), false, report);
             }
         } else {
             last.is_loose = true;
-            self.left_out(way, left_out, (Some(&last), None), report);
+            self.left_out(tool_path, left_out, (Some(&last), None), report);
         }
-        one(way, &last, self.chains, true, report);
+        check_element(tool_path, &last, self.chains, true, report);
     }
 
     /// The block of the lead-on or the lead-off.
-    fn lead(&self, way: &Way<'_>, is_first: bool) -> Option<u32> {
+    fn lead(&self, tool_path: &ToolPath<'_>, is_first: bool) -> Option<u32> {
         let lead = if is_first { self.span.lead_on } else { self.span.lead_off };
-        lead.map(|element| way.of[element])
+        lead.map(|element| tool_path.block_of[element])
     }
 
     /// Where the tool is when the lead-on ends, or when the lead-off begins.
-    fn lead_stand(&self, way: &Way<'_>, is_first: bool) -> Option<Point> {
-        let on = self.span.lead_on.map(|element| way.end(element));
-        let off = self.span.lead_off.map(|element| way.start(element));
+    fn lead_end(&self, tool_path: &ToolPath<'_>, is_first: bool) -> Option<Point> {
+        let on = self.span.lead_on.map(|element| tool_path.end(element));
+        let off = self.span.lead_off.map(|element| tool_path.start(element));
         let at = if is_first { on.or(off) } else { off.or(on) };
         at.or_else(|| {
             // Leads without a length are not put out: it is where it was before.
             let is_before = |block: &u32| *block != NONE && *block < self.span.blocks.start;
-            way.of.iter().rposition(is_before).map(|element| way.end(element))
+            tool_path.block_of.iter().rposition(is_before).map(|element| tool_path.end(element))
         })
     }
 
     /// Whether the contour may begin or end anywhere along its first or last leg: where it meets
     /// the offset of its lead.
-    fn is_joined_at(&self, way: &Way<'_>, at: Point, is_first: bool) -> bool {
+    fn is_joined_at(&self, tool_path: &ToolPath<'_>, at: Point, is_first: bool) -> bool {
         let index = if is_first { self.span.legs.start } else { self.span.legs.end - 1 };
-        let offset = way.program.offset(self.legs[index]);
+        let offset = tool_path.program.offset(self.legs[index]);
         let d_mm = if is_first { offset.d_in } else { offset.d_out };
         let is_free =
             if is_first { offset.is_joined || self.span.from_side } else { self.span.to_side };
-        is_free || meets_lead(way, self.lead(way, is_first), at, d_mm, PLACE_MM)
+        is_free || meets_lead(tool_path, self.lead(tool_path, is_first), at, d_mm, PLACE_MM)
     }
 
     /// How far beside its circle a leg was programmed to end, mm, as far as that is noise.
-    fn uneven(&self, way: &Way<'_>, index: usize, report: &Report<'_>) -> f64 {
-        let off = unevenness(&self.chains.leg(way, index));
+    fn uneven(&self, tool_path: &ToolPath<'_>, index: usize, report: &Report<'_>) -> f64 {
+        let off = unevenness(&self.chains.leg(tool_path, index));
         if off <= report.profile.accept_tolerance_mm.max(MERGE_MM) { off } else { 0.0 }
     }
 
     /// The same of the leg before.
-    fn uneven_before(&self, way: &Way<'_>, report: &Report<'_>) -> f64 {
+    fn uneven_before(&self, tool_path: &ToolPath<'_>, report: &Report<'_>) -> f64 {
         let before = self.next.checked_sub(1).filter(|before| self.span.legs.contains(before));
-        before.map_or(0.0, |before| self.uneven(way, before, report))
+        before.map_or(0.0, |before| self.uneven(tool_path, before, report))
     }
 
     /// Whether nothing is left in the path of the leg before a block, or of its own.
-    fn is_between_lost(&self, way: &Way<'_>) -> bool {
-        let is_lost = |leg: u32| way.program.blocks[leg as usize].element == NONE;
+    fn is_between_lost(&self, tool_path: &ToolPath<'_>) -> bool {
+        let is_lost = |leg: u32| tool_path.program.blocks[leg as usize].element == NONE;
         let before = self.next.checked_sub(1).and_then(|before| self.leg_at(before));
         before.is_some_and(is_lost) || self.leg_at(self.next).is_some_and(is_lost)
     }
 
     /// A corner runs around the start of its block.
-    fn corner(&mut self, way: &mut Way<'_>, element: usize, report: &mut Report<'_>) {
+    fn corner(&mut self, tool_path: &mut ToolPath<'_>, element: usize, report: &mut Report<'_>) {
         self.has_corner = true;
-        let block = way.of[element];
-        let kind = way.program.blocks[block as usize].kind;
-        let offset = self.span.offset(way, self.legs, block);
+        let block = tool_path.block_of[element];
+        let kind = tool_path.program.blocks[block as usize].kind;
+        let offset = self.span.offset(tool_path, self.legs, block);
         let d_mm = if kind == Kind::Leg { offset.d_in } else { offset.d_out };
         let radius_mm = d_mm.abs();
-        let vertex = way.program.ends(block).0;
-        let place_mm = if self.is_between_lost(way) {
+        let vertex = tool_path.program.ends(block).0;
+        let place_mm = if self.is_between_lost(tool_path) {
             report.profile.accept_tolerance_mm + 2.0 * MERGE_MM
         } else if self.before.is_some_and(|before| before.is_loose)
-            || is_beside_short(way, self.next, self.chains)
+            || has_short_neighbour(tool_path, self.next, self.chains)
         {
             1.01 * MERGE_MM
         } else {
             PLACE_MM
         };
-        let place_mm = place_mm + self.uneven_before(way, report);
+        let place_mm = place_mm + self.uneven_before(tool_path, report);
         let piece = self.chains.element(element);
-        self.stands.push(Stand { leg: self.next, from: piece.from, to: piece.to });
-        let path_element = &way.path.elements[element];
+        self.corner_moves.push(CornerMove { leg: self.next, from: piece.from, to: piece.to });
+        let path_element = &tool_path.path.elements[element];
         let nearest_mm = (piece.nearest(vertex) - vertex).norm();
         if let Some(round) = &piece.round {
             let off = (round.center - vertex).norm();
@@ -242,9 +244,9 @@ impl Check<'_> {
                 let off = |radius: &f64| (radius - radius_mm).abs();
                 let radii = [round.radius, to_end];
                 if let Some(radius) = radii.into_iter().find(|radius| off(radius) > place_mm) {
-                    report.push_shape(report::beside(path_element, radius_mm, radius));
+                    report.push_shape(report::wrong_offset(path_element, radius_mm, radius));
                 } else if round.sweep * d_mm > 0.0 {
-                    report.push_shape(report::astray(
+                    report.push_shape(report::wrong_place(
                         path_element,
                         "turns the wrong way around its corner",
                     ));
@@ -252,49 +254,49 @@ impl Check<'_> {
                 return;
             }
             // A piece of the next arc, lengthened to where its own functions run.
-            let beside = off_circle(&piece, &way.leg(block), d_mm);
+            let beside = off_circle(&piece, &tool_path.leg(block), d_mm);
             if kind != Kind::Leg || beside > place_mm {
                 let found = if off <= radius_mm { radius_mm - off.min(beside) } else { off };
-                report.push_shape(report::beside(path_element, radius_mm, found));
+                report.push_shape(report::wrong_offset(path_element, radius_mm, found));
                 return;
             }
         }
         if nearest_mm < radius_mm - place_mm {
-            report.push_shape(report::beside(path_element, radius_mm, nearest_mm));
+            report.push_shape(report::wrong_offset(path_element, radius_mm, nearest_mm));
         }
     }
 
     /// Legs that the path leaves out, from corner to corner.
     fn left_out(
         &self,
-        way: &mut Way<'_>,
+        tool_path: &mut ToolPath<'_>,
         left_out: std::ops::Range<usize>,
-        (before, after): (Option<&Follow>, Option<&Follow>),
+        (before, after): (Option<&ElementOnLeg>, Option<&ElementOnLeg>),
         report: &mut Report<'_>,
     ) {
         let mut begin = left_out.start;
-        let at = before.map(|follow| follow.way.to).or_else(|| self.lead_stand(way, true));
-        let mut from = Neighbour { follow: before, at };
-        for stand in &self.stands {
+        let at = before.map(|on_leg| on_leg.piece.to).or_else(|| self.lead_end(tool_path, true));
+        let mut from = Neighbour { on_leg: before, at };
+        for stand in &self.corner_moves {
             let end = stand.leg.clamp(begin, left_out.end);
-            let to = Neighbour { follow: after, at: Some(stand.from) };
-            self.between(way, begin..end, [from, to], report);
+            let to = Neighbour { on_leg: after, at: Some(stand.from) };
+            self.between(tool_path, begin..end, [from, to], report);
             (begin, from.at) = (end, Some(stand.to));
         }
-        let at = after.map(|follow| follow.way.from).or_else(|| self.lead_stand(way, false));
-        let to = Neighbour { follow: after, at };
-        self.between(way, begin..left_out.end, [from, to], report);
+        let at = after.map(|on_leg| on_leg.piece.from).or_else(|| self.lead_end(tool_path, false));
+        let to = Neighbour { on_leg: after, at };
+        self.between(tool_path, begin..left_out.end, [from, to], report);
     }
 
     /// The line that a leg is part of, with those of some legs that run on in each other.
     fn whole_line(
         &self,
-        way: &Way<'_>,
+        tool_path: &ToolPath<'_>,
         index: usize,
         among: &std::ops::Range<usize>,
     ) -> (std::ops::Range<usize>, Piece) {
         const LEGS_MAX: usize = 64;
-        let leg = |index: usize| self.chains.leg(way, index);
+        let leg = |index: usize| self.chains.leg(tool_path, index);
         let (mut all, mut whole) = (index..index + 1, leg(index));
         if !whole.is_line() {
             return (all, whole);
@@ -316,7 +318,7 @@ impl Check<'_> {
     /// Legs that the path leaves out lie beside their neighbours, lengthened.
     fn between(
         &self,
-        way: &mut Way<'_>,
+        tool_path: &mut ToolPath<'_>,
         left_out: std::ops::Range<usize>,
         [from, to]: [Neighbour<'_>; 2],
         report: &mut Report<'_>,
@@ -324,11 +326,11 @@ impl Check<'_> {
         if left_out.is_empty() {
             return;
         }
-        let (before, after) = (from.follow, to.follow);
-        let run_before = before.map(|follow| run(way, follow, self.chains, true));
-        let run_after = after.map(|follow| run(way, follow, self.chains, false));
-        let d_mm = after.map(|follow| follow.d_in).or(before.map(|follow| follow.d_out));
-        let d_mm = d_mm.unwrap_or(way.program.offset(self.legs[left_out.start]).d_in);
+        let (before, after) = (from.on_leg, to.on_leg);
+        let run_before = before.map(|on_leg| run(tool_path, on_leg, self.chains, true));
+        let run_after = after.map(|on_leg| run(tool_path, on_leg, self.chains, false));
+        let d_mm = after.map(|on_leg| on_leg.d_in).or(before.map(|on_leg| on_leg.d_out));
+        let d_mm = d_mm.unwrap_or(tool_path.program.offset(self.legs[left_out.start]).d_in);
         let off = |point: Point| {
             let of = |run: &Option<(Piece, f64)>| {
                 run.as_ref().map_or(f64::INFINITY, |(run, d_mm)| off_run(run, point, *d_mm))
@@ -341,14 +343,14 @@ impl Check<'_> {
         // A lead whose offset the contour begins on is one line with a first leg that goes on in
         // it: an inside corner at its end is theirs.
         let is_entry = report.profile.select.target == SelectTarget::NormalEntry;
-        let lead_on = self.lead(way, true).filter(|_| is_entry && !self.span.from_side);
-        let lead_on = lead_on.map(|block| way.leg(block)).filter(Piece::is_line);
+        let lead_on = self.lead(tool_path, true).filter(|_| is_entry && !self.span.from_side);
+        let lead_on = lead_on.map(|block| tool_path.leg(block)).filter(Piece::is_line);
         let mut worst = (0.0_f64, left_out.start, Point::zeros());
         for index in left_out.clone() {
-            let leg = self.chains.leg(way, index);
+            let leg = self.chains.leg(tool_path, index);
             let length = leg.length();
             // What is one line is touched in one place.
-            let (all, whole) = self.whole_line(way, index, &left_out);
+            let (all, whole) = self.whole_line(tool_path, index, &left_out);
             let (is_first, is_last) =
                 (all.start == self.span.legs.start, all.end == self.span.legs.end);
             let lead = lead_on.filter(|lead| is_first && runs_on(lead, &whole));
@@ -356,9 +358,9 @@ impl Check<'_> {
             let touches = |at: Point| {
                 let (leg, length) = (&whole, whole.length());
                 // At a free end the tool has to come to the very end.
-                let is_short = is_last && !self.is_joined_at(way, at, false);
+                let is_short = is_last && !self.is_joined_at(tool_path, at, false);
                 let least = if is_short { length - PLACE_MM } else { -PLACE_MM };
-                let is_late = is_first && !self.is_joined_at(way, at, true);
+                let is_late = is_first && !self.is_joined_at(tool_path, at, true);
                 let most = if is_late { PLACE_MM } else { length + PLACE_MM };
                 least <= most && is_touched(leg, at, d_mm, least..=most)
             };
@@ -382,14 +384,14 @@ impl Check<'_> {
         let accepted = report.profile.accept_tolerance_mm + MERGE_MM + PLACE_MM;
         // A lead meets the contour in a corner as an element does.
         let end = |index: Option<usize>, is_first: bool| match index.and_then(|i| self.leg_at(i)) {
-            Some(leg) => Some(way.leg(leg)),
-            None => self.lead(way, is_first).map(|block| way.leg(block)),
+            Some(leg) => Some(tool_path.leg(leg)),
+            None => self.lead(tool_path, is_first).map(|block| tool_path.leg(block)),
         };
         let (first, last) =
             (end(left_out.start.checked_sub(1), true), end(Some(left_out.end), false));
         let at_corner = first.zip(last).zip(from.at.or(to.at));
         let at_corner = at_corner.is_some_and(|((first, last), stand)| {
-            let left_out = left_out.clone().map(|index| self.chains.leg(way, index));
+            let left_out = left_out.clone().map(|index| self.chains.leg(tool_path, index));
             let legs = std::iter::once(first).chain(left_out).chain([last]);
             is_corner_of_curves(legs, stand, d_mm)
         });
@@ -401,29 +403,29 @@ impl Check<'_> {
         };
         // A lead that joins the contour as a corner may take away its first or last blocks; the
         // planner says so.
-        let is_at_lead = left_out.start == self.span.legs.start && from.follow.is_none()
-            || left_out.end == self.span.legs.end && to.follow.is_none();
-        let first = way.program.source(self.legs[left_out.start]);
+        let is_at_lead = left_out.start == self.span.legs.start && from.on_leg.is_none()
+            || left_out.end == self.span.legs.end && to.on_leg.is_none();
+        let first = tool_path.program.source(self.legs[left_out.start]);
         let is_skipped = is_lost && is_at_lead && report.is_known_uncut(first, worst.0);
         // What is trimmed away bounds the tool as before, to the very radius.
         let is_trimmed =
             is_skipped || is_lost && report.profile.interference.react == Reaction::Trim;
         let slack = if is_lost { 0.0 } else { slack };
         for index in left_out.clone() {
-            let block = &mut way.program.blocks[self.legs[index] as usize];
+            let block = &mut tool_path.program.blocks[self.legs[index] as usize];
             block.is_lost = is_lost && !is_trimmed;
             block.slack_mm = block.slack_mm.max(slack);
         }
-        for follow in [before, after].into_iter().flatten() {
-            let block = &mut way.program.blocks[follow.block as usize];
+        for on_leg in [before, after].into_iter().flatten() {
+            let block = &mut tool_path.program.blocks[on_leg.block as usize];
             block.slack_mm = block.slack_mm.max(slack);
         }
         if is_lost && !is_skipped {
-            let source = |index: usize| way.program.source(self.legs[index]);
+            let source = |index: usize| tool_path.program.source(self.legs[index]);
             let other = if worst.1 == left_out.start { left_out.end - 1 } else { left_out.start };
             let sources = (source(worst.1), source(other));
-            let mut at = way.program.motion(self.legs[worst.1]).end;
-            let [u, v, _] = way.program.offset(self.legs[worst.1]).plane.axes();
+            let mut at = tool_path.program.motion(self.legs[worst.1]).end;
+            let [u, v, _] = tool_path.program.offset(self.legs[worst.1]).plane.axes();
             (at[u], at[v]) = (worst.2.x, worst.2.y);
             report.push(report::left_out(sources, (worst.0, left_out.len()), at, report.profile));
         }
@@ -447,24 +449,29 @@ fn is_touched(leg: &Piece, at: Point, d_mm: f64, along: std::ops::RangeInclusive
 }
 
 /// The line or circle that an element is part of, long enough to be lengthened, and its offset.
-fn run(way: &Way<'_>, follow: &Follow, chains: &Chains<'_>, backwards: bool) -> (Piece, f64) {
+fn run(
+    tool_path: &ToolPath<'_>,
+    on_leg: &ElementOnLeg,
+    chains: &Chains<'_>,
+    backwards: bool,
+) -> (Piece, f64) {
     const LONG_MM: f64 = 1.0;
     const STEPS_MAX: usize = 64;
-    if follow.leg.round.is_some() {
-        return (follow.leg, 0.0);
+    if on_leg.leg.round.is_some() {
+        return (on_leg.leg, 0.0);
     }
-    let d_mm = if backwards { follow.d_out } else { follow.d_in };
-    if follow.d_in != follow.d_out {
-        return (follow.leg, 0.0);
+    let d_mm = if backwards { on_leg.d_out } else { on_leg.d_in };
+    if on_leg.d_in != on_leg.d_out {
+        return (on_leg.leg, 0.0);
     }
-    let mut run = follow.way;
-    let mut element = follow.element;
+    let mut run = on_leg.piece;
+    let mut element = on_leg.element;
     for _ in 0..STEPS_MAX {
         let next = if backwards { element.wrapping_sub(1) } else { element + 1 };
         if run.length() >= LONG_MM || !chains.span.elements.contains(&next) {
             break;
         }
-        if way.roles[next] != Role::Contour || way.of[next] == NONE {
+        if tool_path.roles[next] != Role::Contour || tool_path.block_of[next] == NONE {
             break;
         }
         let piece = chains.element(next);

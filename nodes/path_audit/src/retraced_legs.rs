@@ -8,13 +8,13 @@ use std::ops::Range;
 
 /// Groups of legs that are the same bit for bit, in the same direction.
 #[derive(Debug)]
-pub(crate) struct Copies {
+pub(crate) struct RetracedLegs {
     group_of: Vec<u32>,
     /// The legs of each group, in order.
     groups: Vec<Vec<usize>>,
 }
 
-impl Copies {
+impl RetracedLegs {
     /// Legs that do not count are alone.
     pub(crate) fn of(legs: &Pieces, counts: impl Fn(usize) -> bool) -> Self {
         let mut known: BTreeMap<[u64; 8], u32> = BTreeMap::new();
@@ -79,7 +79,7 @@ mod tests {
         let at = |x: f64| Point::new(x, 0.0);
         let ends = [(0.0, 1.0), (1.0, 0.0), (0.0, 1.0), (1.0, -0.0), (0.0, 1.0)];
         let pieces: Vec<Piece> = ends.iter().map(|(a, b)| Piece::line(at(*a), at(*b))).collect();
-        let copies = Copies::of(&Pieces::new(pieces.into_iter()), |leg| leg != 4);
+        let copies = RetracedLegs::of(&Pieces::new(pieces.into_iter()), |leg| leg != 4);
         assert_eq!(
             [copies.of_leg(2), copies.of_leg(3), copies.of_leg(4)],
             [&[0, 2][..], &[1, 3], &[4]]

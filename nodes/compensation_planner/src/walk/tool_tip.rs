@@ -40,14 +40,14 @@ fn vector(direction: u8, d_mm: f64) -> Vec2 {
 
 /// What is put out of a span: its centre path, or that of the tip.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Shift {
+pub(crate) struct TipShift {
     /// From S to P at the lead-on and at the end of the last leg, mm.
     pub first: Vec2,
     pub last: Vec2,
     is_at_tip: bool,
 }
 
-impl Shift {
+impl TipShift {
     pub(crate) fn new(span: &Span<'_>, profile: &Profile) -> Self {
         if profile.output == OutputPoint::Center {
             return Self { first: Vec2::zeros(), last: Vec2::zeros(), is_at_tip: false };

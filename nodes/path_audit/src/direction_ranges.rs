@@ -1,6 +1,6 @@
 //! Which consecutive legs all go about one way, so that they cannot meet each other.
 //!
-//! Where all directions lie within [`FAN_RAD`], every step leads on along the middle one by
+//! Where all directions lie within [`RANGE_RAD`], every step leads on along the middle one by
 //! most of its length: two places are as far apart as a part of the way between them.
 
 use crate::pieces::Pieces;
@@ -8,16 +8,16 @@ use crate::pieces::Pieces;
 use crate::planar::Piece;
 use crate::planar::{Point, cross, left};
 
-/// The directions of a fan are within 60°, rad; with its cosine.
-const FAN_RAD: f64 = std::f64::consts::FRAC_PI_3;
-const FAN_COS: f64 = 0.5;
+/// The directions of a range are within 60°, rad; with its cosine.
+const RANGE_RAD: f64 = std::f64::consts::FRAC_PI_3;
+const RANGE_COS: f64 = 0.5;
 
 /// The rightmost and the leftmost direction of some legs, of any length; in half the memory,
 /// which is exact enough for so coarse an angle. Zeros: they go too many ways.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Fan([f32; 4]);
+pub(crate) struct DirectionRange([f32; 4]);
 
-impl Fan {
+impl DirectionRange {
     const NONE: Self = Self([0.0; 4]);
 
     fn new(right: Point, left: Point) -> Self {
@@ -46,7 +46,7 @@ impl Fan {
             right = direction;
         }
         let cosine = right.dot(&left);
-        let least = FAN_COS * FAN_COS * right.norm_squared() * left.norm_squared();
+        let least = RANGE_COS * RANGE_COS * right.norm_squared() * left.norm_squared();
         if cosine > 0.0 && cosine * cosine >= least { Self::new(right, left) } else { Self::NONE }
     }
 
@@ -63,7 +63,7 @@ impl Fan {
     fn of(legs: &Pieces, index: usize) -> Self {
         let (from, to) = legs.chord(index);
         let Some(bow) = legs.bow(index) else { return Self::new(to - from, to - from) };
-        if bow.round.sweep.abs() > FAN_RAD {
+        if bow.round.sweep.abs() > RANGE_RAD {
             return Self::NONE;
         }
         let tangent = |at: Point| left(at - bow.round.center) * bow.round.sweep.signum();
@@ -73,9 +73,9 @@ impl Fan {
     /// Of several legs.
     pub(crate) fn of_all(legs: &Pieces, mut range: std::ops::Range<usize>) -> Self {
         let Some(first) = range.next() else { return Self::NONE };
-        range.fold(Self::of(legs, first), |fan, index| match legs.bow(index) {
-            None => fan.with(legs.end(index) - legs.begin(index)),
-            Some(_) => fan.and(Self::of(legs, index)),
+        range.fold(Self::of(legs, first), |all, index| match legs.bow(index) {
+            None => all.with(legs.end(index) - legs.begin(index)),
+            Some(_) => all.and(Self::of(legs, index)),
         })
     }
 }
@@ -84,7 +84,7 @@ impl Fan {
 mod tests {
     use super::*;
 
-    fn fan(directions: &[f64]) -> Fan {
+    fn range_of(directions: &[f64]) -> DirectionRange {
         let mut at = Point::zeros();
         let legs: Vec<Piece> = (directions.iter())
             .map(|degrees| {
@@ -95,11 +95,11 @@ mod tests {
             })
             .collect();
         let legs = Pieces::new(legs.into_iter());
-        Fan::of_all(&legs, 0..legs.count())
+        DirectionRange::of_all(&legs, 0..legs.count())
     }
 
     #[test]
-    fn a_fan_is_no_wider_than_sixty_degrees() {
+    fn a_range_is_no_wider_than_sixty_degrees() {
         for start in [0.0, 100.0, 170.0, 250.0, 359.0] {
             for (turns, is_any) in [
                 (&[0.0, 59.0][..], true),
@@ -112,10 +112,10 @@ mod tests {
                 (&[0.0, 120.0, 240.0], false),
             ] {
                 let directions: Vec<f64> = turns.iter().map(|turn| start + turn).collect();
-                assert_eq!(fan(&directions).is_any(), is_any, "{directions:?}");
+                assert_eq!(range_of(&directions).is_any(), is_any, "{directions:?}");
             }
         }
-        assert!(!fan(&[0.0, 50.0]).and(fan(&[70.0, 90.0])).is_any());
-        assert!(fan(&[0.0, 30.0]).and(fan(&[20.0, 50.0])).is_any());
+        assert!(!range_of(&[0.0, 50.0]).and(range_of(&[70.0, 90.0])).is_any());
+        assert!(range_of(&[0.0, 30.0]).and(range_of(&[20.0, 50.0])).is_any());
     }
 }
