@@ -1,10 +1,12 @@
-//! What is wrong with the way of the tool along a span, and what it is good for.
+//! Finds what is wrong with the path of the tool along a span, and the radii that would do.
 //!
-//! `reach` says what the tool does not fit into, `walls` what bounds it (`meeting`: where the
-//! contour meets itself; `copies`: what it cuts more than once), `interference` where it cuts into
-//! that, `lead` what the leads do. `trim` leaves out what does not fit, and `uncut` says what that
-//! leaves; `certificate` finds the radii that would do. `finding` puts it into words.
-//! Nothing is put out here.
+//! `reach` finds what the tool does not fit into, `walls` what bounds it (`self_meeting`: where the
+//! contour meets itself, `retraced_runs`: what it cuts more than once), `interference` where the
+//! tool cuts into that, and `lead` the same for leads. `trim` leaves out what does not fit, and
+//! `uncut` outlines what that leaves. `certificate` finds the valid radii. `finding` puts it all
+//! into words.
+//!
+//! Nothing here writes a path.
 
 pub(crate) mod certificate;
 pub(crate) mod finding;

@@ -1,18 +1,17 @@
-//! Programmed contour and tool table to compensated path.
+//! Turns a programmed contour and a tool table into a compensated path.
 //!
-//! [`judge`] is the whole interface: a contour, the rules of a control and the
-//! tools go in; the path of the tool centre, proved by [`path_audit`], or the reasons against it
-//! come out.
-//! It does not read programs.
+//! [`judge`] is the whole interface. In: a contour, the rules of a control and the tools. Out: the
+//! path of the tool centre, proved by [`path_audit`], or the reasons why there is none. This crate
+//! does not read programs.
 //!
 //! Folders are layers, and each imports only those before it:
 //!
-//! - `geometry`: lines, arcs and the plane; it knows no span and no profile.
-//! - `span`: what lies between a lead-on and the next lead-off, as runs whose offsets are joined.
-//! - `check`: what the tool does not fit into, and where it cuts; it puts nothing out.
+//! - `geometry`: lines and arcs in the plane.
+//! - `span`: what lies between a lead-on and the next lead-off, as runs with joined offsets.
+//! - `check`: what the tool does not fit into, and where it cuts.
 //! - `walk`: reads the events once, applies the rules of the control and writes the path.
-//! - `tools`: what is asked of a plan: a verdict, a new tool, a start in the middle.
-//! - `node`: the shell.
+//! - `tools`: what users ask of a plan: a verdict, another tool, a start in the middle.
+//! - `node`: the ROS shell.
 
 mod check;
 mod geometry;

@@ -1,7 +1,7 @@
 //! The ROS shell of the planner: a contour in, a path and a verdict out.
 //!
-//! Follows the newest programmed contour, keeps the tool table, and plans
-//! again when either changes. What the path is, [`plan`](crate::plan) decides.
+//! Follows the newest programmed contour, keeps the tool table, and plans again when either
+//! changes. [`plan`](crate::plan) decides what the path is.
 
 mod block;
 pub mod disagreement;
@@ -45,7 +45,7 @@ use threads::Threads;
 use tokio::sync::{mpsc, watch};
 use tool_file::ToolFile;
 
-/// Runs the node until it is told to stop.
+/// Runs the node until it is asked to stop.
 pub fn main(args: Vec<String>) -> ExitCode {
     runtime::run_managed("compensation_planner", parameters(), &args, start)
 }
@@ -142,7 +142,7 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
     node.spawn("programmed contour", async move {
         let mut complaints = WarningRateLimit::default();
         loop {
-            // Of several that waited only a loader's newest matters.
+            // Of several waiting contours only the newest matters.
             for (manifest, info) in contours.newest_of_each().await {
                 let sender = info.publisher;
                 match fetch(&chunks, manifest, memory).await {
@@ -171,16 +171,16 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
     Ok(planner)
 }
 
-/// The newest plan, the tool table, and the ways to tell of them.
+/// The newest plan, the tool table, and the endpoints that publish them.
 struct Planner {
     node: Handle,
     replan: watch::Sender<()>,
     chord_error_mm: f64,
     /// Where programs are kept on which planner and audit disagree.
     report_directory: PathBuf,
-    /// Those that wait for that.
+    /// The programs that wait to be kept.
     reports: mpsc::Sender<disagreement::Waiting>,
-    /// Asks the loader for the text of one.
+    /// Asks the loader for the text of a program.
     programs: Client<GetProgramChunks>,
     tool_table: Publisher<wire::ToolTable>,
     path: Publisher<wire::CompensatedPath>,
@@ -188,10 +188,10 @@ struct Planner {
     report: Publisher<wire::CompensationReport>,
     preview: Publisher<nav_msgs::msg::Path>,
     markers: Publisher<visualization_msgs::msg::MarkerArray>,
-    /// Held while the table is being changed: one change after the other.
+    /// Held while the table is being changed, so that changes come one after another.
     tool_file: Mutex<Option<ToolFile>>,
     state: Mutex<PlannerState>,
-    /// Held by all who plan or change the table; alone by who deactivates.
+    /// Shared by everyone who plans or changes the table; exclusive for a deactivation.
     work: tokio::sync::RwLock<()>,
 }
 
@@ -200,7 +200,7 @@ struct PlannerState {
     tools: ToolTable,
     tools_revision: u64,
     input: Option<Input>,
-    /// What there is was not planned yet, or with other tools.
+    /// The contour was not planned yet, or with other tools.
     is_due: bool,
     /// Counts the plans; the first is 1.
     revision: u64,
@@ -208,7 +208,7 @@ struct PlannerState {
     /// Of the newest plan, refused ones too.
     summary: Option<PlanSummary>,
     live: Live,
-    /// Planning waits for so long, until the path before it has gone out.
+    /// How long planning waits, until the path before it has been published.
     pause: Option<Duration>,
 }
 
@@ -224,7 +224,7 @@ struct Current {
 }
 
 impl Current {
-    /// What a plan says; its path comes when it is published.
+    /// What a plan says; its path is added when it is published.
     fn new(program_id: String, revision: u64, plan: &Plan, chord_error_mm: f64) -> Self {
         let uncut = plan.uncut.iter().map(|region| uncut_to_wire(region, chord_error_mm));
         Self {
@@ -345,11 +345,11 @@ impl Planner {
         Ok((message, revision))
     }
 
-    /// Plans what is there and publishes what came of it.
+    /// Plans the current contour and publishes the result.
     fn plan(&self) {
         let (input, tools, tools_revision, revision) = {
             let mut state = self.state();
-            // What comes meanwhile is planned when the node is active.
+            // A contour that arrives meanwhile is planned when the node is active.
             let is_wanted = state.is_due && self.node.require_active().is_ok();
             let Some(input) = state.input.clone().filter(|_| is_wanted) else { return };
             state.is_due = false;
@@ -399,7 +399,7 @@ impl Planner {
         } else {
             self.state().current = Some(current);
         }
-        // Nobody waits for certificates; they take longer than the path.
+        // Nobody waits for certificates, which take longer than the path.
         planning.certifies = true;
         let certified = plan_with(&input.contour, &input.profile, &tools, planning).certificates;
         certify(&mut report, &certified);

@@ -1,5 +1,5 @@
-//! What is asked of a plan: whether its path is proved, and what changes with another tool,
-//! another start, a single block or the rest of a run.
+//! What users ask of a plan: a proof of its path, and what changes with another tool, another
+//! start, a single block or the rest of a run.
 
 pub mod mdi;
 pub mod replan;

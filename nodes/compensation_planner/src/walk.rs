@@ -1,9 +1,8 @@
-//! Reads the events once and tells compensated spans from everything else.
+//! Reads the events once and separates compensated spans from everything else.
 //!
-//! What is not compensated goes straight out. From the first move in the plane
-//! after a selection to the first after its cancel, blocks are gathered into a
-//! [`Span`]; `compensate` makes the path of it. The rules of controls about
-//! where compensation may begin and end are in `rules`.
+//! What is not compensated is written as it is. From the first move in the plane after a selection
+//! to the first after its cancel, blocks are gathered into a [`Span`]; `compensate` makes its path.
+//! `rules` has the rules of controls about where compensation may begin and end.
 
 mod compensate;
 mod emitter;
@@ -48,9 +47,9 @@ struct Selection {
 /// Tool lengths where D selects them: `None` without one (S34).
 #[derive(Debug, Default)]
 struct Lengths {
-    /// That of the last D.
+    /// The length of the last D.
     selected: Option<(u32, f64)>,
-    /// That of the last move of Z.
+    /// The length at the last move of Z.
     in_force: Option<(u32, f64)>,
 }
 
@@ -59,8 +58,7 @@ struct Lengths {
 struct Active<'a> {
     span: Span<'a>,
     side: CutterSide,
-    /// A side change or reselection that waits for its move, with how the
-    /// contour before it ends.
+    /// A side change or reselection that waits for its move, and how the contour before it ends.
     relink: Option<(Selection, Approach)>,
     /// A cancel that waits for its move.
     cancel: Option<(Approach, Source)>,
@@ -68,13 +66,13 @@ struct Active<'a> {
     between: rules::Between,
     /// A new radius word waits for the next block in the plane (S43).
     radius_changes: Option<Source>,
-    /// A new value is in force after so many more blocks (S47).
+    /// A new value is in force after this many more blocks (S47).
     value_waits: Option<(u32, Source)>,
     /// The next corner is an arc, to this direction if there is one (NCT G39).
     corner_arc: Option<(Option<Direction>, Source)>,
     /// The next leg is on the other side, from the intersection on (O02).
     other_side: Option<Selection>,
-    /// The contour that ends where this one begins, on the other side.
+    /// The contour on the other side, which ends where this one begins.
     before: Option<OneSide<'a>>,
 }
 
@@ -101,17 +99,17 @@ pub(crate) struct Walk<'a> {
     plane: Plane,
     corner: OutsideCorner,
     radius: Option<RadiusSource>,
-    /// What the program has made of the value of the offset in force, mm.
+    /// The value that the program has given the offset in force, mm.
     radius_value_mm: Option<f64>,
     spindle_tool: Option<u32>,
     lengths: Lengths,
-    /// Offsets whose length is not applied, which has been said.
+    /// Offsets whose length is not applied; each has been reported.
     told_lengths: BTreeSet<u32>,
-    /// The block of the last change of tool that was refused.
+    /// The block of the last refused change of tool.
     refused_tool: Option<Source>,
     /// The block of the last lead-off.
     led_off_in: Option<Source>,
-    /// Where the program is; the tool may be elsewhere.
+    /// The programmed position; the tool may be elsewhere.
     programmed: Position,
     state: WalkState<'a>,
 }
@@ -148,7 +146,7 @@ impl<'a> Walk<'a> {
         match *kind {
             ContourEventKind::Motion(ref motion) => self.motion(motion, source),
             ContourEventKind::Plane(plane) => self.select_plane(plane, source),
-            // A T word that is refused as a change of tool changes no radius either.
+            // A T word that is refused as a tool change does not change the radius either.
             ContourEventKind::Radius(_) if self.refused_tool == Some(source) => {}
             ContourEventKind::Radius(word) => {
                 self.radius = Some(word);
@@ -257,13 +255,13 @@ impl<'a> Walk<'a> {
             && selection.approach.is_none()
             && self.profile.side_change.rule == SideChange::Intersection;
         if is_repeat {
-            // Back to the side that it is on, with no move between.
+            // Back to its own side, with no move between.
             active.other_side = None;
         }
         if is_at_intersection {
             active.other_side = Some(selection);
         } else if !is_repeat || selection.approach.is_some() {
-            // S36 to S39: both ends as the word says, straight without one.
+            // S36 to S39: both ends as the word says, straight if there is none.
             let exit = match active.cancel.take() {
                 Some((exit, _)) => exit,
                 None => selection.approach.unwrap_or(Approach::Normal),
@@ -288,7 +286,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The value changes; while compensation is active after some more blocks (S47).
+    /// Changes the value; while compensation is active, after some more blocks (S47).
     fn radius_value(&mut self, radius_mm: f64, source: Source) {
         self.radius_value_mm = Some(radius_mm);
         if let WalkState::Active(active) = &mut self.state {
@@ -311,7 +309,7 @@ impl<'a> Walk<'a> {
         let action = self.with_length(action, source);
         match action {
             Action::ChangeTool { tool } => self.spindle_tool = Some(tool),
-            // It is of this block's elements, generated ones too (S55).
+            // It applies to the elements of this block, generated ones included (S55).
             Action::ExactStop => return self.out.stop_exactly_in(source),
             Action::Home { .. } => self.home(source),
             Action::ProgramEnd { .. } => self.end_of_program(source),
@@ -352,7 +350,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The cancel with its move stands in a block before that of the end (S32).
+    /// Compensation is cancelled, with its move, in a block before the end of the program (S32).
     fn end_of_program(&mut self, source: Source) {
         if self.led_off_in == Some(source) && matches!(self.state, WalkState::Off) {
             self.report.findings.extend(rules::cancelled_with_the_end(source, self.profile));
@@ -366,10 +364,11 @@ impl<'a> Walk<'a> {
         register.or_else(tool).unwrap_or(0.0)
     }
 
-    /// The length of the last D acts with the next move of Z (S34); whether it does so now.
+    /// Applies the length of the last D at the next move of Z (S34); returns whether it does so
+    /// now.
     ///
-    /// In another plane the control shifts another axis, which no controller can do: that is
-    /// said once a number.
+    /// In another plane the control shifts another axis, which no controller can do. That is
+    /// reported once for each number.
     fn apply_length_of_d(&mut self, motion: &Motion, source: Source) -> bool {
         let Lengths { selected, in_force } = self.lengths;
         let length_mm = |it: Option<(u32, f64)>| it.map_or(0.0, |(_, length_mm)| length_mm);
@@ -510,13 +509,13 @@ impl<'a> Walk<'a> {
         Rules { profile: self.profile, findings: &mut self.report.findings }
     }
 
-    /// Whether a motion is one in the plane: it moves there, or names one of its axes (S21).
+    /// Whether a motion counts as one in the plane: it moves there, or names one of its axes (S21).
     fn moves_in_plane(&self, start: Position, motion: &Motion) -> bool {
         let [u, v, _] = self.plane.axes();
         self.shifts(start, motion) || motion.axes.contains(u) || motion.axes.contains(v)
     }
 
-    /// Whether a motion gets anywhere in the plane.
+    /// Whether a motion changes the position in the plane.
     fn shifts(&self, start: Position, motion: &Motion) -> bool {
         let [u, v, _] = self.plane.axes();
         let far = (motion.end[u] - start[u]).abs().max((motion.end[v] - start[v]).abs());

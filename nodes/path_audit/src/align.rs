@@ -1,7 +1,7 @@
-//! Which block of the contour each element of a path belongs to.
+//! Finds the block of the contour that each element of a path belongs to.
 //!
-//! Elements come in the order of their blocks; what a block may become follows from what it
-//! is to compensation. Free moves, and moves out of the plane, must be what is programmed.
+//! Elements come in the order of their blocks. What a block may become depends on its kind. Free
+//! moves, and moves out of the plane, must be as programmed.
 
 use crate::planar::{Piece, cross, flat};
 use crate::program::{Block, Kind, NONE};
@@ -11,14 +11,14 @@ use cnc_msgs::contour::{Motion, MotionClass};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, Role};
 
-/// How far a position may be off that should be the programmed one, mm: elements shorter
-/// than half of it are not put out.
+/// How far a position may be from the programmed one, mm. The planner drops elements shorter than
+/// half of it.
 pub(crate) const SAME_MM: f64 = 2e-6;
 
-/// Elements without a block, after which nothing more can be said.
+/// After so many elements without a block the audit gives up.
 const STRAYS_MAX: usize = 20;
 
-/// Gives every element its block; false when path and program have too little in common.
+/// Gives every element its block. False when path and program have too little in common.
 pub(crate) fn align(tool_path: &mut ToolPath<'_>, report: &mut Report<'_>) -> bool {
     let mut next = 0;
     let mut strays = 0;
@@ -71,7 +71,7 @@ pub(crate) fn align(tool_path: &mut ToolPath<'_>, report: &mut Report<'_>) -> bo
     true
 }
 
-/// Whether an element is what its block itself does, after which no other can follow.
+/// Whether an element is the block's own motion; no other element of the block can follow it.
 fn is_own(kind: Kind, role: Role) -> bool {
     match kind {
         Kind::Leg => role == Role::Contour,
@@ -91,8 +91,8 @@ fn may_be(kind: Kind, role: Role) -> bool {
     }
 }
 
-/// The first block from here on that an element can belong to; of several in one line that
-/// which it fits.
+/// The first block from here on that an element can belong to. If several share a line, the one
+/// that it fits.
 fn find(
     tool_path: &ToolPath<'_>,
     index: usize,
@@ -117,7 +117,7 @@ fn find(
     others.find(|&block| fits(tool_path, index, element, block as u32)).or(Some(first))
 }
 
-/// Whether an element is beside a block, by far: for blocks of one line only.
+/// Whether an element is far from a block; only for blocks that share a line.
 fn fits(tool_path: &ToolPath<'_>, index: usize, element: &PathElement, block: u32) -> bool {
     const BESIDE_MM: f64 = 1e-2;
     let motion = tool_path.program.motion(block);
@@ -150,7 +150,7 @@ fn fits(tool_path: &ToolPath<'_>, index: usize, element: &PathElement, block: u3
     }
 }
 
-/// A block without an element must be one that does nothing.
+/// A block without an element must be one that moves nothing.
 fn check_skipped(tool_path: &ToolPath<'_>, block: u32, here: Position, report: &mut Report<'_>) {
     let Block { kind, element, .. } = tool_path.program.blocks[block as usize];
     if element != NONE {
@@ -163,7 +163,7 @@ fn check_skipped(tool_path: &ToolPath<'_>, block: u32, here: Position, report: &
             let w = tool_path.program.offset(block).plane.axes()[2];
             (motion.end[w] - here[w]).abs() <= SAME_MM
         }
-        // A lead may be too short to be a move; what is left of a contour is seen beside it.
+        // A lead may be too short to be a move. `offsets` checks what is left of a contour.
         Kind::LeadOn | Kind::Link | Kind::Leg | Kind::Still => true,
     };
     if !does_nothing {

@@ -1,4 +1,4 @@
-//! How near the path comes to the walls of its pass: the exact distance, everywhere.
+//! Measures how near the path comes to the walls of its pass: the exact distance, everywhere.
 
 use crate::distance_bounds;
 use crate::passes::Passes;
@@ -19,28 +19,28 @@ use std::ops::Range;
 
 /// How much nearer than its radius the tool may be, mm.
 pub(crate) const GOUGE_MM: f64 = 1e-4;
-/// How much nearer a lead may come to its leg than to the free end of that, mm: rounding.
+/// A lead may come so much nearer to its leg than to the free end of that leg, mm: rounding.
 const FREE_END_MM: f64 = 2e-6;
-/// Cuts that are kept of a span; what is cut everywhere needs no more.
+/// Cuts kept for each span. A span that is cut everywhere needs no more.
 const CUTS_MAX: usize = 20_000;
-/// Places of a span that are told.
+/// Places reported for each span.
 const PLACES_MAX: usize = 100;
 
 /// The tool on an element comes too near to a leg.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Found {
     element: usize,
-    /// The leg it follows and the one it cuts, in the span.
+    /// The leg that it follows and the leg that it cuts, as indices in the span.
     on: usize,
     into: usize,
     near: Near,
     radius_mm: f64,
     is_other_pass: bool,
-    /// The element is a lead, which is judged apart.
+    /// The element is a lead, which has rules of its own.
     is_lead: bool,
-    /// A lead that only passes over the free end of what it leads onto or leaves.
+    /// The lead only passes over the free end of the contour that it leads to or from.
     is_nick: bool,
-    /// Where the contour closes, and that is forgiven.
+    /// The cut is where the contour closes, and the profile forgives that.
     is_forgiven: bool,
 }
 
@@ -79,7 +79,7 @@ pub(crate) fn check(
     };
     let slack = |&leg: &u32| {
         let block = &tool_path.program.blocks[leg as usize];
-        // Nothing comes too near to what is lost.
+        // Nothing can come too near to a block that is lost.
         if block.is_lost { f32::INFINITY } else { block.slack_mm }
     };
     let slacks = legs.iter().map(slack).collect();
@@ -124,9 +124,9 @@ pub(crate) fn check(
     }
 }
 
-/// Where the tool changes from one side of the contour to the other at an intersection: it may
-/// cut into the leg before with the first element behind, and into the leg behind with the last
-/// before, lengthened as they are.
+/// Checks an intersection where the tool changes from one side of the contour to the other. The
+/// first element after it may cut the leg before it, and the last element before it the leg after
+/// it, both lengthened as they are.
 pub(crate) fn check_change_of_side(
     tool_path: &ToolPath<'_>,
     (before, behind): (&Chains<'_>, &Chains<'_>),
@@ -171,11 +171,11 @@ pub(crate) fn check_change_of_side(
 /// How near the tool may come to walls while it is on an element.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tool {
-    /// The leg it follows or leads to, in the span; [`NONE`]: it need not keep away.
+    /// The leg that it follows or leads to, in the span; [`NONE`]: it need not keep away.
     pub on: u32,
     /// Its own leg.
     pub own: u32,
-    /// Without what merging and acceptance took beside it.
+    /// Without the slack that merging and the accepted tolerance take.
     pub limit_mm: f64,
 }
 
@@ -186,16 +186,16 @@ pub(crate) struct Search<'a> {
     pub all_legs: &'a [u32],
     pub legs: &'a [u32],
     pub walls: &'a Pieces,
-    /// How far the path may be off beside each leg.
+    /// The slack of each leg: how far the path may be off it.
     pub slacks: Vec<f32>,
     pub passes: Passes,
-    /// Where each wall is looked at once.
+    /// Walls that are cut more than once, so that each is checked once.
     pub copies: Option<RetracedLegs>,
     pub found: Vec<Found>,
 }
 
 impl Search<'_> {
-    /// Of all elements of the span.
+    /// One tool for each element of the span.
     fn tools(&self) -> Vec<Tool> {
         let mut on = 0;
         let tool = |element: usize| {
@@ -220,11 +220,11 @@ impl Search<'_> {
         self.span.elements.clone().map(tool).collect()
     }
 
-    /// Of the tool on an element.
+    /// The radius of the tool on an element.
     pub(crate) fn radius_mm(&self, element: usize) -> f64 {
         let block = self.tool_path.block_of[element];
         match self.tool_path.roles[element] {
-            // A corner runs at the radius before it; a leg that changes it has both.
+            // A corner runs at the radius before it; a leg that changes the radius has both.
             Role::Corner => self.span.offset(self.tool_path, self.all_legs, block).d_in.abs(),
             Role::Contour => {
                 let offset = self.span.offset(self.tool_path, self.all_legs, block);
@@ -237,7 +237,7 @@ impl Search<'_> {
         }
     }
 
-    /// The tool on one of some elements, beside some walls.
+    /// The tool on one of some elements, against some walls.
     fn tool(
         &mut self,
         (elements, first): (&Pieces, usize),
@@ -320,7 +320,7 @@ impl Search<'_> {
         }
         let mut is_nick = false;
         if is_lead && let Some((nearest_mm, part, rest)) = self.at_free_end(piece, element, leg) {
-            // What is cut farther from the end than that is no nick, nor what is cut deeper.
+            // A cut farther from the end than that, or a deeper one, is no nick.
             let is_cut = |near: &Near| near.distance < limit;
             let of = |part: Option<Piece>| part.map(|part| nearest(piece, &part)).filter(is_cut);
             match (of(rest), of(part)) {
@@ -394,7 +394,7 @@ impl Search<'_> {
         self.profile.interference.at_closing.severity() == Severity::Warning
     }
 
-    /// Whether the cut is between what the walls of a pass begin with and what they end with.
+    /// Whether the cut is between the first and the last wall of a pass.
     fn is_at_closing(&self, on: usize, into: usize) -> bool {
         let Some((first, last)) = self.passes.ends(on) else { return false };
         let (low, high) = (on.min(into), on.max(into));
@@ -416,12 +416,12 @@ impl Search<'_> {
     }
 }
 
-/// How far along its leg the tool is at a place of an element, mm: of arcs that go around more
-/// than once counted from where the element begins.
+/// How far along its leg the tool is at a place of an element, mm. On an arc of more than one turn
+/// it is counted from where the element begins.
 fn foot(leg: &Piece, element: &Piece, at: Point) -> f64 {
     match (&leg.round, &element.round) {
         (Some(of_leg), Some(round)) if of_leg.sweep * round.sweep > 0.0 && round.radius > 0.0 => {
-            // It begins late on its leg, or is lengthened by less than a quarter of a turn.
+            // It begins late on its leg, or is lengthened by less than a quarter turn.
             let (a, b) = (leg.from - of_leg.center, element.from - of_leg.center);
             let begin = cross(a, b).atan2(a.dot(&b)) * of_leg.sweep.signum();
             let begin = if begin < -FRAC_PI_2 { begin + TAU } else { begin };
@@ -431,11 +431,11 @@ fn foot(leg: &Piece, element: &Piece, at: Point) -> f64 {
     }
 }
 
-/// Cuts that hang together are one place, and so is a pair of walls that is cut from both.
+/// Merges cuts that hang together into one place, also where two walls are cut from both sides.
 fn deepest_places(mut found: Vec<Found>) -> Vec<Found> {
     let kind = |it: &Found| (it.is_lead, it.is_nick, it.is_other_pass, it.is_forgiven);
     let depth = |found: &Found| found.radius_mm - found.near.distance;
-    // Of what is as deep the first, in whatever order it was found.
+    // Of equally deep cuts the first one counts, in whatever order they were found.
     let place = |found: &Found| (found.element, found.into);
     found.sort_by(|a, b| depth(b).total_cmp(&depth(a)).then(place(a).cmp(&place(b))));
     let mut places: Vec<(Found, [usize; 4])> = Vec::new();

@@ -1,19 +1,20 @@
-//! Which consecutive legs all go about one way, so that they cannot meet each other.
+//! Finds consecutive legs whose directions are so similar that they cannot meet each other.
 //!
-//! Where all directions lie within [`RANGE_RAD`], every step leads on along the middle one by
-//! most of its length: two places are as far apart as a part of the way between them.
+//! Where all directions lie within [`RANGE_RAD`], every step advances along the middle direction by
+//! most of its length. So two places are as far apart as a part of the path between them.
 
 use crate::pieces::Pieces;
 #[cfg(test)]
 use crate::planar::Piece;
 use crate::planar::{Point, cross, left};
 
-/// The directions of a range are within 60°, rad; with its cosine.
+/// A range covers at most 60°, rad; and its cosine.
 const RANGE_RAD: f64 = std::f64::consts::FRAC_PI_3;
 const RANGE_COS: f64 = 0.5;
 
-/// The rightmost and the leftmost direction of some legs, of any length; in half the memory,
-/// which is exact enough for so coarse an angle. Zeros: they go too many ways.
+/// The rightmost and the leftmost direction of some legs, as vectors of any length. `f32` takes
+/// half the memory and is exact enough for so coarse an angle. All zeros: the directions differ too
+/// much.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DirectionRange([f32; 4]);
 
@@ -33,7 +34,7 @@ impl DirectionRange {
         self.0 != Self::NONE.0
     }
 
-    /// With a direction more.
+    /// Extends the range by one direction.
     fn with(self, direction: Point) -> Self {
         let (mut right, mut left) = self.edges();
         if !(direction.dot(&right) > 0.0 && direction.dot(&left) > 0.0) {
@@ -50,7 +51,7 @@ impl DirectionRange {
         if cosine > 0.0 && cosine * cosine >= least { Self::new(right, left) } else { Self::NONE }
     }
 
-    /// Of both.
+    /// Joins two ranges.
     pub(crate) fn and(self, other: Self) -> Self {
         if !other.is_any() {
             return Self::NONE;
@@ -59,7 +60,7 @@ impl DirectionRange {
         self.with(right).with(left)
     }
 
-    /// Of one leg.
+    /// The range of one leg.
     fn of(legs: &Pieces, index: usize) -> Self {
         let (from, to) = legs.chord(index);
         let Some(bow) = legs.bow(index) else { return Self::new(to - from, to - from) };
@@ -70,7 +71,7 @@ impl DirectionRange {
         Self::new(tangent(from), tangent(from)).with(tangent(to))
     }
 
-    /// Of several legs.
+    /// The range of several legs.
     pub(crate) fn of_all(legs: &Pieces, mut range: std::ops::Range<usize>) -> Self {
         let Some(first) = range.next() else { return Self::NONE };
         range.fold(Self::of(legs, first), |all, index| match legs.bow(index) {

@@ -1,7 +1,7 @@
-//! Cheap proofs that two pieces are no nearer to each other than a limit.
+//! Proves cheaply that two pieces are at least a limit apart.
 //!
-//! Each is a lower bound of the exact distance, so that it may miss that pieces are apart,
-//! but never says so of pieces that are not. What is left is for `planar::nearest`.
+//! Each test is a lower bound of the exact distance. It may fail to see that two pieces are apart,
+//! but it never calls near pieces apart. `planar::nearest` decides the rest.
 
 use crate::pieces::Bow;
 #[cfg(test)]
@@ -10,7 +10,8 @@ use crate::planar::{Point, cross, on_segment};
 
 type Chord = (Point, Point);
 
-/// Where a point is beside a segment, in units of its length: how far along, and to its left.
+/// A point relative to a segment, in units of its length: how far along it, and how far to its
+/// left.
 #[derive(Clone, Copy)]
 struct Projection {
     along: f64,
@@ -23,7 +24,7 @@ impl Projection {
         Self { along: segment.dot(&point), left: cross(segment, point) }
     }
 
-    /// Whether it is nearer to the segment, exactly.
+    /// Whether the point is nearer to the segment than the limit, exactly.
     #[inline]
     fn is_near(self, length_squared: f64, to_ends: (f64, f64), squared: f64) -> bool {
         if self.along <= 0.0 {
@@ -36,7 +37,7 @@ impl Projection {
     }
 }
 
-/// Whether two segments are as far apart as the limit, mm: exactly, without a division.
+/// Whether two segments are at least `limit` mm apart: exact, without a division.
 #[inline]
 pub(crate) fn are_chords_apart(a: Chord, b: Chord, limit: f64) -> bool {
     let squared = limit * limit;
@@ -44,7 +45,7 @@ pub(crate) fn are_chords_apart(a: Chord, b: Chord, limit: f64) -> bool {
     let (to_b0, to_b1) = (b.0 - a.0, b.1 - a.0);
     let (b0, b1) = (Projection::new(da, to_b0), Projection::new(da, to_b1));
     let long_a = da.norm_squared();
-    // All of one on one side of the other's line, before it or behind it, and far from it.
+    // All of one segment is on one side of the other's line, or before or after it, and far away.
     let least = squared * long_a;
     let is_far = |of: f64| of > 0.0 && of * of >= least;
     if is_far(b0.left.min(b1.left))
@@ -68,7 +69,7 @@ pub(crate) fn are_chords_apart(a: Chord, b: Chord, limit: f64) -> bool {
         || a1.is_near(long_b, (ends[2], ends[3]), squared))
 }
 
-/// Whether two pieces with these chords are as far apart as the limit, mm.
+/// Whether two pieces with these chords are at least `limit` mm apart.
 pub(crate) fn are_pieces_apart(
     a: Chord,
     of_a: Option<&Bow>,
@@ -106,8 +107,8 @@ pub(crate) fn are_pieces_apart(
         }
 }
 
-/// Whether all that is no farther than `bulge` from a chord lies on the side of an arc's own
-/// chord that the arc does not bend to: its chord is the nearest of it from there.
+/// Whether everything within `bulge` of a chord lies on the flat side of an arc. From there the
+/// arc's own chord is its nearest part.
 fn is_behind(chord: Chord, bow: &Bow, other: Chord, bulge: f64) -> bool {
     if bow.round.sweep.abs() > std::f64::consts::PI {
         return false;
@@ -119,7 +120,7 @@ fn is_behind(chord: Chord, bow: &Bow, other: Chord, bulge: f64) -> bool {
     least >= bulge * along.norm()
 }
 
-/// Whether a segment is inside or outside the whole circle of an arc, so far from it.
+/// Whether a segment is inside or outside the whole circle of an arc, and so far from it.
 fn is_off_circle(chord: Chord, bow: &Bow, limit: f64) -> bool {
     let (center, radius) = (bow.round.center, bow.round.radius);
     let limit = limit + bow.uneven;
@@ -130,12 +131,11 @@ fn is_off_circle(chord: Chord, bow: &Bow, limit: f64) -> bool {
         || (on_segment(chord.0, chord.1, center) - center).norm_squared() >= outer * outer
 }
 
-/// Whether a segment lies behind the centre of an arc, as a wall does whose end the tool goes
-/// around.
+/// Whether a segment lies beyond the centre of an arc, like a wall whose end the tool goes around.
 ///
-/// A point `p` and one of the arc, both from the centre, are as far apart as
-/// `√(p² + r² - 2 p·q)`, where `p·q` is greatest for an end of the segment, and for an end of
-/// the arc if that does not face it.
+/// A point `p` and a point `q` of the arc, both relative to the centre, are `√(p² + r² - 2 p·q)`
+/// apart. `p·q` is greatest at an end of the segment, and at an end of the arc if the arc does not
+/// face it.
 fn is_around(chord: Chord, bow: &Bow, other: Chord, limit: f64) -> bool {
     let (center, radius, sweep) = (bow.round.center, bow.round.radius, bow.round.sweep);
     if sweep.abs() > std::f64::consts::PI {
@@ -147,7 +147,7 @@ fn is_around(chord: Chord, bow: &Bow, other: Chord, limit: f64) -> bool {
         let is_faced = cross(from, out) * sweep >= 0.0 && cross(out, to) * sweep >= 0.0;
         if is_faced { out.norm() * radius } else { out.dot(&from).max(out.dot(&to)) }
     };
-    // From the end that is beside the circle it may be so much nearer.
+    // From an end that is off the circle it may be nearer by that much.
     let needed = limit + bow.uneven;
     radius * radius - 2.0 * most(other.0).max(most(other.1)) >= needed * needed
 }
@@ -185,7 +185,7 @@ mod tests {
             let sweep = self.between(-most, most);
             let (sin, cos) = sweep.sin_cos();
             let to = center + Point::new(out.x * cos - out.y * sin, out.x * sin + out.y * cos);
-            // Some end beside their circles.
+            // Some endpoints are off their circle.
             let off = if self.next() < 0.2 { self.point() * 1e-3 } else { Point::zeros() };
             Piece { from, to: to + off, round: Some(Round { center, radius: out.norm(), sweep }) }
         }
@@ -197,7 +197,7 @@ mod tests {
         let (mut apart, mut rejected) = (0, 0);
         for case in 0..200_000 {
             let a = numbers.piece();
-            // As a tool runs beside its walls.
+            // As a tool runs along its walls.
             let beside = a.offset(numbers.between(-2.0, 2.0)).filter(|_| case % 2 == 0);
             // Or around their ends.
             let around = a.round.filter(|_| case % 5 == 0);

@@ -1,5 +1,5 @@
-//! One element beside its own leg: its distance, its direction, where it begins and ends, and
-//! the joint with the one before it.
+//! Checks one element against its own leg: distance, direction, where it begins and ends, and the
+//! joint with the element before it.
 
 use crate::pieces::Chains;
 use crate::planar::{Piece, Point, carriers_cross, cross};
@@ -7,15 +7,16 @@ use crate::report::{self, Report};
 use crate::tool_path::ToolPath;
 use std::f64::consts::TAU;
 
-/// How far an element may be off its place, mm: the longest that is not put out, some times.
+/// How far an element may be off its place, mm: some times the longest element that the planner
+/// drops.
 pub(crate) const PLACE_MM: f64 = 5e-6;
-/// Legs that stay so close to one line or arc may be one, mm.
+/// Legs that stay so close to one line or arc may be merged, mm.
 pub(crate) const MERGE_MM: f64 = 1e-4;
-/// Shorter elements say nothing of a direction, mm.
+/// A shorter element has no reliable direction, mm.
 const SHORT_MM: f64 = 1e-3;
-/// Offsets below this are none, mm.
+/// Smaller offsets count as none, mm.
 const ZERO_MM: f64 = 1e-9;
-/// Turns below this may be none, rad.
+/// Smaller turns may be none, rad.
 const STRAIGHT_RAD: f64 = 1.1e-3;
 
 /// An element of role contour and the leg that it follows.
@@ -23,23 +24,23 @@ const STRAIGHT_RAD: f64 = 1.1e-3;
 pub(crate) struct ElementOnLeg {
     pub element: usize,
     pub block: u32,
-    /// Among all legs.
+    /// Index among all legs.
     pub leg_index: usize,
     pub piece: Piece,
     pub leg: Piece,
     pub d_in: f64,
     pub d_out: f64,
-    /// It may begin before its leg, or behind its end: at an outside corner.
+    /// It may begin before its leg or after it: at an outside corner.
     pub is_open: bool,
-    /// It is merged with a neighbour, or legs beside it are left out.
+    /// It is merged with a neighbour, or the path leaves out legs next to it.
     pub is_loose: bool,
-    /// It begins where an arc ends that is merged with another: beside its own start.
+    /// It begins after a merged arc, so it may miss its own start.
     pub is_behind_merged: bool,
-    /// How far beside its circle it, or the one before it, was programmed to end, mm.
+    /// How far off its circle its arc, or the one before it, is programmed to end, mm.
     pub uneven_mm: f64,
 }
 
-/// Whether two elements are one line or circle.
+/// Whether two elements are on one line or circle.
 pub(crate) fn runs_on(a: &Piece, b: &Piece) -> bool {
     match (&a.round, &b.round) {
         (None, None) => {
@@ -56,7 +57,7 @@ pub(crate) fn runs_on(a: &Piece, b: &Piece) -> bool {
     }
 }
 
-/// How far the circle of an element is from that of its leg, mm.
+/// How far the circle of an element is from the offset circle of its leg, mm.
 pub(crate) fn off_circle(piece: &Piece, leg: &Piece, d_mm: f64) -> f64 {
     match (&piece.round, &leg.round) {
         (Some(round), Some(leg)) if round.sweep * leg.sweep > 0.0 => {
@@ -67,7 +68,7 @@ pub(crate) fn off_circle(piece: &Piece, leg: &Piece, d_mm: f64) -> f64 {
     }
 }
 
-/// One element beside its leg, when it is known what comes next.
+/// Checks one element, once the next one is known.
 pub(crate) fn check_element(
     tool_path: &mut ToolPath<'_>,
     on_leg: &ElementOnLeg,
@@ -85,7 +86,7 @@ pub(crate) fn check_element(
         let radii = (round.radius, (piece.to - round.center).norm());
         let is_merged = on_leg.is_loose || has_short_neighbour(tool_path, on_leg.leg_index, chains);
         let even_mm = if is_merged { coarse } else { 2.0 * PLACE_MM };
-        // Without an offset the arc is the programmed one, as the program has it.
+        // Without an offset the arc is the programmed one, uneven or not.
         let is_programmed = d_in.abs().max(d_out.abs()) < ZERO_MM;
         let even_mm = even_mm + if is_programmed { unevenness(leg) } else { 0.0 };
         if (radii.0 - radii.1).abs() > even_mm.max(1e-6 * radii.0) {
@@ -110,7 +111,8 @@ pub(crate) fn check_element(
         _ => (f64::INFINITY, f64::NAN),
     };
     if is_short && off > place_mm {
-        // It lies on what its neighbour follows.
+        // Accepted where its ends are at the right distance from the leg: it belongs to a
+        // neighbour.
         let beside = |point: Point| match &piece.round {
             None => (cross(piece.tangent(piece.from), point - piece.from) + d_in).abs(),
             Some(round) => {
@@ -132,7 +134,8 @@ pub(crate) fn check_element(
     if off > place_mm
         && (on_leg.is_behind_merged || has_short_neighbour(tool_path, on_leg.leg_index, chains))
     {
-        // What is so short is merged with it; what an arc was merged with ends beside it.
+        // A leg as short as that is merged with its neighbour; an element after a merged arc may
+        // miss its start.
         place_mm = place_mm.max(1.01 * MERGE_MM);
     }
     if off > place_mm {
@@ -151,19 +154,19 @@ pub(crate) fn check_element(
     }
 }
 
-/// What the digits of coordinates far away are worth where offsets meet at a small angle, mm.
+/// The rounding of far-away coordinates, where offsets meet at a small angle, mm.
 fn rounding(leg: &Piece) -> f64 {
     const PART: f64 = 1e-11;
     PART * leg.from.amax().max(leg.to.amax())
 }
 
-/// How much the programmed ends of an arc differ in their distance from its centre, mm: where
-/// they are too near to each other to say where the centre is, it stays where it is programmed.
+/// How much the distances of the two programmed ends of an arc from its centre differ, mm. If the
+/// ends are too close together to correct the centre, it stays as programmed.
 pub(crate) fn unevenness(leg: &Piece) -> f64 {
     leg.round.map_or(0.0, |round| ((leg.to - round.center).norm() - round.radius).abs())
 }
 
-/// Whether a leg or one beside it is so short that it is merged.
+/// Whether a leg or a neighbour of it is so short that it is merged.
 pub(crate) fn has_short_neighbour(
     tool_path: &ToolPath<'_>,
     index: usize,
@@ -174,7 +177,7 @@ pub(crate) fn has_short_neighbour(
         .any(|leg| chains.leg(tool_path, leg).length() <= 1.01 * MERGE_MM)
 }
 
-/// How far a line is off, and how far from its leg it runs.
+/// How far off a line is, and how far from its leg it runs.
 fn off_line(piece: &Piece, leg: &Piece, d_mm: f64) -> (f64, f64) {
     let (along_leg, along) = (leg.tangent(leg.from), piece.tangent(piece.from));
     let beside_leg = |point: Point| cross(along_leg, point - leg.from) - d_mm;
@@ -186,7 +189,7 @@ fn off_line(piece: &Piece, leg: &Piece, d_mm: f64) -> (f64, f64) {
     (off, d_mm.abs() + worst * d_mm.signum())
 }
 
-/// How much nearer to the leg the element may be than its radius, mm.
+/// How much nearer to the leg than its radius the element may be, mm.
 fn slack(piece: &Piece, leg: &Piece, d_mm: f64) -> f64 {
     match (&piece.round, &leg.round) {
         (None, None) => {
@@ -205,12 +208,13 @@ fn wrong_extent(on_leg: &ElementOnLeg, opens: bool, place_mm: f64) -> Option<&'s
     let long_enough = length > 10.0 * place_mm && piece.length() > SHORT_MM;
     match (&piece.round, &leg.round) {
         (None, None) => {
-            // Of a merged line its own direction counts, not that of a short leg.
+            // For a merged line its own direction counts, not that of a short leg.
             let tangent = piece.tangent(piece.from);
             let along_leg = leg.tangent(leg.from);
             let ahead = tangent.dot(&along_leg);
-            // Where the joints beside a block that is left out turn it a little, that of the leg
-            // counts as well: at the radius of the tool a little is more than its place.
+            // Joints next to a block that is left out may turn it a little. Then the direction of
+            // the leg is accepted too: over the radius of the tool a small turn is more than the
+            // tolerance.
             let along = |off: Point| {
                 [off.dot(&tangent), off.dot(if on_leg.is_loose { &along_leg } else { &tangent })]
             };
@@ -235,14 +239,14 @@ fn wrong_extent(on_leg: &ElementOnLeg, opens: bool, place_mm: f64) -> Option<&'s
             let swept = round.sweep.abs() * of_leg.radius;
             let full = TAU * of_leg.radius;
             let more = if on_leg.is_open || opens { full } else { 0.0 };
-            // Both of its ends may be off their places.
+            // Both of its ends may be off by the tolerance.
             if swept > length + more + 2.0 * place_mm {
                 return Some("turns too far");
             }
             if !on_leg.is_open && !opens && long_enough && length < full - place_mm {
                 let inside =
                     |along: f64| along >= -2.0 * place_mm && along <= length + 2.0 * place_mm;
-                // Beside a very short circle its own places are coarse.
+                // Next to a very short circle its own places are coarse.
                 let scale = (of_leg.radius / round.radius.max(1e-9)).max(1.0);
                 if !inside(begin)
                     || !inside(end)
@@ -257,13 +261,13 @@ fn wrong_extent(on_leg: &ElementOnLeg, opens: bool, place_mm: f64) -> Option<&'s
     None
 }
 
-/// Whether an element is an arc that its ends make no shorter than its leg.
+/// Whether an element is an arc at least as long as its leg.
 fn is_lengthened(on_leg: &ElementOnLeg) -> bool {
     let round = on_leg.piece.round.zip(on_leg.leg.round);
     round.is_some_and(|(round, leg)| round.sweep.abs() >= leg.sweep.abs())
 }
 
-/// The contour begins beside the start of its first leg, and ends beside the end of its last.
+/// Checks that the contour begins at the start of its first leg, or ends at the end of its last.
 pub(crate) fn check_reach(
     tool_path: &ToolPath<'_>,
     on_leg: &ElementOnLeg,
@@ -290,7 +294,7 @@ pub(crate) fn check_reach(
     if missing <= place_mm {
         return;
     }
-    // Where it is joined with the offset of the lead it begins or ends in between.
+    // Where it is joined to the offset of the lead, it begins or ends within the leg.
     let d_mm = if is_first { on_leg.d_in } else { on_leg.d_out };
     if !meets_lead(tool_path, lead, end, d_mm, place_mm) {
         let element = &tool_path.path.elements[on_leg.element];
@@ -299,7 +303,7 @@ pub(crate) fn check_reach(
     }
 }
 
-/// Whether a place is on the offset of a lead, as joints with it are.
+/// Whether a place is on the offset of a lead, where a joint with the lead is.
 pub(crate) fn meets_lead(
     tool_path: &ToolPath<'_>,
     lead: Option<u32>,
@@ -314,8 +318,8 @@ pub(crate) fn meets_lead(
     })
 }
 
-/// Where two elements meet without a corner: turning to the tool they meet within both legs;
-/// turning away from it, beyond both.
+/// Checks a joint without a corner element. Where the contour turns towards the tool, the elements
+/// meet within both legs; where it turns away, beyond both.
 pub(crate) fn check_joint(
     tool_path: &ToolPath<'_>,
     a: &ElementOnLeg,
@@ -368,8 +372,8 @@ pub(crate) fn check_joint(
     true
 }
 
-/// How far the joint of two neighbours is from where their offsets cross, if they cross
-/// nearer to their corner, mm. Where they nearly touch nothing is told: any place is as good.
+/// How far a joint is from a place nearer to its corner where the two offsets also cross, mm. Where
+/// the offsets nearly touch, any place is as good, so the result is `None`.
 fn nearer_joint(a: &ElementOnLeg, b: &ElementOnLeg, short_mm: f64) -> Option<f64> {
     if a.leg_index + 1 != b.leg_index || a.is_loose || b.is_loose {
         return None;
@@ -381,9 +385,9 @@ fn nearer_joint(a: &ElementOnLeg, b: &ElementOnLeg, short_mm: f64) -> Option<f64
     let (behind, ahead) = (a.leg.offset(a.d_out)?, b.leg.offset(b.d_in)?);
     let at = b.piece.from;
     let sine = |root: Point| cross(behind.tangent(root), ahead.tangent(root)).abs();
-    // What both lose at a joint. The least wins: inside, where both get shorter; outside,
-    // where they get longer by no more than a short block.
-    // A hair beyond the joint of a full circle is not all of it.
+    // What both lose at a joint. The smaller loss wins: inside both get shorter, outside both get
+    // longer by no more than a short block. A hair beyond the joint of a full circle is not a whole
+    // turn.
     let of = |piece: &Piece, lost: f64| {
         let around = piece.round.map_or(f64::INFINITY, |round| TAU * round.radius);
         if lost > around - PLACE_MM { lost - around } else { lost }

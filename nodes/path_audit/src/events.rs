@@ -1,4 +1,4 @@
-//! Whether everything that is not motion happens once, in order, between the right blocks.
+//! Checks that everything that is not motion happens once, in order, and between the right blocks.
 
 use crate::program::NONE;
 use crate::report::{self, Report};
@@ -25,7 +25,7 @@ pub(crate) fn check(
         |event: &&PathEvent| event.action != Action::ExactStop && !is_of_d(&event.action);
     let mut happened = tool_path.path.events.iter().filter(is_in_order);
     let mut last = 0;
-    // The first block behind the action, and the first element that is not before it.
+    // The first block after the action, and the first element that is not before it.
     let (mut block, mut element) = (0, 0);
     for (index, event) in actions {
         let ContourEventKind::Action(action) = event.kind else { continue };
@@ -37,21 +37,22 @@ pub(crate) fn check(
             return;
         };
         if found.source != event.source || !is_same(&action, &found.action, tools) {
-            // From here on everything would be shifted by one.
+            // From here on every event would be off by one.
             report.push(report::other_event(event.source, &action, found));
             return;
         }
         while tool_path.program.blocks.get(block).is_some_and(|b| (b.event as usize) < index) {
             block += 1;
         }
-        // Elements of earlier blocks are before it.
+        // Elements of earlier blocks come before it.
         while element < tool_path.block_of.len()
             && (tool_path.block_of[element] == NONE
                 || (tool_path.block_of[element] as usize) < block)
         {
             element += 1;
         }
-        // Generated elements belong to the next block, but may come before what stands before it.
+        // A corner belongs to the next block, but may come before an action that stands before that
+        // block.
         let generated = tool_path.path.elements[element..]
             .iter()
             .take_while(|element| matches!(element.role, Role::Corner | Role::Link));
@@ -70,7 +71,7 @@ pub(crate) fn check(
     }
 }
 
-/// Lengths of D act with the first element of the next block that moves Z, and nowhere else (S34).
+/// A length of D acts at the first element of the next block that moves Z, and nowhere else (S34).
 fn check_lengths(tool_path: &ToolPath<'_>, report: &mut Report<'_>) {
     let is_length = |event: &&PathEvent| matches!(event.action, Action::ToolLength { .. });
     let mut found = tool_path.path.events.iter().filter(is_length);
@@ -84,7 +85,7 @@ fn check_lengths(tool_path: &ToolPath<'_>, report: &mut Report<'_>) {
         if event.source != source || !same_length(action, &event.action) {
             return report.push(report::other_event(source, action, event));
         }
-        // What comes before it is of other blocks, and what comes next begins this block.
+        // The element before belongs to another block, and the next one begins this block.
         let is_of_block = |element: &PathElement| element.source == source;
         let at = event.at_element.min(elements.len());
         while first < at && !is_of_block(&elements[first]) {
@@ -125,7 +126,7 @@ fn is_same(programmed: &Action, found: &Action, tools: &ToolTable) -> bool {
     }
 }
 
-/// Lengths that have been in metres and back may differ by their rounding.
+/// Lengths that were converted to metres and back may differ by rounding.
 fn same_numbers(a: &Action, b: &Action) -> bool {
     match (a, b) {
         (
@@ -141,7 +142,7 @@ fn same_numbers(a: &Action, b: &Action) -> bool {
     }
 }
 
-/// Lines whose elements all end in an exact stop, in order.
+/// Lines whose elements must all end in an exact stop, in order.
 fn exact_stops<'a>(events: impl Iterator<Item = &'a ContourEvent>) -> Vec<u32> {
     let stops = events.filter(|event| event.kind == ContourEventKind::Action(Action::ExactStop));
     let mut lines: Vec<u32> = stops.map(|event| event.source.line).collect();

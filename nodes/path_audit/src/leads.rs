@@ -1,15 +1,15 @@
-//! Leads are judged apart from the contour: above what is cut they cut nothing, and before a free
-//! end of the contour there is only air.
+//! Rules for leads: a lead that passes above the cuts cuts nothing, and before a free end of the
+//! contour there is only air.
 
 use crate::clearance::{GOUGE_MM, Search, Tool};
 use crate::planar::{Near, Piece, Point, cross};
 use crate::program::{Kind, NONE};
 use cnc_msgs::path::Role;
 
-/// How much a contour may bend from the lead where it begins and still have a free end there, as
-/// a curve in chords does.
+/// How much a contour may bend from its lead and still have a free end there, as a curve made of
+/// chords does.
 const BEND_RAD: f64 = 0.1;
-/// Copies of a leg are no farther from each other, mm.
+/// Copies of a leg are at most so far from each other, mm.
 const COPY_MM: f64 = 2e-3;
 
 impl Search<'_> {
@@ -21,8 +21,8 @@ impl Search<'_> {
         Tool { on: leg as u32, own, limit_mm: self.radius_mm(element) - GOUGE_MM }
     }
 
-    /// An element between what it is lengthened by at outside corners with the leads: that is
-    /// part of them.
+    /// An element without the parts that lengthen it at outside corners with the leads: those
+    /// belong to the leads.
     pub(crate) fn without_leads(&self, piece: &Piece, tool: &Tool) -> [Option<Piece>; 3] {
         let own = tool.own as usize;
         let is_first = own == 0 && self.span.lead_on.is_some() && !self.span.from_side;
@@ -46,7 +46,8 @@ impl Search<'_> {
         [part(0.0, begin), part(begin, end), part(end, length)]
     }
 
-    /// An arc between what it is lengthened by at leads and changes of side: that is part of them.
+    /// An arc without the parts that lengthen it at leads and changes of side: those belong to
+    /// them.
     fn without_ends(
         &self,
         piece: &Piece,
@@ -56,7 +57,7 @@ impl Search<'_> {
         let whole = [None, Some(*piece), None];
         let leg = self.walls.piece(own);
         let (Some(round), false) = (&piece.round, leg.is_line()) else { return whole };
-        // How far the second point is after the first on the circle, mm; less than half a turn.
+        // How far along the circle the second point is from the first, mm; less than half a turn.
         let after = |first: Point, second: Point| {
             let (a, b) = (first - round.center, second - round.center);
             cross(a, b).atan2(a.dot(&b)) * round.sweep.signum() * round.radius
@@ -77,7 +78,8 @@ impl Search<'_> {
         (leg == 0 && self.span.from_side, is_last && self.span.to_side)
     }
 
-    /// Whether a lead passes above all cuts of the pass of a leg, and above the material.
+    /// Whether a lead passes above everything that the pass of a leg cuts, and above
+    /// the material.
     pub(crate) fn is_above(&self, element: usize, leg: usize) -> bool {
         let tool_path = self.tool_path;
         if matches!(tool_path.roles[element], Role::Corner | Role::Contour) {
@@ -99,8 +101,8 @@ impl Search<'_> {
                 .is_none_or(|copies| copies.of_leg(leg).iter().all(|copy| lowest > highest(*copy)))
     }
 
-    /// Whether what a lead comes near to is the leg that it leads onto or leaves, once more: what
-    /// is retraced is one wall, but for the rounding of its coordinates.
+    /// Whether a lead comes near to a copy of its own leg. A retraced wall is one wall, except for
+    /// rounding.
     pub(crate) fn is_copy(&self, element: usize, leg: usize, near: &Near) -> bool {
         let leads_on = self.span.lead_on == Some(element);
         let is_lead = leads_on || self.span.lead_off == Some(element);
@@ -122,9 +124,9 @@ impl Search<'_> {
             && cross(along, along_copy).abs() <= BEND_RAD
     }
 
-    /// For a lead that joins the contour one radius away from its free end, before which there
-    /// is only air: how near it comes to that, the part of a leg that it then passes over, and
-    /// the rest of the leg. `None`: the lead or the leg is no such one.
+    /// For a lead that joins the contour one radius from its free end, before which there is only
+    /// air: how near it comes to that end, the part of a leg that it passes over, and the rest of
+    /// the leg. `None`: the lead or the leg is not of this kind.
     pub(crate) fn at_free_end(
         &self,
         lead: &Piece,
@@ -150,7 +152,7 @@ impl Search<'_> {
         if begins != end || side.norm() > farthest_mm || nearest_mm >= radius_mm {
             return None;
         }
-        // Beside this much of the contour it is nearer than the radius, bent as it may be.
+        // Along this much of the contour the tool is nearer than the radius, whatever the bend.
         let tangent = ((radius_mm - nearest_mm) / (radius_mm + nearest_mm)).sqrt();
         let mut left = 2.0 * radius_mm * tangent;
         let between = if leads_on { 0..leg } else { leg + 1..last + 1 };
@@ -173,7 +175,7 @@ impl Search<'_> {
     }
 
     /// Whether an element is a corner between a lead and the contour: it is judged with the lead,
-    /// and a tail bounds neither.
+    /// and tails bound neither.
     pub(crate) fn is_of_lead(&self, element: usize) -> bool {
         let block = self.tool_path.block_of[element];
         self.tool_path.roles[element] == Role::Corner

@@ -1,16 +1,21 @@
-//! An independent audit of a compensated path: a second algorithm that proves a path against
-//! the contour it was made of.
+//! Proves a compensated path against the contour that it was made from, with a second algorithm.
 //!
-//! It shares no code with the planner, which depends on it; both use `cnc_msgs`: the vocabulary of
-//! contours and paths, and how a radius is resolved. `program` reads what each motion is to compensation, `align` gives
-//! every element its block, `events` counts what is not motion, `beside` and `follow` prove
-//! that elements run at their radius beside their own blocks (`sharp`: what a sharp corner
-//! takes), `bounds` finds what bounds the tool, and `clearance` measures the exact distance of
-//! the path from it (`leads`: what a lead may pass over). Millions of pieces lie side by side
-//! in memory (`pieces`); strip trees find those that are near (`strip`), directions those that
-//! cannot meet (`fans`), and lower bounds settle most of the rest (`apart`) before anything is
-//! measured (`planar`). What a contour retraces is looked at once (`copies`).
-//! Blocks may be left out within the tolerance that the profile accepts.
+//! It shares no code with the planner, which depends on it. Both use `cnc_msgs`: the vocabulary of
+//! contours and paths, and how a radius is resolved.
+//!
+//! The order of the work: `program` reads what each motion means for compensation, `align` gives
+//! every element its block, and `events` compares what is not motion. `offsets` proves that the
+//! elements of a contour run at their radius along their blocks (`element_offset`: one element,
+//! `sharp_corner`: what a sharp corner takes away). `passes` finds what bounds the tool, and
+//! `clearance` measures the exact distance of the path from it (`leads`: what a lead may pass
+//! over).
+//!
+//! A path has millions of pieces, so `pieces` keeps them in flat arrays. Cheap tests come before
+//! exact distances (`planar`): `strip_tree` finds the pieces that are near, `direction_ranges`
+//! those that cannot meet, and `distance_bounds` settles most of the rest. `retraced_legs` finds
+//! the walls that a contour cuts more than once.
+//!
+//! A path may leave blocks out within the tolerance that the profile accepts.
 
 mod align;
 mod clearance;
@@ -42,15 +47,15 @@ use cnc_msgs::path::{CompensatedPath, Role};
 use cnc_msgs::profile::{OutputPoint, Profile, Reaction};
 use cnc_msgs::tool_table::ToolTable;
 
-/// What an audit found, and how much it looked at.
+/// What an audit found, and how much it checked.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Audit {
-    /// Sound paths have none, but for the warnings that their profile allows.
+    /// A sound path has none, except the warnings that its profile allows.
     pub findings: Vec<Finding>,
     pub elements: usize,
     pub spans: usize,
     pub events: usize,
-    /// The least distance from a wall that is nearer than the radius, mm; `None`: no wall is.
+    /// The least distance from a wall, mm, where it is less than the radius; else `None`.
     pub nearest_mm: Option<f64>,
 }
 
@@ -61,8 +66,8 @@ impl Audit {
     }
 }
 
-/// Whether a contour may be run although the tool does not fit it: because that is ignored, or
-/// because the control looks too few blocks ahead to see it.
+/// Whether the control runs a contour that the tool does not fit: because the profile ignores it,
+/// or because the control looks too few blocks ahead to notice.
 fn runs_what_does_not_fit(profile: &Profile) -> bool {
     let lookahead = &profile.lookahead;
     match profile.interference.react {
@@ -70,14 +75,14 @@ fn runs_what_does_not_fit(profile: &Profile) -> bool {
         Reaction::Alarm => {
             lookahead.blocks.is_some() && lookahead.strictness.severity() == Severity::Warning
         }
-        // What does not fit has been left out.
+        // The planner has left out what does not fit.
         Reaction::Trim => false,
     }
 }
 
 /// Audits any path of a contour.
 ///
-/// Never panics; the work is bounded, and what cannot be looked at is a finding.
+/// Never panics. The work is bounded; a finding reports what was not checked.
 pub fn audit(
     contour: &ProgrammedContour,
     path: &CompensatedPath,
@@ -87,12 +92,12 @@ pub fn audit(
     audit_after(contour, path, profile, tools, &[])
 }
 
-/// Audits a path after its planner, without what that has said already: the same code about one
-/// of the same blocks.
+/// Audits a path after its planner, without the findings that the planner has reported already (the
+/// same code about one of the same blocks).
 ///
-/// Where the profile takes it for a warning that the tool does not fit a contour, and that has
-/// been said, it is a warning too that the path is not beside that contour: the control runs it.
-/// Nothing else about the path gets milder by that.
+/// If the profile makes it a warning that the tool does not fit a contour, and the planner has
+/// reported it, then a path that leaves this contour is a warning too: the control runs it. Nothing
+/// else about the path is judged more mildly.
 pub fn audit_after(
     contour: &ProgrammedContour,
     path: &CompensatedPath,
@@ -142,7 +147,7 @@ pub fn audit_after(
     result
 }
 
-/// Whether all numbers are numbers; what is no motion or no circle is reported beside.
+/// Checks that all numbers are finite; also reports elements of no length.
 fn check_numbers(path: &CompensatedPath, report: &mut Report<'_>) -> bool {
     let mut is_sane = path.start.iter().all(|value| value.is_finite());
     let mut start = path.start;
@@ -158,7 +163,7 @@ fn check_numbers(path: &CompensatedPath, report: &mut Report<'_>) -> bool {
         }
         let stays =
             element.end == start && !matches!(element.shape, Shape::Arc(arc) if arc.turns > 0);
-        // A move out of the plane may only let a tool length act; its block says so.
+        // A move out of the plane may only activate a tool length; its block says so.
         if stays && !matches!(element.role, Role::None | Role::OffPlane) {
             report.push(report::no_length(element, index));
         }

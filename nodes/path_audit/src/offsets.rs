@@ -1,7 +1,8 @@
-//! Whether every element runs at its radius beside its own block, and around its own corner:
-//! what comes after what (`follow` knows one element and its leg).
+//! Checks that every element runs at its radius along its own block and around its own corner, in
+//! order.
 //!
-//! Blocks that the path leaves out must be noise: as near to their neighbours, lengthened, as
+//! `element_offset` checks one element against its leg; this file knows what comes before and
+//! after. Blocks that the path leaves out must be noise: as near to their lengthened neighbours as
 //! the profile accepts.
 
 use crate::element_offset::{
@@ -34,7 +35,7 @@ pub(crate) fn check(tool_path: &mut ToolPath<'_>, chains: &Chains<'_>, report: &
             return;
         }
         if tool_path.block_of[element] == NONE {
-            // It has been reported as a stray.
+            // `align` has reported it.
             continue;
         }
         check.goes_to(tool_path.block_of[element]);
@@ -54,22 +55,21 @@ struct Check<'a> {
     /// The first leg, among all, that is not before the block of the element.
     next: usize,
     before: Option<ElementOnLeg>,
-    /// A corner lies between it and what comes next; what the tool does there.
+    /// Whether a corner lies between it and the next element, and the corner's moves.
     has_corner: bool,
     corner_moves: Vec<CornerMove>,
 }
 
-/// The tool goes around the start of a leg.
+/// A corner element: the tool goes around the start of a leg.
 #[derive(Debug, Clone, Copy)]
 struct CornerMove {
-    /// The leg, among all.
+    /// Index among all legs.
     leg: usize,
     from: Point,
     to: Point,
 }
 
-/// What comes before or after legs that are left out: an element, or where the tool is on a
-/// corner, or nothing.
+/// What comes before or after legs that are left out: an element, a point on a corner, or nothing.
 #[derive(Clone, Copy)]
 struct Neighbour<'a> {
     on_leg: Option<&'a ElementOnLeg>,
@@ -77,14 +77,14 @@ struct Neighbour<'a> {
 }
 
 impl Check<'_> {
-    /// Elements come in the order of their blocks.
+    /// Advances to a block; elements come in the order of their blocks.
     fn goes_to(&mut self, block: u32) {
         while self.next < self.span.legs.end && self.legs[self.next] < block {
             self.next += 1;
         }
     }
 
-    /// The leg of a span among all, if there is one.
+    /// The leg at an index among all, if this span has it.
     fn leg_at(&self, index: usize) -> Option<u32> {
         self.span.legs.contains(&index).then(|| self.legs[index])
     }
@@ -150,7 +150,7 @@ impl Check<'_> {
     fn last(&mut self, tool_path: &mut ToolPath<'_>, report: &mut Report<'_>) {
         let Some(mut last) = self.before.take() else {
             let all = self.span.legs.clone();
-            // Nothing of the contour is left at all.
+            // The path has nothing of this contour.
             self.left_out(tool_path, all, (None, None), report);
             return;
         };
@@ -172,13 +172,13 @@ impl Check<'_> {
         lead.map(|element| tool_path.block_of[element])
     }
 
-    /// Where the tool is when the lead-on ends, or when the lead-off begins.
+    /// Where the tool is at the end of the lead-on, or at the start of the lead-off.
     fn lead_end(&self, tool_path: &ToolPath<'_>, is_first: bool) -> Option<Point> {
         let on = self.span.lead_on.map(|element| tool_path.end(element));
         let off = self.span.lead_off.map(|element| tool_path.start(element));
         let at = if is_first { on.or(off) } else { off.or(on) };
         at.or_else(|| {
-            // Leads without a length are not put out: it is where it was before.
+            // The planner drops a lead of no length: the tool is where it was before.
             let is_before = |block: &u32| *block != NONE && *block < self.span.blocks.start;
             tool_path.block_of.iter().rposition(is_before).map(|element| tool_path.end(element))
         })
@@ -195,26 +195,26 @@ impl Check<'_> {
         is_free || meets_lead(tool_path, self.lead(tool_path, is_first), at, d_mm, PLACE_MM)
     }
 
-    /// How far beside its circle a leg was programmed to end, mm, as far as that is noise.
+    /// How far off its circle a leg is programmed to end, mm; 0 if that is more than noise.
     fn uneven(&self, tool_path: &ToolPath<'_>, index: usize, report: &Report<'_>) -> f64 {
         let off = unevenness(&self.chains.leg(tool_path, index));
         if off <= report.profile.accept_tolerance_mm.max(MERGE_MM) { off } else { 0.0 }
     }
 
-    /// The same of the leg before.
+    /// The same for the leg before.
     fn uneven_before(&self, tool_path: &ToolPath<'_>, report: &Report<'_>) -> f64 {
         let before = self.next.checked_sub(1).filter(|before| self.span.legs.contains(before));
         before.map_or(0.0, |before| self.uneven(tool_path, before, report))
     }
 
-    /// Whether nothing is left in the path of the leg before a block, or of its own.
+    /// Whether the leg before a block, or the block's own leg, has no element.
     fn is_between_lost(&self, tool_path: &ToolPath<'_>) -> bool {
         let is_lost = |leg: u32| tool_path.program.blocks[leg as usize].element == NONE;
         let before = self.next.checked_sub(1).and_then(|before| self.leg_at(before));
         before.is_some_and(is_lost) || self.leg_at(self.next).is_some_and(is_lost)
     }
 
-    /// A corner runs around the start of its block.
+    /// Checks a corner, which goes around the start of its block.
     fn corner(&mut self, tool_path: &mut ToolPath<'_>, element: usize, report: &mut Report<'_>) {
         self.has_corner = true;
         let block = tool_path.block_of[element];
@@ -253,7 +253,7 @@ impl Check<'_> {
                 }
                 return;
             }
-            // A piece of the next arc, lengthened to where its own functions run.
+            // A piece of the next arc, lengthened to where its functions run.
             let beside = off_circle(&piece, &tool_path.leg(block), d_mm);
             if kind != Kind::Leg || beside > place_mm {
                 let found = if off <= radius_mm { radius_mm - off.min(beside) } else { off };
@@ -266,7 +266,7 @@ impl Check<'_> {
         }
     }
 
-    /// Legs that the path leaves out, from corner to corner.
+    /// Checks the legs that the path leaves out, from corner to corner.
     fn left_out(
         &self,
         tool_path: &mut ToolPath<'_>,
@@ -288,7 +288,7 @@ impl Check<'_> {
         self.between(tool_path, begin..left_out.end, [from, to], report);
     }
 
-    /// The line that a leg is part of, with those of some legs that run on in each other.
+    /// The line that a leg is part of, and the legs of it among these.
     fn whole_line(
         &self,
         tool_path: &ToolPath<'_>,
@@ -315,7 +315,7 @@ impl Check<'_> {
         (all, whole)
     }
 
-    /// Legs that the path leaves out lie beside their neighbours, lengthened.
+    /// Checks that legs left out between two neighbours lie along those neighbours, lengthened.
     fn between(
         &self,
         tool_path: &mut ToolPath<'_>,
@@ -335,13 +335,13 @@ impl Check<'_> {
             let of = |run: &Option<(Piece, f64)>| {
                 run.as_ref().map_or(f64::INFINITY, |(run, d_mm)| off_run(run, point, *d_mm))
             };
-            // Where the tool stands still on it, it touches all of it.
+            // Where the tool stands still, it touches everything at its radius.
             let stands = [from.at, to.at].into_iter().flatten();
             let touched = stands.map(|at| ((point - at).norm() - d_mm.abs()).abs());
             touched.fold(of(&run_before).min(of(&run_after)), f64::min)
         };
-        // A lead whose offset the contour begins on is one line with a first leg that goes on in
-        // it: an inside corner at its end is theirs.
+        // A lead that the contour begins on is one line with a first leg that continues it. An
+        // inside corner at the end of that leg belongs to both.
         let is_entry = report.profile.select.target == SelectTarget::NormalEntry;
         let lead_on = self.lead(tool_path, true).filter(|_| is_entry && !self.span.from_side);
         let lead_on = lead_on.map(|block| tool_path.leg(block)).filter(Piece::is_line);
@@ -349,7 +349,7 @@ impl Check<'_> {
         for index in left_out.clone() {
             let leg = self.chains.leg(tool_path, index);
             let length = leg.length();
-            // What is one line is touched in one place.
+            // A whole line is touched in one place.
             let (all, whole) = self.whole_line(tool_path, index, &left_out);
             let (is_first, is_last) =
                 (all.start == self.span.legs.start, all.end == self.span.legs.end);
@@ -357,7 +357,7 @@ impl Check<'_> {
             let whole = lead.map_or(whole, |lead| Piece::line(lead.from, whole.to));
             let touches = |at: Point| {
                 let (leg, length) = (&whole, whole.length());
-                // At a free end the tool has to come to the very end.
+                // At a free end the tool has to reach the very end.
                 let is_short = is_last && !self.is_joined_at(tool_path, at, false);
                 let least = if is_short { length - PLACE_MM } else { -PLACE_MM };
                 let is_late = is_first && !self.is_joined_at(tool_path, at, true);
@@ -365,7 +365,7 @@ impl Check<'_> {
                 least <= most && is_touched(leg, at, d_mm, least..=most)
             };
             if let Some(across_mm) = across(&leg, d_mm).filter(|across| *across > worst.0) {
-                // Its joints are one point, and so much is missed on the other side of it.
+                // Its two joints are one point; the tool misses as much on the other side of it.
                 worst = (across_mm, index, leg.at(length / 2.0));
                 continue;
             }
@@ -382,7 +382,7 @@ impl Check<'_> {
             }
         }
         let accepted = report.profile.accept_tolerance_mm + MERGE_MM + PLACE_MM;
-        // A lead meets the contour in a corner as an element does.
+        // A lead can meet the contour in a corner, as an element does.
         let end = |index: Option<usize>, is_first: bool| match index.and_then(|i| self.leg_at(i)) {
             Some(leg) => Some(tool_path.leg(leg)),
             None => self.lead(tool_path, is_first).map(|block| tool_path.leg(block)),
@@ -401,13 +401,13 @@ impl Check<'_> {
             off if off <= PLACE_MM => 0.0,
             off => (off + MERGE_MM) as f32,
         };
-        // A lead that joins the contour as a corner may take away its first or last blocks; the
-        // planner says so.
+        // A lead that joins the contour in a corner may skip its first or last blocks; the planner
+        // warns of that.
         let is_at_lead = left_out.start == self.span.legs.start && from.on_leg.is_none()
             || left_out.end == self.span.legs.end && to.on_leg.is_none();
         let first = tool_path.program.source(self.legs[left_out.start]);
         let is_skipped = is_lost && is_at_lead && report.is_known_uncut(first, worst.0);
-        // What is trimmed away bounds the tool as before, to the very radius.
+        // Trimmed blocks bound the tool as before, at its exact radius.
         let is_trimmed =
             is_skipped || is_lost && report.profile.interference.react == Reaction::Trim;
         let slack = if is_lost { 0.0 } else { slack };
@@ -432,14 +432,14 @@ impl Check<'_> {
     }
 }
 
-/// How wide the way is along a full circle, mm: at its start the tool is nowhere else on it.
+/// The width of the tool's path along a full circle, mm: only at its start does the tool reach it.
 fn across(leg: &Piece, d_mm: f64) -> Option<f64> {
     let round = leg.round.filter(|_| (leg.to - leg.from).norm() <= PLACE_MM)?;
     let goes_around = round.sweep.abs() > std::f64::consts::PI;
     goes_around.then(|| 2.0 * (round.radius - d_mm * round.sweep.signum()).max(0.0))
 }
 
-/// Whether a tool that stands there touches a leg, so far along.
+/// Whether a tool at this point touches a leg within this range.
 fn is_touched(leg: &Piece, at: Point, d_mm: f64, along: std::ops::RangeInclusive<f64>) -> bool {
     let off = match &leg.round {
         None => cross(leg.tangent(leg.from), at - leg.from) - d_mm,
@@ -489,7 +489,7 @@ fn run(
     (run, d_mm)
 }
 
-/// How far a programmed point is from what a run follows, mm.
+/// How far a programmed point is from the contour that a run follows, mm.
 fn off_run(run: &Piece, point: Point, d_mm: f64) -> f64 {
     match &run.round {
         None => (cross(run.tangent(run.from), point - run.from) + d_mm).abs(),

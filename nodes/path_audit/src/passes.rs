@@ -1,7 +1,7 @@
-//! What of the legs of a span bounds the tool: its passes without their tails.
+//! Finds what bounds the tool: the passes of a contour, without their tails.
 //!
-//! A pass ends where the contour returns to a point that it has already passed. A tail is the
-//! piece from a free end of a pass to the first place where the pass meets itself.
+//! A pass ends where the contour returns to a point that it has already passed. A tail is the piece
+//! from a free end of a pass to the first place where the pass meets itself.
 
 use crate::distance_bounds;
 use crate::pieces::Pieces;
@@ -10,16 +10,15 @@ use crate::retraced_legs::RetracedLegs;
 use crate::strip_tree::{self, StripTree};
 use std::ops::Range;
 
-/// Places so near each other are one, mm.
+/// Places so near each other count as one, mm.
 const MEET_MM: f64 = 1.5e-6;
-/// Legs that stay so close to one line are one, mm; a contour does not meet itself within.
+/// Legs that stay so close to one line count as one, mm; a contour does not meet itself within.
 const MERGE_MM: f64 = 1e-4;
-/// An arc runs on in the next if its circle ends so near the end of that, mm.
+/// One arc continues another if its circle passes so near to the end of the other, mm.
 const ENDS_MM: f64 = 1e-7;
-/// A loop that is narrower in the mean has no inside, mm.
+/// A loop of a smaller mean width has no inside, mm.
 const LOOP_MM: f64 = 2e-3;
-/// Meetings kept for each leg, and for any span; and before it is asked whether the contour
-/// retraces itself.
+/// Meetings kept for each leg, plus a constant; and the same before looking for retraced legs.
 const MEETINGS_MAX: (usize, usize) = (4, 200_000);
 const FEW: (usize, usize) = (4, 100);
 
@@ -50,13 +49,13 @@ pub(crate) struct Passes {
 }
 
 impl Passes {
-    /// Of the legs of a span; `None` when they meet too often to look at.
+    /// The passes of a span; `None` when its legs meet too often to check.
     pub(crate) fn of(tree: &StripTree<'_>) -> Option<Self> {
         let meetings = meetings(tree, FEW, |_| true, true)?;
         Some(Self::between(tree.pieces, meetings))
     }
 
-    /// Of the legs of a span that retraces itself.
+    /// The passes of a span that retraces itself.
     pub(crate) fn of_copies(tree: StripTree<'_>, copies: &RetracedLegs) -> Option<Self> {
         let is_first = |leg: usize| copies.is_first(leg);
         let tree = tree.holding(is_first);
@@ -72,7 +71,7 @@ impl Passes {
         }
         meetings.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
         let mut passes: Vec<Pass> = Vec::new();
-        // The place that the first loop closes on, and where the last loop ends.
+        // Where the first loop closes, and where the last loop ends.
         let mut loops: Option<(Place, Place)> = None;
         let mut start = 0;
         for meeting in meetings.iter().filter(|meeting| meeting.is_return) {
@@ -107,7 +106,7 @@ impl Passes {
         Self { passes }
     }
 
-    /// Number of the pass of a leg.
+    /// The number of the pass that a leg belongs to.
     pub(crate) fn pass(&self, leg: usize) -> usize {
         if self.passes.len() == 1 {
             return 0;
@@ -115,8 +114,7 @@ impl Passes {
         self.passes.partition_point(|pass| pass.legs.end <= leg)
     }
 
-    /// Whether all of a leg is a wall for what runs beside any other, so that nothing has to
-    /// be cut off.
+    /// Whether all of a leg is a wall for every other leg.
     pub(crate) fn is_whole(&self, leg: usize) -> bool {
         self.passes.get(self.pass(leg)).is_some_and(|pass| {
             pass.begin.is_none_or(|begin| leg > begin.leg)
@@ -124,8 +122,9 @@ impl Passes {
         })
     }
 
-    /// What of a leg is a wall for the tool beside a place of a leg, mm along it, if it is beside
-    /// any; `None` when all of it is a tail. A tail bounds what runs along it.
+    /// The part of a leg that is a wall for the tool at a place of another leg (index, mm along
+    /// it), or for any tool. `None` when all of it is a tail. A tail bounds only what runs along
+    /// it.
     pub(crate) fn wall(
         &self,
         on: Option<(usize, f64)>,
@@ -163,7 +162,7 @@ impl Passes {
         (from < to).then(|| piece.part(from, to))
     }
 
-    /// First and last leg of the walls of the pass that a leg belongs to.
+    /// The first and the last wall of the pass that a leg belongs to.
     pub(crate) fn ends(&self, leg: usize) -> Option<(usize, usize)> {
         let pass = self.passes.get(self.pass(leg))?;
         let first = pass.begin.map_or(pass.legs.start, |begin| begin.leg);
@@ -177,8 +176,8 @@ impl Passes {
     }
 }
 
-/// The tails before the first loop and behind the last. They may cross each other: only where
-/// they meet a loop is an end of theirs.
+/// The tails before the first loop and after the last. They may cross each other; they end only
+/// where they meet a loop.
 fn free_ends(passes: &mut [Pass], meetings: &[Meeting], first: Place, last: Place) {
     let least = |a: Place, b: Place| if b < a { b } else { a };
     let most = |a: Place, b: Place| if b > a { b } else { a };
@@ -190,8 +189,8 @@ fn free_ends(passes: &mut [Pass], meetings: &[Meeting], first: Place, last: Plac
     behind.end = behind_begin.map(|meeting| meeting.late).chain([start]).reduce(most);
 }
 
-/// Where the legs meet that count. A leg begins where the one before it ends: that is told only
-/// where it may be another copy that ends there.
+/// Finds the meetings that count. A leg begins where the one before it ends; that counts only if it
+/// may be another copy that ends there.
 fn meetings(
     tree: &StripTree<'_>,
     most: (usize, usize),
@@ -211,8 +210,8 @@ fn meetings(
         }
     }
     let most = most.0 * legs.count() + most.1;
-    // Along a fan of legs two places are as far apart as half the way between them: those that
-    // meet are on one place of the contour, which is no meeting.
+    // Within one range of directions two places are at least half the path between them apart. So
+    // legs that meet there are at one place of the contour, which is no meeting.
     let is_complete = strip_tree::near_itself(tree, MEET_MM, |early, late| {
         for late in late.filter(|late| counts(*late)) {
             for early in (early.start..early.end.min(late)).filter(|early| counts(*early)) {
@@ -224,7 +223,7 @@ fn meetings(
     is_complete.then_some(found)
 }
 
-/// The meetings of all copies: of each leg with those before it, the first and the last.
+/// The meetings of all copies: of each leg with those before it, the first and the last of them.
 fn of_all(legs: &Pieces, copies: &RetracedLegs, of_firsts: &[Meeting]) -> Vec<Meeting> {
     let mut meetings: Vec<Vec<(Place, Place)>> = vec![Vec::new(); legs.count()];
     for leg in (0..legs.count()).filter(|leg| copies.is_first(*leg)) {
@@ -259,7 +258,8 @@ fn of_all(legs: &Pieces, copies: &RetracedLegs, of_firsts: &[Meeting]) -> Vec<Me
     found
 }
 
-/// Twice the area that the way from the first leg sweeps about its start, mm², and its length.
+/// Running sums over the legs: twice the area swept about the start of the first leg, mm², and the
+/// length.
 struct Sums(Vec<[f64; 2]>);
 
 impl Sums {
@@ -275,8 +275,8 @@ impl Sums {
         Self(before)
     }
 
-    /// Whether the legs between two passings of a place enclose more than noise: a contour
-    /// that goes back over itself has not returned.
+    /// Whether the legs between two passings of a place enclose more than noise. A contour that
+    /// only goes back over itself has not returned.
     fn is_wide(&self, legs: &Pieces, meeting: &Meeting) -> bool {
         /// The rounding of long sums hides short loops.
         const SHORT: usize = 50;
@@ -310,8 +310,8 @@ fn swept(piece: &Piece, from: Point) -> [f64; 2] {
     [cross(piece.from - from, piece.to - from) + bend, piece.length()]
 }
 
-/// What retraces a ring belongs to it, in however many blocks: the contour returns where it leaves
-/// the circle.
+/// Blocks that retrace a ring belong to it, however many they are: the contour returns where it
+/// leaves the circle.
 fn of_whole_rings(legs: &Pieces, meetings: &mut [Meeting]) {
     // The first leg of the same circle without a break.
     let mut firsts: Vec<usize> = (0..legs.count()).collect();
@@ -327,7 +327,7 @@ fn of_whole_rings(legs: &Pieces, meetings: &mut [Meeting]) {
     }
 }
 
-/// Whether one arc goes on in the next on the same circle.
+/// Whether one arc continues another on the same circle.
 fn goes_around(a: &Piece, b: &Piece) -> bool {
     let (Some(before), Some(after)) = (&a.round, &b.round) else { return false };
     let (off, longer) = (before.center - after.center, before.radius - after.radius);
@@ -336,11 +336,11 @@ fn goes_around(a: &Piece, b: &Piece) -> bool {
     before.sweep * after.sweep > 0.0 && is_same
 }
 
-/// As many legs as may lead to a closed contour, and one.
+/// How many legs may lead to a closed contour, plus one.
 const LEADING_LEGS: usize = 4;
 
-/// Whether one line runs on in the next, so that its end is no end of a wall. Where a contour
-/// comes back to its beginning, or to where what leads to it ended, it is one all the same.
+/// Whether a line continues in the next leg, so that its end is no end of a wall. A contour that
+/// returns to its beginning, or to the end of what leads to it, is still one line there.
 fn runs_on(legs: &Pieces, leg: usize) -> bool {
     if leg + 1 >= legs.count() {
         return false;
@@ -360,7 +360,7 @@ fn meet(legs: &Pieces, (early, late): (usize, usize), is_joined: bool, found: &m
     let ((a0, a1), (b0, b1)) = (legs.chord(early), legs.chord(late));
     let (of_a, of_b) = (legs.bow(early), legs.bow(late));
     if of_a.is_none() && of_b.is_none() {
-        // Boxes first; neighbours meet elsewhere only if one comes back on the other.
+        // Boxes first. Neighbours meet elsewhere only if one comes back onto the other.
         let apart = |a0: f64, a1: f64, b0: f64, b1: f64| {
             a0.max(a1) + MEET_MM < b0.min(b1) || b0.max(b1) + MEET_MM < a0.min(a1)
         };
@@ -375,7 +375,7 @@ fn meet(legs: &Pieces, (early, late): (usize, usize), is_joined: bool, found: &m
             }
         }
     }
-    // A little more, for what is just as far apart.
+    // A little more than the limit, for pieces exactly at the limit.
     if distance_bounds::are_pieces_apart((a0, a1), of_a, (b0, b1), of_b, 1.01 * MEET_MM) {
         return;
     }

@@ -1,8 +1,6 @@
-//! The legs of a span and the elements beside them, side by side in memory, each worked out
-//! once.
+//! The legs of a span and its elements in flat arrays, each computed once.
 //!
-//! Such a chain hangs together: each piece begins where the one before it ends, so that a line
-//! is one point. Only arcs keep more.
+//! Each piece begins where the one before it ends, so a line is one point. Only arcs need more.
 
 use crate::planar::{Piece, Point, Round, unit};
 use crate::program::NONE;
@@ -14,19 +12,19 @@ use std::f64::consts::PI;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bow {
     pub round: Round,
-    /// How far it is at most from its chord, mm.
+    /// Its greatest distance from its chord, mm.
     pub bulge: f64,
-    /// How far its end is from its circle, mm: paths are as they are.
+    /// How far its end is from its circle, mm; a path may be wrong.
     pub uneven: f64,
 }
 
 impl Bow {
-    /// `None`: it is a line.
+    /// `None` for a line.
     pub(crate) fn of(piece: &Piece) -> Option<Self> {
         let round = piece.round?;
         let out = piece.to - round.center;
         let uneven = (out.norm() - round.radius).abs();
-        // Near half a circle a little of the chord is much of the bulge.
+        // Near half a circle a small part of the chord is much of the bulge.
         let on_circle = Piece { to: round.center + unit(out) * round.radius, ..*piece };
         let by_angle = round.radius * (1.0 - (round.sweep.abs() / 2.0).min(PI).cos());
         Some(Self { round, bulge: on_circle.bulge().max(by_angle) + uneven, uneven })
@@ -35,10 +33,10 @@ impl Bow {
 
 #[derive(Debug)]
 pub(crate) struct Pieces {
-    /// One more than there are pieces.
+    /// One more point than there are pieces.
     points: Vec<Point>,
     bows: Vec<Bow>,
-    /// The bow of each piece; nothing as long as there are only lines.
+    /// The bow of each piece; empty while there are only lines.
     bow_of: Vec<u32>,
 }
 
@@ -83,7 +81,7 @@ impl Pieces {
         (self.points[index], self.points[index + 1])
     }
 
-    /// What makes an arc of a piece; `None`: it is a line.
+    /// The bow of an arc; `None` for a line.
     pub(crate) fn bow(&self, index: usize) -> Option<&Bow> {
         self.bows.get(*self.bow_of.get(index)? as usize)
     }
@@ -102,7 +100,7 @@ impl Pieces {
 #[derive(Debug)]
 pub(crate) struct Chains<'a> {
     pub span: &'a Span,
-    /// Of all spans.
+    /// The legs of all spans.
     pub all_legs: &'a [u32],
     pub legs: Pieces,
     pub elements: Pieces,
@@ -111,11 +109,11 @@ pub(crate) struct Chains<'a> {
 impl<'a> Chains<'a> {
     pub(crate) fn of(tool_path: &ToolPath<'_>, span: &'a Span, all_legs: &'a [u32]) -> Self {
         let legs = all_legs[span.legs.clone()].iter().map(|&leg| tool_path.leg(leg));
-        // Where the element before ends, if that is known to be where this one begins.
+        // The end of the element before, if this one begins there.
         let mut before = None;
         let elements = span.elements.clone().map(|element| {
             if tool_path.block_of[element] == NONE {
-                // One of no block is nothing, where the one before it ends.
+                // An element without a block becomes a point.
                 let at = before.take().unwrap_or_else(Point::zeros);
                 return Piece::line(at, at);
             }
@@ -131,7 +129,7 @@ impl<'a> Chains<'a> {
         &self.all_legs[self.span.legs.clone()]
     }
 
-    /// A leg by its index among all.
+    /// A leg by its index among all legs.
     pub(crate) fn leg(&self, tool_path: &ToolPath<'_>, index: usize) -> Piece {
         if self.span.legs.contains(&index) {
             self.legs.piece(index - self.span.legs.start)
@@ -140,7 +138,7 @@ impl<'a> Chains<'a> {
         }
     }
 
-    /// One of its elements by its index in the path.
+    /// An element by its index in the path.
     pub(crate) fn element(&self, element: usize) -> Piece {
         self.elements.piece(element - self.span.elements.start)
     }

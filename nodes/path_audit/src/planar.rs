@@ -1,6 +1,6 @@
-//! Lines and arcs in the plane, as the audit sees them, and how far two of them are apart.
+//! Lines and arcs in the plane, and how far two of them are apart.
 //!
-//! Written for the audit alone: what it proves must not rest on what it judges.
+//! Written for the audit alone: a proof must not rest on the code that it judges.
 
 use cnc_msgs::geometry::{Plane, Position, Shape};
 use std::f64::consts::TAU;
@@ -20,22 +20,22 @@ pub(crate) struct Piece {
 pub(crate) struct Round {
     pub center: Point,
     pub radius: f64,
-    /// Angle run through, rad; positive counter-clockwise.
+    /// The angle from start to end, rad; positive counter-clockwise.
     pub sweep: f64,
 }
 
-/// The place on the second of two that is nearest to the first, and their distance, mm.
+/// The place on the second of two pieces that is nearest to the first, and their distance, mm.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Near {
     pub on_b: Point,
     pub distance: f64,
 }
 
-/// The part of a radius by which a programmed centre may be corrected; of less than half a turn,
-/// where the ends say where the arc is.
+/// The part of a radius by which a programmed centre may be corrected, on arcs of less than half a
+/// turn. On others the ends fix the arc well enough.
 const CENTER_MOVES_MAX: f64 = 0.05;
 const CENTER_OF_SHORT_MOVES_MAX: f64 = 0.5;
-/// A full circle may end so much before its start, mm.
+/// A full circle may end so far before its start, mm.
 const CLOSES_MM: f64 = 1e-6;
 
 #[inline]
@@ -59,8 +59,8 @@ impl Piece {
         Self { from, to, round: None }
     }
 
-    /// A shape of a contour or of a path, in a plane, after a shift. An arc of another plane
-    /// is a line here.
+    /// A shape of a contour or of a path in a plane, after a shift. An arc of another plane becomes
+    /// a line.
     pub(crate) fn new(plane: Plane, from: Point, to: Point, shape: &Shape, shift: Point) -> Self {
         let Shape::Arc(arc) = shape else { return Self::line(from, to) };
         if arc.plane != plane {
@@ -81,7 +81,7 @@ impl Piece {
         Self { from, to, round: Some(Round { center, radius: a.norm(), sweep }) }
     }
 
-    /// With the centre where both ends are equally far from it: controls trust the ends.
+    /// Moves the centre to where both ends are equally far from it: controls trust the ends.
     pub(crate) fn centred(mut self) -> Self {
         let Some(round) = &mut self.round else { return self };
         let chord = self.to - self.from;
@@ -115,7 +115,7 @@ impl Piece {
         }
     }
 
-    /// Unit direction at a point of it; that of a line everywhere.
+    /// The unit direction at a point of it.
     #[inline]
     pub(crate) fn tangent(&self, at: Point) -> Point {
         match &self.round {
@@ -124,7 +124,7 @@ impl Piece {
         }
     }
 
-    /// The point so far along, mm.
+    /// The point at a distance along it, mm.
     pub(crate) fn at(&self, along: f64) -> Point {
         match &self.round {
             None => self.from + unit(self.to - self.from) * along,
@@ -136,8 +136,8 @@ impl Piece {
         }
     }
 
-    /// How far along a point beside it is, mm; beside no part of an arc: past its end, or
-    /// before its start where that is nearer.
+    /// How far along a point is, mm. A point outside an arc counts as past its end, or as before
+    /// its start where that is nearer.
     pub(crate) fn along(&self, point: Point) -> f64 {
         match &self.round {
             None => (point - self.from).dot(&unit(self.to - self.from)),
@@ -153,7 +153,7 @@ impl Piece {
         }
     }
 
-    /// All of it at a signed distance to the left; `None` where nothing is left of an arc.
+    /// The whole piece at a signed distance to the left; `None` where nothing is left of an arc.
     pub(crate) fn offset(&self, d_mm: f64) -> Option<Self> {
         match &self.round {
             None => {
@@ -171,7 +171,7 @@ impl Piece {
         }
     }
 
-    /// The part between two places along it, mm.
+    /// The part between two distances along it, mm.
     pub(crate) fn part(&self, begin: f64, end: f64) -> Self {
         let (from, to) = (self.at(begin), self.at(end));
         let round = self.round.map(|round| Round {
@@ -212,11 +212,11 @@ impl Piece {
         }
     }
 
-    /// How far it is at most from the chord between its ends, mm.
+    /// Its greatest distance from the chord between its ends, mm.
     pub(crate) fn bulge(&self) -> f64 {
         let Some(round) = &self.round else { return 0.0 };
         if round.sweep.abs() >= std::f64::consts::PI {
-            // The chord is no longer than the circle is wide.
+            // The chord is at most the diameter.
             return 2.0 * round.radius;
         }
         let half = (self.to - self.from).norm() / 2.0;
@@ -243,7 +243,7 @@ pub(crate) fn on_segment(from: Point, to: Point, point: Point) -> Point {
 
 /// The nearest places of two pieces, exactly.
 ///
-/// They cross, or one of both places is an end, or both lie on a line through a centre.
+/// They cross, or one of the two places is an end, or both lie on a line through a centre.
 pub(crate) fn nearest(a: &Piece, b: &Piece) -> Near {
     let mut best = Near { on_b: b.from, distance: f64::INFINITY };
     let mut offer = |on_a: Point, on_b: Point| {
@@ -268,7 +268,7 @@ pub(crate) fn nearest(a: &Piece, b: &Piece) -> Near {
         }
         (Some(one), Some(other)) => {
             let axis = unit(other.center - one.center);
-            // About one centre they are as near everywhere: an end has been tried.
+            // About one centre the distance is the same everywhere; the ends have been tried.
             let is_split = axis != Point::zeros();
             for (out, back) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
                 let on_a = one.center + axis * (one.radius * out);
@@ -360,7 +360,7 @@ mod tests {
         Piece { from: point(from), to: point(from + sweep), round }
     }
 
-    /// As many points along it.
+    /// `count` points along it.
     fn sampled(piece: &Piece, count: u32) -> Vec<Point> {
         let length = piece.length();
         (0..=count).map(|i| piece.at(length * f64::from(i) / f64::from(count))).collect()

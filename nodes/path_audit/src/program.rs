@@ -1,7 +1,7 @@
-//! What each motion of a contour is to compensation, read from its events alone.
+//! Reads what each motion of a contour means for compensation, from its events alone.
 //!
-//! A second, smaller reading than the planner's: it tells leads, legs and free moves apart
-//! and knows the offset of each leg. It judges nothing; `align` compares it with a path.
+//! A second, smaller reading than the planner's: it separates leads, legs and free moves, and knows
+//! the offset of each leg. It judges nothing; `align` compares it with a path.
 
 use crate::planar::{Point, flat};
 use cnc_msgs::contour::{
@@ -19,7 +19,7 @@ use cnc_msgs::tool_table::ToolTable;
 /// No index.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// Moves shorter than this are none, mm.
+/// Shorter moves count as none, mm.
 const STILL_MM: f64 = 1e-9;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,33 +27,33 @@ pub(crate) enum Kind {
     /// Not compensated.
     Free,
     LeadOn,
-    /// It moves in the plane between lead-on and lead-off.
+    /// It moves in the plane, between lead-on and lead-off.
     Leg,
-    /// It moves out of the plane there.
+    /// It moves out of the plane, between lead-on and lead-off.
     OffPlane,
     LeadOff,
-    /// It ends one contour and begins another.
+    /// It ends one contour and begins the next.
     Link,
-    /// It moves nothing between lead-on and lead-off.
+    /// It moves nothing, between lead-on and lead-off.
     Still,
 }
 
 /// One motion of the contour.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Block {
-    /// Its event, and that of the motion before it.
+    /// Its event, and the event of the motion before it.
     pub event: u32,
     pub before: u32,
-    /// The element that is its own, and where elements that belong to it begin.
+    /// Its own element, and where the elements that belong to it begin.
     pub element: u32,
     /// Index of its offset.
     pub offset: u32,
     pub kind: Kind,
-    /// Another contour begins with it, though no move leads there.
+    /// A contour begins with it although no move leads to it.
     pub begins: bool,
-    /// How far the path may be off beside it, mm: what merging and acceptance took.
+    /// How far the path may be off it, mm: the slack of merging and of the accepted tolerance.
     pub slack_mm: f32,
-    /// Nothing is left of it in the path, and that has been said.
+    /// The path has no element of it, and that has been reported.
     pub is_lost: bool,
 }
 
@@ -66,7 +66,8 @@ pub(crate) struct Offset {
     pub tip_in: u8,
     pub tip: u8,
     pub plane: Plane,
-    /// The lead-on meets the first leg as a corner, so that it may begin anywhere.
+    /// The lead-on meets the first leg in a corner, so that the contour may begin anywhere along
+    /// it.
     pub is_joined: bool,
 }
 
@@ -76,7 +77,7 @@ pub(crate) struct Program<'a> {
     pub blocks: Vec<Block>,
     /// The events that are actions.
     pub actions: Vec<u32>,
-    /// Tool lengths that D has selected, before the event that lets them act (S34).
+    /// Tool lengths that D has selected, each before the event that activates it (S34).
     pub lengths: Vec<(u32, Action)>,
     pub offsets: Vec<Offset>,
 }
@@ -109,7 +110,7 @@ impl Program<'_> {
         self.contour.events[self.blocks[block as usize].event as usize].source
     }
 
-    /// Where the program is before a block.
+    /// The programmed position before a block.
     pub(crate) fn start(&self, block: u32) -> Position {
         let before = self.blocks[block as usize].before;
         match self.contour.events.get(before as usize).map(|event| &event.kind) {
@@ -138,10 +139,10 @@ struct Reader<'a> {
     word: Option<RadiusSource>,
     value_mm: Option<f64>,
     spindle_tool: Option<u32>,
-    /// The length of the last D, and that of the last move of Z (S34).
+    /// The length of the last D, and the length at the last move of Z (S34).
     length: (Option<u32>, f64),
     length_in_force: f64,
-    /// A new radius waits for the next leg, or for so many legs more.
+    /// A new radius waits for the next leg, or for this many more legs.
     radius_changes: bool,
     value_waits: Option<u32>,
     offset: Offset,
@@ -282,7 +283,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The length that D has selected, where a motion of Z lets it act (S34).
+    /// The length that D has selected, if this motion of Z activates it (S34).
     fn length_that_acts(&mut self, motion: &Motion) -> Option<Action> {
         let (offset, length_mm) = self.length;
         let acts = self.profile.radius.length_of_d == LengthOfD::WithZ
@@ -295,7 +296,7 @@ impl Reader<'_> {
         })
     }
 
-    /// What a motion is, and whether a contour begins with it without a move.
+    /// The kind of a motion, and whether a contour begins with it although no move leads to it.
     fn motion(
         &mut self,
         start: Position,
@@ -361,7 +362,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A rapid, where leads are moves at feed.
+    /// Whether a motion is a rapid where leads must be feed moves.
     fn is_too_fast(&self, motion: &Motion, lead: LeadMove) -> bool {
         lead == LeadMove::Coordinated && motion.class != MotionClass::Feed
     }
@@ -375,7 +376,7 @@ impl Reader<'_> {
         (self.radius_changes, self.value_waits, self.legs) = (false, None, 0);
     }
 
-    /// Straight from one side to the other: the next leg begins another contour.
+    /// Changes the side without a move: the next leg begins another contour.
     fn change_side(&mut self, new: CutterSide, source: Source) {
         self.open(new, source);
         self.offset.is_joined = true;
@@ -395,7 +396,7 @@ impl Reader<'_> {
             self.radius_changes = false;
             if let CompensationState::Active { side, .. } = self.state {
                 let d_mm = self.signed(side, source);
-                // Closer radii are the same.
+                // A smaller difference is no change.
                 if (d_mm - self.offset.d_out).abs() >= 1e-9 {
                     self.offset.d_out = d_mm;
                 }
@@ -416,7 +417,7 @@ impl Reader<'_> {
     }
 }
 
-/// The length of register D; a tool of that number stands in for one that is not there.
+/// The length of register D, or of the tool of that number if there is no such register.
 fn length_of(number: u32, tools: &ToolTable) -> f64 {
     match (tools.offsets.get(&number), tools.tools.get(&number)) {
         (Some(register), _) => register.length_mm,

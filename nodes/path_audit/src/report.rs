@@ -1,4 +1,5 @@
-//! What the audit says, in words and numbers, and how strictly the profile takes it.
+//! Collects what the audit finds, as messages with numbers and with the severity that the profile
+//! sets.
 
 use cnc_msgs::contour::{Action, Motion, Source};
 use cnc_msgs::finding::{Code, Finding, Severity};
@@ -7,15 +8,15 @@ use cnc_msgs::path::{PathElement, PathEvent};
 use cnc_msgs::profile::{Profile, Reaction};
 use std::ops::RangeInclusive;
 
-/// More findings of a severity help nobody.
+/// Findings listed for each severity; more help nobody.
 const FINDINGS_MAX: usize = 100;
 
 #[derive(Debug)]
 pub(crate) struct Report<'a> {
     pub profile: &'a Profile,
-    /// What the planner has said already.
+    /// What the planner has reported already.
     said: &'a [Finding],
-    /// Lines of contours that the tool does not fit, and that the control runs.
+    /// The lines of contours that the tool does not fit and that the control still runs.
     pub misfits: Vec<RangeInclusive<u32>>,
     pub findings: Vec<Finding>,
     errors: usize,
@@ -48,7 +49,7 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// A finding about where the path is beside its contour, and about nothing else.
+    /// A finding about the distance of the path from its contour, and about nothing else.
     pub(crate) fn push_shape(&mut self, mut finding: Finding) {
         if self.misfits.iter().any(|lines| lines.contains(&finding.source.line)) {
             finding.severity = Severity::Warning;
@@ -57,8 +58,8 @@ impl<'a> Report<'a> {
         self.push(finding);
     }
 
-    /// A cut; where it is into blocks that the planner has said the tool does not reach, it is as
-    /// the profile takes that: what is not followed is not cut into either.
+    /// Reports a cut. If it is into blocks that the planner has called unreachable, it gets the
+    /// severity that the profile sets for those: what is not followed is not cut either.
     pub(crate) fn push_cut(&mut self, cut: &Cut) {
         let mut finding = self::cut(cut, self.profile);
         let is_of = |said: &&Finding| said.code == Code::Unreachable && !said.is_error();
@@ -74,8 +75,8 @@ impl<'a> Report<'a> {
         self.push(finding);
     }
 
-    /// Whether the planner has warned that a lead skips this block, with no less that stays of it
-    /// than the audit finds, mm.
+    /// Whether the planner has warned that a lead skips this block and that at least as much of it
+    /// stays as the audit finds, mm.
     pub(crate) fn is_known_uncut(&self, source: Source, off_mm: f64) -> bool {
         self.said.iter().any(|said| {
             let line = said.other.map_or(said.source.line, |other| other.line);
@@ -90,20 +91,19 @@ impl<'a> Report<'a> {
     }
 }
 
-/// Whether a finding has been said already. A path may be wrong in more than what it was
-/// warned of.
+/// Whether a finding has been reported already. A path may have more faults than it was warned of.
 fn is_same(said: &Finding, finding: &Finding) -> bool {
     let lines = |of: &Finding| [Some(of.source.line), of.other.map(|other| other.line)];
     let (known, found) = (lines(said), lines(finding));
     let mut found = found.iter().flatten();
     let is_known = |line: &u32| known.contains(&Some(*line));
     let is_worse = finding.is_error() && !said.is_error();
-    // A lead that cuts is told with the deepest place.
+    // A lead that cuts is reported once, at its deepest place.
     let is_of_lead = (said.code, finding.code) == (Code::LeadGouge, Code::LeadNick);
     (said.code == finding.code || is_of_lead && said.source.line == finding.source.line)
         && match finding.code {
             Code::PathMismatch if said.severity != finding.severity => false,
-            // That it cuts into a block in one place says nothing of another place.
+            // A known cut into a block says nothing about another place on it.
             Code::Gouge if is_worse => found.any(is_known) && is_one_place(said, finding),
             _ => found.any(is_known),
         }
@@ -118,7 +118,7 @@ fn is_one_place(a: &Finding, b: &Finding) -> bool {
     apart_squared <= (2.0 * radius_mm).powi(2)
 }
 
-/// What is said of a contour that the tool does not fit.
+/// The codes for a contour that the tool does not fit.
 pub(crate) const fn is_misfit(code: Code) -> bool {
     matches!(code, Code::Gouge | Code::Unreachable | Code::ArcOver360)
 }
@@ -231,7 +231,7 @@ pub(crate) fn uneven(element: &PathElement, radii: (f64, f64)) -> Finding {
     finding
 }
 
-/// The tool does not run at its radius beside its own block.
+/// The tool does not run at its radius along its own block.
 pub(crate) fn wrong_offset(element: &PathElement, needed_mm: f64, found_mm: f64) -> Finding {
     let is_near = found_mm < needed_mm;
     let (code, word) =
@@ -255,8 +255,8 @@ pub(crate) fn wrong_place(element: &PathElement, what: &str) -> Finding {
     finding
 }
 
-/// Too close to a wall, or past what the tool reaches: two blocks, and how far apart they are
-/// in legs.
+/// A cut into a wall, or a move past what the tool reaches: two blocks, and how many legs apart
+/// they are.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cut {
     pub code: Code,
@@ -267,7 +267,7 @@ pub(crate) struct Cut {
     pub plane: Plane,
     pub radius_mm: f64,
     pub distance_mm: f64,
-    /// Where the contour closes, and the profile forgives that.
+    /// The cut is where the contour closes, and the profile forgives that.
     pub is_forgiven: bool,
 }
 
@@ -304,12 +304,12 @@ fn is_lead(code: Code) -> bool {
     matches!(code, Code::LeadGouge | Code::LeadNick | Code::LinkGouge)
 }
 
-/// What the profile says of a contour that the tool does not fit, and of one that its control
-/// is too short-sighted to see.
+/// The severity that the profile sets for a contour that the tool does not fit, and for one that
+/// its control cannot see because it looks too few blocks ahead.
 fn contour_severity(legs_apart: usize, profile: &Profile) -> Severity {
     let severity = match profile.interference.react {
         Reaction::Ignore => Severity::Warning,
-        // What does not fit has been left out, so that nothing is cut.
+        // The planner has left out what does not fit, so nothing is cut.
         Reaction::Alarm | Reaction::Trim => Severity::Error,
     };
     match profile.lookahead.blocks {
@@ -320,7 +320,7 @@ fn contour_severity(legs_apart: usize, profile: &Profile) -> Severity {
     }
 }
 
-/// Blocks that the path leaves out although they are no noise.
+/// Blocks that the path leaves out although they are more than noise.
 pub(crate) fn left_out(
     (source, other): (Source, Source),
     (off_mm, legs): (f64, usize),

@@ -1,12 +1,12 @@
-//! Legs that lie on each other: a contour at several depths retraces its own walls, and each is
-//! looked at once.
+//! Finds legs that lie on each other: a contour that is cut at several depths retraces its own
+//! walls, and each wall is checked once.
 
 use crate::pieces::Pieces;
 use crate::planar::{Piece, Point};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Groups of legs that are the same bit for bit, in the same direction.
+/// Groups of legs that are the same, bit for bit and in the same direction.
 #[derive(Debug)]
 pub(crate) struct RetracedLegs {
     group_of: Vec<u32>,
@@ -15,7 +15,7 @@ pub(crate) struct RetracedLegs {
 }
 
 impl RetracedLegs {
-    /// Legs that do not count are alone.
+    /// Legs that do not count form groups of one.
     pub(crate) fn of(legs: &Pieces, counts: impl Fn(usize) -> bool) -> Self {
         let mut known: BTreeMap<[u64; 8], u32> = BTreeMap::new();
         let (mut groups, mut group_of) = (Vec::<Vec<usize>>::new(), Vec::new());
@@ -34,7 +34,7 @@ impl RetracedLegs {
         Self { group_of, groups }
     }
 
-    /// All legs that are the same as one, itself too.
+    /// All legs that are the same as this one, itself included.
     pub(crate) fn of_leg(&self, leg: usize) -> &[usize] {
         &self.groups[self.group_of[leg] as usize]
     }
@@ -43,14 +43,14 @@ impl RetracedLegs {
         self.of_leg(leg)[0] == leg
     }
 
-    /// The copy of a leg among others; itself where there is none.
+    /// The copy of a leg within a range; the leg itself if there is none.
     pub(crate) fn within(&self, leg: usize, legs: &Range<usize>) -> usize {
         let copies = self.of_leg(leg);
         let from = copies.partition_point(|copy| *copy < legs.start);
         copies.get(from).copied().filter(|copy| legs.contains(copy)).unwrap_or(leg)
     }
 
-    /// The first and the last copies of a leg that come before another.
+    /// The first and the last copies of a leg before a given leg.
     pub(crate) fn before(&self, leg: usize, end: usize) -> impl Iterator<Item = usize> + '_ {
         let copies = self.of_leg(leg);
         let copies = &copies[..copies.partition_point(|copy| *copy < end)];

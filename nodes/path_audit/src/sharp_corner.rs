@@ -1,42 +1,42 @@
-//! Where a sharp inside corner takes whole chords of the curves that meet in it.
+//! Recognises a sharp inside corner that takes whole chords of the two curves that meet in it.
 //!
-//! Such chords are left out of the path as a piece of an arc would be, and are no feature
-//! that is missed.
+//! The path leaves such chords out as it would leave out a piece of an arc. They are no missed
+//! feature.
 
 use crate::planar::{Piece, Point, cross, unit};
 
-/// Chords of a curve bend less than this, rad, and are off it by less than [`CHORD_MM`].
+/// Chords of a curve bend less than this, rad, and are less than [`CHORD_MM`] off it.
 const CHORD_TURN_RAD: f64 = 0.12;
 const CHORD_MM: f64 = 0.052;
-/// Shorter chords are taken together: their directions are noise, mm.
+/// Shorter chords are merged, mm: their directions are noise.
 const SHORT_MM: f64 = 0.2;
-/// Points of one arc at most.
+/// The most points of one arc.
 const STEPS_MAX: f64 = 1000.0;
 
-/// Whether legs are two curves that meet in one sharp inside corner; the tool goes from the
-/// first to the last of them at `joint`.
+/// Whether legs are two curves that meet in one sharp inside corner. The tool goes from the first
+/// to the last of them at `joint`.
 pub(crate) fn is_corner_of_curves(
     legs: impl Iterator<Item = Piece>,
     joint: Point,
     d_mm: f64,
 ) -> bool {
     let mut points: Vec<Point> = Vec::new();
-    // Where the first leg ends and the last begins: the corner is there or between.
+    // Where the first leg ends and the last begins: the corner is there or between them.
     let (mut first_end, mut last_start) = (0, 0);
     let mut legs = legs.peekable();
     while let Some(leg) = legs.next() {
-        // An arc between both is a feature, if it is more than a chord.
+        // An arc between the two is a feature if it is more than a chord.
         if !points.is_empty() && legs.peek().is_some() && leg.bulge() > CHORD_MM {
             return false;
         }
         let is_first = points.is_empty();
         let steps = leg.round.map_or(1.0, |round| {
-            // As fine as chords of a curve are.
+            // As fine as the chords of a curve.
             let step = (CHORD_TURN_RAD / 1.5).min((2.0 * CHORD_MM / round.radius).sqrt());
             (round.sweep.abs() / step).ceil().clamp(1.0, STEPS_MAX)
         }) as u32;
         let length = leg.length() / f64::from(steps);
-        // Of the first and the last only how they come to the corner counts.
+        // Of the first and the last leg only the ends at the corner count.
         if is_first {
             points.extend([leg.at(length * f64::from(steps - 1)), leg.to]);
             first_end = 1;
@@ -51,7 +51,7 @@ pub(crate) fn is_corner_of_curves(
         points.push(leg.to);
     }
     let from_joint = |point: &Point| (point - joint).norm();
-    // The corner is what the tool is farthest from, between the two that it touches.
+    // The corner is the point farthest from the tool, between the two legs that it touches.
     let corner = (first_end..=last_start)
         .max_by(|&a, &b| from_joint(&points[a]).total_cmp(&from_joint(&points[b])));
     let Some(corner) = corner else { return false };
@@ -60,7 +60,7 @@ pub(crate) fn is_corner_of_curves(
     let (Some(behind), Some(ahead)) = (first_chord(&before), first_chord(&after)) else {
         return false;
     };
-    // Both go away from the corner.
+    // Both directions lead away from the corner.
     let turn = cross(-behind, ahead) * d_mm.signum();
     (turn > CHORD_TURN_RAD || behind.dot(&ahead) > 0.0 && turn > 0.0)
         && is_curve(&before)
@@ -71,7 +71,7 @@ fn first_chord(points: &[Point]) -> Option<Point> {
     Some(unit(points.get(1)? - points[0]))
 }
 
-/// Without the points that are near to one before; the last is kept.
+/// Drops points that are near to the one before; keeps the last.
 fn thinned(points: impl Iterator<Item = Point>) -> Vec<Point> {
     let mut thinned: Vec<Point> = Vec::new();
     let mut skipped = None;
@@ -93,7 +93,7 @@ fn thinned(points: impl Iterator<Item = Point>) -> Vec<Point> {
     thinned
 }
 
-/// Whether a polyline bends as the chords of a curve do.
+/// Whether a polyline bends as chords of a curve do.
 fn is_curve(points: &[Point]) -> bool {
     points.windows(3).all(|points| {
         let (a, b) = (points[1] - points[0], points[2] - points[1]);

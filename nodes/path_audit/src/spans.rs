@@ -1,4 +1,4 @@
-//! What lies between a lead-on and the next lead-off: legs, the elements beside them, leads.
+//! Groups blocks and elements into spans: what lies between a lead-on and the next lead-off.
 
 use crate::program::{Kind, NONE, Offset};
 use crate::tool_path::ToolPath;
@@ -7,16 +7,16 @@ use std::ops::Range;
 
 #[derive(Debug, Clone)]
 pub(crate) struct Span {
-    /// Its legs, in the list of all legs.
+    /// Its legs, as a range of the list of all legs.
     pub legs: Range<usize>,
-    /// All its blocks, with those of its leads.
+    /// All its blocks, its leads included.
     pub blocks: Range<u32>,
     /// Its elements between its leads.
     pub elements: Range<usize>,
-    /// Elements of its leads: before it, after it.
+    /// The elements of its leads: before it, after it.
     pub lead_on: Option<usize>,
     pub lead_off: Option<usize>,
-    /// Whether the first leg may begin, and the last end, beside the other side of the tool.
+    /// Whether the first leg may begin, and the last end, at a change of side.
     pub from_side: bool,
     pub to_side: bool,
 }
@@ -125,8 +125,7 @@ impl Spans {
 }
 
 impl Span {
-    /// The offsets that an element of it has: that of its block, behind the last leg that of
-    /// the last leg.
+    /// The offset of an element of it: that of its block; after the last leg, that of the last leg.
     pub(crate) fn offset<'a>(
         &self,
         tool_path: &'a ToolPath<'_>,

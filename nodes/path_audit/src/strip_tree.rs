@@ -1,7 +1,7 @@
-//! A strip tree: which pieces of two long chains may be nearer to each other than a limit.
+//! A strip tree: finds the pieces of two long chains that may be nearer to each other than a limit.
 //!
-//! A node stands for consecutive pieces by the chord between their ends and how far they are
-//! at most from it. The nodes of a level lie in a row, so that a tree is one vector of widths.
+//! A node stands for consecutive pieces: the chord between their ends and their greatest distance
+//! from it. The nodes of a level follow each other, so a tree is one vector of widths.
 
 use crate::direction_ranges::DirectionRange;
 use crate::distance_bounds;
@@ -9,23 +9,24 @@ use crate::pieces::Pieces;
 use crate::planar::{Point, on_segment};
 use std::ops::Range;
 
-/// Pieces of a node of the lowest level.
+/// Pieces in a node of the lowest level.
 const LEAF: usize = 4;
 
-/// Nodes that may be looked at for each piece, and for any chain.
+/// Nodes that may be visited for each piece, plus a constant.
 const VISITS: (usize, usize) = (96, 100_000);
 
 /// A tree over the pieces of a chain.
 #[derive(Debug)]
 pub(crate) struct StripTree<'a> {
     pub pieces: &'a Pieces,
-    /// How far the pieces of each node are from its chord, mm: level by level, lowest first.
+    /// The greatest distance of the pieces of each node from its chord, mm: level by level, lowest
+    /// first.
     widths: Vec<f64>,
     /// Where each level begins in `widths`.
     levels: Vec<usize>,
-    /// The directions of each node, if they are asked for.
+    /// The directions of each node, if needed.
     directions: Vec<DirectionRange>,
-    /// The nodes that hold nothing to look at, if there are any.
+    /// The nodes without anything to check, if there are any.
     idle: Vec<bool>,
 }
 
@@ -41,7 +42,7 @@ impl<'a> StripTree<'a> {
         for leaf in 0..leaves {
             let range = tree.range(0, leaf);
             let chord = tree.chord(&range);
-            // The chord begins and ends with them.
+            // The chord begins and ends with the pieces.
             let (mut before, mut width) = (0.0, 0.0_f64);
             for index in range.clone() {
                 let is_last = index + 1 == range.end;
@@ -73,7 +74,7 @@ impl<'a> StripTree<'a> {
         tree
     }
 
-    /// With what [`near_itself`] needs besides.
+    /// Adds what [`near_itself`] needs.
     #[must_use]
     pub(crate) fn with_directions(mut self) -> Self {
         let mut directions = Vec::with_capacity(self.widths.len());
@@ -97,7 +98,7 @@ impl<'a> StripTree<'a> {
         self
     }
 
-    /// Only these pieces are to be looked at.
+    /// Limits the tree to these pieces.
     #[must_use]
     pub(crate) fn holding(mut self, holds: impl Fn(usize) -> bool) -> Self {
         let mut idle: Vec<bool> = Vec::with_capacity(self.widths.len());
@@ -152,8 +153,8 @@ impl<'a> StripTree<'a> {
 /// Level and number.
 type Node = (usize, usize);
 
-/// Calls `each` for all leaves of two chains whose pieces may be nearer than `limit` mm, until
-/// it says no. False when there were too many to look at.
+/// Calls `each` for all pairs of leaves whose pieces may be nearer than `limit` mm, until it
+/// returns false. False when that happened, or when there were too many pairs to visit.
 pub(crate) fn near(
     a: &StripTree<'_>,
     b: &StripTree<'_>,
@@ -177,7 +178,7 @@ pub(crate) fn near(
         let (width_a, width_b) = (a.width(node_a), b.width(node_b));
         let reach = limit + width_a + width_b;
         let (chord_a, chord_b) = (a.chord(&range_a), b.chord(&range_b));
-        // Mostly the tool runs beside a wall from the start of both.
+        // Mostly the tool runs along a wall from the start of both.
         let is_near = (chord_a.0 - chord_b.0).norm_squared() < reach * reach;
         if !is_near && distance_bounds::are_chords_apart(chord_a, chord_b, reach) {
             continue;
@@ -202,8 +203,8 @@ pub(crate) fn near(
     true
 }
 
-/// The same for the leaves of one chain, each pair once and the earlier first, without those
-/// that go about one way and follow each other.
+/// The same within one chain: each pair once, the earlier first, without neighbours of similar
+/// direction.
 pub(crate) fn near_itself(
     tree: &StripTree<'_>,
     limit: f64,

@@ -1,14 +1,14 @@
-//! The way of the tool centre: a path in the plane, element by element, beside its blocks.
+//! The path of the tool centre in the plane, element by element, with the block of each element.
 //!
-//! Where the path is that of the theoretical tip of a turning tool, the centre is found here.
+//! If the path is that of the theoretical tip of a turning tool, the centre is computed here.
 
 use crate::planar::{Piece, Point, flat};
 use crate::program::{Kind, NONE, Program};
 use cnc_msgs::geometry::{Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, Role};
 
-/// From the centre of the nose to the tip in radii, along the axes of the plane, by tip
-/// direction: the corners 1 to 4 counter-clockwise from the first quadrant, the sides 5 to 8.
+/// From the centre of the nose to the tip, in radii along the axes of the plane, by tip direction:
+/// the corners 1 to 4 counter-clockwise from the first quadrant, then the sides 5 to 8.
 const TIPS: [[f64; 2]; 10] = [
     [0.0, 0.0],
     [1.0, 1.0],
@@ -26,9 +26,9 @@ const TIPS: [[f64; 2]; 10] = [
 pub(crate) struct ToolPath<'a> {
     pub path: &'a CompensatedPath,
     pub program: Program<'a>,
-    /// The block of each element; [`NONE`] where it is not known.
+    /// The block of each element; [`NONE`] if unknown.
     pub block_of: Vec<u32>,
-    /// The role of each element, side by side.
+    /// The role of each element, in an array of its own.
     pub roles: Vec<Role>,
     pub is_of_tip: bool,
 }
@@ -52,7 +52,7 @@ impl ToolPath<'_> {
         matches!(self.block_of[element], NONE) || self.path.elements[element].role == Role::None
     }
 
-    /// From the centre to the point of the tool that an element is of, mm.
+    /// From the centre to the point of the tool that the path describes at this element, mm.
     fn to_tip(&self, element: usize) -> Point {
         if !self.is_of_tip || self.is_free(element) {
             return Point::zeros();
@@ -85,14 +85,14 @@ impl ToolPath<'_> {
         self.piece_from(None, element)
     }
 
-    /// The same where it may be known where it starts.
+    /// The same from a known start.
     pub(crate) fn piece_from(&self, start: Option<Point>, element: usize) -> Piece {
         let (from, to) = (start.unwrap_or_else(|| self.start(element)), self.end(element));
         let shape = &self.path.elements[element].shape;
         Piece::new(self.plane(element), from, to, shape, -self.to_tip(element))
     }
 
-    /// What a block does in the plane, as it is programmed.
+    /// What a block programs in the plane.
     pub(crate) fn leg(&self, block: u32) -> Piece {
         let (from, to) = self.program.ends(block);
         let motion = self.program.motion(block);

@@ -1,9 +1,9 @@
 //! The radii that a span is good for.
 //!
-//! The interval about the planned radius in which nothing of the contour is
-//! consumed and no wall is nearer than the radius, at zero tolerance, and what
-//! limits it. Every trial is a whole join and a whole check at another radius;
-//! what fails tells where to try next, so that few trials are needed.
+//! A certificate is the interval about the planned radius in which nothing of the contour is
+//! consumed and no wall is nearer than the radius, at zero tolerance, and what limits the interval.
+//! Every trial joins and checks the whole span at another radius. What fails shows where to try
+//! next, so that few trials are needed.
 
 use crate::check::interference::{self, Cut, Joined};
 use crate::check::lead;
@@ -20,10 +20,10 @@ use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 
-/// No tool is larger, mm; an interval that reaches it has no upper end.
+/// The largest tool, mm; an interval that reaches it has no upper end.
 const RADIUS_MM_MAX: f64 = 1e4;
 
-/// How exact an end is, mm.
+/// The precision of an end, mm.
 const EXACT_MM: f64 = 1e-7;
 
 /// How much nearer than the radius a wall may be in a trial, mm: rounding.
@@ -32,12 +32,12 @@ const TOUCH_MM: f64 = 1e-8;
 /// Runs at an end that a lead may depend on.
 const END_RUNS: usize = 64;
 
-/// The same for leads: they leave the circle about the contour's end at a tangent,
-/// so that this is squared on the way to the radius.
+/// The same for leads. They leave the circle about the contour's end at a tangent, so that on the
+/// radius this is squared.
 const LEAD_TOUCH_MM: f64 = 1e-12;
 
-/// Trials for one end, of a small contour; and elements in all trials of a large one,
-/// which is noise where it takes so many: its certificate ends where it surely holds.
+/// Trials for each end of a small contour; and elements in all trials of a large one. If it takes
+/// more, that is noise, and the certificate ends where it certainly holds.
 const TRIALS: (usize, usize) = (100, 12_000_000);
 
 /// The radii that a compensated piece of a program is good for.
@@ -46,7 +46,7 @@ pub struct Certificate {
     /// Lines of the first and last block, without the leads.
     pub first_line: u32,
     pub last_line: u32,
-    /// The side that the tool runs on; a negative radius has been taken into account.
+    /// The side that the tool runs on; the sign of the radius is already applied.
     pub side: CutterSide,
     /// The radius that was planned, mm, never negative.
     pub radius_mm: f64,
@@ -59,7 +59,7 @@ pub struct Certificate {
     pub leads_valid_to_mm: f64,
 }
 
-/// A block that limits a certificate, and where.
+/// A block that limits a certificate, and the place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CertificateLimit {
     pub source: Source,
@@ -139,8 +139,8 @@ impl Subject<'_> {
         failures
     }
 
-    /// Whether one wall goes on in the other, with a bend that is noise: the tool would have to
-    /// be huge to cut into it.
+    /// Whether one wall continues the other with a bend that is noise: only a huge tool would cut
+    /// it.
     fn is_bend(&self, cut: &Cut) -> bool {
         let tangent = |run: usize, at: Vec2| match &self.runs[run].element {
             Element::Line(line) => line.tangent,
@@ -162,7 +162,7 @@ impl Subject<'_> {
         None
     }
 
-    /// The end of validity between a valid and a failing radius, and what fails there.
+    /// The end of the interval, between a valid and a failing radius, and what fails there.
     fn end_between(&self, mut valid: f64, mut failing: f64) -> (f64, Vec<Failure>) {
         let mut failures = self.failures(failing);
         let (most, elements) = TRIALS;
@@ -178,7 +178,7 @@ impl Subject<'_> {
                     Failure::Cut(cut) => scale - (cut.radius_mm - cut.distance_mm) / 2.0,
                 })
                 .fold(f64::INFINITY, f64::min);
-            // A little beyond the estimate, so that it closes the interval from above.
+            // A little beyond the estimate, to close the interval from above.
             let mut trial = estimate + EXACT_MM / 2.0;
             if !(trial > valid && trial < failing - EXACT_MM / 4.0) {
                 trial = f64::midpoint(valid, failing);
@@ -207,7 +207,7 @@ impl Subject<'_> {
         if failing - valid > EXACT_MM {
             return (valid, failures);
         }
-        // Joining allows for rounding: what vanishes shows a little later.
+        // Joining allows for rounding, so a run seems to vanish a little late.
         let failures = self.failures(failing + 4.0 * LENGTH_MM);
         let end = match failures.first() {
             Some(Failure::Consumed(place)) => self.vanishing(place, failing),
@@ -216,9 +216,9 @@ impl Subject<'_> {
         (end, failures)
     }
 
-    /// Where exactly a run vanishes: the radius at which nothing is left of it.
+    /// The radius at which exactly nothing is left of a run.
     ///
-    /// Joining allows for rounding; what is left at smaller radii leads to the zero.
+    /// Joining allows for rounding, so the length left at smaller radii is extrapolated to zero.
     fn vanishing(&self, place: &Unreachable, failing: f64) -> f64 {
         let left = |radius_mm: f64| {
             let (links, placed) = self.joined(radius_mm);
@@ -259,7 +259,7 @@ impl Subject<'_> {
         let (links, placed) = self.joined(planned);
         let walls = Walls::new(self.runs, &links, &placed);
         let exact = self.leads_free_to(&walls, limit_mm, LEAD_TOUCH_MM);
-        // Where a contour closes with the noise of its coordinates, leads cut a little into it.
+        // If a contour closes with the noise of its coordinates, leads cut a little into it.
         if exact < planned && self.leads_are_free(&walls, planned.min(limit_mm), GOUGE_MM) {
             return self.leads_free_to(&walls, limit_mm, GOUGE_MM);
         }
@@ -283,7 +283,7 @@ impl Subject<'_> {
         low
     }
 
-    /// Whether the straight moves to and from the contour keep off its walls.
+    /// Whether the straight moves to and from the contour keep clear of its walls.
     fn leads_are_free(&self, walls: &Walls<'_>, radius_mm: f64, touch_mm: f64) -> bool {
         let scale = radius_mm / self.span.d_mm.abs();
         let plane = self.span.plane;

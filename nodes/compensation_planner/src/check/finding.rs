@@ -1,6 +1,6 @@
-//! The planner's findings about geometry, in words and numbers.
+//! Puts the planner's findings about geometry into words and numbers.
 //!
-//! Decides nothing: what is found is decided where it is computed.
+//! It decides nothing: the code that computes a fault decides about it.
 
 use crate::check::interference::Cut;
 use crate::check::reach::{Skipped, Unreachable};
@@ -13,7 +13,7 @@ use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
 use cnc_msgs::numbers::told_apart;
 use cnc_msgs::profile::{OtherSpans, Profile, Reaction, Strictness};
 
-/// `N40`, or the line where there is no number.
+/// `block N40`, or the line if the block has no number.
 pub(crate) fn block_name(source: Source) -> String {
     match source.block {
         Some(block) => format!("block N{block}"),
@@ -41,12 +41,12 @@ fn tool_of(d_mm: f64, radius: &str) -> String {
     format!("the tool (radius {radius} mm, on the {side})")
 }
 
-/// A radius that is surely small enough: cut off after three decimals.
+/// Rounds a radius down to three decimals, so that the shown value certainly fits.
 pub(crate) fn rounded_down(radius_mm: f64) -> f64 {
     (radius_mm * 1e3).floor() / 1e3
 }
 
-/// Elements that the tool is too large for.
+/// The tool is too large for these elements.
 pub(crate) fn unreachable(
     span: &Span<'_>,
     runs: &[Run],
@@ -97,8 +97,8 @@ pub(crate) fn unreachable(
     })
 }
 
-/// What the profile says of a contour that the tool does not fit (C18), and of
-/// one that its control is too short-sighted to see (C17).
+/// Applies what the profile says of a contour that the tool does not fit (C18), and of one that its
+/// control cannot see because it looks too few blocks ahead (C17).
 fn soften(finding: &mut Finding, apart: usize, profile: &Profile) {
     let mut severity = match profile.interference.react {
         Reaction::Alarm => Severity::Error,
@@ -120,7 +120,7 @@ fn soften(finding: &mut Finding, apart: usize, profile: &Profile) {
     finding.severity = severity;
 }
 
-/// There are more places that the tool does not reach than are listed.
+/// The tool does not reach more places than are listed.
 pub(crate) fn more_unreachable(
     span: &Span<'_>,
     runs: &[Run],
@@ -140,7 +140,7 @@ pub(crate) fn more_unreachable(
     finding
 }
 
-/// Blocks that a lead keeps the tool off.
+/// A lead makes the tool skip these blocks.
 pub(crate) fn skipped_by_lead(
     span: &Span<'_>,
     runs: &[Run],
@@ -176,7 +176,7 @@ pub(crate) fn skipped_by_lead(
     finding
 }
 
-/// An element on which the tool cuts into another one.
+/// The tool cuts into one element while it follows another.
 pub(crate) fn cut(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -> Finding {
     let into = &span.legs[runs[cut.into].legs.start];
     let (on, later) = (
@@ -212,7 +212,7 @@ pub(crate) fn cut(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -
     finding.help("use a smaller tool, or begin and end the contour where it does not bend back")
 }
 
-/// The tool cuts into what an earlier span has left.
+/// The tool cuts into a contour of an earlier span.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct OtherCut {
     pub on: Source,
@@ -230,7 +230,7 @@ impl OtherCut {
     }
 }
 
-/// A cut into what an earlier contour has left.
+/// The tool cuts into an earlier contour.
 pub(crate) fn cuts_other_span(
     cut: &OtherCut,
     plane: Plane,
@@ -273,7 +273,7 @@ pub(crate) fn too_many_spans(span: &Span<'_>) -> Finding {
     .help("split the program in two, or set interference.other_spans to ignore")
 }
 
-/// A cut that is still there after everything that does not fit was left out.
+/// A cut that remains after everything that does not fit was left out.
 pub(crate) fn not_trimmed(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -> Finding {
     let mut finding = self::cut(span, runs, cut, profile);
     finding.severity = Severity::Error;
@@ -282,7 +282,7 @@ pub(crate) fn not_trimmed(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Pr
     finding
 }
 
-/// A contour that the tool fits nowhere.
+/// The tool fits nowhere on the contour.
 pub(crate) fn nothing_left(span: &Span<'_>) -> Finding {
     let at = span.legs.first().map_or(span.entry.lead.source, |leg| leg.source);
     let mut finding = Finding::error(
@@ -295,7 +295,7 @@ pub(crate) fn nothing_left(span: &Span<'_>) -> Finding {
     finding
 }
 
-/// A contour that meets itself so often that not all of it could be checked.
+/// A contour that meets itself so often that it could not be checked completely.
 pub(crate) fn too_entangled(span: &Span<'_>) -> Finding {
     Finding::error(
         Code::Limit,
@@ -305,7 +305,7 @@ pub(crate) fn too_entangled(span: &Span<'_>) -> Finding {
     .help("split the contour into several, each with its own selection and cancel")
 }
 
-/// A lead that comes too near.
+/// A lead that comes too near to the contour.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LeadCut {
     pub code: Code,
@@ -317,7 +317,7 @@ pub(crate) struct LeadCut {
     /// The signed offset, mm.
     pub d_mm: f64,
     pub distance_mm: f64,
-    /// It goes straight to the normal position already.
+    /// It already goes straight to the normal position.
     pub is_straight: bool,
 }
 
@@ -387,7 +387,7 @@ pub(crate) fn no_corner(source: Source, profile: &Profile) -> Finding {
     finding
 }
 
-/// An outside corner whose offsets meet far off.
+/// An outside corner whose offsets meet far away.
 pub(crate) fn far_corner(source: Source, distance_mm: f64, d_mm: f64) -> Finding {
     let mut finding = Finding::warning(
         Code::SuspiciousValue,
@@ -404,7 +404,7 @@ pub(crate) fn far_corner(source: Source, distance_mm: f64, d_mm: f64) -> Finding
     finding
 }
 
-/// A circle that its joints lengthen over 360 degrees (S70).
+/// A circle that its joints lengthen beyond 360 degrees (S70).
 pub(crate) fn over_360(source: Source, sweep: f64, rule: Strictness, profile: &Profile) -> Finding {
     let degrees = sweep.to_degrees();
     let what = if rule == Strictness::Emulate {

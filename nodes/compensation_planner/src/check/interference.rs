@@ -1,9 +1,8 @@
-//! Whether the tool, anywhere on its way along a span, cuts into a wall of it.
+//! Finds gouges: whether the tool, anywhere on its path along a span, cuts into a wall of it.
 //!
-//! Joints keep the tool off the elements that they join; this looks at all
-//! others, however far apart they are in the program: walls of a slot, a contour
-//! that comes back on itself, an arc that bends back to its neighbour. What the
-//! tool does not reach is the business of `reach`.
+//! Joints keep the tool clear of the elements that they join. This file checks all others, however
+//! far apart they are in the program: walls of a slot, a contour that comes back on itself, an arc
+//! that bends back to its neighbour. `reach` decides about what the tool cannot reach.
 
 use crate::check::walls::Walls;
 use crate::geometry::distance::{Nearest, nearest_between, nearest_on_element};
@@ -17,51 +16,51 @@ use std::ops::ControlFlow;
 /// The tool on one run comes too near to another.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cut {
-    /// The run that the tool is on, and the one it cuts into.
+    /// The run that the tool follows, and the run that it cuts into.
     pub on: usize,
     pub into: usize,
-    /// The two places of the contour that are too near: what the tool follows, and what it cuts.
+    /// The two places of the contour that are too near: on the followed run and on the cut one.
     pub foot: Vec2,
     pub on_wall: Vec2,
     pub radius_mm: f64,
-    /// Of the tool centre from the wall, mm.
+    /// Distance of the tool centre from the wall, mm.
     pub distance_mm: f64,
     pub is_other_pass: bool,
-    /// Between what the contour begins with and what it ends with, where that is forgiven.
+    /// The cut is between the start and the end of a closed contour, and the profile forgives that.
     pub is_forgiven: bool,
 }
 
 impl Cut {
-    /// Cuts of one kind are as bad as each other.
+    /// Cuts of the same kind are equally bad.
     const fn kind(&self) -> (bool, bool) {
         (self.is_other_pass, self.is_forgiven)
     }
 }
 
-/// What was found, and whether everything was looked at.
+/// The cuts, and whether everything was checked.
 #[derive(Debug)]
 pub(crate) struct Cuts {
     pub cuts: Vec<Cut>,
     pub is_complete: bool,
 }
 
-/// An element of the way of the tool.
+/// One element of the tool path.
 #[derive(Debug, Clone, Copy)]
 struct ToolMove {
     place: usize,
-    /// Of a corner that is not an arc.
+    /// The piece of a corner that is not an arc.
     piece: Option<usize>,
     /// The run that it belongs to; a corner belongs to the run after it (S07).
     run: usize,
     chain: u32,
-    /// How much nearer than the radius it may be, mm.
+    /// How much nearer than the radius the tool may be, mm.
     slack: f64,
 }
 
-/// Cuts found at most; what is cut everywhere needs no more.
+/// The most cuts kept; a span that is cut everywhere needs no more.
 const CUTS_MAX: usize = 100_000;
 
-/// The joined way of the tool along a span.
+/// The joined path of the tool along a span.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Joined<'a> {
     pub links: &'a [ChainLink],
@@ -87,10 +86,10 @@ pub(crate) fn cut_places(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]
     is_cutting
 }
 
-/// All cuts with the place that each is made from that makes each, and whether that is all.
+/// All cuts, each with the place that it is made from, and whether the list is complete.
 fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(usize, Cut)>, bool) {
     if !walls.is_complete() {
-        // Without its passes each copy of a wall would be in the way of the others.
+        // Without the passes, each copy of a wall would obstruct the others.
         return (Vec::new(), false);
     }
     let Joined { links, placed, .. } = *joined;
@@ -104,7 +103,7 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     let reach = reach.fold(0.0, f64::max);
     let mut found: Vec<(usize, Cut)> = Vec::new();
     let is_complete = tree.near_pairs(walls.tree(), reach, &mut budget(paths.len()), |on, into| {
-        // Once for all pairs: most are far enough apart by these alone.
+        // Computed once for all pairs: most are far enough apart by this alone.
         let mut wall_boxes = [Bounds::EMPTY; LEAF];
         for (wall_box, run) in wall_boxes.iter_mut().zip(into.clone()) {
             *wall_box = Bounds::of(walls.element(run));
@@ -135,8 +134,7 @@ impl ToolMove {
     }
 }
 
-/// The way of the tool between the leads: the run that each piece belongs to, and the radius
-/// there, mm.
+/// The tool path between the leads: each piece with its run and its radius, mm.
 pub(crate) fn pieces(
     walls: &Walls<'_>,
     joined: &Joined<'_>,
@@ -148,8 +146,8 @@ pub(crate) fn pieces(
     })
 }
 
-/// What there is between the leads. A corner belongs to the run behind it, or before
-/// it when there is none.
+/// The moves between the leads. A corner belongs to the run after it, or before it when there is
+/// none.
 fn paths(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec<ToolMove> {
     let Joined { links, placed, corners } = *joined;
     let role = |place: Option<usize>| Some(links[placed.get(place?)?.link].role);
@@ -160,7 +158,7 @@ fn paths(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Ve
             Some(Role::Run(run)) => Some(run),
             Some(Role::Corner { .. }) => {
                 match (role(place.checked_sub(1)), role(Some(place + 1))) {
-                    // They are part of the lead.
+                    // Those belong to the lead.
                     (Some(Role::Entry), _) | (_, Some(Role::Exit)) => None,
                     (_, Some(Role::Run(run))) => Some(run),
                     _ => run_before,
@@ -195,7 +193,7 @@ fn paths(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Ve
     paths
 }
 
-/// The cut into one run, if there is one; `gap_squared` is between the boxes of both, mm².
+/// The cut into one run, if any; `gap_squared` is between the boxes of both, mm².
 fn cut(
     walls: &Walls<'_>,
     on: &ToolMove,
@@ -205,14 +203,14 @@ fn cut(
     into: usize,
 ) -> Option<Cut> {
     let into = walls.in_pass_of(on.run, into);
-    // What the tool does not touch has been judged as unreachable, or accepted.
+    // What the tool does not touch was reported as unreachable, or accepted.
     if !walls.is_judged(into) || (on.chain != NO_CHAIN && on.chain == walls.chain(into)) {
         return None;
     }
     let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
     let limit = radius_mm - on.slack;
     let whole = walls.element(into);
-    // The quick looks first.
+    // Cheap tests first.
     if gap_squared >= limit * limit || (into == on.run && whole.is_line()) {
         return None;
     }
@@ -240,17 +238,17 @@ fn cut(
     })
 }
 
-/// Whether a wall is that which the tool follows there, once more: copies of a wall are one, and
-/// not near each other. Rounded coordinates leave them less than the width of a loop apart, and
-/// the tool is not deeper in one of them than that.
+/// Whether a wall is a copy of the one that the tool follows there. Copies of a wall count as one
+/// wall, not as two near each other. Rounded coordinates leave them less than the width of a loop
+/// apart, and the tool is no deeper in one of them than that.
 fn is_retraced(walls: &Walls<'_>, on: usize, into: usize, near: Nearest) -> bool {
     let followed = walls.element(on);
     let at = nearest_on_element(followed, near.on_path);
     let is_at = |point: Vec2| (point - near.on_wall).norm() <= LOOP_MM;
-    // Where one goes on in the other, neither is retraced.
+    // Where one continues the other, neither is retraced.
     let is_joint =
         into == on + 1 && is_at(followed.end()) || into + 1 == on && is_at(followed.start());
-    // A tangent that leaves a circle is near it for a while, and no copy of it.
+    // A tangent that leaves a circle stays near it for a while, and is no copy of it.
     let is_same = match (followed, walls.element(into)) {
         (Element::Line(_), Element::Line(_)) => true,
         (Element::Arc(a), Element::Arc(b)) => {
@@ -265,8 +263,8 @@ fn is_retraced(walls: &Walls<'_>, on: usize, into: usize, near: Nearest) -> bool
         && followed.tangent_at(at).dot(&walls.element(into).tangent_at(near.on_wall)) > 0.0
 }
 
-/// Neighbours that cut into neighbours are one place; so is a pair of walls that
-/// the tool cuts from both.
+/// Merges cuts between neighbours into one place, also where the tool cuts a pair of walls from
+/// both.
 fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
     found.sort_by_key(|(path, cut)| (*path, cut.into));
     let mut places: Vec<Place> = Vec::new();
@@ -282,7 +280,7 @@ fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
     });
     let mut kept: Vec<Place> = Vec::new();
     for place in places {
-        // What is only a warning must not hide what is an error.
+        // A warning must not hide an error.
         let is_other_side = |other: &Place| {
             other.deepest.kind() == place.deepest.kind()
                 && (overlap(place.on, other.into) && overlap(place.into, other.on)
@@ -300,7 +298,7 @@ fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
 #[derive(Debug, Clone, Copy)]
 struct Place {
     last_move: usize,
-    /// First and last run on which and into which is cut.
+    /// The first and last run that the tool follows, and the first and last that it cuts.
     on: (usize, usize),
     into: (usize, usize),
     deepest: Cut,
@@ -322,7 +320,7 @@ impl Place {
         self.last_move = path;
         self.on = (self.on.0.min(cut.on), self.on.1.max(cut.on));
         self.into = (self.into.0.min(cut.into), self.into.1.max(cut.into));
-        // Of a vertex both runs are as near; it belongs to the later (S07).
+        // At a vertex both runs are equally near; it belongs to the later one (S07).
         let nearer = self.deepest.distance_mm - cut.distance_mm;
         if nearer > LENGTH_MM || (nearer > -LENGTH_MM && cut.into > self.deepest.into) {
             self.deepest = cut;
@@ -334,20 +332,21 @@ fn overlap(a: (usize, usize), b: (usize, usize)) -> bool {
     a.0 <= b.1 + 1 && b.0 <= a.1 + 1
 }
 
-/// The way of the tool along an element, without what joints cut off.
+/// The tool path along an element, without what its joints cut off.
 pub(crate) fn element(link: &ChainLink, place: &Placed) -> Option<Element> {
     match link.element.offset(link.d_in_mm)? {
         Element::Line(_) => Element::line(place.start, place.end),
         Element::Arc(arc) if arc.radius <= LENGTH_MM => None,
         Element::Arc(arc) => {
-            // What a short corner lengthens is not looked at (S68); beside a lead it is part of that.
+            // The extension at a short corner is not checked (S68); next to a lead it is part of
+            // the lead.
             let (skipped, left_out) = (place.trim_in.max(0.0), place.trim_out.max(0.0));
             Element::Arc(arc).after(skipped)?.before(arc.radius * arc.sweep - skipped - left_out)
         }
     }
 }
 
-/// The same with what joints lengthen it by.
+/// The same, with what its joints lengthen it by.
 pub(crate) fn lengthened(link: &ChainLink, place: &Placed) -> Option<Element> {
     match link.element.offset(link.d_in_mm)? {
         Element::Line(_) => Element::line(place.start, place.end),
@@ -355,7 +354,7 @@ pub(crate) fn lengthened(link: &ChainLink, place: &Placed) -> Option<Element> {
     }
 }
 
-/// What a joint lengthens an arc by, at its end or at its start.
+/// The part by which a joint lengthens an arc, at its end or at its start.
 pub(crate) fn beyond(link: &ChainLink, place: &Placed, at_end: bool) -> Option<Element> {
     let whole = link.element.offset(link.d_in_mm)?;
     let Element::Arc(arc) = whole else { return None };

@@ -1,6 +1,6 @@
 //! Whether a lead cuts into the contour that it leads to or from.
 //!
-//! Leads are judged apart from their span, against all of its walls.
+//! Leads have rules of their own, and are checked against all walls of their span.
 
 use crate::check::finding::{self, LeadCut};
 use crate::check::interference::{self, Joined};
@@ -19,7 +19,7 @@ use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::Profile;
 use std::ops::ControlFlow;
 
-/// The wall that a link leaves behind, and the way of the tool along it, for its check.
+/// The wall that a link leaves behind, and the tool path along it, for the check of the next span.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WallBehind {
     pub wall: Element,
@@ -29,8 +29,8 @@ pub(crate) struct WallBehind {
     pub d_mm: f64,
 }
 
-/// The way of the tool between the programmed path and the contour: the straight
-/// move, and the corner between it and the contour.
+/// The tool path between the programmed path and the contour: the straight move, and the corner
+/// between it and the contour.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LeadPath {
     straight: (Vec2, Vec2),
@@ -70,7 +70,7 @@ impl LeadPath {
             corner[0] = interference::beyond(&links[placed[index].link], &placed[index], true);
         }
         let start = match corners.lines(links, placed, index) {
-            // From the last line it goes straight outside.
+            // From the last line it leaves straight.
             Some(lines) => {
                 corner[PIECES - 1] = None;
                 lines.last()
@@ -80,14 +80,14 @@ impl LeadPath {
         Some(Self { straight: (start, outside), corner })
     }
 
-    /// Its pieces.
+    /// Its elements.
     pub(crate) fn elements(&self) -> impl Iterator<Item = Element> {
         let straight = Element::line(self.straight.0, self.straight.1);
         self.corner.into_iter().flatten().chain(straight)
     }
 
-    /// What it cuts of the walls, if nearer than `limit` mm; of the walls of runs that it is
-    /// above only its corner cuts anything.
+    /// What it cuts, if nearer than `limit` mm. Where the lead passes above a run, only its corner
+    /// can cut that run's wall.
     pub(crate) fn cuts(
         &self,
         walls: &Walls<'_>,
@@ -128,11 +128,11 @@ fn nearer(one: Found, other: Found) -> Found {
     one.into_iter().chain(other).min_by(|a, b| a.1.distance.total_cmp(&b.1.distance))
 }
 
-/// What a lead cuts: the run of the deepest place of each, and how near the tool comes.
+/// What a lead cuts: for each kind the run of the deepest place, and how near the tool comes.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct LeadCuts {
     pub gouge: Found,
-    /// Only the free end of the run that it leads onto or leaves.
+    /// A cut into the free end of the contour and into nothing else.
     pub nick: Found,
 }
 
@@ -154,22 +154,22 @@ struct Part {
 }
 
 impl FreeEnd {
-    /// Where the contour begins; `None` where that is a tail, which bounds nothing.
+    /// The start of the contour; `None` where that is a tail, which bounds nothing.
     pub(crate) fn first(walls: &Walls<'_>) -> Option<Self> {
         let at = walls.of(0)?.start();
         (at == walls.element(0).start()).then_some(Self { at, is_start: true })
     }
 
-    /// Where it ends.
+    /// The end of the contour.
     pub(crate) fn last(walls: &Walls<'_>) -> Option<Self> {
         let run = walls.count().checked_sub(1)?;
         let at = walls.of(run)?.end();
         (at == walls.element(run).end()).then_some(Self { at, is_start: false })
     }
 
-    /// Whether what a lead comes near to in a run is the wall that it leads onto or leaves, once
-    /// more: copies of a wall are one, and rounded coordinates leave them less than the width of a
-    /// loop apart, and it is cut no deeper.
+    /// Whether the run near a lead is a copy of the wall that it leads to or from. Copies of a wall
+    /// count as one. Rounded coordinates leave them less than the width of a loop apart, and the
+    /// lead cuts no deeper.
     fn is_copy(&self, walls: &Walls<'_>, path: &Element, limit: f64, run: usize) -> bool {
         let own = if self.is_start { 0 } else { walls.count() - 1 };
         let (of, Some(wall)) = (walls.element(own), walls.of(run)) else { return false };
@@ -185,15 +185,16 @@ impl FreeEnd {
             && cross(along, along_wall).abs() <= CHORD_TURN_RAD
     }
 
-    /// What a lead passes over that joins the contour one radius away from its end: for the
-    /// angle φ by which it misses being perpendicular to that radius it comes as near to the
-    /// end as R cos φ, and nearer than R to what is no farther from there than R tan φ/2; twice
-    /// that where the contour bends to it.
+    /// What a lead passes over if it joins the contour one radius from its end. If it misses the
+    /// perpendicular to that radius by the angle φ, it comes as near to the end as R cos φ. It
+    /// comes nearer than R to whatever is within R tan φ/2 of the end, or twice that if the contour
+    /// bends towards it.
     fn passed(&self, walls: &Walls<'_>, straight: (Vec2, Vec2), radius_mm: f64) -> Vec<Part> {
         let out = (straight.0 - self.at).norm().min((straight.1 - self.at).norm());
         let Some(path) = Element::line(straight.0, straight.1) else { return Vec::new() };
         let nearest_mm = (nearest_on_element(&path, self.at) - self.at).norm();
-        // A curve in chords bends from the lead at once: there they meet a little farther out.
+        // A curve made of chords bends away from the lead at once: there they meet a little farther
+        // out.
         let farthest_mm = radius_mm / (CHORD_TURN_RAD / 2.0).cos() + 2.0 * GOUGE_MM;
         if out > farthest_mm || nearest_mm >= radius_mm {
             return Vec::new();
@@ -221,7 +222,7 @@ impl FreeEnd {
     }
 }
 
-/// What is placed there, if it is a corner.
+/// The corner at this index, if it is one.
 fn corner(joined: &Joined<'_>, index: usize) -> [Option<Element>; PIECES] {
     let Joined { links, placed, corners } = *joined;
     let mut pieces = [None; PIECES];
@@ -237,8 +238,8 @@ fn corner(joined: &Joined<'_>, index: usize) -> [Option<Element>; PIECES] {
     pieces
 }
 
-/// The wall that a way comes nearest to, if nearer than `limit` mm, of runs that count; `on`
-/// is the place of the run that it is along.
+/// The wall nearest to a path, if nearer than `limit` mm, among runs that count; `on` is the place
+/// of the run that the path follows.
 pub(crate) fn deepest_cut(
     walls: &Walls<'_>,
     path: &Element,
@@ -255,7 +256,7 @@ pub(crate) fn deepest_cut(
     tree.near_pairs(walls.tree(), limit, &mut budget(walls.count()), |_, into| {
         for run in into.filter(|&run| counts(run)) {
             let whole = walls.element(run);
-            // The quick looks first.
+            // Cheap tests first.
             if bounds.gap_squared(&Bounds::of(whole)) >= limit * limit
                 || nearest_between(path, whole).distance >= limit
             {
@@ -282,7 +283,7 @@ pub(crate) struct Check<'a> {
 }
 
 impl Check<'_> {
-    /// The lead-on or link, from where the tool was to where compensation begins.
+    /// Checks the lead-on or link, from where the tool was to where compensation begins.
     pub(crate) fn lead_on(
         &mut self,
         span: &Span<'_>,
@@ -302,14 +303,14 @@ impl Check<'_> {
         }
     }
 
-    /// The lead-off, from the end of the contour.
+    /// Checks the lead-off, from the end of the contour.
     pub(crate) fn lead_off(&mut self, span: &Span<'_>, runs: &[Run], path: &LeadPath, lead: &Lead) {
         let free_end = FreeEnd::last(self.walls);
         self.span(Code::LeadGouge, (span, runs), (path, span.d_out_mm, free_end), lead);
     }
 
-    /// The ways along the last block on one side and the first on the other (O02):
-    /// each may cut into what the other follows.
+    /// Checks the paths along the last block on one side and the first on the other (O02): each may
+    /// cut into what the other follows.
     pub(crate) fn change_of_side(
         &mut self,
         span: &Span<'_>,
@@ -338,8 +339,8 @@ impl Check<'_> {
         }
     }
 
-    /// What a change of side lengthens the last arc by, or the first: it belongs to the change,
-    /// and may cut into the walls of the span.
+    /// Checks the part by which a change of side lengthens the last arc, or the first: it belongs
+    /// to the change, and may cut into the walls of the span.
     pub(crate) fn beyond(&mut self, span: &Span<'_>, runs: &[Run], path: &Element, run: usize) {
         let d_mm = if run == 0 { span.d_mm } else { span.d_out_mm };
         let limit = d_mm.abs() - GOUGE_MM;
@@ -359,7 +360,7 @@ impl Check<'_> {
         self.findings.push(finding::lead_cut(&cut, self.profile));
     }
 
-    /// What a link at the end of the span will be checked against.
+    /// What the check of the next span needs of a link at the end of this one.
     pub(crate) fn wall_behind(
         &self,
         span: &Span<'_>,
@@ -410,7 +411,7 @@ impl Check<'_> {
     }
 }
 
-/// The passes of a span that a lead is above all along.
+/// The passes of a span that a lead is above, all along them.
 #[derive(Debug)]
 pub(crate) struct Below(Vec<bool>);
 

@@ -1,10 +1,9 @@
-//! What the tool cannot reach: the meaning of consumed elements.
+//! Finds what the tool cannot reach: what consumed elements mean for a program.
 //!
-//! Where elements are consumed the tool runs as if the neighbours were extended
-//! until they meet. That is right when the programmed corner they make is within
-//! the accepted tolerance of what was consumed (noise of posted coordinates),
-//! and a finding when it is not. The answer holds for neighbours only; what
-//! distant parts of a contour do to each other is not seen here.
+//! Where elements are consumed, the tool runs as if their neighbours were extended until they meet.
+//! That is right when the programmed corner they make is within the accepted tolerance of what was
+//! consumed (noise of posted coordinates), and a finding when it is not. This covers neighbours
+//! only; `interference` checks distant parts of a contour.
 
 use crate::geometry::distance::distance_to;
 use crate::geometry::element::{Element, Vec2, cross};
@@ -14,18 +13,17 @@ use crate::geometry::tolerance::{
 };
 use crate::span::chain::{ChainLink, Placed, Role, Turn, join, turn};
 
-/// Elements in a row that the tool cannot reach.
+/// Consecutive elements that the tool cannot reach.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Unreachable {
-    /// The first and last run that are consumed, and the longest.
+    /// The first and the last consumed run, and the longest.
     pub first: usize,
     pub last: usize,
     pub longest: usize,
-    /// The largest radius, mm, for which the tool reaches all of them; 0 when
-    /// none was found.
+    /// The largest radius, mm, for which the tool reaches all of them; 0 when none was found.
     pub radius_mm_max: f64,
-    /// Between the contour and a lead that joins it as a corner: the direction of the lead is
-    /// what the tool does not fit.
+    /// They lie between the contour and a lead that joins it in a corner: the tool does not fit
+    /// because of the direction of the lead.
     pub is_by_lead: bool,
 }
 
@@ -77,7 +75,7 @@ fn place(
     })
 }
 
-/// All that is consumed, accepted or not, each with its own search for the radius.
+/// All consumed elements, accepted or not, each with its own search for the radius.
 pub(crate) fn consumed<'a>(
     links: &'a [ChainLink],
     placed: &'a [Placed],
@@ -90,7 +88,7 @@ pub(crate) fn consumed<'a>(
         .filter_map(move |gap| place(links, &gap, 0.0, |links, placed| !is_any(links, placed)))
 }
 
-/// What joints leave of the compensated element of a run, mm; below 0 when it vanishes.
+/// What the joints leave of the compensated element of a run, mm; below 0 when it vanishes.
 pub(crate) fn left_of(links: &[ChainLink], placed: &[Placed], run: usize) -> Option<f64> {
     let place = placed.iter().find(|place| links[place.link].role == Role::Run(run))?;
     let link = &links[place.link];
@@ -98,8 +96,8 @@ pub(crate) fn left_of(links: &[ChainLink], placed: &[Placed], run: usize) -> Opt
     Some(length - place.trim_in - place.trim_out)
 }
 
-/// Where blocks are left out, sharp corners of curves too: each time the index of what
-/// is placed before them.
+/// Where blocks are left out, sharp corners of curves included: the index of what is placed before
+/// each gap.
 pub(crate) fn left_out<'a>(
     links: &'a [ChainLink],
     placed: &'a [Placed],
@@ -110,7 +108,7 @@ pub(crate) fn left_out<'a>(
         .map(|gap| gap.index.checked_sub(1))
 }
 
-/// Runs that a lead keeps the tool off, and how much of them stays beside its way, mm.
+/// Runs that a lead makes the tool skip, and how much of them stays along its path, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Skipped {
     pub first: usize,
@@ -119,8 +117,9 @@ pub(crate) struct Skipped {
     pub is_by_entry: bool,
 }
 
-/// What a lead skips of a curve that it meets in an inside corner: the tool takes chords from
-/// the end of a curve as it takes a piece of an arc, and a lead cuts no wall beside them.
+/// The runs of a curve that a lead skips where it meets the curve in an inside corner. The tool
+/// takes chords from the end of a curve as it takes a piece of an arc, and the lead cuts no wall
+/// there.
 pub(crate) fn skipped_by_leads<'a>(
     links: &'a [ChainLink],
     placed: &'a [Placed],
@@ -158,8 +157,8 @@ pub(crate) fn skipped_by_leads<'a>(
         .filter_map(skipped)
 }
 
-/// Links `from..to` are consumed; `before` and `after` are the neighbours that stay,
-/// the one after at an index of what is placed.
+/// Links `from..to` are consumed. `before` and `after` are the neighbours that stay, `after` as an
+/// index of what is placed.
 struct Gap {
     index: usize,
     from: usize,
@@ -179,7 +178,7 @@ fn gaps<'a>(links: &'a [ChainLink], placed: &'a [Placed]) -> impl Iterator<Item 
     })
 }
 
-/// Whether what is consumed is more than noise, and not what a sharp corner takes.
+/// Whether the consumed links are more than noise, and more than a sharp corner takes.
 fn is_deep(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     deviation(links, placed, gap, tolerance) > tolerance
         && !is_end_that_is_touched(links, placed, gap, tolerance)
@@ -187,8 +186,8 @@ fn is_deep(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) ->
         && !is_corner_of_curves(links, placed, gap, tolerance)
 }
 
-/// Whether a contour begins or ends with what the tool touches all of where it stands: an arc that
-/// is hardly smaller than the tool and so short that its offset goes nowhere.
+/// Whether a contour begins or ends with an arc that the tool touches completely while it stands
+/// still: an arc hardly smaller than the tool, and so short that its offset goes nowhere.
 fn is_end_that_is_touched(
     links: &[ChainLink],
     placed: &[Placed],
@@ -214,8 +213,8 @@ fn is_end_that_is_touched(
     })
 }
 
-/// What stays on both sides of a gap, and all between, without the arcs around outside
-/// corners: they are no part of the contour.
+/// The links on both sides of a gap and all between them, without the arcs around outside corners:
+/// those are no part of the contour.
 fn along(links: &[ChainLink], gap: &Gap) -> Option<Vec<usize>> {
     let is_corner = |link: &usize| matches!(links[*link].role, Role::Corner { .. });
     let (before, after) = (gap.before?, gap.after?);
@@ -224,10 +223,10 @@ fn along(links: &[ChainLink], gap: &Gap) -> Option<Vec<usize>> {
     (after < links.len()).then(|| (before..=after).filter(|link| !is_corner(link)).collect())
 }
 
-/// Whether all of it is one curve in chords, which the tool touches where it stands still.
+/// Whether all of it is one curve made of chords, which the tool touches where it stands still.
 ///
-/// The noise of posted coordinates turns short chords so much that whole groups of them are
-/// consumed inside a curve that the tool fits into; what it leaves there is still noise.
+/// The noise of posted coordinates turns short chords so much that whole groups are consumed inside
+/// a curve that the tool fits into. What it leaves there is still noise.
 fn is_curve_that_is_touched(
     links: &[ChainLink],
     placed: &[Placed],
@@ -248,7 +247,7 @@ fn is_curve_that_is_touched(
         })
 }
 
-/// Whether a link may be a chord of a curve: no arc or straight that is a feature of its own.
+/// Whether a link may be a chord of a curve, and no arc or straight that is a feature.
 fn is_chord(link: &ChainLink) -> bool {
     match link.element {
         Element::Line(_) => f64::from(link.straight_mm) <= CHORD_RADII * link.d_in_mm.abs(),
@@ -256,10 +255,10 @@ fn is_chord(link: &ChainLink) -> bool {
     }
 }
 
-/// Whether two curves, written in chords, meet in a sharp inside corner and the tool
-/// fits into each of them alone.
+/// Whether two curves, written as chords, meet in a sharp inside corner, and the tool fits into
+/// each of them alone.
 ///
-/// It takes chords from their ends as it takes a piece of an arc.
+/// The tool takes chords from their ends as it takes a piece of an arc.
 fn is_corner_of_curves(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     const CHORDS_MIN: usize = 3;
     let Some(along) = along(links, gap) else { return false };
@@ -267,7 +266,7 @@ fn is_corner_of_curves(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolera
         return false;
     }
     let (before, after) = (along[0], along[along.len() - 1]);
-    // What is on the other side of the tool makes no corner with this one.
+    // A link on the other side of the tool makes no corner with this one.
     if links[before].d_out_mm * links[after].d_in_mm < 0.0 {
         return false;
     }
@@ -278,7 +277,7 @@ fn is_corner_of_curves(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolera
     let is_bent = |pair: &[usize]| !are_chords(&links[pair[0]], &links[pair[1]]);
     let mut sharp = (1..along.len()).filter(|&index| is_bent(&along[index - 1..=index]));
     let (Some(corner), None) = (sharp.next(), sharp.next()) else { return false };
-    // Beside a feature a few straights are no curve.
+    // Next to a feature a few straights are no curve.
     let consumed = [corner - 1, along.len() - 1 - corner];
     let is_curve =
         |(end, consumed): (usize, usize)| consumed == 0 || consumed >= CHORDS_MIN || is_chord(end);
@@ -291,7 +290,7 @@ fn is_corner_of_curves(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolera
             .all(|side| !is_any_unreachable(side, &join(side, tolerance), tolerance))
 }
 
-/// Whether an arc bends no more than the chords of a curve: a short one of a small radius is a
+/// Whether an arc bends no more than the chords of a curve. A short arc of a small radius is a
 /// feature, however near it is to its chord.
 fn bends_as_chords(link: &ChainLink) -> bool {
     match link.element {
@@ -300,14 +299,14 @@ fn bends_as_chords(link: &ChainLink) -> bool {
     }
 }
 
-/// Whether two elements meet in a corner that is no coarse joint of one curve.
+/// Whether two elements meet in a real corner, and not in a coarse joint of one curve.
 fn is_sharp(a: &Element, b: &Element) -> bool {
     let (before, after) = (a.end_tangent(), b.start_tangent());
     before.dot(&after) <= 0.0 || cross(before, after).abs() > SHARP_TURN_RAD
 }
 
-/// Whether the tool, at the joint across a gap and where it runs on lengthened neighbours,
-/// keeps off all that is consumed, and leaves nothing beside the lengthened ones.
+/// Whether the tool clears everything that is consumed, at the joint across a gap and on its
+/// lengthened neighbours, and leaves nothing along those.
 fn is_passed_by(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     let (Some(before), Some(after)) =
         (gap.index.checked_sub(1).and_then(|index| placed.get(index)), placed.get(gap.index))
@@ -337,7 +336,7 @@ fn is_passed_by(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f6
     })
 }
 
-/// Whether two links go on in each other as chords of one curve.
+/// Whether two links continue each other as chords of one curve.
 fn are_chords(a: &ChainLink, b: &ChainLink) -> bool {
     let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
     let sine = cross(before, after).abs();
@@ -345,10 +344,10 @@ fn are_chords(a: &ChainLink, b: &ChainLink) -> bool {
     before.dot(&after) > 0.0 && sine <= CHORD_TURN_RAD && shorter * sine / 4.0 <= CHORD_MM
 }
 
-/// How far what was consumed and the programmed corner that takes its place are
-/// apart where they are farthest, mm: the neighbours lengthened until they meet.
+/// The greatest distance between what was consumed and the programmed corner that replaces it, mm:
+/// the neighbours, lengthened until they meet.
 fn deviation(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> f64 {
-    // What is on the other side of the tool is not lengthened along this one.
+    // A link on the other side of the tool is not lengthened along this one.
     let on_this_side = |other: &usize| links[*other].d_in_mm * links[gap.from].d_in_mm >= 0.0;
     let before = gap.before.filter(on_this_side).map(|index| links[index].element);
     let after = gap.after.filter(on_this_side).map(|index| links[index].element);
@@ -378,9 +377,9 @@ fn deviation(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) 
     points.map(to_corner).fold(from_corner.fold(f64::INFINITY, f64::min), f64::max)
 }
 
-/// The way along the line or circle of an element between two of its points, the
-/// shorter way around; straight when the second is beside it. About half a circle is as long both
-/// ways around: there it is known whether the way goes against the direction of the element.
+/// The piece of an element's line or circle between two points, the shorter way around; straight
+/// when the second point is off it. About half a circle is equally long both ways: there the caller
+/// knows whether it goes against the direction of the element.
 fn piece(element: &Element, from: Vec2, to: Vec2, is_backwards: bool) -> Option<Element> {
     let straight = Element::line(from, to);
     let Element::Arc(arc) = element else { return straight };
@@ -392,8 +391,8 @@ fn piece(element: &Element, from: Vec2, to: Vec2, is_backwards: bool) -> Option<
     Element::arc(from, to, arc.center, ccw, 0).or(straight)
 }
 
-/// Where the neighbours of what lies between two ends meet; at a free end of the contour
-/// as far as a line can be lengthened beside it.
+/// Where the neighbours of a gap meet. At a free end of the contour: as far as a line can be
+/// lengthened along the gap.
 fn programmed_corner(
     before: Option<Element>,
     after: Option<Element>,
@@ -418,7 +417,7 @@ fn programmed_corner(
         .iter()
         .copied()
         .min_by(|p, q| distance(p).total_cmp(&distance(q)));
-    // Two that nearly run on in each other meet anywhere.
+    // Two that nearly continue each other may meet anywhere.
     let along = (a.project(near) - b.project(near)).norm() <= tolerance;
     match crossing {
         Some(point) if !along || distance(&point) <= tolerance => Some(point),

@@ -1,7 +1,7 @@
-//! Runs of a span that lie on each other.
+//! Finds runs of a span that lie on each other.
 //!
-//! A contour that is cut at several depths, or that goes on over what it has already cut,
-//! retraces its own wall: its copies are one wall, and each is looked at once.
+//! A contour that is cut at several depths, or that continues over what it has already cut,
+//! retraces its own wall. Its copies are one wall, and each wall is checked once.
 
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::LENGTH_MM;
@@ -12,9 +12,9 @@ use std::ops::Range;
 /// Which runs are the same, in the same direction.
 #[derive(Debug, Clone)]
 pub(crate) struct RetracedRuns {
-    /// The first run that is the same as each.
+    /// For each run, the first run that is the same.
     firsts: Vec<usize>,
-    /// First and copy, sorted.
+    /// Pairs of first and copy, sorted.
     copies: Vec<(usize, usize)>,
 }
 
@@ -38,12 +38,12 @@ impl RetracedRuns {
         self.firsts[run] == run
     }
 
-    /// All runs that are the same as one, itself too, in order.
+    /// All runs that are the same as this one, itself included, in order.
     pub(crate) fn of_run(&self, run: usize) -> impl DoubleEndedIterator<Item = usize> + '_ {
         self.within(run, 0..usize::MAX)
     }
 
-    /// Those of them that are among others.
+    /// Those copies within a range.
     pub(crate) fn within(
         &self,
         run: usize,
@@ -56,7 +56,7 @@ impl RetracedRuns {
     }
 }
 
-/// What two runs have in common that are the same within the shortest length.
+/// A key that is equal for runs that are the same within the shortest length.
 fn key(element: &Element) -> [i64; 8] {
     let round = |value: f64| (value / LENGTH_MM).round() as i64;
     let [start, end] = [element.start(), element.end()];

@@ -1,6 +1,6 @@
-//! Where a contour meets itself.
+//! Finds where a contour meets itself.
 //!
-//! The contour between two passings of one place is a loop. A loop without width is none:
+//! The contour between two passings of one place is a loop. A loop without width does not count:
 //! the contour went back over itself, or posted coordinates jumped to and fro.
 
 use crate::check::retraced_runs::RetracedRuns;
@@ -12,8 +12,7 @@ use crate::geometry::tree::{Bounds, Tree, budget};
 use crate::span::Run;
 use std::ops::ControlFlow;
 
-/// Meetings that are kept for one run, and for any contour; and before it is asked whether the
-/// contour retraces itself.
+/// Meetings kept for each run, plus a constant; and the same before looking for retraced runs.
 const MEETINGS_MAX: (usize, usize) = (4, 200_000);
 const FEW: (usize, usize) = (4, 100);
 
@@ -24,23 +23,23 @@ pub(crate) struct Place {
     pub along: f64,
 }
 
-/// The contour is where it has been before.
+/// The contour is at a place that it has passed before.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SelfMeeting {
     pub early: Place,
     pub late: Place,
-    /// The later run ends there.
+    /// Whether the later run ends there.
     pub is_return: bool,
 }
 
-/// All places where the contour meets itself, in the order of the later place; `None` where
-/// there are too many.
+/// All places where the contour meets itself, in the order of the later place; `None` when there
+/// are too many.
 pub(crate) fn meetings(runs: &[Run], tree: &Tree) -> Option<Vec<SelfMeeting>> {
     places(runs, tree, FEW, |_| true, true).map(|found| wide(runs, found))
 }
 
-/// The same of a contour that retraces itself: of each run with its copies before it the first
-/// place and the last ones. The tree holds the first of all copies alone.
+/// The same for a contour that retraces itself: for each run and its copies before it, the first
+/// place and the last ones. The tree holds only the first of all copies.
 pub(crate) fn meetings_of_copies(
     runs: &[Run],
     tree: &Tree,
@@ -76,7 +75,7 @@ pub(crate) fn meetings_of_copies(
     Some(wide(runs, found))
 }
 
-/// A meeting of copies, but for the joint of two that follow each other.
+/// A meeting of copies, except the joint of two consecutive ones.
 fn between(runs: &[Run], meeting: &SelfMeeting, early: usize, late: usize) -> Option<SelfMeeting> {
     let length = |run: usize| runs[run].element.length();
     let is_joint = early + 1 == late
@@ -90,7 +89,7 @@ fn between(runs: &[Run], meeting: &SelfMeeting, early: usize, late: usize) -> Op
     })
 }
 
-/// Meetings after loops that have a width, in the order of the later place.
+/// Keeps the meetings whose loops have a width, in the order of the later place.
 fn wide(runs: &[Run], mut found: Vec<SelfMeeting>) -> Vec<SelfMeeting> {
     if !found.is_empty() {
         let areas = Areas::of(runs);
@@ -100,8 +99,8 @@ fn wide(runs: &[Run], mut found: Vec<SelfMeeting>) -> Vec<SelfMeeting> {
     found
 }
 
-/// All places where runs that count meet; `None` where there are too many. The joint of two
-/// that follow each other is one of them only where their copies may meet there.
+/// All places where runs that count meet; `None` when there are too many. The joint of two
+/// consecutive runs is included only if their copies may meet there.
 fn places(
     runs: &[Run],
     tree: &Tree,
@@ -172,10 +171,10 @@ fn meet(
     }
 }
 
-/// Areas and lengths along a contour, for those of its loops.
+/// Running areas and lengths along a contour, to measure its loops.
 struct Areas<'a> {
     runs: &'a [Run],
-    /// Of the runs before each: twice the area swept from the origin, mm², and the length, mm.
+    /// Before each run: twice the area swept from the origin, mm², and the length, mm.
     before: Vec<(f64, f64)>,
     origin: Vec2,
 }
@@ -193,7 +192,7 @@ impl<'a> Areas<'a> {
         Self { runs, before: before.collect(), origin }
     }
 
-    /// How wide the loop between two passings of one place is in the mean, mm.
+    /// The mean width of the loop between two passings of one place, mm.
     fn width(&self, &SelfMeeting { early, late, .. }: &SelfMeeting) -> f64 {
         if early.run == late.run {
             return f64::INFINITY;
@@ -201,7 +200,7 @@ impl<'a> Areas<'a> {
         let begin = self.runs[early.run].element.after(early.along);
         let end = self.runs[late.run].element.before(late.along);
         let between = early.run + 1..late.run;
-        // Of a short loop the sums from the start of the contour know too few digits.
+        // For a short loop the sums from the start of the contour have too few digits.
         const FEW: usize = 64;
         let (origin, mut area, mut length) = if between.len() <= FEW {
             let origin = self.runs[early.run].element.end();
@@ -220,7 +219,7 @@ impl<'a> Areas<'a> {
     }
 }
 
-/// Twice the area that the line from a point to a place on an element sweeps along it, mm².
+/// Twice the area that the line from a point sweeps along an element, mm².
 fn swept_area(element: &Element, from: Vec2) -> f64 {
     let chord = cross(element.start() - from, element.end() - from);
     match element {

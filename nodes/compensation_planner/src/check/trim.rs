@@ -1,9 +1,9 @@
-//! Leaves out of the tool's way what does not fit the contour.
+//! Leaves out of the tool path what does not fit the contour.
 //!
-//! The way is that of all blocks, however much neighbours take of each other. Where it
-//! crosses itself and goes on too near to a wall, it goes on from where it comes out
-//! again instead: the loop between is left out, as controls do that look ahead as far
-//! (CDON, M120). What is left is checked again.
+//! It begins with the path along all blocks, however much neighbours take of each other. Where this
+//! path crosses itself and continues too near to a wall, it continues at the later crossing
+//! instead. The loop between is left out, as controls do that look far enough ahead (CDON, M120).
+//! The result is checked again.
 
 use crate::check::interference::{self, Cut, Joined, cut_places, element};
 use crate::check::lead::deepest_cut;
@@ -17,48 +17,48 @@ use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, budget};
 use crate::span::chain::{Placed, Role, joint};
 use std::ops::ControlFlow;
 
-/// Crossings that are kept for one element, and for any contour.
+/// Crossings kept for each element, plus a constant.
 const CROSSINGS_MAX: (usize, usize) = (4, 10_000);
 
-/// Ends that are joined may be so far apart, mm: rounding of nearly tangent elements.
+/// Joined ends may be so far apart, mm: rounding of nearly tangent elements.
 const JOINED_MM: f64 = 10.0 * LENGTH_MM;
 
-/// The way that is left.
+/// The path that is left.
 #[derive(Debug)]
 pub(crate) struct Trimmed {
     pub placed: Vec<Placed>,
-    /// Indices in `placed` behind which a loop is left out.
+    /// Indices in `placed` after which a loop is left out.
     pub loops: Vec<usize>,
     /// Where the tool still cuts into a wall.
     pub cuts: Vec<Cut>,
-    /// Whether all that is placed hangs together.
+    /// Whether the placed elements are connected.
     is_connected: bool,
 }
 
-/// The way crosses itself.
+/// The path crosses itself.
 #[derive(Debug, Clone, Copy)]
 struct Crossing {
     point: Vec2,
-    /// Index of what is placed, and mm along its way.
+    /// Index of what is placed, and mm along its path.
     early: (usize, f64),
     late: (usize, f64),
-    /// Of neighbours at an inside corner; the way does not go beyond it.
+    /// A crossing of neighbours at an inside corner; the path does not go beyond it.
     is_joint: bool,
 }
 
-/// Leaves out what is nearer to a wall of its pass than the radius; `tolerance` is
-/// allowed beside what was consumed, mm.
+/// Leaves out what is nearer to a wall of its pass than the radius; the tool may be `tolerance` mm
+/// nearer next to what was consumed.
 pub(crate) fn trim(walls: &Walls<'_>, joined: &Joined<'_>, tolerance: f64) -> Trimmed {
     let (placed, joints) = with_consumed(joined, tolerance);
     let trimmed = trim_path(walls, &Joined { placed: &placed, ..*joined }, joints, tolerance);
     if trimmed.is_connected && trimmed.cuts.is_empty() {
         return trimmed;
     }
-    // A contour that begins or ends with what does not fit.
+    // The contour begins or ends with something that does not fit.
     trim_path(walls, joined, Vec::new(), tolerance)
 }
 
-/// What is placed, with all that the tool does not reach, and the joints that this has.
+/// All elements, those that the tool does not reach included, and the joints between them.
 fn with_consumed(joined: &Joined<'_>, tolerance: f64) -> (Vec<Placed>, Vec<Crossing>) {
     let Joined { links, placed, .. } = *joined;
     let mut gaps = left_out(links, placed, tolerance).peekable();
@@ -116,7 +116,7 @@ fn with_consumed(joined: &Joined<'_>, tolerance: f64) -> (Vec<Placed>, Vec<Cross
         element(&links[place.link], place).map_or(0.0, |path| path.length())
     };
     for joint in &mut joints {
-        // From what is cut off to where that is along the way.
+        // Converts a trim into a place along the path.
         joint.early.1 = length(joint.early.0) - joint.early.1;
     }
     joints.retain(|joint| {
@@ -145,7 +145,7 @@ fn trim_path(
     let mut left: Vec<Placed> = Vec::with_capacity(placed.len());
     let (mut loops, mut is_connected) = (Vec::new(), true);
     let mut index = 0;
-    // Where the element was entered, if not at its start.
+    // Where the path entered the element, if not at its start.
     let mut entered: Option<Crossing> = None;
     while index < placed.len() {
         let begin = entered.map_or(0.0, |crossing| crossing.late.1);
@@ -178,14 +178,14 @@ struct Trimmer<'a> {
     walls: &'a Walls<'a>,
     joined: &'a Joined<'a>,
     paths: Vec<Option<Element>>,
-    /// Whether a way cuts into a wall anywhere.
+    /// For each path, whether it cuts into a wall anywhere.
     is_cutting: Vec<bool>,
-    /// Where each way is crossed, mm along it, in order.
+    /// Where each path is crossed, mm along it, in order.
     breaks: Vec<Vec<f64>>,
 }
 
 impl Trimmer<'_> {
-    /// Where the way along an element leaves it for a later one.
+    /// Where the path along an element leaves it for a later one.
     fn leaves(&self, crossings: &[Crossing], index: usize, begin: f64) -> Option<Crossing> {
         let from = crossings.partition_point(|crossing| crossing.early.0 < index);
         let here = crossings[from..].iter().take_while(|crossing| crossing.early.0 == index);
@@ -194,10 +194,10 @@ impl Trimmer<'_> {
         })
     }
 
-    /// Whether the tool may go on from a crossing to the next.
+    /// Whether the tool may continue from a crossing to the next.
     fn is_free(&self, (index, along): (usize, f64)) -> bool {
         if along >= self.length(index) - LENGTH_MM {
-            // It goes on with what comes behind.
+            // It continues with the next element.
             return index + 1 >= self.paths.len() || self.is_free_from(index + 1, 0.0);
         }
         self.is_free_from(index, along)
@@ -243,7 +243,7 @@ fn breaks(crossings: &[Crossing], count: usize) -> Vec<Vec<f64>> {
     breaks
 }
 
-/// All places where the way crosses itself, with those that are known, by the earlier place.
+/// All places where the path crosses itself, with the known ones, by the earlier place.
 fn all_crossings(paths: &[Option<Element>], joints: Vec<Crossing>) -> Vec<Crossing> {
     let bounds = |path: &Option<Element>| path.as_ref().map_or(Bounds::EMPTY, Bounds::of);
     let tree = Tree::new(paths.iter().map(|path| (bounds(path), NO_CHAIN)));

@@ -1,10 +1,9 @@
-//! What a tool that is too large leaves uncut.
+//! Outlines what a tool that is too large leaves uncut.
 //!
-//! Where blocks are left out the tool stands with one edge on either side of
-//! them; what lies between them and its circle stays. Outlines are exact: the
-//! contour's own lines and arcs, and an arc of the tool. Where the contour begins
-//! or ends with blocks that are left out, a line closes the outline. The fillets
-//! that every round tool leaves in sharp inside corners are not listed.
+//! Where blocks are left out, the tool stands with one edge on either side of them. Whatever lies
+//! between them and its circle stays. Outlines are exact: the contour's own lines and arcs, and an
+//! arc of the tool. Where the contour begins or ends with blocks that are left out, a line closes
+//! the outline. The fillets that every round tool leaves in sharp inside corners are not listed.
 
 use crate::check::interference::Joined;
 use crate::check::reach::left_out;
@@ -17,10 +16,10 @@ use crate::span::{Run, Span};
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{Arc, Plane, Position, Shape};
 
-/// Material that stays beside the path.
+/// Material that the path leaves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UncutRegion {
-    /// The first and last block that is left out, or cut short.
+    /// The first and the last block that is left out or cut short.
     pub first: Source,
     pub last: Source,
     pub area_mm2: f64,
@@ -38,7 +37,7 @@ pub struct OutlinePiece {
 }
 
 impl UncutRegion {
-    /// How far its corners are apart along an axis, mm.
+    /// Its extent along an axis, mm.
     fn widest(&self, axis: usize) -> f64 {
         let at = self.outline.iter().map(|piece| piece.end[axis]);
         let (low, high) = at.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
@@ -59,8 +58,8 @@ impl UncutRegion {
     }
 }
 
-/// All that stays uncut: beside joints behind which a loop was cut off, and where
-/// blocks were left out by more than the tolerance, mm.
+/// All regions that stay uncut: at joints after which a loop was cut off, and where blocks were
+/// left out by more than the tolerance, mm.
 pub(crate) fn regions(
     joined: &Joined<'_>,
     runs: &[Run],
@@ -73,7 +72,7 @@ pub(crate) fn regions(
     behind.sort_unstable();
     behind.dedup();
     let regions = behind.into_iter().map(|at| region(corners.span, runs, (links, placed), at));
-    // The noise of coordinates is none.
+    // The noise of coordinates does not count.
     let is_deep = |region: &UncutRegion| {
         let [x, y, z] = std::array::from_fn(|axis| region.widest(axis));
         region.area_mm2 > tolerance * x.max(y).max(z)
@@ -81,7 +80,7 @@ pub(crate) fn regions(
     regions.flatten().filter(is_deep).collect()
 }
 
-/// The region beside the joint behind `placed[index]`; before the first when `None`.
+/// The region at the joint after `placed[index]`; before the first when `None`.
 fn region(
     span: &Span<'_>,
     runs: &[Run],
@@ -112,7 +111,7 @@ fn region(
     }
     let (first, last) = (outline.first()?.start(), outline.last()?.end());
     let tool = match feet {
-        // The circle of the tool comes from the first foot and goes to the second.
+        // The circle of the tool goes from the first foot to the second.
         [Some(from), Some(to)] if (to - from).norm() > LENGTH_MM => {
             Element::arc(to, from, joint, span.d_mm < 0.0, 0)
         }
@@ -140,7 +139,7 @@ fn run_of(link: &ChainLink) -> Option<usize> {
     }
 }
 
-/// Where the tool at a joint touches a link, and what of it lies before and behind.
+/// Where the tool at a joint touches a link, and the parts of the link before and after that.
 fn split(link: &ChainLink, joint: Vec2) -> (Option<Vec2>, (Option<Element>, Option<Element>)) {
     match link.role {
         Role::Run(_) => {
@@ -153,7 +152,7 @@ fn split(link: &ChainLink, joint: Vec2) -> (Option<Vec2>, (Option<Element>, Opti
     }
 }
 
-/// The signed area within a closed outline, mm²; about a point near it, for exactness.
+/// The signed area of a closed outline, mm²; computed about a near point, for precision.
 fn area(outline: &[Element], near: Vec2) -> f64 {
     let of = |element: &Element| {
         let triangle = cross(element.start() - near, element.end() - near) / 2.0;

@@ -1,10 +1,9 @@
-//! What of a span bounds the tool: its passes without their tails.
+//! The parts of a span that act as walls: its passes without their tails.
 //!
-//! A pass ends where the contour returns to a point that it has already passed:
-//! roughing and finishing loops, one after another. A tail is the piece from a
-//! free end of a pass to the first place where the pass meets itself: a contour
-//! that is entered and left by legs that cross has no wall beyond the crossing
-//! (M12), but for a tool that runs along the same tail.
+//! A pass ends where the contour returns to a point that it has already passed: roughing and
+//! finishing loops, one after another. A tail is the piece from a free end of a pass to the first
+//! place where the pass meets itself. So a contour whose first and last legs cross has no wall
+//! beyond the crossing (M12), except for a tool that runs along the same tail.
 
 use crate::check::retraced_runs::RetracedRuns;
 use crate::check::self_meeting::{Place, SelfMeeting, meetings, meetings_of_copies};
@@ -29,36 +28,36 @@ pub(crate) struct Walls<'a> {
 #[derive(Debug, Clone)]
 pub(crate) struct Layout {
     passes: Vec<Pass>,
-    /// Over all runs; those that the tool does not touch are in it too.
+    /// Over all runs, also those that the tool does not touch.
     tree: Tree,
-    /// The chain of each run; of one that is consumed that of the run before.
+    /// The chain of each run; a consumed run has that of the run before.
     chains: Vec<u32>,
-    /// Whether it may be cut into: it is followed, or all are judged.
+    /// Whether a cut into it counts: the tool follows it, or all runs are judged.
     is_judged: Vec<bool>,
-    /// Where the contour retraces itself so often that each wall is looked at once.
+    /// Set where the contour retraces itself so often that each wall is checked once.
     copies: Option<RetracedRuns>,
-    /// Whether all places were found where it meets itself.
+    /// Whether all places where it meets itself were found.
     is_complete: bool,
-    /// A cut where the contour closes is only told.
+    /// Whether a cut where the contour closes is only a warning.
     forgives_closing: bool,
 }
 
-/// Runs without a return, and what of them bounds nothing.
+/// Consecutive runs without a return, and their tails.
 #[derive(Debug, Clone)]
 struct Pass {
     runs: Range<usize>,
-    /// Walls begin and end here; `None`: there is no tail.
+    /// Where the walls begin and end; `None`: there is no tail.
     begin: Option<Place>,
     end: Option<Place>,
 }
 
 impl<'a> Walls<'a> {
-    /// `links` and `placed` tell which runs the tool follows; others are not judged.
+    /// The walls of the runs that the tool follows, by `links` and `placed`; others are not judged.
     pub(crate) fn new(runs: &'a [Run], links: &[ChainLink], placed: &[Placed]) -> Self {
         Self::with(runs, links, placed, false)
     }
 
-    /// Those that the tool does not follow are walls too.
+    /// The same, with the runs that the tool does not follow.
     pub(crate) fn all(runs: &'a [Run], links: &[ChainLink], placed: &[Placed]) -> Self {
         Self::with(runs, links, placed, true)
     }
@@ -72,12 +71,12 @@ impl<'a> Walls<'a> {
         for place in placed {
             let link = &links[place.link];
             let Role::Run(run) = link.role else { continue };
-            // Between what is joined across a gap anything may happen.
+            // Across a gap anything may happen.
             let is_across = judges_all && run != next;
             if d_mm.replace(link.d_out_mm) != Some(link.d_in_mm) || is_across {
                 chain.cut();
             }
-            // What was consumed is no reason to look closer at what is around it.
+            // A consumed run is no reason to look closer at its neighbours.
             let before = if judges_all || run == 0 { NO_CHAIN } else { chain.current() };
             chains[next.min(run)..run].fill(before);
             chains[run] = chain.next(&link.element);
@@ -107,7 +106,7 @@ impl<'a> Walls<'a> {
         walls
     }
 
-    /// Of whole walls that are the same the tree holds the first.
+    /// Of equal whole walls the tree keeps the first.
     fn look_once(&mut self) {
         let copies = RetracedRuns::of(self.runs, |run| self.is_whole(run));
         let is_judged = |run: usize| copies.of_run(run).any(|copy| self.is_judged(copy));
@@ -123,24 +122,24 @@ impl<'a> Walls<'a> {
         layout.copies = Some(copies);
     }
 
-    /// As a control whose manual shows it begins a closed contour in an inside corner.
+    /// Forgives what a control allows whose manual begins a closed contour in an inside corner.
     #[must_use]
     pub(crate) fn forgiving_closing(mut self, rule: Strictness) -> Self {
         self.layout.to_mut().forgives_closing = rule.severity() == Severity::Warning;
         self
     }
 
-    /// Whether a cut between what a pass begins and what it ends with is forgiven.
+    /// Whether a cut between the first and the last wall of a pass is forgiven.
     pub(crate) fn forgives_closing(&self) -> bool {
         self.layout.forgives_closing
     }
 
-    /// The same again, of the same runs.
+    /// Rebuilds the walls from their layout and the same runs.
     pub(crate) fn of_layout(runs: &'a [Run], layout: &'a Layout) -> Self {
         Self { runs, layout: Cow::Borrowed(layout) }
     }
 
-    /// What is left to keep when the runs are not borrowed any more.
+    /// The layout, which can be kept after the borrow of the runs ends.
     pub(crate) fn into_layout(self) -> Layout {
         self.layout.into_owned()
     }
@@ -155,19 +154,19 @@ impl<'a> Walls<'a> {
         &self.layout.tree
     }
 
-    /// Whether all places were found where the contour meets itself.
+    /// Whether all places where the contour meets itself were found.
     pub(crate) fn is_complete(&self) -> bool {
         self.layout.is_complete
     }
 
-    /// All runs that are the same wall, where the tree holds one of them.
+    /// All runs that are the same wall as one that the tree holds.
     pub(crate) fn copies(&self, run: usize) -> impl Iterator<Item = usize> + '_ {
         let copies = self.layout.copies.as_ref();
         let others = copies.into_iter().flat_map(move |copies| copies.of_run(run));
         std::iter::once(run).chain(others)
     }
 
-    /// The copy of a wall that is in the pass of a run; itself where there is none.
+    /// The copy of a wall that is in the pass of a run; the wall itself if there is none.
     pub(crate) fn in_pass_of(&self, on: usize, into: usize) -> usize {
         let Some(copies) = &self.layout.copies else { return into };
         let pass = self.layout.passes[self.pass(on)].runs.clone();
@@ -182,12 +181,12 @@ impl<'a> Walls<'a> {
             && pass.end.is_none_or(|end| end >= Place { run, along: length })
     }
 
-    /// Whether a run is one that must not be cut into.
+    /// Whether a cut into a run counts.
     pub(crate) fn is_judged(&self, run: usize) -> bool {
         self.layout.is_judged[run]
     }
 
-    /// All of the element of a run, tails too.
+    /// The whole element of a run, tails included.
     pub(crate) fn element(&self, run: usize) -> &Element {
         &self.runs[run].element
     }
@@ -219,13 +218,13 @@ impl<'a> Walls<'a> {
         first != last && (one.min(other), one.max(other)) == (first, last) && closes()
     }
 
-    /// The wall in the element of a run; `None` when all of it is a tail.
+    /// The wall part of a run's element; `None` when all of it is a tail.
     pub(crate) fn of(&self, run: usize) -> Option<Element> {
         self.seen_from(None, run)
     }
 
-    /// The wall in the element of a run for a tool that follows a place of a run, mm from its
-    /// start: a tail bounds what runs along it, and nothing else.
+    /// The wall part of a run's element for a tool that follows a place of a run, mm from its
+    /// start. A tail bounds only what runs along it.
     pub(crate) fn seen_from(&self, on: Option<(usize, f64)>, run: usize) -> Option<Element> {
         let number = self.pass(run);
         let on = on.map(|(run, along)| Place { run, along });
@@ -259,7 +258,7 @@ impl<'a> Walls<'a> {
     }
 }
 
-/// Boxes over the runs that it is to hold, by number of run.
+/// The tree over the runs that `holds` selects.
 fn tree_of(runs: &[Run], chains: &[u32], holds: impl Fn(usize) -> bool) -> Tree {
     let bounds = |run: usize| match holds(run) {
         true => Bounds::of(&runs[run].element),
@@ -294,8 +293,8 @@ fn passes(runs: &[Run], meetings: &[SelfMeeting]) -> Vec<Pass> {
     }
     let free_ends = closings.first().zip(closings.last());
     if let (Some((first, last)), [front, .., back]) = (free_ends, &mut passes[..]) {
-        // What leads onto the first loop, and what leads away from the last, may cross each
-        // other: that is no wall.
+        // The piece that leads to the first loop and the one that leads away from the last may
+        // cross each other: that is no wall.
         let leads_on = meetings.iter().filter(|meeting| meeting.late <= last.late);
         front.begin = leads_on.map(|meeting| meeting.early).reduce(Place::first);
         if back.runs.start > last.late.run {
@@ -318,7 +317,7 @@ impl Place {
 }
 
 impl Pass {
-    /// The walls begin and end where it meets itself.
+    /// Moves the ends of the walls to where the pass meets itself.
     fn take(&mut self, meeting: &SelfMeeting) {
         self.begin = Some(self.begin.map_or(meeting.early, |begin| begin.first(meeting.early)));
         self.end = Some(self.end.map_or(meeting.late, |end| end.last(meeting.late)));

@@ -24,7 +24,7 @@ pub(crate) fn nearest(from: Vec2, to: Vec2, wall: &Element) -> Nearest {
     }
 }
 
-/// The smallest distance between the way of the tool and an element.
+/// The smallest distance between an element of the tool path and an element of the contour.
 pub(crate) fn nearest_between(path: &Element, wall: &Element) -> Nearest {
     let mut best =
         Nearest { distance: f64::INFINITY, on_path: path.start(), on_wall: wall.start() };
@@ -40,7 +40,7 @@ pub(crate) fn nearest_between(path: &Element, wall: &Element) -> Nearest {
     for end in [wall.start(), wall.end()] {
         offer(nearest_on_element(path, end), end);
     }
-    // Inside both, the nearest points face each other across both elements.
+    // Inside both elements, the nearest points face each other across both.
     for (on_path, on_wall) in facing(path, wall) {
         if is_on(path, on_path) && is_on(wall, on_wall) {
             offer(on_path, on_wall);
@@ -87,7 +87,7 @@ pub(crate) fn distance_to(element: &Element, point: Vec2) -> f64 {
     (nearest_on_element(element, point) - point).norm()
 }
 
-/// Whether a point is on an element, but for rounding.
+/// Whether a point is on an element, within rounding.
 pub(crate) fn is_near(element: &Element, point: Vec2) -> bool {
     distance_to(element, point) <= LENGTH_MM
 }

@@ -1,9 +1,8 @@
 //! A line or an arc in plane coordinates, and its offset.
 //!
-//! Knows tangents, parameters along the element and the offset to a side. The
-//! signed offset `d_mm` is positive to the left of the direction of motion.
-//! An element may be one point: an arc of radius 0 is a corner that the tool
-//! goes around. What joins two elements is the business of `intersect`.
+//! Knows tangents, parameters along the element and the offset to a side. The signed offset `d_mm`
+//! is positive to the left of the direction of motion. An element may be one point: an arc of
+//! radius 0 is a corner that the tool goes around. `intersect` joins two elements.
 
 use crate::geometry::tolerance::{
     ARC_RADIUS_REL, CENTER_SHIFT_REL, LENGTH_MM, SHORT_ARC_SHIFT_REL,
@@ -53,7 +52,7 @@ pub(crate) struct Arc {
     pub from: Vec2,
     /// Unit vector from the centre to the end.
     pub to: Vec2,
-    /// Angle that is run through, rad, positive.
+    /// The angle from start to end, rad, positive.
     pub sweep: f64,
 }
 
@@ -78,8 +77,8 @@ impl Element {
 
     /// An arc from start to end about a centre, with whole extra revolutions.
     ///
-    /// The centre is moved to where both ends are equally far; the ends are
-    /// trusted. `None` when the radius or the sweep is zero or not finite.
+    /// The centre is moved to where both ends are equally far; the ends are trusted. `None` when
+    /// the radius or the sweep is zero or not finite.
     pub(crate) fn arc(start: Vec2, end: Vec2, center: Vec2, ccw: bool, turns: u16) -> Option<Self> {
         let turn = if ccw { 1.0 } else { -1.0 };
         let mut center = center;
@@ -115,7 +114,7 @@ impl Element {
     pub(crate) fn corner(at: Vec2, before: Vec2, after: Vec2, d_mm: f64) -> Self {
         let side = d_mm.signum();
         let (from, to) = (left(before) * side, left(after) * side);
-        // Of a reversal the rounding of the cross product must not make a whole turn.
+        // At a reversal, the rounding of the cross product must not make a whole turn.
         let sweep = cross(before, after).abs().atan2(before.dot(&after));
         Self::Arc(Arc { center: at, radius: 0.0, turn: -side, from, to, sweep })
     }
@@ -191,7 +190,7 @@ impl Element {
         }
     }
 
-    /// The point this far along, mm; lines go on beyond their ends, arcs around.
+    /// The point this far along, mm. A line continues beyond its ends, an arc around its circle.
     pub(crate) fn point_at(&self, along: f64) -> Vec2 {
         match self {
             Self::Line(line) => line.start + line.tangent * along,
@@ -233,7 +232,7 @@ impl Element {
         }
     }
 
-    /// Without what comes before this length along it, mm; `None` when nothing is left.
+    /// The element without its part before this length along it, mm; `None` when nothing is left.
     pub(crate) fn after(self, along: f64) -> Option<Self> {
         if along <= 0.0 {
             return Some(self);
@@ -252,7 +251,7 @@ impl Element {
         }
     }
 
-    /// Without what comes after this length along it, mm; `None` when nothing is left.
+    /// The element without its part after this length along it, mm; `None` when nothing is left.
     pub(crate) fn before(self, along: f64) -> Option<Self> {
         if along >= self.length() {
             return Some(self);
@@ -275,13 +274,13 @@ impl Element {
         !self.is_line() && (self.end() - self.start()).norm() <= LENGTH_MM
     }
 
-    /// Whether it comes back to where it has been.
+    /// Whether it returns to a point that it has passed.
     pub(crate) fn goes_around(&self) -> bool {
         matches!(self, Self::Arc(arc) if arc.sweep > std::f64::consts::TAU)
     }
 
-    /// How far beside its circle an arc was programmed to end, mm: 0 where its centre could be
-    /// moved to where both ends are equally far.
+    /// How far off its circle an arc is programmed to end, mm; 0 if its centre could be moved to
+    /// where both ends are equally far.
     pub(crate) fn unevenness(&self, programmed_end: Vec2) -> f64 {
         match self {
             Self::Line(_) => 0.0,

@@ -1,7 +1,7 @@
-//! Between work coordinates and the coordinates of a plane.
+//! Converts between work coordinates and the coordinates of a plane.
 //!
-//! Nothing here computes: coordinates are picked, so that a point that goes
-//! into the plane and back is the same bit for bit.
+//! It only picks coordinates and computes nothing. So a point that goes into the plane and back is
+//! the same, bit for bit.
 
 use crate::geometry::element::{Element, Vec2};
 use cnc_msgs::contour::Motion;
@@ -34,9 +34,9 @@ pub(crate) fn plane_axes(plane: Plane) -> AxisSet {
     AxisSet::NONE.with(u).with(v)
 }
 
-/// What a motion does in the plane; `None` when it stays where it is there.
+/// The element that a motion makes in the plane; `None` when it does not move there.
 ///
-/// An arc of another plane is not seen in this one: check before.
+/// It does not recognise an arc of another plane: check for that first.
 pub(crate) fn element(plane: Plane, start: Position, motion: &Motion) -> Option<Element> {
     element_from(plane, in_plane(plane, start), motion)
 }

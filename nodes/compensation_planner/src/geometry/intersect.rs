@@ -1,8 +1,8 @@
 //! Where two whole lines or circles meet.
 //!
-//! Knows nothing of the ends of elements except in [`meet`], which picks the
-//! meeting point that shortens both. All differences are taken from a point
-//! near by, so that large coordinates cost no digits.
+//! Knows nothing of the ends of elements, except in [`meet`], which picks the meeting point that
+//! shortens both. All differences are taken from a nearby point, so that large coordinates cost no
+//! digits.
 
 use crate::geometry::element::{Arc, Element, Line, Vec2, cross, left};
 use crate::geometry::tolerance::{LENGTH_MM, PARALLEL_RAD};
@@ -33,8 +33,8 @@ impl Crossings {
 
 /// Where the whole lines or circles of two elements cross.
 ///
-/// Two that miss each other by less than `gap` mm touch in one point. Parallel
-/// lines and concentric circles do not cross.
+/// Two that miss each other by less than `gap` mm touch in one point. Parallel lines and concentric
+/// circles do not cross.
 pub(crate) fn crossings(a: &Element, b: &Element, gap: f64) -> Crossings {
     match (a, b) {
         (Element::Line(a), Element::Line(b)) => line_line(a, b),
@@ -92,7 +92,7 @@ fn circle_circle(a: &Arc, b: &Arc, gap: f64) -> Crossings {
     Crossings::two(foot - half, foot + half)
 }
 
-/// Where one element is left for the next.
+/// Where the tool leaves one element for the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Meeting {
     pub point: Vec2,
@@ -117,7 +117,7 @@ pub(crate) fn meet_across(a: &Element, b: &Element) -> Option<Meeting> {
     })
 }
 
-/// Around a circle the shorter way counts: backwards when it is less than half.
+/// On a circle the shorter way counts: backwards when that is less than half.
 fn signed(element: &Element, along: f64) -> f64 {
     match element {
         Element::Arc(arc) if along > std::f64::consts::PI * arc.radius => {
@@ -134,7 +134,7 @@ fn signed(element: &Element, along: f64) -> f64 {
 pub(crate) fn meet(a: &Element, b: &Element, slack: f64) -> Option<Meeting> {
     let mut best: Option<Meeting> = None;
     for &point in crossings(a, b, slack).points() {
-        // What takes more than half a circle lengthens it the other way around.
+        // A trim of more than half a circle means lengthening the other way around.
         let trim_a = signed(a, a.back_from_end(point, slack));
         let trim_b = signed(b, b.along_from_start(point, slack));
         let shortens = trim_a >= -slack && trim_b >= -slack;

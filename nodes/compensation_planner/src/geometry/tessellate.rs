@@ -7,10 +7,10 @@ use cnc_msgs::geometry::{Arc, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Points that one element is cut into at most; beyond, the chord error grows.
+/// The most points of one element; beyond that the chord error grows.
 const POINTS_MAX: f64 = 65_536.0;
 
-/// Hands out the points of one element from after its start to its end.
+/// Calls `each` with the points of one element, from after its start to its end.
 ///
 /// Arcs, helices and whole turns follow their circle within `chord_error_mm`;
 /// the last point is the end itself.
@@ -23,7 +23,7 @@ pub fn points(
     along(start, &element.shape, element.end, chord_error_mm, each);
 }
 
-/// The same for a line or arc that is not of a path.
+/// The same for a line or arc that is not part of a path.
 pub fn along(
     start: Position,
     shape: &Shape,
@@ -49,7 +49,7 @@ pub fn path(path: &CompensatedPath, chord_error_mm: f64) -> Vec<Position> {
     all
 }
 
-/// The angle that an arc runs through, rad, with its whole turns.
+/// The angle of an arc, rad, with its whole turns.
 pub fn sweep(start: Position, arc: &Arc, end: Position) -> f64 {
     let [u, v, _] = arc.plane.axes();
     let from = [start[u] - arc.center[u], start[v] - arc.center[v]];

@@ -1,21 +1,20 @@
-//! Boxes over consecutive elements, for questions about pairs that are near.
+//! Boxes over consecutive elements, to find pairs that are near.
 //!
-//! A binary tree in arrays: the lowest boxes hold a few elements each, every
-//! box above holds two. Besides its box a node knows its *chain*: elements in a
-//! row whose directions stay within a right angle. The offset of a chain whose
-//! joints hold is nowhere too near to the chain itself, so that pairs within a
-//! chain need no look; that is what makes long smooth contours cheap.
+//! A binary tree in arrays: the lowest boxes hold a few elements each, every box above holds two. A
+//! node also knows its *chain*: consecutive elements whose directions stay within a right angle. If
+//! the joints of a chain hold, its offset is nowhere too near to the chain itself. So pairs within
+//! a chain need no check; that makes long smooth contours cheap.
 
 use crate::geometry::element::{Element, Vec2, cross};
 use std::ops::{ControlFlow, Range};
 
-/// Boxes that may be looked at for one element, and for any contour.
+/// Boxes that may be visited for each element, plus a constant.
 ///
-/// Boxes along the axes are poor at turns that lie within each other: a spiral of a
-/// thousand turns needs more than 64 for each of its lines.
+/// Boxes parallel to the axes are poor at nested turns: a spiral of a thousand turns needs more
+/// than 64 for each of its lines.
 const BUDGET: (usize, usize) = (256, 2_000_000);
 
-/// How many boxes may be looked at for a contour of so many elements.
+/// The boxes that may be visited for a contour of `count` elements.
 pub(crate) const fn budget(count: usize) -> usize {
     BUDGET.0 * count + BUDGET.1
 }
@@ -23,7 +22,7 @@ pub(crate) const fn budget(count: usize) -> usize {
 /// Elements in a lowest box.
 pub(crate) const LEAF: usize = 8;
 
-/// Not within one chain.
+/// Belongs to no chain.
 pub(crate) const NO_CHAIN: u32 = u32::MAX;
 
 /// A box along the axes.
@@ -40,7 +39,7 @@ impl Bounds {
         high: Vec2::new(f64::NEG_INFINITY, f64::NEG_INFINITY),
     };
 
-    /// Around an element; of an arc at most a little larger than need be.
+    /// The box around an element; for an arc it may be a little too large.
     pub(crate) fn of(element: &Element) -> Self {
         let (start, end) = (element.start(), element.end());
         let chord = Self { low: start.inf(&end), high: start.sup(&end) };
@@ -73,7 +72,7 @@ struct Node {
     chain: u32,
 }
 
-/// Boxes over elements that are asked for by index.
+/// Boxes over elements, which are known by index.
 #[derive(Debug, Clone)]
 pub(crate) struct Tree {
     /// The lowest first; the last has one node.
@@ -105,10 +104,10 @@ impl Tree {
         Self { levels, count }
     }
 
-    /// Visits the elements of all pairs of lowest boxes that are nearer than
-    /// `reach` mm and not within one chain; of a tree with itself each pair
-    /// twice. Gives up when the budget of boxes is used up, where a visit counts as a box for
-    /// each element: whether it saw all.
+    /// Visits the elements of all pairs of lowest boxes that are nearer than `reach` mm and not
+    /// within one chain. A tree against itself visits each pair twice. Returns whether it saw all
+    /// pairs: it gives up when the budget is used up, where a visit counts as a box for each
+    /// element.
     pub(crate) fn near_pairs(
         &self,
         other: &Self,

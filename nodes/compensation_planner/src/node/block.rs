@@ -1,6 +1,6 @@
 //! A single block of manual data input over the wire: contour in, path out.
 //!
-//! Nothing is kept: the plan of the loaded program stays what it is.
+//! Keeps nothing: the plan of the loaded program stays as it is.
 
 use super::report::{fitting, manifest_of};
 use crate::tools::mdi::plan_block;
@@ -12,10 +12,10 @@ use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{PlanBlockRequest, PlanBlockResponse};
 use std::sync::Arc;
 
-/// Arcs of a block are no picture.
+/// Nobody draws the arcs of a single block.
 const CHORD_ERROR_MM: f64 = 1.0;
 
-/// What a report of one says that it is of.
+/// The name of the program in a report about a single block.
 pub(super) const NAME: &str = "a single block";
 
 /// The answer of a planner that is not active.
@@ -24,7 +24,7 @@ pub(super) fn refuse(message: String) -> PlanBlockResponse {
     PlanBlockResponse { error_code, message, ..PlanBlockResponse::default() }
 }
 
-/// The answer, and on what planner and audit disagree.
+/// The answer, and the disagreement between planner and audit if there is one.
 pub(super) fn plan(
     request: &PlanBlockRequest,
     tools: &ToolTable,

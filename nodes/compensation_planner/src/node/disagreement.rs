@@ -1,7 +1,7 @@
-//! The files that keep programs on which the planner and its audit disagree, for a report.
+//! Keeps programs on which the planner and its audit disagree, as files for a report.
 //!
-//! `kerf plan`, `kerf check`, `kerf replay` and the node write the same files. Nobody waits long
-//! for them, there are few, and none is large: a folder of reports must not stop a machine.
+//! `kerf plan`, `kerf check`, `kerf replay` and the node write the same files. Writing has a
+//! deadline, and the files are few and small: a folder of reports must not stop a machine.
 
 use super::Planner;
 use crate::tools::verdict::Disagreement;
@@ -18,27 +18,28 @@ use tokio::sync::mpsc as queue;
 /// The folder, unless a parameter names another one.
 pub const FOLDER: &str = "kerf-reports";
 
-/// Files that are kept; the oldest goes.
+/// The most files kept; the oldest is removed.
 pub const FILES_MAX: usize = 20;
-/// What a file may take, bytes; of a longer program only the beginning is in it.
+/// The largest file, bytes; of a longer program it has only the beginning.
 pub const FILE_BYTES_MAX: usize = 8 << 20;
-/// How long writing one may take.
+/// How long writing a file may take.
 pub const WITHIN: Duration = Duration::from_secs(5);
 
-/// Programs of the node that wait to be kept; of more than these there is only a line in the log.
+/// The most programs that wait to be kept; for others there is only a line in the log.
 pub(super) const WAITING_MAX: usize = 4;
 /// How long the loader may take to hand over the text.
 const ASK_WITHIN: Duration = Duration::from_secs(5);
-/// Events that are listed: of single blocks and of rests that is what no text says.
+/// The most events listed. For single blocks and replans, which have no text, they are all there
+/// is.
 const EVENTS_MAX: usize = 1000;
 const PREFIX: &str = "disagreement_";
-/// What is being written, or was when the power failed.
+/// The name of a file while it is written, or after a power failure.
 const UNFINISHED: &str = ".part";
 
 /// Whether a file is being written: a disk that hangs must not collect threads.
 static IS_WRITING: AtomicBool = AtomicBool::new(false);
 
-/// Keeps a program in a folder, which is made; one that is kept already stays as it is.
+/// Keeps a program in a folder, which it creates; a program that is kept already stays as it is.
 ///
 /// # Errors
 /// The file cannot be written, or not within [`WITHIN`].
@@ -53,7 +54,7 @@ pub fn keep(
     within(WITHIN, move || write(&folder, &file_name, document.as_bytes()))
 }
 
-/// Does a piece of work in a thread, and waits for it only so long.
+/// Does a piece of work in a thread, and waits for it for a limited time.
 fn within<T: Send + 'static>(
     limit: Duration,
     work: impl FnOnce() -> Result<T> + Send + 'static,
@@ -65,7 +66,7 @@ fn within<T: Send + 'static>(
     let thread = std::thread::Builder::new().name("report".into()).spawn(move || {
         let result = work();
         IS_WRITING.store(false, Ordering::Release);
-        // Who waited may have gone.
+        // The receiver may have given up.
         let _ = done.send(result);
     });
     if let Err(error) = thread {
@@ -76,7 +77,7 @@ fn within<T: Send + 'static>(
     is_done.recv_timeout(limit).unwrap_or_else(|_| Err(late()))
 }
 
-/// Writes a file so that it is whole or not there.
+/// Writes a file so that it is complete or does not exist.
 fn write(folder: &Path, file_name: &str, bytes: &[u8]) -> Result<PathBuf> {
     fs::create_dir_all(folder)?;
     let path = folder.join(file_name);
@@ -100,7 +101,7 @@ fn write(folder: &Path, file_name: &str, bytes: &[u8]) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// Removes the oldest files, so that one more is not too many, and what was never finished.
+/// Removes unfinished files, and the oldest files to make room for one more.
 fn make_room(folder: &Path) -> Result<()> {
     let mut kept: Vec<(SystemTime, PathBuf)> = Vec::new();
     for entry in fs::read_dir(folder)? {
@@ -128,7 +129,7 @@ fn make_room(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The file; the text is cut off where it would be too large.
+/// The content of the file; a text that is too long is cut off.
 fn document(name: &str, text: &[u8], disagreement: &Disagreement) -> String {
     let mut length = text.len().min(FILE_BYTES_MAX / 2);
     loop {
@@ -136,7 +137,7 @@ fn document(name: &str, text: &[u8], disagreement: &Disagreement) -> String {
         if document.len() <= FILE_BYTES_MAX || length == 0 {
             return document;
         }
-        // Characters that no text has take several.
+        // Control characters take several bytes.
         length /= 4;
     }
 }
@@ -165,17 +166,17 @@ fn document_of(name: &str, text: &[u8], length: usize, disagreement: &Disagreeme
     serde_yaml::to_string(&fields.collect::<Mapping>()).unwrap_or_default()
 }
 
-/// A program of the node that is to be kept.
+/// A program of the node that waits to be kept.
 #[derive(Debug)]
 pub(super) struct Waiting {
     name: String,
-    /// Whose text the loader has; `None`: there is none.
+    /// The program whose text the loader has; `None` if there is none.
     program_id: Option<String>,
     disagreement: Disagreement,
 }
 
 impl Planner {
-    /// Has a program kept and goes on at once; the log says where it is.
+    /// Queues a program to be kept, without waiting; the log says where it is.
     pub(super) fn keep(&self, name: &str, program_id: Option<&str>, disagreement: Disagreement) {
         tracing::error!(
             "the planner and the audit of its path disagree on {name}: a defect of Kerf"
@@ -187,12 +188,12 @@ impl Planner {
         }
     }
 
-    /// Keeps what comes, one after another.
+    /// Keeps the queued programs, one after another.
     pub(super) async fn keep_reports(&self, mut reports: queue::Receiver<Waiting>) {
         while let Some(Waiting { name, program_id, disagreement }) = reports.recv().await {
             let mut text = Vec::new();
             if let Some(program_id) = program_id {
-                // As much as has come by then.
+                // As much as has arrived by then.
                 let asking = self.text(&program_id, &mut text);
                 let _ = tokio::time::timeout(ASK_WITHIN, asking).await;
             }
@@ -211,7 +212,7 @@ impl Planner {
         }
     }
 
-    /// The text of a program, as far as the loader hands it over and a report takes it.
+    /// The text of a program, as far as the loader has it and a report takes it.
     async fn text(&self, program_id: &str, text: &mut Vec<u8>) {
         let mut first = 0;
         while text.len() <= FILE_BYTES_MAX {

@@ -1,8 +1,8 @@
-//! What `/diagnostics` says of the planner.
+//! The planner's entry in `/diagnostics`.
 
 use runtime::{Health, HealthLevel};
 
-/// What came of the newest plan.
+/// The result of the newest plan.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PlanSummary {
     pub(super) name: String,
@@ -12,7 +12,7 @@ pub(super) struct PlanSummary {
     pub(super) warning_count: u32,
 }
 
-/// How the planner does: a program that it refused cannot be run, which is a warning.
+/// The health of the planner: a refused program cannot be run, which is a warning.
 pub(super) fn health(summary: Option<&PlanSummary>, tool_table_revision: u64) -> Health {
     let mut values = vec![("tool table revision", tool_table_revision.to_string())];
     let (level, message) = match summary {

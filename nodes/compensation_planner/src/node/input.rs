@@ -1,4 +1,4 @@
-//! What is planned: a contour of the loader, if this node has the memory for it.
+//! Fetches the contour to plan, if this node has the memory for it.
 
 use cnc_msgs::chunk::Collector;
 use cnc_msgs::contour::{ProgrammedContour, Source};
@@ -10,25 +10,25 @@ use runtime::Client;
 use runtime::chunks::pull;
 use std::sync::Arc;
 
-/// What an event of a contour takes at least until it is planned, bytes: measured with 3 and 5
-/// million lines that are not compensated (compensated ones take up to 800).
+/// The least memory that an event of a contour takes until it is planned, bytes. Measured with 3
+/// and 5 million lines without compensation; compensated ones take up to 800.
 const EVENT_BYTES: u64 = 450;
-/// What the node takes besides, bytes.
+/// The memory that the node takes besides, bytes.
 const BESIDES_BYTES: u64 = 24 << 20;
 const MB: u64 = 1 << 20;
 
-/// A contour and the rules that it is planned by.
+/// A contour and the profile that it is planned by.
 #[derive(Clone)]
 pub(super) struct Input {
     pub(super) manifest: wire::ProgrammedContour,
-    /// Empty where it is too long.
+    /// Empty if it is too long.
     pub(super) contour: Arc<ProgrammedContour>,
     pub(super) profile: Arc<Profile>,
     /// Why it is not planned.
     pub(super) too_long: Option<Finding>,
 }
 
-/// Fetches a contour; one that would take more memory than this process may is left where it is.
+/// Fetches a contour, unless it needs more memory than this process may take.
 pub(super) async fn fetch(
     client: &Client<GetContourChunks>,
     manifest: wire::ProgrammedContour,
@@ -54,7 +54,7 @@ pub(super) async fn fetch(
     Ok(Input { manifest, contour: Arc::new(contour), profile, too_long })
 }
 
-/// Why a contour of so many events cannot be planned within so much memory.
+/// Why a contour with so many events cannot be planned within this memory.
 fn too_long(event_count: u64, memory_bytes_max: u64) -> Option<Finding> {
     let needed = event_count.saturating_mul(EVENT_BYTES).saturating_add(BESIDES_BYTES);
     if needed <= memory_bytes_max {
@@ -76,7 +76,8 @@ mod tests {
     #[test]
     fn a_contour_for_which_there_is_too_little_memory_is_refused_with_numbers() {
         let usual = 2_048 * MB;
-        // Three million lines were planned within 1.4 GB; with eight the node ended again and again.
+        // Three million lines were planned within 1.4 GB; eight million ended the node again and
+        // again.
         assert_eq!(too_long(3_000_000, usual), None);
         let limit = too_long(8_000_000, usual).expect("a limit");
         assert!(limit.is_error() && limit.code == Code::Limit, "{limit:?}");

@@ -1,7 +1,7 @@
-//! What the states of the planner mean.
+//! The lifecycle states of the planner.
 //!
-//! Configured is: the tool table is read from its file. Active is: contours are planned
-//! and tools are set. A contour that comes before is planned on activation.
+//! Configured: the tool table is read from its file. Active: contours are planned and tools are
+//! set. A contour that arrives before is planned on activation.
 
 use super::tool_file::ToolFile;
 use super::{Live, Planner};
@@ -31,7 +31,7 @@ impl Managed for Planner {
     }
 
     async fn activate(&self) -> Step {
-        // The state is told when this is over; planning looks at it then.
+        // The new state holds only after this returns; planning checks it then.
         let (mut states, replan) = (self.node.lifecycle_changes(), self.replan.clone());
         self.node.spawn("planning on activation", async move {
             if states.changed().await.is_ok() {
@@ -42,14 +42,14 @@ impl Managed for Planner {
     }
 
     async fn deactivate(&self) -> Step {
-        // What is being planned is planned to its end.
+        // A plan that has begun is finished.
         drop(self.work.write().await);
         Ok(())
     }
 
     async fn cleanup(&self) -> Step {
-        // The contour stays: it is planned with the table that is read next, so that
-        // nobody runs the path of before for want of a new one.
+        // The contour stays. It is planned again with the table that is read next, so that nobody
+        // runs an old path for lack of a new one.
         let mut state = self.state();
         (state.current, state.live, state.summary) = (None, Live::default(), None);
         Ok(())

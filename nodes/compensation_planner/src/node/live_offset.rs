@@ -1,9 +1,8 @@
-//! A new value of an offset for a program that runs, where the control works so.
+//! Applies a new value of an offset to a running program, if its control works so.
 //!
-//! Follows what the driver says of its run. When the machine stands in a hold, the
-//! rest of the path is planned anew and offered; whether it is taken the driver
-//! decides, and says so in its state. In every other case a program keeps the
-//! values that it began with.
+//! Follows the driver's reports about its run. When the machine stands in a hold, the rest of the
+//! path is planned again and offered. The driver decides whether to take it, and says so in its
+//! state. In all other cases a program keeps the values that it began with.
 
 use super::{Current, Input, Planner};
 use crate::tools::replan::{NotReplanned, Replanned, replan};
@@ -15,14 +14,14 @@ use runtime::{Handle, NodeError, Qos};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long the driver may take to fetch and prove a rest.
+/// How long the driver may take to fetch and prove a new path.
 const TAKEN_WITHIN: Duration = Duration::from_secs(5);
-/// How often its state is looked at meanwhile.
+/// How often the driver's state is checked meanwhile.
 const LOOK: Duration = Duration::from_millis(20);
-/// A chunk goes out on its topic in less.
+/// Enough time to publish one chunk on its topic.
 const CHUNK: Duration = Duration::from_millis(15);
 
-/// A path with what it was planned from.
+/// A path and what it was planned from.
 #[derive(Clone)]
 pub(super) struct RunningPlan {
     pub(super) revision: u64,
@@ -32,12 +31,12 @@ pub(super) struct RunningPlan {
     pub(super) path: Arc<CompensatedPath>,
 }
 
-/// What runs, as far as this node planned it.
+/// The running path, if this node planned it.
 #[derive(Default)]
 pub(super) struct Live {
     pub(super) newest: Option<RunningPlan>,
     running: Option<RunningPlan>,
-    /// Revision of the path that runs, 0 when none does.
+    /// Revision of the running path, 0 if none runs.
     revision: u64,
     /// Elements of it that can no longer change; 0 unless the machine stands in a hold.
     settled: u64,
@@ -72,8 +71,8 @@ pub(super) fn follow(node: &Handle, planner: &Arc<Planner>) -> Result<(), NodeEr
 }
 
 impl Planner {
-    /// Brings the table into force for a program that stands in a hold, where its
-    /// control says so; tells what came of it.
+    /// Applies the tool table to a program that stands in a hold, if its control works so; returns
+    /// what happened.
     pub(super) fn go_live(&self) -> String {
         let (live, tools, tools_revision, is_running, is_held) = {
             let state = self.state();

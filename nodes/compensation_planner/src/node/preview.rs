@@ -9,7 +9,7 @@ use cnc_msgs::wire::nav_msgs::msg::Path;
 use cnc_msgs::wire::std_msgs::msg::{ColorRGBA, Header};
 use cnc_msgs::wire::visualization_msgs::msg::{Marker, MarkerArray};
 
-/// Points that a `nav_msgs/Path` of less than 60 kB can hold.
+/// The most points of a `nav_msgs/Path` below 60 kB.
 const POINTS_MAX: usize = 600;
 
 /// The box around a path and the lengths in it.
@@ -56,7 +56,7 @@ enum Look {
     Lead,
 }
 
-/// The points of a path, in order, with the look of the way to each.
+/// The points of a path, in order, with the look of the line to each.
 #[derive(Debug, Clone)]
 pub(crate) struct View {
     points: Vec<(Position, Look)>,

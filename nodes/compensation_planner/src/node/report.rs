@@ -1,4 +1,4 @@
-//! The verdict on a plan as messages: the report, and its findings page by page.
+//! Turns a plan into messages: the report, and its findings page by page.
 
 use super::{Input, Planner};
 use crate::check::certificate::Certificate;
@@ -14,17 +14,17 @@ use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{GetFindingsRequest, GetFindingsResponse};
 use runtime::RosTime;
 
-/// Findings of each sort in the report; the rest is had from `get_findings`.
+/// Findings of each severity in the report; `get_findings` returns the others.
 const FINDINGS_IN_REPORT: usize = 50;
-/// What the findings of one message may take, bytes.
+/// The most bytes of findings in one message.
 const FINDINGS_BYTES_MAX: usize = 40_000;
-/// Points of an outline in a message at most; beyond, the chords get longer.
+/// The most points of an outline in a message; beyond that the chords get longer.
 const OUTLINE_POINTS_MAX: usize = 1000;
 
-/// What a report says of a plan; its header and what it is of are the caller's.
+/// The report of a plan; the caller fills in the header and the program.
 ///
-/// `chord_error_mm` is how closely outlines follow arcs, the parameter
-/// `preview_chord_error_mm`. Certificates come later: [`certify`].
+/// `chord_error_mm` is how closely outlines follow arcs, the parameter `preview_chord_error_mm`.
+/// Certificates come later: [`certify`].
 pub fn report_of(planned: &Plan, chord_error_mm: f64) -> wire::CompensationReport {
     let errors = planned.findings.iter().filter(|finding| finding.is_error()).count();
     let findings = planned.findings.iter().take(FINDINGS_IN_REPORT).map(Into::into);
@@ -47,7 +47,7 @@ pub fn certify(report: &mut wire::CompensationReport, certificates: &[Certificat
         certificates.iter().take(FINDINGS_IN_REPORT).map(certificate_to_wire).collect();
 }
 
-/// What a manifest says of a path; its header and what it is of are the caller's.
+/// The manifest of a path; the caller fills in the header and the program.
 ///
 /// Arcs are measured to within `chord_error_mm`, the parameter `preview_chord_error_mm`.
 pub fn manifest_of(chunks: &PathChunks, chord_error_mm: f64) -> wire::CompensatedPath {
@@ -136,7 +136,7 @@ fn certificate_to_wire(certificate: &Certificate) -> wire::RadiusCertificate {
     }
 }
 
-/// As many messages as fit one.
+/// As many findings as fit into one message.
 pub(super) fn fitting<M: Message>(messages: impl Iterator<Item = M>) -> Vec<M> {
     let mut bytes = 0;
     let fits = |message: &M| {

@@ -1,11 +1,11 @@
-//! A run that begins at a line, over the wire: the line in, how it begins out.
+//! Answers how a run begins at a line: the service around `restart`.
 
 use super::live_offset::RunningPlan;
 use crate::tools::restart::start;
 use cnc_msgs::convert::start_in_span_to_wire;
 use cnc_msgs::wire::cnc_msgs::srv::{PlanStartRequest, PlanStartResponse};
 
-/// The answer of a planner whose newest plan is this one.
+/// The answer of a planner with this newest plan.
 pub(super) fn plan(newest: Option<&RunningPlan>, request: &PlanStartRequest) -> PlanStartResponse {
     type W = PlanStartResponse;
     let is_meant = |plan: &&RunningPlan| {

@@ -1,15 +1,15 @@
-//! The processors of this machine, as workers for the core.
+//! The processors of this machine as workers for the core.
 
 use crate::walk::plan::Workers;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// So many threads, for as long as there is work.
+/// Threads that live as long as there is work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Threads(pub NonZeroUsize);
 
 impl Threads {
-    /// One for each processor that this process may use.
+    /// One thread for each processor that this process may use.
     pub fn all() -> Self {
         Self(std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN))
     }

@@ -1,8 +1,7 @@
 //! The tool file on the disk: read once, replaced at once or not at all.
 //!
-//! A new file is written beside the old one, brought to the disk and renamed over
-//! it, so that a crash leaves one of the two. What stands in it is decided in
-//! [`tool_file`](crate::tools::tool_file).
+//! The new file is written next to the old one, synced to the disk and renamed over it, so that a
+//! crash leaves one of the two. [`tool_file`](crate::tools::tool_file) decides what is in it.
 
 use crate::tools::set_tool::{Change, Refusal};
 use crate::tools::tool_file::{edited, whole};
@@ -12,10 +11,10 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// The file and what stood in it when this node read or wrote it last.
+/// The file, and its text when this node last read or wrote it.
 #[derive(Debug)]
 pub(super) struct ToolFile {
-    /// Where it really is: a link to it stays a link.
+    /// The real path: a link to it stays a link.
     path: PathBuf,
     text: String,
 }
@@ -27,7 +26,7 @@ impl ToolFile {
         Ok((Self { path: fs::canonicalize(path)?, text }, tools))
     }
 
-    /// Puts the row of a change into the file; returns where the change is kept.
+    /// Writes the row of a change into the file; returns where the change is kept.
     pub(super) fn write(&mut self, change: &Change) -> Result<String, Refusal> {
         let name = self.path.display().to_string();
         let refuse = |why: String| {
@@ -43,7 +42,7 @@ impl ToolFile {
         }
         let permissions = fs::metadata(&self.path).map_err(cannot)?.permissions();
         if permissions.readonly() {
-            // It could be replaced all the same; its owner does not want that.
+            // The file could still be replaced, but its owner does not want that.
             return Err(refuse(format!("{name} is read-only")));
         }
         let is_meant = |text: &String| {
@@ -74,11 +73,11 @@ impl ToolFile {
             fs::rename(&beside, &self.path)
         })();
         if let Err(error) = written {
-            // It may not even be there.
+            // It may not exist.
             let _ = fs::remove_file(&beside);
             return Err(error);
         }
-        // The new name is on the disk when the folder is; it is in force already.
+        // Renaming is durable once the folder is synced; it is already in force.
         if let Some(Ok(folder)) = self.path.parent().map(File::open) {
             let _ = folder.sync_all();
         }
@@ -121,7 +120,7 @@ mod tests {
             2,
             "nothing is left beside"
         );
-        // A form that is not known is written anew, and that is said.
+        // An unknown form is rewritten as a new file, and the answer says so.
         fs::write(&path, "{tools: {1: {diameter_mm: 10.0}}} # flow\n").expect("written");
         let (mut file, tools) = ToolFile::open(&path).expect("a tool file");
         let change = worn(&tools, -0.0005);

@@ -1,10 +1,9 @@
-//! The compensated elements of a span, joined, with what the tool cannot reach left out.
+//! Joins the compensated elements of a span, and leaves out what the tool cannot reach.
 //!
-//! Joints between neighbours: tangent, around an outside corner, or the
-//! intersection of both offsets. An element that its joints leave nothing of
-//! is consumed, and its neighbours are joined instead, until nothing changes.
-//! Every element enters and leaves once: the time is linear. What consumption
-//! means to a program is the business of `reach`.
+//! The joints between neighbours: tangent, around an outside corner, or the intersection of both
+//! offsets. If the joints of an element leave nothing of it, it is consumed and its neighbours are
+//! joined instead, until nothing changes. Every element enters and leaves once, so the time is
+//! linear. `reach` decides what consumed elements mean for a program.
 
 use crate::geometry::distance::distance_to;
 use crate::geometry::element::{Element, Vec2, cross, left};
@@ -12,16 +11,16 @@ use crate::geometry::intersect::{Meeting, meet, meet_across};
 use crate::geometry::tolerance::{
     FLAT_MM, LENGTH_MM, MERGE_MM, SHORT_CORNER_MM, SMALL_TURN_RAD, TANGENT_RAD,
 };
-/// What a link of the chain stands for.
+/// What a link of the chain is made from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Role {
-    /// The lead-on; it goes back as far as it must.
+    /// The lead-on, extended backwards as far as needed.
     Entry,
     /// The run of this index.
     Run(usize),
     /// The corner before this leg; the number of legs means before the lead-off.
     Corner { next_leg: usize },
-    /// The lead-off; it goes on as far as it must.
+    /// The lead-off, extended as far as needed.
     Exit,
 }
 
@@ -34,14 +33,14 @@ pub(crate) struct ChainLink {
     pub d_out_mm: f64,
     /// The tool goes from the link before to this one without cutting either short.
     pub is_smooth: bool,
-    /// The longest straight in it, mm; where chords are taken as one line, the longest of them.
+    /// The longest straight in it, mm; if chords were merged into one line, the longest chord.
     pub straight_mm: f32,
     /// It and the link before are lengthened until they meet: a corner too short for
     /// a block of its own (S68).
     pub is_lengthened: bool,
 }
 
-/// A link that stays, and where the tool is on it.
+/// A link that is not consumed, and where the tool is on it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Placed {
     /// Index of the link.
@@ -91,7 +90,7 @@ pub(crate) fn turn(a: &Element, b: &Element, d_mm: f64) -> Turn {
 
 /// Whether the offset of an element bends so little that half of a short corner is on it.
 ///
-/// Where the tool just fits into a fillet hardly a circle is left of it.
+/// If the tool just fits into a fillet, hardly a circle is left of it.
 fn is_flat(element: &Element, d_mm: f64, gap_mm: f64) -> bool {
     match element {
         Element::Line(_) => true,
@@ -148,12 +147,12 @@ pub(crate) fn push(
     links.push(link);
 }
 
-/// How far the ends of the offsets are apart at an outside corner, mm (S68: A and C).
+/// The distance between the ends of the offsets at an outside corner, mm (S68: A and C).
 pub(crate) fn gap(before: Vec2, after: Vec2, d_mm: f64) -> f64 {
     (after - before).norm() * d_mm.abs()
 }
 
-/// Whether the corner between two is so short that they are lengthened instead.
+/// Whether the corner between two elements is so short that they are lengthened instead.
 fn is_short(before: &ChainLink, link: &ChainLink, short_mm: f64) -> bool {
     if before.element.is_line() && link.element.is_line() {
         return false;
@@ -163,7 +162,7 @@ fn is_short(before: &ChainLink, link: &ChainLink, short_mm: f64) -> bool {
         return false;
     }
     let offsets = before.element.offset(before.d_out_mm).zip(link.element.offset(link.d_in_mm));
-    // Nearly tangent circles may meet far away: then the corner is gone around.
+    // Nearly tangent circles may meet far away: then the tool goes around the corner.
     let is_near = |trim: f64| trim.abs() <= 2.0 * short_mm;
     offsets
         .and_then(|(behind, ahead)| meet_across(&behind, &ahead))
@@ -172,9 +171,9 @@ fn is_short(before: &ChainLink, link: &ChainLink, short_mm: f64) -> bool {
 
 /// Joins all links.
 ///
-/// `slack` is how far elements that were not neighbours in the program may miss
-/// each other, mm. Each pair of neighbours in the result whose indices are not
-/// next to each other has consumed what lies between.
+/// `slack` is how far elements that were not neighbours in the program may miss each other, mm. If
+/// two neighbours in the result have indices that are not consecutive, they have consumed what lies
+/// between.
 pub(crate) fn join(links: &[ChainLink], slack: f64) -> Vec<Placed> {
     let mut placed: Vec<Placed> = Vec::with_capacity(links.len());
     for (index, link) in links.iter().enumerate() {
@@ -203,8 +202,8 @@ pub(crate) fn join(links: &[ChainLink], slack: f64) -> Vec<Placed> {
             };
             let ends_before = room - meeting.trim_b.max(0.0) < -LENGTH_MM;
             if top_room - top.trim_in.max(0.0) - meeting.trim_a.max(0.0) < -LENGTH_MM {
-                // Beyond the end of a chord the curve goes elsewhere: it takes only what
-                // the tool cannot be on beside it.
+                // Beyond the end of a chord the curve bends away, so the chord consumes only what
+                // the tool cannot reach next to it.
                 if ends_before && distance_to(&link.element, top.start) >= link.d_in_mm.abs() {
                     break;
                 }
@@ -226,7 +225,7 @@ pub(crate) fn join(links: &[ChainLink], slack: f64) -> Vec<Placed> {
             break;
         }
     }
-    // What was placed last ends untrimmed, even if something after it was tried.
+    // The last one ends untrimmed, even if something after it was tried.
     if let Some(last) = placed.last_mut() {
         let link = &links[last.link];
         if let Some(element) = link.element.offset(link.d_out_mm) {
@@ -238,8 +237,8 @@ pub(crate) fn join(links: &[ChainLink], slack: f64) -> Vec<Placed> {
     placed
 }
 
-/// Chords at the free ends of a contour that are noise beside a line: the tool goes along
-/// the line as far as they do.
+/// Consumes chords at the free ends of a contour that are noise next to a line: the tool follows
+/// the line as far as they go.
 fn lengthen_ends(links: &[ChainLink], placed: &mut [Placed], slack: f64) {
     let (Some(very_first), Some(very_last)) = (links.first(), links.last()) else { return };
     let is_run = |link: &ChainLink| matches!(link.role, Role::Run(_));
@@ -265,7 +264,7 @@ fn lengthen_ends(links: &[ChainLink], placed: &mut [Placed], slack: f64) {
     }
 }
 
-/// How far along the line of a link a point lies that is within `slack` of it, mm.
+/// How far along the line of a link a point lies that is within `slack` of the line, mm.
 fn along_line(link: &ChainLink, point: Vec2, slack: f64) -> Option<f64> {
     let Element::Line(line) = &link.element else { return None };
     let out = point - line.start;
@@ -287,12 +286,12 @@ fn length(link: &ChainLink, compensated: &Element) -> f64 {
     }
 }
 
-/// Which of two that do not meet is left out: corners, then what is shorter.
+/// Which of two that do not meet is left out: corners first, then the shorter one.
 fn is_smaller(a: &ChainLink, b: &ChainLink) -> bool {
     length(a, &a.element) < length(b, &b.element)
 }
 
-/// Where one link is left for the next that is placed.
+/// Where the tool leaves one link for the next that is placed.
 pub(crate) fn joint(
     a: &ChainLink,
     behind: &Element,
@@ -338,8 +337,8 @@ pub(crate) fn joint(
     if !is_hardly_bent(a, b) {
         return bent(a, b, meeting);
     }
-    // Rounded coordinates bend what was tangent, and what was merged ends a hair beside what comes
-    // next: nearly tangent, both offsets then meet far from the joint, or not at all.
+    // Rounded coordinates bend what was tangent, and what was merged ends a hair off what comes
+    // next. Such nearly tangent offsets meet far from the joint, or not at all.
     let is_near = |it: &Meeting| it.trim_a.max(it.trim_b) <= 2.0 * MERGE_MM;
     meeting.filter(is_near).or_else(|| {
         let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
@@ -348,8 +347,8 @@ pub(crate) fn joint(
     })
 }
 
-/// The joint at a small inside corner, where the last digit of a centre moves the meeting of two
-/// nearly tangent circles away from it: there the tangents meet.
+/// The joint at a small inside corner, where the last digit of a centre moves the meeting point of
+/// two nearly tangent circles away: there the tangents meet.
 fn bent(a: &ChainLink, b: &ChainLink, meeting: Option<Meeting>) -> Option<Meeting> {
     let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
     let sine = cross(before, after) * b.d_in_mm.signum();
@@ -367,8 +366,8 @@ fn bent(a: &ChainLink, b: &ChainLink, meeting: Option<Meeting>) -> Option<Meetin
     Some(Meeting { point, trim_a: gap_mm / 2.0, trim_b: gap_mm / 2.0 })
 }
 
-/// Whether one goes on in the other but for what merging allows: without a joint the tool would
-/// come nearer by half the square of the sine, times its radius.
+/// Whether one element continues the other within what merging allows. Without a joint the tool
+/// would come nearer by half the square of the sine, times its radius.
 fn is_hardly_bent(a: &ChainLink, b: &ChainLink) -> bool {
     let (before, after) = (a.element.end_tangent(), b.element.start_tangent());
     let sine = cross(before, after).abs();

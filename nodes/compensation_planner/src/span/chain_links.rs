@@ -1,7 +1,7 @@
-//! Which links the chain of a span has.
+//! Lists the links of a span's chain: runs, the corners between them, and the leads that take part
+//! in a corner.
 //!
-//! Runs, the corners between them, and the leads where they take part in a corner; where
-//! these are joined is the business of `chain`.
+//! `chain` joins them.
 
 use crate::geometry::element::Element;
 use crate::geometry::frame::in_plane;
@@ -11,8 +11,7 @@ use crate::span::{Lead, Run, Span};
 use cnc_msgs::contour::Approach;
 use cnc_msgs::profile::{Profile, SelectTarget};
 
-/// The chain of a span: the leads where they take part in a corner, runs and corners;
-/// with all radii scaled.
+/// The links of a span, with all radii scaled: leads that take part in a corner, runs and corners.
 pub(crate) fn links(
     span: &Span<'_>,
     runs: &[Run],
@@ -25,7 +24,7 @@ pub(crate) fn links(
     let first = runs.first().map(|run| run.element);
     let joins_on = |lead: &Element| match profile.select.target {
         _ if span.entry.is_joined => true,
-        // Where the imaginary line comes straight back there is no intersection.
+        // If the imaginary line comes straight back, there is no intersection.
         _ if span.entry.lead.along.is_some() => first
             .is_some_and(|first| 1.0 + lead.end_tangent().dot(&first.start_tangent()) >= REVERSAL),
         _ if span.entry.is_link => is_outside_corner(lead, first, d_mm, &span.entry.lead),
@@ -73,7 +72,7 @@ fn is_outside_corner(lead: &Element, first: Option<Element>, d_mm: f64, of: &Lea
 fn line_of(lead: &Lead, span: &Span<'_>) -> Option<Element> {
     let end = in_plane(span.plane, lead.motion.end);
     match lead.along {
-        // However far it comes from.
+        // However far away it begins.
         Some(along) => Element::line(end - along.normalize() * 1e3, end),
         None => Element::line(in_plane(span.plane, lead.start), end),
     }

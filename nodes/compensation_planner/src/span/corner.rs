@@ -1,9 +1,9 @@
 //! What the tool does at an outside corner.
 //!
-//! Arc: around the corner (S06). Intersection: on along both offsets, lines and
-//! circles, until they meet (O05). Extend by radius: the intersection for obtuse corners, for acute ones
-//! both tangents lengthened by the radius and joined (S08, S26). Lines are
-//! lengthened themselves; of arcs the tangents are followed in lines.
+//! Arc: around the corner (S06). Intersection: on along both offsets, lines and circles, until they
+//! meet (O05). Extend by radius: the intersection for obtuse corners; for acute ones both tangents,
+//! lengthened by the radius and joined (S08, S26). Lines are lengthened themselves; arcs continue
+//! along their tangents.
 
 use crate::geometry::element::{Arc, Element, Vec2, left};
 use crate::geometry::intersect::crossings;
@@ -13,16 +13,16 @@ use crate::span::chain::{ChainLink, Placed, Role, gap, line_corner};
 use cnc_msgs::contour::OutsideCorner;
 use std::f64::consts::{PI, TAU};
 
-/// How a corner is gone around.
+/// How the tool goes around a corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Around {
     Arc,
-    /// An arc in place of an intersection that is not there (O08).
+    /// An arc, because the intersection does not exist (O08).
     NoIntersection,
     Lines(Lines),
 }
 
-/// Corner points in order, without what the neighbouring lines do themselves.
+/// Corner points in order, without the lines that lengthen the neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Lines {
     points: [Vec2; 3],
@@ -45,7 +45,7 @@ impl Lines {
         &self.points[..self.count]
     }
 
-    /// Where the generated lines end, and the element after goes on.
+    /// Where the generated lines end and the element after them continues.
     pub(crate) fn last(&self) -> Vec2 {
         self.points().last().copied().unwrap_or(self.before_end)
     }
@@ -56,7 +56,7 @@ impl Lines {
     }
 }
 
-/// Knows how each corner of a span is gone around.
+/// Knows how the tool goes around each corner of a span.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Corners<'a> {
     pub span: &'a Span<'a>,
@@ -104,8 +104,8 @@ impl Corners<'_> {
         }
     }
 
-    /// The way around a corner that is not an arc, with what its neighbours are
-    /// lengthened by.
+    /// How the tool goes around a corner that is not an arc, and how far its neighbours are
+    /// lengthened.
     pub(crate) fn pieces(
         &self,
         links: &[ChainLink],
@@ -115,7 +115,7 @@ impl Corners<'_> {
         let lines = self.lines(links, placed, index)?;
         let (before, after) = neighbours(links, placed, index)?;
         let d_mm = links[placed[index].link].d_in_mm;
-        // What was merged ends a hair beside the corner: no way around the circle.
+        // A merged run ends a hair off the corner; that must not become a whole turn.
         let on = |element: &Element, longer: f64, from: Vec2, to: Vec2| match element.offset(d_mm) {
             Some(Element::Arc(arc)) if longer > LENGTH_MM => {
                 Element::arc(from, to, arc.center, arc.turn > 0.0, 0)
@@ -134,10 +134,10 @@ impl Corners<'_> {
     }
 }
 
-/// Pieces of a corner at most.
+/// The most pieces of a corner.
 pub(crate) const PIECES: usize = 5;
 
-/// The elements that a corner joins, where both are still there.
+/// The elements that a corner joins, if both still exist.
 fn neighbours<'a>(
     links: &'a [ChainLink],
     placed: &[Placed],
@@ -203,7 +203,7 @@ fn intersection(corner: &Arc, before: &Element, after: &Element, d_mm: f64) -> O
         })
 }
 
-/// How much an element is longer, mm; of circles that less than half a turn is meant.
+/// How much longer an element becomes, mm; on circles less than half a turn is meant.
 fn lengthened(element: &Element, longer: f64) -> f64 {
     match element {
         Element::Arc(arc) if longer < -PI * arc.radius => longer + TAU * arc.radius,
@@ -211,7 +211,7 @@ fn lengthened(element: &Element, longer: f64) -> f64 {
     }
 }
 
-/// Along the tangents to their intersection, or cut short beyond a right angle.
+/// Follows the tangents to their intersection, or cuts the corner short beyond a right angle.
 fn along_tangents(corner: &Arc, is_line: (bool, bool), d_mm: f64) -> Lines {
     let (before, after) = tangents(corner, d_mm);
     let radius = d_mm.abs();

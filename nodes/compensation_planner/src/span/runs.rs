@@ -1,9 +1,9 @@
-//! Makes one run of legs that follow one line or arc.
+//! Merges legs that follow one line or arc into a run.
 //!
-//! A post processor splits lines and arcs; the tool path must not depend on
-//! where. Legs within [`MERGE_MM`] of one line or arc become one for the
-//! geometry; `write` splits them again at the normal points. Lines may be taken
-//! more coarsely, where the rounding of posted coordinates hides them.
+//! A post processor splits lines and arcs, and the tool path must not depend on where. Legs within
+//! [`MERGE_MM`] of one line or arc become one for the geometry; `span_writer` splits them again at
+//! the normal points. Lines may be merged more coarsely, where the rounding of posted coordinates
+//! hides them.
 
 use crate::geometry::element::{Arc, Element, Vec2, cross, left};
 use crate::geometry::frame::{element_from, in_plane};
@@ -11,17 +11,17 @@ use crate::geometry::tolerance::{LENGTH_MM, MERGE_MM};
 use crate::span::{AtChange, Leg, Run, Span};
 use cnc_msgs::geometry::Shape;
 
-/// As many legs as may lead to a closed contour, and one.
+/// How many legs may lead to a closed contour, plus one.
 const LEADING_LEGS: usize = 4;
 
-/// How far from the end of its last leg a merged arc may end, mm: less than what is one place.
-/// A tangent element that begins there would meet its offset far away, or not at all.
+/// How far from the end of its last leg a merged arc may end, mm: less than what counts as one
+/// place. A tangent element that begins there would meet its offset far away, or not at all.
 const ENDS_MM: f64 = 0.1 * LENGTH_MM;
 
 /// The runs of a span, and each leg's place in its run.
 ///
-/// Points within `straight_mm` of a line, at least [`MERGE_MM`], are on it. What the other side
-/// of the tool is joined with is taken as coarsely as [`Span::at_change`] says.
+/// Points within `straight_mm` of a line, at least [`MERGE_MM`], are on it. Runs next to a change
+/// of side are merged as coarsely as [`Span::at_change`] says.
 pub(crate) fn runs(span: &mut Span<'_>, straight_mm: f64) -> Vec<Run> {
     some_runs(span, straight_mm, usize::MAX)
 }
@@ -39,7 +39,7 @@ pub(crate) fn last_runs(span: &Span<'_>, straight_mm: f64) -> Vec<Run> {
     runs.split_off(runs.len().saturating_sub(2))
 }
 
-/// The first runs, at most so many and one.
+/// The first runs: `count` of them and one more at most.
 fn some_runs(span: &mut Span<'_>, straight_mm: f64, most: usize) -> Vec<Run> {
     let [from, to] = span.at_change.clone();
     let ends = [from.as_ref().map(|from| from.legs.end), to.as_ref().map(|to| to.legs.start)];
@@ -56,7 +56,7 @@ fn some_runs(span: &mut Span<'_>, straight_mm: f64, most: usize) -> Vec<Run> {
         }
         let straight_mm = width_of(index);
         let leg = span.legs[index];
-        // Behind an arc that has taken a short piece a line starts where the arc ends.
+        // After an arc that has taken in a short piece, a line starts where the arc ends.
         let arc = runs.last().map(|run| &run.element).filter(|element| !element.is_line());
         let start = arc
             .map(Element::end)
@@ -97,14 +97,14 @@ fn some_runs(span: &mut Span<'_>, straight_mm: f64, most: usize) -> Vec<Run> {
     runs
 }
 
-/// Whether a contour comes back to where it began, or to where what leads to it ended: a line that
-/// went on over that point would pass it by as far as merging takes it.
+/// Whether a contour returns to where it began, or to the end of what leads to it. A line merged
+/// across that point would miss it by the merging tolerance.
 fn closes(before: &[Leg<'_>], start: Vec2) -> bool {
     let is_there = |leg: &Leg<'_>| (leg.start - start).norm() <= LENGTH_MM;
     before.iter().take(LEADING_LEGS).any(is_there)
 }
 
-/// Whether a point is beside another by more than rounding and less than what is merged.
+/// Whether two points are farther apart than rounding and nearer than what is merged.
 fn is_off(a: Vec2, b: Vec2) -> bool {
     (LENGTH_MM..=MERGE_MM).contains(&(a - b).norm())
 }
@@ -160,7 +160,7 @@ fn settle(run: &Run, span: &mut Span<'_>) {
             span.legs[legs.end - 1].reach = line.length;
         }
         Element::Arc(_) => {
-            // Short lines before an arc have no part of it.
+            // Short lines before an arc are no part of it.
             for leg in &mut span.legs[legs] {
                 if leg.motion.shape != Shape::Line {
                     break;
@@ -171,8 +171,7 @@ fn settle(run: &Run, span: &mut Span<'_>) {
     }
 }
 
-/// The directions in which a line from a start passes all points so far within
-/// the tolerance.
+/// The directions in which a line from a start passes all points so far within the tolerance.
 #[derive(Debug, Clone, Copy)]
 struct Cone {
     start: Vec2,
@@ -198,8 +197,8 @@ impl Cone {
         cone
     }
 
-    /// Takes another point as the end of the line; the inner `None` means that
-    /// the line is still one point.
+    /// Takes another point as the end of the line. The inner `None` means that the line is still
+    /// one point.
     fn extend(&mut self, end: Vec2) -> Option<Option<Element>> {
         let out = end - self.start;
         let distance = out.norm();

@@ -1,7 +1,7 @@
 //! One block of manual data input.
 //!
-//! A lead-on needs the block behind it, and there is none: whatever the words of
-//! a single block select, it runs as it is programmed, or not at all (N09, C20).
+//! A lead-on needs the block after it, and here is none. So a single block runs as programmed, or
+//! not at all, whatever its words select (N09, C20).
 
 use crate::tools::verdict::{Verdict, judge};
 use crate::walk::plan::Planning;

@@ -1,9 +1,9 @@
-//! The rest of a running program with another value of its offset (S46, S48).
+//! Plans the rest of a running program with another value of its offset (S46, S48).
 //!
-//! What the machine has been sent stays as it is; the next straight block of the
-//! contour that is not among it starts at the intersection with the old radius and
-//! ends at the one with the new, as if the program had changed its offset there
-//! (S43). Lengths of tools stay: they would move the machine where it stands.
+//! What the machine has been sent stays as it is. The next straight block after it starts at the
+//! intersection with the old radius and ends at the intersection with the new one, as if the
+//! program had changed its offset there (S43). Tool lengths stay: they would move the machine where
+//! it stands.
 
 use crate::geometry::frame::in_plane;
 use crate::geometry::tolerance::MERGE_MM;
@@ -17,19 +17,19 @@ use cnc_msgs::profile::{LiveValue, Profile, RadiusValue};
 use cnc_msgs::radius::resolve;
 use cnc_msgs::tool_table::ToolTable;
 
-/// A path that begins as the one that runs, and goes on with other radii.
+/// A path that begins like the running one and continues with other radii.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replanned {
-    /// What it is the path of: the program with its change of radius.
+    /// The program with its change of radius; the path is made from it.
     pub contour: ProgrammedContour,
-    /// The tools that it is planned with: new radii, old lengths.
+    /// The tools of this plan: new radii, old lengths.
     pub tools: ToolTable,
     pub plan: Plan,
     /// The block that ends with the new radius.
     pub from_line: u32,
 }
 
-/// Why the program goes on as it is.
+/// Why the program continues unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{message}")]
 pub struct NotReplanned {
@@ -50,12 +50,12 @@ impl From<&str> for NotReplanned {
     }
 }
 
-/// Plans the rest of a program that runs along `running`, of which `settled` elements
-/// have been sent or are about to be.
+/// Plans the rest of a program that runs along `running`, of which `settled` elements have been
+/// sent or are about to be.
 ///
 /// # Errors
-/// The control does not work so, nothing is left to change, or the rest cannot be
-/// cut: the program goes on as it is.
+/// The control does not support this, nothing is left to change, or the rest cannot be cut: the
+/// program continues unchanged.
 pub fn replan(
     program: LoadedProgram<'_>,
     before: &ToolTable,
@@ -102,9 +102,10 @@ pub fn replan(
     Ok(Replanned { contour: changed, tools, plan, from_line })
 }
 
-/// Whether a path begins as what has been sent.
+/// Whether a path begins like the elements that have been sent.
 ///
-/// A block that was one line with the next and now ends it differs by what merging allows.
+/// A block that was merged with the next and is now the last of its line may differ by the merging
+/// tolerance.
 fn begins_as(path: &CompensatedPath, sent: &[PathElement]) -> bool {
     let is_near =
         |a: Position, b: Position| (0..3).all(|axis| (a[axis] - b[axis]).abs() <= MERGE_MM);
@@ -122,8 +123,8 @@ fn begins_as(path: &CompensatedPath, sent: &[PathElement]) -> bool {
     begins.is_some_and(|begins| begins.iter().zip(sent).all(|(now, sent)| is_same(now, sent)))
 }
 
-/// The first straight move in the plane behind the last block that anything was sent
-/// of: its place among the events, and its line.
+/// The first straight move in the plane after the last block of which anything was sent: its place
+/// among the events, and its line.
 fn next_straight(
     contour: &ProgrammedContour,
     running: &CompensatedPath,
@@ -149,7 +150,7 @@ fn next_straight(
     None
 }
 
-/// A word whose value has changed as the value it had.
+/// Replaces a word whose value has changed by the value that it had.
 fn literal(
     word: RadiusSource,
     profile: &Profile,

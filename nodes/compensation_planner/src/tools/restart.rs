@@ -1,7 +1,7 @@
-//! How a run begins at a line of a program, by the rules of its control.
+//! Plans how a run begins at a line of a program, by the rules of its control.
 //!
-//! Knows where compensation is on and which point of the path comes next. How the tool
-//! gets there and what is sent to a controller is the driver's business.
+//! Knows where compensation is on and which point of the path comes next. The driver decides how
+//! the tool gets there and what is sent to the controller.
 
 use crate::check::finding::block_name;
 use cnc_msgs::contour::{Action, ContourEventKind, CutterSide, ProgrammedContour, Source};
@@ -18,7 +18,7 @@ pub struct Start {
     /// Where the first element starts, work frame, mm.
     pub at: Position,
     pub in_span: StartInSpan,
-    /// The control would not begin there, and its profile says to warn of it.
+    /// Set if the control would not begin there and its profile makes that a warning.
     pub warning: Option<Finding>,
     first: PathElement,
     in_force: Vec<PathEvent>,
@@ -28,7 +28,7 @@ pub struct Start {
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoStart {
     pub finding: Finding,
-    /// The block before the selection: the nearest place to begin at.
+    /// The block before the selection: the nearest line to begin at.
     pub nearest: Source,
 }
 
@@ -53,7 +53,7 @@ pub fn start(
             .help(format!("begin at line {} or before", past_end.last));
         Box::new(NoStart { finding, nearest: Source { line: past_end.last, ..of_line } })
     })?;
-    // What the path says counts: a move after a cancel can be compensated still.
+    // The path decides: a move after a cancel can still be compensated.
     let begins_in_span = path.begins_in_span(entry.element);
     let (span, ended) = span_at(contour, profile, line);
     let span = span.or(ended.filter(|_| begins_in_span));
@@ -93,7 +93,7 @@ pub fn start(
     })
 }
 
-/// Compensation that is on where a line begins.
+/// Compensation that is on at the start of a line.
 #[derive(Debug, Clone, Copy)]
 struct Span {
     selected: Source,
@@ -102,15 +102,15 @@ struct Span {
     plane: Plane,
 }
 
-/// What is on where a line begins, and what was on last before it.
+/// Compensation that is on at the start of a line, and the last one before it.
 fn span_at(
     contour: &ProgrammedContour,
     profile: &Profile,
     line: u32,
 ) -> (Option<Span>, Option<Span>) {
     let mut plane = Plane::default();
-    // The last block outside of compensation so far or the end of a lead-off, and the block
-    // before it.
+    // The last block so far that is outside compensation or ends a lead-off, and the block before
+    // it.
     let (mut last, mut is_free) = (Source::default(), true);
     let mut before = None;
     let (mut span, mut ended): (Option<Span>, Option<Span>) = (None, None);

@@ -1,8 +1,7 @@
-//! What one request makes of the tool table, or why it is refused.
+//! Turns one request into a new tool table, or says why it is refused.
 //!
-//! Knows tables and requests, and asks the planner whether the loaded program
-//! can still be cut. The file of the table is `tool_file`'s; publishing is the
-//! shell's.
+//! Knows tables and requests, and asks the planner whether the loaded program can still be cut.
+//! `tool_file` writes the file of the table; the shell publishes.
 
 use crate::tools::verdict::{Disagreement, Verdict, judge};
 use crate::walk::plan::Planning;
@@ -13,7 +12,7 @@ use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::units::mm_from_m;
 use cnc_msgs::wire::cnc_msgs::srv::{SetToolRequest, SetToolResponse};
 
-/// A larger tool is a mistake of units, mm: the request is in metres.
+/// A larger size is a mistake of units, mm: the request is in metres.
 const SIZE_MM_MAX: f64 = 1_000.0;
 
 /// Why nothing was changed.
@@ -53,14 +52,14 @@ impl std::fmt::Display for Row {
     }
 }
 
-/// The table as the request wants it.
+/// The changed table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
     pub tools: ToolTable,
     pub row: Row,
     /// Whether the table had no such row.
     pub is_new: bool,
-    /// Keys of the row as the tool file names them, with what they become.
+    /// Keys of the row as in the tool file, with their new values.
     pub values: Vec<(&'static str, f64)>,
 }
 
@@ -190,13 +189,14 @@ pub struct LoadedProgram<'a> {
     pub profile: &'a Profile,
 }
 
-/// Whether a program that could be cut still can.
+/// Checks that a program that could be cut still can.
 ///
-/// A program that is refused already stays so, or is mended by the change: it
-/// does not keep anybody from correcting its tools one by one.
+/// A program that is already refused stays refused, or is mended by the change: so its tools can be
+/// corrected one by one.
 ///
 /// # Errors
-/// It could be cut with `before` and not with the change.
+///
+/// It could be cut with `before` and cannot with the change.
 pub fn still_cuts(
     program: LoadedProgram<'_>,
     before: &ToolTable,
@@ -219,7 +219,7 @@ pub fn still_cuts(
     Err(Refusal { disagreement: disagreement.map(Box::new), ..refusal })
 }
 
-/// A finding in one line, with its place.
+/// Message and help of a finding in one line, with its place.
 pub(crate) fn message_and_help(finding: &Finding) -> String {
     let block = finding.source.block.map(|block| format!(" (N{block})")).unwrap_or_default();
     format!("line {}{block}: {}", finding.source.line, finding.message)

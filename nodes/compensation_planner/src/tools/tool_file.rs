@@ -1,16 +1,15 @@
-//! A tool file with one row changed, and all else as its owner wrote it.
+//! Changes one row of a tool file, and keeps everything else as its owner wrote it.
 //!
-//! Knows the two ways in which people write a row: `1: {diameter_mm: 10.0}` in
-//! one line, or one key a line below `1:`. Text in, text out. Whoever writes the
-//! file reads the result again first: where it is not the table that was meant,
-//! the owner writes in a third way, and [`whole`] is all that is left.
+//! Knows the two forms in which people write a row: `1: {diameter_mm: 10.0}` in one line, or one
+//! key a line below `1:`. Text in, text out. The caller reads the result again before it writes the
+//! file. If that is not the intended table, the owner uses a third form, and only [`whole`] is
+//! left.
 
 use crate::tools::set_tool::{Change, Row};
 use cnc_msgs::tool_table::ToolTable;
 use std::fmt::Write as _;
 
-/// The text with the row of a change as the change wants it, comments kept.
-/// `None` where the row cannot be found its place.
+/// The text with the changed row, comments kept. `None` if the row has no place in it.
 pub fn edited(text: &str, change: &Change) -> Option<String> {
     let (section, number) = match change.row {
         Row::Tool(number) => ("tools", number),
@@ -62,7 +61,7 @@ pub fn edited(text: &str, change: &Change) -> Option<String> {
     Some(joined(&lines))
 }
 
-/// A table as a file of its own.
+/// A table as a new file.
 pub fn whole(tools: &ToolTable) -> String {
     let mut text =
         String::from("# Written by the planner: set_tool has changed it, millimetres.\n");
@@ -96,7 +95,7 @@ fn joined(lines: &[String]) -> String {
     lines.join("\n") + "\n"
 }
 
-/// A number as YAML reads it back: a tip direction is whole, all else has a point.
+/// A number as YAML reads it back: a tip direction is whole, all others have a point.
 fn shown(key: &str, value: f64) -> String {
     if key == "tip_direction" { format!("{value}") } else { format!("{value:?}") }
 }

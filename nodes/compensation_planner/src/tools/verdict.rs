@@ -1,10 +1,10 @@
-//! One verdict on a contour, whoever asks for it: the plan, and the proof of its path.
+//! One verdict on a contour for all callers: the plan, and the proof of its path.
 //!
-//! `kerf plan`, `kerf check`, the planner's node, `set_tool`, single blocks, the rest of a run
-//! and `kerf replay` all ask [`judge`] or [`prove`], and nobody asks only one of the two
-//! algorithms. Where both disagree, the path is refused and the verdict says that Kerf is wrong
-//! and not the program, with a name for the file that a shell keeps for a report. Where one of
-//! them has only reached a limit, that is no disagreement: the contour is refused with what to do.
+//! `kerf plan`, `kerf check`, the planner's node, `set_tool`, single blocks, replans and `kerf
+//! replay` all ask [`judge`] or [`prove`]. Nobody asks only one of the two algorithms. If they
+//! disagree, the path is refused. The verdict then says that Kerf is wrong and not the program, and
+//! names the file that a shell keeps for a report. If one of them has only reached a limit, that is
+//! no disagreement: the contour is refused with advice.
 
 use crate::walk::plan::{Plan, Planning, plan_with};
 use cnc_msgs::chunk::ITEM_COUNT_MAX;
@@ -20,13 +20,14 @@ use std::fmt::Write;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Verdict {
     pub plan: Plan,
-    /// `None`: the planner refused the contour, so that there was no path to audit.
+    /// `None`: the planner refused the contour, so there was no path to audit.
     pub audit: Option<Audit>,
     /// The planner accepted the contour, and the audit refused its path.
     pub disagreement: Option<Disagreement>,
 }
 
-/// A contour on which both algorithms disagree, a defect of Kerf; with all that a report needs.
+/// A contour on which the two algorithms disagree, a defect of Kerf; with everything that a report
+/// needs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Disagreement {
     /// Name of the file that keeps the program; the same wherever the verdict is made.
@@ -34,7 +35,7 @@ pub struct Disagreement {
     pub contour: ProgrammedContour,
     pub profile: Profile,
     pub tools: ToolTable,
-    /// What was said of it, the internal error first.
+    /// The findings about it, the internal error first.
     pub findings: Vec<Finding>,
 }
 
@@ -57,8 +58,8 @@ pub fn judge(
     prove(plan_with(contour, profile, tools, planning), contour, profile, tools)
 }
 
-/// Audits a plan before anybody runs it. What the planner has said already is not said again,
-/// and what is an error refuses the plan; what is a warning is one of the plan too.
+/// Audits a plan before anybody runs it. Findings that the planner has reported already are not
+/// repeated. An error of the audit refuses the plan; a warning becomes one of the plan.
 pub fn prove(
     mut plan: Plan,
     contour: &ProgrammedContour,
@@ -81,7 +82,7 @@ pub fn prove(
         plan.findings.sort_by_key(|finding| finding.source.line);
         return Verdict { plan, audit: Some(audit), disagreement: None };
     }
-    // A limit of the audit is no other opinion.
+    // A limit of the audit is no disagreement.
     let contradicts = |finding: &&Finding| finding.is_error() && finding.code != Code::Limit;
     let disagrees = audit.findings.iter().any(|finding| contradicts(&finding));
     let name = disagrees.then(|| file_name(contour, profile, tools));
@@ -100,14 +101,14 @@ pub fn prove(
 /// Refuses a plan that was accepted.
 fn refuse(plan: &mut Plan, why: impl IntoIterator<Item = Finding>) {
     plan.findings.extend(why);
-    // What is about the program as a whole comes first.
+    // Findings about the program as a whole come first.
     plan.findings.sort_by_key(|finding| finding.source.line);
     plan.refused = std::mem::take(&mut plan.path).elements;
     plan.uncut.clear();
 }
 
-/// What no node takes: a contour that is longer than messages are, a path that is too long for
-/// the driver.
+/// Finds what no node accepts: a contour longer than messages can be, or a path too long for the
+/// driver.
 fn too_long(contour_events: usize, [elements, functions]: [usize; 2]) -> Option<Finding> {
     let limit = |message| Finding::error(Code::Limit, Source::default(), message);
     if contour_events as u64 > ITEM_COUNT_MAX {
@@ -119,7 +120,7 @@ fn too_long(contour_events: usize, [elements, functions]: [usize; 2]) -> Option<
     Some(limit(too_long.to_string()).help(PathTooLong::help()))
 }
 
-/// Depends on what was judged, and on nothing else.
+/// Depends only on what was judged.
 fn file_name(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> String {
     let mut name = Fnv::default();
     // Writing to it cannot fail.
@@ -140,7 +141,7 @@ fn internal_error(file_name: &str) -> Finding {
     ))
 }
 
-/// FNV-1a: a number that is the same everywhere, of whatever is written.
+/// FNV-1a: a hash that is the same on every machine.
 #[derive(Debug)]
 struct Fnv(u64);
 
@@ -174,12 +175,13 @@ pub(crate) mod tests {
         static SPOILS: Cell<fn(&ToolTable) -> bool> = const { Cell::new(|_| false) };
     }
 
-    /// As if the planner were wrong, with these tools, in this thread from now on.
+    /// From now on, in this thread, damages the path of plans with these tools, as if the planner
+    /// were wrong.
     pub(crate) fn spoil_if(spoils: fn(&ToolTable) -> bool) {
         SPOILS.set(spoils);
     }
 
-    /// The same with all tools.
+    /// The same with any tools.
     pub(crate) fn spoil_paths() {
         spoil_if(|_| true);
     }

@@ -1,7 +1,7 @@
-//! One span: from its legs to compensated elements.
+//! Solves one span: from its legs to compensated elements.
 //!
-//! Brings the parts together in order: runs, leads, joints, what cannot be
-//! reached, and the way back from runs to blocks. Each part's rules are its own.
+//! Calls the parts in order: runs, leads, joints, what cannot be reached, and back from runs to
+//! blocks. Each part has its own rules.
 
 use crate::check::certificate::{Certificate, Subject};
 use crate::check::finding;
@@ -27,7 +27,7 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{Profile, Reaction};
 
-/// Findings of one kind in a span; more help nobody, and each takes a search.
+/// The most findings of one kind in a span; more help nobody, and each takes a search.
 const FINDINGS_MAX: usize = 100;
 
 /// How a span ends.
@@ -35,9 +35,9 @@ const FINDINGS_MAX: usize = 100;
 pub(crate) enum Exit {
     /// By a move back to the programmed path.
     LeadOff(Lead),
-    /// By a move that also begins the next span, which will put it out.
+    /// By a move that also begins the next span, which writes it.
     Link(Lead),
-    /// Not at all: the program is over.
+    /// Not at all: the program ends.
     None,
 }
 
@@ -50,17 +50,17 @@ impl Exit {
     }
 }
 
-/// What is said about the spans of a contour.
+/// The findings about the spans of a contour, and what comes with them.
 #[derive(Debug, Default)]
 pub(crate) struct SpanReport {
     pub findings: Vec<Finding>,
-    /// Where certificates go, if they are wanted.
+    /// Collects certificates, if they are wanted.
     pub certificates: Option<Vec<Certificate>>,
     pub uncut: Vec<UncutRegion>,
 }
 
 impl SpanReport {
-    /// Adds what is said about a later span.
+    /// Adds the report of a later span.
     fn extend(&mut self, later: Self) {
         self.findings.extend(later.findings);
         if let Some(certificates) = &mut self.certificates {
@@ -70,8 +70,7 @@ impl SpanReport {
     }
 }
 
-/// The way of the tool along a span, and what is said about it: all that depends on
-/// nothing but the span.
+/// The tool path along a span and its findings: everything that depends on this span alone.
 #[derive(Debug)]
 pub(crate) struct Solution {
     runs: Vec<Run>,
@@ -80,11 +79,11 @@ pub(crate) struct Solution {
     layout: Layout,
     is_identity: bool,
     report: SpanReport,
-    /// The lead-on and the lead-off, once they are put out: radius, mm, and way.
+    /// The lead-on and the lead-off, once written: radius, mm, and path.
     leads: [Option<(f64, lead::LeadPath)>; 2],
 }
 
-/// Finds the way of the tool along a span.
+/// Finds the tool path along a span.
 pub(crate) fn solve(
     span: &mut Span<'_>,
     exit: &Exit,
@@ -103,9 +102,9 @@ pub(crate) fn solve(
         certificates.push(subject.certificate());
     }
     if is_any_unreachable(&chain.links, &chain.placed, tolerance) {
-        // Rounded coordinates bend short chords so much that the tool loses them,
-        // and break straight walls. Taken as straight as is accepted, the contour
-        // shows what is really too narrow.
+        // Rounded coordinates bend short chords so much that the tool loses them, and break
+        // straight walls. Straightened within the accepted tolerance, the contour shows what is
+        // really too narrow.
         let exact = chain.runs;
         straight_mm = tolerance;
         chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
@@ -114,7 +113,7 @@ pub(crate) fn solve(
         if profile.interference.react == Reaction::Trim
             && is_any_unreachable(&chain.links, &chain.placed, tolerance)
         {
-            // What is cut all the same is to be exact.
+            // What is cut in spite of that has to be exact.
             straight_mm = MERGE_MM;
             chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
         }
@@ -165,8 +164,8 @@ pub(crate) fn solve(
 }
 
 impl Solution {
-    /// Puts the span out. `behind` is the wall that a link at its start leaves; the
-    /// wall that a link at its end leaves is given back.
+    /// Writes the span. `behind` is the wall that a link at its start leaves; returns the wall that
+    /// a link at its end leaves.
     pub(crate) fn put_out(
         &mut self,
         span: &Span<'_>,
@@ -182,7 +181,7 @@ impl Solution {
         let corners = Corners { span, short_mm: profile.corner.short_block_mm };
         let joined = Joined { links, placed, corners };
         out.side = side_of(span.d_mm);
-        // What is compensated is computed at the centre, and put out there or at the tip.
+        // The path is computed at the tool centre, and written there or at the tip.
         let to_tip = tool_tip::TipShift::new(span, profile);
         out.position = to_tip.centre(span.plane, out.position, to_tip.first);
         let mut writer = SpanWriter {
@@ -255,29 +254,29 @@ impl Solution {
         &self.runs
     }
 
-    /// What the contour bounds.
+    /// The walls of the contour.
     pub(crate) fn walls(&self) -> Walls<'_> {
         Walls::of_layout(&self.runs, &self.layout)
     }
 
-    /// The way of the tool between the leads.
+    /// The tool path between the leads.
     pub(crate) fn joined<'a>(&'a self, span: &'a Span<'_>, profile: &Profile) -> Joined<'a> {
         let corners = Corners { span, short_mm: profile.corner.short_block_mm };
         Joined { links: &self.links, placed: &self.placed, corners }
     }
 
-    /// The lead-on and the lead-off, once they are put out: radius, mm, and way.
+    /// The lead-on and the lead-off, once written: radius, mm, and path.
     pub(crate) fn leads(&self) -> [Option<(f64, lead::LeadPath)>; 2] {
         self.leads
     }
 
-    /// The path is what the program says: nothing is compensated.
+    /// Whether the path is as programmed: nothing is compensated.
     pub(crate) fn is_identity(&self) -> bool {
         self.is_identity
     }
 }
 
-/// Tells what the tool does not reach.
+/// Reports what the tool does not reach.
 fn unreachable_places(
     span: &Span<'_>,
     Chain { runs, links, placed }: &Chain,
@@ -326,14 +325,14 @@ impl Chain {
         (walls.into_layout(), cuts)
     }
 
-    /// Whether a cut is made from a run that is as short as posted coordinates jump to and
-    /// fro: around such a one the tool turns anywhere.
+    /// Whether a cut is made from a run as short as the noise of posted coordinates: around such a
+    /// run the tool may turn anywhere.
     fn is_cut_by_noise(&self, cuts: &Cuts, tolerance: f64) -> bool {
         let is_short = |cut: &Cut| self.runs[cut.on].element.length() <= 2.0 * tolerance;
         cuts.cuts.iter().any(is_short)
     }
 
-    /// Takes the straights of runs from what runs they are made of.
+    /// Measures the straights of runs in the exact runs that they were merged from.
     fn measure_straights(&mut self, exact: &[Run]) {
         let mut next = 0;
         for link in &mut self.links {
@@ -350,7 +349,7 @@ impl Chain {
     }
 }
 
-/// The side that the tool runs on; none without an offset.
+/// The side that the tool runs on; `None` without an offset.
 pub(crate) fn side_of(d_mm: f64) -> Option<CutterSide> {
     match d_mm {
         _ if is_zero(d_mm) => None,

@@ -1,8 +1,8 @@
-//! Puts motions and actions out, in order.
+//! Writes motions and actions, in order.
 //!
-//! Every element starts where the one before it ended, because only ends are
-//! kept. Elements too short for any machine are left out; the next one then
-//! starts a hair earlier. What an element should be is decided elsewhere.
+//! Every element starts where the one before it ended, because only ends are kept. Elements too
+//! short for any machine are dropped; the next one then starts a hair earlier. Other files decide
+//! what an element is.
 
 use crate::geometry::element::{Arc, Element, Vec2, swept};
 use crate::geometry::frame::{height, in_plane, in_work, plane_axes};
@@ -13,7 +13,7 @@ use cnc_msgs::geometry::{self, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
 use std::f64::consts::{PI, TAU};
 
-/// What an element has beside its geometry.
+/// The properties of an element besides its geometry.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Label {
     pub role: Role,
@@ -27,7 +27,7 @@ pub(crate) struct Label {
 pub(crate) struct Emitter {
     pub path: CompensatedPath,
     pub position: Position,
-    /// Axes that a controller has been told, so that repeating them says nothing.
+    /// Axes that the controller has already been sent, so that repeating them has no effect.
     told: AxisSet,
     /// The last feed of any element.
     pub last_feed_mm_per_min: Option<f64>,
@@ -50,17 +50,17 @@ impl Emitter {
         }
     }
 
-    /// Every element of this block will end in an exact stop.
+    /// Makes every element of this block end in an exact stop.
     pub(crate) fn stop_exactly_in(&mut self, source: Source) {
         if self.exact_stops.last() != Some(&source.line) {
             self.exact_stops.push(source.line);
         }
     }
 
-    /// Puts out an action where the tool is.
+    /// Writes an action where the tool is.
     pub(crate) fn action(&mut self, action: Action, source: Source) {
         match action {
-            // Positions mean something else from here on.
+            // From here on positions have another meaning.
             Action::Reference { .. }
             | Action::Home { .. }
             | Action::MachineMove { .. }
@@ -72,13 +72,13 @@ impl Emitter {
         self.path.events.push(PathEvent { at_element: self.path.elements.len(), action, source });
     }
 
-    /// Puts a motion out as it is programmed.
+    /// Writes a motion as programmed.
     pub(crate) fn programmed(&mut self, motion: &Motion, source: Source, role: Role) {
         let label = Label { role, source, feed_mm_per_min: feed(motion), axes: motion.axes };
         self.push(motion.shape, motion.end, label);
     }
 
-    /// Puts a motion of the normal axis out where the tool is in the plane.
+    /// Writes a motion of the normal axis where the tool is in the plane.
     pub(crate) fn off_plane(&mut self, plane: Plane, motion: &Motion, source: Source) {
         let here = in_plane(plane, self.position);
         let end = in_work(plane, here, height(plane, motion.end));
@@ -108,8 +108,8 @@ impl Emitter {
         }
         let mut base = 0.0;
         let gap_mm = (point - start).norm();
-        // All around, but for a hair: were its ends to stay apart, it would be as short as that.
-        // Its joints may have moved each of them by more.
+        // A whole turn, except for a hair: if its ends stayed apart, it would be as short as that.
+        // Its joints may have moved each end by more.
         let whole = TAU * (sweep / TAU).round();
         let goes_around = whole > 0.0 && gap_mm <= LENGTH_MM && (sweep - whole).abs() < 0.5;
         if goes_around || (gap_mm < 1e-3 * LENGTH_MM && sweep > 1.0) {
@@ -129,7 +129,7 @@ impl Emitter {
             turns: turns as u16,
         });
         let end = in_work(plane, point, end_height);
-        // Most of a circle ends near its start, and goes a long way.
+        // Most of a circle also ends near its start, and is a long move.
         let stays = sweep < PI && self.stays_at(end);
         self.push_unless(stays && turns <= 0.0, shape, end, label);
     }
@@ -144,7 +144,7 @@ impl Emitter {
         moves.fold(0.0, f64::max) <= LENGTH_MM
     }
 
-    /// Puts an element out, unless it goes nowhere and says nothing.
+    /// Writes an element, unless it moves nothing and names no new axis.
     fn push_unless(&mut self, stays: bool, shape: Shape, end: Position, label: Label) {
         if stays {
             let is_programmed = matches!(label.role, Role::None | Role::OffPlane);
@@ -177,8 +177,8 @@ impl Emitter {
     }
 }
 
-/// Lines and arcs alike: from where the tool is to a point on a compensated
-/// element, `along` mm (line) or rad (arc) further.
+/// A line or an arc alike: from where the tool is to a point on a compensated element, `along` mm
+/// (line) or rad (arc) further.
 pub(crate) fn follow(
     out: &mut Emitter,
     plane: Plane,

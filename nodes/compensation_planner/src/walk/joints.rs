@@ -1,8 +1,8 @@
-//! What may stand between two blocks of a contour other than a corner.
+//! Handles what may stand between two blocks of a contour other than a corner.
 //!
-//! A change of side, a rapid that leaves the offset, a new radius that begins
-//! perpendicular: each ends the span that is being gathered and begins another.
-//! When a span begins and ends otherwise is decided in `walk`.
+//! A change of side, a rapid that leaves the offset, a new radius that begins perpendicular: each
+//! ends the span that is being gathered and begins another. `walk` decides about all other starts
+//! and ends of spans.
 
 use super::{Active, OneSide, Selection, Walk, WalkState};
 use crate::check::finding;
@@ -21,8 +21,8 @@ use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::profile::{ChangeAt, Profile, RapidMode, Strictness};
 
 impl<'a> Walk<'a> {
-    /// What the joint before a leg may be other than a corner; `None` when the
-    /// motion was no leg after all.
+    /// Handles a joint before a leg that is not a corner; `None` when the motion was no leg after
+    /// all.
     pub(super) fn before_leg(
         &mut self,
         mut active: Box<Active<'a>>,
@@ -58,10 +58,10 @@ impl<'a> Walk<'a> {
         Some(active)
     }
 
-    /// The tool goes over to the other side at the intersection of the offsets (O02).
+    /// Changes to the other side at the intersection of the offsets (O02).
     ///
-    /// Where that is depends on what the first block is merged with: [`Self::settle`] says it
-    /// once the blocks on the other side are known.
+    /// The intersection depends on what the first block is merged with. [`Self::settle`] computes
+    /// it once the blocks on the other side are known.
     fn change_side(
         &mut self,
         mut active: Box<Active<'a>>,
@@ -82,9 +82,8 @@ impl<'a> Walk<'a> {
 
     /// Ends the contour on the side that the tool came from, if there is one.
     ///
-    /// Parallel lines have no intersection, and short ones none on them: there the old contour
-    /// ends and the new one begins perpendicular; where an arc takes part, that is a
-    /// broken rule.
+    /// Parallel lines have no intersection, and short ones none on themselves: there the old
+    /// contour ends and the new one begins perpendicular. If an arc takes part, that breaks a rule.
     pub(super) fn settle(&mut self, active: &mut Active<'a>) {
         let Some(OneSide { active: mut one_side, selected }) = active.before.take() else { return };
         let lead = active.span.entry.lead;
@@ -120,7 +119,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The span ends perpendicular where the program is, and another begins there.
+    /// Ends the span perpendicular at the programmed position, and begins another there.
     fn stand_perpendicular(
         &mut self,
         active: Box<Active<'a>>,
@@ -141,7 +140,7 @@ impl<'a> Walk<'a> {
         self.opened()
     }
 
-    /// A block with a new radius begins perpendicular to the block before (SINUMERIK 880).
+    /// Begins a block with a new radius perpendicular to the block before (SINUMERIK 880).
     fn change_perpendicular(
         &mut self,
         active: Box<Active<'a>>,
@@ -160,7 +159,7 @@ impl<'a> Walk<'a> {
         self.open(selection, start, motion, source, Some(behind), true);
     }
 
-    /// A rapid that goes where it is programmed to: the offset is left and entered again.
+    /// Runs a rapid as programmed: the tool leaves the offset and enters it again.
     ///
     /// A cancel that waited for its move has nothing left to lead off from.
     fn leave_raw(&mut self, active: Active<'a>, start: Position, motion: &Motion, source: Source) {
@@ -194,8 +193,8 @@ struct Change {
 impl Change {
     /// `None` where they do not meet.
     ///
-    /// What is too short for the tool beside a change of side is taken as straight as the
-    /// profile accepts, as it is elsewhere in a contour.
+    /// What is too short for the tool next to a change of side is straightened within the accepted
+    /// tolerance, as elsewhere in a contour.
     fn of(before: &Span<'_>, next: &Span<'_>, profile: &Profile) -> Option<Self> {
         let tolerance = profile.accept_tolerance_mm;
         let widths = [MERGE_MM, tolerance.max(MERGE_MM)];
@@ -219,7 +218,7 @@ impl Change {
             }
             first = first.or(Some(change));
         }
-        // What is left out as noise after it counts as little before it.
+        // A run that is dropped as noise after the change counts as little before it.
         let (exact, [_, second]) = (first?, nexts[0].first_chunk()?);
         let at = after_noise(&exact.before, &nexts[0], (short_mm, tolerance));
         let second = ahead(second);
@@ -232,8 +231,8 @@ impl Change {
     }
 }
 
-/// Where the second run begins after a change of side, if the first is left out within what is
-/// accepted.
+/// Where the second run begins after a change of side, if the first is dropped within the accepted
+/// tolerance.
 fn after_noise(from: &OtherSide, runs: &[Run], (short_mm, slack): (f64, f64)) -> Option<Vec2> {
     let mut links = vec![chain_links::link(Role::Entry, from.element, from.d_mm, from.d_mm)];
     chain_links::push_runs(&mut links, runs, 1.0, short_mm);
@@ -243,7 +242,7 @@ fn after_noise(from: &OtherSide, runs: &[Run], (short_mm, slack): (f64, f64)) ->
     (is_second && !is_any_unreachable(&links, &placed, slack)).then_some(first.start)
 }
 
-/// Whether something is left of each run beside a change of side.
+/// Whether something is left of each run next to a change of side.
 fn is_all_reached(
     from: Option<&OtherSide>,
     runs: &[Run],

@@ -1,8 +1,9 @@
-//! Whether the tool cuts into what an earlier contour of the program has left.
+//! Checks whether the tool cuts into an earlier contour of the program.
 //!
-//! Contours are of one part when they lie in one plane of one work coordinate system. A wall
-//! is there for all that is cut at its depth or below; what is cut only above it, such as the
-//! counterbore of a hole, is meant to take its rim. A contour that is cut again is one contour.
+//! Contours belong to one part when they lie in one plane of one work coordinate system. A wall
+//! protects itself from every cut at its depth or below. A cut only above it, such as the
+//! counterbore of a hole, is meant to take its rim. A contour that is cut again is the same
+//! contour.
 
 use crate::check::finding::{self, OtherCut};
 use crate::check::interference;
@@ -21,47 +22,47 @@ use std::ops::ControlFlow;
 /// Findings of this kind in a program; more help nobody.
 const FINDINGS_MAX: usize = 100;
 
-/// What is one part: a plane, and the number of a work coordinate system.
+/// What identifies a part: a plane, and the number of a work coordinate system.
 type Part = (Plane, u8);
 
-/// What the spans so far have left.
+/// The contours of the spans so far.
 #[derive(Debug)]
 pub(crate) struct EarlierSpans<'a> {
-    /// The first span waits for a second one: most programs that are long have one only.
+    /// The first span waits for a second one: most long programs have one only.
     first: Option<Box<(Part, Span<'a>, Solution)>>,
     left: Vec<SpanWalls>,
     work_system: u8,
-    /// Boxes that may still be looked at.
+    /// Boxes that may still be visited.
     budget: usize,
-    /// How many findings there may still be.
+    /// How many findings may still be reported.
     findings_left: usize,
 }
 
-/// What one span has left.
+/// The walls of one span.
 #[derive(Debug)]
 struct SpanWalls {
     part: Part,
     walls: Vec<Wall>,
     tree: Tree,
     bounds: Bounds,
-    /// The same for a contour that is cut again, in whatever direction.
+    /// Equal for a contour that is cut again, in either direction.
     fingerprint: (usize, u64),
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Wall {
     element: Element,
-    /// The lowest that it was cut, mm.
+    /// The lowest height at which it was cut, mm.
     height_mm: f64,
     source: Source,
 }
 
-/// A piece of the way of the tool.
+/// A piece of the tool path.
 #[derive(Debug, Clone, Copy)]
 struct Piece {
     path: Element,
     radius_mm: f64,
-    /// The lowest that the tool is along it, mm.
+    /// The lowest height of the tool along it, mm.
     height_mm: f64,
     source: Source,
 }
@@ -77,14 +78,14 @@ impl<'a> EarlierSpans<'a> {
         }
     }
 
-    /// An action, in the order of the program.
+    /// Follows the work coordinate system.
     pub(crate) fn action(&mut self, action: &Action) {
         if let Action::WorkOffset { system } = action {
             self.work_system = *system;
         }
     }
 
-    /// Compares the next span with those before it; `said`: what was found in it by itself.
+    /// Compares the next span with those before it; `said`: its own findings.
     pub(crate) fn compare(
         &mut self,
         span: Span<'a>,
@@ -113,7 +114,7 @@ impl<'a> EarlierSpans<'a> {
             self.left.extend(SpanWalls::of(part, &span, &solution));
         }
         let left = SpanWalls::of(part, &span, &solution)?;
-        // A link is checked against what it leaves by itself.
+        // The span itself checks a link against the wall that it leaves.
         let by_link = |said: &&Finding| said.code == Code::LinkGouge;
         let checked: Vec<Source> = said.iter().filter(by_link).filter_map(|it| it.other).collect();
         let pieces = pieces(&span, exit, &solution, profile, said);
@@ -126,7 +127,7 @@ impl<'a> EarlierSpans<'a> {
         found
     }
 
-    /// The deepest cut into the latest span that is cut into.
+    /// The deepest cut into the latest span that is cut.
     fn cut(
         &mut self,
         of: &SpanWalls,
@@ -176,7 +177,7 @@ impl<'a> EarlierSpans<'a> {
 }
 
 impl SpanWalls {
-    /// `None` where not all was found that the contour bounds.
+    /// `None` when the walls of the contour are not complete.
     fn of(part: Part, span: &Span<'_>, solution: &Solution) -> Option<Self> {
         let walls = solution.walls();
         let heights = span.leg_heights();
@@ -205,7 +206,7 @@ impl SpanWalls {
         (self.part, self.fingerprint) == (other.part, other.fingerprint)
     }
 
-    /// The same contour, at another height.
+    /// Merges the same contour, cut at another height.
     fn is_cut_again(&mut self, other: &Self) {
         let highest = other.walls.iter().fold(f64::NEG_INFINITY, |a, wall| a.max(wall.height_mm));
         for wall in &mut self.walls {
@@ -236,7 +237,7 @@ impl Piece {
     }
 }
 
-/// The way of the tool along a span, and along those of its leads of which nothing has been said.
+/// The tool path along a span, and along those of its leads without a finding.
 fn pieces(
     span: &Span<'_>,
     exit: &Exit,
@@ -272,12 +273,12 @@ fn pieces(
     pieces
 }
 
-/// The lowest that the tool is along a run, mm.
+/// The lowest height of the tool along a run, mm.
 fn lowest(heights: &[(f64, f64)], run: &Run) -> f64 {
     heights[run.legs.clone()].iter().fold(f64::INFINITY, |low, heights| low.min(heights.0))
 }
 
-/// Of a wall, the same in both directions.
+/// A fingerprint of a wall, the same in both directions.
 fn print(element: &Element) -> u64 {
     let center = match element {
         Element::Line(_) => Vec2::zeros(),

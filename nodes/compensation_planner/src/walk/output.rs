@@ -1,8 +1,8 @@
-//! What goes out, in the order of the program.
+//! Writes spans and everything else in the order of the program.
 //!
-//! The way along a span that is led off depends on nothing else: such spans wait, with
-//! all that comes after them, until there are enough to be solved together. How many
-//! that is depends on the program alone, and so does the result.
+//! A span that ends with a lead-off depends on nothing else. Such spans wait, with everything after
+//! them, until there are enough to solve together. How many that is depends on the program alone,
+//! and so does the result.
 
 use crate::check::lead::WallBehind;
 use crate::span::{ItemKind, Span};
@@ -16,7 +16,7 @@ use cnc_msgs::path::{CompensatedPath, Role};
 use cnc_msgs::profile::Profile;
 use std::sync::{Mutex, PoisonError};
 
-/// Blocks of spans, and orders behind them, that wait at most.
+/// The most blocks of spans, and other orders after them, that wait.
 const WAITING_MAX: usize = 65_536;
 
 pub(super) struct Output<'a> {
@@ -27,11 +27,11 @@ pub(super) struct Output<'a> {
     earlier: EarlierSpans<'a>,
     /// The first is a span, if there is any.
     waiting: Vec<Order<'a>>,
-    /// Orders and the blocks of spans among them.
+    /// The number of orders, and of the blocks of spans among them.
     weight: usize,
 }
 
-/// Something to put out.
+/// Something to write.
 enum Order<'a> {
     Programmed(Motion, Source, Role),
     Action(Action, Source),
@@ -44,7 +44,7 @@ struct Job<'a> {
     span: Span<'a>,
     exit: Exit,
     behind: Option<WallBehind>,
-    /// What was said before it was complete.
+    /// The findings before it was complete.
     said: Vec<Finding>,
 }
 
@@ -76,12 +76,12 @@ impl<'a> Output<'a> {
         self.order(Order::Action(action, source));
     }
 
-    /// Every element of this block will end in an exact stop.
+    /// Makes every element of this block end in an exact stop.
     pub(super) fn stop_exactly_in(&mut self, source: Source) {
         self.order(Order::StopExactlyIn(source));
     }
 
-    /// A span; gives the wall that it leaves behind, unless it is led off.
+    /// A span; returns the wall that it leaves behind, unless it ends with a lead-off.
     pub(super) fn span(
         &mut self,
         span: Span<'a>,
@@ -105,7 +105,7 @@ impl<'a> Output<'a> {
         (self.emitter.path, self.spans)
     }
 
-    /// Puts out what waits, if that is much.
+    /// Writes what waits, if it is enough.
     pub(super) fn put_out_much(&mut self, report: &mut SpanReport) {
         if self.weight >= WAITING_MAX {
             self.put_out_waiting(report);
@@ -121,12 +121,12 @@ impl<'a> Output<'a> {
         self.waiting.push(order);
     }
 
-    /// Puts out all that waits; gives the wall that the last span leaves behind.
+    /// Writes everything that waits; returns the wall that the last span leaves behind.
     fn put_out_waiting(&mut self, report: &mut SpanReport) -> Option<WallBehind> {
         self.weight = 0;
         let mut orders = std::mem::take(&mut self.waiting);
         let mut solutions = self.solutions(&mut orders).into_iter();
-        // What was said since the last span was complete comes after what is said of it.
+        // Findings since the last span was complete come after the findings of that span.
         let said = std::mem::take(&mut report.findings);
         let mut behind = None;
         for order in orders {
@@ -142,7 +142,7 @@ impl<'a> Output<'a> {
         behind
     }
 
-    /// The ways along all spans among these orders; none along one without a contour.
+    /// The tool paths of all spans among these orders; `None` for a span without a contour.
     fn solutions(&self, orders: &mut [Order<'_>]) -> Vec<Option<Solution>> {
         type Place<'a, 'b> = Mutex<(&'a mut Job<'b>, Option<Solution>)>;
         let jobs = orders.iter_mut().filter_map(|order| match order {
@@ -163,7 +163,7 @@ impl<'a> Output<'a> {
         places.into_iter().map(solution).collect()
     }
 
-    /// Puts out what is no span.
+    /// Writes an order that is no span.
     fn put_out(&mut self, order: Order<'_>) {
         match order {
             Order::Programmed(motion, source, role) => {
@@ -215,7 +215,7 @@ impl<'a> Output<'a> {
         rest
     }
 
-    /// A span without a contour: its moves as programmed, and the finding.
+    /// Writes the moves of a span without a contour as programmed, and reports it.
     fn without_contour(&mut self, span: &Span<'_>, exit: &Exit, report: &mut SpanReport) {
         report.findings.push(empty_span(span));
         let out = &mut self.emitter;

@@ -1,4 +1,4 @@
-//! From a contour to a plan: the order of the work, and what comes of it.
+//! The plan of a contour: how to ask for it, and what it holds.
 
 use crate::check::certificate::Certificate;
 use crate::check::uncut::UncutRegion;
@@ -9,20 +9,20 @@ use cnc_msgs::path::{CompensatedPath, PathElement};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 
-/// What becomes of a contour.
+/// The result of planning a contour.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plan {
     /// The path of the tool centre; empty when the contour is refused.
     pub path: CompensatedPath,
-    /// What would have been cut, for pictures, when the contour is refused.
+    /// The path that was refused, for pictures.
     pub refused: Vec<PathElement>,
     /// All findings, by line.
     pub findings: Vec<Finding>,
     /// The compensated pieces, in order.
     pub spans: Vec<SpanSummary>,
-    /// The radii that each of them is good for, by [`plan_certified`].
+    /// The valid radii of each of them, from [`plan_certified`].
     pub certificates: Vec<Certificate>,
-    /// What stays uncut where the profile leaves out what does not fit.
+    /// What stays uncut if the profile leaves out what does not fit.
     pub uncut: Vec<UncutRegion>,
 }
 
@@ -32,12 +32,12 @@ pub struct SpanSummary {
     /// Lines of the first and last block of the contour, without its leads.
     pub first_line: u32,
     pub last_line: u32,
-    /// The side that the tool runs on; a negative radius has been taken into account.
+    /// The side that the tool runs on; the sign of the radius is already applied.
     pub side: CutterSide,
     /// Offset at the lead-on, mm, never negative.
     pub radius_mm: f64,
-    /// Indices of its first and last element without leads and links, in the
-    /// path or in what was refused.
+    /// Indices of its first and last element without leads and links, in the path or in what was
+    /// refused.
     pub first_element: usize,
     pub last_element: usize,
 }
@@ -51,23 +51,23 @@ impl Plan {
 
 /// Compensates a contour by the rules of a control; [`judge`](crate::judge) proves the path too.
 ///
-/// Never panics; a contour that cannot be compensated gives findings and no path.
-/// The time is linear in the number of events but for the sorting of boxes.
+/// Never panics; a contour that cannot be compensated gives findings and no path. The time is
+/// linear in the number of events, except for the sorting of boxes.
 pub fn plan(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Plan {
     plan_with(contour, profile, tools, Planning::default())
 }
 
-/// [`plan`], and the radii that each span is good for: some ten times the work.
+/// [`plan`], and the valid radii of each span: some ten times the work.
 pub fn plan_certified(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Plan {
     plan_with(contour, profile, tools, Planning { certifies: true, ..Planning::default() })
 }
 
-/// How a contour is planned.
+/// Options of a plan.
 #[derive(Debug, Clone, Copy)]
 pub struct Planning<'a> {
-    /// Whether the radii that each span is good for are found too.
+    /// Whether the valid radii of each span are found too.
     pub certifies: bool,
-    /// Who finds the ways along spans that do not depend on each other.
+    /// Finds the paths along spans that do not depend on each other.
     pub workers: &'a dyn Workers,
 }
 
@@ -77,7 +77,7 @@ impl Default for Planning<'_> {
     }
 }
 
-/// Whoever can do several pieces of work at the same time: a core has no threads.
+/// Does several pieces of work at the same time: a core has no threads of its own.
 pub trait Workers: std::fmt::Debug {
     /// Does each piece of work from 0 to `count` once, in any order.
     fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync));
@@ -93,8 +93,7 @@ impl Workers for Alone {
     }
 }
 
-/// [`plan`], with a choice of what is wanted and who works. The result does not depend on
-/// the workers.
+/// [`plan`] with options. The result does not depend on the workers.
 pub fn plan_with(
     contour: &ProgrammedContour,
     profile: &Profile,

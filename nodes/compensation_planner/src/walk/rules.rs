@@ -1,8 +1,8 @@
-//! The rules of controls about where compensation begins, ends and what may
-//! happen in between, and their findings.
+//! The rules of controls about where compensation begins and ends and what may happen in between,
+//! with their findings.
 //!
-//! Each rule is one function with the values of the profile it obeys. What
-//! happens to the program afterwards is decided by `walk`.
+//! Each rule is one function with the values of the profile that it obeys. `walk` decides what
+//! happens to the program afterwards.
 
 mod between;
 mod findings;
@@ -87,7 +87,7 @@ impl Rules<'_> {
             && radius_mm > RADIUS_MM
             && length_mm <= radius_mm + RADIUS_MM
         {
-            // What programs are written in: the next longer one that three decimals tell.
+            // The resolution of programs: the next longer length that three decimals can show.
             let enough_mm = (radius_mm * 1e3).floor() / 1e3 + 1e-3;
             let [length, radius] = told_apart(length_mm, radius_mm);
             let mut finding = of(
@@ -196,7 +196,7 @@ impl Rules<'_> {
         let _ = self.permit(permission, source, &what, help);
     }
 
-    /// An action while compensation is selected (M20, S27); whether it is refused.
+    /// An action while compensation is selected (M20, S27); returns whether it is refused.
     pub(crate) fn action(self, action: &Action, source: Source, selected: Source) -> bool {
         let always = Rule {
             rule: Permission::Forbidden,
@@ -213,9 +213,9 @@ impl Rules<'_> {
                 &name(action),
                 "cancel the compensation before, and select it again after",
             ),
-            // The walk has ended the compensation, and said so.
+            // The walk has ended the compensation and reported it.
             Action::Home { .. } => false,
-            // What stands in the block of the selection happens before it.
+            // An action in the block of the selection happens before it.
             _ if source == selected => false,
             _ => {
                 let permission = self.profile.auxiliary.functions;
@@ -225,7 +225,7 @@ impl Rules<'_> {
         }
     }
 
-    /// Says that something is forbidden; whether it is refused.
+    /// Reports a forbidden action; returns whether it is refused.
     fn permit(self, permission: Rule<Permission>, source: Source, what: &str, help: &str) -> bool {
         if permission.rule == Permission::Allowed {
             return false;
@@ -246,7 +246,7 @@ impl Rules<'_> {
     }
 }
 
-/// An action as its reader knows it, whatever words the program has for it.
+/// An action by the name that users know, whatever the program's words are.
 fn name(action: &Action) -> String {
     match action {
         Action::SelectTool { tool } => format!("the selection of tool {tool}"),

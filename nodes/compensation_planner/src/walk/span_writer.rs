@@ -1,9 +1,8 @@
-//! From joined runs back to blocks: what goes out, in which order.
+//! Writes joined runs as blocks, in order.
 //!
-//! Runs are cut at the normal points of their blocks; functions and moves out
-//! of the plane come where they were programmed: before the corner, or, when
-//! they stand in the block after it, at that block's normal point. Where the
-//! tool is at each joint was decided in `chain`.
+//! Runs are cut at the normal points of their blocks. Functions and moves out of the plane come
+//! where they were programmed: before the corner or, if they stand in the block after it, at that
+//! block's normal point. `chain` has decided where the tool is at each joint.
 
 use crate::check::finding;
 use crate::geometry::element::{Element, Vec2};
@@ -22,20 +21,20 @@ use cnc_msgs::path::Role;
 use cnc_msgs::profile::{Anchor, Profile, Strictness};
 use std::f64::consts::TAU;
 
-/// Puts out what was decided, block by block.
+/// Writes a solved span block by block.
 pub(crate) struct SpanWriter<'a> {
     pub span: &'a Span<'a>,
     pub corners: Corners<'a>,
     pub profile: &'a Profile,
     pub out: &'a mut Emitter,
     pub findings: &'a mut Vec<Finding>,
-    /// The next item that has not been put out.
+    /// The next item to write.
     pub item: usize,
     pub exit_source: Option<Source>,
 }
 
 impl SpanWriter<'_> {
-    /// Goes to where compensation begins.
+    /// Moves to where compensation begins.
     pub(crate) fn lead_on(&mut self, links: &[ChainLink], placed: &[Placed]) {
         if self.span.entry.from.is_some() {
             return;
@@ -61,9 +60,9 @@ impl SpanWriter<'_> {
         self.out.line_to(self.span.plane, target, end_height, label);
     }
 
-    /// A radius of 0: the contour as it is programmed.
+    /// A radius of 0: writes the contour as programmed.
     ///
-    /// Of arcs the ends are trusted, as with any other radius: the centre goes to where both are
+    /// The ends of arcs are trusted, as with any other radius: the centre moves to where both are
     /// equally far.
     pub(crate) fn as_programmed(&mut self) {
         let plane = self.span.plane;
@@ -86,7 +85,7 @@ impl SpanWriter<'_> {
         placed: &[Placed],
         exit: Option<&Lead>,
     ) {
-        // How much the last corner lengthened what comes after it.
+        // How much the last corner lengthened the element after it.
         let mut longer_in = 0.0;
         for (index, place) in placed.iter().enumerate() {
             let link = &links[place.link];
@@ -109,7 +108,7 @@ impl SpanWriter<'_> {
         }
     }
 
-    /// Puts a corner out; gives by how much it lengthens what comes after.
+    /// Writes a corner; returns how much it lengthens the element after it.
     fn write_corner(
         &mut self,
         next_leg: usize,
@@ -140,8 +139,7 @@ impl SpanWriter<'_> {
                 let Some(Element::Arc(arc)) = link.element.offset(link.d_in_mm) else {
                     return 0.0;
                 };
-                // A chord across the corner would cut into it, so a rapid must not
-                // take its place.
+                // A chord across the corner would cut into it, so a rapid must not replace it.
                 let in_force = own_feed.or(feed_in_force(motion));
                 label.feed_mm_per_min = in_force.or(self.out.last_feed_mm_per_min);
                 if label.feed_mm_per_min.is_none() {
@@ -175,7 +173,7 @@ impl SpanWriter<'_> {
         }
     }
 
-    /// Says where an intersection is not there (O08), or far off.
+    /// Reports an intersection that does not exist (O08), or is far away.
     fn check_corner(&mut self, next_leg: usize, source: Source, link: &ChainLink, around: &Around) {
         let Element::Arc(corner) = &link.element else { return };
         let radius_mm = link.d_in_mm.abs();
@@ -202,12 +200,12 @@ impl SpanWriter<'_> {
         self.findings.push(found);
     }
 
-    /// The blocks of a run, cut at their normal points.
+    /// Writes the blocks of a run, cut at their normal points.
     fn pieces(&mut self, run: &Run, trims: (f64, f64), end: Vec2) {
         let changes = run.d_in_mm != run.d_out_mm;
         self.out.side = side_of(run.d_in_mm);
         let Some(element) = run.element.offset(run.d_in_mm) else { return };
-        // Reach is mm on lines and rad on arcs.
+        // `reach` is mm on lines and rad on arcs.
         let unit = match element {
             Element::Line(_) => 1.0,
             Element::Arc(arc) => arc.radius.max(LENGTH_MM),
@@ -217,7 +215,7 @@ impl SpanWriter<'_> {
             Element::Arc(arc) => arc.sweep,
         };
         let (mut low, high) = (trims.0 / unit, full - trims.1 / unit);
-        // Written as two arcs, neither is lengthened over a whole one.
+        // If it is written as two arcs, neither becomes longer than a full circle.
         let is_one_block = run.legs.len() == 1;
         if is_one_block && !element.is_line() && high - low > TAU && full <= TAU {
             low += self.over_360(run, high - low);
@@ -249,8 +247,8 @@ impl SpanWriter<'_> {
         }
     }
 
-    /// A circle that its joints lengthen to more than a whole one (S70); how much
-    /// of it is left out, rad.
+    /// Reports a circle that its joints lengthen beyond a full one (S70); returns how much of it is
+    /// left out, rad.
     fn over_360(&mut self, run: &Run, sweep: f64) -> f64 {
         let rule = self.profile.corner.arc_over_360;
         let leg = &self.span.legs[run.legs.start];
@@ -279,8 +277,8 @@ impl SpanWriter<'_> {
             .any(|item| item.before == leg && Some(item.source) == own)
     }
 
-    /// The first item that waits for the end of the corner: functions behind the
-    /// last move out of the plane, where the profile says so (SINUMERIK 880).
+    /// The first item that waits for the end of the corner: functions after the last move out of
+    /// the plane, if the profile says so (SINUMERIK 880).
     fn after_corner(&self, leg: usize, is_at_corner: bool) -> usize {
         if !is_at_corner || self.profile.auxiliary.anchor == Anchor::BeforeCorner {
             return usize::MAX;
@@ -291,8 +289,8 @@ impl SpanWriter<'_> {
         self.item + moves.last().map_or(0, |(index, _)| index + 1)
     }
 
-    /// Puts out what comes before a leg and has not been put out; `foreign_only`
-    /// leaves what stands in the leg's own block for after the corner (S51, S56).
+    /// Writes the items before a leg that are still due; `foreign_only` leaves those of the leg's
+    /// own block for after the corner (S51, S56).
     pub(crate) fn items_before(&mut self, leg: usize, foreign_only: bool) {
         let own = self.source_of(leg);
         let waiting = self.after_corner(leg, foreign_only);

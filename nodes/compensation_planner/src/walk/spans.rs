@@ -1,7 +1,6 @@
-//! Opens, fills and closes spans for the walk.
+//! Opens, fills and closes spans.
 //!
-//! When each of these happens is decided in `walk`; the geometry of a closed
-//! span is made by `compensate`.
+//! `walk` decides when; `compensate` makes the geometry of a closed span.
 
 use super::{Active, Selection, Walk, WalkState};
 use crate::check::lead::WallBehind;
@@ -40,7 +39,7 @@ impl<'a> Walk<'a> {
                 self.report.findings.extend(rules::corner_arc(at, along, plane, element));
                 OutsideCorner::Arc
             }
-            // The intersection with the imaginary line, whatever the corner.
+            // The intersection with the imaginary line, whatever the corner mode.
             None if active.span.legs.is_empty() && active.span.entry.lead.along.is_some() => {
                 OutsideCorner::Intersection
             }
@@ -57,7 +56,7 @@ impl<'a> Walk<'a> {
                 if element.is_line() && !is_refused {
                     d_out_mm = resolved;
                 } else if !is_refused {
-                    // The next straight block takes it.
+                    // The next straight block takes the new radius.
                     active.radius_changes = Some(at);
                 }
             }
@@ -79,7 +78,7 @@ impl<'a> Walk<'a> {
         });
     }
 
-    /// Looks at what came between two blocks in the plane; whether it was too much.
+    /// Checks the blocks between two blocks in the plane; returns whether there were too many.
     pub(super) fn off_plane_blocks(&mut self, active: &mut Active<'_>, source: Source) -> bool {
         let between = std::mem::take(&mut active.between);
         let excess = between.excess(source, self.profile);
@@ -139,14 +138,14 @@ impl<'a> Walk<'a> {
         }));
     }
 
-    /// Has a gathered span put out; gives the wall that a link leaves.
+    /// Hands over a gathered span; returns the wall that a link leaves.
     pub(super) fn close(&mut self, mut active: Active<'a>, exit: Exit) -> Option<WallBehind> {
         self.settle(&mut active);
         let Active { span, behind, .. } = active;
         self.out.span(span, exit, behind, &mut self.report)
     }
 
-    /// The radius in force with the sign of the side, mm; 0 when it is not known.
+    /// The radius in force with the sign of the side, mm; 0 when unknown.
     pub(super) fn signed_offset(&mut self, side: CutterSide, at: Source) -> f64 {
         let (radius_mm, finding) =
             radius::resolve(self.radius, self.spindle_tool, self.profile, self.tools, at);
@@ -169,8 +168,8 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// A feed that came with a move out of the plane and now holds for the corner and
-/// the contour behind it (S54).
+/// A feed that came with a move out of the plane and now holds for the corner and the contour after
+/// it (S54).
 fn slow_corner(active: &Active<'_>, motion: &Motion, source: Source) -> Option<Finding> {
     let own = feed(motion)?;
     let before = match active.span.legs.last() {

@@ -1,4 +1,4 @@
-//! From the centre of a tool's nose to its theoretical tip, and back.
+//! Converts between the centre of a tool's nose and its theoretical tip.
 //!
 //! Turning tools are measured at the theoretical tip P, the corner of the square
 //! about the nose that is parallel to the axes; compensation computes the centre
@@ -38,7 +38,7 @@ fn vector(direction: u8, d_mm: f64) -> Vec2 {
     Vec2::new(u, v) * d_mm.abs()
 }
 
-/// What is put out of a span: its centre path, or that of the tip.
+/// Which point of the tool a span's path describes: the centre, or the tip.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TipShift {
     /// From S to P at the lead-on and at the end of the last leg, mm.
@@ -57,12 +57,12 @@ impl TipShift {
         Self { first, last, is_at_tip: true }
     }
 
-    /// The centre of a tool whose tip is there.
+    /// The centre of a tool with its tip at this position.
     pub(crate) fn centre(&self, plane: Plane, tip: Position, shift: Vec2) -> Position {
         self.moved(plane, tip, -shift)
     }
 
-    /// The tip of a tool whose centre is there.
+    /// The tip of a tool with its centre at this position.
     pub(crate) fn tip(&self, plane: Plane, centre: Position, shift: Vec2) -> Position {
         self.moved(plane, centre, shift)
     }
@@ -74,8 +74,8 @@ impl TipShift {
         in_work(plane, in_plane(plane, position) + by, height(plane, position))
     }
 
-    /// Moves what was compensated from the centre to the tip. A block that changes
-    /// the edge begins with the old one, and so does the corner before it (S45).
+    /// Moves compensated elements from the centre to the tip. A block that changes the edge begins
+    /// with the old one, and so does the corner before it (S45).
     pub(crate) fn apply(&self, span: &Span<'_>, elements: &mut [PathElement]) {
         if !self.is_at_tip {
             return;

@@ -20,7 +20,7 @@ impl Between {
         Self { own: source, last: source, count: 0 }
     }
 
-    /// Something of this block; a block counts once, and not that of the motion.
+    /// Counts a block; each once, and not the block of the motion itself.
     pub(crate) fn block(&mut self, source: Source) {
         if source != self.last && source != self.own {
             self.last = source;
@@ -31,7 +31,7 @@ impl Between {
     /// The finding when there were too many before the motion of this block.
     pub(crate) fn excess(&self, next: Source, profile: &Profile) -> Option<Finding> {
         let max = profile.off_plane.max_blocks?;
-        // What stands in the block of the motion itself is no block of its own.
+        // What stands in the block of the motion itself does not count.
         let count = self.count - u32::from(self.last == next && self.count > 0);
         if count <= max {
             return None;

@@ -1,5 +1,4 @@
-//! What is said when a rule of a control is broken: each finding with the values of
-//! the profile that it obeys.
+//! The findings about broken rules of a control, each with the values of the profile that it obeys.
 
 use super::of;
 use crate::check::finding::{block_name, rounded_down};
@@ -91,7 +90,7 @@ pub(crate) fn cancelled_with_the_end(source: Source, profile: &Profile) -> Optio
     })
 }
 
-/// A rapid along which the offset is not held (A08, C9).
+/// A rapid does not hold the offset (A08, C9).
 pub(crate) fn rapid(source: Source, profile: &Profile) -> Option<Finding> {
     let what = match profile.rapid.rule {
         RapidMode::Compensated => return None,
@@ -122,7 +121,7 @@ pub(crate) fn no_intersection(source: Source, profile: &Profile) -> Finding {
     finding
 }
 
-/// An arc that the tool runs inside of, and that its control does not take so small.
+/// The tool runs inside an arc that is too small for the control.
 pub(crate) fn inside_arc(
     source: Source,
     element: &Element,
@@ -152,9 +151,9 @@ pub(crate) fn inside_arc(
     Some(finding)
 }
 
-/// An arc whose programmed ends are not on one circle, and too near to each other to say which.
+/// The programmed ends of an arc are not on one circle, and too near to each other to locate it.
 ///
-/// Without an offset it runs as it is programmed.
+/// Without an offset the arc runs as programmed.
 pub(crate) fn uneven_arc(
     source: Source,
     element: &Element,
@@ -183,7 +182,7 @@ pub(crate) fn uneven_arc(
     Some(finding)
 }
 
-/// A corner arc in a direction that the next block does not have (NCT G39).
+/// A corner arc towards a direction that the next block does not have (NCT G39).
 pub(crate) fn corner_arc(
     source: Source,
     along: Option<Direction>,
@@ -209,7 +208,7 @@ pub(crate) fn no_held_direction(source: Source) -> Finding {
         .help("end the contour with G40 and begin the next with G41")
 }
 
-/// A motion to nowhere; it is left out.
+/// A motion with invalid coordinates; it is left out.
 pub(crate) fn not_sane(source: Source, motion: &Motion) -> Finding {
     let [x, y, z] = motion.end;
     Finding::error(
@@ -220,8 +219,8 @@ pub(crate) fn not_sane(source: Source, motion: &Motion) -> Finding {
     .help("correct the coordinates of this block")
 }
 
-/// A new radius while compensation is active that cannot be taken, or only with
-/// a warning (A14, S43, S44). The radii are those of the program, with its sign.
+/// A new radius while compensation is active that is refused, or accepted with a warning (A14, S43,
+/// S44). The radii are those of the program, with its sign.
 pub(crate) fn radius_change(
     source: Source,
     element: &Element,
@@ -296,7 +295,7 @@ pub(crate) fn plane_change(source: Source) -> Finding {
     .help("cancel the compensation, change the plane, and select the compensation again")
 }
 
-/// Whether the control takes no selection while compensation is active.
+/// Whether the control refuses a selection while compensation is active.
 pub(crate) fn takes_no_selection(profile: &Profile, is_repeat: bool) -> bool {
     if is_repeat {
         profile.reselect.rule == Reselect::Forbidden
@@ -305,7 +304,7 @@ pub(crate) fn takes_no_selection(profile: &Profile, is_repeat: bool) -> bool {
     }
 }
 
-/// A selection while compensation is active, where the control takes none.
+/// A selection while compensation is active, which the control refuses.
 pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> Finding {
     let what = if is_repeat { "selected again" } else { "selected anew or for the other side" };
     let rule = if is_repeat { profile.reselect.strictness } else { profile.side_change.strictness };
@@ -351,7 +350,7 @@ pub(crate) fn never_active(source: Source, profile: &Profile) -> Finding {
     ))
 }
 
-/// What a lead has to be.
+/// What a lead must be.
 fn lead_name(rule: LeadMove) -> &'static str {
     match rule {
         LeadMove::Any => "move",
