@@ -148,7 +148,7 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
                 match fetch(&chunks, manifest, memory).await {
                     Ok(input) => shared.take(input),
                     Err(error) if complaints.are_due(sender, Instant::now()) => {
-                        tracing::error!("the contour of {sender} cannot be had: {error}");
+                        tracing::error!("cannot fetch the contour from {sender}: {error}");
                     }
                     Err(_) => {}
                 }

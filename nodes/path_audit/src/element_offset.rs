@@ -127,7 +127,7 @@ pub(crate) fn check_element(
     if off.is_infinite() {
         report.push_shape(report::wrong_place(
             element,
-            "is a line beside an arc, or turns the other way",
+            "has another shape than the block, or turns the other way",
         ));
         return;
     }
@@ -228,10 +228,10 @@ fn wrong_extent(on_leg: &ElementOnLeg, opens: bool, place_mm: f64) -> Option<&'s
             if (!on_leg.is_open && is_early(begins, -place_mm))
                 || is_late(begins, length + place_mm)
             {
-                return Some("begins where the block is not");
+                return Some("begins outside the block");
             }
             if (!opens && is_late(ends, length + place_mm)) || is_early(ends, -place_mm) {
-                return Some("ends where the block is not");
+                return Some("ends outside the block");
             }
         }
         (Some(round), Some(of_leg)) => {
@@ -252,7 +252,7 @@ fn wrong_extent(on_leg: &ElementOnLeg, opens: bool, place_mm: f64) -> Option<&'s
                     || !inside(end)
                     || (end - begin - swept).abs() > 4.0 * scale * place_mm
                 {
-                    return Some("runs where the block is not");
+                    return Some("runs outside the block");
                 }
             }
         }
@@ -298,7 +298,7 @@ pub(crate) fn check_reach(
     let d_mm = if is_first { on_leg.d_in } else { on_leg.d_out };
     if !meets_lead(tool_path, lead, end, d_mm, place_mm) {
         let element = &tool_path.path.elements[on_leg.element];
-        let what = if is_first { "begins behind its start" } else { "ends before its end" };
+        let what = if is_first { "begins after its start" } else { "ends before its end" };
         report.push_shape(report::wrong_place(element, what));
     }
 }

@@ -140,7 +140,7 @@ fn mismatch(source: Source, message: String) -> Finding {
 
 pub(crate) fn unknown_block(element: &PathElement, index: usize) -> Finding {
     let message = format!(
-        "element {index} of the path is a {} of {}, and the program has none here",
+        "element {index} of the path is a {} of {}, but the program has no such move there",
         element.role.name(),
         block_name(element.source)
     );
@@ -176,19 +176,16 @@ pub(crate) fn lost(source: Source, action: &Action) -> Finding {
 
 pub(crate) fn extra(event: &PathEvent) -> Finding {
     let (text, name) = (event.action.text(), block_name(event.source));
-    mismatch(
-        event.source,
-        format!("the path has {text} of {name}, and the program no such word left"),
-    )
+    mismatch(event.source, format!("the path has {text} of {name} more often than the program"))
 }
 
 pub(crate) fn other_event(source: Source, action: &Action, found: &PathEvent) -> Finding {
     let message = format!(
-        "where {} of {} is due, the path has {} of {}",
-        action.text(),
-        block_name(source),
+        "the path has {} of {} where {} of {} should be",
         found.action.text(),
-        block_name(found.source)
+        block_name(found.source),
+        action.text(),
+        block_name(source)
     );
     let mut finding = mismatch(source, message);
     finding.other = Some(found.source).filter(|other| other.line != source.line);
@@ -197,7 +194,7 @@ pub(crate) fn other_event(source: Source, action: &Action, found: &PathEvent) ->
 
 pub(crate) fn misplaced(event: &PathEvent, due: usize) -> Finding {
     let message = format!(
-        "{} of {} happens before element {} of the path, and is due before element {due}",
+        "{} of {} happens before element {} of the path; it should happen before element {due}",
         event.action.text(),
         block_name(event.source),
         event.at_element
@@ -215,7 +212,7 @@ pub(crate) fn not_finite(element: &PathElement, index: usize) -> Finding {
 
 pub(crate) fn no_length(element: &PathElement, index: usize) -> Finding {
     let name = block_name(element.source);
-    mismatch(element.source, format!("element {index} of the path, of {name}, goes nowhere"))
+    mismatch(element.source, format!("element {index} of the path, of {name}, has no length"))
 }
 
 pub(crate) fn uneven(element: &PathElement, radii: (f64, f64)) -> Finding {
@@ -237,7 +234,7 @@ pub(crate) fn wrong_offset(element: &PathElement, needed_mm: f64, found_mm: f64)
     let (code, word) =
         if is_near { (Code::Gouge, "near to") } else { (Code::Unreachable, "far from") };
     let message = format!(
-        "the tool runs too {word} {}: its centre is {found_mm:.6} mm away, {needed_mm:.6} mm are due",
+        "the tool runs too {word} {}: its centre is {found_mm:.6} mm away instead of {needed_mm:.6} mm",
         block_name(element.source)
     );
     let mut finding = Finding::error(code, element.source, message).help(HELP);
@@ -355,7 +352,7 @@ pub(crate) fn left_out(
 
 pub(crate) fn too_entangled(source: Source) -> Finding {
     let message = "the contour after this block comes near to itself in so many places that the \
-                   audit cannot look at them all";
+                   audit cannot check them all";
     Finding::error(Code::Limit, source, message)
         .help("split the contour into several, each with its own selection and cancel")
 }

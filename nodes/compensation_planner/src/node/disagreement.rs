@@ -184,7 +184,9 @@ impl Planner {
         let program_id = program_id.map(str::to_owned);
         let waiting = Waiting { name: name.to_owned(), program_id, disagreement };
         if self.reports.try_send(waiting).is_err() {
-            tracing::error!("{name} is not kept for a report: too many wait for that");
+            tracing::error!(
+                "{name} is not kept for a report: too many others are waiting to be written"
+            );
         }
     }
 

@@ -82,13 +82,13 @@ impl Planner {
         };
         let keeps = |why: &str| format!("; the program that runs keeps its values: {why}");
         let Some((running, settled)) = live else {
-            return if is_running { keeps("it is not of this planner") } else { String::new() };
+            return if is_running { keeps("this planner did not plan it") } else { String::new() };
         };
         if settled == 0 && is_held {
             return keeps("all of it has been sent to the controller already");
         }
         if settled == 0 {
-            return keeps("it does not stand in a hold");
+            return keeps("the machine is not in a hold");
         }
         let Input { manifest, contour, profile, .. } = &running.input;
         let program = LoadedProgram { name: &manifest.name, contour, profile };

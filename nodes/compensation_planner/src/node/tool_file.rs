@@ -37,7 +37,7 @@ impl ToolFile {
             settings::yaml::read_text(&self.path).map_err(|error| refuse(error.to_string()))?;
         if now != self.text {
             return Err(refuse(format!(
-                "somebody has changed {name} since the planner read it: restart the planner to take it up"
+                "somebody has changed {name} since the planner read it: restart the planner to read it again"
             )));
         }
         let permissions = fs::metadata(&self.path).map_err(cannot)?.permissions();

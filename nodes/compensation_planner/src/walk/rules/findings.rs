@@ -214,7 +214,10 @@ pub(crate) fn not_sane(source: Source, motion: &Motion) -> Finding {
     Finding::error(
         Code::BadNumber,
         source,
-        format!("the motion to X{x} Y{y} Z{z} has coordinates that are no place, or a centre that is none"),
+        format!(
+            "the motion to X{x} Y{y} Z{z} has invalid coordinates or an invalid arc centre: not \
+             finite, or beyond 1000 km"
+        ),
     )
     .help("correct the coordinates of this block")
 }
