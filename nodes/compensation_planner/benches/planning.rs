@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! cargo bench -p compensation_planner            all
-//! cargo bench -p compensation_planner -- closed  beside cavalier_contours
+//! cargo bench -p compensation_planner -- closed  next to cavalier_contours
 //! cargo bench -p compensation_planner -- --test  each once
 //! ```
 //!
@@ -95,7 +95,7 @@ fn measure(
     group.finish();
 }
 
-/// Closed contours, the whole program checked, beside `cavalier_contours`.
+/// Closed contours, the whole program checked, next to `cavalier_contours`.
 fn closed(criterion: &mut Criterion, best: &mut Best) {
     let profile = profile();
     for Ring { name, make, radius_mm } in RINGS {

@@ -110,7 +110,7 @@ pub(crate) struct Span<'a> {
     pub entry: Entry,
     pub legs: Vec<Leg<'a>>,
     pub items: Vec<Item>,
-    /// What the tool goes on to, where the side changes at its end (O02).
+    /// What the tool continues with, if the side changes at its end (O02).
     pub next: Option<OtherSide>,
     /// The first run where the side changes at its start, the last where it does at its end:
     /// both contours must see the same.
@@ -159,7 +159,7 @@ pub(crate) fn feed(motion: &Motion) -> Option<f64> {
     (motion.class == MotionClass::Feed).then_some(motion.feed_mm_per_min)
 }
 
-/// The feed that holds beside a rapid, where no motion has had it yet.
+/// The feed that holds next to a rapid, where no motion has had it yet.
 pub(crate) fn feed_in_force(motion: &Motion) -> Option<f64> {
     (motion.feed_mm_per_min > 0.0).then_some(motion.feed_mm_per_min)
 }

@@ -15,7 +15,7 @@ use support::random::{config, near, run};
 use support::shapes::{closed, vertices};
 use support::*;
 
-/// What stands beside an edge of the contour in the program.
+/// What the program says in and before the block of an edge.
 #[derive(Debug, Clone)]
 struct Words {
     feed: Option<u32>,

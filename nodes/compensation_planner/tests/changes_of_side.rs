@@ -1,5 +1,5 @@
 //! Straight from one side of the contour to the other, where both offsets meet (O02): wherever
-//! that is, a tool that cuts the programmed line is told of, by the planner and by the audit.
+//! that is, planner and audit both report a tool that cuts the programmed line.
 
 mod support;
 
@@ -152,8 +152,9 @@ fn what_an_arc_is_lengthened_by_belongs_to_the_change_of_side() {
     assert!(others.contains(&3), "{}", findings(&plan));
 }
 
-/// A block beside a change of side that is too short for the tool is taken as straight as is
-/// accepted, with the block that it goes on in: both contours end where these offsets meet.
+/// A block next to a change of side that is too short for the tool is straightened within the
+/// accepted tolerance, with the block that continues it: both contours end where these offsets
+/// meet.
 #[test]
 fn a_short_block_beside_a_change_of_side_counts_with_its_neighbour() {
     let nct = profile("nct");

@@ -138,7 +138,7 @@ fn a_contour_that_is_entered_in_an_inside_corner_is_cut() {
 
 #[test]
 fn a_neck_is_judged_by_its_width_however_its_walls_are_split() {
-    // A chamber of 24 by 30 mm behind a neck of 4 mm.
+    // A chamber of 24 by 30 mm after a neck of 4 mm.
     let whole = "Y-10\nX30\nY-40\nX54\nY-10\nX44\nY0";
     let split = "Y-2\nY-4.5\nY-9.9\nY-10\nX30\nY-40\nX54\nY-10\nX44\nY-8\nY-3.3\nY0";
     for walls in [whole, split] {

@@ -37,13 +37,13 @@ fn a_lead_along_the_contour_nicks_its_free_end() {
     let depth_mm = 1.0 - (0.1_f64.atan()).cos();
     assert!((nick.depth_mm.unwrap() - depth_mm).abs() < 1e-9, "{nick:?}");
     assert_eq!(codes(&plan), [Code::LeadNick], "{}", findings(&plan));
-    // Short chords behind the end are passed over with it.
+    // Short chords after the end are passed over with it.
     let chords = of_rs274(
         "F100\nG0 X-20\nG41.1 D6 G1 X-10\nG1 X-9.9 Y0.001\nG1 X-9.8 Y0.003\nG1 X-9.6 Y0.009\n\
          G1 X20 Y2\nG40 G1 X20 Y20",
     );
     assert_eq!(codes(&chords), [Code::LeadNick], "{}", findings(&chords));
-    // What is too small to be seen is not told.
+    // What is too small to be seen is not reported.
     let long = of_rs274("F100\nG0 X-200\nG41.1 D2 G1 X-10\nG1 X20\nG40 G1 X20 Y20");
     assert_eq!(findings(&long), "");
 }
@@ -126,7 +126,7 @@ fn a_full_circle_between_arcs_is_cut_whatever_its_decimals() {
     }
 }
 
-/// Three decimals: the quarters are one circle to 1e-4 mm, and would end beside the last point.
+/// Three decimals: the quarters are one circle to 1e-4 mm, and would end off the last point.
 #[test]
 fn an_arc_after_quarters_of_a_circle_is_reached_whatever_their_decimals() {
     let text = "G0 X-11.037 Y1.291\nG42 G451 D1 G1 X-8.253 Y3.59 F600\n\

@@ -14,7 +14,7 @@ use support::*;
 fn trimming() -> Profile {
     let mut profile = sinumerik();
     profile.interference.react = Reaction::Trim;
-    // Whatever is consumed is told.
+    // Everything that is consumed is reported.
     profile.accept_tolerance_mm = 0.0;
     // No corner is so short that it is left out (S68).
     profile.corner.short_block_mm = 0.0;
@@ -33,7 +33,7 @@ fn peer(shape: &Opened, radius: f64) -> Option<Polyline<f64>> {
 proptest! {
     #![proptest_config(config(120))]
 
-    /// All corners are rounded, so that nothing stays in them that is not told.
+    /// All corners are rounded, so that everything that stays in them is reported.
     #[test]
     fn p3_a_tool_too_large_cuts_what_it_gets_to_and_the_rest_is_told(
         shape in shapes(),

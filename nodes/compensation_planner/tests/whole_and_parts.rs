@@ -56,7 +56,7 @@ fn as_posted(contour: &mut ProgrammedContour) {
 proptest! {
     #![proptest_config(config(60))]
 
-    /// The cut between two chunks falls anywhere: into the lead, the contour or behind it.
+    /// The cut between two chunks may fall anywhere: into the lead, the contour or after it.
     #[test]
     fn p10_a_contour_that_arrives_in_chunks_is_planned_as_the_whole(
         steps in prop::collection::vec(step(), 1..14),
@@ -84,7 +84,7 @@ fn up_to(elements: &[PathElement], line: u32) -> Vec<PathElement> {
     elements.iter().take_while(|element| element.source.line <= line).copied().collect()
 }
 
-/// The same but for rounding: a line that goes on in the next block is one with it.
+/// The same except for rounding: a line that continues in the next block is one with it.
 fn check_alike(got: &[PathElement], expected: &[PathElement]) -> Result<(), TestCaseError> {
     prop_assert_eq!(got.len(), expected.len());
     for (a, b) in got.iter().zip(expected) {
@@ -105,7 +105,7 @@ fn behind(elements: &[PathElement], line: u32) -> Vec<PathElement> {
 proptest! {
     #![proptest_config(config(60))]
 
-    /// A block is settled when the one behind it is known.
+    /// A block is settled when the next one is known.
     #[test]
     fn p10_a_block_is_planned_alike_whatever_comes_after_the_next(
         shape in shapes(),
@@ -150,7 +150,7 @@ proptest! {
         prop_assert_eq!(&both.path.elements, &[first.path.elements, second.path.elements].concat());
     }
 
-    /// What has been sent stays; what comes behind the block that changes is what the whole
+    /// What has been sent stays; what comes after the block that changes is what the whole
     /// program is with the new radius.
     #[test]
     fn p10_the_rest_of_a_program_is_planned_as_the_whole_is(
@@ -175,7 +175,7 @@ proptest! {
         prop_assert_eq!(&got[..settled], &running.elements[..settled]);
         let sent = running.elements[settled - 1].source.line;
         prop_assert!(rest.from_line > sent);
-        // Until the block that changes, as it ran; behind it, as the whole with the new value.
+        // Until the block that changes, as it ran; after it, as the whole with the new value.
         check_alike(&up_to(got, rest.from_line - 1), &up_to(&running.elements, rest.from_line - 1))?;
         let whole = plan_of(&contour, &profile, &new).path;
         check_alike(&behind(got, rest.from_line), &behind(&whole.elements, rest.from_line))?;

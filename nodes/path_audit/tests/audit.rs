@@ -334,7 +334,7 @@ proptest! {
             ];
             let at = [a.end[0], a.end[1]];
             let Some(other) = other_root(carriers[0], carriers[1], at) else { continue };
-            // Behind the joint the element before goes on into what comes next.
+            // After the joint the element before it would continue into the next one.
             let start = plan.path.start_of(index - 1);
             let (ahead, moved) = ([at[0] - start[0], at[1] - start[1]], [other[0] - at[0], other[1] - at[1]]);
             let cuts = ahead[0] * moved[0] + ahead[1] * moved[1] > 0.0;

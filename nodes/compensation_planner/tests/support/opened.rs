@@ -16,7 +16,7 @@ use proptest::prelude::*;
 /// A contour, entered in the middle of its longest line.
 #[derive(Clone)]
 pub struct Opened {
-    /// From the entry on, each point with the bulge of the edge behind it.
+    /// From the entry on, each point with the bulge of the edge after it.
     pub vertices: Vec<([f64; 2], f64)>,
     /// The largest tool that fits.
     pub clearance_mm: f64,

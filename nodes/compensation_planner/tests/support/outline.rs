@@ -6,7 +6,7 @@ use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use compensation_planner::tessellate;
 
-/// A closed contour of points, each with the bulge of the edge behind it.
+/// A closed contour of points, each with the bulge of the edge after it.
 pub fn polyline(vertices: &[([f64; 2], f64)]) -> Polyline<f64> {
     let mut pline = Polyline::new_closed();
     for ([x, y], bulge) in vertices {
@@ -31,7 +31,7 @@ pub fn closed_part(path: &CompensatedPath) -> impl Iterator<Item = (Position, &P
     all.filter(|(_, element)| matches!(element.role, Role::Contour | Role::Corner))
 }
 
-/// Its points, each with the bulge of the element behind it.
+/// Its points, each with the bulge of the element after it.
 pub fn bulges(path: &CompensatedPath) -> Vec<([f64; 2], f64)> {
     let bulge = |(start, element): (Position, &PathElement)| {
         let bulge = match element.shape {

@@ -34,7 +34,7 @@ pub fn closed(corners: &[(f64, f64)], bends: &[f64], side: &str) -> String {
     text + "G40 G456 G1 X0 Y0"
 }
 
-/// A line, or an arc through a point beside the middle of the chord.
+/// A line, or an arc through a point next to the middle of the chord.
 pub fn edge(from: [f64; 2], to: [f64; 2], bend: f64) -> String {
     let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
     if bend == 0.0 {
@@ -93,7 +93,7 @@ fn walls(text: &str) -> Vec<[[f64; 2]; 2]> {
     walls
 }
 
-/// Where the tool begins and ends beside a closed contour, if it fits there.
+/// Where the tool begins and ends next to a closed contour, if it fits there.
 pub fn fits_at_entry(text: &str, is_left: bool, radius: f64) -> bool {
     let mut ends =
         contour(text, &sinumerik()).events.into_iter().filter_map(|event| match event.kind {

@@ -107,7 +107,7 @@ fn where_a_misfit_is_ignored_only_the_shape_of_the_path_may_be_off() {
         assert!(judged.disagreement.is_some(), "{name}: {}", findings(&judged.plan));
         assert_eq!(finding(&judged.plan, Code::PathMismatch).severity, Severity::Error, "{name}");
     }
-    // Where the path is beside the contour is a warning, of the plan as well.
+    // A path that leaves the contour is a warning, of the plan as well.
     let judged = proved(&|path| {
         let last = path.elements.iter_mut().rfind(|it| it.role == Role::Contour);
         last.expect("an element of the contour").end[0] -= 1.0;

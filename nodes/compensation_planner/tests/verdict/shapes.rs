@@ -92,7 +92,7 @@ fn without_an_offset_an_arc_with_two_decimals_ends_where_it_is_programmed() {
 
 #[test]
 fn an_arc_whose_ends_are_on_no_common_circle_is_refused() {
-    // Nearly a whole turn; its end is 10 micrometres beside its circle, and 35 from its start.
+    // Nearly a whole turn; its end is 10 micrometres off its circle, and 35 from its start.
     let text = |end: &str| {
         format!(
             "
