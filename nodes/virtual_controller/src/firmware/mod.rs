@@ -61,9 +61,15 @@ families! {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "`{0}` is no firmware this controller speaks; there are {known}",
-    known = Firmware::ALL.map(Firmware::name).join(", ")
+    known = known_names()
 )]
 pub struct UnknownFirmware(String);
+
+/// `grbl, grblhal and fluidnc`.
+fn known_names() -> String {
+    let [first @ .., last] = &Firmware::ALL.map(Firmware::name);
+    format!("{} and {last}", first.join(", "))
+}
 
 impl fmt::Display for Firmware {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -283,6 +289,6 @@ mod tests {
             assert_eq!(firmware.to_string().parse(), Ok(firmware));
         }
         let error = "marlin".parse::<Firmware>().unwrap_err().to_string();
-        assert!(error.contains("grbl, grblhal, fluidnc"), "{error}");
+        assert!(error.contains("grbl, grblhal and fluidnc"), "{error}");
     }
 }
