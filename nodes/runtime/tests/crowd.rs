@@ -7,14 +7,14 @@ use runtime::{Handle, Qos};
 use std::sync::mpsc;
 use std::time::Instant;
 
-/// As many as a cell with one machine has, besides observers.
+/// As many as a cell with one machine has, without observers.
 const NODES: u16 = 6;
 /// Endpoints of each kind that each of them makes, on these topics.
 const ENDPOINTS: u16 = 40;
 const TOPICS: u16 = 2;
 
-/// The DDS layer can come to a standstill when an endpoint is made while it discovers others.
-/// A node whose DDS layer stands still does not even hear that it is to stop.
+/// The DDS layer can deadlock when an endpoint is made while it discovers others. A node with a
+/// deadlocked DDS layer cannot even be stopped.
 #[test]
 fn nodes_that_start_together_all_come_up() {
     for round in 0..2 {

@@ -5,14 +5,14 @@
 //!
 //! | trap | test |
 //! |---|---|
-//! | several nodes in one context: all but one wait for ever | `loopback`: every test has two nodes that find each other, each with its own context |
+//! | several nodes in one context: all but one never receive anything | `loopback`: every test has two nodes that find each other, each with its own context |
 //! | the loopback interface carries 12 participants, the 13th is not found | `process::the_thirteenth_node_on_a_computer_says_what_to_do` |
 //! | three files an endpoint: the limit of 1024 is near | `traps::a_node_may_open_more_files_than_a_shell_allows` |
 //! | what was published last is lost when the process ends | `traps::what_a_node_says_last_arrives` |
-//! | an endpoint that is made while others are discovered locks the participant up for ever | `crowd` |
+//! | an endpoint that is made while others are discovered deadlocks the participant | `crowd` |
 //! | a killed peer stays in the graph for 50 s | `a_killed_server_is_distinguished_from_one_that_answers` |
 //! | calls of one client at the same time lose answers | `loopback::eight_calls_at_once_each_get_their_own_answer_in_either_mapping` |
-//! | an action server stands still with two results, answers one client, or none | `actions` |
+//! | an action server blocks when two results wait, answers one client, or none | `actions` |
 //! | requests in a burst are lost in a queue of one | `traps::a_burst_of_requests_for_parameters_is_answered` |
 //! | "keep all" keeps 64 samples | `traps::a_burst_within_the_depth_of_a_subscription_is_whole` |
 //! | 8192 samples that one reader did not acknowledge stop the topic for all | `a_subscriber_that_hangs_or_dies_leaves_the_others_what_is_published`, and `process::a_subscriber_that_hangs_costs_samples_but_never_holds_the_publisher_up` |

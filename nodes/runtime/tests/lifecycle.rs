@@ -105,7 +105,7 @@ fn launch(words: &str, domain_id: u16, mapping: ServiceMapping) -> Child {
         .expect("starts")
 }
 
-/// Waits for the end, without hanging for ever; status and log.
+/// Waits for the end, up to a time limit; status and log.
 async fn end_of(mut child: Child) -> (Option<i32>, String) {
     let ending = tokio::task::spawn_blocking(move || {
         let start = Instant::now();
@@ -363,7 +363,7 @@ async fn the_level_of_the_log_changes_while_the_node_runs() {
         let request = GetLoggerLevelsRequest { names };
         let levels = get.call_within(request, PATIENCE).await.expect("an answer").levels;
         assert_eq!(levels.iter().map(|one| one.level).collect::<Vec<_>>(), [30, 0, 20]);
-        // At this level nobody hears of it.
+        // At this level it is not logged.
         let _ = manager.works().await;
         let level = |level| LoggerLevel { name: logger.clone(), level };
         let request = SetLoggerLevelsRequest { levels: vec![level(7), level(10)] };

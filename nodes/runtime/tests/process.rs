@@ -118,7 +118,7 @@ fn signal(child: &Child, name: &str) {
     assert!(status.expect("kill").success());
 }
 
-/// Waits for the end, without hanging for ever; status and log.
+/// Waits for the end, up to a time limit; status and log.
 fn end_of(mut child: Child) -> (Option<i32>, String) {
     let start = Instant::now();
     while child.try_wait().expect("a child").is_none() {

@@ -58,7 +58,7 @@ struct Reach {
 async fn reach(session: &Session) -> Reach {
     let handle = session.handle();
     let reads = async {
-        // Who may not is refused here, or hears nothing.
+        // A node without the right is refused here, or receives nothing.
         let Ok(mut states) = handle.subscription::<Text>("machine_state", Qos::LATCHED) else {
             return false;
         };
@@ -139,7 +139,7 @@ async fn of_many_endpoints_that_meet_at_once_none_stays_deaf() {
     served.await.expect("it only serves");
     for (number, client) in clients.iter().enumerate() {
         let answer = client.call_within(TriggerRequest::default(), PATIENCE);
-        assert!(soon("an answer", answer).await.is_ok(), "n{number} is not received");
+        assert!(soon("an answer", answer).await.is_ok(), "n{number} gets no answer");
     }
     drop(clients);
     commander.stop().await;

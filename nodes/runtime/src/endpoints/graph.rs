@@ -91,7 +91,7 @@ impl Graph {
         tokio::time::timeout(deadline, waiting).await.is_ok()
     }
 
-    /// Follows the participant's status channel for ever; exactly one task may.
+    /// Follows the participant's status channel and never returns; exactly one task may.
     pub(crate) async fn follow(self: Arc<Self>, participant: DomainParticipant) {
         let listener = participant.status_listener();
         let mut events = listener.as_async_status_stream();

@@ -75,7 +75,7 @@ impl<S: Service + 'static> Server<S> {
         (framed.body, request)
     }
 
-    /// Answers requests one after the other, for ever.
+    /// Answers requests one after the other; never returns.
     pub(crate) async fn serve<F, Fut>(mut self, mut handler: F)
     where
         F: FnMut(S::Request, RequestInfo) -> Fut,
@@ -88,7 +88,7 @@ impl<S: Service + 'static> Server<S> {
         }
     }
 
-    /// Answers requests concurrently, for ever; first those that the previous process left.
+    /// Answers requests concurrently, first those that the previous process left; never returns.
     pub(crate) async fn serve_concurrently<F, Fut>(
         mut self,
         overload: Overload,
