@@ -1,8 +1,9 @@
-//! Hold, door, resume, reset: what acts at once, in any state that listens.
+//! Hold, door, resume, reset: what acts at once, in every phase with a port.
 
-use super::command::{Answer, done, refused};
-use super::stop::HoldWatch;
-use super::{Driver, Phase, Refusal, RunOutcome};
+use super::answer::{Answer, Refusal, done, refused};
+use super::manual::ManualEnd;
+use super::next::Next;
+use super::{Driver, Phase};
 use crate::codes::error_code;
 use crate::link::realtime;
 use crate::report::ControllerState;
@@ -15,16 +16,11 @@ impl Driver {
         if let Phase::Closed { reason } = &self.phase {
             return refused(error_code::NOT_CONNECTED, reason.clone());
         }
-        self.send_hold();
+        self.context.send_hold();
         if let Phase::Running(run) = &mut self.phase {
-            run.set_held(true);
+            run.set_held();
         }
-        let is_homing = match &self.phase {
-            Phase::Running(run) => run.is_homing(),
-            Phase::Manual(operation) => operation.is_homing(),
-            _ => false,
-        };
-        if is_homing {
+        if self.phase.is_homing() {
             let text = "the machine is homing and does not hold: only soft_reset stops it";
             return refused(error_code::BUSY, text);
         }
@@ -35,10 +31,9 @@ impl Driver {
         if let Phase::Closed { reason } = &self.phase {
             return refused(error_code::NOT_CONNECTED, reason.clone());
         }
-        self.link.send_realtime(realtime::SAFETY_DOOR);
-        self.hold = Some(HoldWatch::door());
+        self.context.send_door_hold();
         if let Phase::Running(run) = &mut self.phase {
-            run.set_held(true);
+            run.set_held();
         }
         done("what an opened door does was sent: machine_state shows DOOR; resume goes on")
     }
@@ -47,23 +42,21 @@ impl Driver {
         if self.is_shutting_down() {
             return refused(error_code::SHUTDOWN, "the driver is shutting down");
         }
-        let is_held = self.machine.is_held();
-        if self.machine.is_state(&ControllerState::Hold) && !is_held {
+        let is_held = self.context.machine.is_held();
+        if self.context.machine.is_state(&ControllerState::Hold) && !is_held {
             // The controller passes over a resume then.
             return refused(error_code::BUSY, STILL_STOPPING);
         }
-        if let Some(refusal) = self.machine.door_obstacle() {
+        if let Some(refusal) = self.context.machine.door_obstacle() {
             return Some(Err(refusal));
         }
-        if self.machine.is_state(&ControllerState::Tool)
+        if self.context.machine.is_state(&ControllerState::Tool)
             && let Phase::Running(run) = &mut self.phase
-            && !run.is_stopping()
         {
             // A cycle start would say that the tool is in.
             let was_held = run.is_held();
-            run.set_held(false);
-            run.hold_reason = None;
-            self.hold = None;
+            run.release();
+            self.context.hold = None;
             let text = "the controller waits for a tool: confirm_tool_change goes on";
             return match was_held {
                 true => done(
@@ -74,17 +67,14 @@ impl Driver {
         }
         match &mut self.phase {
             Phase::Ready | Phase::Manual(_) if is_held => {}
-            Phase::Running(run) if run.is_stopping() => {
+            Phase::Stopping(_) => {
                 return refused(error_code::BUSY, "the run is being stopped");
             }
             Phase::Running(run) if run.rest.is_some() => {
                 let text = "the rest of the program is being checked: try again";
                 return refused(error_code::BUSY, text);
             }
-            Phase::Running(run) if is_held || run.is_held() => {
-                run.set_held(false);
-                run.hold_reason = None;
-            }
+            Phase::Running(run) if is_held || run.is_held() => run.release(),
             Phase::Running(run) if run.is_at_block_end() => {
                 run.go_on();
                 return done("the run goes on with the next block");
@@ -98,8 +88,8 @@ impl Driver {
             }
             _ => return self.obstacle().map(Err),
         }
-        self.hold = None;
-        self.link.send_realtime(realtime::RESUME);
+        self.context.hold = None;
+        self.context.link.send_realtime(realtime::RESUME);
         done("resume was sent")
     }
 
@@ -107,28 +97,27 @@ impl Driver {
         if let Phase::Closed { reason } = &self.phase {
             return refused(error_code::NOT_CONNECTED, reason.clone());
         }
-        self.machine.needs_acknowledgement = false;
+        self.context.machine.needs_acknowledgement = false;
         let interrupted = Refusal::new(error_code::SOFT_RESET, "interrupted by a soft reset");
         match &self.phase {
             Phase::Running(run) if run.is_proving() => {
-                let Refusal { error_code, message } = interrupted;
-                self.end_run(RunOutcome::Aborted, error_code, message, Phase::Ready);
+                self.end_run(interrupted.into(), Next::Ready);
             }
-            Phase::Running(_) => {
+            Phase::Running(_) | Phase::Stopping(_) => {
                 self.reset_run(id);
                 return None;
             }
-            Phase::Manual(_) => self.end_manual(Err(interrupted), Phase::Ready),
+            Phase::Manual(_) => self.end_manual(ManualEnd::refused(interrupted, Next::Ready)),
             Phase::Connecting(connecting) => {
                 if let Some(id) = connecting.reply_to() {
-                    self.reply(id, Err(interrupted.clone()));
+                    self.context.reply(id, Err(interrupted.clone()));
                 }
                 self.end_paused(interrupted.error_code, &interrupted.message);
             }
-            _ => {}
+            Phase::Closed { .. } | Phase::Adrift { .. } | Phase::Ready => {}
         }
-        if self.machine.is_moving() {
-            self.machine.is_homed = false;
+        if self.context.machine.is_moving() {
+            self.context.machine.is_homed = false;
         }
         self.begin_reset(Some(id));
         None

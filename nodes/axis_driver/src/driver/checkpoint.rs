@@ -1,19 +1,21 @@
-//! The driver at rest, written down, so that a record can begin there.
+//! The driver at rest as JSON, so that a record can begin there.
 //!
-//! A record of a whole day would be needed otherwise to play the last run again.
-//! Only a driver that waits for orders is written: nothing is under way then, and
-//! what it knows of the controller is all there is.
+//! Without it, playing the last run again would need the record of a whole day. Only a
+//! driver that waits for commands is written: nothing is under way then, and the context
+//! is all its state.
 
-use super::machine::Machine;
-use super::overrides::OverrideWatch;
-use super::ros_loss::RosLoss;
-use super::stop::HoldWatch;
+use super::context::Context;
+use super::context::hold::HoldWatch;
+use super::context::machine::Machine;
+use super::context::overrides::OverrideWatch;
+use super::context::ros_loss::RosLoss;
 use super::{Driver, DriverConfig, Phase};
 use crate::link::{Link, LinkAtRest};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::Duration;
 
+/// The state of a driver at rest.
 #[derive(Debug, Serialize, Deserialize)]
 struct Checkpoint {
     config: DriverConfig,
@@ -33,12 +35,12 @@ struct Checkpoint {
     ros_loss: Option<RosLoss>,
 }
 
-/// Records of before could not say otherwise.
+/// Older records have no such field.
 fn active() -> bool {
     true
 }
 
-/// The same, borrowed.
+/// The same, borrowed. The order of the fields is that of the JSON.
 #[derive(Debug, Serialize)]
 struct CheckpointRef<'a> {
     config: &'a DriverConfig,
@@ -55,31 +57,32 @@ struct CheckpointRef<'a> {
 }
 
 impl Driver {
-    /// The driver as JSON; `None` unless it waits for orders with nothing under way.
+    /// Gives the driver as JSON; `None` unless it waits for commands with nothing under way.
     ///
     /// Outputs have to be taken before.
     pub fn checkpoint(&self) -> Option<String> {
         let is_at_rest = matches!(self.phase, Phase::Ready)
             && self.check.is_none()
             && self.leaving.is_none()
-            && self.outputs.is_empty();
+            && self.context.outputs.is_empty();
+        let context = &self.context;
         let checkpoint = CheckpointRef {
-            config: &self.config,
-            now: self.now,
-            link: self.link.at_rest().filter(|_| is_at_rest)?,
-            machine: &self.machine,
-            hold: self.hold.as_ref(),
-            overrides: self.overrides.as_ref(),
-            commander_heard: self.commander_heard,
-            is_single_block: self.is_single_block,
+            config: &context.config,
+            now: context.now,
+            link: context.link.at_rest().filter(|_| is_at_rest)?,
+            machine: &context.machine,
+            hold: context.hold.as_ref(),
+            overrides: context.overrides.as_ref(),
+            commander_heard: context.commander_heard,
+            is_single_block: context.is_single_block,
             is_active: self.is_active,
-            ros_loss: self.ros_loss,
+            ros_loss: context.ros_loss,
         };
         let text = serde_json::to_string(&checkpoint);
         Some(text.expect("a struct of numbers and texts is always JSON"))
     }
 
-    /// A driver that goes on from a checkpoint.
+    /// Gives a driver that goes on from a checkpoint.
     pub fn from_checkpoint(json: &[u8]) -> Result<Self, serde_json::Error> {
         let Checkpoint {
             config,
@@ -93,23 +96,25 @@ impl Driver {
             is_active,
             ros_loss,
         } = serde_json::from_slice(json)?;
-        let mut driver = Self {
+        let context = Context {
             link: Link::from_rest(config.link(), link),
             config,
             now,
-            phase: Phase::Ready,
             machine,
-            check: None,
-            paused: None,
             hold,
             overrides,
-            shift_before: [0.0; 3],
             commander_heard,
-            is_single_block,
-            is_active,
             ros_loss,
-            leaving: None,
+            is_single_block,
             outputs: VecDeque::new(),
+        };
+        let mut driver = Self {
+            context,
+            phase: Phase::Ready,
+            check: None,
+            paused: None,
+            is_active,
+            leaving: None,
             published: None,
         };
         driver.published = Some(driver.compose());

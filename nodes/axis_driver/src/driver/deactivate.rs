@@ -1,20 +1,22 @@
 //! Stops accepting commands: deactivate and shutdown.
 //!
-//! Both bring whatever is under way to a stop as a cancel does. Where the machine does
-//! not come to a standstill the driver stays active, so that nobody takes it for done.
+//! Both bring whatever is under way to a stop as a cancel does. If the machine does not
+//! come to a standstill, a deactivate fails and the driver stays active.
 
-use super::command::{Answer, done, refused};
-use super::config::STANDSTILL;
-use super::{Driver, Output, Phase, Refusal, RunOutcome};
+use super::answer::{Answer, Refusal, done, refused};
+use super::context::config::STANDSTILL;
+use super::manual::ManualEnd;
+use super::next::Next;
+use super::{Driver, Output, Phase};
 use crate::codes::error_code;
 use std::time::Duration;
 
 /// Why nothing begins.
 pub(super) const NOT_ACTIVE: &str = "the driver is not active: activate it first";
-/// The reason of a machine that would take orders, from a driver that gives none.
+/// The reason in the state of an idle machine whose driver is not active.
 pub(super) const INACTIVE: &str = "INACTIVE: the driver begins nothing until it is activated";
 
-/// Everything is being brought to a stop.
+/// Owns the wish to stop everything: whose it is, and how long it may take.
 #[derive(Debug)]
 pub(super) struct Leaving {
     id: u64,
@@ -29,7 +31,7 @@ enum Wish {
 }
 
 impl Wish {
-    /// For whom it stops.
+    /// The refusal for a command that it interrupts.
     fn refusal(self, text: &str) -> Refusal {
         match self {
             Self::Deactivate => {
@@ -75,7 +77,7 @@ impl Driver {
         }
         if let Some(Leaving { id, .. }) = self.leaving.take() {
             let refusal = Wish::Shutdown.refusal("interrupted because");
-            self.reply(id, Err(refusal));
+            self.context.reply(id, Err(refusal));
         }
         self.leave(id, Wish::Shutdown);
         None
@@ -83,66 +85,66 @@ impl Driver {
 
     fn leave(&mut self, id: u64, wish: Wish) {
         if let Some(check) = self.check.take() {
-            self.reply(check.id, Err(wish.refusal("interrupted because")));
+            self.context.reply(check.id, Err(wish.refusal("interrupted because")));
         }
-        match &self.phase {
-            Phase::Running(_) => {
-                let Refusal { error_code, message } = wish.refusal("stopped because");
-                self.stop_run(RunOutcome::Aborted, error_code, message);
-            }
+        match &mut self.phase {
+            Phase::Running(_) => self.stop_run(wish.refusal("stopped because").into()),
             Phase::Manual(operation) => {
-                let (is_homing, moves) = (operation.is_homing(), operation.task.moves());
                 let refusal = wish.refusal("interrupted because");
-                match (is_homing, moves) {
-                    // Homing does not listen to a hold.
-                    (true, _) => {
-                        self.end_manual(Err(refusal), Phase::Ready);
-                        self.begin_reset(None);
-                    }
-                    (_, true) => self.stop_move(refusal),
-                    _ => self.end_manual(Err(refusal), Phase::Ready),
+                if operation.is_homing() {
+                    // Homing does not react to a hold.
+                    self.end_manual(ManualEnd::refused(refusal, Next::Ready).with_reset());
+                } else if operation.task.moves() {
+                    operation.stop(&mut self.context, refusal);
+                } else {
+                    self.end_manual(ManualEnd::refused(refusal, Next::Ready));
                 }
             }
-            Phase::Closed { .. } => {}
-            _ if self.machine.is_moving() => self.send_hold(),
-            _ => {}
+            Phase::Closed { .. } | Phase::Stopping(_) => {}
+            Phase::Connecting(_) | Phase::Adrift { .. } | Phase::Ready => {
+                if self.context.machine.is_moving() {
+                    self.context.send_hold();
+                }
+            }
         }
-        if !matches!(self.phase, Phase::Running(_) | Phase::Manual(_)) {
+        if !self.phase.is_at_work() {
             // The controller is being reset after a probe, and the run would come back.
             let Refusal { error_code, message } = wish.refusal("stopped because");
             self.end_paused(error_code, &message);
         }
-        self.leaving = Some(Leaving { id, until: self.now + STANDSTILL * 2, wish });
+        self.leaving = Some(Leaving { id, until: self.context.now + STANDSTILL * 2, wish });
     }
 
     /// Answers when nothing is under way any more, or it takes too long.
     pub(super) fn step_leaving(&mut self) {
         let Some(Leaving { id, until, wish }) = self.leaving else { return };
         let is_stopping = match &self.phase {
-            Phase::Running(_) | Phase::Manual(_) => true,
+            Phase::Running(_) | Phase::Stopping(_) | Phase::Manual(_) => true,
             Phase::Connecting(connecting) => connecting.is_resetting(),
             _ => false,
         };
-        let is_busy = is_stopping || (self.is_open() && self.machine.is_moving());
-        if is_busy && self.now < until {
+        let is_busy = is_stopping || (self.is_open() && self.context.machine.is_moving());
+        if is_busy && self.context.now < until {
             return;
         }
         self.leaving = None;
         let text = match is_busy {
             true => "not stopped: motion may continue",
-            false if self.machine.is_lost => "stopped, as far as is known: motion may continue",
+            false if self.context.machine.is_lost => {
+                "stopped, as far as is known: motion may continue"
+            }
             false => "stopped",
         };
         match wish {
             Wish::Shutdown => {
-                self.reply(id, Ok(text.into()));
-                self.outputs.push_back(Output::ReadyToClose);
+                self.context.reply(id, Ok(text.into()));
+                self.context.outputs.push_back(Output::ReadyToClose);
             }
             Wish::Deactivate if is_busy => {
                 self.is_active = true;
-                self.reply(id, Err(Refusal::new(error_code::LINK_LOST, text)));
+                self.context.reply(id, Err(Refusal::new(error_code::LINK_LOST, text)));
             }
-            Wish::Deactivate => self.reply(id, Ok(text.into())),
+            Wish::Deactivate => self.context.reply(id, Ok(text.into())),
         }
     }
 }

@@ -1,10 +1,14 @@
 //! Routes link events to the current phase.
 
-use super::manual_operation::Task;
-use super::stop::HoldWatch;
-use super::{Driver, LogLevel, Origin, Phase, Refusal, RunOutcome};
+use super::answer::Refusal;
+use super::context::Origin;
+use super::manual::{ManualEnd, Task};
+use super::next::Next;
+use super::output::LogLevel;
+use super::run::exit::Verdict;
+use super::{Driver, Phase};
 use crate::codes::{self, error_code};
-use crate::link::{LinkEvent, LinkFault, realtime};
+use crate::link::{LinkEvent, LinkFault};
 use crate::report::{Message, is_lock_notice, was_a_banner};
 
 /// The alarm of a target outside of the travel.
@@ -12,38 +16,22 @@ const SOFT_LIMIT: u16 = 2;
 
 impl Driver {
     pub(super) fn on_event(&mut self, event: LinkEvent<Origin>) {
+        let context = &mut self.context;
         match event {
             LinkEvent::Answer { tag, error } => {
-                self.machine.has_just_started = false;
+                context.machine.has_just_started = false;
                 self.on_answer(tag, error);
             }
             LinkEvent::Alarm(code) => self.on_alarm(code),
             LinkEvent::Banner { firmware, text } => {
-                self.machine.on_restart(firmware);
-                self.machine.has_just_started = true;
-                self.drop_overrides("the controller has restarted");
+                context.machine.on_restart(firmware);
+                context.machine.has_just_started = true;
+                context.drop_overrides("the controller has restarted");
                 self.on_banner(&text);
             }
             LinkEvent::Status { report, since } => self.hear_status(*report, since),
-            LinkEvent::Message(message) => {
-                if let Some(bytes) = self.machine.on_message(&message) {
-                    self.link.set_receive_bytes(bytes);
-                }
-                match message {
-                    Message::Text(text) => {
-                        self.log(LogLevel::Info, format!("controller: {text}"));
-                        if is_lock_notice(&text) {
-                            self.hear_lock_notice(&text);
-                        }
-                    }
-                    Message::ParserState(words) => self.hear_words(&words),
-                    Message::Probe { position, has_touched } => {
-                        self.hear_probe(position, has_touched);
-                    }
-                    _ => {}
-                }
-            }
-            LinkEvent::Setting { number, value } => self.machine.on_setting(number, &value),
+            LinkEvent::Message(message) => self.on_message(message),
+            LinkEvent::Setting { number, value } => context.machine.on_setting(number, &value),
             LinkEvent::NamedSetting { .. } => {}
             LinkEvent::Text(text) => self.on_text(&text),
             LinkEvent::Fault(fault) => self.on_fault(&fault),
@@ -51,94 +39,150 @@ impl Driver {
         }
     }
 
+    fn on_message(&mut self, message: Message) {
+        if let Some(bytes) = self.context.machine.on_message(&message) {
+            self.context.link.set_receive_bytes(bytes);
+        }
+        match message {
+            Message::Text(text) => {
+                self.context.log(LogLevel::Info, format!("controller: {text}"));
+                if is_lock_notice(&text) {
+                    self.hear_lock_notice(&text);
+                }
+            }
+            Message::ParserState(words) => self.hear_words(&words),
+            Message::Probe { position, has_touched } => {
+                if let Phase::Manual(operation) = &mut self.phase {
+                    operation.on_probe(position, has_touched);
+                }
+            }
+            _ => {}
+        }
+    }
+
     fn on_answer(&mut self, origin: Origin, error: Option<u16>) {
+        let context = &mut self.context;
         match (&mut self.phase, origin) {
-            (Phase::Connecting(_), Origin::Query(index)) => self.on_query_answer(index, error),
-            (Phase::Manual(_), Origin::Manual) => self.on_manual_answer(error),
-            (Phase::Running(_), origin) => self.on_run_answer(origin, error),
+            (Phase::Connecting(connecting), Origin::Query(query)) => {
+                connecting.on_answer(context, query, error);
+            }
+            (Phase::Manual(operation), Origin::Manual) => {
+                if let Some(end) = operation.on_answer(context, error) {
+                    self.end_manual(end);
+                }
+            }
+            (Phase::Running(run), origin) => {
+                let exit = run.on_answer(context, origin, error);
+                self.leave_run(exit);
+            }
+            (Phase::Stopping(stopping), origin) => stopping.on_answer(context, &origin),
             _ => {}
         }
     }
 
     fn on_alarm(&mut self, code: u16) {
-        self.machine.on_alarm(code);
-        let text = codes::describe_alarm(self.machine.firmware, code);
-        self.log(LogLevel::Error, text.clone());
-        if codes::is_deaf(self.machine.firmware, code) {
-            self.link.expect_deafness();
+        let context = &mut self.context;
+        context.machine.on_alarm(code);
+        let text = codes::describe_alarm(context.machine.firmware, code);
+        context.log(LogLevel::Error, text.clone());
+        if codes::is_deaf(context.machine.firmware, code) {
+            context.link.expect_deafness();
         }
-        let reason = format!("{text}; soft_reset to go on");
-        // A target that cannot be reached is seen when its line is read, all else happens
-        // where the tool is.
-        let read = match self.link.oldest() {
-            Some(Origin::Program { source_line, element, .. }) if code == SOFT_LIMIT => {
-                Some((*source_line, *element))
-            }
-            _ => None,
-        };
+        let next = Next::adrift(format!("{text}; soft_reset to go on"));
         match &mut self.phase {
-            Phase::Running(run) if run.is_resetting() => run.add_to_verdict(&text),
-            Phase::Running(run) if run.waits_for_operator() => {
-                run.add_to_verdict(&text);
-                self.end_with_verdict(Phase::Adrift { reason });
+            Phase::Stopping(stopping) if stopping.is_resetting() => stopping.add_to_verdict(&text),
+            Phase::Stopping(stopping) if stopping.waits_for_operator() => {
+                stopping.add_to_verdict(&text);
+                self.end_stop(Some(next));
             }
-            Phase::Running(run) => {
-                run.blamed_line = read.map_or_else(|| run.line(), |(line, _)| line);
-                let place = read.map_or_else(
-                    || run.place(),
-                    |(line, element)| run.place_of_line(line, element),
-                );
-                let text = format!("{text}, at {place}");
-                self.end_run(RunOutcome::Aborted, error_code::ALARM, text, Phase::Adrift { reason })
-            }
+            Phase::Running(_) | Phase::Stopping(_) => self.end_run_in_alarm(code, &text, next),
             Phase::Manual(operation) => {
                 let is_probe =
                     matches!(operation.task, Task::Probe { .. }) && matches!(code, 4 | 5);
                 let error_code =
                     if is_probe { error_code::PROBE_FAILED } else { error_code::ALARM };
-                self.end_manual(Err(Refusal::new(error_code, text)), Phase::Adrift { reason });
+                self.end_manual(ManualEnd::refused(Refusal::new(error_code, text), next));
             }
-            Phase::Ready => self.phase = Phase::Adrift { reason },
+            Phase::Ready => self.go(Some(next)),
             Phase::Closed { .. } | Phase::Connecting(_) | Phase::Adrift { .. } => {}
         }
     }
 
+    fn end_run_in_alarm(&mut self, code: u16, text: &str, next: Next) {
+        // A target that cannot be reached is seen when its line is read, all else happens
+        // where the tool is.
+        let read = match self.context.link.oldest() {
+            Some(Origin::Program { source_line, element, .. }) if code == SOFT_LIMIT => {
+                Some((*source_line, *element))
+            }
+            _ => None,
+        };
+        let Some(job) = self.phase.job_mut() else { return };
+        job.blamed_line = read.map_or_else(|| job.line(), |(line, _)| line);
+        let place = match read {
+            Some((line, element)) => job.place_of_line(line, element),
+            None => job.place(),
+        };
+        self.end_run(Verdict::aborted(error_code::ALARM, format!("{text}, at {place}")), next);
+    }
+
+    /// The controller has restarted.
     pub(super) fn on_banner(&mut self, text: &str) {
+        let context = &mut self.context;
         match &mut self.phase {
             Phase::Closed { .. } => {}
-            Phase::Connecting(_) => self.on_connect_banner(text),
-            Phase::Running(run) if run.is_resetting() => self.on_stop_banner(),
-            Phase::Running(_) => {
+            Phase::Connecting(connecting) => {
+                let next = connecting.on_banner(context, text);
+                self.go(next);
+            }
+            Phase::Stopping(stopping) if stopping.is_resetting() => stopping.on_banner(context),
+            Phase::Running(_) | Phase::Stopping(_) => {
                 let message = format!(
                     "the controller restarted in the middle of the run ({text}); its position is lost: home"
                 );
-                self.machine.is_homed = false;
-                self.machine.lost_its_place = true;
-                self.end_run(RunOutcome::Aborted, error_code::RESTARTED, message, Phase::Ready);
-                self.begin_queries_behind_a_restart();
+                context.machine.is_homed = false;
+                context.machine.lost_its_place = true;
+                self.end_run(Verdict::aborted(error_code::RESTARTED, message), Next::Ready);
+                self.begin_after_restart();
             }
             Phase::Manual(_) => {
-                self.machine.is_homed = false;
-                self.machine.lost_its_place = true;
+                context.machine.is_homed = false;
+                context.machine.lost_its_place = true;
                 let message = format!("the controller restarted ({text})");
                 let refusal = Refusal::new(error_code::RESTARTED, message);
-                self.end_manual(Err(refusal), Phase::Ready);
-                self.begin_queries_behind_a_restart();
+                self.end_manual(ManualEnd::refused(refusal, Next::Ready));
+                self.begin_after_restart();
             }
             Phase::Adrift { .. } | Phase::Ready => {
-                self.machine.is_homed = false;
-                self.log(LogLevel::Warn, format!("the controller restarted by itself: {text}"));
-                self.begin_queries_behind_a_restart();
+                context.machine.is_homed = false;
+                context.log(LogLevel::Warn, format!("the controller restarted by itself: {text}"));
+                self.begin_after_restart();
             }
         }
     }
 
+    /// A status report has come, and is in the machine model already.
     pub(super) fn on_status(&mut self) {
+        let context = &mut self.context;
         match &mut self.phase {
-            Phase::Connecting(_) => self.on_connect_status(),
-            Phase::Running(_) => self.on_run_status(),
-            Phase::Manual(_) => self.on_manual_status(),
-            _ => {}
+            Phase::Connecting(connecting) => {
+                let next = connecting.on_status(context);
+                self.go(next);
+            }
+            Phase::Running(run) => {
+                let exit = run.on_status(context);
+                self.leave_run(exit);
+            }
+            Phase::Stopping(stopping) => {
+                let next = stopping.on_status(context);
+                self.end_stop(next);
+            }
+            Phase::Manual(operation) => {
+                if let Some(end) = operation.on_status(context) {
+                    self.end_manual(end);
+                }
+            }
+            Phase::Closed { .. } | Phase::Adrift { .. } | Phase::Ready => {}
         }
     }
 
@@ -149,7 +193,7 @@ impl Driver {
         if let Phase::Connecting(connecting) = &mut self.phase {
             connecting.hear_garbage(text);
         }
-        self.log(LogLevel::Info, format!("controller: {text}"));
+        self.context.log(LogLevel::Info, format!("controller: {text}"));
     }
 
     fn on_fault(&mut self, fault: &LinkFault) {
@@ -161,22 +205,26 @@ impl Driver {
         }
         match &mut self.phase {
             Phase::Closed { .. } | Phase::Adrift { .. } => {}
-            Phase::Connecting(_) => self.on_connect_fault(fault),
+            Phase::Connecting(connecting) => {
+                let next = connecting.on_fault(&mut self.context, fault);
+                self.go(next);
+            }
             // It is being stopped already, and a reset forgets all counts.
-            Phase::Running(run) if run.is_stopping() => {}
+            Phase::Stopping(_) => {}
             Phase::Running(_) => {
-                self.log(LogLevel::Error, text.clone());
-                self.stop_run(RunOutcome::Aborted, error_code::PROTOCOL, text);
+                self.context.log(LogLevel::Error, text.clone());
+                self.stop_run(Verdict::aborted(error_code::PROTOCOL, text));
             }
             Phase::Manual(operation) => {
                 // What moves is brought to a stop; the count is settled by the reset.
                 if operation.task.moves() {
-                    self.send_hold();
+                    self.context.send_hold();
                 }
-                let next = Phase::Adrift { reason: format!("{text}; soft_reset to go on") };
-                self.end_manual(Err(Refusal::new(error_code::PROTOCOL, text)), next);
+                let next = Next::adrift(format!("{text}; soft_reset to go on"));
+                let refusal = Refusal::new(error_code::PROTOCOL, text);
+                self.end_manual(ManualEnd::refused(refusal, next));
             }
-            Phase::Ready => self.log(LogLevel::Warn, text),
+            Phase::Ready => self.context.log(LogLevel::Warn, text),
         }
     }
 
@@ -185,29 +233,28 @@ impl Driver {
         if matches!(self.phase, Phase::Closed { .. } | Phase::Connecting(_)) {
             return;
         }
-        let was_active = matches!(self.phase, Phase::Running(_) | Phase::Manual(_));
-        if was_active || self.machine.is_moving() {
-            self.machine.needs_acknowledgement = true;
+        let context = &mut self.context;
+        if self.phase.is_at_work() || context.machine.is_moving() {
+            context.machine.needs_acknowledgement = true;
         }
-        self.machine.is_silent = true;
-        self.log(LogLevel::Error, TEXT.into());
-        let next = || Phase::Adrift { reason: format!("LINK_LOST: {TEXT}; soft_reset to go on") };
+        context.machine.is_silent = true;
+        context.log(LogLevel::Error, TEXT);
+        let next = Next::adrift(format!("LINK_LOST: {TEXT}; soft_reset to go on"));
         match &self.phase {
-            Phase::Running(_) => {
+            Phase::Running(_) | Phase::Stopping(_) => {
+                self.end_run(Verdict::aborted(error_code::LINK_LOST, TEXT), next);
                 // It may still arrive; if the link comes back it is looked for.
-                self.link.send_realtime(realtime::FEED_HOLD);
-                let (code, text) = (error_code::LINK_LOST, TEXT.to_owned());
-                self.end_run(RunOutcome::Aborted, code, text, next());
-                self.hold = Some(HoldWatch::default());
+                self.context.send_hold();
             }
             Phase::Manual(operation) => {
                 let moves = operation.task.moves();
-                self.end_manual(Err(Refusal::new(error_code::LINK_LOST, TEXT)), next());
+                let refusal = Refusal::new(error_code::LINK_LOST, TEXT);
+                self.end_manual(ManualEnd::refused(refusal, next));
                 if moves {
-                    self.send_hold();
+                    self.context.send_hold();
                 }
             }
-            _ => self.phase = next(),
+            _ => self.go(Some(next)),
         }
     }
 }

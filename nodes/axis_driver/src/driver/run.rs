@@ -1,65 +1,75 @@
-//! One run: what it holds and where it is, from the proof to the last line cut.
+//! The phase `Running`: one run, from the proof to the last line cut.
 //!
-//! How it goes on is in `run_progress`, what is sent in `stream`.
+//! Each handler takes an event and gives an [`Exit`](exit::Exit) when the run leaves the phase:
+//! because it is over, or because the machine has to be stopped. `progress` has the
+//! handlers of time, answers and reports, `stream` sends the lines, `tool_change` and
+//! `replan` are what happens while the machine stands in the middle of a run.
 
-use super::block::BlockOfLine;
-use super::command::RunRequest;
-use super::machine::Machine;
-use super::proof::Proof;
-use super::replan::Replan;
-use super::stop::Stopping;
-use super::tool_change::ToolChange;
+mod block;
+pub(super) mod exit;
+pub(super) mod job;
+pub(super) mod progress;
+pub(super) mod proof;
+pub(super) mod replan;
+pub(super) mod request;
+mod start;
+mod stream;
+pub(super) mod tool_change;
+
+use super::context::Context;
+use super::context::machine::Machine;
 use crate::encoder::{EncodedLine, Encoder};
 use crate::estimate::Estimate;
 use crate::tracker::Tracker;
-use cnc_msgs::contour::CutterSide;
+use block::BlockOfLine;
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::machine::{MachineState, Mode, WAITING_FOR_RECORDER};
+use job::Job;
+use proof::Proof;
+use replan::Replan;
+use request::RunRequest;
 use std::time::Duration;
+use tool_change::ToolChange;
 
-/// A path on its way to the machine.
+/// Owns a path on its way to the machine: the encoder, the line that waits for room, and
+/// the stage that the run is in.
 #[derive(Debug)]
 pub(super) struct Run {
-    pub(super) id: u64,
-    pub(super) request: RunRequest,
-    pub(super) first_element: usize,
+    pub(super) job: Job,
+    first_element: usize,
     pub(super) encoder: Encoder,
-    /// Made and not yet sent, because there is no room.
-    pub(super) next: Option<Next>,
+    /// Encoded and not yet sent, because there is no room.
+    next: Option<Pending>,
     /// A line that must be answered before anything else is sent.
-    pub(super) is_alone: bool,
-    pub(super) stage: Stage,
+    is_alone: bool,
+    stage: Stage,
     /// The operator has asked for a hold; nothing is sent until a resume.
-    pub(super) is_held: bool,
-    /// Why it holds, where nobody asked for it.
-    pub(super) hold_reason: Option<String>,
-    /// The line of the block that the controller refused or stopped at.
-    pub(super) blamed_line: u32,
-    pub(super) has_sent: bool,
+    is_held: bool,
+    /// Why it holds, if no operator asked for it.
+    hold_reason: Option<String>,
     /// In a row: reports of empty buffers with lines that were never answered.
     pub(super) empty_reports: u32,
-    /// The line that was sent last, where single blocks are told apart.
-    pub(super) block: Option<BlockOfLine>,
-    /// Another path for what is left, which is being looked at.
+    /// The block of the line that was sent last.
+    block: Option<BlockOfLine>,
+    /// Another path for what is left, which is being proved.
     pub(super) rest: Option<Box<Replan>>,
     /// A line of the next block, which waits for a resume.
-    pub(super) next_block: Option<EncodedLine>,
-    pub(super) tracker: Tracker,
-    pub(super) estimate: Estimate,
-    pub(super) total_s: f64,
-    pub(super) progress: Option<(u32, f64)>,
+    next_block: Option<EncodedLine>,
+    estimate: Estimate,
+    total_s: f64,
+    progress: Option<(u32, f64)>,
 }
 
-/// What is made and waits for room.
+/// What is encoded and waits for room.
 #[derive(Debug)]
-pub(super) enum Next {
+enum Pending {
     Line(EncodedLine),
     Sync,
 }
 
-/// Where a run is.
+/// What a run is doing.
 #[derive(Debug)]
-pub(super) enum Stage {
+enum Stage {
     /// Encoded to the end for its errors; nothing is sent.
     Proving(Box<Proof>),
     /// Nothing is sent before the recorder has opened its bag.
@@ -75,7 +85,7 @@ pub(super) enum Stage {
         until: Duration,
     },
     Streaming,
-    /// The last line and a dwell behind it are under way.
+    /// The last line and a dwell after it are under way.
     Draining(Then),
     /// All is answered; waiting for a report from then on that says idle.
     Settling {
@@ -91,12 +101,11 @@ pub(super) enum Stage {
     },
     /// A block has ended in single block mode.
     BlockEnd(BlockOfLine),
-    Stopping(Stopping),
 }
 
 /// What follows when all motion has ended.
 #[derive(Debug, Clone)]
-pub(super) enum Then {
+enum Then {
     End,
     ToolChange {
         tool: u32,
@@ -135,9 +144,10 @@ impl Run {
     ) -> Self {
         let estimate = Estimate::new(machine.rates(), &request.path, first_element);
         let tracker = Tracker::new(first_element, machine.planner_blocks());
+        let job =
+            Job { id, request, tracker, has_sent: false, blamed_line: 0, is_in_tool_change: false };
         Self {
-            id,
-            request,
+            job,
             first_element,
             encoder,
             next: None,
@@ -145,57 +155,28 @@ impl Run {
             stage: Stage::Proving(Box::new(proof)),
             is_held: false,
             hold_reason: None,
-            blamed_line: 0,
-            has_sent: false,
             empty_reports: 0,
             block: None,
             next_block: None,
             rest: None,
-            tracker,
             estimate,
             total_s: 0.0,
             progress: None,
         }
     }
 
-    /// The command that began it.
-    pub(super) fn id(&self) -> u64 {
-        self.id
-    }
-
     /// Where the first element starts, work frame, mm.
     pub(super) fn start(&self) -> Position {
-        self.request.path.start_of(self.first_element.min(self.request.path.elements.len()))
+        let path = &self.job.request.path;
+        path.start_of(self.first_element.min(path.elements.len()))
     }
 
     /// The axes that must be there: those the path relies on, or all in the middle.
     pub(super) fn assumed_axes(&self) -> AxisSet {
         match self.first_element {
-            0 => self.request.path.assumed_axes,
+            0 => self.job.request.path.assumed_axes,
             _ => self.encoder.start_axes(),
         }
-    }
-
-    /// `line 12 (N70)`
-    pub(super) fn place_of_line(&self, source_line: u32, element: Option<usize>) -> String {
-        let element = element.and_then(|index| self.request.path.elements.get(index));
-        match element.and_then(|element| element.source.block) {
-            Some(block) => format!("line {source_line} (N{block})"),
-            None => format!("line {source_line}"),
-        }
-    }
-
-    /// The block that is being cut.
-    pub(super) fn place(&self) -> String {
-        match self.line() {
-            0 => "before the first line".into(),
-            line => self.place_of_line(line, Some(self.tracker.element())),
-        }
-    }
-
-    /// Whether the controller reads the program without moving.
-    pub(super) fn is_check(&self) -> bool {
-        self.request.check_only
     }
 
     pub(super) fn is_proving(&self) -> bool {
@@ -205,10 +186,6 @@ impl Run {
     /// Whether anything of it was sent.
     pub(super) fn has_begun(&self) -> bool {
         !matches!(self.stage, Stage::Proving(_) | Stage::AwaitingRecorder { .. })
-    }
-
-    pub(super) fn is_stopping(&self) -> bool {
-        matches!(self.stage, Stage::Stopping(_))
     }
 
     pub(super) fn is_changing_tool(&self) -> bool {
@@ -227,8 +204,27 @@ impl Run {
         self.is_held
     }
 
-    pub(super) fn set_held(&mut self, is_held: bool) {
-        self.is_held = is_held;
+    /// Sends nothing until a resume. What is under way is not held by this.
+    pub(super) fn set_held(&mut self) {
+        self.is_held = true;
+    }
+
+    /// Takes a resume: lines are sent again.
+    pub(super) fn release(&mut self) {
+        self.is_held = false;
+        self.hold_reason = None;
+    }
+
+    /// Holds, and says why.
+    pub(super) fn hold(&mut self, context: &mut Context, reason: &str) {
+        self.set_hold_reason(reason);
+        context.send_hold();
+    }
+
+    /// Does the same while nothing moves, so that no feed hold is sent.
+    pub(super) fn set_hold_reason(&mut self, reason: &str) {
+        self.is_held = true;
+        self.hold_reason = Some(format!("{reason}; resume goes on"));
     }
 
     pub(super) fn go_on(&mut self) {
@@ -241,31 +237,14 @@ impl Run {
             | Stage::Preparing { until }
             | Stage::Positioning { until }
             | Stage::Homing { until, .. } => Some(*until),
-            Stage::Stopping(stopping) => Some(stopping.until()),
             _ => None,
         }
     }
 
-    /// The source line that is being cut, 0 before the first.
-    pub(super) fn line(&self) -> u32 {
-        let element = self.request.path.elements.get(self.tracker.element());
-        let has_begun = self.has_sent && self.tracker.is_under_way();
-        element.filter(|_| has_begun).map_or(0, |element| element.source.line)
-    }
-
-    /// The side that the tool runs on in the element that is being cut: from the
-    /// beginning of the lead-on, and no longer at the end of the lead-off (A18, A19).
-    fn compensation(&self) -> Option<CutterSide> {
-        let elements = &self.request.path.elements;
-        let side = |index: usize| elements.get(index).and_then(|element| element.side);
-        let element = self.tracker.element();
-        let is_over = self.tracker.is_at_end() && side(element + 1).is_none();
-        side(element).filter(|_| self.has_sent && !is_over)
-    }
-
+    /// Adds to the state what the run knows.
     pub(super) fn compose_mode(&self, state: &mut MachineState, is_machine_held: bool) {
-        state.compensation = self.compensation();
-        state.path_revision = self.request.revision;
+        state.compensation = self.job.compensation();
+        state.path_revision = self.job.request.revision;
         state.settled_elements = self.settled(is_machine_held).unwrap_or(0);
         match &self.stage {
             Stage::ToolChange(ToolChange { tool, source_line, .. }) if state.mode == Mode::Idle => {
@@ -298,7 +277,6 @@ impl Run {
                 state.reason =
                     format!("{WAITING_FOR_RECORDER}: the run begins when it is recorded");
             }
-            Stage::Stopping(stopping) => state.reason = stopping.describe(),
             _ => {}
         }
         if let (Mode::Hold, true, Some(reason)) =

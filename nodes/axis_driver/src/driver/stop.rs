@@ -1,50 +1,54 @@
-//! Bringing the machine to a stop, and watching that it does.
+//! The phase `Stopping`: bringing a run to a standstill, and watching that it stands.
 //!
 //! Hold, wait for standstill, reset: nothing is lost and nothing more is run. After a
-//! refused line or a lost count the reset is left to the operator. A byte
-//! can be lost on the wire, so a hold that does not show in the reports is sent again.
+//! refused line or a lost count the reset is left to the operator. A byte can be lost on
+//! the wire, so a hold that does not show in the reports is sent again.
 
-use super::config::{ANSWER, HOLDS_MAX, REPORTS_PER_HOLD, STANDSTILL};
-use super::run::{Run, Stage};
-use super::{Driver, LogLevel, Output, Phase, Refusal, RunOutcome};
+mod recovery;
+
+use super::answer::{Answer, Refusal, refused};
+use super::context::config::{ANSWER, REPORTS_PER_HOLD, STANDSTILL};
+use super::context::{Context, Origin};
+use super::next::Next;
+use super::output::{LogLevel, RunOutcome};
+use super::run::Run;
+use super::run::exit::Verdict;
+use super::run::job::Job;
+use super::run::replan::{self, ReplanRequest};
 use crate::codes::error_code;
 use crate::link::realtime;
 use crate::report::ControllerState;
-use serde::{Deserialize, Serialize};
+use cnc_msgs::geometry::Position;
+use cnc_msgs::machine::MachineState;
 use std::time::Duration;
 
 /// A report that was under way when the hold was written may still show an older hold.
 const OLD_REPORTS: Duration = Duration::from_millis(30);
 
-/// How the run will have ended when the machine stands.
-#[derive(Debug, Clone)]
-pub(super) struct Verdict {
-    pub(super) outcome: RunOutcome,
-    pub(super) error_code: u16,
-    pub(super) message: String,
-}
-
-impl Verdict {
-    /// What the controller has still to answer, and what it made of the lines behind a
-    /// refused one, is not known: it is held, and a reset is the operator's.
-    fn needs_operator(&self) -> bool {
-        matches!(
-            self.error_code,
-            error_code::CONTROLLER_ERROR
-                | error_code::PROTOCOL
-                | error_code::NO_ANSWER
-                | error_code::RESTARTED
-        )
-    }
-}
-
-/// A run that is being stopped.
+/// Owns a run that is being stopped: what is left of it, how it will have ended, and how
+/// far the stop has come.
 #[derive(Debug)]
 pub(super) struct Stopping {
-    pub(super) verdict: Verdict,
+    pub(super) job: Job,
+    verdict: Verdict,
     step: Step,
     /// The soft reset that asked for it.
+    reply: Option<u64>,
+    /// A request for another path, which can no longer be followed and is still to be
+    /// answered.
+    rest: Option<u64>,
+    /// The shift of G92 before the reset.
+    shift_before: Position,
+}
+
+/// The end of a stop.
+#[derive(Debug)]
+pub(super) struct Ended {
+    pub(super) job: Job,
+    /// The soft reset that was not confirmed.
     pub(super) reply: Option<u64>,
+    /// The request for another path that was not answered.
+    pub(super) rest: Option<u64>,
 }
 
 #[derive(Debug)]
@@ -57,29 +61,52 @@ enum Step {
     Resetting {
         until: Duration,
     },
-    /// It has started anew; whoever waits for the end can rely on the state then.
+    /// It has restarted; whoever waits for the end can rely on the state then.
     Reporting {
         until: Duration,
     },
 }
 
-/// A hold outside a stop that has not shown in the reports yet.
-#[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct HoldWatch {
-    /// Of an opened door, not of a feed hold.
-    #[serde(default)]
-    is_door: bool,
-    reports: u32,
-    sent_again: u32,
-}
-
-impl HoldWatch {
-    pub(super) fn door() -> Self {
-        Self { is_door: true, ..Self::default() }
-    }
-}
-
 impl Stopping {
+    /// Stops a run that has begun: with a hold, or with a reset where a hold has no effect.
+    pub(super) fn begin(context: &mut Context, run: Run, verdict: Verdict) -> Self {
+        // Homing does not react to a hold, and in check mode nothing moves.
+        let is_reset = run.job.is_check() || run.is_homing() && context.link.unanswered() > 0;
+        context.hold = None;
+        let step = if is_reset {
+            context.link.send_reset(context.now);
+            Step::Resetting { until: context.now + ANSWER }
+        } else {
+            context.link.send_realtime(realtime::FEED_HOLD);
+            Step::Holding { since: context.now, reports: 0, idle_reports: 0 }
+        };
+        Self::new(run, verdict, step, None)
+    }
+
+    /// Resets at once, in the middle of a run.
+    pub(super) fn reset(context: &mut Context, run: Run, reply: u64) -> Self {
+        let verdict = Verdict::aborted(error_code::SOFT_RESET, "stopped by a soft reset");
+        let step = Step::Resetting { until: context.now + ANSWER };
+        send_reset(context);
+        Self::new(run, verdict, step, Some(reply))
+    }
+
+    fn new(run: Run, verdict: Verdict, step: Step, reply: Option<u64>) -> Self {
+        let Run { job, rest, .. } = run;
+        let rest = rest.map(|rest| rest.id);
+        Self { job, verdict, step, reply, rest, shift_before: [0.0; 3] }
+    }
+
+    /// Resets at once, in the middle of the stop.
+    pub(super) fn reset_now(&mut self, context: &mut Context, reply: u64) {
+        self.step = Step::Resetting { until: context.now + ANSWER };
+        if let Some(earlier) = self.reply.replace(reply) {
+            let text = "interrupted by a soft reset";
+            context.reply(earlier, Err(Refusal::new(error_code::SOFT_RESET, text)));
+        }
+        send_reset(context);
+    }
+
     pub(super) fn until(&self) -> Duration {
         match self.step {
             Step::Holding { since, .. } => since + STANDSTILL,
@@ -87,127 +114,83 @@ impl Stopping {
         }
     }
 
-    pub(super) fn describe(&self) -> String {
-        match self.step {
+    /// Adds to the state what the stop knows.
+    pub(super) fn compose_mode(&self, state: &mut MachineState) {
+        state.compensation = self.job.compensation();
+        state.path_revision = self.job.request.revision;
+        state.settled_elements = 0;
+        state.reason = match self.step {
             Step::Holding { .. } => format!("STOPPING: {}", self.verdict.message),
             Step::Resetting { .. } | Step::Reporting { .. } => {
                 format!("RESETTING: {}", self.verdict.message)
             }
-        }
+        };
     }
-}
 
-impl Run {
     pub(super) fn is_resetting(&self) -> bool {
-        let Stage::Stopping(Stopping { step, .. }) = &self.stage else { return false };
-        matches!(step, Step::Resetting { .. } | Step::Reporting { .. })
+        matches!(self.step, Step::Resetting { .. } | Step::Reporting { .. })
     }
 
     /// Whether it is being stopped for something that the operator has to settle.
     pub(super) fn waits_for_operator(&self) -> bool {
-        matches!(&self.stage, Stage::Stopping(stopping) if stopping.verdict.needs_operator())
+        self.verdict.needs_operator()
+    }
+
+    pub(super) fn verdict(&self) -> &Verdict {
+        &self.verdict
     }
 
     pub(super) fn add_to_verdict(&mut self, text: &str) {
-        if let Stage::Stopping(stopping) = &mut self.stage {
-            stopping.verdict.message += "; ";
-            stopping.verdict.message += text;
-        }
-    }
-}
-
-impl Driver {
-    /// Sends a feed hold, and again when it does not show.
-    pub(super) fn send_hold(&mut self) {
-        self.link.send_realtime(realtime::FEED_HOLD);
-        self.hold = Some(HoldWatch::default());
+        self.verdict.message += "; ";
+        self.verdict.message += text;
     }
 
-    /// Holds the run that is under way, and says why.
-    pub(super) fn hold_run(&mut self, reason: &str) {
-        if let Phase::Running(run) = &mut self.phase {
-            run.set_held(true);
-            run.hold_reason = Some(format!("{reason}; resume goes on"));
-            self.send_hold();
+    /// Another path: refused, because the machine is being stopped.
+    pub(super) fn replan(&self, request: &ReplanRequest) -> Answer {
+        match request.check(&self.job.request) {
+            Ok(()) => refused(error_code::BUSY, replan::NOT_IN_A_HOLD),
+            Err(refusal) => Some(Err(refusal)),
         }
     }
 
-    /// Stops sending and brings the machine to a standstill; the run ends when it stands.
-    pub(super) fn stop_run(&mut self, outcome: RunOutcome, error_code: u16, message: String) {
-        let verdict = Verdict { outcome, error_code, message };
-        let Phase::Running(run) = &mut self.phase else { return };
-        match &run.stage {
-            // What stops it first is the reason.
-            Stage::Stopping(_) => return,
-            // Nothing is under way.
-            Stage::Proving(_) | Stage::AwaitingRecorder { .. } => {
-                return self.end_run(outcome, error_code, verdict.message, Phase::Ready);
-            }
-            // Homing does not listen to a hold, and in check mode nothing moves.
-            _ if run.is_check() || run.is_homing() && self.link.unanswered() > 0 => {
-                let step = Step::Resetting { until: self.now + ANSWER };
-                run.stage = Stage::Stopping(Stopping { verdict, step, reply: None });
-                self.hold = None;
-                return self.link.send_reset(self.now);
-            }
+    /// Refuses the request for another path that was being proved when the stop began.
+    pub(super) fn refuse_rest(&mut self, context: &mut Context) {
+        if let Some(id) = self.rest.take() {
+            context.reply(id, Err(replan::no_longer_stands()));
+        }
+    }
+
+    /// A line was answered. Nothing is judged any more, but what is cut is still followed.
+    pub(super) fn on_answer(&mut self, context: &mut Context, origin: &Origin) {
+        match origin {
+            Origin::Program { element: Some(element), .. } => self.job.tracker.on_answer(*element),
+            Origin::Query(query) => self.on_query_answer(context, *query),
             _ => {}
         }
-        self.link.send_realtime(realtime::FEED_HOLD);
-        self.hold = None;
-        let step = Step::Holding { since: self.now, reports: 0, idle_reports: 0 };
-        run.stage = Stage::Stopping(Stopping { verdict, step, reply: None });
     }
 
-    /// Resets at once, in the middle of a run.
-    pub(super) fn reset_run(&mut self, id: u64) {
-        let stands = [ControllerState::Idle, ControllerState::Check, ControllerState::Tool];
-        let stands = stands.iter().any(|state| self.machine.is_state(state));
-        let is_moving = !self.machine.is_held() && !stands;
-        let Phase::Running(run) = &mut self.phase else { return };
-        let message = "stopped by a soft reset".to_owned();
-        let (outcome, error_code) = (RunOutcome::Aborted, error_code::SOFT_RESET);
-        let step = Step::Resetting { until: self.now + ANSWER };
-        match &mut run.stage {
-            Stage::Stopping(stopping) => {
-                stopping.step = step;
-                if let Some(earlier) = stopping.reply.replace(id) {
-                    let text = "interrupted by a soft reset";
-                    let result = Err(Refusal::new(error_code, text));
-                    self.outputs.push_back(Output::Reply { id: earlier, result });
-                }
-            }
-            stage => {
-                let verdict = Verdict { outcome, error_code, message };
-                *stage = Stage::Stopping(Stopping { verdict, step, reply: Some(id) });
-            }
+    /// Takes a status report, which is in the machine model already. Gives what follows
+    /// when the stop is over.
+    pub(super) fn on_status(&mut self, context: &mut Context) -> Option<Next> {
+        // A reset empties the planner without cutting what it held.
+        if !self.is_resetting() {
+            self.job.track(context);
         }
-        if is_moving {
-            self.machine.is_homed = false;
-        }
-        self.hold = None;
-        self.link.send_reset(self.now);
-    }
-
-    pub(super) fn on_stop_status(&mut self) {
-        let Some(state) = self.machine.status.as_ref().map(|status| status.state.clone()) else {
-            return;
+        let machine = &context.machine;
+        let state = machine.status.as_ref().map(|status| status.state.clone())?;
+        let (is_held, is_moving) = (machine.is_held(), machine.is_moving());
+        let (since, reports, idle_reports) = match &mut self.step {
+            Step::Holding { since, reports, idle_reports } => (*since, reports, idle_reports),
+            Step::Resetting { .. } => return None,
+            Step::Reporting { .. } if context.link.unanswered() > 0 => return None,
+            Step::Reporting { .. } => return Some(self.finish(context)),
         };
-        let (is_held, is_moving) = (self.machine.is_held(), self.machine.is_moving());
-        let Phase::Running(run) = &mut self.phase else { return };
-        let Stage::Stopping(stopping) = &mut run.stage else { return };
-        let (since, reports, idle_reports) = match &mut stopping.step {
-            Step::Holding { since, reports, idle_reports } => (since, reports, idle_reports),
-            Step::Resetting { .. } => return,
-            Step::Reporting { .. } if self.link.unanswered() > 0 => return,
-            Step::Reporting { .. } => return self.finish_stop(),
-        };
-        if self.now < *since + OLD_REPORTS {
-            return;
+        if context.now < since + OLD_REPORTS {
+            return None;
         }
         let stands = match state {
             ControllerState::Alarm | ControllerState::Sleep => {
-                let reason = "the controller is locked; soft_reset to go on".into();
-                return self.end_with_verdict(Phase::Adrift { reason });
+                return Some(Next::adrift("the controller is locked; soft_reset to go on"));
             }
             // Some builds do not hold when nothing moves.
             // A controller that waits for a tool stands, and hears nothing but a reset.
@@ -217,13 +200,13 @@ impl Driver {
             }
             _ => is_held,
         };
-        if stands && stopping.verdict.needs_operator() {
-            let reason = format!("{}; soft_reset to go on", stopping.verdict.message);
-            return self.end_with_verdict(Phase::Adrift { reason });
+        if stands && self.verdict.needs_operator() {
+            return Some(Next::adrift(format!("{}; soft_reset to go on", self.verdict.message)));
         }
         if stands {
-            stopping.step = Step::Resetting { until: self.now + ANSWER };
-            return self.link.send_reset(self.now);
+            self.step = Step::Resetting { until: context.now + ANSWER };
+            context.link.send_reset(context.now);
+            return None;
         }
         // Decelerating is what was asked for.
         let is_obeying = is_moving && state == ControllerState::Hold;
@@ -232,83 +215,45 @@ impl Driver {
             *idle_reports = 0;
             *reports += 1;
             if *reports % REPORTS_PER_HOLD == 0 {
-                self.link.send_realtime(realtime::FEED_HOLD);
+                context.link.send_realtime(realtime::FEED_HOLD);
             }
         }
+        None
     }
 
-    /// The banner came: the machine stands and has forgotten the program.
-    pub(super) fn on_stop_banner(&mut self) {
-        if let Phase::Running(run) = &mut self.phase
-            && let Stage::Stopping(stopping) = &mut run.stage
-        {
-            stopping.step = Step::Reporting { until: self.now + ANSWER };
-        }
-        // Which offsets it has kept is its own business.
-        self.ask_again();
-    }
-
-    /// And the first report behind it.
-    fn finish_stop(&mut self) {
-        if self.machine.has_moved_since_start() {
-            self.machine.is_homed = false;
-        }
-        let Phase::Running(run) = &mut self.phase else { return };
-        if let Stage::Stopping(stopping) = &mut run.stage
-            && let Some(id) = stopping.reply.take()
-        {
-            self.reply(id, Ok("the controller was reset".into()));
-        }
-        self.end_with_verdict(Phase::Ready);
-    }
-
-    pub(super) fn on_stop_timeout(&mut self) {
-        let Phase::Running(run) = &mut self.phase else { return };
-        let (code, text) = match run.is_resetting() {
+    /// The machine does not stand in time, or the controller does not restart.
+    pub(super) fn on_timeout(&mut self, context: &mut Context) -> Next {
+        let (code, text) = match self.is_resetting() {
             true => (error_code::NO_ANSWER, "the controller did not start anew after the reset"),
             false => (
                 error_code::LINK_LOST,
                 "the controller did not come to a standstill; motion may continue",
             ),
         };
-        run.add_to_verdict(text);
-        if let Stage::Stopping(stopping) = &mut run.stage {
-            stopping.verdict.outcome = RunOutcome::Aborted;
-            stopping.verdict.error_code = code;
-            // The reset was not confirmed.
-            if let Some(id) = stopping.reply.take() {
-                let refusal = Refusal::new(code, text);
-                self.outputs.push_back(Output::Reply { id, result: Err(refusal) });
-            }
+        self.add_to_verdict(text);
+        self.verdict.outcome = RunOutcome::Aborted;
+        self.verdict.error_code = code;
+        // The reset was not confirmed.
+        if let Some(id) = self.reply.take() {
+            context.reply(id, Err(Refusal::new(code, text)));
         }
-        self.log(LogLevel::Error, text.into());
-        self.end_with_verdict(Phase::Adrift { reason: format!("{text}; soft_reset to go on") });
+        context.log(LogLevel::Error, text);
+        Next::adrift(format!("{text}; soft_reset to go on"))
     }
 
-    /// Looks for a hold that was asked for in each report.
-    pub(super) fn watch_hold(&mut self) {
-        let Some(status) = &self.machine.status else { return };
-        let is_running = matches!(self.phase, Phase::Running(_));
-        let Some(hold) = &mut self.hold else { return };
-        hold.reports += 1;
-        match status.state {
-            ControllerState::Run | ControllerState::Jog | ControllerState::Home => {}
-            ControllerState::Idle if is_running || hold.reports < REPORTS_PER_HOLD => {}
-            _ => {
-                self.hold = None;
-                return;
-            }
-        }
-        if hold.reports % REPORTS_PER_HOLD != 0 {
-            return;
-        }
-        hold.sent_again += 1;
-        if hold.sent_again > HOLDS_MAX {
-            self.hold = None;
-            let text = "the controller does not hold; use soft_reset or the emergency stop";
-            return self.log(LogLevel::Error, text.into());
-        }
-        let byte = if hold.is_door { realtime::SAFETY_DOOR } else { realtime::FEED_HOLD };
-        self.link.send_realtime(byte);
+    pub(super) fn end(self) -> Ended {
+        let Self { job, reply, rest, .. } = self;
+        Ended { job, reply, rest }
     }
+}
+
+/// Resets the controller in the middle of motion or at a standstill.
+fn send_reset(context: &mut Context) {
+    let stands = [ControllerState::Idle, ControllerState::Check, ControllerState::Tool];
+    let stands = stands.iter().any(|state| context.machine.is_state(state));
+    if !context.machine.is_held() && !stands {
+        context.machine.is_homed = false;
+    }
+    context.hold = None;
+    context.link.send_reset(context.now);
 }

@@ -170,7 +170,7 @@ proptest! {
                     }
                 }
             }
-            prop_assert!(driver.link.unanswered_bytes() <= driver.window().max(80));
+            prop_assert!(driver.context.link.unanswered_bytes() <= driver.window().max(80));
         }
         let again = replay(&entries, &|_, _| Some(path.clone()), DriverConfig::default()).unwrap();
         prop_assert_eq!(again.first_difference(&entries), None);

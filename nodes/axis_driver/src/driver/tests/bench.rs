@@ -10,6 +10,7 @@ use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::geometry::{AxisSet, Position, Shape};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role, StartInSpan};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 pub(super) const BANNER: &str = "\r\nGrbl 1.1h ['$' for help]\r\n";

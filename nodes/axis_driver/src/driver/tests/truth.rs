@@ -58,7 +58,7 @@ fn a_resume_while_the_machine_slows_down_is_not_called_done() {
     bench.handle(Input::Received(report.into_bytes()));
     let (code, message) = refusal(bench.ask(Command::Resume));
     assert_eq!(code, error_code::BUSY, "{message}");
-    bench.until("a hold", |bench| bench.driver.machine.is_held());
+    bench.until("a hold", |bench| bench.driver.context.machine.is_held());
     bench.ask(Command::Resume).unwrap();
     assert_ended(&bench.result(), RunOutcome::Succeeded, 0);
 }

@@ -1,13 +1,14 @@
-//! The stored offsets of the controller, and what they say of the one that reports show.
+//! The stored offsets of the controller, and the work offset that follows from them.
 
-use super::machine::{Machine, Offset};
+use super::machine::Machine;
+use crate::driver::output::Offset;
 use crate::report::StatusReport;
 use cnc_msgs::geometry::Position;
 
 impl Machine {
-    /// Takes the work offset from the stored ones where reports have not shown it yet: they do
-    /// every thirtieth time at the least, and some not at all.
-    pub(super) fn work_out_offset(&mut self) {
+    /// Takes the work offset from the stored ones if reports have not shown it yet: at least
+    /// every thirtieth does, and with some settings none.
+    pub(in crate::driver) fn work_out_offset(&mut self) {
         let stored = |name: &str| {
             self.offsets.iter().find(|offset| offset.name == name).map(|offset| offset.position)
         };
@@ -22,7 +23,7 @@ impl Machine {
 
     /// Takes a work offset out of the report of a machine at rest that is neither the one in
     /// force nor one that the stored offsets add up to, unless it comes twice.
-    pub(super) fn doubt_offset(&mut self, report: &mut StatusReport) {
+    pub(in crate::driver) fn doubt_offset(&mut self, report: &mut StatusReport) {
         let (Some(is), Some(was)) = (report.work_offset, self.work_offset) else { return };
         let doubted = self.doubted_offset.take();
         if is != was && doubted != Some(is) && !self.is_stored(is) {
@@ -43,14 +44,14 @@ impl Machine {
         })
     }
 
-    /// What G92 shifts by, where it was told.
-    pub(super) fn shift(&self) -> Position {
+    /// The shift of G92, zero if it was not reported.
+    pub(in crate::driver) fn shift(&self) -> Position {
         let told = self.offsets.iter().find(|offset| offset.name == "G92");
         told.map_or([0.0; 3], |offset| offset.position)
     }
 
-    /// Keeps what was told of one.
-    pub(super) fn remember(&mut self, name: &str, position: Position) {
+    /// Keeps a stored offset.
+    pub(in crate::driver) fn remember(&mut self, name: &str, position: Position) {
         self.offsets.retain(|offset| offset.name != name);
         self.offsets.push(Offset { name: name.to_owned(), position });
     }

@@ -6,9 +6,10 @@
 //! therefore go in rounds, no kind more often than the firmware counts it, and the next round
 //! begins where a report shows the last one ended. Reports are asked for faster meanwhile.
 
-use super::command::{Answer, refused};
-use super::{Driver, LogLevel, Phase, Refusal};
+use super::Context;
 use crate::codes::error_code;
+use crate::driver::answer::{Answer, Refusal, refused};
+use crate::driver::output::LogLevel;
 use crate::link::realtime;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -21,7 +22,7 @@ pub struct Overrides {
     pub spindle: Option<u8>,
 }
 
-/// What a controller takes of feed and spindle, percent.
+/// The limits of a controller for feed and spindle, percent.
 const PERCENT: std::ops::RangeInclusive<u8> = 10..=200;
 /// The steps that there are bytes for, percent.
 const COARSE: i16 = 10;
@@ -29,7 +30,7 @@ const FINE: i16 = 1;
 /// grbl 1.1h counts in eight bits: what falls below zero becomes 200 %. With a value lower than
 /// this, two steps down never go in one round, in case the value is not the last one.
 const TWO_STEPS_DOWN_MIN: i16 = 40;
-/// Until a request has shown in a report.
+/// A request has shown in a report by then.
 const WITHIN: Duration = Duration::from_secs(3);
 /// Requests that wait at a time.
 const REQUESTS_MAX: usize = 16;
@@ -42,7 +43,7 @@ const REPORTS_OF_A_CHANGE: u32 = 4;
 
 /// Overrides that have not shown in a report yet.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct OverrideWatch {
+pub(in crate::driver) struct OverrideWatch {
     wanted: Overrides,
     /// What the bytes of this round lead to.
     #[serde(default)]
@@ -50,7 +51,7 @@ pub(super) struct OverrideWatch {
     /// Since the bytes of this round.
     reports: u32,
     #[serde(default)]
-    pub(super) until: Duration,
+    pub(in crate::driver) until: Duration,
     /// The commands that wait for it, each with what it named.
     #[serde(default)]
     requests: Vec<(u64, Overrides)>,
@@ -155,12 +156,9 @@ fn steps(from: i16, to: i16) -> (i16, i16) {
     choices.min_by_key(cost).unwrap_or((0, way))
 }
 
-impl Driver {
-    pub(super) fn set_overrides(&mut self, id: u64, wanted: Overrides) -> Answer {
-        match &self.phase {
-            Phase::Ready | Phase::Running(_) | Phase::Manual(_) => {}
-            _ => return self.obstacle().map(Err),
-        }
+impl Context {
+    /// Asks the controller for overrides; the answer comes when a report shows them.
+    pub(in crate::driver) fn set_overrides(&mut self, id: u64, wanted: Overrides) -> Answer {
         let named = [("feed", wanted.feed), ("spindle", wanted.spindle)];
         for (name, percent) in named {
             if let Some(percent) = percent.filter(|percent| !PERCENT.contains(percent)) {
@@ -225,16 +223,8 @@ impl Driver {
         self.link.ask_status(self.now + PAUSE);
     }
 
-    /// Looks for overrides that were asked for in each report.
-    pub(super) fn watch_overrides(&mut self, told: Option<[u8; 3]>) {
-        let is_listening = match &self.phase {
-            Phase::Running(run) => !run.is_resetting(),
-            Phase::Ready | Phase::Manual(_) => true,
-            _ => false,
-        };
-        if !is_listening {
-            self.drop_overrides("the controller was stopped or reset before a report showed it");
-        }
+    /// Looks in each report for overrides that were asked for.
+    pub(in crate::driver) fn watch_overrides(&mut self, told: Option<[u8; 3]>) {
         let Some(mut watch) = self.overrides.take() else { return };
         watch.reports += 1;
         let is_new = |told: &[u8; 3]| *told == watch.expected || watch.reports > OLD_REPORTS;
@@ -257,7 +247,7 @@ impl Driver {
     }
 
     /// No report has shown them in time.
-    pub(super) fn on_overrides_timeout(&mut self) {
+    pub(in crate::driver) fn on_overrides_timeout(&mut self) {
         let Some(watch) = self.overrides.take() else { return };
         let text = format!(
             "the controller was asked for {} and reports {} after {} s; it takes no overrides \
@@ -274,7 +264,7 @@ impl Driver {
 
     /// Forgets those that have not shown: a reset sets them all to 100 %, and another board
     /// was never asked.
-    pub(super) fn drop_overrides(&mut self, why: &str) {
+    pub(in crate::driver) fn drop_overrides(&mut self, why: &str) {
         for (id, wanted) in self.overrides.take().into_iter().flat_map(|watch| watch.requests) {
             let text = format!("{}: {why}", wanted.describe());
             self.reply(id, Err(Refusal::new(error_code::NEEDS_RESET, text)));

@@ -1,4 +1,4 @@
-//! Which lines are one block, where the machine stops behind every block.
+//! Which lines are one block, for a machine that stops after every block.
 //!
 //! Knows lines and elements; when the machine stops, `stream` decides.
 
@@ -7,23 +7,23 @@ use cnc_msgs::path::Role;
 
 /// The block that a line belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct BlockOfLine {
+pub(in crate::driver) struct BlockOfLine {
     source_line: u32,
     element: Option<usize>,
     role: Role,
-    /// The controller stops by itself behind the line.
+    /// The controller stops by itself after the line.
     is_stop: bool,
 }
 
 impl BlockOfLine {
-    pub(super) fn of(line: &EncodedLine) -> Self {
+    pub(in crate::driver) fn of(line: &EncodedLine) -> Self {
         let EncodedLine { source_line, element, role, .. } = *line;
         Self { source_line, element, role, is_stop: line.text == "M0" }
     }
 
     /// Whether a single block ends between the two: between any two elements, those
     /// that were generated included (S10), and between two blocks of the program.
-    pub(super) fn ends_before(&self, next: &Self) -> bool {
+    pub(in crate::driver) fn ends_before(&self, next: &Self) -> bool {
         let is_next_element = self.element.is_some() && self.element != next.element;
         let is_own_function = next.element.is_none() && self.source_line == next.source_line;
         let is_next_line = self.source_line != next.source_line;

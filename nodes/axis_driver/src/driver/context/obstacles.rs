@@ -1,14 +1,14 @@
 //! What keeps a machine that stands from going where it is asked to.
 
-use super::Refusal;
 use super::machine::Machine;
 use crate::codes::error_code;
+use crate::driver::answer::Refusal;
 use crate::report::ControllerState;
 
 impl Machine {
     /// Why nothing may go to a place of the machine frame: its zero is not known. A machine
     /// that cannot home has no other than the one it was switched on at.
-    pub(super) fn home_obstacle(&self, what: &str) -> Option<Refusal> {
+    pub(in crate::driver) fn home_obstacle(&self, what: &str) -> Option<Refusal> {
         if self.is_homed || !self.has_homing() {
             return None;
         }
@@ -20,7 +20,7 @@ impl Machine {
     }
 
     /// Why no position is known, and what helps.
-    pub(super) fn unknown_place(&self) -> String {
+    pub(in crate::driver) fn unknown_place(&self) -> String {
         match self.told.get(&10) {
             Some(mask) if self.status.is_some() => format!(
                 "the reports of the controller have not shown a work offset yet ($10={mask}): try \
@@ -31,7 +31,7 @@ impl Machine {
     }
 
     /// Why a safety door keeps the machine from going on.
-    pub(super) fn door_obstacle(&self) -> Option<Refusal> {
+    pub(in crate::driver) fn door_obstacle(&self) -> Option<Refusal> {
         const AJAR: u8 = 1;
         const RETRACTING: u8 = 2;
         let status = self.status.as_ref().filter(|status| status.state == ControllerState::Door)?;

@@ -3,9 +3,11 @@
 //! What cannot be encoded moves nothing. It is done in slices, so that a status report
 //! or a hold never waits for a long program.
 
-use super::config::LINES_PER_SLICE;
-use super::{Driver, Output, Refusal, RunOutcome, RunResult};
 use crate::codes::error_code;
+use crate::driver::answer::Refusal;
+use crate::driver::context::Context;
+use crate::driver::context::config::LINES_PER_SLICE;
+use crate::driver::output::{Output, RunOutcome, RunResult};
 use crate::encoder::{EncodeError, Encoder, Step};
 use crate::estimate::{Estimate, Rates};
 use cnc_msgs::path::CompensatedPath;
@@ -13,14 +15,14 @@ use std::sync::Arc;
 
 /// A path that is being encoded for nothing but its errors.
 #[derive(Debug)]
-pub(super) struct Proof {
+pub(in crate::driver) struct Proof {
     encoder: Encoder,
     estimate: Estimate,
     lines: usize,
 }
 
 /// How far a proof is.
-pub(super) enum Proven {
+pub(in crate::driver) enum Proven {
     NotYet,
     /// All of it: the number of lines and how long they take.
     Whole {
@@ -31,7 +33,7 @@ pub(super) enum Proven {
 }
 
 impl Proof {
-    pub(super) fn new(
+    pub(in crate::driver) fn new(
         encoder: Encoder,
         rates: Rates,
         path: &CompensatedPath,
@@ -40,7 +42,7 @@ impl Proof {
         Self { encoder, estimate: Estimate::new(rates, path, first_element), lines: 0 }
     }
 
-    pub(super) fn step(&mut self, path: &CompensatedPath) -> Proven {
+    pub(in crate::driver) fn step(&mut self, path: &CompensatedPath) -> Proven {
         for _ in 0..LINES_PER_SLICE {
             match self.encoder.next_step() {
                 Some(Ok(Step::Line(_))) => self.lines += 1,
@@ -63,32 +65,34 @@ impl Proof {
     }
 }
 
-/// A request that only wants to know.
+/// Owns a request that only asks whether a path can be encoded. No run comes of it, so
+/// that it goes on in every phase.
 #[derive(Debug)]
-pub(super) struct Check {
-    pub(super) id: u64,
-    pub(super) path: Arc<CompensatedPath>,
-    pub(super) proof: Proof,
+pub(in crate::driver) struct Check {
+    pub(in crate::driver) id: u64,
+    pub(in crate::driver) path: Arc<CompensatedPath>,
+    pub(in crate::driver) proof: Proof,
 }
 
-impl Driver {
-    pub(super) fn step_check(&mut self) {
-        let Some(check) = &mut self.check else { return };
-        let id = check.id;
-        match check.proof.step(&check.path) {
-            Proven::NotYet => return,
+impl Check {
+    /// Encodes a slice. True when the check is over and answered.
+    pub(in crate::driver) fn step(&mut self, context: &mut Context) -> bool {
+        let id = self.id;
+        match self.proof.step(&self.path) {
+            Proven::NotYet => return false,
             Proven::Not(problem) => {
-                self.reply(id, Err(Refusal::new(error_code::NOT_ENCODABLE, problem.to_string())));
+                let refusal = Refusal::new(error_code::NOT_ENCODABLE, problem.to_string());
+                context.reply(id, Err(refusal));
             }
             Proven::Whole { lines, seconds } => {
                 let message = format!("{lines} lines, about {seconds:.0} s; nothing was sent");
-                self.reply(id, Ok(message.clone()));
+                context.reply(id, Ok(message.clone()));
                 let outcome = RunOutcome::Succeeded;
                 let result =
                     RunResult { id, outcome, error_code: 0, message, last_line: 0, blamed_line: 0 };
-                self.outputs.push_back(Output::RunFinished(result));
+                context.outputs.push_back(Output::RunFinished(result));
             }
         }
-        self.check = None;
+        true
     }
 }

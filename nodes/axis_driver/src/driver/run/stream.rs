@@ -1,48 +1,48 @@
 //! From the encoder to the link, as fast as there is room.
 
 use super::block::BlockOfLine;
-use super::run::{Next, Stage, Then};
-use super::{Driver, Origin, Phase, RunOutcome};
+use super::exit::Exit;
+use super::{Pending, Run, Stage, Then};
 use crate::codes::error_code;
+use crate::driver::context::{Context, Origin};
 use crate::encoder::{EncodedLine, SYNC, Step};
 use crate::link::LineKind;
 use crate::report::ControllerState;
 
-impl Driver {
+impl Run {
     /// Sends as many lines as there is room for.
-    pub(super) fn feed_run(&mut self) {
-        let is_machine_held = self.machine.is_state(&ControllerState::Hold)
-            || self.machine.is_state(&ControllerState::Door);
-        let Phase::Running(run) = &mut self.phase else { return };
-        let is_single_block = self.is_single_block && !run.is_check();
-        // What is sent while another rest is proven would be sent again.
-        let is_waiting = run.rest.is_some() || run.is_stopping();
-        if is_waiting || run.is_held || is_machine_held || run.is_alone {
-            return;
+    pub(in crate::driver) fn feed(&mut self, context: &mut Context) -> Option<Exit> {
+        let is_machine_held = context.machine.is_state(&ControllerState::Hold)
+            || context.machine.is_state(&ControllerState::Door);
+        let is_check = self.job.is_check();
+        let is_single_block = context.is_single_block && !is_check;
+        // What is sent while another rest is proved would be sent again.
+        if self.rest.is_some() || self.is_held || is_machine_held || self.is_alone {
+            return None;
         }
         loop {
-            if run.has_sent && !run.is_check() && matches!(run.stage, Stage::Streaming) {
-                self.link.check_lines(self.now);
+            if self.job.has_sent && !is_check && matches!(self.stage, Stage::Streaming) {
+                context.link.check_lines(context.now);
             }
-            if run.next.is_none() && matches!(run.stage, Stage::Streaming) {
-                let resumed = run.next_block.take();
+            if self.next.is_none() && matches!(self.stage, Stage::Streaming) {
+                let resumed = self.next_block.take();
                 let step = match resumed {
                     Some(line) => Some(Ok(Step::Line(line))),
-                    None => run.encoder.next_step(),
+                    None => self.encoder.next_step(),
                 };
                 let then = match step {
                     Some(Ok(Step::Line(line))) => {
                         let block = BlockOfLine::of(&line);
-                        let last = run.block.replace(block);
+                        let last = self.block.replace(block);
                         match last {
                             Some(last) if is_single_block && last.ends_before(&block) => {
                                 // It is looked at again after the resume, as if it were the first.
-                                run.block = None;
-                                run.next_block = Some(line);
+                                self.block = None;
+                                self.next_block = Some(line);
                                 Then::BlockEnd(last)
                             }
                             _ => {
-                                run.next = Some(Next::Line(line));
+                                self.next = Some(Pending::Line(line));
                                 continue;
                             }
                         }
@@ -53,7 +53,7 @@ impl Driver {
                         | Step::ToolChange { .. }
                         | Step::ControllerChange { .. }
                         | Step::CheckStart,
-                    )) if run.is_check() => {
+                    )) if is_check => {
                         continue;
                     }
                     Some(Ok(Step::Home { text, axes, source_line })) => {
@@ -61,11 +61,11 @@ impl Driver {
                     }
                     Some(Ok(Step::ToolChange { tool, source_line })) => {
                         // Whoever confirms it has seen the machine stand.
-                        run.block = None;
+                        self.block = None;
                         Then::ToolChange { tool, source_line }
                     }
                     Some(Ok(Step::ControllerChange { tool, source_line })) => {
-                        run.block = None;
+                        self.block = None;
                         Then::ControllerChange { tool, source_line }
                     }
                     Some(Ok(Step::CheckStart)) => Then::CheckStart,
@@ -73,36 +73,36 @@ impl Driver {
                     None => Then::End,
                     Some(Err(problem)) => {
                         let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());
-                        return self.stop_run(RunOutcome::Aborted, code, text);
+                        return Some(Exit::abort(code, text));
                     }
                 };
-                run.stage = Stage::Draining(then);
-                run.next = Some(Next::Sync);
+                self.stage = Stage::Draining(then);
+                self.next = Some(Pending::Sync);
             }
-            match run.next.take() {
-                Some(Next::Sync) if self.link.has_room(SYNC.len()) => {
+            match self.next.take() {
+                Some(Pending::Sync) if context.link.has_room(SYNC.len()) => {
                     // It dwells for no longer than a motion line waits: silence is a lost answer.
-                    self.link.send_line(SYNC, LineKind::Motion, Origin::Sync);
+                    context.link.send_line(SYNC, LineKind::Motion, Origin::Sync);
                 }
-                Some(Next::Line(line))
-                    if self.link.has_room(line.text.len())
-                        && (!line.is_alone || self.link.unanswered() == 0) =>
+                Some(Pending::Line(line))
+                    if context.link.has_room(line.text.len())
+                        && (!line.is_alone || context.link.unanswered() == 0) =>
                 {
-                    run.has_sent = true;
-                    run.is_alone = line.is_alone;
+                    self.job.has_sent = true;
+                    self.is_alone = line.is_alone;
                     let EncodedLine { text, kind, element, source_line, .. } = line;
-                    self.link.send_line(
+                    context.link.send_line(
                         &text.clone(),
                         kind,
                         Origin::Program { text, source_line, element },
                     );
-                    if run.is_alone {
-                        return;
+                    if self.is_alone {
+                        return None;
                     }
                 }
                 waiting => {
-                    run.next = waiting;
-                    return;
+                    self.next = waiting;
+                    return None;
                 }
             }
         }

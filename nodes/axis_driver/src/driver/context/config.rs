@@ -1,4 +1,4 @@
-//! What the driver can be told, and how long it waits.
+//! The parameters of the driver, its timeouts and its tolerances.
 
 use super::commander::OnCommanderLoss;
 use super::ros_loss::OnRosLoss;
@@ -12,10 +12,10 @@ use std::time::Duration;
 pub struct DriverConfig {
     /// Bits per second.
     pub baud: u32,
-    /// The longest that a feed hold may wait behind what is already under way, ms.
+    /// The longest that a feed hold may wait for what is already under way, ms.
     pub hold_latency_ms_max: u32,
-    /// The size of the controller's receive buffer, bytes; what it tells counts if that
-    /// is less.
+    /// The size of the controller's receive buffer, bytes; the reported size counts if it is
+    /// less.
     pub receive_buffer_bytes: Option<u16>,
     /// Time between two status requests, ms.
     pub poll_interval_ms: u32,
@@ -27,7 +27,7 @@ pub struct DriverConfig {
     pub line_check_interval_ms: u32,
     /// Whether a controller that stands still is reset when the port is opened.
     pub reset_on_connect: bool,
-    /// What may be sent. `has_mist` is told by the controller.
+    /// What may be sent. The controller reports `has_mist`.
     pub encoder: EncoderConfig,
     /// The longest that homing may take, s.
     pub homing_s_max: u32,
@@ -54,7 +54,7 @@ pub struct DriverConfig {
     /// the clock.
     #[serde(default = "rate_margin")]
     pub rate_margin: f64,
-    /// What is done while nobody can be reached over ROS.
+    /// What is done while the driver cannot be reached over ROS.
     #[serde(default)]
     pub on_ros_loss: OnRosLoss,
     /// After this long without ROS the machine holds, where that is wanted, ms.
@@ -99,7 +99,7 @@ impl Default for DriverConfig {
 }
 
 impl DriverConfig {
-    pub(super) fn link(&self) -> LinkConfig {
+    pub(in crate::driver) fn link(&self) -> LinkConfig {
         LinkConfig {
             baud: self.baud,
             hold_latency_ms_max: self.hold_latency_ms_max,
@@ -113,27 +113,27 @@ impl DriverConfig {
 
 /// How far the tool may be from where the run stopped for a tool change, mm: steps, and
 /// three decimals.
-pub(super) const RETURN_TOLERANCE_MM: f64 = 0.02;
+pub(in crate::driver) const RETURN_TOLERANCE_MM: f64 = 0.02;
 /// How far the tool may be from where a path begins, mm.
-pub(super) const START_TOLERANCE_MM: f64 = 0.01;
+pub(in crate::driver) const START_TOLERANCE_MM: f64 = 0.01;
 /// A board that was reset by opening the port has said something by then.
-pub(super) const LISTEN: Duration = Duration::from_millis(2500);
+pub(in crate::driver) const LISTEN: Duration = Duration::from_millis(2500);
 /// From a reset to the banner, and from a short question to its answer.
-pub(super) const ANSWER: Duration = Duration::from_millis(2000);
-/// From the acceptance of a run to the recorder's word that it records.
-pub(super) const RECORDER: Duration = Duration::from_secs(5);
+pub(in crate::driver) const ANSWER: Duration = Duration::from_millis(2000);
+/// From the acceptance of a run to the message of the recorder that it records.
+pub(in crate::driver) const RECORDER: Duration = Duration::from_secs(5);
 /// An answer that came too early, in the place of that of the last dwell, has shown
 /// itself by then: the dwell takes a fifth of it.
-pub(super) const SETTLED: Duration = Duration::from_millis(50);
-/// A line that was on its way when the controller started anew is answered by then.
-pub(super) const CROSSING: Duration = Duration::from_millis(300);
+pub(in crate::driver) const SETTLED: Duration = Duration::from_millis(50);
+/// A line that was on its way when the controller restarted is answered by then.
+pub(in crate::driver) const CROSSING: Duration = Duration::from_millis(300);
 /// From a feed hold to standstill.
-pub(super) const STANDSTILL: Duration = Duration::from_secs(10);
+pub(in crate::driver) const STANDSTILL: Duration = Duration::from_secs(10);
 /// From the first words of a run to a work position.
-pub(super) const WORK_POSITION: Duration = Duration::from_secs(5);
+pub(in crate::driver) const WORK_POSITION: Duration = Duration::from_secs(5);
 /// Reports in which a hold must show before it is sent again.
-pub(super) const REPORTS_PER_HOLD: u32 = 2;
+pub(in crate::driver) const REPORTS_PER_HOLD: u32 = 2;
 /// How often a hold is sent again.
-pub(super) const HOLDS_MAX: u32 = 5;
+pub(in crate::driver) const HOLDS_MAX: u32 = 5;
 /// Lines that are proven in one go, so that nothing else waits long.
-pub(super) const LINES_PER_SLICE: usize = 1_000;
+pub(in crate::driver) const LINES_PER_SLICE: usize = 1_000;

@@ -4,10 +4,11 @@
 //! That is the mask of the status report, `$10`, and nothing else is ever written. The
 //! decision is a function of firmware and mask; writing it is a manual operation.
 
-use super::command::{Answer, done, refused};
-use super::manual_operation::Task;
-use super::{Driver, Refusal};
+use super::{Order, Task};
 use crate::codes::error_code;
+use crate::driver::answer::Refusal;
+use crate::driver::context::Context;
+use crate::driver::context::machine::Machine;
 use crate::firmware::Firmware;
 use crate::link::LineKind;
 
@@ -16,7 +17,7 @@ const REPORT_MASK: u16 = 10;
 /// Asks for all settings.
 const SETTINGS: &str = "$$";
 
-/// What is to be written.
+/// A change of the mask.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Change {
     from: u32,
@@ -45,48 +46,53 @@ impl Change {
     }
 }
 
-impl Driver {
-    /// Says what would be written, or writes it and reads it back.
-    pub(super) fn configure(&mut self, id: u64, write: bool) -> Answer {
-        if let Some(refusal) = self.obstacle() {
-            return Some(Err(refusal));
-        }
-        let firmware = self.machine.firmware;
-        let Some(mask) = self.machine.mask(REPORT_MASK) else {
-            let text =
-                format!("the controller did not report ${REPORT_MASK}: soft_reset asks again");
-            return refused(error_code::CONNECTING, text);
-        };
-        let Some(change) = change(firmware, mask, self.config.encoder.line_numbers) else {
-            let why = match firmware.traits().no_field_because {
-                "" => format!("with ${REPORT_MASK}={mask} reports have all that is used"),
-                why => why.to_owned(),
-            };
-            let text = format!("nothing to write: {why}");
-            return refused(error_code::NOTHING_TO_DO, text);
-        };
-        if !write {
-            return done(&format!("would write {}", change.describe()));
-        }
-        let line = format!("${REPORT_MASK}={}", change.to);
-        let task = Task::Configure { wanted: change.to, done: change.describe() };
-        self.begin_manual(id, task, LineKind::Slow, [line, SETTINGS.to_owned()]);
-        None
-    }
+/// What `configure` gives.
+pub(in crate::driver) enum Configuration {
+    WouldWrite(String),
+    Write(Order),
+}
 
-    /// Whether the controller reports the mask that was written.
-    pub(super) fn judge_mask(&self, wanted: u32, done: &str) -> Result<String, Refusal> {
-        match self.machine.mask(REPORT_MASK) {
-            Some(mask) if mask == wanted => Ok(format!("written and read back: {done}")),
-            read => {
-                let read =
-                    read.map_or("nothing".to_owned(), |mask| format!("${REPORT_MASK}={mask}"));
-                let text = format!(
-                    "the controller took ${REPORT_MASK}={wanted} and reports {read}: its settings \
-                     may be write-protected"
-                );
-                Err(Refusal::new(error_code::CONTROLLER_ERROR, text))
-            }
+/// Says what would be written, or gives what writes it and reads it back.
+pub(in crate::driver) fn configure(
+    context: &Context,
+    write: bool,
+) -> Result<Configuration, Refusal> {
+    let firmware = context.machine.firmware;
+    let Some(mask) = context.machine.mask(REPORT_MASK) else {
+        let text = format!("the controller did not report ${REPORT_MASK}: soft_reset asks again");
+        return Err(Refusal::new(error_code::CONNECTING, text));
+    };
+    let Some(change) = change(firmware, mask, context.config.encoder.line_numbers) else {
+        let why = match firmware.traits().no_field_because {
+            "" => format!("with ${REPORT_MASK}={mask} reports have all that is used"),
+            why => why.to_owned(),
+        };
+        let text = format!("nothing to write: {why}");
+        return Err(Refusal::new(error_code::NOTHING_TO_DO, text));
+    };
+    if !write {
+        return Ok(Configuration::WouldWrite(format!("would write {}", change.describe())));
+    }
+    let line = format!("${REPORT_MASK}={}", change.to);
+    let task = Task::Configure { wanted: change.to, done: change.describe() };
+    Ok(Configuration::Write(Order::new(task, LineKind::Slow, [line, SETTINGS.to_owned()])))
+}
+
+/// Whether the controller reports the mask that was written.
+pub(in crate::driver) fn judge_mask(
+    machine: &Machine,
+    wanted: u32,
+    done: &str,
+) -> Result<String, Refusal> {
+    match machine.mask(REPORT_MASK) {
+        Some(mask) if mask == wanted => Ok(format!("written and read back: {done}")),
+        read => {
+            let read = read.map_or("nothing".to_owned(), |mask| format!("${REPORT_MASK}={mask}"));
+            let text = format!(
+                "the controller took ${REPORT_MASK}={wanted} and reports {read}: its settings \
+                 may be write-protected"
+            );
+            Err(Refusal::new(error_code::CONTROLLER_ERROR, text))
         }
     }
 }

@@ -1,116 +1,92 @@
-//! What is known of the machine: the last report, and what lasts between reports.
+//! The machine model: the last report, and what lasts between reports.
 
-use super::connect::QUERIES_DONE;
-use super::deactivate::INACTIVE;
 use super::place::PlaceWatch;
-use super::{Driver, Origin, Output, Phase};
 use crate::codes;
+use crate::driver::output::Offset;
 use crate::encoder::Homing;
 use crate::estimate::Rates;
 use crate::firmware::Firmware;
 use crate::report::{Accessories, ControllerState, Message, ModalWords, StatusReport};
 use cnc_msgs::geometry::Position;
-use cnc_msgs::machine::{LinkWatch, MachineState, Mode};
+use cnc_msgs::machine::{MachineState, Mode};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Planner blocks of grbl 1.1 where `[OPT:]` does not say.
 const PLANNER_BLOCKS_DEFAULT: u16 = 15;
 
-/// What a controller says of itself.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct ControllerSettings {
-    pub firmware: Firmware,
-    /// As it words them.
-    pub version: String,
-    pub options: String,
-    pub planner_blocks: u16,
-    pub receive_bytes: u16,
-    /// The most that is sent before an answer, bytes.
-    pub window: usize,
-    /// `$number` and what it is set to.
-    pub settings: Vec<(u16, String)>,
-    pub offsets: Vec<Offset>,
-}
-
-/// A stored place: G54 to G59, G28, G30, G92, TLO; machine frame, mm.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Offset {
-    pub name: String,
-    pub position: Position,
-}
-
+/// The machine model: what its reports, settings and messages have shown.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct Machine {
-    pub(super) firmware: Firmware,
+pub(in crate::driver) struct Machine {
+    pub(in crate::driver) firmware: Firmware,
     #[serde(default)]
-    version: String,
+    pub(in crate::driver) version: String,
     #[serde(default)]
-    options: String,
-    /// The settings as they were told.
+    pub(in crate::driver) options: String,
+    /// The settings as they were reported.
     #[serde(default)]
-    pub(super) told: BTreeMap<u16, String>,
+    pub(in crate::driver) told: BTreeMap<u16, String>,
     #[serde(default)]
-    pub(super) offsets: Vec<Offset>,
-    pub(super) settings: BTreeMap<u16, f64>,
+    pub(in crate::driver) offsets: Vec<Offset>,
+    pub(in crate::driver) settings: BTreeMap<u16, f64>,
     /// Whether `$13` was read, so that lengths can be believed.
-    pub(super) has_units: bool,
-    pub(super) has_mist: bool,
+    pub(in crate::driver) has_units: bool,
+    pub(in crate::driver) has_mist: bool,
     #[serde(default)]
     homes_one_by_one: bool,
     planner_blocks: Option<u16>,
-    pub(super) status: Option<StatusReport>,
-    pub(super) work_offset: Option<Position>,
+    pub(in crate::driver) status: Option<StatusReport>,
+    pub(in crate::driver) work_offset: Option<Position>,
     #[serde(default)]
     accessories: Option<Accessories>,
-    pub(super) overrides_percent: [u8; 3],
-    pub(super) alarm_code: u16,
-    pub(super) is_homed: bool,
+    pub(in crate::driver) overrides_percent: [u8; 3],
+    pub(in crate::driver) alarm_code: u16,
+    pub(in crate::driver) is_homed: bool,
     /// 1 to 6; `None` when a program may have left any.
-    pub(super) work_system: Option<u8>,
-    pub(super) has_tool_length: Option<bool>,
-    pub(super) is_silent: bool,
+    pub(in crate::driver) work_system: Option<u8>,
+    pub(in crate::driver) has_tool_length: Option<bool>,
+    pub(in crate::driver) is_silent: bool,
     /// The port was lost while the machine moved, and no report has been received since.
-    pub(super) is_lost: bool,
-    /// Nothing runs before the operator has seen to it.
-    pub(super) needs_acknowledgement: bool,
-    /// The controller has started anew by itself in the middle of something.
+    pub(in crate::driver) is_lost: bool,
+    /// Nothing runs before the operator has acknowledged it with a reset.
+    pub(in crate::driver) needs_acknowledgement: bool,
+    /// The controller has restarted by itself in the middle of something.
     #[serde(default)]
-    pub(super) lost_its_place: bool,
-    pub(super) program_id: String,
-    pub(super) line: u32,
-    /// What was believed of the position.
+    pub(in crate::driver) lost_its_place: bool,
+    pub(in crate::driver) program_id: String,
+    pub(in crate::driver) line: u32,
+    /// Judges whether reported positions can be true.
     #[serde(default)]
-    pub(super) place: PlaceWatch,
+    pub(in crate::driver) place: PlaceWatch,
     /// A work offset that no command explains, until it comes twice.
     #[serde(default)]
-    pub(super) doubted_offset: Option<Position>,
-    /// The words in force, as they were told last.
+    pub(in crate::driver) doubted_offset: Option<Position>,
+    /// The words in force, as they were reported last.
     #[serde(default)]
-    pub(super) words: Option<ModalWords>,
+    pub(in crate::driver) words: Option<ModalWords>,
     /// The most blocks and bytes that were ever free.
     #[serde(default)]
     most_free: (u16, u16),
-    /// A start message came, and nothing since.
+    /// A start message was the last that came.
     #[serde(default)]
-    pub(super) has_just_started: bool,
+    pub(in crate::driver) has_just_started: bool,
     /// Where it stood before its last start, machine frame, mm.
     #[serde(default)]
-    pub(super) stood_at: Option<Position>,
+    pub(in crate::driver) stood_at: Option<Position>,
     /// Its last start found it unlocked.
     #[serde(default)]
     was_unlocked: bool,
 }
 
 impl Machine {
-    /// A new port: all that was known belongs to the past.
-    pub(super) fn on_port(&mut self) {
+    /// Forgets what was known: the port is a new one.
+    pub(in crate::driver) fn on_port(&mut self) {
         let program_id = std::mem::take(&mut self.program_id);
         let Self { line, is_lost, needs_acknowledgement, .. } = *self;
         *self = Self { program_id, line, is_lost, needs_acknowledgement, ..Self::default() };
     }
 
-    pub(super) fn on_restart(&mut self, firmware: Firmware) {
+    pub(in crate::driver) fn on_restart(&mut self, firmware: Firmware) {
         self.firmware = firmware;
         let before = self.status.as_ref().map(|status| &status.state);
         let locks = [ControllerState::Alarm, ControllerState::Sleep];
@@ -131,7 +107,7 @@ impl Machine {
         self.is_silent = false;
     }
 
-    pub(super) fn on_alarm(&mut self, code: u16) {
+    pub(in crate::driver) fn on_alarm(&mut self, code: u16) {
         self.alarm_code = code;
         if codes::is_position_lost(self.firmware, code) {
             self.is_homed = false;
@@ -144,7 +120,7 @@ impl Machine {
         }
     }
 
-    pub(super) fn on_status(&mut self, mut report: StatusReport) {
+    pub(in crate::driver) fn on_status(&mut self, mut report: StatusReport) {
         self.is_silent = false;
         self.is_lost = false;
         if report.state != ControllerState::Alarm {
@@ -173,20 +149,20 @@ impl Machine {
     }
 
     /// The fastest of each axis, infinite where it is not known, mm/min.
-    pub(super) fn fastest_mm_per_min(&self) -> Position {
+    pub(in crate::driver) fn fastest_mm_per_min(&self) -> Position {
         [110, 111, 112].map(|number| self.settings.get(&number).copied().unwrap_or(f64::INFINITY))
     }
 
     /// Whether planner and receive buffer have as much room as they ever had.
-    pub(super) fn is_as_free_as_ever(&mut self, free: Option<(u16, u16)>) -> bool {
+    pub(in crate::driver) fn is_as_free_as_ever(&mut self, free: Option<(u16, u16)>) -> bool {
         let Some((blocks, bytes)) = free else { return false };
         let most = (self.most_free.0.max(blocks), self.most_free.1.max(bytes));
         let was_known = std::mem::replace(&mut self.most_free, most) != (0, 0);
         was_known && most == (blocks, bytes)
     }
 
-    /// Takes a message; gives the receive buffer when it tells of it.
-    pub(super) fn on_message(&mut self, message: &Message) -> Option<Option<u16>> {
+    /// Takes a message; gives the size of the receive buffer if the message has it.
+    pub(in crate::driver) fn on_message(&mut self, message: &Message) -> Option<Option<u16>> {
         match message {
             Message::Options { letters, planner_blocks, receive_bytes, .. } => {
                 self.options.clone_from(letters);
@@ -222,7 +198,7 @@ impl Machine {
         None
     }
 
-    pub(super) fn on_setting(&mut self, number: u16, value: &str) {
+    pub(in crate::driver) fn on_setting(&mut self, number: u16, value: &str) {
         self.told.insert(number, value.to_owned());
         if let Some(value) = value.parse::<f64>().ok().filter(|value| value.is_finite()) {
             self.settings.insert(number, value);
@@ -230,29 +206,29 @@ impl Machine {
     }
 
     /// A setting that is a mask, as it was reported.
-    pub(super) fn mask(&self, number: u16) -> Option<u32> {
+    pub(in crate::driver) fn mask(&self, number: u16) -> Option<u32> {
         self.told.get(&number)?.trim().parse().ok()
     }
 
-    pub(super) fn reports_in_inches(&self) -> bool {
+    pub(in crate::driver) fn reports_in_inches(&self) -> bool {
         self.settings.get(&13).is_some_and(|value| *value > 0.5)
     }
 
     /// Whether ordinary reports lack the work offset or the overrides (`$10`), and the firmware
     /// has another request that gets them.
-    pub(super) fn reports_too_little(&self) -> bool {
+    pub(in crate::driver) fn reports_too_little(&self) -> bool {
         const WORK_OFFSET_AND_OVERRIDES: u32 = 0b110_0000;
         let mask = self.told.get(&10).and_then(|value| value.parse::<u32>().ok());
         let lacks = |mask: u32| mask & WORK_OFFSET_AND_OVERRIDES != WORK_OFFSET_AND_OVERRIDES;
         self.firmware.traits().has_full_report && mask.is_some_and(lacks)
     }
 
-    pub(super) fn has_homing(&self) -> bool {
+    pub(in crate::driver) fn has_homing(&self) -> bool {
         self.settings.get(&22).is_none_or(|value| *value > 0.5)
     }
 
     /// What it homes on demand.
-    pub(super) fn homing(&self) -> Homing {
+    pub(in crate::driver) fn homing(&self) -> Homing {
         let one_by_one = self.homes_one_by_one || self.firmware.traits().homes_one_by_one;
         match (self.has_homing(), one_by_one) {
             (false, _) => Homing::Off,
@@ -261,22 +237,22 @@ impl Machine {
         }
     }
 
-    pub(super) fn planner_blocks(&self) -> u16 {
+    pub(in crate::driver) fn planner_blocks(&self) -> u16 {
         self.planner_blocks.unwrap_or(PLANNER_BLOCKS_DEFAULT)
     }
 
-    /// Planner blocks in use, where the report tells.
-    pub(super) fn blocks_in_use(&self) -> Option<usize> {
+    /// Planner blocks in use, if reports say so.
+    pub(in crate::driver) fn blocks_in_use(&self) -> Option<usize> {
         let (free, _) = self.status.as_ref()?.free?;
         Some(usize::from(self.planner_blocks().saturating_sub(free)))
     }
 
     /// Whether reports say how full planner and receive buffer are.
-    pub(super) fn reports_buffer(&self) -> bool {
+    pub(in crate::driver) fn reports_buffer(&self) -> bool {
         self.status.as_ref().is_some_and(|status| status.free.is_some())
     }
 
-    pub(super) fn rates(&self) -> Rates {
+    pub(in crate::driver) fn rates(&self) -> Rates {
         let mut rates = Rates::default();
         for axis in 0..3u16 {
             let read = |base: u16, slot: &mut f64| {
@@ -292,43 +268,43 @@ impl Machine {
 
     /// Whether it stands elsewhere than before its last start: a reset of its own keeps the
     /// position. Forgets where it stood.
-    pub(super) fn has_moved_since_start(&mut self) -> bool {
+    pub(in crate::driver) fn has_moved_since_start(&mut self) -> bool {
         let places = self.stood_at.take().zip(self.machine_position());
         places
             .is_some_and(|(before, now)| (0..3).any(|axis| (before[axis] - now[axis]).abs() > 0.01))
     }
 
-    pub(super) fn work_position(&self) -> Option<Position> {
+    pub(in crate::driver) fn work_position(&self) -> Option<Position> {
         self.status.as_ref().filter(|_| self.has_units)?.work_position
     }
 
-    pub(super) fn machine_position(&self) -> Option<Position> {
+    pub(in crate::driver) fn machine_position(&self) -> Option<Position> {
         self.status.as_ref().filter(|_| self.has_units)?.machine_position
     }
 
     /// A place of the machine frame in the work frame.
-    pub(super) fn in_work_frame(&self, place: Position) -> Option<Position> {
+    pub(in crate::driver) fn in_work_frame(&self, place: Position) -> Option<Position> {
         let (machine, work) = self.machine_position().zip(self.work_position())?;
         Some([0, 1, 2].map(|axis| place[axis] - (machine[axis] - work[axis])))
     }
 
-    pub(super) fn feed_override(&self) -> f64 {
+    pub(in crate::driver) fn feed_override(&self) -> f64 {
         f64::from(self.overrides_percent[0].max(1)) / 100.0
     }
 
-    pub(super) fn is_state(&self, state: &ControllerState) -> bool {
+    pub(in crate::driver) fn is_state(&self, state: &ControllerState) -> bool {
         self.status.as_ref().is_some_and(|status| status.state == *state)
     }
 
-    pub(super) fn is_moving(&self) -> bool {
+    pub(in crate::driver) fn is_moving(&self) -> bool {
         self.status.as_ref().is_some_and(StatusReport::is_moving)
     }
 
-    pub(super) fn is_held(&self) -> bool {
+    pub(in crate::driver) fn is_held(&self) -> bool {
         self.status.as_ref().is_some_and(StatusReport::is_held)
     }
 
-    pub(super) fn mode(&self) -> Mode {
+    pub(in crate::driver) fn mode(&self) -> Mode {
         match self.status.as_ref().map(|status| &status.state) {
             Some(ControllerState::Idle) => Mode::Idle,
             Some(ControllerState::Run) => Mode::Run,
@@ -344,8 +320,8 @@ impl Machine {
         }
     }
 
-    /// The facts; mode and reason are the driver's to judge.
-    pub(super) fn state(&self) -> MachineState {
+    /// The facts; `driver/state.rs` adds mode and reason.
+    pub(in crate::driver) fn state(&self) -> MachineState {
         let status = self.status.as_ref();
         let places = status.filter(|_| self.has_units && !self.is_silent);
         MachineState {
@@ -370,76 +346,5 @@ impl Machine {
             pins: status.and_then(|status| status.pins.clone()).unwrap_or_default(),
             ..MachineState::default()
         }
-    }
-}
-
-impl Driver {
-    /// Tells what the controller said of itself.
-    pub(super) fn publish_settings(&mut self) {
-        let machine = &self.machine;
-        let settings = ControllerSettings {
-            firmware: machine.firmware,
-            version: machine.version.clone(),
-            options: machine.options.clone(),
-            planner_blocks: machine.planner_blocks(),
-            receive_bytes: self.link.receive_bytes(),
-            window: self.link.window(),
-            settings: machine.told.iter().map(|(n, value)| (*n, value.clone())).collect(),
-            offsets: machine.offsets.clone(),
-        };
-        self.outputs.push_back(Output::Settings(settings));
-    }
-
-    /// Judges mode and reason from what the driver is about and what was heard.
-    pub(super) fn compose_mode(&self, state: &mut MachineState) {
-        if self.machine.is_silent {
-            state.mode = Mode::Unknown;
-        }
-        state.motion_possible = self.machine.is_silent || self.machine.is_lost;
-        state.link_watch = match &self.phase {
-            Phase::Closed { .. } | Phase::Connecting(_) => LinkWatch::Unknown,
-            _ => self.link.watch(self.machine.reports_buffer()),
-        };
-        match &self.phase {
-            Phase::Closed { reason } => {
-                state.mode = if self.machine.is_lost { Mode::Unknown } else { Mode::Disconnected };
-                state.reason.clone_from(reason);
-                (state.machine_position, state.work_position) = (None, None);
-            }
-            Phase::Connecting(connecting) => {
-                state.mode = Mode::Unknown;
-                state.reason = format!("CONNECTING: {}", connecting.describe());
-                debug_assert!(connecting.query() < QUERIES_DONE);
-                if !connecting.has_settings() {
-                    (state.machine_position, state.work_position) = (None, None);
-                }
-            }
-            Phase::Adrift { reason } => {
-                state.reason.clone_from(reason);
-                state.needs_reset = true;
-            }
-            Phase::Manual(operation) => state.mode = operation.mode(state.mode),
-            Phase::Running(run) => run.compose_mode(state, self.machine.is_held()),
-            Phase::Ready => {}
-        }
-        self.compose_paused(state);
-        if !state.reason.is_empty() {
-            return;
-        }
-        state.reason = match state.mode {
-            Mode::Alarm if state.alarm_code > 0 => {
-                codes::describe_alarm(self.machine.firmware, state.alarm_code)
-            }
-            Mode::Alarm => "ALARM: locked; home or unlock".into(),
-            Mode::Hold => match self.link.oldest() {
-                Some(Origin::Program { text, source_line, .. }) if text == "M0" => {
-                    format!("PROGRAM_STOP: resume goes on (line {source_line})")
-                }
-                _ => "FEED_HOLD".into(),
-            },
-            Mode::Unknown => "no status was heard yet".into(),
-            _ if !self.is_active => INACTIVE.into(),
-            _ => String::new(),
-        };
     }
 }

@@ -1,15 +1,14 @@
-//! Whether anybody can be reached over ROS.
+//! Watches whether the driver can be reached over ROS.
 //!
-//! The ROS face of the driver is a process of its own, which is started again when it ends.
-//! Meanwhile the line is served, and this says what becomes of what moves.
+//! The ROS face of the driver is a process of its own, which is restarted when it ends.
+//! Meanwhile the line is served, and a parameter decides whether the machine holds.
 
-use super::command::{Answer, done};
-use super::{Driver, LogLevel, Phase};
-use crate::codes::error_code;
+use super::Context;
+use crate::driver::answer::{Answer, done};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// What is done while nobody can be reached over ROS.
+/// What is done while the driver cannot be reached over ROS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OnRosLoss {
@@ -17,9 +16,9 @@ pub enum OnRosLoss {
     /// goes on.
     #[default]
     AsCommander,
-    /// What was begun goes on to its end.
+    /// What is under way goes on to its end.
     Finish,
-    /// The machine holds when nobody could be reached for a time.
+    /// The machine holds after a time.
     Hold,
 }
 
@@ -29,20 +28,20 @@ impl OnRosLoss {
         [("as_commander", Self::AsCommander), ("finish", Self::Finish), ("hold", Self::Hold)];
 }
 
-/// How the reason of a hold begins that is due to it.
+/// The first word of the reason when a lost ROS face has caused the hold.
 pub const ROS_LOST: &str = "ROS_LOST";
 
-/// Nobody can be reached.
+/// The driver cannot be reached over ROS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct RosLoss {
+pub(in crate::driver) struct RosLoss {
     since: Duration,
-    /// What there was to do about it was done.
+    /// The machine was held for it.
     is_answered: bool,
 }
 
-impl Driver {
+impl Context {
     /// The ROS face has come or gone.
-    pub(super) fn hear_ros_face(&mut self, is_there: bool) -> Answer {
+    pub(in crate::driver) fn hear_ros_face(&mut self, is_there: bool) -> Answer {
         match (is_there, self.ros_loss) {
             (false, None) => {
                 self.ros_loss = Some(RosLoss { since: self.now, is_answered: false });
@@ -59,29 +58,24 @@ impl Driver {
         done("noted")
     }
 
-    /// Whether a commander that is not heard may be there all the same.
-    pub(super) fn excuses_commander(&self) -> bool {
+    /// Whether a commander that is not heard counts as present.
+    pub(in crate::driver) fn excuses_commander(&self) -> bool {
         self.ros_loss.is_some() && self.config.on_ros_loss == OnRosLoss::Finish
     }
 
-    /// When the machine is held because nobody can be reached.
-    pub(super) fn ros_deadline(&self) -> Option<Duration> {
+    /// When the machine is held because it cannot be reached, if something is under way.
+    pub(in crate::driver) fn ros_deadline(&self) -> Option<Duration> {
         let loss = self.ros_loss.filter(|loss| !loss.is_answered)?;
         let patience = Duration::from_millis(u64::from(self.config.ros_loss_timeout_ms));
-        let moves = matches!(self.phase, Phase::Running(_) | Phase::Manual(_));
-        (moves && self.config.on_ros_loss == OnRosLoss::Hold).then_some(loss.since + patience)
+        (self.config.on_ros_loss == OnRosLoss::Hold).then_some(loss.since + patience)
     }
 
-    pub(super) fn watch_ros(&mut self) {
-        if self.ros_deadline().is_none_or(|deadline| self.now < deadline) {
-            return;
-        }
+    /// Takes ROS for lost; gives the reason.
+    pub(in crate::driver) fn lose_ros(&mut self) -> String {
         if let Some(loss) = &mut self.ros_loss {
             loss.is_answered = true;
         }
         let patience = self.config.ros_loss_timeout_ms;
-        let text = format!("{ROS_LOST}: nobody can be reached over ROS for {patience} ms");
-        self.log(LogLevel::Warn, text.clone());
-        self.hold_unattended(error_code::COMMANDER_LOST, &text);
+        format!("{ROS_LOST}: nobody can be reached over ROS for {patience} ms")
     }
 }

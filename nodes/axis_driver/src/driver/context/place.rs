@@ -17,7 +17,7 @@ const DOUBTS_MAX: u32 = 3;
 
 /// What was believed last.
 #[derive(Debug, Default, Clone, Serialize, Deserialize)]
-pub(super) struct PlaceWatch {
+pub(in crate::driver) struct PlaceWatch {
     believed: Option<Seen>,
     /// Whether a second report agreed with it.
     is_confirmed: bool,
@@ -39,7 +39,7 @@ struct Seen {
 
 /// What becomes of a report.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Belief {
+pub(in crate::driver) enum Belief {
     Plausible,
     /// It counts when the next one agrees.
     Doubted,
@@ -52,19 +52,19 @@ pub(super) enum Belief {
 
 /// What a report is judged by.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Circumstances {
+pub(in crate::driver) struct Circumstances {
     /// The machine was looked at between these times.
-    pub(super) since: Duration,
-    pub(super) now: Duration,
+    pub(in crate::driver) since: Duration,
+    pub(in crate::driver) now: Duration,
     /// The most that each axis can do, with a margin; infinite where it is not known.
-    pub(super) rates_mm_per_min: Position,
+    pub(in crate::driver) rates_mm_per_min: Position,
     /// The machine stands, and nothing is asked of it.
-    pub(super) is_at_rest: bool,
+    pub(in crate::driver) is_at_rest: bool,
 }
 
 impl PlaceWatch {
     /// Judges the position of a report as it was printed.
-    pub(super) fn judge(&mut self, report: &StatusReport, of: Circumstances) -> Belief {
+    pub(in crate::driver) fn judge(&mut self, report: &StatusReport, of: Circumstances) -> Belief {
         let machine = report.machine_position.map(|position| (true, position));
         let work = report.work_position.map(|position| (false, position));
         let Some((is_machine, position)) = machine.or(work) else { return Belief::Plausible };
@@ -118,7 +118,7 @@ fn is_in_reach(before: Seen, seen: Seen, of: Circumstances) -> bool {
 }
 
 /// `X-100.000 Y0.000 Z0.000`
-pub(super) fn show(place: Position) -> String {
+pub(in crate::driver) fn show(place: Position) -> String {
     let words = (0..3).map(|axis| format!("{}{:.3}", AXIS_LETTERS[axis], place[axis]));
     words.collect::<Vec<_>>().join(" ")
 }

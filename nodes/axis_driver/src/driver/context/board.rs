@@ -1,12 +1,13 @@
 //! What the controller said of itself that decides how lines are drawn.
 
-use super::machine::{Machine, Offset};
+use super::machine::Machine;
+use crate::driver::output::Offset;
 use crate::encoder::Board;
 use cnc_msgs::geometry::Position;
 
 impl Machine {
     /// From `$12`, `$32` and `$#`.
-    pub(super) fn board(&self) -> Board {
+    pub(in crate::driver) fn board(&self) -> Board {
         let usual = Board::default();
         let setting = |number: u16| self.settings.get(&number).copied();
         let place = |name: &str| -> Position {

@@ -1,0 +1,110 @@
+//! What outlives every phase: the link, the machine model, the outputs.
+//!
+//! Each phase is handed this with every event. It knows no phase: a method here needs
+//! only what is here.
+
+pub(super) mod board;
+pub(super) mod commander;
+pub(super) mod config;
+pub(super) mod hold;
+pub(super) mod machine;
+pub(super) mod obstacles;
+pub(super) mod offsets;
+pub(super) mod overrides;
+pub(super) mod place;
+pub(super) mod queries;
+pub(super) mod ros_loss;
+
+use super::answer::Refusal;
+use super::output::{ControllerSettings, LogLevel, Output};
+use crate::link::Link;
+use config::DriverConfig;
+use hold::HoldWatch;
+use machine::Machine;
+use overrides::OverrideWatch;
+use ros_loss::RosLoss;
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// Where a line that is under way comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Origin {
+    Query(usize),
+    /// From a manual operation.
+    Manual,
+    /// Homes the axes for a program.
+    Home,
+    /// Switches the controller's check mode on.
+    CheckMode,
+    Preamble,
+    /// From the program, with its text for messages.
+    Program {
+        text: String,
+        source_line: u32,
+        element: Option<usize>,
+    },
+    Sync,
+}
+
+/// Owns what no phase owns.
+#[derive(Debug)]
+pub(super) struct Context {
+    pub(super) config: DriverConfig,
+    /// The time of the present input.
+    pub(super) now: Duration,
+    pub(super) link: Link<Origin>,
+    pub(super) machine: Machine,
+    /// A feed hold that has not shown in a report yet.
+    pub(super) hold: Option<HoldWatch>,
+    /// Overrides that have not shown in a report yet.
+    pub(super) overrides: Option<OverrideWatch>,
+    /// When a commander gave its last sign of life.
+    pub(super) commander_heard: Option<Duration>,
+    /// No peer can reach the driver over ROS.
+    pub(super) ros_loss: Option<RosLoss>,
+    /// The machine stops after every block and waits for a resume.
+    pub(super) is_single_block: bool,
+    /// What the process around the driver has not taken yet.
+    pub(super) outputs: VecDeque<Output>,
+}
+
+impl Context {
+    pub(super) fn new(config: DriverConfig) -> Self {
+        Self {
+            link: Link::new(config.link(), Duration::ZERO),
+            config,
+            now: Duration::ZERO,
+            machine: Machine::default(),
+            hold: None,
+            overrides: None,
+            commander_heard: None,
+            ros_loss: None,
+            is_single_block: false,
+            outputs: VecDeque::new(),
+        }
+    }
+
+    pub(super) fn reply(&mut self, id: u64, result: Result<String, Refusal>) {
+        self.outputs.push_back(Output::Reply { id, result });
+    }
+
+    pub(super) fn log(&mut self, level: LogLevel, message: impl Into<String>) {
+        self.outputs.push_back(Output::Log { level, message: message.into() });
+    }
+
+    /// Gives what the controller reported about itself.
+    pub(super) fn publish_settings(&mut self) {
+        let machine = &self.machine;
+        let settings = ControllerSettings {
+            firmware: machine.firmware,
+            version: machine.version.clone(),
+            options: machine.options.clone(),
+            planner_blocks: machine.planner_blocks(),
+            receive_bytes: self.link.receive_bytes(),
+            window: self.link.window(),
+            settings: machine.told.iter().map(|(n, value)| (*n, value.clone())).collect(),
+            offsets: machine.offsets.clone(),
+        };
+        self.outputs.push_back(Output::Settings(settings));
+    }
+}

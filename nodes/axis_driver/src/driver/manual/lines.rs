@@ -1,0 +1,207 @@
+//! Which lines a manual operation sends.
+
+use super::{OFFSETS, Task};
+use crate::codes::error_code;
+use crate::driver::answer::Refusal;
+use crate::driver::context::Context;
+use crate::encoder::words::{to_grid, write_word};
+use crate::link::LineKind;
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
+use serde::{Deserialize, Serialize};
+
+/// Where a jog goes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct JogRequest {
+    pub frame: JogFrame,
+    pub axes: AxisSet,
+    /// mm; only of the axes that move.
+    pub target: Position,
+    pub feed_mm_per_min: f64,
+}
+
+/// What the numbers of a jog count from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JogFrame {
+    /// From where the axes are.
+    Relative,
+    Work,
+    Machine,
+}
+
+/// How a probe looks for the workpiece.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ProbeRequest {
+    pub axes: AxisSet,
+    /// How far at most, from where the tool is, mm.
+    pub distance: Position,
+    pub feed_mm_per_min: f64,
+    /// Until it releases instead of touching.
+    pub away: bool,
+    /// A probe that finds nothing causes no alarm.
+    pub may_miss: bool,
+}
+
+/// Which coordinates the tool position gets, or where the origin of a work system is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct OffsetRequest {
+    /// 1 to 6 are G54 to G59, 92 is G92.
+    pub system: u8,
+    pub axes: AxisSet,
+    /// mm: the coordinates for the tool position, or where the origin lies.
+    pub position: Position,
+    pub is_origin: bool,
+}
+
+/// The number of the shift on top of all work systems.
+const G92: u8 = 92;
+
+/// A manual operation that may begin.
+#[derive(Debug)]
+pub(in crate::driver) struct Order {
+    pub(in crate::driver) task: Task,
+    pub(in crate::driver) kind: LineKind,
+    pub(in crate::driver) lines: Vec<String>,
+}
+
+impl Order {
+    pub(in crate::driver) fn new<const COUNT: usize>(
+        task: Task,
+        kind: LineKind,
+        lines: [String; COUNT],
+    ) -> Self {
+        Self { task, kind, lines: lines.into() }
+    }
+
+    pub(in crate::driver) fn home() -> Self {
+        Self::new(Task::Home, LineKind::Silent, ["$H".to_owned()])
+    }
+
+    pub(in crate::driver) fn unlock() -> Self {
+        Self::new(Task::Unlock, LineKind::Slow, ["$X".to_owned()])
+    }
+
+    pub(in crate::driver) fn sleep() -> Self {
+        Self::new(Task::Sleep, LineKind::Slow, ["$SLP".to_owned()])
+    }
+
+    /// A jog. While a tool is changed the way back stays right whatever the machine's zero
+    /// is, so that it need not be known.
+    pub(in crate::driver) fn jog(
+        context: &Context,
+        request: JogRequest,
+        is_tool_awaited: bool,
+    ) -> Result<Self, Refusal> {
+        let frame = match request.frame {
+            JogFrame::Relative => "G91",
+            JogFrame::Work => "G90",
+            JogFrame::Machine => "G90G53",
+        };
+        if request.frame == JogFrame::Machine
+            && !is_tool_awaited
+            && let Some(refusal) = context.machine.home_obstacle("a jog in the machine frame")
+        {
+            return Err(refusal);
+        }
+        let words = move_words(context, request.axes, request.target, request.feed_mm_per_min)?;
+        let place = context.machine.machine_position().zip(context.machine.work_position());
+        let Some((machine, work)) = place else {
+            return Err(Refusal::new(error_code::CONNECTING, context.machine.unknown_place()));
+        };
+        let mut target = machine;
+        for axis in (0..3).filter(|axis| request.axes.contains(*axis)) {
+            let from = match request.frame {
+                JogFrame::Relative => machine[axis],
+                JogFrame::Work => machine[axis] - work[axis],
+                JogFrame::Machine => 0.0,
+            };
+            target[axis] = from + request.target[axis];
+        }
+        let line = format!("$J=G21{frame}{words}");
+        Ok(Self::new(Task::Jog { target }, LineKind::Motion, [line]))
+    }
+
+    pub(in crate::driver) fn probe(
+        context: &Context,
+        request: ProbeRequest,
+    ) -> Result<Self, Refusal> {
+        let words = move_words(context, request.axes, request.distance, request.feed_mm_per_min)?;
+        let word = match (request.away, request.may_miss) {
+            (false, false) => "G38.2",
+            (false, true) => "G38.3",
+            (true, false) => "G38.4",
+            (true, true) => "G38.5",
+        };
+        let task = Task::Probe { may_miss: request.may_miss, heard: None };
+        Ok(Self::new(task, LineKind::Slow, [format!("G21G91G94{word}{words}")]))
+    }
+
+    pub(in crate::driver) fn set_work_offset(
+        context: &Context,
+        request: OffsetRequest,
+    ) -> Result<Self, Refusal> {
+        let OffsetRequest { system, axes, position, is_origin } = request;
+        let words = axis_words(context, axes, position)?;
+        let (line, name) = match (system, is_origin) {
+            (1..=6, true) => (format!("G21G10L2P{system}{words}"), format!("G{}", 53 + system)),
+            (1..=6, false) => (format!("G21G10L20P{system}{words}"), format!("G{}", 53 + system)),
+            (G92, false) => (format!("G21G92{words}"), "G92".into()),
+            (G92, true) => {
+                return invalid(
+                    "G92 shifts to where the tool is; it has no origin in the machine frame",
+                );
+            }
+            _ => {
+                return invalid(format!(
+                    "work system {system} does not exist: 1 to 6 are G54 to G59, 92 is G92"
+                ));
+            }
+        };
+        let done = match is_origin {
+            true => format!("the origin of {name} is {words} in the machine frame"),
+            false => format!("the place of the tool is {words} in {name}"),
+        };
+        let lines = [line, OFFSETS.to_owned()];
+        Ok(Self::new(Task::SetWorkOffset { done }, LineKind::Slow, lines))
+    }
+}
+
+/// The words of a move, with its feed rate.
+fn move_words(
+    context: &Context,
+    axes: AxisSet,
+    position: Position,
+    feed_mm_per_min: f64,
+) -> Result<String, Refusal> {
+    let mut words = axis_words(context, axes, position)?;
+    let max = context.config.encoder.feed_mm_per_min_max;
+    if !(feed_mm_per_min <= max && to_grid(feed_mm_per_min) > 0) {
+        let text = format!(
+            "the feed rate {feed_mm_per_min} mm/min is not above 0.0001 and within {max} mm/min"
+        );
+        return Err(Refusal::new(error_code::INVALID_REQUEST, text));
+    }
+    write_word(&mut words, 'F', to_grid(feed_mm_per_min));
+    Ok(words)
+}
+
+/// `X10Y-.5`
+fn axis_words(context: &Context, axes: AxisSet, position: Position) -> Result<String, Refusal> {
+    let max = context.config.encoder.position_mm_max;
+    let mut words = String::new();
+    for axis in (0..3).filter(|axis| axes.contains(*axis)) {
+        let (letter, value) = (AXIS_LETTERS[axis], position[axis]);
+        if value.is_nan() || value.abs() > max {
+            return invalid(format!("{letter}{value} is not within {max} mm either side of zero"));
+        }
+        write_word(&mut words, letter, to_grid(value));
+    }
+    if words.is_empty() {
+        return invalid("no axis is named: axes has bit 0 for X, bit 1 for Y, bit 2 for Z");
+    }
+    Ok(words)
+}
+
+fn invalid<T>(text: impl Into<String>) -> Result<T, Refusal> {
+    Err(Refusal::new(error_code::INVALID_REQUEST, text))
+}

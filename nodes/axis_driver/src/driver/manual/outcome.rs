@@ -1,0 +1,106 @@
+//! How a manual operation ended.
+
+use super::{ManualOperation, Task, configure};
+use crate::codes::error_code;
+use crate::driver::answer::Refusal;
+use crate::driver::context::Context;
+use crate::driver::context::machine::Machine;
+use crate::driver::context::place::show;
+use crate::driver::output::{MoveResult, Output, RunOutcome};
+use cnc_msgs::machine::Mode;
+
+/// How far from its target a jog may end, mm: steps, and three decimals.
+const JOG_TOLERANCE_MM: f64 = 0.02;
+
+impl ManualOperation {
+    /// Judges how it ended: every line is answered, and the machine stands.
+    pub(in crate::driver) fn judge(&mut self, context: &mut Context) -> Result<String, Refusal> {
+        let is_alarm = context.machine.mode() == Mode::Alarm;
+        if let Some(stop) = self.stop.take() {
+            return Err(stop);
+        }
+        match &self.task {
+            Task::Home | Task::Unlock if is_alarm => {
+                let text = "the controller took it and is still in alarm";
+                Err(Refusal::new(error_code::ALARM, text))
+            }
+            Task::Home => Ok("homed".into()),
+            Task::Unlock => {
+                Ok("unlocked; the position may be wrong until the machine is homed".into())
+            }
+            Task::Sleep => Ok("the controller sleeps; soft_reset wakes it".into()),
+            Task::SetWorkOffset { done } => {
+                context.publish_settings();
+                Ok(done.clone())
+            }
+            Task::Configure { wanted, done } => {
+                context.publish_settings();
+                configure::judge_mask(&context.machine, *wanted, done)
+            }
+            Task::Jog { target } => {
+                let at = context.machine.machine_position().unwrap_or(*target);
+                if (0..3).all(|axis| (at[axis] - target[axis]).abs() <= JOG_TOLERANCE_MM) {
+                    return Ok("done".into());
+                }
+                let text = format!(
+                    "the jog ended at {} and not at {} in the machine frame: it was held, or cut \
+                     short by the controller at the end of its travel",
+                    show(at),
+                    show(*target)
+                );
+                Err(Refusal::new(error_code::STOPPED_SHORT, text))
+            }
+            Task::Probe { heard: Some((_, true)), .. } => Ok("done".into()),
+            Task::Probe { heard: Some((_, false)), may_miss: true } => {
+                Ok("nothing was found on the way".into())
+            }
+            Task::Probe { .. } => {
+                let text = "the controller did not say where the probe touched";
+                Err(Refusal::new(error_code::PROBE_FAILED, text))
+            }
+        }
+    }
+
+    /// Reports the end to whoever asked for the operation.
+    pub(in crate::driver) fn report(
+        self,
+        machine: &Machine,
+        result: Result<String, Refusal>,
+    ) -> Output {
+        let Self { id, task, .. } = self;
+        if !task.moves() {
+            return Output::Reply { id, result };
+        }
+        let heard = match task {
+            Task::Probe { heard, .. } => heard,
+            _ => machine.machine_position().map(|at| (at, false)),
+        };
+        let found = heard.is_some_and(|(_, found)| found);
+        // Only a machine that stands is where it was reported last.
+        let stands = match &result {
+            Ok(_) => true,
+            Err(refusal) => {
+                matches!(refusal.error_code, error_code::CANCELED | error_code::STOPPED_SHORT)
+            }
+        };
+        let is_place = found || stands && matches!(task, Task::Jog { .. });
+        let machine_position = heard.filter(|_| is_place).map(|(at, _)| at);
+        let work_position = machine_position.and_then(|at| machine.in_work_frame(at));
+        let (outcome, error_code, message) = match result {
+            Ok(message) => (RunOutcome::Succeeded, 0, message),
+            Err(Refusal { error_code: error_code::CANCELED, message }) => {
+                (RunOutcome::Canceled, error_code::CANCELED, message)
+            }
+            Err(Refusal { error_code, message }) => (RunOutcome::Aborted, error_code, message),
+        };
+        Output::MoveFinished(MoveResult {
+            id,
+            outcome,
+            error_code,
+            message,
+            machine_position,
+            work_position,
+            found,
+        })
+    }
+}

@@ -1,0 +1,100 @@
+//! What the driver gives to the process around it.
+
+use super::answer::Refusal;
+use crate::firmware::Firmware;
+use cnc_msgs::geometry::Position;
+use cnc_msgs::machine::MachineState;
+use serde::{Deserialize, Serialize};
+
+/// What to do outside, in order.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Output {
+    /// Write these bytes now.
+    Transmit(Vec<u8>),
+    /// The answer to a command: what was done, or why not.
+    Reply { id: u64, result: Result<String, Refusal> },
+    /// What is known of the machine has changed.
+    State(MachineState),
+    /// How far the run is. Seconds at the present override.
+    Progress { line: u32, fraction: f64, time_left_s: f64 },
+    /// The accepted run is over.
+    RunFinished(RunResult),
+    /// The accepted jog or probe is over.
+    MoveFinished(MoveResult),
+    /// What the controller reported about itself, when it was connected and after a change.
+    Settings(ControllerSettings),
+    /// After [`Command::Shutdown`](super::Command::Shutdown): the port may be closed.
+    ReadyToClose,
+    /// Something for the log.
+    Log { level: LogLevel, message: String },
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunResult {
+    /// The command that began it.
+    pub id: u64,
+    pub outcome: RunOutcome,
+    /// 0 when it succeeded; see [`error_code`](crate::codes::error_code).
+    pub error_code: u16,
+    pub message: String,
+    /// The source line that was being cut last, 0 when none was.
+    pub last_line: u32,
+    /// The source line of the block that the controller refused or stopped at, 0 when no
+    /// block is to blame.
+    pub blamed_line: u32,
+}
+
+/// How a jog or a probe ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MoveResult {
+    /// The command that began it.
+    pub id: u64,
+    pub outcome: RunOutcome,
+    /// 0 when it succeeded; see [`error_code`](crate::codes::error_code).
+    pub error_code: u16,
+    pub message: String,
+    /// Where the tool stands after a jog, or where the probe touched; machine frame, mm.
+    pub machine_position: Option<Position>,
+    /// The same in the work frame.
+    pub work_position: Option<Position>,
+    /// Whether the probe touched, or released.
+    pub found: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum RunOutcome {
+    Succeeded,
+    Canceled,
+    Aborted,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LogLevel {
+    Info,
+    Warn,
+    Error,
+}
+
+/// What a controller reports about itself.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ControllerSettings {
+    pub firmware: Firmware,
+    /// In its own words.
+    pub version: String,
+    pub options: String,
+    pub planner_blocks: u16,
+    pub receive_bytes: u16,
+    /// The most that is sent before an answer, bytes.
+    pub window: usize,
+    /// `$number` and its value.
+    pub settings: Vec<(u16, String)>,
+    pub offsets: Vec<Offset>,
+}
+
+/// A stored position: G54 to G59, G28, G30, G92, TLO; machine frame, mm.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Offset {
+    pub name: String,
+    pub position: Position,
+}

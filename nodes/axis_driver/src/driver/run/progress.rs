@@ -1,0 +1,344 @@
+//! How a run goes on: with time, with answers, with reports, to its end.
+
+use super::exit::{Exit, Verdict};
+use super::proof::Proven;
+use super::tool_change::ToolChange;
+use super::{Run, Stage, Then};
+use crate::codes::{self, error_code};
+use crate::driver::context::config::{ANSWER, RECORDER, SETTLED, WORK_POSITION};
+use crate::driver::context::place::PlaceWatch;
+use crate::driver::context::{Context, Origin};
+use crate::driver::next::Next;
+use crate::driver::output::{LogLevel, Output};
+use crate::encoder::{PREAMBLE, PREAMBLE_IN_FRAME, SYNC};
+use crate::link::LineKind;
+use crate::report::ControllerState;
+use cnc_msgs::contour::Action;
+use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::machine::Mode;
+use cnc_msgs::path::PathEvent;
+use std::time::Duration;
+
+/// The first word of the reason when an incomplete record has caused the hold.
+const RECORD_NOT_WHOLE: &str = "RECORD_NOT_WHOLE";
+
+impl Run {
+    pub(in crate::driver) fn on_time(&mut self, context: &mut Context) -> Option<Exit> {
+        let now = context.now;
+        let is_machine_held = context.machine.is_state(&ControllerState::Hold)
+            || context.machine.is_state(&ControllerState::Door);
+        match &mut self.stage {
+            // A controller that holds reads nothing; the time counts from the resume.
+            Stage::Preparing { until } if self.is_held || is_machine_held => {
+                *until = now + ANSWER;
+                None
+            }
+            Stage::Proving(proof) => match proof.step(&self.job.request.path) {
+                Proven::NotYet => None,
+                Proven::Not(problem) => {
+                    let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());
+                    Some(Exit::over(Verdict::aborted(code, text)))
+                }
+                Proven::Whole { lines, seconds } => self.begin(context, lines, seconds),
+            },
+            Stage::AwaitingRecorder { until } if now >= *until => {
+                let text = format!("no recorder opened a bag within {} s", RECORDER.as_secs());
+                Some(refuse_unrecorded(&text))
+            }
+            Stage::Preparing { until } if now >= *until => {
+                let text = "the controller did not answer the first line";
+                Some(Exit::abort(error_code::NO_ANSWER, text))
+            }
+            Stage::Positioning { until } if now >= *until => {
+                let text = "the controller did not report a work position";
+                Some(Exit::abort(error_code::NO_ANSWER, text))
+            }
+            Stage::Homing { until, .. } if now >= *until => {
+                let text = "the axes did not find their switches in time";
+                Some(Exit::abort(error_code::NO_ANSWER, text))
+            }
+            _ => None,
+        }
+    }
+
+    /// The whole path is proved: the command is answered, and the first line sent.
+    fn begin(&mut self, context: &mut Context, lines: usize, seconds: f64) -> Option<Exit> {
+        let mode = context.machine.mode();
+        if mode != Mode::Idle {
+            let text = format!("the machine is no longer idle but in {}", mode.name());
+            return Some(Exit::over(Verdict::aborted(error_code::BUSY, text)));
+        }
+        self.total_s = seconds;
+        if !self.job.is_in_tool_change {
+            context.machine.program_id.clone_from(&self.job.request.program_id);
+            context.machine.line = 0;
+        }
+        if self.job.is_check() {
+            self.stage = Stage::Preparing { until: context.now + ANSWER };
+            context.link.send_line("$C", LineKind::Slow, Origin::CheckMode);
+        } else if context.config.require_recording && self.job.request.is_recorded() {
+            self.stage = Stage::AwaitingRecorder { until: context.now + RECORDER };
+        } else {
+            self.send_preamble(context);
+        }
+        context.reply(self.job.id, Ok(format!("{lines} lines, about {seconds:.0} s")));
+        let time_left_s = seconds / context.machine.feed_override();
+        if !self.job.is_in_tool_change {
+            context.outputs.push_back(Output::Progress { line: 0, fraction: 0.0, time_left_s });
+        }
+        None
+    }
+
+    /// Sends the first words of a run.
+    fn send_preamble(&mut self, context: &mut Context) {
+        self.stage = Stage::Preparing { until: context.now + ANSWER };
+        context.link.begin_stream(context.now, context.machine.firmware.traits().error_lasts);
+        // A block during a tool change moves in the frame of the program that waits.
+        if self.job.is_in_tool_change {
+            return context.link.send_line(PREAMBLE_IN_FRAME, LineKind::Slow, Origin::Preamble);
+        }
+        context.machine.work_system = None;
+        context.machine.has_tool_length = None;
+        context.link.send_line(PREAMBLE, LineKind::Slow, Origin::Preamble);
+    }
+
+    /// Takes what the recorder says of the run that is waiting for it, or under way.
+    pub(in crate::driver) fn hear_recorder(
+        &mut self,
+        context: &mut Context,
+        is_whole: bool,
+        reason: &str,
+    ) -> Option<Exit> {
+        match self.stage {
+            Stage::AwaitingRecorder { .. } if is_whole => self.send_preamble(context),
+            Stage::AwaitingRecorder { .. } => return Some(refuse_unrecorded(reason)),
+            _ if !is_whole && self.job.request.is_recorded() => {
+                if let Some(reason) = miss_record(context, reason)
+                    && self.has_begun()
+                {
+                    self.hold(context, &reason);
+                }
+            }
+            _ => {}
+        }
+        None
+    }
+
+    /// Takes that a line was answered.
+    pub(in crate::driver) fn on_answer(
+        &mut self,
+        context: &mut Context,
+        origin: Origin,
+        error: Option<u16>,
+    ) -> Option<Exit> {
+        self.empty_reports = 0;
+        if context.link.unanswered() == 0 {
+            self.is_alone = false;
+        }
+        if let Some(code) = error {
+            let text = codes::describe_error(context.machine.firmware, code);
+            let message = match &origin {
+                Origin::Program { text: line, source_line, element } => {
+                    self.job.blamed_line = *source_line;
+                    let place = self.job.place_of_line(*source_line, *element);
+                    format!("{place}: the controller refused {line:?}: {text}")
+                }
+                _ => format!("the controller refused {}: {text}", own_line(&origin)),
+            };
+            context.log(LogLevel::Error, message.clone());
+            return Some(Exit::abort(error_code::CONTROLLER_ERROR, message));
+        }
+        let said = match &origin {
+            Origin::Preamble if !self.job.is_in_tool_change => Some(PREAMBLE),
+            Origin::Program { text, .. } => Some(text.as_str()),
+            _ => None,
+        };
+        let work_system = said.and_then(selected_system);
+        context.machine.work_system = work_system.or(context.machine.work_system);
+        match (origin, &self.stage) {
+            (Origin::CheckMode, Stage::Preparing { .. }) => self.send_preamble(context),
+            (Origin::Preamble, Stage::Preparing { .. }) => {
+                let is_checked_later = self.encoder.checks_start() || self.job.is_check();
+                self.stage = match is_checked_later || self.assumed_axes().is_empty() {
+                    true => Stage::Streaming,
+                    false => Stage::Positioning { until: context.now + WORK_POSITION },
+                };
+                context.link.ask_status(context.now);
+            }
+            (Origin::Program { element: Some(element), .. }, _) => {
+                self.job.tracker.on_answer(element);
+                if self.job.is_check() {
+                    // Nothing moves: what is read is done.
+                    self.job.tracker.on_all_done();
+                }
+            }
+            (Origin::Sync, Stage::Draining(then)) => {
+                let from = context.now + SETTLED;
+                self.stage = Stage::Settling { then: then.clone(), from };
+                context.link.ask_status(from);
+            }
+            (Origin::Home, Stage::Homing { is_homed_after, .. }) => {
+                context.machine.is_homed = *is_homed_after;
+                // The axes are somewhere else than they were, and count from another zero.
+                context.machine.place = PlaceWatch::default();
+                self.stage = Stage::Settling { then: Then::GoOn, from: context.now };
+                context.link.ask_status(context.now);
+            }
+            _ => {}
+        }
+        None
+    }
+
+    /// Takes a status report, which is in the machine model already.
+    pub(in crate::driver) fn on_status(&mut self, context: &mut Context) -> Option<Exit> {
+        let is_check = context.machine.is_state(&ControllerState::Check);
+        let is_idle = is_check || context.machine.is_state(&ControllerState::Idle);
+        self.job.track(context);
+        match &self.stage {
+            _ if context.machine.is_state(&ControllerState::Alarm) => {
+                let text = "the controller is in alarm";
+                let next = Next::adrift(format!("{text}; soft_reset to go on"));
+                return Some(Exit::Over {
+                    verdict: Verdict::aborted(error_code::ALARM, text),
+                    next,
+                });
+            }
+            Stage::Positioning { .. } => {
+                let at = context.machine.work_position()?;
+                if let Err(refusal) = self.check_start(at) {
+                    return Some(Exit::over(refusal.into()));
+                }
+                self.stage = Stage::Streaming;
+            }
+            Stage::Settling { then: Then::GoOn | Then::ControllerChange { .. }, .. }
+                if !is_idle => {}
+            Stage::Settling { .. } if context.machine.is_state(&ControllerState::Run) => {
+                let text = "the controller has answered every line and still moves: an answer \
+                            came twice";
+                context.log(LogLevel::Error, text);
+                return Some(Exit::abort(error_code::PROTOCOL, text));
+            }
+            Stage::Settling { then, from } if is_idle && context.now >= *from => {
+                let then = then.clone();
+                self.job.tracker.on_all_done();
+                context.machine.line = self.job.line();
+                if let Some(exit) = self.follow(context, then) {
+                    return Some(exit);
+                }
+            }
+            _ => {}
+        }
+        self.report_progress(context);
+        None
+    }
+
+    /// All motion has ended: does what follows.
+    fn follow(&mut self, context: &mut Context, then: Then) -> Option<Exit> {
+        match then {
+            Then::ToolChange { tool, source_line } => {
+                let stood_at = context.machine.machine_position();
+                let change = ToolChange { tool, source_line, stood_at, is_touched: false };
+                self.stage = Stage::ToolChange(change);
+            }
+            Then::CheckReturn { stood } => return self.check_return(&context.machine, stood),
+            Then::CheckStart => {
+                self.stage = Stage::Positioning { until: context.now + WORK_POSITION };
+                context.link.ask_status(context.now);
+            }
+            Then::BlockEnd(block) => self.stage = Stage::BlockEnd(block),
+            Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
+            Then::Home { text, axes, source_line } => {
+                let is_homed_after = axes == AxisSet::ALL || context.machine.is_homed;
+                let limit = Duration::from_secs(u64::from(context.config.homing_s_max));
+                let until = context.now + limit;
+                self.stage = Stage::Homing { until, source_line, is_homed_after };
+                // Where the axes are is not known again before they are home.
+                context.machine.is_homed = false;
+                context.link.send_line(&text, LineKind::Silent, Origin::Home);
+            }
+            Then::End => return Some(self.succeed(context)),
+        }
+        None
+    }
+
+    fn succeed(&mut self, context: &mut Context) -> Exit {
+        if self.job.is_check() {
+            // The mode is left by a reset.
+            let text = "the controller has read every line; nothing moved";
+            return Exit::Stop(Verdict::succeeded(text));
+        }
+        let events = &self.job.request.path.events;
+        // The end of the program selects the first work system; tool lengths stay.
+        if matches!(events.last().map(|event| event.action), Some(Action::ProgramEnd { .. })) {
+            context.machine.work_system = Some(1);
+        }
+        let sets_length = |event: &PathEvent| matches!(event.action, Action::ToolLength { .. });
+        if !self.job.is_in_tool_change {
+            if !events.iter().any(sets_length) {
+                context.machine.has_tool_length = Some(false);
+            }
+            let line = self.job.line();
+            let last = Output::Progress { line, fraction: 1.0, time_left_s: 0.0 };
+            context.outputs.push_back(last);
+        }
+        Exit::over(Verdict::succeeded("done"))
+    }
+
+    fn report_progress(&mut self, context: &mut Context) {
+        // The progress of a run that waits for its tool is its own.
+        if !self.job.has_sent || self.job.is_in_tool_change {
+            return;
+        }
+        let path = &self.job.request.path;
+        let done = self.estimate.advance_to(path, self.job.tracker.element());
+        let fraction = if self.total_s > 0.0 { (done / self.total_s).min(1.0) } else { 0.0 };
+        let line = self.job.line();
+        if self.progress != Some((line, fraction)) {
+            self.progress = Some((line, fraction));
+            let time_left_s = (self.total_s - done).max(0.0) / context.machine.feed_override();
+            context.outputs.push_back(Output::Progress { line, fraction, time_left_s });
+        }
+    }
+
+    /// Takes a report of empty buffers, while lines have no answer. True when it came often
+    /// enough to be believed.
+    pub(in crate::driver) fn hear_empty_buffers(&mut self, is_empty: bool) -> bool {
+        /// Reports in a row that show it.
+        const EMPTY_REPORTS: u32 = 2;
+        self.empty_reports = if is_empty { self.empty_reports + 1 } else { 0 };
+        self.empty_reports >= EMPTY_REPORTS
+    }
+}
+
+/// The record misses something in mid-run. Where it is required the machine holds for the
+/// reason that this gives, and whoever resumes goes on without; else the part is worth more
+/// than its record.
+pub(in crate::driver) fn miss_record(context: &mut Context, reason: &str) -> Option<String> {
+    let text = format!("the record of this run is not whole: {reason}");
+    let is_required = context.config.require_recording;
+    let hold_reason = is_required.then(|| format!("{RECORD_NOT_WHOLE}: {text}"));
+    context.log(LogLevel::Warn, text);
+    hold_reason
+}
+
+fn refuse_unrecorded(reason: &str) -> Exit {
+    let text = format!("this run is not recorded, and require_recording is set: {reason}");
+    Exit::over(Verdict::aborted(error_code::NOT_RECORDING, text))
+}
+
+/// The work system that a line of ours selects.
+fn selected_system(line: &str) -> Option<u8> {
+    const WORDS: [&str; 6] = ["G54", "G55", "G56", "G57", "G58", "G59"];
+    let word = line.rfind("G5").and_then(|at| line.get(at..))?;
+    WORDS.iter().zip(1..).find(|(known, _)| word == **known).map(|(_, system)| system)
+}
+
+fn own_line(origin: &Origin) -> &'static str {
+    match origin {
+        Origin::Preamble => PREAMBLE,
+        Origin::Sync => SYNC,
+        Origin::Home => "to home",
+        Origin::CheckMode => "$C",
+        _ => "a line",
+    }
+}

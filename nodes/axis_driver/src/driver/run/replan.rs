@@ -1,0 +1,124 @@
+//! Another path for what is left of a run, while the machine stands (S46, S48).
+//!
+//! Nothing that was sent, or made to be sent, is taken back: the new path must be
+//! the old one up to there, element for element, and is encoded to its end before
+//! it counts. Anything else leaves the run as it is.
+
+use super::proof::{Proof, Proven};
+use super::request::RunRequest;
+use super::{Run, Stage};
+use crate::codes::error_code;
+use crate::driver::answer::{Answer, Refusal, refused};
+use crate::driver::context::Context;
+use crate::driver::context::machine::Machine;
+use crate::encoder::Encoder;
+use crate::estimate::Estimate;
+use cnc_msgs::path::CompensatedPath;
+use std::sync::Arc;
+
+/// A request to go on with another path.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReplanRequest {
+    pub program_id: String,
+    /// The revision that runs.
+    pub of: u64,
+    /// The revision that is to go on.
+    pub revision: u64,
+    pub path: Arc<CompensatedPath>,
+}
+
+/// A rest that is being encoded for its errors.
+#[derive(Debug)]
+pub(in crate::driver) struct Replan {
+    pub(in crate::driver) id: u64,
+    request: ReplanRequest,
+    encoder: Encoder,
+    proof: Proof,
+}
+
+impl Run {
+    /// Elements that have been sent or made to be sent; the first that has not, with
+    /// its event, is where another path may begin. `None` unless all stands still.
+    pub(in crate::driver) fn settled(&self, is_machine_held: bool) -> Option<u64> {
+        let stands = match self.stage {
+            Stage::Streaming => is_machine_held,
+            Stage::BlockEnd(_) | Stage::ToolChange(_) => true,
+            _ => false,
+        };
+        stands.then(|| self.encoder.next_element() as u64).filter(|count| *count > 0)
+    }
+
+    /// Takes another path for what is left; the answer comes when it is proved.
+    pub(in crate::driver) fn replan(
+        &mut self,
+        machine: &Machine,
+        id: u64,
+        request: ReplanRequest,
+    ) -> Answer {
+        if let Err(refusal) = request.check(&self.job.request) {
+            return Some(Err(refusal));
+        }
+        if self.settled(machine.is_held()).is_none() || self.rest.is_some() {
+            return refused(error_code::BUSY, NOT_IN_A_HOLD);
+        }
+        let Some(encoder) = self.encoder.going_on_with(Arc::clone(&request.path)) else {
+            let text = "the new path differs from what has been sent";
+            return refused(error_code::START_POSITION, text);
+        };
+        let first = encoder.next_element();
+        let proof = Proof::new(encoder.clone(), machine.rates(), &request.path, first);
+        self.rest = Some(Box::new(Replan { id, request, encoder, proof }));
+        None
+    }
+
+    /// Encodes a slice of the rest that waits, and runs it when it is whole.
+    pub(in crate::driver) fn step_rest(&mut self, context: &mut Context) {
+        let stands = self.settled(context.machine.is_held()).is_some();
+        let Some(rest) = &mut self.rest else { return };
+        let proven = rest.proof.step(&rest.request.path);
+        let id = rest.id;
+        if !stands {
+            self.rest = None;
+            return context.reply(id, Err(no_longer_stands()));
+        }
+        let seconds = match proven {
+            Proven::NotYet => return,
+            Proven::Not(problem) => {
+                self.rest = None;
+                let refusal = Refusal::new(error_code::NOT_ENCODABLE, problem.to_string());
+                return context.reply(id, Err(refusal));
+            }
+            Proven::Whole { seconds, .. } => seconds,
+        };
+        let Some(rest) = self.rest.take() else { return };
+        let Replan { request: ReplanRequest { revision, path, .. }, encoder, .. } = *rest;
+        let rates = context.machine.rates();
+        let mut done_before = Estimate::new(rates, &path, self.first_element);
+        self.total_s = done_before.advance_to(&path, encoder.next_element()) + seconds;
+        self.estimate = Estimate::new(rates, &path, self.first_element);
+        self.encoder = encoder;
+        self.job.request.path = path;
+        self.job.request.revision = revision;
+        context.reply(id, Ok(format!("the program goes on with revision {revision}")));
+    }
+}
+
+impl ReplanRequest {
+    /// Whether it is for the run that is under way.
+    pub(in crate::driver) fn check(&self, running: &RunRequest) -> Result<(), Refusal> {
+        let running = (running.program_id.as_str(), running.revision);
+        if running == (self.program_id.as_str(), self.of) {
+            return Ok(());
+        }
+        let text = format!("revision {} of {} is running", running.1, running.0);
+        Err(Refusal::new(error_code::NOTHING_TO_DO, text))
+    }
+}
+
+/// Why another path is refused for the moment.
+pub(in crate::driver) const NOT_IN_A_HOLD: &str = "the machine does not stand in a hold";
+
+/// For a rest that was still being proved when the machine went on or was stopped.
+pub(in crate::driver) fn no_longer_stands() -> Refusal {
+    Refusal::new(error_code::BUSY, "the machine no longer stands in a hold")
+}

@@ -1,0 +1,88 @@
+//! Whether a run may begin where the tool and the machine are.
+
+use super::Run;
+use super::request::RunRequest;
+use crate::codes::error_code;
+use crate::driver::answer::Refusal;
+use crate::driver::context::Context;
+use crate::driver::context::config::START_TOLERANCE_MM;
+use crate::driver::context::machine::Machine;
+use crate::encoder::EncoderConfig;
+use cnc_msgs::contour::Action;
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
+
+impl RunRequest {
+    /// Whether the path is only encoded, so that the machine does not matter.
+    pub(in crate::driver) fn is_only_encoded(&self, context: &Context) -> bool {
+        self.check_only && !context.config.check_in_controller
+    }
+
+    /// Why a path cannot be run where the machine's zero is not known: it goes to places of
+    /// the machine frame before it homes.
+    pub(in crate::driver) fn frame_obstacle(&self, machine: &Machine) -> Option<Refusal> {
+        let first = self.path.events.iter().find_map(|event| match event.action {
+            Action::Home { axes } if axes == AxisSet::ALL => Some(None),
+            Action::MachineMove { .. } => Some(Some(("G53", event.source.line))),
+            Action::Reference { second, .. } => {
+                Some(Some((if second { "G30" } else { "G28" }, event.source.line)))
+            }
+            _ => None,
+        });
+        let (word, line) = first??;
+        machine.home_obstacle(&format!("{word} in line {line}"))
+    }
+}
+
+impl Context {
+    /// What may be sent to this controller now.
+    pub(in crate::driver) fn encoder_config(&self) -> EncoderConfig {
+        let Self { config, machine, .. } = self;
+        EncoderConfig {
+            has_mist: config.encoder.has_mist || machine.has_mist,
+            homing: machine.homing(),
+            board: machine.board(),
+            // The others have no M6: the driver waits for the tool.
+            controller_changes_tools: config.encoder.controller_changes_tools
+                && machine.firmware.traits().has_tool_change,
+            // A height means nothing before the axes are home.
+            approach_z_mm: config.encoder.approach_z_mm.filter(|_| machine.is_homed),
+            ..config.encoder
+        }
+    }
+}
+
+impl Run {
+    /// Whether the tool is where the path begins, if that can be known before the first words
+    /// are sent: because those in force are the same.
+    pub(in crate::driver) fn check_start_early(&self, machine: &Machine) -> Result<(), Refusal> {
+        let is_frame_known = !self.encoder.checks_start()
+            && machine.work_system == Some(1)
+            && machine.has_tool_length == Some(false);
+        match machine.work_position().filter(|_| is_frame_known) {
+            Some(at) => self.check_start(at),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether the tool is where the path relies on it to be; work frame, mm.
+    pub(super) fn check_start(&self, at: Position) -> Result<(), Refusal> {
+        check_start(at, self.start(), self.assumed_axes())
+    }
+}
+
+fn check_start(at: Position, start: Position, axes: AxisSet) -> Result<(), Refusal> {
+    let is_off = |axis: &usize| (at[*axis] - start[*axis]).abs() > START_TOLERANCE_MM + 1e-9;
+    if !(0..3).filter(|axis| axes.contains(*axis)).any(|axis| is_off(&axis)) {
+        return Ok(());
+    }
+    let show = |position: Position| {
+        let words = (0..3).filter(|axis| axes.contains(*axis));
+        words.map(|axis| format!("{}{:.3}", AXIS_LETTERS[axis], position[axis])).collect::<Vec<_>>()
+    };
+    let message = format!(
+        "the path begins at {} but the tool is at {} in the work frame: move it there first",
+        show(start).join(" "),
+        show(at).join(" ")
+    );
+    Err(Refusal::new(error_code::START_POSITION, message))
+}

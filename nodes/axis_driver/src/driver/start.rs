@@ -1,0 +1,241 @@
+//! What begins a run, a check or a manual operation, and what keeps it from beginning.
+
+use super::answer::{Answer, Refusal, done, refused};
+use super::context::overrides::Overrides;
+use super::manual::Order;
+use super::manual::configure::{Configuration, configure};
+use super::manual::lines::{JogRequest, OffsetRequest, ProbeRequest};
+use super::run::Run;
+use super::run::exit::Verdict;
+use super::run::proof::{Check, Proof};
+use super::run::replan::ReplanRequest;
+use super::run::request::RunRequest;
+use super::run::tool_change::check_block;
+use super::{Driver, Phase};
+use crate::codes::error_code;
+use crate::encoder::{StartProblem, start_at};
+use cnc_msgs::machine::Mode;
+
+impl Driver {
+    pub(super) fn run_program(&mut self, id: u64, request: RunRequest) -> Answer {
+        if self.check.is_some() {
+            return refused(error_code::BUSY, "another program is being checked");
+        }
+        let is_only_encoded = request.is_only_encoded(&self.context);
+        let is_in_change = request.is_mdi() && self.is_tool_awaited();
+        if is_in_change && let Err(refusal) = check_block(&request.path) {
+            return Some(Err(refusal));
+        }
+        if !is_only_encoded
+            && !is_in_change
+            && let Some(refusal) = self.obstacle()
+        {
+            return Some(Err(refusal));
+        }
+        let machine = &self.context.machine;
+        if !is_only_encoded && let Some(refusal) = request.frame_obstacle(machine) {
+            return Some(Err(refusal));
+        }
+        let config = self.context.encoder_config();
+        let started = start_at(request.path.clone(), config, request.start_line, request.in_span);
+        let (encoder, first_element) = match started {
+            Ok(started) => started,
+            Err(StartProblem::Encode(problem)) => {
+                return refused(error_code::NOT_ENCODABLE, problem.to_string());
+            }
+            Err(problem) => return refused(error_code::START_LINE, problem.to_string()),
+        };
+        let proof = Proof::new(encoder.clone(), machine.rates(), &request.path, first_element);
+        if is_only_encoded {
+            self.check = Some(Check { id, path: request.path, proof });
+            return None;
+        }
+        let mut run = Run::new(id, request, encoder, first_element, proof, machine);
+        run.job.is_in_tool_change = is_in_change;
+        // If this cannot be known yet, it is looked at again after the first words.
+        if !is_in_change && let Err(refusal) = run.check_start_early(machine) {
+            return Some(Err(refusal));
+        }
+        self.pause_run();
+        self.phase = Phase::Running(Box::new(run));
+        None
+    }
+
+    /// Takes another path for what is left of the run that is under way.
+    pub(super) fn replan(&mut self, id: u64, request: ReplanRequest) -> Answer {
+        match &mut self.phase {
+            Phase::Running(run) => run.replan(&self.context.machine, id, request),
+            Phase::Stopping(stopping) => stopping.replan(&request),
+            _ => refused(error_code::NOTHING_TO_DO, "no program is running"),
+        }
+    }
+
+    pub(super) fn cancel_run(&mut self, run: Option<u64>) -> Answer {
+        if let Some(answer) = self.cancel_paused(run) {
+            return answer;
+        }
+        let is_meant = |id: u64| run.is_none_or(|run| run == id);
+        let check = self.check.take_if(|check| is_meant(check.id));
+        if let Some(check) = &check {
+            let text = "canceled while being checked";
+            self.context.reply(check.id, Err(Refusal::new(error_code::CANCELED, text)));
+        }
+        if self.phase.job().is_some_and(|job| is_meant(job.id)) {
+            self.stop_run(Verdict::canceled("canceled"));
+            return done("the run is being stopped");
+        }
+        match (&mut self.phase, check) {
+            (Phase::Manual(operation), None)
+                if is_meant(operation.id) && operation.task.moves() =>
+            {
+                let refusal = Refusal::new(error_code::CANCELED, "canceled");
+                operation.stop(&mut self.context, refusal);
+                done("the move is being stopped")
+            }
+            (_, Some(_)) => done("the check was canceled"),
+            (_, None) => refused(error_code::NOTHING_TO_DO, "no such program is running"),
+        }
+    }
+
+    pub(super) fn set_single_block(&mut self, is_on: bool) -> Answer {
+        self.context.is_single_block = is_on;
+        done(match (is_on, &self.phase) {
+            (true, Phase::Running(_) | Phase::Stopping(_)) => {
+                "single block is on: what has been sent is cut first, then every block waits"
+            }
+            (true, _) => "single block is on: every block waits for a resume",
+            (false, Phase::Running(run)) if run.is_at_block_end() => {
+                "single block is off: resume goes on"
+            }
+            (false, _) => "single block is off",
+        })
+    }
+
+    pub(super) fn set_overrides(&mut self, id: u64, wanted: Overrides) -> Answer {
+        match &self.phase {
+            Phase::Ready | Phase::Running(_) | Phase::Stopping(_) | Phase::Manual(_) => {
+                self.context.set_overrides(id, wanted)
+            }
+            _ => self.obstacle().map(Err),
+        }
+    }
+
+    pub(super) fn jog(&mut self, id: u64, request: JogRequest) -> Answer {
+        if let Some(refusal) = self.manual_obstacle() {
+            return Some(Err(refusal));
+        }
+        let order = Order::jog(&self.context, request, self.is_tool_awaited());
+        self.begin_move(id, order, "the jog has begun")
+    }
+
+    pub(super) fn probe(&mut self, id: u64, request: ProbeRequest) -> Answer {
+        if let Some(refusal) = self.manual_obstacle() {
+            return Some(Err(refusal));
+        }
+        let order = Order::probe(&self.context, request);
+        self.begin_move(id, order, "the probe has begun")
+    }
+
+    fn begin_move(&mut self, id: u64, order: Result<Order, Refusal>, text: &str) -> Answer {
+        Some(order.map(|order| {
+            self.begin_manual(id, order);
+            text.to_owned()
+        }))
+    }
+
+    pub(super) fn set_work_offset(&mut self, id: u64, request: OffsetRequest) -> Answer {
+        if let Some(refusal) = self.manual_obstacle() {
+            return Some(Err(refusal));
+        }
+        match Order::set_work_offset(&self.context, request) {
+            Ok(order) => self.begin_manual(id, order),
+            Err(refusal) => return Some(Err(refusal)),
+        }
+        if let Some(paused) = &mut self.paused {
+            paused.frame = request.axes;
+        }
+        None
+    }
+
+    /// Says which setting would be written, or writes it and reads it back.
+    pub(super) fn configure(&mut self, id: u64, write: bool) -> Answer {
+        if let Some(refusal) = self.obstacle() {
+            return Some(Err(refusal));
+        }
+        match configure(&self.context, write) {
+            Ok(Configuration::WouldWrite(text)) => return done(&text),
+            Ok(Configuration::Write(order)) => self.begin_manual(id, order),
+            Err(refusal) => return Some(Err(refusal)),
+        }
+        None
+    }
+
+    pub(super) fn unlock(&mut self, id: u64) -> Answer {
+        match (&self.phase, self.context.machine.mode()) {
+            (Phase::Ready, Mode::Alarm) => {
+                self.begin_manual(id, Order::unlock());
+                None
+            }
+            (Phase::Ready, mode) => {
+                let text = format!("the machine is not in alarm but in {}", mode.name());
+                refused(error_code::NOTHING_TO_DO, text)
+            }
+            _ => self.obstacle().map(Err),
+        }
+    }
+
+    pub(super) fn home(&mut self, id: u64) -> Answer {
+        match (&self.phase, self.context.machine.mode()) {
+            (Phase::Ready, Mode::Idle | Mode::Alarm) => {}
+            _ => return self.obstacle().map(Err),
+        }
+        if !self.context.machine.has_homing() {
+            let text = "homing is switched off in the controller ($22=0)";
+            return refused(error_code::NO_HOMING, text);
+        }
+        self.context.machine.is_homed = false;
+        self.begin_manual(id, Order::home());
+        None
+    }
+
+    pub(super) fn sleep(&mut self, id: u64) -> Answer {
+        match (&self.phase, self.context.machine.mode()) {
+            (Phase::Ready, Mode::Idle | Mode::Alarm) => {
+                self.begin_manual(id, Order::sleep());
+                None
+            }
+            _ => self.obstacle().map(Err),
+        }
+    }
+
+    /// Why no manual operation can begin now.
+    fn manual_obstacle(&self) -> Option<Refusal> {
+        match self.check {
+            Some(_) => Some(Refusal::new(error_code::BUSY, "a program is being checked")),
+            None if self.is_tool_awaited() => None,
+            None => self.obstacle(),
+        }
+    }
+
+    /// Why no program can be run now, as far as the link and the machine go.
+    pub(super) fn obstacle(&self) -> Option<Refusal> {
+        let refuse = |code, text: String| Some(Refusal::new(code, text));
+        match &self.phase {
+            Phase::Closed { reason } => refuse(error_code::NOT_CONNECTED, reason.clone()),
+            Phase::Connecting(connecting) => {
+                refuse(error_code::CONNECTING, format!("still {}", connecting.describe()))
+            }
+            Phase::Adrift { reason } => refuse(error_code::NEEDS_RESET, reason.clone()),
+            Phase::Manual(operation) => refuse(error_code::BUSY, operation.describe()),
+            Phase::Running(_) | Phase::Stopping(_) => {
+                refuse(error_code::BUSY, "a program is running".into())
+            }
+            Phase::Ready => match self.context.machine.mode() {
+                Mode::Idle => None,
+                Mode::Alarm => refuse(error_code::ALARM, self.compose().reason),
+                Mode::Unknown => refuse(error_code::CONNECTING, "no status was heard yet".into()),
+                mode => refuse(error_code::BUSY, format!("the machine is in {}", mode.name())),
+            },
+        }
+    }
+}
