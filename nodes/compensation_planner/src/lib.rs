@@ -25,8 +25,10 @@ pub use check::certificate::{Certificate, CertificateLimit};
 pub use check::uncut::{OutlinePiece, UncutRegion};
 pub use geometry::tessellate;
 pub use tools::restart::{NoStart, Start, start};
+#[cfg(feature = "node")]
+pub use tools::tool_file;
 pub use tools::verdict::{Verdict, judge};
-pub use tools::{mdi, replan, set_tool, tool_file, verdict};
+pub use tools::{mdi, replan, set_tool, verdict};
 pub use walk::plan::{
     Alone, Plan, Planning, SpanSummary, Workers, plan, plan_certified, plan_with,
 };

@@ -5,5 +5,6 @@ pub mod mdi;
 pub mod replan;
 pub(crate) mod restart;
 pub mod set_tool;
+#[cfg(feature = "node")]
 pub mod tool_file;
 pub mod verdict;

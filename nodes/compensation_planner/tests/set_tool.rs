@@ -140,45 +140,73 @@ offsets:
   1: {radius_mm: 5.0}
 ";
 
+const BELOW: &str = "\
+tools:
+  1:
+    # new in May
+    diameter_mm: 10.0   # measured
+    wear_diameter_mm: 0.0
+  2:
+    diameter_mm: 3.0
+# no drills
+";
+
+fn wear(tool_number: u32) -> W {
+    W { wear_diameter: -0.0005, ..tool(tool_number, W::WEAR_DIAMETER) }
+}
+
+fn diameter(tool_number: u32) -> W {
+    W { diameter: 0.006, ..tool(tool_number, W::DIAMETER) }
+}
+
+fn radius(offset_number: u32) -> W {
+    W { diameter: 0.002, ..offset(offset_number, W::DIAMETER) }
+}
+
 #[test]
 fn a_tool_file_keeps_what_its_owner_wrote() {
-    let below = "tools:\n  1:\n    # new in May\n    diameter_mm: 10.0   # measured\n    \
-                 wear_diameter_mm: 0.0\n  2:\n    diameter_mm: 3.0\n";
+    let (crlf, no_end) = (IN_ONE_LINE.replace('\n', "\r\n"), BELOW.trim_end().to_owned());
+    let over_lines =
+        "tools:\n  1: &first {\n    diameter_mm: 10.0, # measured\n    length_mm: 60}\n";
     let cases = [
-        (
-            IN_ONE_LINE,
-            W { wear_diameter: -0.0005, ..tool(1, W::WEAR_DIAMETER) },
-            ("wear_diameter_mm: -0.05 }", "wear_diameter_mm: -0.5 }"),
-        ),
+        // One row in one line.
+        (IN_ONE_LINE, wear(1), ("wear_diameter_mm: -0.05 }", "wear_diameter_mm: -0.5 }")),
         (
             IN_ONE_LINE,
             W { length: 0.06, ..tool(1, W::LENGTH) },
-            ("-0.05 }", "-0.05, length_mm: 60.0}"),
+            ("-0.05 }", "-0.05, length_mm: 60.0 }"),
         ),
-        (
-            IN_ONE_LINE,
-            W { diameter: 0.006, ..tool(2, W::DIAMETER) },
-            ("4.0}\n", "4.0}\n  2: {diameter_mm: 6.0}\n"),
-        ),
+        (IN_ONE_LINE, diameter(2), ("4.0}\n", "4.0}\n  2: {diameter_mm: 6.0}\n")),
         (
             IN_ONE_LINE,
             W { wear_diameter: 0.0001, ..offset(1, W::WEAR_DIAMETER) },
             ("radius_mm: 5.0}", "radius_mm: 5.0, wear_mm: 0.05}"),
         ),
+        (&crlf, wear(12), ("4.0}", "4.0, wear_diameter_mm: -0.5}")),
+        (&crlf, diameter(2), ("4.0}\r\n", "4.0}\r\n  2: {diameter_mm: 6.0}\r\n")),
+        // One key a line.
+        (BELOW, diameter(1), ("diameter_mm: 10.0   # m", "diameter_mm: 6.0   # m")),
         (
-            below,
-            W { diameter: 0.0098, ..tool(1, W::DIAMETER) },
-            ("diameter_mm: 10.0   # m", "diameter_mm: 9.8   # m"),
-        ),
-        (
-            below,
+            BELOW,
             W { tip_direction: 3, ..tool(2, W::TIP_DIRECTION) },
-            ("  2:\n", "  2:\n    tip_direction: 3\n"),
+            ("3.0\n", "3.0\n    tip_direction: 3\n"),
         ),
+        (BELOW, radius(3), ("# no drills\n", "# no drills\noffsets:\n  3: {radius_mm: 1.0}\n")),
+        (&no_end, diameter(2), ("diameter_mm: 3.0", "diameter_mm: 6.0")),
+        // Other styles.
+        (over_lines, diameter(1), ("10.0", "6.0")),
+        (over_lines, wear(1), ("60}", "60, wear_diameter_mm: -0.5}")),
         (
-            below,
-            W { diameter: 0.002, ..offset(3, W::DIAMETER) },
-            ("3.0\n", "3.0\noffsets:\n  3: {radius_mm: 1.0}\n"),
+            "tools: {1: {\"diameter_mm\": 10}} # all\n",
+            wear(1),
+            ("10}", "10, \"wear_diameter_mm\": -0.5}"),
+        ),
+        ("{tools: {1: {diameter_mm: 10}}}", diameter(2), ("10}", "10}, 2: {diameter_mm: 6.0}")),
+        ("tools: {} # none yet\n", diameter(1), ("{}", "{1: {diameter_mm: 6.0}}")),
+        (
+            "# Mill 3\n---\ntools:\n  ? 1\n  : {diameter_mm: 1e1} # was {diameter_mm: 9.0}\n...\n",
+            diameter(1),
+            ("1e1", "6.0"),
         ),
     ];
     for (text, request, (from, to)) in cases {
@@ -192,13 +220,15 @@ fn a_tool_file_keeps_what_its_owner_wrote() {
 }
 
 #[test]
-fn a_file_of_another_form_is_not_guessed_at_and_a_whole_one_reads_back() {
-    let request = W { wear_diameter: -0.0005, ..tool(1, W::WEAR_DIAMETER) };
-    for text in
-        ["tools: {1: {diameter_mm: 10.0}}\n", "tools:\n  1: &first {\n    diameter_mm: 10.0}\n"]
-    {
+fn a_row_that_cannot_be_changed_alone_is_left_and_a_whole_file_reads_back() {
+    for text in [
+        // T1 is T2.
+        "tools:\n  2: &a {diameter_mm: 10.0}\n  1: *a\n",
+        // The comment would go with the old value.
+        "tools:\n  1:\n    diameter_mm: 10.0\n    wear_diameter_mm:\n      0.0 # measured\n",
+    ] {
         let before: ToolTable = serde_yaml::from_str(text).expect("a tool file");
-        let change = change(&before, &request).expect("it is there");
+        let change = change(&before, &wear(1)).expect("it is there");
         let read =
             edited(text, &change).and_then(|text| serde_yaml::from_str::<ToolTable>(&text).ok());
         assert_ne!(read, Some(change.tools), "the reader finds out");

@@ -120,8 +120,9 @@ mod tests {
             2,
             "nothing is left beside"
         );
-        // An unknown form is rewritten as a new file, and the answer says so.
-        fs::write(&path, "{tools: {1: {diameter_mm: 10.0}}} # flow\n").expect("written");
+        // A row that is another one too needs a new file, and the answer says so.
+        let alias = "tools:\n  2: &a {diameter_mm: 10.0}\n  1: *a # as T2\n";
+        fs::write(&path, alias).expect("written");
         let (mut file, tools) = ToolFile::open(&path).expect("a tool file");
         let change = worn(&tools, -0.0005);
         let kept = file.write(&change).expect("written");
