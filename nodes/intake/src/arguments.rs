@@ -1,9 +1,9 @@
 //! The words of the command line.
 
-/// The words after the name of the program.
+/// The arguments after the name of the program.
 ///
 /// # Errors
-/// A word is not UTF-8; says which.
+/// An argument is not UTF-8; the message says which one.
 pub fn words() -> Result<Vec<String>, String> {
     decoded(std::env::args_os().skip(1))
 }

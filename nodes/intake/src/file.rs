@@ -1,7 +1,7 @@
-//! Reading a file that somebody else names.
+//! Reads a file that someone else names.
 //!
-//! Only a regular file is read: a pipe would block, a device has effects or no end. It is
-//! opened without waiting, and the limit holds while it is read, because a file may grow.
+//! Only a regular file is read: a pipe would block; a device has side effects or no end. The
+//! file is opened without waiting. The limit is checked while reading, because a file may grow.
 
 use rustix::fs::{FileType, Mode, OFlags};
 use std::fs::File;
@@ -11,12 +11,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-/// How long reading one file may take: 512 MiB from a slow network drive.
+/// How long reading one file may take at most: enough for 512 MiB from a slow network drive.
 pub const READ_WITHIN: Duration = Duration::from_secs(20);
-/// Files that are read at a time, each by a thread. A network drive that is gone keeps a reader in
-/// the kernel, and a slow one keeps it busy.
+/// Files that are read at the same time, each by its own thread. A network drive that is gone
+/// blocks a reader in the kernel; a slow one keeps it busy.
 const READING_MAX: usize = 4;
-/// Bytes between two looks at the clock.
+/// Bytes between two checks of the clock.
 const PIECE: u64 = 256 << 10;
 
 /// Why a file was not read.
@@ -41,12 +41,12 @@ pub enum ReadError {
     Replaced,
 }
 
-/// Opens a file for reading, if it is a regular one.
+/// Opens a regular file for reading.
 ///
 /// # Errors
-/// It cannot be opened, or is something else.
+/// The file cannot be opened, or is not a regular file.
 pub fn open(path: &Path) -> Result<File, ReadError> {
-    // Before the opening: that alone resets a controller at the end of a serial line.
+    // Check before opening: opening alone resets a controller at the end of a serial line.
     let seen = rustix::fs::stat(path).map_err(io::Error::from)?;
     must_be_regular(seen.st_mode)?;
     let file = rustix::fs::open(path, FLAGS, Mode::empty()).map_err(io::Error::from)?;
@@ -64,11 +64,11 @@ pub(crate) fn must_be_regular(mode: rustix::fs::RawMode) -> Result<(), ReadError
         FileType::Fifo => "a named pipe (FIFO)",
         FileType::Socket => "a socket",
         FileType::CharacterDevice | FileType::BlockDevice => "a device",
-        _ => "no file",
+        _ => "not a file",
     }))
 }
 
-/// The file that was looked at is the one that was opened.
+/// Checks that the opened file is the one that was inspected before.
 pub(crate) fn is_still(file: &File, seen: &rustix::fs::Stat) -> Result<File, ReadError> {
     let now = rustix::fs::fstat(file).map_err(io::Error::from)?;
     must_be_regular(now.st_mode)?;
@@ -81,12 +81,13 @@ pub(crate) fn is_still(file: &File, seen: &rustix::fs::Stat) -> Result<File, Rea
 /// Reads a regular file of at most `most` bytes.
 ///
 /// # Errors
-/// It cannot be read, is something else, has more, or takes longer than [`READ_WITHIN`].
+/// The file cannot be read, is not a regular file, is larger, or takes longer than
+/// [`READ_WITHIN`].
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     read_all(open(path)?, most)
 }
 
-/// Reads what is left of an open file.
+/// Reads the rest of an open file.
 ///
 /// # Errors
 /// As [`read`].
@@ -106,7 +107,7 @@ fn read_bounded(
 ) -> Result<Vec<u8>, ReadError> {
     let mut text = Vec::with_capacity(usize::try_from(expected).unwrap_or(0));
     loop {
-        // One byte more than may be: so a file that has more is not taken for a whole one.
+        // One byte more than allowed, so that a larger file is not taken for a whole one.
         let left = most + 1 - text.len() as u64;
         if source.by_ref().take(left.min(PIECE)).read_to_end(&mut text)? == 0 {
             return Ok(text);
@@ -122,11 +123,11 @@ fn read_bounded(
 
 /// Does `work` on a thread of its own and waits for it no longer than `within`.
 ///
-/// A drive that is gone keeps a reader in the kernel for as long as it likes. The thread is
-/// left to itself then; there are never more than a few.
+/// A drive that is gone may block a reader in the kernel for any time. The thread is abandoned
+/// then; there are never more than `READING_MAX`.
 ///
 /// # Errors
-/// Those of `work`, or it took too long.
+/// The errors of `work`; or it took too long; or `READING_MAX` files are being read already.
 pub fn guarded<T: Send + 'static>(
     within: Duration,
     work: impl FnOnce() -> Result<T, ReadError> + Send + 'static,
@@ -135,30 +136,30 @@ pub fn guarded<T: Send + 'static>(
     guarded_by(&READING, within, work)
 }
 
-/// Frees a place, whatever becomes of the work.
-struct Place(&'static AtomicUsize);
+/// A slot of a reader; it is freed when the work ends in any way.
+struct Slot(&'static AtomicUsize);
 
-impl Drop for Place {
+impl Drop for Slot {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::AcqRel);
     }
 }
 
-/// The same, where `reading` counts the places that are taken.
+/// As [`guarded`], where `reading` counts the slots in use.
 fn guarded_by<T: Send + 'static>(
     reading: &'static AtomicUsize,
     within: Duration,
     work: impl FnOnce() -> Result<T, ReadError> + Send + 'static,
 ) -> Result<T, ReadError> {
-    let place = Place(reading);
+    let slot = Slot(reading);
     if reading.fetch_add(1, Ordering::AcqRel) >= READING_MAX {
         return Err(ReadError::Busy);
     }
     let (sender, result) = mpsc::sync_channel(1);
     std::thread::Builder::new().name("file-reader".into()).spawn(move || {
         let outcome = work();
-        drop(place);
-        // Nobody waits any more when it took too long.
+        drop(slot);
+        // After a timeout nobody receives it any more.
         let _ = sender.send(outcome);
     })?;
     match result.recv_timeout(within) {
@@ -172,7 +173,7 @@ mod tests {
     use super::*;
     use std::fs;
 
-    /// Gives `bytes` and says how many were taken.
+    /// Reads `bytes` forever, and counts how many were read.
     struct Endless(u64);
 
     impl Read for Endless {
@@ -243,14 +244,14 @@ mod tests {
 
     #[test]
     fn readers_that_hang_are_left_and_are_never_more_than_a_few() {
-        // Places of this test alone: others read at the same time.
+        // Slots of this test alone: other tests read at the same time.
         static READING: AtomicUsize = AtomicUsize::new(0);
         let (release, held) = mpsc::channel::<()>();
         let held = std::sync::Arc::new(std::sync::Mutex::new(held));
         let hang = || {
             let held = std::sync::Arc::clone(&held);
             guarded_by(&READING, PAUSE, move || {
-                // Ends when the test does.
+                // Returns when the test ends.
                 let _ = held.lock().map(|held| held.recv());
                 Ok(())
             })
@@ -260,12 +261,12 @@ mod tests {
         }
         let busy = hang().expect_err("no place is free");
         assert!(matches!(busy, ReadError::Busy), "{busy}");
-        // Whether the drives are slow or gone nobody knows here.
+        // The error cannot know whether the drives are slow or gone.
         for part in ["4 other files", "slow drives", "do not answer", "try again"] {
             assert!(busy.to_string().contains(part), "{busy}");
         }
         drop(release);
-        // They end one after the other now, and the door opens again.
+        // They end one after the other now, and slots become free again.
         while guarded_by(&READING, READ_WITHIN, || Ok(())).is_err() {
             std::thread::yield_now();
         }

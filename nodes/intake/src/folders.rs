@@ -1,7 +1,7 @@
-//! Names that come from a peer, looked up in configured folders and nowhere else.
+//! Looks up names from a peer in configured folders only.
 //!
-//! Links and `..` are resolved first; what is then in none of the folders is refused, with
-//! the same words whether it exists or not.
+//! Links and `..` are resolved first. A path outside of the folders is then rejected; the
+//! message is the same whether the file exists or not.
 
 use crate::file::{self, FLAGS, ReadError};
 use crate::text::one_line;
@@ -17,7 +17,7 @@ pub struct Folders {
     parameter: &'static str,
 }
 
-/// Why a name leads to no file.
+/// Why no file was read for a name.
 #[derive(Debug, thiserror::Error)]
 pub enum LookupError {
     #[error(
@@ -25,7 +25,7 @@ pub enum LookupError {
     )]
     Outside { name: String, folders: String, parameter: &'static str },
     #[error(
-        "{name} cannot be read: no folder is open to it; name one with the parameter {parameter}, \
+        "{name} cannot be read: parameter {parameter} names no folder; set it, \
          or send the text"
     )]
     NoFolders { name: String, parameter: &'static str },
@@ -42,20 +42,20 @@ pub enum LookupError {
 impl Folders {
     /// Folders in the order in which they are searched.
     pub fn new(folders: impl IntoIterator<Item = String>, parameter: &'static str) -> Self {
-        // An empty word would be the current folder, which nobody named.
+        // An empty name would mean the current folder, which nobody configured.
         let folders = folders.into_iter().filter(|folder| !folder.is_empty());
         Self { folders: folders.map(PathBuf::from).collect(), parameter }
     }
 
     /// Reads the file `name` of at most `most` bytes, from the first folder that has it.
     ///
-    /// An absolute name is good when it leads into a folder.
+    /// An absolute name is accepted when it resolves to a file in a folder.
     ///
     /// # Errors
-    /// It is in no folder, or cannot be read.
+    /// The file is in no folder, or cannot be read.
     pub fn read(&self, name: &str, most: u64) -> Result<Vec<u8>, LookupError> {
         let (folders, owned) = (self.clone(), name.to_owned());
-        // Looking up may hang as well as reading.
+        // The look-up may hang as well as the reading.
         let within = file::READ_WITHIN;
         let read = file::guarded(within, move || {
             Ok(folders.open(&owned).and_then(|file| {
@@ -77,14 +77,14 @@ impl Folders {
         let listed: Vec<String> =
             self.folders.iter().map(|folder| one_line(&folder.to_string_lossy()).into()).collect();
         let folders = listed.join(", ");
-        // A folder that is not there has no files.
+        // A folder that does not exist has no files.
         let roots: Vec<PathBuf> =
             self.folders.iter().filter_map(|folder| folder.canonicalize().ok()).collect();
         let (mut leads_outside, mut may_be_inside) = (false, false);
         for folder in &self.folders {
-            // Joining an absolute name gives the name.
+            // Joining an absolute name yields the name itself.
             let wanted = folder.join(name);
-            let seems_inside = |root: &PathBuf| plainly_below(&wanted, root);
+            let seems_inside = |root: &PathBuf| is_below_by_text(&wanted, root);
             may_be_inside |= roots.iter().chain(&self.folders).any(seems_inside);
             let Ok(real) = wanted.canonicalize() else { continue };
             let Some((root, rest)) =
@@ -108,8 +108,8 @@ impl Folders {
     }
 }
 
-/// By its words alone.
-fn plainly_below(path: &Path, root: &Path) -> bool {
+/// Whether `path` is below `root` by its text alone, before links are resolved.
+fn is_below_by_text(path: &Path, root: &Path) -> bool {
     let Ok(rest) = path.strip_prefix(root) else { return false };
     let mut depth = 0_i64;
     rest.components().all(|part| {
@@ -129,7 +129,7 @@ fn is_hidden(path: &Path) -> bool {
     })
 }
 
-/// Opens a path without links below a folder: what is moved meanwhile leads nowhere else.
+/// Opens a path below a folder without following links, in case one is swapped in meanwhile.
 fn open_below(root: &Path, rest: &Path) -> Result<File, ReadError> {
     let folder =
         rustix::fs::open(root, OFlags::PATH | OFlags::DIRECTORY | OFlags::CLOEXEC, Mode::empty())
@@ -142,13 +142,13 @@ fn open_below(root: &Path, rest: &Path) -> Result<File, ReadError> {
             file::must_be_regular(seen.st_mode)?;
             file::is_still(&File::from(opened(FLAGS).map_err(io::Error::from)?), &seen)
         }
-        // Before Linux 5.6, and where a container allows only what it knows.
+        // Linux before 5.6, or a container that blocks unknown system calls.
         Err(rustix::io::Errno::NOSYS | rustix::io::Errno::PERM) => open_by_parts(root, rest),
         Err(error) => Err(io::Error::from(error).into()),
     }
 }
 
-/// The same with old means: one folder after the other, none of them a link.
+/// As `open_below`, for old kernels: opens one folder after the other, none of them a link.
 fn open_by_parts(root: &Path, rest: &Path) -> Result<File, ReadError> {
     const STEP: OFlags = OFlags::PATH.union(OFlags::NOFOLLOW).union(OFlags::CLOEXEC);
     let failed = |error| ReadError::Io(io::Error::from(error));
@@ -180,7 +180,7 @@ mod tests {
 
     const MOST: u64 = 1000;
 
-    /// `parts/` is configured; `secret` and `parts-old/` stand outside.
+    /// `parts/` is configured; `secret` and `parts-old/` are outside of it.
     struct Shop {
         folder: tempfile::TempDir,
         folders: Folders,
@@ -286,7 +286,7 @@ mod tests {
         let mut file = open_by_parts(&root, Path::new("sub/b.ngc")).expect("there");
         io::Read::read_to_string(&mut file, &mut text).expect("read");
         assert_eq!(text, "G2");
-        // What became a link after it was resolved is not followed.
+        // A link that was swapped in after resolving is not followed.
         for rest in ["out", "in", "root/etc/passwd"] {
             assert!(open_by_parts(&root, Path::new(rest)).is_err(), "{rest}");
             assert!(open_below(&root, Path::new(rest)).is_err(), "{rest}");

@@ -1,9 +1,9 @@
-//! The door for everything that comes from outside: files, YAML and names.
+//! Reads everything that comes from outside, with limits: files, YAML and names.
 //!
 //! [`yaml`] bounds what a text may cost before the parser sees it. [`text`] makes a text
-//! safe to show. `file` opens regular files only and stops at a limit; `folders` looks up
-//! a name from a peer in configured folders. The last two need the feature `files`, which
-//! cores do not have.
+//! safe to show. `file` opens only regular files and stops at a limit. `folders` looks up
+//! a name from a peer in configured folders. `file` and `folders` need the feature `files`,
+//! which cores do not enable.
 
 #[cfg(feature = "files")]
 pub mod arguments;

@@ -1,9 +1,9 @@
-//! Which known word a misspelt one is most like.
+//! Finds the known word that is nearest to a misspelt one.
 
-/// Edits up to which a word counts as misspelt: a swapped pair, or two wrong letters.
+/// Edits up to which a word counts as misspelt: two swapped letters, or two wrong ones.
 const EDITS_MAX: usize = 2;
 
-/// The known word that is most like `word`, if one is like it at all.
+/// The known word that is nearest to `word`, or `None` when none is near.
 ///
 /// A short word may differ in one letter only.
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {

@@ -1,13 +1,13 @@
 //! Text from outside, safe to show on a terminal and in a log.
 //!
-//! A program may be named after an escape sequence that clears the screen, or hold a line
-//! feed that forges a log line. What is shown passes through here.
+//! The name of a program may hold an escape sequence that clears the screen, or a line feed
+//! that forges a log line. All text is escaped here before it is shown.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-/// Whether a character steers a terminal or hides text instead of being shown: control
-/// characters, line separators, and the marks that change the direction of writing.
+/// Whether a character controls a terminal or hides text instead of being shown: control
+/// characters, line separators, and the marks that change the writing direction.
 pub const fn is_steering(letter: char) -> bool {
     matches!(
         letter,
@@ -20,12 +20,12 @@ pub const fn is_steering(letter: char) -> bool {
     )
 }
 
-/// One line: every control character as `\n` or `\u001b`, the way JSON writes it.
+/// One line of text: every control character as `\n` or `\u001b`, as JSON writes it.
 pub fn one_line(text: &str) -> Cow<'_, str> {
     escape(text, |_| false)
 }
 
-/// Several lines: as [`one_line`], but line feeds and tabs stay.
+/// Several lines of text: as [`one_line`], but line feeds and tabs stay.
 pub fn lines(text: &str) -> Cow<'_, str> {
     escape(text, |letter| matches!(letter, '\n' | '\t'))
 }
@@ -41,7 +41,7 @@ fn escape(text: &str, stays: impl Fn(char) -> bool) -> Cow<'_, str> {
             '\n' => shown.push_str("\\n"),
             '\r' => shown.push_str("\\r"),
             '\t' => shown.push_str("\\t"),
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail.
             other => drop(write!(shown, "\\u{:04x}", u32::from(other))),
         }
     }

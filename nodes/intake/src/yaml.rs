@@ -1,8 +1,8 @@
-//! YAML with bounded work: the only way from a text to a value.
+//! YAML with bounded work: all YAML of this project is read here.
 //!
-//! The parser below spends memory on each token (400 bytes) and, in brackets, time on each
-//! level they are nested in. So a text is measured first, in one pass and without memory
-//! of its own, and refused when it is larger than any real one. [`measure`] is the pass.
+//! The YAML parser spends memory on each token (400 bytes) and, in brackets, time on each level
+//! of nesting. So a text is measured first, in one pass and without memory of its own, and is
+//! rejected when it is larger than any real one. [`measure`] is that pass.
 
 mod scanner;
 
@@ -16,7 +16,7 @@ pub struct Limits {
     pub depth: usize,
     /// Values, keys and punctuation marks.
     pub tokens: usize,
-    /// `*aliases`, which repeat what was written before, and `%directives`.
+    /// `*aliases`, which repeat earlier values, and `%directives`.
     pub aliases: usize,
 }
 
@@ -24,7 +24,7 @@ impl Limits {
     /// A file that the operator names: a tool table of 4000 full rows, the parameters of a
     /// hundred nodes, the metadata of a bag with 2000 topics.
     pub const FILE: Self = Self { bytes: 4 << 20, depth: 48, tokens: 200_000, aliases: 10 };
-    /// A text out of a message or a bag: a profile of ours has 4 kB and 400 tokens.
+    /// A text from a message or a bag: a profile of this project has 4 kB and 400 tokens.
     pub const MESSAGE: Self = Self { bytes: 64 << 10, depth: 24, tokens: 8_000, aliases: 0 };
 }
 
@@ -36,7 +36,7 @@ pub struct Cost {
     pub aliases: usize,
 }
 
-/// Why a text is not read.
+/// Why a text was rejected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct YamlError {
@@ -47,10 +47,10 @@ pub struct YamlError {
     pub reason: String,
 }
 
-/// Measures a text up to the place where it passes a limit.
+/// Measures a text; stops at the first limit that it exceeds.
 ///
 /// # Errors
-/// What is too large, and where.
+/// The limit that was exceeded, and where.
 pub fn measure(text: &str, limits: &Limits) -> Result<Cost, YamlError> {
     if text.len() > limits.bytes {
         let reason =
@@ -63,13 +63,13 @@ pub fn measure(text: &str, limits: &Limits) -> Result<Cost, YamlError> {
 /// Reads a value from a text within limits.
 ///
 /// # Errors
-/// The text is too large, is not YAML, or is not of the form of `T`. The reason may quote it.
+/// The text exceeds a limit, is not YAML, or does not match `T`. The reason may quote the text.
 pub fn from_str<T: DeserializeOwned>(text: &str, limits: &Limits) -> Result<T, YamlError> {
     measure(text, limits)?;
     serde_yaml::from_str(text).map_err(|error| {
         let location = error.location();
         let message = error.to_string();
-        // The place has fields of its own.
+        // Line and column have fields of their own.
         let reason = match message.rfind(" at line ") {
             Some(end) if location.is_some() => message[..end].to_owned(),
             _ => message,
@@ -83,7 +83,7 @@ pub fn from_str<T: DeserializeOwned>(text: &str, limits: &Limits) -> Result<T, Y
 }
 
 impl YamlError {
-    /// The same error without a word of the text: whoever asked may not be allowed to read it.
+    /// The same error without any text of the file: the sender may not be allowed to read it.
     #[must_use]
     pub fn without_content(self) -> Self {
         const KINDS: [&str; 8] = [
@@ -96,12 +96,12 @@ impl YamlError {
             "duplicate field",
             "duplicate entry",
         ];
-        // A path in the struct may stand before the kind; its keys are text too.
+        // A path in the struct may precede the kind; its keys are from the text, too.
         let kind = KINDS.iter().filter_map(|kind| Some((self.reason.find(kind)?, *kind))).min();
         let Some((_, kind)) = kind else {
             return Self { reason: "not YAML of the expected form".to_owned(), ..self };
         };
-        // What is expected is a word of ours; the text stands before it.
+        // What follows ", expected " is from `T`; what precedes it may be from the text.
         let expected = match self.reason.rfind(", expected ") {
             Some(start) => &self.reason[start..],
             None => "",

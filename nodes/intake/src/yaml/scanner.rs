@@ -1,19 +1,19 @@
-//! Counts what the parser would find, without finding it.
+//! Counts the tokens that the parser would find, without running it.
 //!
-//! Goes through a text as the scanner of libyaml does: the same places begin a token, a
-//! quoted text or a block of text, so that nothing can hide from the count. Where libyaml
-//! would stop with an error this goes on, which can only count more.
+//! Scans a text as libyaml does: a token, a quoted text and a block of text begin at the same
+//! places, so that nothing can hide from the count. Where libyaml would stop with an error,
+//! this scanner continues, which can only count more.
 //! Source: `yaml_parser_fetch_next_token` of libyaml 0.2.5.
 
 use super::{Cost, Limits, YamlError};
 
-/// A key must be followed by its colon on the same line within so many characters.
+/// A key must be followed by its colon on the same line within this many characters.
 const SIMPLE_KEY_MAX: usize = 1024;
 
 pub(super) struct Scanner<'a> {
     text: &'a [u8],
     limits: &'a Limits,
-    /// Index of a byte, and its place in characters.
+    /// Index of a byte, and its position in characters.
     at: usize,
     line: usize,
     column: usize,
@@ -23,7 +23,7 @@ pub(super) struct Scanner<'a> {
     flow: usize,
     /// Columns of the lists and maps that are open by indentation.
     indents: Vec<usize>,
-    /// Outside of brackets: whether what begins here may be a key, and the last that may.
+    /// Outside of brackets: whether a key may begin here, and the last place where one may.
     is_key_allowed: bool,
     key: Option<Key>,
 }
@@ -63,7 +63,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// One token, whatever it is.
+    /// Scans one token of any kind.
     fn token(&mut self) -> Result<(), YamlError> {
         self.cost.tokens += 1;
         if self.cost.tokens > self.limits.tokens {
@@ -133,7 +133,7 @@ impl<'a> Scanner<'a> {
 
     // Places.
 
-    /// 0 beyond the end.
+    /// The byte `ahead` of the current one; 0 after the end.
     fn byte(&self, ahead: usize) -> u8 {
         self.text.get(self.at + ahead).copied().unwrap_or(0)
     }
@@ -142,7 +142,7 @@ impl<'a> Scanner<'a> {
         matches!(self.byte(ahead), b' ' | b'\t' | 0) || self.break_len(ahead) > 0
     }
 
-    /// Bytes of the line break here: libyaml takes NEL, LS and PS for one too.
+    /// Bytes of the line break here: libyaml takes NEL, LS and PS as line breaks, too.
     fn break_len(&self, ahead: usize) -> usize {
         match (self.byte(ahead), self.byte(ahead + 1), self.byte(ahead + 2)) {
             (b'\r', b'\n', _) | (0xc2, 0x85, _) => 2,
@@ -156,10 +156,10 @@ impl<'a> Scanner<'a> {
         self.at >= self.text.len()
     }
 
-    /// Goes on by bytes, none of them in a line break.
+    /// Skips bytes, none of them in a line break.
     fn skip(&mut self, bytes: usize) {
         for _ in 0..bytes {
-            // The bytes behind the first of a character do not count.
+            // Only the first byte of a character counts as a character.
             let begins = !self.is_end() && self.text[self.at] & 0xc0 != 0x80;
             self.column += usize::from(begins);
             self.characters += usize::from(begins);
@@ -175,7 +175,7 @@ impl<'a> Scanner<'a> {
         self.column = 0;
     }
 
-    /// To the end of the line, without its break.
+    /// Skips to the end of the line, but not its break.
     fn skip_line(&mut self) {
         while !self.is_end() && self.break_len(0) == 0 {
             self.skip(1);
@@ -260,7 +260,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// The least column of what belongs to the innermost list or map.
+    /// The lowest column that still belongs to the innermost list or map.
     fn indent(&self) -> usize {
         self.indents.last().map_or(0, |indent| indent + 1)
     }
@@ -344,7 +344,7 @@ impl<'a> Scanner<'a> {
             }
         }
         if self.at == start {
-            // Nothing of it is plain: libyaml stops here.
+            // No plain text begins here: libyaml stops with an error.
             self.skip_any();
         }
     }

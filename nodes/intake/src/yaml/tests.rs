@@ -1,4 +1,4 @@
-//! What is counted, and that nothing hides from the count.
+//! The measuring pass counts right, and no text hides from it.
 
 use super::*;
 use proptest::prelude::*;
@@ -62,7 +62,7 @@ fn what_hides_a_bracket_from_one_reader_hides_it_from_the_other() {
     }
 }
 
-/// Levels of a value; nothing in it is deeper than the parser was.
+/// Levels of a value: they never exceed the depth that the parser reached.
 fn depth_of(value: &Value) -> usize {
     match value {
         Value::Sequence(items) => 1 + items.iter().map(depth_of).max().unwrap_or(0),
@@ -78,8 +78,8 @@ fn depth_of(value: &Value) -> usize {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 20_000, ..ProptestConfig::default() })]
 
-    /// A pair in a list (`[a: 1]`) and a list without indentation are a level that has no
-    /// token of its own: so twice the count bounds the value.
+    /// A pair in a list (`[a: 1]`) and a list without indentation are levels without a token of
+    /// their own. So twice the count bounds the value.
     #[test]
     fn a_value_is_never_deeper_than_was_counted(
         pieces in proptest::collection::vec(
@@ -133,7 +133,7 @@ fn real_texts_are_far_from_the_limits() {
 }
 
 #[test]
-fn an_error_can_be_told_without_a_word_of_the_text() {
+fn an_error_without_content_quotes_no_word_of_the_text() {
     #[derive(Debug, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct Form {
