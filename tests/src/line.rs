@@ -12,7 +12,7 @@ use cnc_msgs::machine::{MachineState, Mode};
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
 use std::sync::Arc;
 use std::time::Duration;
-use virtual_controller::{Build, Controller, Fault, FaultInjector, Pace, PacedLine};
+use virtual_controller::{Build, Controller, Fault, FaultInjector, LineTiming, PacedLine};
 
 /// The longest that a test waits for anything, machine time.
 const PATIENCE: Duration = Duration::from_secs(6 * 3_600);
@@ -43,11 +43,11 @@ impl Line {
     /// A driver that opens the port of this controller now.
     pub fn new(config: DriverConfig, build: Build, faults: &[&str]) -> Self {
         let faults = faults.iter().map(|text| text.parse::<Fault>().expect("a fault")).collect();
-        let pace = Pace { baud: Some(config.baud), ..Pace::default() };
+        let timing = LineTiming { baud: Some(config.baud), ..LineTiming::default() };
         let device = FaultInjector::new(Controller::with_build(build), faults, 1);
         let mut line = Self {
             driver: Driver::new(config),
-            controller: PacedLine::new(device, pace),
+            controller: PacedLine::new(device, timing),
             now: Duration::ZERO,
             replies: Vec::new(),
             finished: None,

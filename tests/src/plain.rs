@@ -58,8 +58,8 @@ pub fn count_characters(
 /// A controller that is switched on and has said its banner, and the time then.
 pub fn switched_on(build: virtual_controller::Build) -> (PacedLine<FaultInjector>, Duration) {
     let device = FaultInjector::new(virtual_controller::Controller::with_build(build), vec![], 1);
-    let pace = virtual_controller::Pace { baud: Some(115_200), ..Default::default() };
-    let mut controller = PacedLine::new(device, pace);
+    let timing = virtual_controller::LineTiming { baud: Some(115_200), ..Default::default() };
+    let mut controller = PacedLine::new(device, timing);
     let now = Duration::from_secs(3);
     controller.advance(now);
     controller.transmit(now, &mut Vec::new());

@@ -12,7 +12,7 @@ use cnc_msgs::machine::{LinkWatch, Mode};
 use cnc_msgs::path::CompensatedPath;
 use kerf_tests::line::{Line, events, short_segments, straight};
 use std::time::Duration;
-use virtual_controller::{Build, Direction, FaultAction, Firmware, Settings, Spoil};
+use virtual_controller::{Build, ByteFault, Direction, FaultAction, Firmware, Settings};
 
 /// docs/faults.md: from the damage to the hold, where lines take no longer than 50 ms.
 const BOUND_S: f64 = 1.0;
@@ -266,7 +266,7 @@ fn nothing_behind_a_refused_line_is_drawn_where_the_firmware_passes_over_it() {
             let path = straight(200, 1.0);
             let ends: Vec<_> = path.elements.iter().map(|element| element.end).collect();
             let after_s = 0.002 * f64::from(place);
-            let spoilt = FaultAction::Byte(Direction::ToController, Spoil::Corrupt);
+            let spoilt = FaultAction::Byte(Direction::ToController, ByteFault::Corrupt);
             let (result, _) = damaged(&mut line, path, after_s, spoilt);
             if result.error_code != error_code::CONTROLLER_ERROR {
                 continue;

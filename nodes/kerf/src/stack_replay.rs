@@ -51,7 +51,7 @@ use std::sync::{Mutex, PoisonError, mpsc};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use virtual_controller::{Pace, ServeError, StopHandle, serve_device, stop_pair};
+use virtual_controller::{LineTiming, ServeError, StopHandle, serve_device, stop_pair};
 
 /// How much faster than a real machine the axes move; bytes take no time.
 const TIME_FACTOR: f64 = 20.0;
@@ -258,7 +258,7 @@ impl VirtualPort {
         let (stop, stopped) = stop_pair().map_err(Failure::usage)?;
         let (ready, is_ready) = mpsc::channel();
         let link = link.to_path_buf();
-        let pace = Pace { baud: None, time_factor: TIME_FACTOR, scales_bytes: false };
+        let timing = LineTiming { baud: None, time_factor: TIME_FACTOR, scales_bytes: false };
         let thread = std::thread::Builder::new()
             .name("virtual-controller".into())
             .spawn(move || {
@@ -266,7 +266,7 @@ impl VirtualPort {
                 let tell = move || {
                     let _ = ready.send(());
                 };
-                serve_device(controller, pace, &link, LOOK_EVERY, &stopped, tell)
+                serve_device(controller, timing, &link, LOOK_EVERY, &stopped, tell)
             })
             .map_err(Failure::usage)?;
         let port = Self { stop, thread };

@@ -1,7 +1,6 @@
 //! Three axes as plain vectors.
 //!
-//! Knows arithmetic on X, Y, Z; knows nothing of units or of frames, which
-//! the names of the callers' variables carry.
+//! Arithmetic on X, Y and Z. Units and frames are in the names of the callers' variables.
 
 use crate::tolerances::NEGLIGIBLE_SHARE;
 
@@ -34,7 +33,7 @@ pub(crate) fn length(a: Vector) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// Returns the largest factor `unit` may be stretched by so that no axis passes its limit.
+/// Returns the largest factor for `unit` with which no axis exceeds its limit.
 pub(crate) fn limit_along(unit: Vector, limits: Vector) -> f64 {
     (0..AXES)
         .filter(|&i| unit[i].abs() > NEGLIGIBLE_SHARE)

@@ -1,6 +1,6 @@
-//! The numbers the firmware answers with.
+//! The numbers of `error:N` and `ALARM:N`.
 //!
-//! Knows codes only; when they are due is the parser's and the controller's business.
+//! The parser and the controller decide when to send them.
 
 use std::fmt;
 
@@ -10,7 +10,7 @@ use std::fmt;
 pub enum ErrorCode {
     /// A word did not start with a letter.
     ExpectedLetter = 1,
-    /// A word has no number, or not one that can be read.
+    /// A word has no number, or its number cannot be read.
     BadNumber = 2,
     /// A `$` command that does not exist.
     InvalidStatement = 3,
@@ -34,7 +34,7 @@ pub enum ErrorCode {
     StoredLineTooLong = 14,
     /// A jog that leaves the travel.
     JogOutOfTravel = 15,
-    /// A jog with words that jogs may not have.
+    /// A jog with words that a jog may not have.
     InvalidJog = 16,
     /// A word or code the controller does not have.
     Unsupported = 20,
@@ -44,13 +44,13 @@ pub enum ErrorCode {
     UndefinedFeed = 22,
     /// A fraction where an integer is needed.
     NotInteger = 23,
-    /// Two codes that both want the axis words.
+    /// Two codes that both need the axis words.
     AxisCommandConflict = 24,
     /// A value word that occurs twice.
     WordRepeated = 25,
     /// A code that needs axis words has none.
     NoAxisWords = 26,
-    /// N beyond 10 000 000.
+    /// N above 10 000 000.
     InvalidLineNumber = 27,
     /// A code lacks its P or L.
     ValueWordMissing = 28,
@@ -68,17 +68,17 @@ pub enum ErrorCode {
     ArcRadius = 34,
     /// An arc without a centre in its plane.
     NoOffsetsInPlane = 35,
-    /// Words nothing in the block uses.
+    /// Words that no code of the block uses.
     UnusedWords = 36,
     /// G43.1 with another axis than Z.
     DynamicOffsetAxis = 37,
-    /// T beyond 255.
+    /// T above 255.
     ValueTooLarge = 38,
-    /// grblHAL: nothing but homing unlocks.
+    /// grblHAL: only homing unlocks.
     HomingRequired = 46,
-    /// grblHAL: a setting beyond what it may be.
+    /// grblHAL: a setting above its maximum.
     SettingOutOfRange = 52,
-    /// grblHAL: not before the reset that a critical alarm asks for.
+    /// grblHAL: a critical alarm needs a reset first.
     CriticalEvent = 79,
 }
 
@@ -90,7 +90,7 @@ impl fmt::Display for ErrorCode {
 
 /// Why the controller locked itself: the N of `ALARM:N`.
 ///
-/// 1 to 9 mean the same everywhere; what lies beyond is the firmware's own.
+/// 1 to 9 have the same meaning everywhere; higher numbers belong to the firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Alarm(pub(crate) u8);
 
@@ -115,7 +115,7 @@ impl Alarm {
     pub(crate) const HOMING_APPROACH: Self = Self(9);
     /// grblHAL: the emergency stop is pressed.
     pub(crate) const EMERGENCY_STOP: Self = Self(10);
-    /// grblHAL: nothing but homing unlocks.
+    /// grblHAL: only homing unlocks.
     pub(crate) const HOMING_REQUIRED: Self = Self(11);
     /// grblHAL: a limit switch is closed at a reset.
     pub(crate) const LIMITS_ENGAGED: Self = Self(12);

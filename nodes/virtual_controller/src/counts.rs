@@ -1,45 +1,44 @@
-//! What a controller has done since it was first switched on, counted.
+//! Counts what a controller has done since it was first switched on.
 //!
-//! For tests that want every byte and every line accounted for.
+//! For tests that account for every byte and every line.
 
 use std::time::Duration;
 
-/// A stop counts as an underrun when the next block comes within this.
+/// A stop counts as an underrun when the next block comes within this time.
 pub(crate) const UNDERRUN_S: f64 = 1.0;
 
-/// Counts since the supply first came on; power cycles do not begin anew.
+/// Counts since the supply was first switched on; power cycles do not reset them.
 ///
-/// Where motion is not thrown away, `blocks_planned` is `blocks_executed` and
-/// what the planner still holds. A line that was read is answered once, but for
-/// those that a reset or a flush ends.
+/// Unless motion is dropped, `blocks_planned` is `blocks_executed` plus the blocks in the
+/// planner. Every line that was read is answered once, except those that a reset or a flush
+/// dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
-    /// Bytes that arrived, those that act out of turn included.
+    /// Bytes that arrived, real-time bytes included.
     pub bytes_received: u64,
-    /// Bytes of these that found the receive buffer full.
+    /// Bytes of these that were lost to a full receive buffer.
     pub bytes_lost: u64,
     /// The most bytes the receive buffer ever held.
     pub receive_buffer_bytes_max: usize,
     /// Lines taken from the receive buffer, empty ones included.
     pub lines_read: u64,
-    /// `ok` said to lines.
+    /// Lines answered `ok`.
     pub oks: u64,
-    /// `error:N` said to lines.
+    /// Lines answered `error:N`.
     pub errors: u64,
-    /// Straight blocks that went into the planner; an arc is many.
+    /// Straight blocks that went into the planner; an arc is many blocks.
     pub blocks_planned: u64,
-    /// Blocks that were run to their end.
+    /// Blocks that were executed to their end.
     pub blocks_executed: u64,
-    /// Blocks that a reset, an alarm, a cancel or a probe contact threw away.
+    /// Blocks that a reset, an alarm, a cancel or a probe contact dropped.
     pub blocks_discarded: u64,
-    /// Lines, arcs, jogs and probes that were run to their end, those without a way included.
+    /// Lines, arcs, jogs and probes that were executed to their end, those of length zero included.
     pub motions_finished: u64,
-    /// How often the planner ran empty, so that the axes stopped where the path did not ask for it.
+    /// How often the planner ran empty, so that the axes stopped where the path has no stop.
     ///
-    /// That is: the last block ended with nothing behind it and nothing waiting for
-    /// the stop (a dwell, a spindle command, the end of the program), the next
-    /// block came within one second of machine time, and the corner between
-    /// the two could have been taken at some speed.
+    /// That is: the last block ended, no block followed and nothing waited for the stop (a dwell,
+    /// a spindle command, the end of the program). The next block came within one second of machine
+    /// time, and the corner between the two could have been taken at a speed above zero.
     pub underruns: u64,
     /// Alarms raised.
     pub alarms: u64,

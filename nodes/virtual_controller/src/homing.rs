@@ -1,7 +1,7 @@
 //! The homing cycle: Z first, then X and Y; seek, pull off, locate, pull off.
 //!
-//! Knows the passes and how far each axis gets in them; knows nothing of
-//! states and answers. Axes stop dead at their switch, as steppers do.
+//! Knows the passes and how far each axis gets in them, but no states and no answers. Axes stop
+//! dead at their switch, as steppers do.
 
 use std::collections::VecDeque;
 
@@ -11,9 +11,9 @@ use crate::motion::{Ramp, next_ramp};
 use crate::plant::Plant;
 use crate::settings::Settings;
 
-/// The seek goes this many times the travel before it gives up.
+/// The seek covers at most this many times the travel.
 const SEEK_TRAVELS: f64 = 1.5;
-/// The locating pass goes this many times the pull-off.
+/// The locating pass covers at most this many times the pull-off.
 const LOCATE_PULL_OFFS: f64 = 5.0;
 
 /// How a step of homing ended.
@@ -24,10 +24,10 @@ pub(crate) enum HomingStep {
     Failed(Alarm),
 }
 
-/// A homing cycle under way.
+/// A homing cycle in progress.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Homing {
-    /// The pass in motion first.
+    /// The passes that are left; the first is in motion.
     passes: VecDeque<Pass>,
     /// Machine position at the start of the pass, mm.
     from: Vector,
@@ -42,7 +42,7 @@ struct Pass {
     axes: [bool; AXES],
     is_approach: bool,
     /// Per axis, mm.
-    way: f64,
+    distance: f64,
     /// Per axis, mm/s and mm/s².
     rate: f64,
     acceleration: f64,
@@ -60,19 +60,19 @@ impl Homing {
             let seek = settings.homing_seek_mm_per_min().min(rate_max) / 60.0;
             let locate = settings.homing_locate_mm_per_min().min(rate_max) / 60.0;
             let pull_off = settings.homing_pull_off_mm();
-            for (is_approach, way, rate) in [
+            for (is_approach, distance, rate) in [
                 (true, SEEK_TRAVELS * longest, seek),
                 (false, pull_off, seek),
                 (true, LOCATE_PULL_OFFS * pull_off, locate),
                 (false, pull_off, seek),
             ] {
-                passes.push_back(Pass { axes, is_approach, way, rate, acceleration });
+                passes.push_back(Pass { axes, is_approach, distance, rate, acceleration });
             }
         }
         Self { passes, from, done: 0.0, speed: 0.0, pause_left_s: None }
     }
 
-    /// Machine position as counted since the last zero, mm.
+    /// Machine position as counted since the start of the cycle, mm.
     pub(crate) fn position(&self, plant: &Plant, settings: &Settings) -> Vector {
         let Some(pass) = self.passes.front() else { return self.from };
         std::array::from_fn(|i| {
@@ -81,24 +81,24 @@ impl Homing {
             }
             let negative = settings.homes_negative(i) == pass.is_approach;
             let stop = match pass.is_approach {
-                true => plant.way_home(i, self.from[i], negative, settings),
+                true => plant.distance_home(i, self.from[i], negative, settings),
                 false => None,
             };
-            let way = stop.map_or(self.done, |stop| self.done.min(stop));
-            self.from[i] + if negative { -way } else { way }
+            let distance = stop.map_or(self.done, |stop| self.done.min(stop));
+            self.from[i] + if negative { -distance } else { distance }
         })
     }
 
-    /// Returns the way until the last switch closes, `None` when one never does.
+    /// Returns the distance until the last switch closes; `None` when one never does.
     fn trip(&self, pass: &Pass, plant: &Plant, settings: &Settings) -> Option<f64> {
         (0..AXES).filter(|&i| pass.axes[i]).try_fold(0.0, |most: f64, i| {
             let negative = settings.homes_negative(i);
-            Some(most.max(plant.way_home(i, self.from[i], negative, settings)?))
+            Some(most.max(plant.distance_home(i, self.from[i], negative, settings)?))
         })
     }
 
     fn ramp(&self, pass: &Pass) -> Ramp {
-        next_ramp(pass.way - self.done, self.speed, pass.rate, 0.0, pass.acceleration)
+        next_ramp(pass.distance - self.done, self.speed, pass.rate, 0.0, pass.acceleration)
     }
 
     /// Returns the seconds until something changes.
@@ -118,7 +118,7 @@ impl Homing {
         }
     }
 
-    /// Goes on for at most `seconds`; returns the seconds used.
+    /// Advances by at most `seconds`; returns the seconds used.
     pub(crate) fn advance(
         &mut self,
         seconds: f64,
@@ -174,7 +174,7 @@ impl Homing {
     }
 }
 
-/// Returns where the machine is after homing, in machine coordinates, mm.
+/// Returns the position after homing, in machine coordinates, mm.
 pub(crate) fn position_after_homing(settings: &Settings) -> Vector {
     let travel = settings.max_travel_mm();
     let pull_off = settings.homing_pull_off_mm();

@@ -1,15 +1,15 @@
 //! A grbl 1.1, grblHAL or FluidNC controller with axes that move in time, on a pseudo-terminal.
 //!
-//! For commissioning a stack without hardware, and for provoking faults in tests.
+//! For commissioning a stack without hardware, and for fault tests.
 //!
 //! - [`Controller`]: the firmware and its machine.
-//! - [`FaultInjector`]: the same with trouble on the line, the supply and the switches.
-//! - [`Scenario`]: both as a text.
-//! - [`PacedLine`]: either of them behind a line of so many baud, and a faster clock.
+//! - [`FaultInjector`]: the controller with faults of the line, the supply and the switches.
+//! - [`Scenario`]: both, written as text.
+//! - [`PacedLine`]: either of them on a line with a baud rate, and a faster clock.
 //! - `serve` and `cli` (feature `node`): all of it on a pseudo-terminal.
 //!
-//! Everything but the last is sans-IO: bytes and the time go in, bytes and the
-//! time of the next event come out.
+//! All but `serve` and `cli` is sans-IO: bytes and the time go in; bytes and the time of the
+//! next event come out.
 //!
 //! This is not hardware and no part of it is a safety function.
 
@@ -36,11 +36,11 @@ pub use axes::{AXES, AXIS_LETTERS, Vector};
 pub use codes::ErrorCode;
 pub use controller::{Build, Controller, Drawn};
 pub use counts::Counts;
-pub use fault::{Direction, Fault, FaultAction, FaultError, FaultInjector, Spoil, Trigger};
+pub use fault::{ByteFault, Direction, Fault, FaultAction, FaultError, FaultInjector, Trigger};
 pub use firmware::{Firmware, UnknownFirmware};
 #[cfg(feature = "node")]
 pub use node::{ServeError, ServeOptions, Stop, StopHandle, cli, serve, serve_device, stop_pair};
-pub use paced::{Device, LineEvents, Pace, PacedLine};
+pub use paced::{Device, LineEvents, LineTiming, PacedLine};
 pub use receive::TRANSMIT_BUFFER_BYTES;
 pub use scenario::{Machine, Scenario, ScenarioError, UnknownMachine};
 pub use settings::Settings;

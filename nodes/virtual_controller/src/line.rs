@@ -1,40 +1,39 @@
 //! The line reader: from bytes to lines.
 //!
-//! Knows comments, blanks, line ends and how long a line may be. Knows nothing
-//! of what a line means.
+//! Knows comments, blanks, line ends and the longest line, but not what a line means.
 
-/// What a firmware takes for a line.
+/// What a family accepts as a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct LineRules {
     pub(crate) characters_max: usize,
-    /// Blanks and comments count, too.
+    /// Blanks and comments count towards the length.
     pub(crate) counts_everything: bool,
-    pub(crate) beyond: Beyond,
+    pub(crate) beyond: OverlongLine,
     pub(crate) ends: LineEnds,
-    /// A control character switches echo on, 0x0C off again.
+    /// A control character switches echo on; 0x0C switches it off.
     pub(crate) edits: bool,
 }
 
-/// What becomes of a line with too many characters.
+/// What happens to a line with too many characters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Beyond {
+pub(crate) enum OverlongLine {
     Refused,
-    /// It is executed without what is too much.
+    /// The rest is cut off and the line executed.
     CutOff,
 }
 
-/// What CR and LF are together.
+/// What CR and LF together are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LineEnds {
     /// Two line ends.
     Each,
-    /// One, CR first.
+    /// One line end, CR first.
     Pairs,
-    /// One in either order, but two when the line was answered with an error.
+    /// One line end in either order, but two after a line that was answered with an error.
     PairsUnlessWrong,
 }
 
-/// A line as the reader hands it on: upper case, without blanks and comments.
+/// A line as the reader returns it: upper case, without blanks and comments.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Line {
     Text(String),
@@ -58,11 +57,11 @@ enum Skip {
 pub(crate) struct LineReader {
     rules: LineRules,
     text: String,
-    /// Characters so far, those that are left out included.
+    /// Characters so far, dropped ones included.
     seen: usize,
     first: Option<u8>,
     skip: Skip,
-    /// The line end before, as long as its partner may follow.
+    /// The previous line end, as long as its partner may follow.
     last_end: Option<u8>,
     echoes: bool,
 }
@@ -74,24 +73,24 @@ impl LineReader {
         Self { rules, text, seen: 0, first, skip, last_end, echoes: false }
     }
 
-    /// Forgets the line so far; echo stays on.
+    /// Drops the line so far; echo stays on.
     pub(crate) fn clear(&mut self) {
         *self = Self { echoes: self.echoes, ..Self::new(self.rules) };
     }
 
-    /// The line was answered with an error.
+    /// The last line was answered with an error.
     pub(crate) fn line_was_wrong(&mut self) {
         if self.rules.ends == LineEnds::PairsUnlessWrong {
             self.last_end = None;
         }
     }
 
-    /// Would `!`, `?` and `~` belong to what is being read: a command or a comment?
+    /// Are `!`, `?` and `~` part of what is being read (a command or a comment)?
     pub(crate) fn is_literal(&self) -> bool {
         self.skip == Skip::Parentheses || matches!(self.first, Some(b'$' | b'['))
     }
 
-    /// Takes one byte; returns the line it ends. Appends what is echoed.
+    /// Takes one byte; returns the line that it ends. Appends the echo.
     pub(crate) fn take(&mut self, byte: u8, echo: &mut Vec<u8>) -> Option<Line> {
         if matches!(byte, b'\n' | b'\r') {
             return self.end(byte, echo);
@@ -106,7 +105,7 @@ impl LineReader {
             self.seen += 1;
         }
         if self.rules.counts_everything && self.seen > self.rules.characters_max {
-            if self.rules.beyond == Beyond::Refused {
+            if self.rules.beyond == OverlongLine::Refused {
                 self.skip = Skip::TooLong;
             }
             return None;
@@ -148,7 +147,7 @@ impl LineReader {
         })
     }
 
-    /// Does what a terminal would; returns whether the byte is done with.
+    /// Does what a terminal does; returns whether the byte is done with.
     fn edit(&mut self, byte: u8, echo: &mut Vec<u8>) -> bool {
         match byte {
             0x0C => self.echoes = false,

@@ -1,9 +1,8 @@
-//! A serial line: bytes take their time, and the machine may live faster than we do.
+//! A serial line: bytes take time, and the device may live faster than real time.
 //!
-//! Knows two clocks. The caller's is wall time; the device behind the line
-//! lives `time_factor` times faster. A byte takes ten bit times in each
-//! direction, of wall time unless bytes are scaled too. Results depend on
-//! when bytes were handed over, not on how often anybody looks.
+//! There are two clocks. The caller's is wall time; the device's runs `time_factor` times faster.
+//! A byte takes ten bit times in each direction, of wall time unless bytes are scaled, too.
+//! Results depend on when bytes were handed over, not on how often the line is polled.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -12,15 +11,15 @@ use crate::receive::TRANSMIT_BUFFER_BYTES;
 
 /// Something at the far end of a line: bytes and time in, bytes and time out.
 pub trait Device {
-    /// Takes bytes that arrived at `now`.
+    /// Receives bytes that arrived at `now`.
     fn receive(&mut self, now: Duration, bytes: &[u8]);
-    /// Lets time pass until `now`.
+    /// Advances the device to `now`.
     fn advance(&mut self, now: Duration);
-    /// Appends what is to be sent; not called while the line is behind.
+    /// Appends the bytes to be sent; not called while the line still has bytes to send.
     fn transmit(&mut self, to: &mut Vec<u8>);
     /// When to call [`Device::advance`] next, not before `now`; `None`: when bytes arrive.
     fn next_event(&self, now: Duration) -> Option<Duration>;
-    /// Takes what has happened to the line itself, after what was transmitted last.
+    /// Returns what happened to the line itself after the last transmitted byte.
     fn take_line_events(&mut self) -> LineEvents {
         LineEvents::default()
     }
@@ -29,11 +28,11 @@ pub trait Device {
 /// What can happen to a line. Times are the device's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LineEvents {
-    /// Bytes to the device come so much later than they would.
+    /// Bytes to the device arrive this much later.
     pub incoming_stall: Duration,
-    /// Bytes from the device that follow go so much later.
+    /// Bytes that the device sends from now on arrive this much later.
     pub outgoing_stall: Duration,
-    /// What is on its way in either direction is lost.
+    /// Bytes in transit in either direction are lost.
     pub is_cut: bool,
 }
 
@@ -57,16 +56,16 @@ impl Device for crate::Controller {
 
 /// The rates of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pace {
+pub struct LineTiming {
     /// Bits per second, ten to a byte; `None`: bytes take no time.
     pub baud: Option<u32>,
-    /// How many seconds the device lives in one of ours; positive and finite.
+    /// Seconds of the device's clock in one second of wall time; positive and finite.
     pub time_factor: f64,
-    /// Do bytes go faster by the same factor?
+    /// Are bytes sped up by the same factor?
     pub scales_bytes: bool,
 }
 
-impl Default for Pace {
+impl Default for LineTiming {
     /// 115 200 Bd in real time.
     fn default() -> Self {
         Self { baud: Some(115_200), time_factor: 1.0, scales_bytes: false }
@@ -79,7 +78,7 @@ pub struct PacedLine<D> {
     device: D,
     time_factor: f64,
     byte_time: Duration,
-    /// Bytes on their way, with the time when they are through.
+    /// Bytes in transit, with the time of their arrival.
     incoming: VecDeque<(Duration, u8)>,
     outgoing: VecDeque<(Duration, u8)>,
     incoming_busy_until: Duration,
@@ -88,12 +87,12 @@ pub struct PacedLine<D> {
 }
 
 impl<D: Device> PacedLine<D> {
-    /// Puts a device at the end of a line. A time factor that is no positive number counts as 1.
-    pub fn new(device: D, pace: Pace) -> Self {
-        let is_usable = pace.time_factor.is_finite() && pace.time_factor > 0.0;
-        let time_factor = if is_usable { pace.time_factor } else { 1.0 };
-        let byte_scale = if pace.scales_bytes { time_factor } else { 1.0 };
-        let byte_time = pace.baud.map_or(Duration::ZERO, |baud| {
+    /// Connects a device to a line. A time factor that is not a positive number counts as 1.
+    pub fn new(device: D, timing: LineTiming) -> Self {
+        let is_usable = timing.time_factor.is_finite() && timing.time_factor > 0.0;
+        let time_factor = if is_usable { timing.time_factor } else { 1.0 };
+        let byte_scale = if timing.scales_bytes { time_factor } else { 1.0 };
+        let byte_time = timing.baud.map_or(Duration::ZERO, |baud| {
             Duration::from_secs_f64(10.0 / f64::from(baud.max(1)) / byte_scale)
         });
         Self {
@@ -113,17 +112,17 @@ impl<D: Device> PacedLine<D> {
         &self.device
     }
 
-    /// The device at the far end, to be meddled with; [`Self::advance`] first.
+    /// The device at the far end, to change it; call [`Self::advance`] first.
     pub fn device_mut(&mut self) -> &mut D {
         &mut self.device
     }
 
-    /// The device's own time at a time of ours.
+    /// The device's time at a wall time.
     pub fn device_time(&self, now: Duration) -> Duration {
         now.mul_f64(self.time_factor)
     }
 
-    /// Bytes on their way to the device; a reader does well not to pile them up.
+    /// Bytes in transit to the device; callers should limit them.
     pub fn backlog(&self) -> usize {
         self.incoming.len()
     }
@@ -137,7 +136,7 @@ impl<D: Device> PacedLine<D> {
         self.advance(now);
     }
 
-    /// Brings the line and the device to `now`.
+    /// Advances the line and the device to `now`.
     pub fn advance(&mut self, now: Duration) {
         let mut bytes = Vec::new();
         loop {
@@ -151,7 +150,7 @@ impl<D: Device> PacedLine<D> {
                     self.incoming.pop_front();
                     self.device.receive(device_now, &[byte]);
                 }
-                // Past the event, so that no rounding leaves it undone.
+                // A little past the event, so that rounding cannot leave it undone.
                 _ => self.device.advance(device_now + Duration::from_nanos(1)),
             }
             self.collect(at, &mut bytes);
@@ -173,14 +172,14 @@ impl<D: Device> PacedLine<D> {
                 self.outgoing_busy_until = self.outgoing_busy_until.max(at) + self.byte_time;
                 self.outgoing.push_back((self.outgoing_busy_until, byte));
             }
-            // What follows a stall is handed over only then.
+            // Bytes after a stall are handed over only when it ends.
             if !self.apply_line_events(at) {
                 break;
             }
         }
     }
 
-    /// Returns whether the way out has stalled.
+    /// Applies what happened to the line; returns whether the line from the device has stalled.
     fn apply_line_events(&mut self, at: Duration) -> bool {
         let events = self.device.take_line_events();
         if events.is_cut {
@@ -202,7 +201,7 @@ impl<D: Device> PacedLine<D> {
         !outgoing.is_zero()
     }
 
-    /// Appends the bytes that have come through from the device by `now`.
+    /// Appends the bytes that have arrived from the device by `now`.
     pub fn transmit(&mut self, now: Duration, to: &mut Vec<u8>) {
         while let Some(&(at, byte)) = self.outgoing.front() {
             if at > now {
@@ -213,13 +212,13 @@ impl<D: Device> PacedLine<D> {
         }
     }
 
-    /// When the transmit buffer is not full any more; `None`: it is not.
+    /// When the transmit buffer will have room; `None`: it has room now.
     fn has_room_at(&self) -> Option<Duration> {
         let excess = self.outgoing.len().checked_sub(TRANSMIT_BUFFER_BYTES)?;
         self.outgoing.get(excess).map(|(at, _)| *at)
     }
 
-    /// The device's next event in our time, not before its answers have room.
+    /// The device's next event in wall time, not before its answers have room.
     fn device_event(&self) -> Option<Duration> {
         let event = self.device.next_event(self.device_time(self.now))?;
         let event = event.div_f64(self.time_factor) + Duration::from_nanos(1);
@@ -228,7 +227,7 @@ impl<D: Device> PacedLine<D> {
 
     /// When to call [`Self::advance`] and [`Self::transmit`] next; `None`: when there are bytes.
     ///
-    /// Lines count, not bytes: one wake-up a line and real-time byte is enough.
+    /// One wake-up for each line or real-time byte is enough, not one for each byte.
     pub fn next_event(&self) -> Option<Duration> {
         let acts = |byte: u8| !matches!(byte, b' '..=b'~') || matches!(byte, b'!' | b'?' | b'~');
         let incoming = whole(&self.incoming, acts);
@@ -237,7 +236,7 @@ impl<D: Device> PacedLine<D> {
     }
 }
 
-/// When the first byte of interest is through, or else the last of all.
+/// When the first byte of interest has arrived, or else the last of all.
 fn whole(
     queue: &VecDeque<(Duration, u8)>,
     is_of_interest: impl Fn(u8) -> bool,

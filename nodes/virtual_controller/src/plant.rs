@@ -1,24 +1,23 @@
 //! The machine around the controller: switches, door, probe.
 //!
-//! Knows where the axes physically stand relative to what the controller
-//! believes, and which pins that presses. Limit switches sit at both ends of
-//! the travel (physical 0 and minus `$130`..`$132`) and are wired only when
-//! `$21` or `$22` is on, so that a machine without homing may have its zero
-//! anywhere.
+//! Knows the physical position of the axes relative to the controller's position, and which pins
+//! are pressed there. Limit switches are at both ends of the travel (physical 0 and minus
+//! `$130`..`$132`). They are wired only when `$21` or `$22` is on, so that a machine without
+//! homing may have its zero anywhere.
 
 use crate::axes::{AXES, Vector};
 use crate::settings::Settings;
 use crate::tolerances::{NEGLIGIBLE_SHARE, SWITCH_MM};
 
-/// How far behind a switch the axis runs against its end stop, mm.
+/// Distance from a switch to the end stop behind it, mm.
 const END_STOP_MM: f64 = 0.5;
 
-/// Pins and places.
+/// Pins and positions.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Plant {
     /// Physical = machine + this, mm.
     pub(crate) offset: Vector,
-    /// Switches held closed by hand.
+    /// Switches held closed by a fault.
     pub(crate) held: [bool; AXES],
     /// Switches that never close.
     pub(crate) dead: [bool; AXES],
@@ -41,8 +40,8 @@ impl Plant {
         })
     }
 
-    /// Returns the way along `unit` from `machine` to the next switch, mm.
-    pub(crate) fn way_to_switch(
+    /// Returns the distance along `unit` from `machine` to the next switch, mm.
+    pub(crate) fn distance_to_switch(
         &self,
         machine: Vector,
         unit: Vector,
@@ -58,14 +57,14 @@ impl Plant {
                 let physical = machine[i] + self.offset[i];
                 let switch =
                     if unit[i] > 0.0 { 2.0 * SWITCH_MM } else { -travel[i] - 2.0 * SWITCH_MM };
-                let way = (switch - physical) / unit[i];
-                (way >= 0.0).then_some(way)
+                let distance = (switch - physical) / unit[i];
+                (distance >= 0.0).then_some(distance)
             })
             .min_by(f64::total_cmp)
     }
 
-    /// Returns the way in one axis and direction to its homing switch, mm; zero when on it.
-    pub(crate) fn way_home(
+    /// Returns the distance of an axis in a direction to its homing switch, mm; zero when on it.
+    pub(crate) fn distance_home(
         &self,
         axis: usize,
         machine: f64,
@@ -79,14 +78,14 @@ impl Plant {
             return None;
         }
         let physical = machine + self.offset[axis];
-        let way = match negative {
+        let distance = match negative {
             true => physical + settings.max_travel_mm()[axis],
             false => -physical,
         };
-        Some(way.max(0.0))
+        Some(distance.max(0.0))
     }
 
-    /// Takes back what the controller counted while an axis stood against its end stop.
+    /// Undoes the steps that the controller counted while an axis was against its end stop.
     pub(crate) fn stop_at_ends(&mut self, machine: Vector, settings: &Settings) {
         if !Self::has_switches(settings) {
             return;
@@ -102,10 +101,10 @@ impl Plant {
         self.probe_surface_z.is_some_and(|z| machine[2] + self.offset[2] <= z)
     }
 
-    /// Returns the way along `unit` to where the probe pin changes, mm.
-    pub(crate) fn way_to_probe_change(&self, machine: Vector, unit: Vector) -> Option<f64> {
+    /// Returns the distance along `unit` to where the probe pin changes, mm.
+    pub(crate) fn distance_to_probe_change(&self, machine: Vector, unit: Vector) -> Option<f64> {
         let z = self.probe_surface_z?;
-        let way = (z - machine[2] - self.offset[2]) / unit[2];
-        (unit[2].abs() > NEGLIGIBLE_SHARE && way >= 0.0).then_some(way)
+        let distance = (z - machine[2] - self.offset[2]) / unit[2];
+        (unit[2].abs() > NEGLIGIBLE_SHARE && distance >= 0.0).then_some(distance)
     }
 }

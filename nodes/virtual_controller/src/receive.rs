@@ -1,14 +1,13 @@
 //! What the serial interrupt does with received bytes.
 //!
-//! Knows the receive buffer and the real-time bytes that never enter it.
-//! Collecting lines is `line`'s business.
+//! Knows the receive buffer and the real-time bytes that never enter it. `line` collects lines.
 
 use std::collections::VecDeque;
 
-/// Bytes the transmit buffer holds; the firmware waits when it is full.
+/// Bytes that the transmit buffer holds; the firmware waits when it is full.
 pub const TRANSMIT_BUFFER_BYTES: usize = 104;
 
-/// A command that is a single byte and acts at once.
+/// A command that is a single byte and takes effect at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Realtime {
     /// 0x18.
@@ -31,38 +30,38 @@ pub(crate) enum Realtime {
     FloodToggle,
     /// 0xA1.
     MistToggle,
-    /// grblHAL's 0x19: stop, forget everything, keep the position.
+    /// grblHAL's 0x19: stop, drop everything queued, keep the position.
     Stop,
     /// grblHAL's 0x83.
     ParserReport,
     /// grblHAL's 0x87.
     FullReport,
-    /// grblHAL's 0x88: M1 stops, or does not.
+    /// grblHAL's 0x88: toggles whether M1 stops.
     OptionalStopToggle,
     /// grblHAL's 0x8C.
     AutoReportToggle,
     /// FluidNC's 0x87 to 0x8A.
     Macro(u8),
-    /// Any other byte from 0x80 on: taken away, nothing happens.
+    /// Any other byte from 0x80 on: removed, without effect.
     Unknown,
 }
 
 /// One step of an override, in percent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum OverrideChange {
-    /// Back to 100.
+    /// Feed back to 100.
     FeedReset,
-    /// By this many percent.
+    /// Feed by this many percent.
     FeedBy(i16),
-    /// To 100, 50 or 25.
+    /// Rapids to 100, 50 or 25.
     Rapid(u8),
-    /// Back to 100.
+    /// Spindle back to 100.
     SpindleReset,
-    /// By this many percent.
+    /// Spindle by this many percent.
     SpindleBy(i16),
 }
 
-/// Returns what a byte means out of turn to all firmware, `None` for a byte that belongs to a line.
+/// Returns the real-time meaning of a byte in all families; `None`: the byte belongs to a line.
 pub(crate) fn realtime(byte: u8) -> Option<Realtime> {
     use OverrideChange::{FeedBy, FeedReset, Rapid, SpindleBy, SpindleReset};
     Some(match byte {
@@ -100,7 +99,7 @@ pub(crate) struct ReceiveBuffer {
     bytes: VecDeque<u8>,
     /// Bytes lost to a full buffer since power-up.
     pub(crate) overrun_bytes: u64,
-    /// The most it ever held.
+    /// The largest number of bytes it ever held.
     pub(crate) bytes_max: usize,
 }
 

@@ -4,10 +4,10 @@ mod common;
 use common::{Bench, settings, settings_of};
 use virtual_controller::{Build, Controller, Counts, Firmware};
 
-/// What is said, and when in seconds.
+/// Bytes to send, and when in seconds.
 type Script<'a> = &'a [(f64, &'a [u8])];
 
-/// Says lines at their times in seconds and lets everything end; returns the counts.
+/// Sends lines at their times in seconds and lets everything end; returns the counts.
 fn run(build: Build, script: Script<'_>) -> Counts {
     let mut bench = Bench::with(build);
     for (at, bytes) in script {
@@ -30,7 +30,7 @@ fn lines_answers_and_blocks_add_up() {
     assert_eq!(counts.bytes_received, program.len() as u64);
     assert_eq!((counts.lines_read, counts.oks, counts.errors), (9, 8, 1));
     assert_eq!(counts.blocks_planned, counts.blocks_executed);
-    // 10 mm, no way, a full circle of many chords, 10 mm.
+    // 10 mm, no distance, a full circle of many chords, 10 mm.
     assert_eq!(counts.motions_finished, 4);
     assert!(counts.blocks_executed > 50, "{counts:?}");
     assert_eq!((counts.blocks_discarded, counts.underruns, counts.bytes_lost), (0, 0, 0));
@@ -39,7 +39,7 @@ fn lines_answers_and_blocks_add_up() {
 
 #[test]
 fn what_is_thrown_away_is_counted_and_so_is_what_is_lost() {
-    // 15 blocks, one in work, 128 bytes behind it; the rest is lost.
+    // 15 blocks, one in work, 128 bytes after it; the rest is lost.
     let program: Vec<u8> =
         (0..60).flat_map(|x| format!("G1X{:03}F60\n", x + 1).into_bytes()).collect();
     let counts = run(grbl(), &[(0.0, &program), (0.5, b"\x18")]);
@@ -75,7 +75,7 @@ fn a_stop_that_the_path_did_not_ask_for_is_an_underrun() {
         ("straight back", &[(0.0, b"G1X1F600\n"), (0.5, b"G1X0\n")], 0),
         ("a dwell between", &[(0.0, b"G1X1F600\nG4P0.3\n"), (0.6, b"G1X2\n")], 0),
         ("a dwell that comes late", &[(0.0, b"G1X1F600\n"), (0.4, b"G4P0.1\nG1X2\n")], 0),
-        ("a line without a way between", &[(0.0, b"G1X1F600\n"), (0.4, b"G1X1\nG1X2\n")], 1),
+        ("a line of length zero between", &[(0.0, b"G1X1F600\n"), (0.4, b"G1X1\nG1X2\n")], 1),
         ("a hold between", &[(0.0, b"G1X1F600\n"), (0.3, b"!"), (0.4, b"~G1X2\n")], 0),
         ("jogs", &[(0.0, b"$J=X1F600\n"), (0.5, b"$J=X2F600\n")], 0),
     ];
@@ -89,7 +89,7 @@ fn counts_outlive_a_power_cycle_and_are_json() {
     for firmware in Firmware::ALL {
         let mut bench = Bench::with(Build::new(settings_of(firmware, &[])));
         bench.settle();
-        bench.say("G0X1");
+        bench.send_line("G0X1");
         bench.wait(5.0);
         bench.controller.power_cycle();
         bench.settle();

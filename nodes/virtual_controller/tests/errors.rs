@@ -3,12 +3,12 @@
 mod common;
 use common::Bench;
 
-/// Lines said one after the other to one controller, each with its answer.
+/// Lines sent one after the other to one controller, each with its answer.
 #[track_caller]
 fn check(dialogue: &[(&str, &str)]) {
     let mut bench = Bench::new(&[]);
     for (line, expected) in dialogue {
-        let answer = bench.say(line);
+        let answer = bench.send_line(line);
         assert_eq!(answer, *expected, "answer to `{line}`");
     }
 }
@@ -155,7 +155,7 @@ fn an_arc_may_miss_its_circle_by_5_um_or_a_thousandth_but_never_by_half_a_millim
     for (radius, miss, expected) in cases {
         let line = format!("G2X{:.4}I{radius:.4}F6000", 2.0 * radius + miss);
         let mut bench = Bench::new(&["$12=1"]);
-        let answer = bench.say(&line);
+        let answer = bench.send_line(&line);
         let answer = if answer.is_empty() { bench.settle() } else { answer };
         assert_eq!(answer, expected, "{line}");
     }
@@ -180,9 +180,9 @@ fn carriage_return_and_line_feed_are_two_lines() {
 fn a_line_of_80_characters_is_refused_and_not_executed() {
     let mut bench = Bench::new(&[]);
     let line = |characters: usize| format!("G0X1.{}", "0".repeat(characters - 5));
-    assert_eq!(bench.say(&line(80)), "error:11");
+    assert_eq!(bench.send_line(&line(80)), "error:11");
     assert_eq!(bench.status(), "Idle|MPos:0.000,0.000,0.000|FS:0,0");
-    assert_eq!(bench.say(&line(79)), "ok");
+    assert_eq!(bench.send_line(&line(79)), "ok");
 }
 
 #[test]

@@ -1,11 +1,11 @@
-//! Bytes take their time on the line, and faults spoil them on schedule.
+//! Bytes take time on the line, and faults hit them on schedule.
 
 mod common;
 use common::{settings, settings_of};
 use proptest::prelude::*;
 use std::time::Duration;
 use virtual_controller::{
-    Build, Controller, Device, Fault, FaultAction, FaultInjector, Firmware, Pace, PacedLine,
+    Build, Controller, Device, Fault, FaultAction, FaultInjector, Firmware, LineTiming, PacedLine,
 };
 
 fn controller(lines: &[&str]) -> Controller {
@@ -17,7 +17,7 @@ fn injector(faults: &[&str], seed: u64) -> FaultInjector {
     FaultInjector::new(controller(&[]), faults, seed)
 }
 
-/// Everything heard until nothing is awaited, with the time of the last byte.
+/// Everything received until no event is left, with the time of the last byte.
 fn settle<D: Device>(line: &mut PacedLine<D>, mut now: Duration) -> (String, Duration) {
     let mut bytes = Vec::new();
     line.advance(now);
@@ -42,7 +42,7 @@ const T0: Duration = Duration::ZERO;
 fn a_byte_takes_ten_bits_in_each_direction() {
     let mut line = PacedLine::new(
         controller(&[]),
-        Pace { baud: Some(1000), time_factor: 1.0, scales_bytes: false },
+        LineTiming { baud: Some(1000), time_factor: 1.0, scales_bytes: false },
     );
     let (banner, at) = settle(&mut line, T0);
     assert_eq!(banner, BANNER);
@@ -59,7 +59,7 @@ fn the_time_factor_speeds_the_axes_and_the_bytes_only_if_asked() {
     for (scales_bytes, byte_ms) in [(false, 10.0), (true, 1.0)] {
         let mut line = PacedLine::new(
             controller(&[]),
-            Pace { baud: Some(1000), time_factor: 10.0, scales_bytes },
+            LineTiming { baud: Some(1000), time_factor: 10.0, scales_bytes },
         );
         settle(&mut line, T0);
         let start = Duration::from_secs(1);
@@ -75,9 +75,9 @@ fn the_time_factor_speeds_the_axes_and_the_bytes_only_if_asked() {
 
 #[test]
 fn more_than_the_receive_buffer_holds_is_lost_and_lines_join() {
-    let mut line = PacedLine::new(controller(&[]), Pace::default());
+    let mut line = PacedLine::new(controller(&[]), LineTiming::default());
     settle(&mut line, T0);
-    // 15 blocks fill the planner, one more waits, 128 bytes lie in the buffer.
+    // 15 blocks fill the planner, one more waits, 128 bytes are in the buffer.
     let program: String = (1..=60).map(|x| format!("G1X{:03}F60\n", x % 100)).collect();
     line.receive(T0, program.as_bytes());
     let (answers, _) = settle(&mut line, T0);
@@ -87,10 +87,10 @@ fn more_than_the_receive_buffer_holds_is_lost_and_lines_join() {
 }
 
 #[test]
-fn the_outcome_does_not_depend_on_how_often_one_looks() {
+fn the_outcome_does_not_depend_on_how_often_the_line_is_polled() {
     let program = b"G1X10F600\nG1Y10\n?G2X0I-5\nG4P0.2\n!~?M8\n$G\n";
     let run = |slice: Duration| {
-        let mut line = PacedLine::new(controller(&[]), Pace::default());
+        let mut line = PacedLine::new(controller(&[]), LineTiming::default());
         line.receive(T0, program);
         let mut bytes = Vec::new();
         let mut now = T0;
@@ -106,7 +106,7 @@ fn the_outcome_does_not_depend_on_how_often_one_looks() {
 
 #[test]
 fn report_requests_that_find_no_room_are_answered_once() {
-    let mut line = PacedLine::new(controller(&[]), Pace::default());
+    let mut line = PacedLine::new(controller(&[]), LineTiming::default());
     settle(&mut line, T0);
     line.receive(Duration::from_secs(1), &[b'?'; 2000]);
     let (reports, at) = settle(&mut line, Duration::from_secs(1));
@@ -116,8 +116,8 @@ fn report_requests_that_find_no_room_are_answered_once() {
     assert!(at < Duration::from_millis(1210), "{at:?}");
 }
 
-/// Everything a device has to say now.
-fn hear(device: &mut FaultInjector) -> Vec<u8> {
+/// Everything that a device sends now.
+fn received(device: &mut FaultInjector) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut before = usize::MAX;
     while before != bytes.len() {
@@ -127,17 +127,17 @@ fn hear(device: &mut FaultInjector) -> Vec<u8> {
     bytes
 }
 
-/// Says lines to a controller in trouble, half a second apart.
-fn say(mut device: FaultInjector, lines: &[&str]) -> String {
-    hear(&mut device);
+/// Sends lines to a controller with faults, half a second apart.
+fn send_lines(mut device: FaultInjector, lines: &[&str]) -> String {
+    received(&mut device);
     let mut bytes = Vec::new();
     for (index, line) in lines.iter().enumerate() {
         let now = Duration::from_millis(500 * index as u64);
         device.receive(now, format!("{line}\n").as_bytes());
-        bytes.extend(hear(&mut device));
+        bytes.extend(received(&mut device));
     }
     device.advance(Duration::from_millis(500 * lines.len() as u64));
-    bytes.extend(hear(&mut device));
+    bytes.extend(received(&mut device));
     String::from_utf8_lossy(&bytes).replace("\r\n", "/")
 }
 
@@ -168,19 +168,19 @@ fn each_fault_does_what_its_name_says() {
             &["alarm:9@line=3"],
             "ok/error:20/ok/ALARM:9//Grbl 1.1h ['$' for help]/[MSG:'$H'|'$X' to unlock]/error:9/",
         ),
-        // The answer is still on its way; back in time for the last line.
+        // The answer is in transit; the device is back in time for the last line.
         (&["vanish:0.6@line=2"], "ok/ok/"),
         (&["unplug:0.6@line=2"], "ok//Grbl 1.1h ['$' for help]/ok/"),
         (&["close@line=3"], "ok/error:20/"),
     ];
     for (faults, expected) in cases {
-        assert_eq!(say(injector(faults, 1), &lines), *expected, "{faults:?}");
+        assert_eq!(send_lines(injector(faults, 1), &lines), *expected, "{faults:?}");
     }
 }
 
-/// Seconds at which each line of the answers to 20 empty lines, said at once at t = 0, is through.
-fn answer_times(fault: &str, pace: Pace) -> Vec<f64> {
-    let mut line = PacedLine::new(injector(&[fault], 1), pace);
+/// Seconds at which each of the answers to 20 empty lines, sent at once at t = 0, has arrived.
+fn answer_times(fault: &str, timing: LineTiming) -> Vec<f64> {
+    let mut line = PacedLine::new(injector(&[fault], 1), timing);
     // The banner, 28 bytes.
     settle(&mut line, T0);
     let start = Duration::from_secs(1);
@@ -202,9 +202,9 @@ fn answer_times(fault: &str, pace: Pace) -> Vec<f64> {
 #[test]
 fn a_stalled_line_goes_on_in_order_and_at_its_rate() {
     // 10 ms a byte.
-    let pace = Pace { baud: Some(1000), time_factor: 1.0, scales_bytes: false };
+    let timing = LineTiming { baud: Some(1000), time_factor: 1.0, scales_bytes: false };
     let check = |fault: &str, expected: [f64; 3]| {
-        let times = answer_times(fault, pace);
+        let times = answer_times(fault, timing);
         for (at, expected) in [(0, expected[0]), (9, expected[1]), (19, expected[2])] {
             assert!(
                 (times[at] - expected).abs() < 1e-6,
@@ -215,7 +215,7 @@ fn a_stalled_line_goes_on_in_order_and_at_its_rate() {
     };
     // An answer takes 40 ms, a line 10 ms: answers queue up.
     check("rx-delay:0@byte=1", [0.05, 0.41, 0.81]);
-    // The line stalls behind the 5th byte; the answers that wait fill the gap.
+    // The line stalls after the 5th byte; the waiting answers fill the gap.
     check("rx-delay:0.1@byte=5", [0.05, 0.41, 0.81]);
     check("rx-delay:2@byte=5", [0.05, 2.26, 2.66]);
     // From the 9th answer on, and in the middle of it.
@@ -226,8 +226,8 @@ fn a_stalled_line_goes_on_in_order_and_at_its_rate() {
 
 #[test]
 fn a_stall_lasts_as_long_as_the_machine_says() {
-    let pace = Pace { baud: None, time_factor: 10.0, scales_bytes: false };
-    let times = answer_times("tx-delay:5@line=1", pace);
+    let timing = LineTiming { baud: None, time_factor: 10.0, scales_bytes: false };
+    let times = answer_times("tx-delay:5@line=1", timing);
     assert!(times[0] < 1e-6 && (times[1] - 0.5).abs() < 1e-6, "{times:?}");
 }
 
@@ -235,17 +235,17 @@ fn a_stall_lasts_as_long_as_the_machine_says() {
 fn after(fault: &str) -> (f64, String) {
     let mut device = injector(&[fault], 1);
     device.receive(T0, b"G1X100F600\n");
-    hear(&mut device);
+    received(&mut device);
     device.advance(Duration::from_secs(8));
-    let away = (device.is_plugged(), hear(&mut device));
+    let away = (device.is_plugged(), received(&mut device));
     assert_eq!(away, (false, Vec::new()), "{fault}");
     device.receive(Duration::from_secs(8), b"G91\n?\x18");
-    assert!(hear(&mut device).is_empty(), "{fault}: nobody hears");
+    assert!(received(&mut device).is_empty(), "{fault}: no bytes arrive");
     device.advance(Duration::from_secs(20));
     assert!(device.is_plugged() && device.pulls() == 1, "{fault}");
-    hear(&mut device);
+    received(&mut device);
     device.receive(Duration::from_secs(20), b"?");
-    let report = String::from_utf8(hear(&mut device)).unwrap();
+    let report = String::from_utf8(received(&mut device)).unwrap();
     (device.controller().position()[0], report)
 }
 
@@ -274,14 +274,17 @@ fn a_tripped_limit_is_an_alarm_when_hard_limits_are_on() {
     let build = Build::new(settings(&["$21=1"]));
     let faults = vec!["limit:y@line=2".parse().unwrap()];
     let device = FaultInjector::new(Controller::with_build(build), faults, 1);
-    assert_eq!(say(device, &["G21", "G90", "G91"]), "ok/ok/ALARM:1/[MSG:Reset to continue]/");
+    assert_eq!(
+        send_lines(device, &["G21", "G90", "G91"]),
+        "ok/ok/ALARM:1/[MSG:Reset to continue]/"
+    );
 }
 
 #[test]
 fn a_corrupted_byte_differs_in_one_bit() {
     let mut device = injector(&["tx-corrupt@byte=29"], 7);
     device.receive(T0, b"\n");
-    let bytes = hear(&mut device);
+    let bytes = received(&mut device);
     let answer = &bytes[28..];
     let wrong: u32 = answer.iter().zip(b"ok\r\n").map(|(a, b)| (a ^ b).count_ones()).sum();
     assert_eq!((answer.len(), wrong), (4, 1), "{answer:?}");
@@ -291,28 +294,29 @@ fn a_corrupted_byte_differs_in_one_bit() {
 fn a_pulled_cable_is_seen() {
     let mut device = injector(&["close@line=2"], 1);
     device.receive(T0, b"\n");
-    hear(&mut device);
+    received(&mut device);
     assert!(!device.is_closed());
     device.receive(T0, b"\n");
-    hear(&mut device);
+    received(&mut device);
     assert!(device.is_closed());
 }
 
 #[test]
 fn faults_by_command_strike_at_once_or_at_the_next_chance() {
     let mut device = injector(&[], 1);
-    hear(&mut device);
+    received(&mut device);
     device.inject(T0, FaultAction::LoseOk);
     device.receive(T0, b"\n\n");
     device.inject(T0, FaultAction::ExtraOk);
-    assert_eq!(hear(&mut device), b"ok\r\nok\r\n");
+    assert_eq!(received(&mut device), b"ok\r\nok\r\n");
 }
 
 #[test]
-fn the_same_seed_gives_the_same_trouble() {
+fn the_same_seed_gives_the_same_faults() {
     let lines: Vec<String> = (0..50).map(|x| format!("G0X{x}")).collect();
     let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
-    let run = |seed| say(injector(&["rx-corrupt@rate=0.02", "lose-ok@rate=0.1"], seed), &lines);
+    let run =
+        |seed| send_lines(injector(&["rx-corrupt@rate=0.02", "lose-ok@rate=0.1"], seed), &lines);
     assert_eq!(run(3), run(3));
     assert_ne!(run(3), run(4));
 }
@@ -357,14 +361,14 @@ proptest! {
             now = event;
             device.advance(now);
         }
-        // A board that comes up is not listening yet.
+        // A board that is starting does not receive.
         now += Duration::from_secs(1);
-        // A reset and an unlock bring it back from anywhere.
+        // A reset and an unlock bring it back from every state.
         device.receive(now, b"\x18");
         device.receive(now, b"$X\n");
-        hear(&mut device);
+        received(&mut device);
         device.receive(now, b"?");
-        let text = String::from_utf8(hear(&mut device)).unwrap();
+        let text = String::from_utf8(received(&mut device)).unwrap();
         let last = text.lines().last().unwrap_or_default();
         prop_assert!(last.starts_with("<Idle") || last.starts_with("<Run"), "{last}");
     }

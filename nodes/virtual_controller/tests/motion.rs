@@ -1,4 +1,4 @@
-//! Axes move as machines do: in time, within their limits, exactly to where they were sent.
+//! Axes move as on a real machine: in time, within their limits, exactly to their targets.
 
 mod common;
 use common::{Bench, settings};
@@ -17,8 +17,8 @@ const STEP_MM: f64 = 0.004;
 fn a_move_takes_the_time_of_its_trapezoid() {
     let mut bench = Bench::new(&[]);
     // 20 mm/s at 100 mm/s²: 0.2 s and 2 mm at each end, 96 mm between.
-    bench.say("G1X100F1200");
-    bench.say("G4P0");
+    bench.send_line("G1X100F1200");
+    bench.send_line("G4P0");
     bench.settle();
     let expected = 0.4 + 96.0 / 20.0;
     assert!((bench.now.as_secs_f64() - expected).abs() < 1e-6, "{:?}", bench.now);
@@ -27,8 +27,8 @@ fn a_move_takes_the_time_of_its_trapezoid() {
 #[test]
 fn a_short_move_takes_the_time_of_its_triangle() {
     let mut bench = Bench::new(&[]);
-    bench.say("G1X1F6000");
-    bench.say("G4P0");
+    bench.send_line("G1X1F6000");
+    bench.send_line("G4P0");
     bench.settle();
     assert!((bench.now.as_secs_f64() - 0.2).abs() < 1e-6, "{:?}", bench.now);
 }
@@ -37,9 +37,9 @@ fn a_short_move_takes_the_time_of_its_triangle() {
 fn a_straight_line_cut_in_pieces_takes_no_longer() {
     let mut bench = Bench::new(&[]);
     for x in 1..=10 {
-        bench.say(&format!("G1X{}F1200", x * 10));
+        bench.send_line(&format!("G1X{}F1200", x * 10));
     }
-    bench.say("G4P0");
+    bench.send_line("G4P0");
     bench.settle();
     let expected = 0.4 + 96.0 / 20.0;
     assert!((bench.now.as_secs_f64() - expected).abs() < 1e-6, "{:?}", bench.now);
@@ -48,13 +48,13 @@ fn a_straight_line_cut_in_pieces_takes_no_longer() {
 #[test]
 fn a_full_circle_stays_on_its_circle_and_comes_back() {
     let mut bench = Bench::new(&[]);
-    bench.say("G2X0I10F3000");
-    bench.say("G4P0");
+    bench.send_line("G2X0I10F3000");
+    bench.send_line("G4P0");
     let mut farthest: f64 = 0.0;
     while let Some(event) = bench.controller.next_event(bench.now) {
         bench.now = event.min(bench.now + Duration::from_millis(3)).max(bench.now);
         bench.controller.advance(bench.now);
-        bench.heard();
+        bench.received();
         let at = bench.controller.position();
         let miss = (distance(at, [10.0, 0.0, 0.0]) - 10.0).abs();
         assert!(miss < 0.002 + STEP_MM, "{miss} mm off the circle at {at:?}");
@@ -67,8 +67,8 @@ fn a_full_circle_stays_on_its_circle_and_comes_back() {
 #[test]
 fn a_feed_hold_stops_within_the_braking_distance_and_goes_on_to_the_same_end() {
     let mut bench = Bench::new(&[]);
-    bench.say("G1X100F3000");
-    bench.say("G1X100Y50");
+    bench.send_line("G1X100F3000");
+    bench.send_line("G1X100Y50");
     bench.wait(1.0);
     let before = bench.controller.position();
     assert!((bench.controller.speed_mm_per_min() - 3000.0).abs() < 1e-6);
@@ -76,8 +76,8 @@ fn a_feed_hold_stops_within_the_braking_distance_and_goes_on_to_the_same_end() {
     assert!(bench.status().starts_with("Hold:1|"));
     bench.wait(0.6);
     // v²/2a = 50² / 200 = 12.5 mm.
-    let way = bench.controller.position()[0] - before[0];
-    assert!((way - 12.5).abs() < STEP_MM, "{way} mm");
+    let distance = bench.controller.position()[0] - before[0];
+    assert!((distance - 12.5).abs() < STEP_MM, "{distance} mm");
     assert!(bench.status().starts_with("Hold:0|"));
     assert_eq!(bench.controller.speed_mm_per_min(), 0.0);
     bench.wait(60.0);
@@ -90,7 +90,7 @@ fn a_feed_hold_stops_within_the_braking_distance_and_goes_on_to_the_same_end() {
 #[test]
 fn a_resume_while_still_braking_is_ignored() {
     let mut bench = Bench::new(&[]);
-    bench.say("G1X100F3000");
+    bench.send_line("G1X100F3000");
     bench.wait(1.0);
     bench.send(b"!~");
     bench.wait(5.0);
@@ -102,10 +102,10 @@ fn the_sixteenth_block_waits_for_its_ok() {
     let mut bench = Bench::new(&["$10=3"]);
     let mut answers = 0;
     for x in 1..=17 {
-        answers += usize::from(bench.say(&format!("G1X{x}F60")) == "ok");
+        answers += usize::from(bench.send_line(&format!("G1X{x}F60")) == "ok");
     }
     assert_eq!(answers, 15);
-    // The 16th is in work, the 17th lies in the receive buffer.
+    // The 16th is in work, the 17th is in the receive buffer.
     assert_eq!(bench.status(), "Run|MPos:0.000,0.000,0.000|Bf:0,119|FS:0,0");
     assert_eq!(bench.wait(1.1), "ok");
     assert_eq!(bench.wait(1.0), "ok");
@@ -114,7 +114,7 @@ fn the_sixteenth_block_waits_for_its_ok() {
 #[test]
 fn a_feed_override_takes_effect_in_motion() {
     let mut bench = Bench::new(&[]);
-    bench.say("G1X100F1200");
+    bench.send_line("G1X100F1200");
     bench.wait(1.0);
     bench.send_spaced(&[0x91, 0x91, 0x93]);
     bench.wait(1.0);
@@ -132,7 +132,7 @@ fn a_feed_override_takes_effect_in_motion() {
 fn a_rapid_override_slows_rapids_alone() {
     let mut bench = Bench::new(&[]);
     bench.send(&[0x97]);
-    bench.say("G0X100");
+    bench.send_line("G0X100");
     bench.wait(1.0);
     assert!((bench.controller.speed_mm_per_min() - 1500.0).abs() < 1e-6);
 }
@@ -140,17 +140,17 @@ fn a_rapid_override_slows_rapids_alone() {
 #[test]
 fn a_cancelled_jog_brakes_and_forgets_the_rest() {
     let mut bench = Bench::new(&[]);
-    assert_eq!(bench.say("$J=G91X100F3000"), "ok");
-    assert_eq!(bench.say("$J=G91X100F3000"), "ok");
+    assert_eq!(bench.send_line("$J=G91X100F3000"), "ok");
+    assert_eq!(bench.send_line("$J=G91X100F3000"), "ok");
     bench.wait(1.0);
     let before = bench.controller.position()[0];
     bench.send(&[0x85]);
     bench.wait(2.0);
-    let way = bench.controller.position()[0] - before;
-    assert!((way - 12.5).abs() < STEP_MM, "{way} mm");
+    let distance = bench.controller.position()[0] - before;
+    assert!((distance - 12.5).abs() < STEP_MM, "{distance} mm");
     assert!(bench.status().starts_with("Idle|"));
-    // The parser goes on from where the axes stand.
-    bench.say("G91G0X1");
+    // The parser continues from where the axes are.
+    bench.send_line("G91G0X1");
     bench.wait(2.0);
     assert!((bench.controller.position()[0] - before - 13.5).abs() < STEP_MM);
 }
@@ -158,7 +158,7 @@ fn a_cancelled_jog_brakes_and_forgets_the_rest() {
 #[test]
 fn inverse_time_moves_take_the_time_they_name() {
     let mut bench = Bench::new(&["$120=100000"]);
-    bench.say("G93G1X60F1");
+    bench.send_line("G93G1X60F1");
     bench.wait(30.0);
     assert!((bench.controller.position()[0] - 30.0).abs() < 0.05);
 }
@@ -166,7 +166,7 @@ fn inverse_time_moves_take_the_time_they_name() {
 #[test]
 fn positions_are_whole_steps() {
     let mut bench = Bench::new(&[]);
-    bench.say("G0X1.2345678");
+    bench.send_line("G0X1.2345678");
     bench.wait(5.0);
     assert_eq!(bench.status(), "Idle|MPos:1.236,0.000,0.000|FS:0,0");
 }
@@ -174,8 +174,8 @@ fn positions_are_whole_steps() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Sampled every millisecond: per axis never faster than `$110`, never
-    /// farther than the speed allows, and at the end exactly at the target.
+    /// Sampled every millisecond: no axis is faster than `$110` or moves farther than the speed
+    /// allows, and at the end each is exactly at the target.
     #[test]
     fn no_axis_exceeds_its_rate_and_every_program_arrives(
         points in prop::collection::vec((-50.0..50.0f64, -50.0..50.0f64, -20.0..20.0f64, 100.0..9000.0f64), 1..12),
@@ -203,7 +203,7 @@ proptest! {
             let at = controller.position();
             for axis in 0..3 {
                 let speed = (at[axis] - last[axis]).abs() / 0.001 * 60.0;
-                // A step of 0.004 mm seen in a millisecond is 240 mm/min.
+                // A step of 0.004 mm in one sample of a millisecond reads as 240 mm/min.
                 prop_assert!(speed <= rates[axis] + 250.0, "axis {axis} at {speed} mm/min");
             }
             let speed = controller.speed_mm_per_min() / 60.0;
@@ -221,7 +221,7 @@ proptest! {
         }
     }
 
-    /// On one line the acceleration of each axis itself is bounded, sampled by speed.
+    /// On one line the acceleration of each axis itself is limited, sampled by speed.
     #[test]
     fn on_a_line_no_axis_exceeds_its_acceleration(x in -80.0..80.0f64, y in -80.0..80.0f64, f in 100.0..9000.0f64) {
         prop_assume!(x.hypot(y) > 0.1);

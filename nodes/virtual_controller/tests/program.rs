@@ -7,9 +7,9 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use terminal::{PATIENCE, Peer};
+use terminal::{Peer, TIMEOUT};
 
-/// The binary while it runs; a test that fails leaves none behind.
+/// The running program; it is killed when a test fails.
 struct Running(Child);
 
 impl Drop for Running {
@@ -26,7 +26,7 @@ impl Running {
     }
 }
 
-/// The binary, and the path it printed.
+/// Starts the program; returns it and the path it printed.
 fn run(arguments: &[&str]) -> (Running, PathBuf) {
     let mut child = Command::new(env!("CARGO_BIN_EXE_virtual_controller"))
         .args(arguments)
@@ -45,7 +45,7 @@ fn ends(mut child: Running) -> i32 {
         if let Some(status) = child.0.try_wait().unwrap() {
             return status.code().unwrap_or(-1);
         }
-        assert!(started.elapsed() < PATIENCE, "the program does not end");
+        assert!(started.elapsed() < TIMEOUT, "the program does not end");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
@@ -84,7 +84,7 @@ fn the_program_takes_faults_from_stdin_and_ends_with_it() {
         if peer.expect(">\r\n").contains("|Pn:X") {
             break;
         }
-        assert!(started.elapsed() < PATIENCE);
+        assert!(started.elapsed() < TIMEOUT);
     }
     drop(stdin);
     assert_eq!(ends(child), 0);
@@ -100,7 +100,7 @@ fn the_program_ends_with_the_process_it_watches() {
 }
 
 #[test]
-fn the_program_speaks_as_the_firmware_it_is_told() {
+fn the_program_imitates_the_firmware_of_its_argument() {
     for (arguments, banner, options) in [
         (&["--firmware", "grbl"][..], "Grbl 1.1h ['$' for help]", "[OPT:V,15,128]"),
         (
@@ -125,7 +125,7 @@ fn the_program_speaks_as_the_firmware_it_is_told() {
 }
 
 #[test]
-fn a_scenario_says_what_arguments_say_and_arguments_count_more() {
+fn a_scenario_has_all_arguments_and_arguments_override_it() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scenario.yaml");
     std::fs::write(
@@ -140,11 +140,11 @@ fn a_scenario_says_what_arguments_say_and_arguments_count_more() {
     let mut peer = Peer::open(&path);
     peer.expect("GrblHAL 1.1f ['$' or '$HELP' for help]\r\n");
     peer.send(b"\n$foo\n$I\n?");
-    let heard = peer.expect(">\r\n");
-    // The first answer is lost, the second sets off the message.
-    assert!(heard.starts_with("error:3\r\n[MSG:hello]\r\n"), "{heard}");
-    assert!(heard.contains("[OPT:VNML+,100,300,3,0]"), "{heard}");
-    assert!(heard.contains("|MPos:-1.000,-2.000,-3.000|"), "{heard}");
+    let received = peer.expect(">\r\n");
+    // The first answer is lost, the second triggers the message.
+    assert!(received.starts_with("error:3\r\n[MSG:hello]\r\n"), "{received}");
+    assert!(received.contains("[OPT:VNML+,100,300,3,0]"), "{received}");
+    assert!(received.contains("|MPos:-1.000,-2.000,-3.000|"), "{received}");
     peer.send(b"$$\n");
     assert!(peer.expect("ok\r\n").contains("\r\n$110=1234.000\r\n"));
     child.terminate();
@@ -152,7 +152,7 @@ fn a_scenario_says_what_arguments_say_and_arguments_count_more() {
 }
 
 #[test]
-fn a_report_of_the_run_is_written_when_it_is_told_to_end() {
+fn a_report_of_the_run_is_written_when_the_program_is_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("report.json");
     let (child, path) = run(&["--report", report.to_str().unwrap(), "--time-factor", "100"]);
@@ -184,7 +184,7 @@ fn a_report_of_the_run_is_written_when_it_is_told_to_end() {
 }
 
 #[test]
-fn a_wrong_scenario_is_told_with_file_and_place() {
+fn an_error_in_a_scenario_names_file_and_place() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scenario.yaml");
     std::fs::write(&file, "seed: 7\nfaults:\n  - explode@line=1\n").unwrap();
@@ -193,13 +193,13 @@ fn a_wrong_scenario_is_told_with_file_and_place() {
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(2));
-    let told = String::from_utf8(output.stderr).unwrap();
+    let reported = String::from_utf8(output.stderr).unwrap();
     let place = format!("{}:3:5: ", file.display());
-    assert!(told.contains(&place) && told.contains("there are rx-drop"), "{told}");
+    assert!(reported.contains(&place) && reported.contains("use rx-drop"), "{reported}");
 }
 
 #[test]
-fn wrong_arguments_are_told_and_end_with_2() {
+fn wrong_arguments_are_reported_and_end_with_2() {
     for arguments in [
         &["--fault", "lose-ok"][..],
         &["--fault", "explode@line=1"],

@@ -1,4 +1,4 @@
-//! The whole thing on a pseudo-terminal, spoken to through a plain file descriptor.
+//! The whole controller on a pseudo-terminal, used through a plain file descriptor.
 #![cfg(feature = "node")]
 
 mod common;
@@ -11,8 +11,10 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use terminal::{PATIENCE, Peer};
-use virtual_controller::{Build, Pace, ServeError, ServeOptions, StopHandle, serve, stop_pair};
+use terminal::{Peer, TIMEOUT};
+use virtual_controller::{
+    Build, LineTiming, ServeError, ServeOptions, StopHandle, serve, stop_pair,
+};
 
 struct Served {
     path: PathBuf,
@@ -26,12 +28,12 @@ impl Served {
         let (sender, receiver) = mpsc::channel();
         let thread = std::thread::spawn(move || {
             serve(options, &stop, |path| {
-                // Only the first is waited for.
+                // Only the first call is waited for.
                 let _ = sender.send(path.to_path_buf());
                 Ok(())
             })
         });
-        let path = receiver.recv_timeout(PATIENCE).unwrap();
+        let path = receiver.recv_timeout(TIMEOUT).unwrap();
         Self { path, stop: Some(handle), thread: Some(thread) }
     }
 
@@ -43,7 +45,7 @@ impl Served {
 
 fn options() -> ServeOptions {
     ServeOptions {
-        pace: Pace { time_factor: 100.0, ..Pace::default() },
+        timing: LineTiming { time_factor: 100.0, ..LineTiming::default() },
         ..ServeOptions::new(Build::new(settings(&[])))
     }
 }
@@ -80,9 +82,9 @@ fn a_peer_that_does_not_read_does_not_stop_the_axes() {
         peer.send(&[b'?'; 50]);
     }
     peer.send(b"G4P0\n$G\n");
-    // The answers are in there, or lost behind the reports; the controller lives on.
+    // The answers are among the reports, or lost after them; the controller still runs.
     std::thread::sleep(Duration::from_millis(200));
-    peer.heard.clear();
+    peer.received.clear();
     peer.send(b"\x18");
     peer.expect("help]\r\n");
     served.stop();
@@ -99,7 +101,7 @@ fn a_pulled_cable_hangs_the_peer_up() {
     let started = Instant::now();
     let mut buffer = [0; 256];
     loop {
-        assert!(started.elapsed() < PATIENCE);
+        assert!(started.elapsed() < TIMEOUT);
         match peer.file.read(&mut buffer) {
             Ok(0) => break,
             Ok(_) => {}
@@ -114,8 +116,8 @@ fn a_device_that_vanishes_is_back_as_another_and_the_link_follows() {
     let folder = tempfile::tempdir().unwrap();
     let link = folder.path().join("ttyVC");
     let mut options = options();
-    options.pace.time_factor = 10.0;
-    // A second of ours; 100 mm at 10 mm/s take as long.
+    options.timing.time_factor = 10.0;
+    // A second of wall time; 100 mm at 10 mm/s take as long.
     options.faults = vec!["vanish:10@line=1".parse().unwrap()];
     options.link = Some(link.clone());
     let served = Served::start(options);
@@ -128,7 +130,7 @@ fn a_device_that_vanishes_is_back_as_another_and_the_link_follows() {
     while let Ok(count) = peer.file.read(&mut [0; 64]).or_else(|error| {
         if error.kind() == std::io::ErrorKind::WouldBlock { Ok(1) } else { Err(error) }
     }) {
-        assert!(started.elapsed() < PATIENCE, "nobody hangs up");
+        assert!(started.elapsed() < TIMEOUT, "the port does not hang up");
         if count == 0 {
             break;
         }
@@ -138,7 +140,7 @@ fn a_device_that_vanishes_is_back_as_another_and_the_link_follows() {
             Ok(path) if path != first => break path,
             _ => std::thread::sleep(Duration::from_millis(2)),
         }
-        assert!(started.elapsed() < PATIENCE, "it does not come back");
+        assert!(started.elapsed() < TIMEOUT, "it does not come back");
     };
     let mut peer = Peer::open(&second);
     let started = Instant::now();
@@ -147,35 +149,35 @@ fn a_device_that_vanishes_is_back_as_another_and_the_link_follows() {
         if peer.expect(">\r\n").starts_with("<Idle|MPos:100.000,") {
             break;
         }
-        assert!(started.elapsed() < PATIENCE, "the machine has not moved on");
+        assert!(started.elapsed() < TIMEOUT, "the machine has not moved on");
     }
     served.stop();
     assert!(std::fs::symlink_metadata(&link).is_err(), "the link is gone");
 }
 
-/// Opens the port, leaves it with HUPCL on or off and the axes moved; returns what was said at first.
+/// Opens the port, leaves it with HUPCL on or off and the axes moved; returns its first output.
 fn visit(path: &Path, hangs_up: bool) -> String {
     use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
     let mut peer = Peer::open(path);
     let started = Instant::now();
-    let mut heard = String::new();
+    let mut received = String::new();
     // A bootloader does not answer.
-    while !heard.contains(">\r\n") {
-        assert!(started.elapsed() < PATIENCE, "no report in {heard:?}");
+    while !received.contains(">\r\n") {
+        assert!(started.elapsed() < TIMEOUT, "no report in {received:?}");
         peer.send(b"?");
         let mut buffer = [0; 256];
         std::thread::sleep(Duration::from_millis(20));
         if let Ok(count) = peer.file.read(&mut buffer) {
-            heard += std::str::from_utf8(&buffer[..count]).unwrap();
+            received += std::str::from_utf8(&buffer[..count]).unwrap();
         }
     }
-    // Only now: what it was at the close before has been seen by then.
+    // HUPCL only now: the state at the previous close has been read by then.
     let mut termios = tcgetattr(&peer.file).unwrap();
     termios.control_modes.set(ControlModes::HUPCL, hangs_up);
     tcsetattr(&peer.file, OptionalActions::Now, &termios).unwrap();
     peer.send(b"G91G0X5\nG4P0\n");
     peer.expect("ok\r\nok\r\n");
-    heard
+    received
 }
 
 #[test]
@@ -183,9 +185,13 @@ fn a_board_of_the_arduino_kind_resets_when_its_port_is_opened_unless_hupcl_is_of
     let mut options = options();
     options.resets_on_open = true;
     let served = Served::start(options);
-    let is_reset = |heard: &str| {
-        let has_banner = heard.contains("Grbl 1.1h");
-        assert_eq!(has_banner, heard.contains("MPos:0.000,"), "the position goes with it: {heard}");
+    let is_reset = |received: &str| {
+        let has_banner = received.contains("Grbl 1.1h");
+        assert_eq!(
+            has_banner,
+            received.contains("MPos:0.000,"),
+            "the position goes with it: {received}"
+        );
         has_banner
     };
     assert!(is_reset(&visit(&served.path, true)), "at first");

@@ -18,8 +18,8 @@ use kerf_tests::line::straight;
 use std::sync::Arc;
 use std::time::Duration;
 use virtual_controller::{
-    Build, Controller, Direction, FaultAction, FaultInjector, Firmware, Pace, PacedLine, Settings,
-    Spoil,
+    Build, ByteFault, Controller, Direction, FaultAction, FaultInjector, Firmware, LineTiming,
+    PacedLine, Settings,
 };
 
 const X: AxisSet = AxisSet::from_bits(0b001);
@@ -66,7 +66,7 @@ pub(crate) fn check(random: &mut Random) -> Goals {
     let device = FaultInjector::new(Controller::with_build(build), Vec::new(), 1);
     let mut bench = Bench {
         driver: Driver::new(config.clone()),
-        controller: PacedLine::new(device, Pace::default()),
+        controller: PacedLine::new(device, LineTiming::default()),
         orders: Orders::new(&config),
         paths: vec![Arc::new(path()), Arc::new(straight(40, 0.3))],
         now: Duration::ZERO,
@@ -226,7 +226,7 @@ impl Bench {
 
     fn happen(&mut self, random: &mut Random) {
         let directions = [Direction::ToController, Direction::FromController];
-        let spoils = [Spoil::Drop, Spoil::Duplicate, Spoil::Corrupt];
+        let spoils = [ByteFault::Drop, ByteFault::Duplicate, ByteFault::Corrupt];
         let actions = [
             FaultAction::Byte(*random.of(&directions), *random.of(&spoils)),
             FaultAction::LoseOk,

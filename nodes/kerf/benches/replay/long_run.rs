@@ -28,7 +28,7 @@ use std::io::BufWriter;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
-use virtual_controller::{Build, Controller, Pace, PacedLine, Settings};
+use virtual_controller::{Build, Controller, LineTiming, PacedLine, Settings};
 
 /// When the driver was started, ns since the epoch.
 const BEGIN_NS: u64 = 1_800_000_000_000_000_000;
@@ -175,12 +175,12 @@ struct Run {
 impl Run {
     fn new(bag: Bag) -> Self {
         let config = DriverConfig::default();
-        let pace = Pace { baud: Some(config.baud), ..Pace::default() };
+        let timing = LineTiming { baud: Some(config.baud), ..LineTiming::default() };
         let mut run = Self {
             driver: Driver::new(config),
             controller: PacedLine::new(
                 Controller::with_build(Build::new(Settings::default())),
-                pace,
+                timing,
             ),
             journal: Journal::default(),
             entries: Vec::new(),

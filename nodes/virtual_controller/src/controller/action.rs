@@ -1,25 +1,25 @@
-//! What lines ask for, one action after the other.
+//! The actions of a line, executed one after the other.
 //!
-//! An action that cannot go on yet keeps its place, and everything behind it
-//! waits: that is how `ok` is withheld.
+//! An action that cannot continue yet stays first in the queue, and all later actions wait: so
+//! the `ok` of a line is withheld.
 
-use super::{Controller, Drawn, Probing, State};
+use super::{Controller, ControllerState, Drawn, Probing};
 use crate::codes::{Alarm, ErrorCode};
 use crate::counts::UNDERRUN_S;
 use crate::firmware::Feedback;
 use crate::gcode::arc::Chords;
 use crate::gcode::{Coolant, Distance, FeedMode, Motion, Plane, Spindle};
-use crate::motion::{Move, Overrides, Pace, Pushed, mm_from_steps, steps_from_mm};
+use crate::motion::{Move, Overrides, ProgrammedSpeed, Pushed, mm_from_steps, steps_from_mm};
 
-/// One thing a line asks for.
+/// One action that a line asks for.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Action {
-    /// Until all queued motion is done.
+    /// Waits until all queued motion is done.
     Synchronize,
     Move(Move),
     Chords {
         chords: Chords,
-        pace: Pace,
+        speed: ProgrammedSpeed,
         line_number: u32,
     },
     Jog(Move),
@@ -33,7 +33,7 @@ pub(super) enum Action {
         left_s: f64,
     },
     Spindle(Spindle),
-    /// The power of a laser from the next block on, without a stop.
+    /// The laser power from the next block on, without a stop.
     Power,
     Coolant(Coolant),
     SelectSystem(usize),
@@ -47,7 +47,7 @@ pub(super) enum Action {
     },
     SetG92([f64; 3]),
     SetToolLength(f64),
-    /// M0, and M1 where it stops.
+    /// M0, and M1 if optional stops are on.
     Pause {
         is_optional: bool,
     },
@@ -58,13 +58,13 @@ pub(super) enum Action {
         index: usize,
         text: String,
     },
-    /// M6: from here on the operator changes the tool.
+    /// M6: the operator changes the tool now.
     ToolChange,
     Sleep,
     /// Ends with a soft reset.
     Restart,
     Answer(Result<(), ErrorCode>),
-    /// The same for a startup line, which is echoed.
+    /// The answer to a startup line, which is echoed.
     Echo {
         text: String,
         answer: Result<(), ErrorCode>,
@@ -76,23 +76,24 @@ impl Action {
         matches!(self, Self::Answer(_))
     }
 
-    /// Does the line that asks for this get its answer before it?
+    /// Is the answer of this action's line sent before the action?
     pub(super) fn comes_after_answer(&self) -> bool {
         matches!(self, Self::Restart | Self::Sleep | Self::ToolChange | Self::Startup(_))
     }
 }
 
 impl Controller {
-    /// Does an action, or returns what is left of it.
+    /// Executes an action; returns what is left of it, `None` when it is done.
     pub(super) fn perform(&mut self, action: Action) -> Option<Action> {
-        let is_check = self.state == State::Check;
+        let is_check = self.state == ControllerState::Check;
         match action {
             Action::Synchronize => {
-                let is_done = self.planner.is_empty() && !matches!(self.state, State::Jog { .. });
+                let is_done =
+                    self.planner.is_empty() && !matches!(self.state, ControllerState::Jog { .. });
                 if !is_done {
                     return Some(action);
                 }
-                // The stop was asked for.
+                // The program asked for this stop.
                 self.ran_empty_at_s = None;
             }
             Action::Move(motion) => {
@@ -107,19 +108,19 @@ impl Controller {
                 }
                 self.note_drawn(&motion);
             }
-            Action::Chords { mut chords, pace, line_number } => {
+            Action::Chords { mut chords, speed, line_number } => {
                 if self.planner.is_full() {
-                    return Some(Action::Chords { chords, pace, line_number });
+                    return Some(Action::Chords { chords, speed, line_number });
                 }
                 if let Some(target_in_machine) = chords.next() {
                     let motion = Move {
                         target_in_machine,
-                        pace,
+                        speed,
                         line_number,
                         ignores_overrides: false,
                         ends_motion: chords.is_done(),
                     };
-                    self.script.push_front(Action::Chords { chords, pace, line_number });
+                    self.script.push_front(Action::Chords { chords, speed, line_number });
                     self.script.push_front(Action::Move(motion));
                 }
             }
@@ -128,8 +129,8 @@ impl Controller {
                     return Some(action);
                 }
                 self.plan(&motion);
-                if self.state == State::Idle && !self.planner.is_empty() {
-                    self.state = State::Jog { is_cancelled: false };
+                if self.state == ControllerState::Idle && !self.planner.is_empty() {
+                    self.state = ControllerState::Jog { is_cancelled: false };
                 }
             }
             Action::Probe { motion, away, miss_is_fine } => {
@@ -178,7 +179,7 @@ impl Controller {
             Action::Pause { is_optional } => {
                 let is_skipped = is_optional && self.skips_optional_stops;
                 if !is_check && !is_skipped {
-                    self.state = State::Hold { is_stopped: true };
+                    self.state = ControllerState::Hold { is_stopped: true };
                 }
             }
             Action::ProgramEnd => self.end_program(),
@@ -188,15 +189,15 @@ impl Controller {
             Action::ToolChange => {
                 self.switch_off();
                 self.cadence.accessories_changed();
-                self.state = State::Tool;
+                self.state = ControllerState::Tool;
             }
             Action::Sleep => {
                 self.feedback(Feedback::Sleeping);
                 self.switch_off();
-                self.state = State::Sleep;
+                self.state = ControllerState::Sleep;
             }
             Action::Restart => {
-                let is_locked = matches!(self.state, State::Alarm { .. });
+                let is_locked = matches!(self.state, ControllerState::Alarm { .. });
                 self.restart(is_locked);
             }
             Action::Answer(result) => {
@@ -228,7 +229,7 @@ impl Controller {
         }
     }
 
-    /// Queues a move.
+    /// Queues a move in the planner.
     fn plan(&mut self, motion: &Move) {
         let ran_empty_at_s = self.ran_empty_at_s.take();
         match self.planner.push(motion, &self.memory.settings) {
@@ -246,7 +247,7 @@ impl Controller {
         }
     }
 
-    /// Throws away what is planned and rests where the axes are.
+    /// Drops the planned motion; the axes rest where they are.
     pub(super) fn forget_motion(&mut self) {
         self.counts.blocks_discarded += self.planner.len() as u64;
         self.planner.clear(&self.memory.settings);
@@ -257,27 +258,29 @@ impl Controller {
         }
     }
 
-    /// Checks the travel of a programmed move; begins to brake when it is outside.
+    /// Checks a programmed move against the travel; starts to brake when the target is outside.
     fn is_within_limits(&mut self, motion: &Move) -> bool {
         let settings = &self.memory.settings;
         if !settings.soft_limits() || settings.within_travel(motion.target_in_machine) {
             return true;
         }
         match self.state {
-            State::Run => self.state = State::SoftLimit,
-            State::Idle if !self.planner.is_empty() => self.state = State::SoftLimit,
+            ControllerState::Run => self.state = ControllerState::SoftLimit,
+            ControllerState::Idle if !self.planner.is_empty() => {
+                self.state = ControllerState::SoftLimit
+            }
             _ => self.critical(Alarm::SOFT_LIMIT),
         }
         false
     }
 
     fn start_probe(&mut self, motion: &Move, away: bool, miss_is_fine: bool) {
-        if self.state == State::Check || !self.is_within_limits(motion) {
+        if self.state == ControllerState::Check || !self.is_within_limits(motion) {
             return;
         }
         if self.plant.touches_probe(self.position()) != away {
             self.sync_parser();
-            self.state = State::Alarm { is_critical: false };
+            self.state = ControllerState::Alarm { is_critical: false };
             self.alarm(Alarm::PROBE_INITIAL);
             return;
         }
@@ -297,13 +300,13 @@ impl Controller {
         }
         self.forget_motion();
         self.sync_parser();
-        self.state = State::Idle;
+        self.state = ControllerState::Idle;
         match probing.contact_steps {
             Some(steps) => self.probed = (steps, true),
             None => {
                 self.probed = (self.planner.position_steps(&self.memory.settings), false);
                 if !probing.miss_is_fine {
-                    self.state = State::Alarm { is_critical: false };
+                    self.state = ControllerState::Alarm { is_critical: false };
                     self.alarm(Alarm::PROBE_CONTACT);
                 }
             }
@@ -311,7 +314,7 @@ impl Controller {
         self.report_probe();
     }
 
-    /// Lets the parser start from where the axes really are.
+    /// Sets the parser's position to the real position of the axes.
     pub(super) fn sync_parser(&mut self) {
         let settings = &self.memory.settings;
         let at = mm_from_steps(self.planner.position_steps(settings), settings);
@@ -328,7 +331,7 @@ impl Controller {
         modal.coordinate_system = 0;
         modal.spindle = Spindle::Off;
         modal.coolant = Coolant::default();
-        if self.state != State::Check {
+        if self.state != ControllerState::Check {
             self.planner.set_overrides(Overrides::default());
             self.spindle_percent = 100;
             self.switch_off();

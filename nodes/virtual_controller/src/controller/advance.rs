@@ -1,13 +1,13 @@
-//! Lets time pass: motion, dwells, homing and doors, up to the next event and on.
+//! Advances time event by event: motion, dwells, homing and doors.
 
 use std::time::Duration;
 
 use super::action::Action;
-use super::{Controller, Door, State};
+use super::{Controller, ControllerState, Door};
 use crate::homing::{HomingStep, position_after_homing};
-use crate::motion::{Happening, steps_from_mm};
+use crate::motion::{MotionEvent, steps_from_mm};
 
-/// What a distance ahead leads to.
+/// What the axes meet after a distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Obstacle {
     Probe,
@@ -15,7 +15,7 @@ enum Obstacle {
 }
 
 impl Controller {
-    /// Brings the controller to `now`; a time in the past changes nothing.
+    /// Advances the controller to `now`; a time in the past has no effect.
     pub fn advance(&mut self, now: Duration) {
         while let Some(due) = self.clock_due().filter(|due| *due <= now) {
             self.advance_to(due);
@@ -30,7 +30,7 @@ impl Controller {
         self.advance_to(now);
     }
 
-    /// When the clock alone makes something happen.
+    /// When the next event is due that depends on the clock alone.
     fn clock_due(&self) -> Option<Duration> {
         self.report_due.into_iter().chain(self.override_flags.due).min()
     }
@@ -44,7 +44,7 @@ impl Controller {
             self.work();
         }
         self.instant_s = self.now.as_secs_f64();
-        // What is due at this very instant, such as the end of a block.
+        // Events that are due at this very instant, such as the end of a block.
         while self.is_busy() && self.seconds_to_next().is_some_and(|s| s <= 0.0) {
             self.step(0.0);
             self.work();
@@ -53,8 +53,8 @@ impl Controller {
 
     /// Returns when [`Self::advance`] should be called next; `None`: when bytes arrive.
     ///
-    /// The same clock as everywhere, never before `now`. Motion nobody waits
-    /// for is no event: a position is worked out when it is asked for.
+    /// On the clock of `now`, never before `now`. Motion alone is no event unless something waits
+    /// for its end: positions are computed on request.
     pub fn next_event(&self, now: Duration) -> Option<Duration> {
         if !self.transmit.is_empty() {
             return Some(now);
@@ -65,13 +65,16 @@ impl Controller {
             || self.obstacle().is_some()
             || matches!(
                 self.state,
-                State::Homing(_) | State::SoftLimit | State::Stopping | State::Starting { .. }
+                ControllerState::Homing(_)
+                    | ControllerState::SoftLimit
+                    | ControllerState::Stopping
+                    | ControllerState::Starting { .. }
             );
         let clock = self.clock_due().map(|due| due.max(now));
         if !is_awaited || !self.is_busy() {
             return clock;
         }
-        // Rounded up, so that the event is due when the time has come.
+        // Rounded up, so that the event is really due at that time.
         let event = self.seconds_to_next().map(|seconds| {
             let seconds = Duration::from_secs_f64(seconds.min(1e6)) + Duration::from_nanos(1);
             (self.now + seconds).max(now)
@@ -79,7 +82,7 @@ impl Controller {
         event.into_iter().chain(clock).min()
     }
 
-    /// Is anything going on that takes time?
+    /// Is something in progress that takes time?
     fn is_busy(&self) -> bool {
         self.is_moving() || self.dwell_left_s().is_some() || self.is_waiting_without_motion()
     }
@@ -87,30 +90,33 @@ impl Controller {
     fn is_waiting_without_motion(&self) -> bool {
         matches!(
             self.state,
-            State::Homing(_)
-                | State::Door(Door::Resuming { .. } | Door::Retracting | Door::Returning)
-                | State::Starting { .. }
+            ControllerState::Homing(_)
+                | ControllerState::Door(Door::Resuming { .. } | Door::Retracting | Door::Returning)
+                | ControllerState::Starting { .. }
         )
     }
 
     fn is_braking(&self) -> bool {
         match &self.state {
-            State::Hold { is_stopped: false }
-            | State::Jog { is_cancelled: true }
-            | State::Door(Door::Stopping { .. })
-            | State::SoftLimit
-            | State::Stopping => true,
-            State::Run => self.probing.as_ref().is_some_and(|p| p.contact_steps.is_some()),
+            ControllerState::Hold { is_stopped: false }
+            | ControllerState::Jog { is_cancelled: true }
+            | ControllerState::Door(Door::Stopping { .. })
+            | ControllerState::SoftLimit
+            | ControllerState::Stopping => true,
+            ControllerState::Run => {
+                self.probing.as_ref().is_some_and(|p| p.contact_steps.is_some())
+            }
             _ => false,
         }
     }
 
     fn is_moving(&self) -> bool {
-        matches!(self.state, State::Run | State::Jog { .. }) || self.is_braking()
+        matches!(self.state, ControllerState::Run | ControllerState::Jog { .. })
+            || self.is_braking()
     }
 
     fn dwell_left_s(&self) -> Option<f64> {
-        let is_running = matches!(self.state, State::Idle | State::Run);
+        let is_running = matches!(self.state, ControllerState::Idle | ControllerState::Run);
         match self.script.front() {
             Some(Action::Dwell { left_s }) if is_running => Some(*left_s),
             _ => None,
@@ -126,35 +132,36 @@ impl Controller {
         let at = self.position();
         let settings = &self.memory.settings;
         let switch = match settings.hard_limits() {
-            true => self.plant.way_to_switch(at, unit, settings),
+            true => self.plant.distance_to_switch(at, unit, settings),
             false => None,
         };
         let probe = match &self.probing {
             Some(probing) if probing.contact_steps.is_none() => {
-                self.plant.way_to_probe_change(at, unit)
+                self.plant.distance_to_probe_change(at, unit)
             }
             _ => None,
         };
-        let switch = switch.map(|way| (way, Obstacle::Switch));
-        let probe = probe.map(|way| (way, Obstacle::Probe));
+        let switch = switch.map(|distance| (distance, Obstacle::Switch));
+        let probe = probe.map(|distance| (distance, Obstacle::Probe));
         switch
             .into_iter()
             .chain(probe)
-            .filter(|(way, _)| *way <= remaining)
+            .filter(|(distance, _)| *distance <= remaining)
             .min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     fn seconds_to_next(&self) -> Option<f64> {
         let motion = match &self.state {
-            State::Homing(homing) => {
+            ControllerState::Homing(homing) => {
                 Some(homing.seconds_to_next(&self.plant, &self.memory.settings))
             }
-            State::Door(Door::Resuming { left_s }) | State::Starting { left_s } => Some(*left_s),
-            State::Door(Door::Retracting | Door::Returning) => {
+            ControllerState::Door(Door::Resuming { left_s })
+            | ControllerState::Starting { left_s } => Some(*left_s),
+            ControllerState::Door(Door::Retracting | Door::Returning) => {
                 self.parking.as_ref().and_then(|parking| parking.seconds_to_next())
             }
             _ if self.is_moving() => {
-                let trip = self.obstacle().map(|(way, _)| way);
+                let trip = self.obstacle().map(|(distance, _)| distance);
                 self.planner.seconds_to_next(self.is_braking(), trip).or(Some(0.0))
             }
             _ => None,
@@ -162,25 +169,25 @@ impl Controller {
         [motion, self.dwell_left_s()].into_iter().flatten().min_by(f64::total_cmp)
     }
 
-    /// Lets at most `seconds` pass, up to the next event; returns the seconds used.
+    /// Advances by at most `seconds`, up to the next event; returns the seconds used.
     fn step(&mut self, seconds: f64) -> f64 {
         let started_s = self.instant_s;
         let dwell = self.dwell_left_s();
         let limit = dwell.map_or(seconds, |left| seconds.min(left));
-        let used = if let State::Homing(homing) = &mut self.state {
+        let used = if let ControllerState::Homing(homing) = &mut self.state {
             let (used, step) = homing.advance(limit, &self.plant, &self.memory.settings);
             self.after_homing_step(step);
             used
-        } else if let State::Door(Door::Resuming { left_s }) = &mut self.state {
+        } else if let ControllerState::Door(Door::Resuming { left_s }) = &mut self.state {
             let used = limit.min(*left_s);
             *left_s -= used;
             if *left_s <= 0.0 {
                 self.resume();
             }
             used
-        } else if let State::Door(Door::Retracting | Door::Returning) = self.state {
+        } else if let ControllerState::Door(Door::Retracting | Door::Returning) = self.state {
             self.step_parking(limit)
-        } else if let State::Starting { left_s } = &mut self.state {
+        } else if let ControllerState::Starting { left_s } = &mut self.state {
             let used = limit.min(*left_s);
             *left_s -= used;
             if *left_s <= 0.0 {
@@ -189,10 +196,10 @@ impl Controller {
             used
         } else if self.is_moving() {
             let obstacle = self.obstacle();
-            let trip = obstacle.map(|(way, _)| way);
-            let (used, happening) = self.planner.advance(limit, self.is_braking(), trip);
+            let trip = obstacle.map(|(distance, _)| distance);
+            let (used, event) = self.planner.advance(limit, self.is_braking(), trip);
             self.instant_s += used;
-            self.after_motion(happening, obstacle.map(|(_, what)| what));
+            self.after_motion(event, obstacle.map(|(_, what)| what));
             used
         } else {
             limit
@@ -206,14 +213,14 @@ impl Controller {
         used
     }
 
-    fn after_motion(&mut self, happening: Happening, obstacle: Option<Obstacle>) {
-        if let Happening::BlockDone { ends_motion } = happening {
+    fn after_motion(&mut self, event: MotionEvent, obstacle: Option<Obstacle>) {
+        if let MotionEvent::BlockDone { ends_motion } = event {
             self.counts.blocks_executed += 1;
             self.counts.motions_finished += u64::from(ends_motion);
         }
-        match (happening, obstacle) {
-            (Happening::Tripped, Some(Obstacle::Switch)) => self.hit_limit(),
-            (Happening::Tripped, Some(Obstacle::Probe)) => {
+        match (event, obstacle) {
+            (MotionEvent::Tripped, Some(Obstacle::Switch)) => self.hit_limit(),
+            (MotionEvent::Tripped, Some(Obstacle::Probe)) => {
                 let steps = self.planner.position_steps(&self.memory.settings);
                 if let Some(probing) = &mut self.probing {
                     probing.contact_steps = Some(steps);
@@ -221,31 +228,31 @@ impl Controller {
             }
             _ => {}
         }
-        let is_at_rest = self.planner.is_empty() || happening == Happening::Stopped;
+        let is_at_rest = self.planner.is_empty() || event == MotionEvent::Stopped;
         if !self.is_moving() || !is_at_rest {
             return;
         }
         match self.state {
-            State::Run if self.probing.is_some() => self.finish_probe(),
-            State::Run => {
+            ControllerState::Run if self.probing.is_some() => self.finish_probe(),
+            ControllerState::Run => {
                 self.ran_empty_at_s = Some(self.instant_s);
-                self.state = State::Idle;
+                self.state = ControllerState::Idle;
             }
-            State::Jog { .. } => {
+            ControllerState::Jog { .. } => {
                 self.forget_motion();
                 self.sync_parser();
-                self.state = State::Idle;
+                self.state = ControllerState::Idle;
             }
-            State::Hold { .. } => self.state = State::Hold { is_stopped: true },
-            State::Door(Door::Stopping { is_jog }) => {
+            ControllerState::Hold { .. } => self.state = ControllerState::Hold { is_stopped: true },
+            ControllerState::Door(Door::Stopping { is_jog }) => {
                 if is_jog {
                     self.forget_motion();
                     self.sync_parser();
                 }
                 self.retract();
             }
-            State::SoftLimit => self.critical(crate::codes::Alarm::SOFT_LIMIT),
-            State::Stopping => self.finish_stop(),
+            ControllerState::SoftLimit => self.critical(crate::codes::Alarm::SOFT_LIMIT),
+            ControllerState::Stopping => self.finish_stop(),
             _ => {}
         }
     }
@@ -262,7 +269,7 @@ impl Controller {
                 self.plant.offset = crate::axes::subtract(physical, machine);
                 self.planner.set_position_steps(steps_from_mm(machine, settings));
                 self.sync_parser();
-                self.state = State::Idle;
+                self.state = ControllerState::Idle;
                 self.alarm = None;
                 self.is_homed = true;
                 self.cadence.homed_changed();

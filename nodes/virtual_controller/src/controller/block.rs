@@ -1,14 +1,14 @@
-//! From a checked block to the actions it consists of, in the order of the firmware.
+//! Turns a checked block into its actions, in the order of the firmware.
 
 use super::action::Action;
-use super::{Controller, State};
+use super::{Controller, ControllerState};
 use crate::axes::Vector;
 use crate::codes::ErrorCode;
 use crate::gcode::{Checked, Effect, FeedMode, Flow, Kind, NonModal, Spindle, check};
-use crate::motion::{Move, Pace};
+use crate::motion::{Move, ProgrammedSpeed};
 
 impl Controller {
-    /// Checks a program line and queues what it asks for.
+    /// Checks a program line and queues its actions.
     pub(super) fn block(&mut self, text: &str) -> Result<(), ErrorCode> {
         let vocabulary = self.vocabulary();
         let block = check(text, Kind::Program, &vocabulary, &self.parser, &self.memory.systems)?;
@@ -26,7 +26,7 @@ impl Controller {
         if block.changes_tool && !self.memory.settings.ignores_tool_changes() {
             self.script.extend([Action::Synchronize, Action::ToolChange]);
         }
-        // The coordinate system changes when motion has ended, in its own action.
+        // The coordinate system changes in its own action, after all motion has ended.
         let system = self.parser.modal.coordinate_system;
         self.parser.modal = block.modal;
         self.parser.modal.coordinate_system = system;
@@ -53,7 +53,7 @@ impl Controller {
         self.parser.position_in_machine = target;
         self.script.push_back(Action::Jog(Move {
             target_in_machine: target,
-            pace: Pace::Feed(block.feed),
+            speed: ProgrammedSpeed::Feed(block.feed),
             line_number: block.line_number,
             ignores_overrides: true,
             ends_motion: true,
@@ -85,7 +85,7 @@ impl Controller {
         }
     }
 
-    /// Does a constant-power laser (M3) go on or off because a line without axes changes
+    /// Does a constant-power laser (M3) switch on or off because a line without axis words changes
     /// between cutting and rapid?
     fn must_set_laser(&self, block: &Checked) -> bool {
         let before = &self.parser.modal;
@@ -116,9 +116,9 @@ impl Controller {
                 let systems = &self.memory.systems;
                 let end = if *g30 { systems.g30 } else { systems.g28 };
                 if let Some(over) = over {
-                    self.queue_line(*over, Pace::Rapid, block.line_number);
+                    self.queue_line(*over, ProgrammedSpeed::Rapid, block.line_number);
                 }
-                self.queue_line(end, Pace::Rapid, block.line_number);
+                self.queue_line(end, ProgrammedSpeed::Rapid, block.line_number);
             }
             None => {}
         }
@@ -126,36 +126,36 @@ impl Controller {
 
     fn queue_motion(&mut self, block: &Checked) {
         let vocabulary = self.vocabulary();
-        let pace = match block.modal.feed_mode {
-            FeedMode::UnitsPerMinute => Pace::Feed(block.feed),
-            FeedMode::InverseTime => Pace::InverseTime(block.feed),
+        let speed = match block.modal.feed_mode {
+            FeedMode::UnitsPerMinute => ProgrammedSpeed::Feed(block.feed),
+            FeedMode::InverseTime => ProgrammedSpeed::InverseTime(block.feed),
         };
         let line_number = block.line_number;
         match &block.effect {
             Effect::None => {}
-            Effect::Rapid(target) => self.queue_line(*target, Pace::Rapid, line_number),
-            Effect::Line(target) => self.queue_line(*target, pace, line_number),
+            Effect::Rapid(target) => self.queue_line(*target, ProgrammedSpeed::Rapid, line_number),
+            Effect::Line(target) => self.queue_line(*target, speed, line_number),
             Effect::Arc(arc) => {
                 self.parser.position_in_machine = arc.end;
                 let tolerance_mm = self.memory.settings.arc_tolerance_mm();
                 let chords = arc.clone().chords(tolerance_mm, vocabulary.arc_precision);
-                let pace = match pace {
-                    Pace::InverseTime(per_min) => {
-                        Pace::InverseTime(per_min * f64::from(chords.count))
+                let speed = match speed {
+                    ProgrammedSpeed::InverseTime(per_min) => {
+                        ProgrammedSpeed::InverseTime(per_min * f64::from(chords.count))
                     }
                     other => other,
                 };
-                self.script.push_back(Action::Chords { chords, pace, line_number });
+                self.script.push_back(Action::Chords { chords, speed, line_number });
             }
             Effect::Probe { target, away, miss_is_fine } => {
                 let motion = Move {
                     target_in_machine: *target,
-                    pace,
+                    speed,
                     line_number,
                     ignores_overrides: true,
                     ends_motion: true,
                 };
-                if self.state == State::Check {
+                if self.state == ControllerState::Check {
                     self.parser.position_in_machine = *target;
                 }
                 self.script.extend([
@@ -167,11 +167,11 @@ impl Controller {
         }
     }
 
-    fn queue_line(&mut self, target_in_machine: Vector, pace: Pace, line_number: u32) {
+    fn queue_line(&mut self, target_in_machine: Vector, speed: ProgrammedSpeed, line_number: u32) {
         self.parser.position_in_machine = target_in_machine;
         self.script.push_back(Action::Move(Move {
             target_in_machine,
-            pace,
+            speed,
             line_number,
             ignores_overrides: false,
             ends_motion: true,

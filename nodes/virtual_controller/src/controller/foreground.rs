@@ -1,35 +1,34 @@
-//! The main loop: takes lines from the receive buffer and has them worked off.
+//! The main loop: reads lines from the receive buffer and executes them.
 //!
-//! Every line becomes a script of actions that ends with its answer. What an
-//! action does is in `action`.
+//! Every line becomes a script of actions that ends with its answer. `action` executes them.
 
-use super::{Controller, State};
+use super::{Controller, ControllerState};
 use crate::codes::ErrorCode;
-use crate::firmware::Hearing;
+use crate::firmware::AcceptedInput;
 use crate::line::Line;
 
 impl Controller {
-    /// What gets through to the controller as it is now.
-    pub(super) fn hearing(&self) -> Hearing {
+    /// Which input the controller accepts in its present state.
+    pub(super) fn accepted_input(&self) -> AcceptedInput {
         match self.state {
-            State::Alarm { is_critical: true } => self.traits().critical_hearing,
-            State::Sleep => self.traits().sleep_hearing,
-            State::Off => Hearing::Nothing,
-            State::Hold { .. }
-            | State::Door(_)
-            | State::Starting { .. }
-            | State::Tool
-            | State::SoftLimit
-            | State::Stopping
-            | State::Homing(_)
-            | State::Jog { is_cancelled: true } => Hearing::Realtime,
-            _ => Hearing::Lines,
+            ControllerState::Alarm { is_critical: true } => self.traits().critical_alarm_input,
+            ControllerState::Sleep => self.traits().sleep_input,
+            ControllerState::Off => AcceptedInput::Nothing,
+            ControllerState::Hold { .. }
+            | ControllerState::Door(_)
+            | ControllerState::Starting { .. }
+            | ControllerState::Tool
+            | ControllerState::SoftLimit
+            | ControllerState::Stopping
+            | ControllerState::Homing(_)
+            | ControllerState::Jog { is_cancelled: true } => AcceptedInput::Realtime,
+            _ => AcceptedInput::Lines,
         }
     }
 
-    /// Does everything that can be done without time passing.
+    /// Does all work that takes no time.
     pub(super) fn work(&mut self) {
-        while self.hearing() == Hearing::Lines && !self.is_transmit_full() {
+        while self.accepted_input() == AcceptedInput::Lines && !self.is_transmit_full() {
             if let Some(action) = self.script.pop_front() {
                 if let Some(unfinished) = self.perform(action) {
                     self.script.push_front(unfinished);
@@ -43,11 +42,11 @@ impl Controller {
                 break;
             }
         }
-        if self.hearing() == Hearing::RealtimeAndDiscard {
+        if self.accepted_input() == AcceptedInput::RealtimeAndDiscard {
             self.receive_buffer.clear();
         }
-        if self.state == State::Idle && !self.planner.is_empty() {
-            self.state = State::Run;
+        if self.state == ControllerState::Idle && !self.planner.is_empty() {
+            self.state = ControllerState::Run;
         }
     }
 
@@ -79,6 +78,9 @@ impl Controller {
 
     /// Is G-code locked out?
     fn is_locked(&self) -> bool {
-        matches!(self.state, State::Alarm { .. } | State::Jog { .. } | State::Sleep)
+        matches!(
+            self.state,
+            ControllerState::Alarm { .. } | ControllerState::Jog { .. } | ControllerState::Sleep
+        )
     }
 }

@@ -1,20 +1,19 @@
 //! The controller: receives bytes, moves axes in time, answers.
 //!
-//! Sans-IO: bytes and the time go in, bytes and the time of the next event
-//! come out. Bytes arrive here as fast as they are handed over; the line's
-//! byte rate is `paced`'s business, trouble on the line `fault`'s.
+//! Sans-IO: bytes and the time go in; bytes and the time of the next event come out. Received
+//! bytes arrive at once here: `paced` adds the byte rate of the line, `fault` its faults.
 //!
-//! - `state`: what it may be doing
+//! - `state`: what the controller is doing
 //! - `realtime`: what single bytes do
-//! - `overrides`: what those for overrides add up to
+//! - `overrides`: how override bytes add up
 //! - `reset`: resets, alarms and switching on
 //! - `foreground`: reads lines and decides who answers them
-//! - `action`: works off what lines ask for
+//! - `action`: executes the actions of lines
 //! - `block`: turns a checked block into actions
 //! - `system`: the `$` commands
-//! - `parking`: the tool out of the way of the door
+//! - `parking`: moves the tool away while the door is open
 //! - `report`: everything printed
-//! - `advance`: lets time pass
+//! - `advance`: advances time
 
 mod action;
 mod advance;
@@ -46,31 +45,31 @@ use action::Action;
 use overrides::OverrideFlags;
 use parking::Parking;
 use report::Cadence;
-use state::{Door, Probing, State};
+use state::{ControllerState, Door, Probing};
 
-/// What a controller is built and wired like.
+/// How a controller is built and wired.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Build {
-    /// Settings at first power-up, and those `$RST=$` restores. They say which firmware it is.
+    /// Settings at first power-up, and those that `$RST=$` restores. They name the firmware.
     pub settings: Settings,
-    /// Bytes of the receive buffer as `$I` tells them; `None`: as usual for the firmware.
+    /// Bytes of the receive buffer as `$I` reports them; `None`: the firmware's usual number.
     pub receive_buffer_bytes: Option<usize>,
-    /// Where the axes stand and what the controller believes at power-up, mm.
+    /// Physical position of the axes at power-up, which the controller then knows, mm.
     ///
-    /// Given, the two agree, as after homing in an earlier session. `None`:
-    /// the axes stand in the middle of their travel and the controller
-    /// believes in zero, as after switching on.
+    /// `Some`: the controller knows where the axes are, as after homing in an earlier session.
+    /// `None`: the axes are in the middle of their travel and the controller assumes zero, as after
+    /// switching on.
     pub start_in_machine: Option<Vector>,
     /// Physical height of the surface that a probe finds, mm; `None`: no probe is wired.
     pub probe_surface_z_mm: Option<f64>,
-    /// Compile option: `Ln` in reports. grblHAL has it anyway, by `$10`.
+    /// Compile option: `Ln` in reports. grblHAL always has it, by `$10`.
     pub has_line_numbers: bool,
-    /// Compile option: M7 and 0xA1. grblHAL and FluidNC have it anyway.
+    /// Compile option: M7 and 0xA1. grblHAL and FluidNC always have it.
     pub has_mist: bool,
 }
 
 impl Build {
-    /// An ordinary build with these settings.
+    /// A standard build with these settings.
     pub fn new(settings: Settings) -> Self {
         Self {
             settings,
@@ -82,7 +81,7 @@ impl Build {
         }
     }
 
-    /// What it runs.
+    /// The firmware that it runs.
     pub fn firmware(&self) -> Firmware {
         self.settings.firmware()
     }
@@ -91,16 +90,16 @@ impl Build {
         self.receive_buffer_bytes.unwrap_or(self.firmware().traits().receive_buffer_bytes)
     }
 
-    /// What of it can be filled.
+    /// Bytes of the receive buffer that can be filled.
     fn receive_capacity(&self) -> usize {
         self.receive_buffer_bytes().saturating_sub(self.firmware().traits().receive_buffer_spare)
     }
 }
 
-/// A straight piece of what programs draw, as it goes to the planner.
+/// A straight piece of the programmed path, as it goes to the planner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drawn {
-    /// Where it ends, mm; 32 bit numbers.
+    /// Its end, mm; 32 bit numbers.
     pub end_in_machine: Vector,
     /// S in force.
     pub spindle_rpm: f64,
@@ -108,7 +107,7 @@ pub struct Drawn {
     pub spindle: u8,
 }
 
-/// What outlives a reset and a power cycle.
+/// What survives a reset and a power cycle.
 #[derive(Debug, Clone)]
 struct Memory {
     settings: Settings,
@@ -123,10 +122,10 @@ pub struct Controller {
     build: Build,
     memory: Memory,
     plant: Plant,
-    state: State,
+    state: ControllerState,
     /// The alarm in force, or the last one.
     alarm: Option<Alarm>,
-    /// Have the axes been homed, and not lost since?
+    /// Have the axes been homed, and has the position been known since?
     is_homed: bool,
     receive_buffer: ReceiveBuffer,
     reader: LineReader,
@@ -134,41 +133,41 @@ pub struct Controller {
     parser: ParserState,
     planner: Planner,
     script: VecDeque<Action>,
-    /// What every program line is answered with until the error is cleared.
+    /// The answer to every program line until the error is cleared.
     sticky_error: Option<ErrorCode>,
-    /// Feed at the beginning of a hold, mm/min.
+    /// Feed at the start of a hold, mm/min.
     held_feed: f64,
-    /// Does M1 go on?
+    /// Does M1 not stop?
     skips_optional_stops: bool,
     probing: Option<Probing>,
-    /// The tool is away, or on its way there or back.
+    /// Set while the tool is away, or moving away or back.
     parking: Option<Parking>,
     /// Last probe result, steps and success.
     probed: ([i64; 3], bool),
     spindle: Spindle,
     spindle_rpm: f64,
-    /// 0x9E in a hold.
+    /// 0x9E in a hold stopped the spindle.
     is_spindle_stopped: bool,
     spindle_percent: u8,
     override_flags: OverrideFlags,
     coolant: Coolant,
     cadence: Cadence,
-    /// The parser state as it was last told after a report.
+    /// The parser state as it was last reported after a status report.
     reported_parser_state: String,
-    /// `?` came while homing, or while there was no room for the report.
+    /// `?` came while homing, or when there was no room for the report.
     has_pending_report: bool,
     /// `!` came while homing.
     has_pending_hold: bool,
-    /// The interval of reports nobody asks for, as it was at power-up, and when the next is due.
+    /// The interval of automatic reports, as it was at power-up, and when the next one is due.
     report_interval: Option<Duration>,
     report_due: Option<Duration>,
     now: Duration,
-    /// The time of what happens now, s; behind `now` while that is being caught up with.
+    /// The time that is being simulated, s; earlier than `now` while the controller catches up.
     instant_s: f64,
-    /// When the planner ran empty though nothing asked for a stop, s.
+    /// When the planner ran empty without a programmed stop, s.
     ran_empty_at_s: Option<f64>,
     counts: Counts,
-    /// What was drawn, where somebody wants to know.
+    /// What was drawn, if `keep_drawn` was called.
     drawn: Option<Vec<Drawn>>,
 }
 
@@ -200,7 +199,7 @@ impl Controller {
                 startup: [String::new(), String::new()],
                 build_info: String::new(),
             },
-            state: State::Idle,
+            state: ControllerState::Idle,
             alarm: None,
             is_homed: false,
             receive_buffer: ReceiveBuffer::new(build.receive_capacity()),
@@ -242,18 +241,18 @@ impl Controller {
         self.build.firmware().traits()
     }
 
-    /// The G-code it knows as it is built and set.
+    /// The G-code that it knows with its build and settings.
     fn vocabulary(&self) -> Vocabulary {
         let vocabulary = self.traits().vocabulary;
         Vocabulary { has_mist: vocabulary.has_mist || self.build.has_mist, ..vocabulary }
     }
 
-    /// Takes bytes that arrived at `now`.
+    /// Receives bytes that arrived at `now`.
     pub fn receive(&mut self, now: Duration, bytes: &[u8]) {
         self.advance(now);
         self.counts.bytes_received += bytes.len() as u64;
         for &byte in bytes {
-            if self.state == State::Off {
+            if self.state == ControllerState::Off {
                 break;
             }
             match (self.traits().realtime)(byte) {
@@ -274,11 +273,11 @@ impl Controller {
 
     /// Appends the bytes to be sent to `to`.
     ///
-    /// Lines are not read while [`TRANSMIT_BUFFER_BYTES`] wait here. What was
-    /// held up by that goes on now, so there may be more to transmit at once.
+    /// The controller reads no lines while [`TRANSMIT_BUFFER_BYTES`] wait here. It continues after
+    /// this call, so there may be more to transmit at once.
     pub fn transmit(&mut self, to: &mut Vec<u8>) {
         to.append(&mut self.transmit);
-        if self.has_pending_report && !matches!(self.state, State::Homing(_)) {
+        if self.has_pending_report && !matches!(self.state, ControllerState::Homing(_)) {
             self.has_pending_report = false;
             self.report_status();
         }
@@ -289,10 +288,12 @@ impl Controller {
         self.transmit.len() >= TRANSMIT_BUFFER_BYTES
     }
 
-    /// Where the axes are in machine coordinates, mm, as the controller counts.
+    /// Position of the axes in machine coordinates, mm, as the controller counts it.
     pub fn position(&self) -> Vector {
         match (&self.state, &self.parking) {
-            (State::Homing(homing), _) => homing.position(&self.plant, &self.memory.settings),
+            (ControllerState::Homing(homing), _) => {
+                homing.position(&self.plant, &self.memory.settings)
+            }
             (_, Some(parking)) => {
                 let settings = &self.memory.settings;
                 mm_from_steps(steps_from_mm(parking.position(), settings), settings)
@@ -327,12 +328,12 @@ impl Controller {
         }
     }
 
-    /// From now on, keeps what programs draw; in check mode (`$C`) too, where nothing moves.
+    /// From now on, keeps what programs draw; also in check mode (`$C`), where nothing moves.
     pub fn keep_drawn(&mut self) {
         self.drawn = Some(Vec::new());
     }
 
-    /// Gives what was drawn since it was last asked.
+    /// Returns what was drawn since the last call.
     pub fn take_drawn(&mut self) -> Vec<Drawn> {
         self.drawn.as_mut().map(std::mem::take).unwrap_or_default()
     }
@@ -342,7 +343,7 @@ impl Controller {
         self.receive_buffer.overrun_bytes
     }
 
-    /// Holds the limit switch of an axis closed, or lets it go.
+    /// Holds the limit switch of an axis closed, or releases it.
     pub fn hold_limit(&mut self, axis: usize, is_closed: bool) {
         if axis >= AXES {
             return;
@@ -353,7 +354,7 @@ impl Controller {
         }
     }
 
-    /// Cuts the wire of the limit switches of an axis, or mends it.
+    /// Cuts the wire of the limit switches of an axis, or repairs it.
     pub fn cut_limit(&mut self, axis: usize, is_dead: bool) {
         if axis < AXES {
             self.plant.dead[axis] = is_dead;
@@ -369,7 +370,7 @@ impl Controller {
         }
     }
 
-    /// Switches the supply off: the axes stop where they are, nothing is heard or said.
+    /// Switches the supply off: the axes stop where they are; nothing is received or sent.
     pub fn power_off(&mut self) {
         let physical = crate::axes::add(self.position(), self.plant.offset);
         self.plant.offset = physical;
@@ -383,16 +384,16 @@ impl Controller {
         self.report_due = None;
         self.alarm = None;
         self.is_homed = false;
-        self.state = State::Off;
+        self.state = ControllerState::Off;
     }
 
     /// Switches the supply off and on: motion, position and unsaved state are gone.
     ///
-    /// The axes stay where they are; the controller believes in zero.
+    /// The axes stay where they are; the controller assumes zero.
     pub fn power_cycle(&mut self) {
         self.power_off();
         self.reader = LineReader::new(self.traits().line);
-        self.state = State::Idle;
+        self.state = ControllerState::Idle;
         self.boot();
     }
 }

@@ -1,9 +1,9 @@
-//! Overrides: when the bytes that change them are looked at, and what they amount to then.
+//! Overrides: when their bytes take effect, and how they add up.
 //!
-//! grblHAL and FluidNC queue the bytes. grbl 1.1h sets a bit for each kind of byte and looks
-//! at the bits once in a pass of its main loop: equal bytes between two passes count once,
-//! and the bits act in an order of their own, whatever the order of the bytes was. It adds in
-//! eight bits: below zero comes 255, which is then cut to 200 percent.
+//! grblHAL and FluidNC queue the bytes. grbl 1.1h sets a bit for each kind of byte and checks
+//! the bits once in each pass of its main loop. So equal bytes between two passes count once,
+//! and the bits take effect in a fixed order, whatever the order of the bytes was. It adds in
+//! eight bits: a result below zero wraps to 255, which is then limited to 200 percent.
 //! Source: `protocol_exec_rt_system` of grbl 1.1h, `override.c` of grblHAL.
 
 use std::time::Duration;
@@ -11,7 +11,7 @@ use std::time::Duration;
 use super::Controller;
 use crate::receive::OverrideChange::{self, FeedBy, FeedReset, Rapid, SpindleBy, SpindleReset};
 
-/// What grbl 1.1h executes first to last.
+/// The order in which grbl 1.1h executes override bits.
 const ORDER: [OverrideChange; 13] = [
     FeedReset,
     FeedBy(10),
@@ -27,7 +27,7 @@ const ORDER: [OverrideChange; 13] = [
     SpindleBy(1),
     SpindleBy(-1),
 ];
-/// All take these limits, percent.
+/// The limits of all overrides, percent.
 const PERCENT_MIN: u8 = 10;
 const PERCENT_MAX: u8 = 200;
 
@@ -39,7 +39,7 @@ pub(super) struct OverrideFlags {
 }
 
 impl Controller {
-    /// A byte that asks for an override came.
+    /// Receives an override byte.
     pub(super) fn ask_override(&mut self, change: OverrideChange) {
         let Some(pass) = self.traits().override_pass else {
             return self.change_overrides(&[change]);
@@ -51,7 +51,7 @@ impl Controller {
         due.get_or_insert(self.now + pass);
     }
 
-    /// The main loop comes by.
+    /// A pass of the main loop: executes the flags.
     pub(super) fn look_at_overrides(&mut self) {
         let OverrideFlags { set, .. } = std::mem::take(&mut self.override_flags);
         let ordered: Vec<_> = ORDER.into_iter().filter(|change| set.contains(change)).collect();
@@ -80,7 +80,7 @@ impl Controller {
     }
 }
 
-/// In eight bits.
+/// Adds in eight bits, as grbl 1.1h does.
 fn add(percent: &mut u8, by: i16) {
     *percent = percent.wrapping_add_signed(i8::try_from(by).unwrap_or_default());
 }

@@ -1,14 +1,14 @@
-//! Parking: one axis takes the tool out of the way while the door is open, and back.
+//! Parking: one axis moves the tool away while the door is open, and back.
 //!
-//! Slowly out of the work with the spindle turning, fast to the parking place
-//! without it; fast back, spindle and coolant on, slowly to where the
-//! program stopped. Knows one axis and its way; what the door does is told to it.
+//! Away: slowly out of the work with the spindle on, then fast to the parking position with the
+//! spindle off. Back: fast, then spindle and coolant on, then slowly to where the program
+//! stopped. This file knows the one axis and its path; `door` events come from its callers.
 
-use super::{Controller, Door, State};
+use super::{Controller, ControllerState, Door};
 use crate::axes::Vector;
 use crate::motion::{Ramp, braking_ramp, next_ramp};
 
-/// A tool on its way out, or back, or away.
+/// A tool that is moving away, away, or moving back.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Parking {
     axis: usize,
@@ -29,7 +29,7 @@ pub(super) struct Parking {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Leg {
-    /// The door has opened again on the way back.
+    /// The door opened again on the way back.
     Braking,
     PullOut,
     Away,
@@ -39,12 +39,12 @@ enum Leg {
         left_s: f64,
     },
     Plunge,
-    /// Where the program stopped.
+    /// Back where the program stopped.
     Home,
 }
 
 impl Parking {
-    /// Where the axes are, machine coordinates, mm.
+    /// Position of the axes, machine coordinates, mm.
     pub(super) fn position(&self) -> Vector {
         let mut position = self.held_at;
         position[self.axis] = self.at;
@@ -55,7 +55,7 @@ impl Parking {
         self.speed * 60.0
     }
 
-    /// Spindle and coolant are off from the end of the pull-out to the end of the way back.
+    /// Spindle and coolant are off from the end of the pull-out until the tool is back above it.
     pub(super) fn is_powered(&self) -> bool {
         matches!(self.leg, Leg::PullOut | Leg::PowerUp { .. } | Leg::Plunge | Leg::Home)
     }
@@ -81,7 +81,7 @@ impl Parking {
         }
     }
 
-    /// Lets at most `seconds` pass; `power_up_s` is what spindle and coolant take.
+    /// Advances by at most `seconds`; `power_up_s` is the time that spindle and coolant need.
     fn advance(&mut self, seconds: f64, power_up_s: f64) -> f64 {
         if let Leg::PowerUp { left_s } = &mut self.leg {
             let used = seconds.min(*left_s);
@@ -93,11 +93,11 @@ impl Parking {
         }
         let Some(ramp) = self.ramp() else { return seconds };
         let used = seconds.min(ramp.duration_s);
-        let (way, speed) = match used < ramp.duration_s {
+        let (distance, speed) = match used < ramp.duration_s {
             true => ramp.after(self.speed, used),
             false => (ramp.distance_mm, ramp.end_speed_mm_per_s),
         };
-        self.at += if self.is_upward { way } else { -way };
+        self.at += if self.is_upward { distance } else { -distance };
         self.speed = speed;
         if used >= ramp.duration_s && (ramp.finishes || self.speed <= 0.0) {
             self.speed = 0.0;
@@ -122,40 +122,40 @@ impl Parking {
 }
 
 impl Controller {
-    /// The door has brought everything to rest: the tool goes away, if it may.
+    /// The door stopped all motion: moves the tool away, if parking is possible.
     pub(super) fn retract(&mut self) {
-        self.state = State::Door(Door::Stopped);
+        self.state = ControllerState::Door(Door::Stopped);
         let settings = &self.memory.settings;
         if !settings.parks() || !self.is_homed || self.parking.is_some() {
             return;
         }
-        let way = settings.parking();
+        let parking = settings.parking();
         let held_at = self.position();
-        let at = held_at[way.axis];
-        if at >= way.target_mm {
+        let at = held_at[parking.axis];
+        if at >= parking.target_mm {
             return;
         }
-        let rate_max = settings.max_rate_mm_per_min()[way.axis];
+        let rate_max = settings.max_rate_mm_per_min()[parking.axis];
         self.parking = Some(Parking {
-            axis: way.axis,
+            axis: parking.axis,
             held_at,
-            waypoint: (at + way.pull_out_mm).min(way.target_mm),
-            target: way.target_mm,
+            waypoint: (at + parking.pull_out_mm).min(parking.target_mm),
+            target: parking.target_mm,
             at,
             speed: 0.0,
             is_upward: true,
-            slow: way.pull_out_mm_per_min.min(rate_max) / 60.0,
-            fast: way.fast_mm_per_min.min(rate_max) / 60.0,
-            acceleration: settings.acceleration_mm_per_s2()[way.axis],
+            slow: parking.pull_out_mm_per_min.min(rate_max) / 60.0,
+            fast: parking.fast_mm_per_min.min(rate_max) / 60.0,
+            acceleration: settings.acceleration_mm_per_s2()[parking.axis],
             leg: Leg::PullOut,
         });
-        self.state = State::Door(Door::Retracting);
+        self.state = ControllerState::Door(Door::Retracting);
     }
 
-    /// `~` with the door closed: the tool comes back, spindle and coolant, and motion.
+    /// `~` with the door closed: brings back the tool, then spindle and coolant, then motion.
     pub(super) fn leave_door(&mut self) {
         let power_up_s = self.power_up_s();
-        self.state = State::Door(match &mut self.parking {
+        self.state = ControllerState::Door(match &mut self.parking {
             Some(parking) => {
                 parking.set_leg(Leg::Back);
                 Door::Returning
@@ -164,15 +164,15 @@ impl Controller {
         });
     }
 
-    /// The door has opened on the way back.
+    /// The door opened again while the tool was coming back.
     pub(super) fn retract_again(&mut self) {
         if let Some(parking) = &mut self.parking {
             parking.set_leg(Leg::Braking);
-            self.state = State::Door(Door::Retracting);
+            self.state = ControllerState::Door(Door::Retracting);
         }
     }
 
-    /// Lets at most `seconds` of parking pass; returns the seconds used.
+    /// Advances parking by at most `seconds`; returns the seconds used.
     pub(super) fn step_parking(&mut self, seconds: f64) -> f64 {
         let power_up_s = self.power_up_s();
         let Some(parking) = &mut self.parking else { return seconds };
@@ -183,7 +183,7 @@ impl Controller {
             self.cadence.accessories_changed();
         }
         match leg {
-            Leg::Parked => self.state = State::Door(Door::Stopped),
+            Leg::Parked => self.state = ControllerState::Door(Door::Stopped),
             Leg::Home => {
                 self.parking = None;
                 self.resume();

@@ -1,30 +1,30 @@
-//! Single bytes and the door: what acts out of turn.
+//! Real-time bytes and the door: input that acts at once, outside the line queue.
 
-use super::{Controller, Door, State};
+use super::{Controller, ControllerState, Door};
 use crate::codes::Alarm;
-use crate::firmware::{Feedback, Flush, Hearing};
+use crate::firmware::{AcceptedInput, Feedback, Flush};
 use crate::gcode::{Coolant, Motion, Spindle};
 use crate::receive::Realtime;
 
-/// Until the spindle is up to speed after a door, seconds.
+/// Time until the spindle is up to speed after a door, seconds.
 const DOOR_SPINDLE_S: f64 = 4.0;
-/// Until the coolant runs after a door, seconds.
+/// Time until the coolant runs after a door, seconds.
 const DOOR_COOLANT_S: f64 = 1.0;
 
 impl Controller {
     pub(super) fn act(&mut self, command: Realtime) {
-        let is_deaf = match self.hearing() {
-            Hearing::Nothing => true,
-            Hearing::ResetOnly => command != Realtime::SoftReset,
+        let is_ignored = match self.accepted_input() {
+            AcceptedInput::Nothing => true,
+            AcceptedInput::ResetOnly => command != Realtime::SoftReset,
             _ => false,
         };
-        let is_starting = matches!(self.state, State::Starting { .. });
-        if is_deaf || (is_starting && command != Realtime::StatusReport) {
+        let is_starting = matches!(self.state, ControllerState::Starting { .. });
+        if is_ignored || (is_starting && command != Realtime::StatusReport) {
             return;
         }
         match command {
             Realtime::SoftReset => self.soft_reset(),
-            // With reports at an interval, asking is of no use.
+            // With automatic reports, `?` has no effect.
             Realtime::StatusReport if self.report_due.is_some() => {}
             Realtime::StatusReport => self.report_status(),
             Realtime::FullReport => self.report_everything(),
@@ -44,7 +44,7 @@ impl Controller {
             Realtime::JogCancel => self.cancel_jog(),
             Realtime::Override(change) => self.ask_override(change),
             Realtime::SpindleStop => {
-                if matches!(self.state, State::Hold { is_stopped: true }) {
+                if matches!(self.state, ControllerState::Hold { is_stopped: true }) {
                     self.is_spindle_stopped = !self.is_spindle_stopped;
                     self.cadence.accessories_changed();
                 }
@@ -58,7 +58,10 @@ impl Controller {
     }
 
     fn toggle_coolant(&mut self, which: impl Fn(&mut Coolant) -> &mut bool) {
-        if matches!(self.state, State::Idle | State::Run | State::Hold { .. }) {
+        if matches!(
+            self.state,
+            ControllerState::Idle | ControllerState::Run | ControllerState::Hold { .. }
+        ) {
             let flag = which(&mut self.coolant);
             *flag = !*flag;
             self.parser.modal.coolant = self.coolant;
@@ -67,7 +70,7 @@ impl Controller {
     }
 
     fn cancel_jog(&mut self) {
-        let is_jog = matches!(self.state, State::Jog { .. });
+        let is_jog = matches!(self.state, ControllerState::Jog { .. });
         let flushes = match self.traits().jog_cancel_flush {
             Flush::Never => false,
             Flush::WhileJogging => is_jog,
@@ -78,31 +81,38 @@ impl Controller {
             self.reader.clear();
             self.sticky_error = None;
             if is_jog {
-                // Nor is the jog answered that waits for room.
+                // A jog that waits for room is not answered either.
                 self.script.clear();
             }
         }
-        if let State::Jog { is_cancelled } = &mut self.state {
+        if let ControllerState::Jog { is_cancelled } = &mut self.state {
             *is_cancelled = true;
         }
     }
 
-    /// grblHAL's 0x19: comes to rest and forgets what was to follow.
+    /// grblHAL's 0x19: stops and drops everything queued.
     fn stop(&mut self) {
         self.forget_input();
         self.sticky_error = None;
         match self.state {
-            State::Alarm { .. } | State::Sleep | State::Check | State::SoftLimit => {}
-            State::Homing(_) => self.fail_homing(Alarm::HOMING_RESET),
-            State::Run | State::Jog { .. } | State::Hold { is_stopped: false } => {
-                self.state = State::Stopping;
+            ControllerState::Alarm { .. }
+            | ControllerState::Sleep
+            | ControllerState::Check
+            | ControllerState::SoftLimit => {}
+            ControllerState::Homing(_) => self.fail_homing(Alarm::HOMING_RESET),
+            ControllerState::Run
+            | ControllerState::Jog { .. }
+            | ControllerState::Hold { is_stopped: false } => {
+                self.state = ControllerState::Stopping;
             }
-            State::Door(Door::Stopping { .. }) | State::Stopping | State::Starting { .. } => {}
+            ControllerState::Door(Door::Stopping { .. })
+            | ControllerState::Stopping
+            | ControllerState::Starting { .. } => {}
             _ => self.finish_stop(),
         }
     }
 
-    /// At rest after 0x19: the position stays, modes begin anew.
+    /// At rest after 0x19: the position stays, modes are reset.
     pub(super) fn finish_stop(&mut self) {
         self.forget_motion();
         self.probing = None;
@@ -114,41 +124,41 @@ impl Controller {
         self.switch_off();
         self.cadence.accessories_changed();
         self.state = match self.plant.is_door_open {
-            true => State::Door(Door::Stopped),
-            false => State::Idle,
+            true => ControllerState::Door(Door::Stopped),
+            false => ControllerState::Idle,
         };
         self.feedback(Feedback::Stop);
     }
 
-    /// FluidNC's 0x87 and on; here a macro does nothing but say that it ran.
+    /// FluidNC's 0x87 and following; here a macro only reports that it ran.
     fn run_macro(&mut self, number: u8) {
         match self.state {
-            State::Idle => self.line_out(&format!("[MSG:INFO: Macro{number}]")),
+            ControllerState::Idle => self.line_out(&format!("[MSG:INFO: Macro{number}]")),
             _ => self.line_out("[MSG:ERR: Macro can only be used in idle state]"),
         }
     }
 
     pub(super) fn feed_hold(&mut self) {
         match &mut self.state {
-            State::Idle => {
+            ControllerState::Idle => {
                 self.held_feed = 0.0;
                 self.ran_empty_at_s = None;
-                self.state = State::Hold { is_stopped: true };
+                self.state = ControllerState::Hold { is_stopped: true };
             }
-            State::Run => {
+            ControllerState::Run => {
                 self.held_feed = self.planner.speed_mm_per_min();
-                self.state = State::Hold { is_stopped: false };
+                self.state = ControllerState::Hold { is_stopped: false };
             }
-            State::Jog { is_cancelled } => *is_cancelled = true,
-            State::Homing(_) => self.has_pending_hold = true,
+            ControllerState::Jog { is_cancelled } => *is_cancelled = true,
+            ControllerState::Homing(_) => self.has_pending_hold = true,
             _ => {}
         }
     }
 
     fn cycle_start(&mut self) {
         match self.state {
-            State::Idle | State::Hold { is_stopped: true } => {
-                if let (State::Hold { .. }, Some(feedback)) =
+            ControllerState::Idle | ControllerState::Hold { is_stopped: true } => {
+                if let (ControllerState::Hold { .. }, Some(feedback)) =
                     (&self.state, self.traits().resume_feedback)
                 {
                     self.feedback(feedback);
@@ -156,17 +166,17 @@ impl Controller {
                 self.is_spindle_stopped = false;
                 self.resume();
             }
-            State::Tool => {
-                self.state = State::Idle;
+            ControllerState::Tool => {
+                self.state = ControllerState::Idle;
                 self.cadence.tool_changed();
                 self.report_status();
             }
-            State::Door(Door::Stopped) if !self.plant.is_door_open => self.leave_door(),
+            ControllerState::Door(Door::Stopped) if !self.plant.is_door_open => self.leave_door(),
             _ => {}
         }
     }
 
-    /// How long spindle and coolant take to be back, as far as they were on.
+    /// Seconds until spindle and coolant are back, if they were on.
     pub(super) fn power_up_s(&self) -> f64 {
         let delays = self.memory.settings.door_delays_s();
         let (spindle_s, coolant_s) = delays.unwrap_or((DOOR_SPINDLE_S, DOOR_COOLANT_S));
@@ -175,30 +185,38 @@ impl Controller {
         spindle + coolant
     }
 
-    /// Goes on with what is queued.
+    /// Continues with the queued motion.
     pub(super) fn resume(&mut self) {
         let is_at_rest = self.planner.is_empty() && self.probing.is_none();
-        self.state = if is_at_rest { State::Idle } else { State::Run };
+        self.state = if is_at_rest { ControllerState::Idle } else { ControllerState::Run };
     }
 
     pub(super) fn open_door(&mut self) {
         let is_moving = match &self.state {
-            State::Alarm { .. } | State::Check | State::Sleep | State::SoftLimit => return,
-            State::Off | State::Starting { .. } | State::Tool | State::Stopping => return,
-            State::Door(Door::Stopping { .. } | Door::Stopped | Door::Retracting) => return,
-            State::Door(Door::Returning) => {
+            ControllerState::Alarm { .. }
+            | ControllerState::Check
+            | ControllerState::Sleep
+            | ControllerState::SoftLimit => return,
+            ControllerState::Off
+            | ControllerState::Starting { .. }
+            | ControllerState::Tool
+            | ControllerState::Stopping => return,
+            ControllerState::Door(Door::Stopping { .. } | Door::Stopped | Door::Retracting) => {
+                return;
+            }
+            ControllerState::Door(Door::Returning) => {
                 self.feedback(Feedback::CheckDoor);
                 return self.retract_again();
             }
-            State::Homing(_) => return self.fail_homing(Alarm::HOMING_DOOR),
-            State::Door(Door::Resuming { .. }) | State::Idle => false,
-            State::Hold { is_stopped } => !is_stopped,
-            State::Run | State::Jog { .. } => true,
+            ControllerState::Homing(_) => return self.fail_homing(Alarm::HOMING_DOOR),
+            ControllerState::Door(Door::Resuming { .. }) | ControllerState::Idle => false,
+            ControllerState::Hold { is_stopped } => !is_stopped,
+            ControllerState::Run | ControllerState::Jog { .. } => true,
         };
         self.feedback(Feedback::CheckDoor);
-        let is_jog = matches!(self.state, State::Jog { .. });
+        let is_jog = matches!(self.state, ControllerState::Jog { .. });
         match is_moving {
-            true => self.state = State::Door(Door::Stopping { is_jog }),
+            true => self.state = ControllerState::Door(Door::Stopping { is_jog }),
             false => self.retract(),
         }
     }

@@ -1,10 +1,10 @@
-//! Beginning again: resets, alarms, switching on.
+//! Resets, alarms and switching on.
 
 use super::overrides::OverrideFlags;
 use super::report::Cadence;
-use super::{Controller, Door, State};
+use super::{Controller, ControllerState, Door};
 use crate::codes::Alarm;
-use crate::firmware::{Feedback, Hearing};
+use crate::firmware::{AcceptedInput, Feedback};
 use crate::gcode::{Coolant, ParserState, Spindle};
 use crate::motion::{Overrides, mm_from_steps};
 
@@ -16,17 +16,17 @@ impl Controller {
 
     /// A limit switch closed while hard limits are on.
     pub(super) fn hit_limit(&mut self) {
-        if !matches!(self.state, State::Off | State::Alarm { .. }) {
+        if !matches!(self.state, ControllerState::Off | ControllerState::Alarm { .. }) {
             self.critical(Alarm::HARD_LIMIT);
         }
     }
 
-    /// Stops dead and takes a reset before anything else.
+    /// Stops dead; nothing but a reset is accepted afterwards.
     pub(super) fn critical(&mut self, alarm: Alarm) {
         self.stop_dead();
-        self.state = State::Alarm { is_critical: true };
-        if self.hearing() != Hearing::ResetOnly {
-            // Whatever was to follow is never answered.
+        self.state = ControllerState::Alarm { is_critical: true };
+        if self.accepted_input() != AcceptedInput::ResetOnly {
+            // Lines that were still queued are never answered.
             self.forget_input();
         }
         self.alarm(alarm);
@@ -36,10 +36,11 @@ impl Controller {
         });
     }
 
-    /// Raises `ALARM:N` as the firmware would: some are critical, some begin again, all lock.
+    /// Raises `ALARM:N` as the firmware does: some are critical, some reset, all lock.
     pub fn raise_alarm(&mut self, number: u8) {
         let alarm = Alarm(number);
-        if matches!(self.state, State::Off | State::Alarm { is_critical: true }) {
+        if matches!(self.state, ControllerState::Off | ControllerState::Alarm { is_critical: true })
+        {
             return;
         }
         if self.traits().critical_alarms.contains(&number) {
@@ -59,21 +60,21 @@ impl Controller {
         }
         self.stop_dead();
         self.sync_parser();
-        // What is in work ends here, and gets its answer.
+        // The line in work ends here and gets its answer.
         self.script.retain(super::Action::is_answer);
-        self.state = State::Alarm { is_critical: false };
+        self.state = ControllerState::Alarm { is_critical: false };
         self.alarm(alarm);
         self.work();
     }
 
-    /// Steps, spindle and coolant end at once.
+    /// Stops steps, spindle and coolant at once.
     fn stop_dead(&mut self) {
         self.forget_motion();
         self.probing = None;
         self.switch_off();
     }
 
-    /// Forgets what has been received and not been answered.
+    /// Drops what has been received and not answered.
     pub(super) fn forget_input(&mut self) {
         self.script.clear();
         self.receive_buffer.clear();
@@ -88,19 +89,22 @@ impl Controller {
     /// 0x18.
     pub(super) fn soft_reset(&mut self) {
         let alarm = match self.state {
-            State::Homing(_) => Some(Alarm::HOMING_RESET),
-            State::Run | State::Jog { .. } | State::SoftLimit | State::Stopping => {
-                Some(Alarm::ABORTED_IN_MOTION)
-            }
-            State::Hold { is_stopped: false } | State::Door(Door::Stopping { .. }) => {
-                Some(Alarm::ABORTED_IN_MOTION)
-            }
-            State::Door(Door::Retracting | Door::Returning) if self.speed_mm_per_min() > 0.0 => {
+            ControllerState::Homing(_) => Some(Alarm::HOMING_RESET),
+            ControllerState::Run
+            | ControllerState::Jog { .. }
+            | ControllerState::SoftLimit
+            | ControllerState::Stopping => Some(Alarm::ABORTED_IN_MOTION),
+            ControllerState::Hold { is_stopped: false }
+            | ControllerState::Door(Door::Stopping { .. }) => Some(Alarm::ABORTED_IN_MOTION),
+            ControllerState::Door(Door::Retracting | Door::Returning)
+                if self.speed_mm_per_min() > 0.0 =>
+            {
                 Some(Alarm::ABORTED_IN_MOTION)
             }
             _ => None,
         };
-        let is_locked = matches!(self.state, State::Alarm { .. } | State::Sleep);
+        let is_locked =
+            matches!(self.state, ControllerState::Alarm { .. } | ControllerState::Sleep);
         let is_position_lost = alarm.is_some() || self.alarm == Some(Alarm::HARD_LIMIT);
         if is_position_lost && self.memory.settings.forgets_homing() {
             self.is_homed = false;
@@ -111,9 +115,9 @@ impl Controller {
         self.restart(is_locked || alarm.is_some());
     }
 
-    /// Begins again; grbl answers a line in work `ok` on the way.
+    /// Restarts the firmware; grbl first answers a line in work with `ok`.
     pub(super) fn restart(&mut self, is_locked: bool) {
-        if let State::Homing(homing) = &self.state {
+        if let ControllerState::Homing(homing) = &self.state {
             let at = homing.position(&self.plant, &self.memory.settings);
             let steps = crate::motion::steps_from_mm(at, &self.memory.settings);
             self.forget_motion();
@@ -123,11 +127,15 @@ impl Controller {
             self.counts.oks += 1;
             self.print("ok\r\n");
         }
-        self.state = if is_locked { State::Alarm { is_critical: false } } else { State::Idle };
+        self.state = if is_locked {
+            ControllerState::Alarm { is_critical: false }
+        } else {
+            ControllerState::Idle
+        };
         self.initialise();
     }
 
-    /// Power-up: the board takes its time, and may be locked.
+    /// Power-up: the board needs time to start, and may be locked.
     pub(super) fn boot(&mut self) {
         let interval =
             self.memory.settings.report_interval_s().map(std::time::Duration::from_secs_f64);
@@ -138,7 +146,7 @@ impl Controller {
             self.line_out(line);
         }
         if boot.seconds > 0.0 {
-            self.state = State::Starting { left_s: boot.seconds };
+            self.state = ControllerState::Starting { left_s: boot.seconds };
         } else {
             self.finish_boot();
         }
@@ -146,8 +154,8 @@ impl Controller {
 
     pub(super) fn finish_boot(&mut self) {
         self.state = match (self.traits().locks_at_boot)(&self.memory.settings) {
-            true => State::Alarm { is_critical: false },
-            false => State::Idle,
+            true => ControllerState::Alarm { is_critical: false },
+            false => ControllerState::Idle,
         };
         self.initialise();
     }
@@ -177,24 +185,24 @@ impl Controller {
         self.check_machine();
     }
 
-    /// What a reset says about the machine, and whether startup lines run.
+    /// Checks the machine after a reset, and decides whether startup lines run.
     fn check_machine(&mut self) {
         let settings = &self.memory.settings;
         let is_pressed = self.plant.pressed(self.position(), settings).contains(&true);
         if settings.homing_required() && !self.is_homed {
-            self.state = State::Alarm { is_critical: false };
+            self.state = ControllerState::Alarm { is_critical: false };
             self.alarm(Alarm::HOMING_REQUIRED);
             return self.feedback(Feedback::HomingRequired);
         }
         if (self.traits().checks_limits)(settings) && is_pressed {
-            self.state = State::Alarm { is_critical: false };
+            self.state = ControllerState::Alarm { is_critical: false };
             if let Some(alarm) = self.traits().limit_alarm {
                 self.alarm(alarm);
                 return self.feedback(Feedback::CheckLimits);
             }
             self.feedback(Feedback::CheckLimits);
         }
-        if matches!(self.state, State::Alarm { .. }) {
+        if matches!(self.state, ControllerState::Alarm { .. }) {
             self.feedback(Feedback::Unlock);
         } else {
             self.alarm = None;

@@ -4,15 +4,15 @@ use crate::homing::Homing;
 
 /// What the controller is doing.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum State {
+pub(super) enum ControllerState {
     /// No supply.
     Off,
-    /// The board comes up; the banner is still to come.
+    /// The board is starting; the banner has not been sent.
     Starting {
         left_s: f64,
     },
     Idle,
-    /// Locked until `$X`, `$H` or, after a critical one, a reset first.
+    /// Locked until `$X` or `$H`; a critical alarm needs a reset first.
     Alarm {
         is_critical: bool,
     },
@@ -27,18 +27,18 @@ pub(super) enum State {
     },
     Door(Door),
     Sleep,
-    /// M6: until the operator has changed the tool.
+    /// M6: waits until the operator has changed the tool.
     Tool,
     /// Braking because a target is outside of the travel.
     SoftLimit,
-    /// Braking to forget everything that was to follow.
+    /// Braking, then dropping everything queued.
     Stopping,
 }
 
 /// The stages of an open door.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Door {
-    /// A jog is forgotten when it has stopped, a program is not.
+    /// A jog is dropped when it has stopped; a program is not.
     Stopping {
         is_jog: bool,
     },

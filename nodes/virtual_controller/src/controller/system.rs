@@ -1,7 +1,7 @@
 //! The `$` commands.
 
 use super::action::Action;
-use super::{Controller, State};
+use super::{Controller, ControllerState};
 use crate::codes::ErrorCode;
 use crate::firmware::Feedback;
 use crate::gcode::{CoordinateSystems, Digits, read_number};
@@ -12,9 +12,9 @@ use crate::settings::Settings;
 const STORED_CHARACTERS_MAX: usize = 79;
 
 impl Controller {
-    /// Does the command behind a `$`; the caller answers.
+    /// Executes the command after a `$`; the caller answers.
     pub(super) fn system_command(&mut self, command: &str) -> Result<(), ErrorCode> {
-        if self.state == (State::Alarm { is_critical: true }) && !is_harmless(command) {
+        if self.state == (ControllerState::Alarm { is_critical: true }) && !is_harmless(command) {
             return Err(ErrorCode::CriticalEvent);
         }
         match command {
@@ -22,7 +22,7 @@ impl Controller {
                 self.report_help();
                 return Ok(());
             }
-            "$" if matches!(self.state, State::Run) => return Err(ErrorCode::NotIdle),
+            "$" if matches!(self.state, ControllerState::Run) => return Err(ErrorCode::NotIdle),
             "$" => {
                 self.report_settings();
                 return Ok(());
@@ -36,7 +36,7 @@ impl Controller {
             _ => {}
         }
         if let Some(jog) = command.strip_prefix('J') {
-            if !matches!(self.state, State::Idle | State::Jog { .. }) {
+            if !matches!(self.state, ControllerState::Idle | ControllerState::Jog { .. }) {
                 return Err(ErrorCode::NotIdle);
             }
             let text = jog.strip_prefix('=').ok_or(ErrorCode::InvalidStatement)?;
@@ -45,7 +45,7 @@ impl Controller {
         if matches!(command.as_bytes()[0], b'$' | b'G' | b'C' | b'X') {
             return Err(ErrorCode::InvalidStatement);
         }
-        if !matches!(self.state, State::Idle | State::Alarm { .. }) {
+        if !matches!(self.state, ControllerState::Idle | ControllerState::Alarm { .. }) {
             return Err(ErrorCode::NotIdle);
         }
         match command {
@@ -69,12 +69,12 @@ impl Controller {
 
     fn toggle_check(&mut self) -> Result<(), ErrorCode> {
         match self.state {
-            State::Check => {
+            ControllerState::Check => {
                 self.feedback(Feedback::CheckOff);
                 self.script.push_back(Action::Restart);
             }
-            State::Idle => {
-                self.state = State::Check;
+            ControllerState::Idle => {
+                self.state = ControllerState::Check;
                 self.feedback(Feedback::CheckOn);
             }
             _ => return Err(ErrorCode::NotIdle),
@@ -83,7 +83,7 @@ impl Controller {
     }
 
     fn unlock(&mut self) -> Result<(), ErrorCode> {
-        if matches!(self.state, State::Alarm { .. }) {
+        if matches!(self.state, ControllerState::Alarm { .. }) {
             if self.plant.is_door_open {
                 return Err(ErrorCode::DoorOpen);
             }
@@ -92,7 +92,7 @@ impl Controller {
             }
             self.feedback(Feedback::Unlocked);
             self.alarm = None;
-            self.state = State::Idle;
+            self.state = ControllerState::Idle;
         }
         Ok(())
     }
@@ -104,7 +104,7 @@ impl Controller {
         if self.plant.is_door_open {
             return Err(ErrorCode::DoorOpen);
         }
-        self.state = State::Homing(Homing::new(self.position(), &self.memory.settings));
+        self.state = ControllerState::Homing(Homing::new(self.position(), &self.memory.settings));
         if self.traits().announces_homing {
             self.report_status_now();
         }
@@ -144,7 +144,7 @@ impl Controller {
         let steps_before = self.memory.settings.steps_per_mm();
         self.memory.settings.set(number, value)?;
         if self.memory.settings.steps_per_mm() != steps_before {
-            // The steps stay; what they mean in millimetres has changed.
+            // The step counts stay; the millimetres they stand for have changed.
             self.sync_parser();
         }
         Ok(())
@@ -152,7 +152,7 @@ impl Controller {
 
     /// `$N0=` and `$N1=`: the line is executed, then stored.
     fn store_startup_line(&mut self, command: &str) -> Result<(), ErrorCode> {
-        if self.state != State::Idle {
+        if self.state != ControllerState::Idle {
             return Err(ErrorCode::NotIdle);
         }
         let (number, rest) =
@@ -176,14 +176,14 @@ impl Controller {
 
     pub(super) fn run_startup_line(&mut self, index: usize) {
         let text = self.memory.startup[index].clone();
-        let behind = std::mem::take(&mut self.script);
+        let later = std::mem::take(&mut self.script);
         let answer = self.block(&text);
         self.script.push_back(Action::Echo { text, answer });
-        self.script.extend(behind);
+        self.script.extend(later);
     }
 }
 
-/// Does a `$` command only tell something?
+/// Does a `$` command only report something?
 fn is_harmless(command: &str) -> bool {
     matches!(command, "" | "$" | "G" | "#" | "I" | "N")
 }
@@ -207,7 +207,10 @@ fn parse_setting(text: &str, digits: Digits) -> Result<(u16, f64), ErrorCode> {
 }
 
 impl Settings {
-    /// Stores a line `$n=v`, blanks allowed; says with grbl's code why it cannot.
+    /// Stores a line `$n=v`, blanks allowed.
+    ///
+    /// # Errors
+    /// The firmware rejects the line; the code is what it would answer.
     pub fn set_line(&mut self, line: &str) -> Result<(), ErrorCode> {
         let line: String = line.chars().filter(|c| !c.is_whitespace()).collect();
         let text = line.strip_prefix('$').ok_or(ErrorCode::InvalidStatement)?;

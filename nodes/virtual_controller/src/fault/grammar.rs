@@ -6,83 +6,83 @@
 //! | `tx-drop` `tx-duplicate` `tx-corrupt` | the same for a byte from the controller |
 //! | `lose-ok` `extra-ok` | loses an answer, sends one more |
 //! | `lose-line` `extra-line` | loses a whole line to the controller, passes one on twice |
-//! | `rx-delay:SECONDS` `tx-delay:SECONDS` | the line stalls so long, then all comes, in order |
-//! | `mute:TEXT` `garble:TEXT` | loses the next line that holds the text, or changes a byte of it |
-//! | `silent` `silent:SECONDS` | sends nothing any more, or for some seconds |
-//! | `push:TEXT` | a line of its own accord, not asked for |
+//! | `rx-delay:SECONDS` `tx-delay:SECONDS` | the line stalls for this time, then all bytes arrive in order |
+//! | `mute:TEXT` `garble:TEXT` | loses the next line from the controller that contains the text, or changes a byte of it |
+//! | `silent` `silent:SECONDS` | sends nothing from now on, or for this time |
+//! | `push:TEXT` | the controller sends this line without a request |
 //! | `alarm:N` | raises `ALARM:N` as the firmware would |
 //! | `reset` | the supply fails for a moment: banner, position lost |
-//! | `limit:AXIS` `release:AXIS` `cut:AXIS` | closes, lets go, or disconnects a limit switch |
+//! | `limit:AXIS` `release:AXIS` `cut:AXIS` | closes, releases or disconnects a limit switch |
 //! | `door` `close-door` | opens and closes the safety door |
-//! | `close` | the cable is pulled for good |
-//! | `vanish:SECONDS` | the cable is pulled; after that it is back as another device |
-//! | `unplug:SECONDS` | the same, and the cable was the supply: it boots again, position lost |
+//! | `close` | the cable is pulled and not plugged in again |
+//! | `vanish:SECONDS` | the cable is pulled; after this time the board is back as another device |
+//! | `unplug:SECONDS` | the same, and the cable was the supply: the board boots again, position lost |
 //!
 //! | trigger | when |
 //! |---|---|
-//! | `line=N` | the Nth answer (`ok` or `error:`) since power-up is sent; of `lose-line` and `extra-line`: the Nth line to the controller begins |
-//! | `byte=N` | the Nth byte passes: of its direction, else to the controller |
+//! | `line=N` | the Nth answer (`ok` or `error:`) since power-up is sent; for `lose-line` and `extra-line`: the Nth line to the controller begins |
+//! | `byte=N` | the Nth byte passes: in the direction of the fault, otherwise to the controller |
 //! | `time=S` | S seconds of the controller's time after power-up |
-//! | `rate=P` | each time with probability P; bytes and answers only |
+//! | `rate=P` | each time with probability P; bytes, answers and lines only |
 //!
-//! With the cable goes what is on its way, the answer that set it off included.
-//! All seconds are the controller's, which a time factor makes shorter.
+//! Pulling the cable loses everything in transit, the answer that triggered it included. All
+//! seconds are of the controller's clock; a time factor makes them shorter in real time.
 
 use std::str::FromStr;
 
 /// A direction of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// `rx`.
+    /// `rx`: to the controller.
     ToController,
-    /// `tx`.
+    /// `tx`: from the controller.
     FromController,
 }
 
 /// What happens to a byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Spoil {
+pub enum ByteFault {
     /// It is lost.
     Drop,
-    /// It comes twice.
+    /// It arrives twice.
     Duplicate,
     /// One of its bits is wrong.
     Corrupt,
 }
 
-/// What goes wrong.
+/// What fails.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FaultAction {
     /// A byte suffers.
-    Byte(Direction, Spoil),
-    /// A direction stalls; what is on its way comes later, in order.
+    Byte(Direction, ByteFault),
+    /// A direction stalls; bytes in transit arrive later, in order.
     Delay {
-        /// Which.
+        /// Which direction.
         direction: Direction,
-        /// How long.
+        /// How long, of the controller's clock.
         seconds: f64,
     },
     /// An answer is not sent.
     LoseOk,
-    /// An `ok` is sent that answers nothing.
+    /// An additional `ok` is sent.
     ExtraOk,
-    /// A line never reaches the controller; real-time bytes do.
+    /// A line does not reach the controller; real-time bytes do.
     LoseLine,
     /// A line reaches the controller twice.
     ExtraLine,
-    /// The next line from the controller that holds a text suffers.
+    /// The next line from the controller that contains a text is lost or changed.
     Line {
-        /// What it holds.
+        /// The text.
         text: String,
-        /// Is it lost, or is one byte of it wrong?
+        /// Is the line lost, or is one byte of it wrong?
         is_lost: bool,
     },
-    /// Nothing is sent, for some seconds or for ever.
+    /// Nothing is sent, for a time or from now on.
     Silent {
-        /// `None`: for ever.
+        /// `None`: from now on.
         seconds: Option<f64>,
     },
-    /// A line is sent that nobody asked for.
+    /// A line is sent without a request.
     Push(String),
     /// An alarm is raised.
     Alarm(u8),
@@ -90,17 +90,17 @@ pub enum FaultAction {
     Reset,
     /// A limit switch is held closed.
     Limit(usize),
-    /// It is let go.
+    /// The limit switch is released.
     Release(usize),
-    /// It is disconnected and never closes.
+    /// The limit switch is disconnected and never closes.
     Cut(usize),
     /// The safety door opens.
     Door,
-    /// It closes.
+    /// The safety door closes.
     CloseDoor,
-    /// The cable is pulled for good.
+    /// The cable is pulled and not plugged in again.
     Close,
-    /// The cable is pulled; the device comes back as another one.
+    /// The cable is pulled; the board comes back as another device.
     Vanish {
         /// How long it is away.
         seconds: f64,
@@ -109,55 +109,57 @@ pub enum FaultAction {
     },
 }
 
-/// When it goes wrong.
+/// When it fails.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trigger {
-    /// At an answer, counted from 1.
+    /// At the Nth answer, counted from 1.
     Line(u64),
-    /// At a byte, counted from 1.
+    /// At the Nth byte, counted from 1.
     Byte(u64),
-    /// At a time, seconds.
+    /// At a time of the controller's clock, seconds.
     Time(f64),
-    /// By chance, 0 to 1.
+    /// At random, with this probability, 0 to 1.
     Rate(f64),
 }
 
-/// One thing that goes wrong once, or by chance.
+/// One fault that happens once, or at random.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fault {
-    /// What.
+    /// What fails.
     pub action: FaultAction,
-    /// When.
+    /// When it fails.
     pub trigger: Trigger,
 }
 
-/// Why a text is no fault.
+/// Why a text is not a fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FaultError {
     /// No `@TRIGGER=VALUE`.
-    #[error("fault `{0}` has no trigger; write ACTION@line=N, @byte=N, @time=SECONDS or @rate=P")]
-    NoTrigger(String),
-    /// Not an action of the table.
     #[error(
-        "unknown fault action `{0}`; there are rx-drop, rx-duplicate, rx-corrupt, tx-drop, \
+        "fault `{0}` has no trigger; append one: ACTION@line=N, @byte=N, @time=SECONDS or @rate=P"
+    )]
+    NoTrigger(String),
+    /// The action is not in the table.
+    #[error(
+        "unknown fault action `{0}`; use rx-drop, rx-duplicate, rx-corrupt, tx-drop, \
          tx-duplicate, tx-corrupt, rx-delay:SECONDS, tx-delay:SECONDS, lose-ok, extra-ok, \
          lose-line, extra-line, mute:TEXT, garble:TEXT, silent[:SECONDS], push:TEXT, alarm:N, \
          reset, limit:AXIS, release:AXIS, cut:AXIS, door, \
-         close-door, close, vanish:SECONDS and unplug:SECONDS"
+         close-door, close, vanish:SECONDS or unplug:SECONDS"
     )]
     Action(String),
-    /// A trigger or its value is not of the table.
+    /// The trigger or its value is not in the table.
     #[error(
         "fault trigger `{0}` is not line=N or byte=N with N from 1, time=SECONDS or rate=P with \
          P from 0 to 1"
     )]
     Trigger(String),
-    /// Bytes and answers happen by chance, nothing else.
-    #[error("`{0}` cannot happen at a rate; give it a line, byte or time")]
+    /// Only bytes, answers and lines can fail at random.
+    #[error("`{0}` cannot use rate; use line, byte or time")]
     RateOfAction(String),
-    /// An answer is spoilt when it is sent, a byte when it passes.
+    /// An answer or line fails when it is sent, a byte when it passes.
     #[error(
-        "`{0}` cannot use this trigger; answers and lines take line or rate, bytes take byte or rate"
+        "`{0}` cannot use this trigger; use line or rate for answers and lines, byte or rate for bytes"
     )]
     TriggerOfAction(String),
 }
@@ -192,12 +194,12 @@ impl FromStr for FaultAction {
         let duration = || argument.and_then(seconds).ok_or_else(unknown);
         let delay = |direction| Ok(Self::Delay { direction, seconds: duration()? });
         match name {
-            "rx-drop" => byte(Direction::ToController, Spoil::Drop),
-            "rx-duplicate" => byte(Direction::ToController, Spoil::Duplicate),
-            "rx-corrupt" => byte(Direction::ToController, Spoil::Corrupt),
-            "tx-drop" => byte(Direction::FromController, Spoil::Drop),
-            "tx-duplicate" => byte(Direction::FromController, Spoil::Duplicate),
-            "tx-corrupt" => byte(Direction::FromController, Spoil::Corrupt),
+            "rx-drop" => byte(Direction::ToController, ByteFault::Drop),
+            "rx-duplicate" => byte(Direction::ToController, ByteFault::Duplicate),
+            "rx-corrupt" => byte(Direction::ToController, ByteFault::Corrupt),
+            "tx-drop" => byte(Direction::FromController, ByteFault::Drop),
+            "tx-duplicate" => byte(Direction::FromController, ByteFault::Duplicate),
+            "tx-corrupt" => byte(Direction::FromController, ByteFault::Corrupt),
             "rx-delay" => delay(Direction::ToController),
             "tx-delay" => delay(Direction::FromController),
             "lose-ok" => Ok(Self::LoseOk),
@@ -303,7 +305,7 @@ mod tests {
         );
         assert_eq!(
             read("rx-corrupt@rate=0.001").action,
-            FaultAction::Byte(Direction::ToController, Spoil::Corrupt)
+            FaultAction::Byte(Direction::ToController, ByteFault::Corrupt)
         );
         assert_eq!(read("limit:X@byte=7").action, FaultAction::Limit(0));
         assert_eq!(

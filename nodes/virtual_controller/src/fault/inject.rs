@@ -1,19 +1,19 @@
-//! A controller whose line, supply and switches suffer from faults.
+//! A controller with faults on its line, its supply and its switches.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::fault::{Direction, Fault, FaultAction, Spoil, Trigger};
+use crate::fault::{ByteFault, Direction, Fault, FaultAction, Trigger};
 use crate::{
     Controller,
     paced::{Device, LineEvents},
 };
 
-/// A controller in trouble; a [`Device`] like the controller itself.
+/// A controller with faults; a [`Device`] like the controller itself.
 #[derive(Debug)]
 pub struct FaultInjector {
     controller: Controller,
-    /// With whether they have happened.
+    /// Each fault, and whether it has happened.
     faults: Vec<(Fault, bool)>,
     chance: Chance,
     received: u64,
@@ -21,35 +21,35 @@ pub struct FaultInjector {
     answers: u64,
     incoming: Incoming,
     silent_until: Option<Duration>,
-    /// Lines that are to suffer, and whether they are lost.
+    /// Lines that a fault will hit, and whether they are lost.
     marked: Vec<(String, bool)>,
     cable: Cable,
     pulls: u64,
-    /// The board is held in reset, or its bootloader listens, until then.
+    /// The board is held in reset, or its bootloader runs, until then.
     boots_at: Option<Duration>,
     outgoing: VecDeque<Outgoing>,
-    /// What happens to the line itself, stalls on the way out aside.
+    /// Events of the line itself, except stalls from the controller.
     line_events: LineEvents,
     now: Duration,
 }
 
-/// The line that comes in: which one, what becomes of it, its bytes so far.
+/// The line that is being received: its number, its fate, its bytes so far.
 #[derive(Debug, Default)]
 struct Incoming {
-    /// Lines that have ended.
+    /// Lines received completely.
     lines: u64,
     fate: Option<FaultAction>,
     bytes: Vec<u8>,
 }
 
-/// Something on its way out.
+/// Something to be sent.
 #[derive(Debug, Clone, PartialEq)]
 enum Outgoing {
     Bytes(Vec<u8>),
     Stall(Duration),
 }
 
-/// Where the cable is.
+/// Whether the cable is plugged in.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Cable {
     Plugged,
@@ -57,12 +57,12 @@ enum Cable {
         back_at: Duration,
         loses_power: bool,
     },
-    /// For good.
+    /// Pulled and not plugged in again.
     Gone,
 }
 
 impl FaultInjector {
-    /// Wraps a controller; the seed decides what happens by chance.
+    /// Wraps a controller. The seed determines all random faults.
     pub fn new(controller: Controller, faults: Vec<Fault>, seed: u64) -> Self {
         Self {
             controller,
@@ -83,17 +83,17 @@ impl FaultInjector {
         }
     }
 
-    /// The controller in trouble.
+    /// The wrapped controller.
     pub fn controller(&self) -> &Controller {
         &self.controller
     }
 
-    /// The same, to change it.
+    /// The wrapped controller, to change it.
     pub fn controller_mut(&mut self) -> &mut Controller {
         &mut self.controller
     }
 
-    /// Has the cable been pulled for good?
+    /// Has the cable been pulled without coming back?
     pub fn is_closed(&self) -> bool {
         self.cable == Cable::Gone
     }
@@ -108,14 +108,14 @@ impl FaultInjector {
         self.pulls
     }
 
-    /// Presses the reset button of the board: the firmware starts anew when the bootloader is done.
+    /// Presses the reset button: the firmware starts again when the bootloader is done.
     pub fn reset_board(&mut self, now: Duration, bootloader: Duration) {
         self.advance(now);
         self.controller.power_off();
         self.boots_at = Some(self.now + bootloader);
     }
 
-    /// Lets a fault happen at once; of bytes and answers the next one suffers.
+    /// Applies a fault at once; a fault of bytes or answers hits the next one.
     pub fn inject(&mut self, now: Duration, action: FaultAction) {
         self.advance(now);
         let trigger = match action {
@@ -123,7 +123,7 @@ impl FaultInjector {
             FaultAction::Byte(Direction::FromController, _) => Trigger::Byte(self.sent + 1),
             FaultAction::LoseOk => Trigger::Line(self.answers + 1),
             FaultAction::LoseLine | FaultAction::ExtraLine => {
-                // One that has begun goes its way.
+                // A stall that has begun takes its course.
                 let begun = u64::from(!self.incoming.bytes.is_empty());
                 Trigger::Line(self.incoming.lines + begun + 1)
             }
@@ -157,7 +157,7 @@ impl FaultInjector {
                 let back_at = self.now + Duration::from_secs_f64(seconds);
                 self.pull(Cable::Pulled { back_at, loses_power });
             }
-            // These happen to what passes.
+            // These wait for the next byte, answer or line.
             FaultAction::Byte(..)
             | FaultAction::LoseOk
             | FaultAction::LoseLine
@@ -173,7 +173,7 @@ impl FaultInjector {
         }
     }
 
-    /// What is on its way is lost.
+    /// Loses everything in transit.
     fn pull(&mut self, cable: Cable) {
         self.cable = cable;
         self.pulls += 1;
@@ -181,7 +181,7 @@ impl FaultInjector {
         self.line_events = LineEvents { is_cut: true, ..LineEvents::default() };
     }
 
-    /// The firmware starts and the device is back, if it is time.
+    /// Starts the firmware and brings the device back when it is time.
     fn come_back(&mut self, now: Duration) {
         if let Some(boots_at) = self.boots_at.take_if(|boots_at| *boots_at <= now) {
             self.now = self.now.max(boots_at);
@@ -194,7 +194,7 @@ impl FaultInjector {
         }
         self.now = self.now.max(back_at);
         self.controller.advance(self.now);
-        // Nobody heard what was said while it was away.
+        // What was sent while the cable was out is lost.
         self.controller.transmit(&mut Vec::new());
         self.cable = Cable::Plugged;
         if loses_power {
@@ -217,8 +217,8 @@ impl FaultInjector {
             .collect()
     }
 
-    /// Returns what becomes of a byte.
-    fn spoil(&mut self, direction: Direction, byte: u8, number: u64) -> Vec<u8> {
+    /// Returns the byte after the faults that hit it: none, one or two bytes.
+    fn apply_byte_faults(&mut self, direction: Direction, byte: u8, number: u64) -> Vec<u8> {
         let mut bytes = vec![byte];
         let spoils = self.due(|fault, chance| match (&fault.action, fault.trigger) {
             (FaultAction::Byte(of, _), Trigger::Byte(at)) => *of == direction && at == number,
@@ -229,9 +229,9 @@ impl FaultInjector {
         });
         for spoil in spoils {
             match spoil {
-                FaultAction::Byte(_, Spoil::Drop) => bytes.clear(),
-                FaultAction::Byte(_, Spoil::Duplicate) => bytes.push(byte),
-                FaultAction::Byte(_, Spoil::Corrupt) => {
+                FaultAction::Byte(_, ByteFault::Drop) => bytes.clear(),
+                FaultAction::Byte(_, ByteFault::Duplicate) => bytes.push(byte),
+                FaultAction::Byte(_, ByteFault::Corrupt) => {
                     let bit = self.chance.next() % 7;
                     bytes.iter_mut().for_each(|byte| *byte ^= 1 << bit);
                 }
@@ -241,7 +241,7 @@ impl FaultInjector {
         bytes
     }
 
-    /// What of a byte to the controller gets there, where whole lines are lost or doubled.
+    /// Returns the bytes to pass on for a received byte, where whole lines are lost or doubled.
     fn gather(&mut self, byte: u8) -> Vec<u8> {
         let is_realtime = matches!(byte, b'?' | b'!' | b'~' | 0x18 | 0x80..);
         if is_realtime {
@@ -281,7 +281,7 @@ impl FaultInjector {
         for &byte in bytes {
             self.sent += 1;
             let number = self.sent;
-            let spoilt = self.spoil(Direction::FromController, byte, number);
+            let spoilt = self.apply_byte_faults(Direction::FromController, byte, number);
             match self.outgoing.back_mut() {
                 Some(Outgoing::Bytes(part)) => part.extend(spoilt),
                 _ => self.outgoing.push_back(Outgoing::Bytes(spoilt)),
@@ -293,7 +293,7 @@ impl FaultInjector {
         }
     }
 
-    /// What becomes of a line that was marked by what it holds; `None` when it is lost.
+    /// Returns a line after the fault that hit it; `None` when it is lost.
     fn suffer(&mut self, line: &[u8]) -> Option<Vec<u8>> {
         let mut line = line.to_vec();
         let text = String::from_utf8_lossy(&line).into_owned();
@@ -310,7 +310,7 @@ impl FaultInjector {
         Some(line)
     }
 
-    /// Passes on a line of the controller, and what an answer sets off.
+    /// Passes on a line of the controller, and triggers the faults of an answer.
     fn pass(&mut self, line: &[u8]) {
         let Some(line) = self.suffer(line) else { return };
         let line = line.as_slice();
@@ -352,7 +352,7 @@ impl Device for FaultInjector {
             }
             self.received += 1;
             let number = self.received;
-            let spoilt = self.spoil(Direction::ToController, byte, number);
+            let spoilt = self.apply_byte_faults(Direction::ToController, byte, number);
             let passed: Vec<u8> = spoilt.into_iter().flat_map(|byte| self.gather(byte)).collect();
             self.controller.receive(now, &passed);
             let due = self.due(|fault, _| {
@@ -380,12 +380,12 @@ impl Device for FaultInjector {
     }
 
     fn transmit(&mut self, to: &mut Vec<u8>) {
-        let mut said = Vec::new();
-        self.controller.transmit(&mut said);
-        for line in said.split_inclusive(|byte| *byte == b'\n') {
+        let mut sent = Vec::new();
+        self.controller.transmit(&mut sent);
+        for line in sent.split_inclusive(|byte| *byte == b'\n') {
             self.pass(line);
         }
-        // Up to where the line stalls; the rest comes after that.
+        // Up to where the line stalls; the rest is sent afterwards.
         while let Some(Outgoing::Bytes(part)) = self.outgoing.front_mut() {
             to.append(part);
             self.outgoing.pop_front();
@@ -415,12 +415,12 @@ impl Device for FaultInjector {
     }
 }
 
-/// Does this wait for a byte on its way out?
+/// Does this delay bytes from the controller?
 fn is_tx_delay(action: &FaultAction) -> bool {
     matches!(action, FaultAction::Delay { direction: Direction::FromController, .. })
 }
 
-/// A small generator of chance (splitmix64); its seed is a literal of the test.
+/// A small random generator (splitmix64); its seed is a literal of the test.
 #[derive(Debug, Clone)]
 struct Chance(u64);
 
@@ -434,7 +434,7 @@ impl Chance {
     }
 
     fn hits(&mut self, rate: f64) -> bool {
-        // 53 bits are what a double holds.
+        // A double holds 53 bits.
         ((self.next() >> 11) as f64) < rate * (1u64 << 53) as f64
     }
 }

@@ -1,10 +1,9 @@
-//! Trouble on purpose, between the line and the controller.
+//! Injects faults between the line and the controller.
 //!
-//! Knows when to spoil what; the controller behind it behaves as ever. The
-//! same faults, seed and bytes give the same trouble again.
+//! The controller itself works as always. The same faults, seed and bytes give the same result.
 
 mod grammar;
 mod inject;
 
-pub use grammar::{Direction, Fault, FaultAction, FaultError, Spoil, Trigger};
+pub use grammar::{ByteFault, Direction, Fault, FaultAction, FaultError, Trigger};
 pub use inject::FaultInjector;

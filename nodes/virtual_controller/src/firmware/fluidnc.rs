@@ -1,8 +1,8 @@
-//! FluidNC 4 on an ESP32; read, not run, as the transcripts say.
+//! FluidNC 4 on an ESP32. Source: its code and documents; it was not run.
 
-use super::{Boot, BuildFacts, Feedback, Fields, Flush, Hearing, Traits, Vocabulary, grbl};
+use super::{AcceptedInput, Boot, BuildFacts, Feedback, Fields, Flush, Traits, Vocabulary, grbl};
 use crate::codes::ErrorCode;
-use crate::line::{Beyond, LineEnds, LineRules};
+use crate::line::{LineEnds, LineRules, OverlongLine};
 use crate::receive::{Realtime, realtime as common};
 use crate::settings::Settings;
 
@@ -25,7 +25,7 @@ pub(super) static TRAITS: Traits = Traits {
     line: LineRules {
         characters_max: 254,
         counts_everything: true,
-        beyond: Beyond::CutOff,
+        beyond: OverlongLine::CutOff,
         ends: LineEnds::Pairs,
         edits: true,
     },
@@ -48,8 +48,8 @@ pub(super) static TRAITS: Traits = Traits {
     checks_limits: Settings::hard_limits,
     limit_alarm: None,
     critical_alarms: &[1, 2, 13, 16],
-    critical_hearing: Hearing::RealtimeAndDiscard,
-    sleep_hearing: Hearing::Realtime,
+    critical_alarm_input: AcceptedInput::RealtimeAndDiscard,
+    sleep_input: AcceptedInput::Realtime,
     jog_cancel_flush: Flush::WhileJogging,
     announces_homing: false,
     reports_while_homing: |_| true,
@@ -61,7 +61,7 @@ pub(super) static TRAITS: Traits = Traits {
 fn realtime(byte: u8) -> Option<Realtime> {
     Some(match byte {
         0x87..=0x8A => Realtime::Macro(byte - 0x87),
-        // XON and XOFF: flow control, which nobody here asks for.
+        // XON and XOFF are flow control, which the crate does not use.
         0x11 | 0x13 => Realtime::Unknown,
         _ => return common(byte),
     })

@@ -1,14 +1,14 @@
 //! grbl 1.1h.
 
-use super::{Boot, BuildFacts, Feedback, Fields, Flush, Hearing, Traits, Vocabulary};
+use super::{AcceptedInput, Boot, BuildFacts, Feedback, Fields, Flush, Traits, Vocabulary};
 use crate::codes::ErrorCode;
 use crate::gcode::{ArcPrecision, Digits};
-use crate::line::{Beyond, LineEnds, LineRules};
+use crate::line::{LineEnds, LineRules, OverlongLine};
 use crate::receive::realtime;
 use crate::settings::Settings;
 use std::time::Duration;
 
-/// A pass of the main loop that reads a line and plans it, at 16 MHz.
+/// One pass of the main loop that reads a line and plans it, at 16 MHz.
 const MAIN_LOOP: Duration = Duration::from_millis(2);
 
 /// As on an Arduino Uno.
@@ -22,7 +22,7 @@ pub(super) static TRAITS: Traits = Traits {
     line: LineRules {
         characters_max: 79,
         counts_everything: false,
-        beyond: Beyond::Refused,
+        beyond: OverlongLine::Refused,
         ends: LineEnds::Each,
         edits: false,
     },
@@ -45,8 +45,8 @@ pub(super) static TRAITS: Traits = Traits {
     checks_limits: Settings::hard_limits,
     limit_alarm: None,
     critical_alarms: &[1, 2],
-    critical_hearing: Hearing::ResetOnly,
-    sleep_hearing: Hearing::Realtime,
+    critical_alarm_input: AcceptedInput::ResetOnly,
+    sleep_input: AcceptedInput::Realtime,
     jog_cancel_flush: Flush::Never,
     announces_homing: false,
     reports_while_homing: |_| false,

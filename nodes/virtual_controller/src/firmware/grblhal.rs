@@ -1,10 +1,10 @@
 //! grblHAL, core of August 2026, as its simulator is built.
 
 use super::grbl::feedback;
-use super::{Boot, BuildFacts, Fields, Flush, Hearing, Traits, Vocabulary};
+use super::{AcceptedInput, Boot, BuildFacts, Fields, Flush, Traits, Vocabulary};
 use crate::codes::ErrorCode;
 use crate::gcode::{ArcPrecision, Digits};
-use crate::line::{Beyond, LineEnds, LineRules};
+use crate::line::{LineEnds, LineRules, OverlongLine};
 use crate::receive::{Realtime, realtime as common};
 use crate::settings::Settings;
 
@@ -18,7 +18,7 @@ pub(super) static TRAITS: Traits = Traits {
     line: LineRules {
         characters_max: 256,
         counts_everything: true,
-        beyond: Beyond::Refused,
+        beyond: OverlongLine::Refused,
         ends: LineEnds::PairsUnlessWrong,
         edits: false,
     },
@@ -52,8 +52,8 @@ pub(super) static TRAITS: Traits = Traits {
     checks_limits: Settings::checks_limits_at_reset,
     limit_alarm: Some(crate::codes::Alarm::LIMITS_ENGAGED),
     critical_alarms: &[1, 2, 10, 17, 20],
-    critical_hearing: Hearing::Lines,
-    sleep_hearing: Hearing::Lines,
+    critical_alarm_input: AcceptedInput::Lines,
+    sleep_input: AcceptedInput::Lines,
     jog_cancel_flush: Flush::Always,
     announces_homing: true,
     reports_while_homing: |settings| settings.report_mask() & (1 << 12) != 0,

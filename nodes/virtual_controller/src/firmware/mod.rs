@@ -1,8 +1,7 @@
-//! The families of firmware, and everything in which they differ.
+//! The firmware families, and every point in which they differ.
 //!
-//! grbl 1.1h is the trunk. What grblHAL and FluidNC do in another way is a value
-//! of their [`Traits`]: the rest of the crate asks for a trait and never for a
-//! name. One file for each family.
+//! grbl 1.1h is the reference. Where grblHAL or FluidNC differ, a value of their [`Traits`] says
+//! how: the rest of the crate asks for a trait, never for a name. One file for each family.
 
 mod fluidnc;
 mod grbl;
@@ -31,7 +30,7 @@ macro_rules! families {
             /// All of them.
             pub const ALL: [Self; [$(stringify!($file)),+].len()] = [$(Self::$variant),+];
 
-            /// As the command line and scenarios spell it: the name of its file.
+            /// The name on the command line and in scenarios, which is the name of its file.
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$variant => stringify!($file),)+
@@ -57,18 +56,18 @@ families! {
     FluidNc: fluidnc,
 }
 
-/// A text that names no family.
+/// A text that is not the name of a family.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{0}` is no firmware this controller speaks; there are {known}",
+    "unknown firmware `{0}`; use {known}",
     known = known_names()
 )]
 pub struct UnknownFirmware(String);
 
-/// `grbl, grblhal and fluidnc`.
+/// `grbl, grblhal or fluidnc`.
 fn known_names() -> String {
     let [first @ .., last] = &Firmware::ALL.map(Firmware::name);
-    format!("{} and {last}", first.join(", "))
+    format!("{} or {last}", first.join(", "))
 }
 
 impl fmt::Display for Firmware {
@@ -86,26 +85,26 @@ impl FromStr for Firmware {
     }
 }
 
-/// What a family does in its own way.
+/// The points in which a family may differ.
 #[derive(Debug)]
 pub(crate) struct Traits {
-    /// Said after an empty line by every reset.
+    /// Sent after an empty line at every reset.
     pub(crate) banner: &'static str,
-    /// What comes before the banner when the supply comes on.
+    /// Sent before the banner at power-up.
     pub(crate) boot: Boot,
-    /// Blocks the planner holds.
+    /// Blocks that the planner holds.
     pub(crate) blocks_max: usize,
-    /// Bytes of the receive buffer, as `$I` tells where it tells them.
+    /// Bytes of the receive buffer, as `$I` reports them if it does.
     pub(crate) receive_buffer_bytes: usize,
     /// Bytes of it that are never used: a ring of one more cell needs none.
     pub(crate) receive_buffer_spare: usize,
-    /// Received bytes are taken out of it while a line executes: it reports itself empty.
+    /// Received bytes are read while a line executes: the buffer reports itself empty.
     pub(crate) reads_ahead: bool,
     pub(crate) line: LineRules,
-    /// What a byte means out of turn; `None`: it belongs to a line.
+    /// The real-time meaning of a byte; `None`: the byte belongs to a line.
     pub(crate) realtime: fn(u8) -> Option<Realtime>,
     pub(crate) vocabulary: Vocabulary,
-    /// A feedback message, whole.
+    /// The whole line of a feedback message.
     pub(crate) feedback: fn(Feedback) -> &'static str,
     /// The fields of a status report; the flag: built with line numbers.
     pub(crate) fields: fn(&Settings, bool) -> Fields,
@@ -113,80 +112,80 @@ pub(crate) struct Traits {
     pub(crate) build_info: fn(&BuildFacts<'_>) -> Vec<String>,
     /// `$G` and `$#` name tool length mode, retract mode and scaling, and nine systems.
     pub(crate) has_long_listings: bool,
-    /// Accessories are reported when they change and then alone, not beside overrides.
+    /// Accessories are reported only when they change, not with every `Ov`.
     pub(crate) reports_accessories_alone: bool,
-    /// Overrides come first after a reset, offsets second.
+    /// After a reset, overrides are reported first and offsets second.
     pub(crate) reports_overrides_first: bool,
-    /// Time between two looks at the overrides, where equal bytes between them count once;
+    /// Time between two checks of the override bits, where equal bytes in between count once;
     /// `None`: every byte counts.
     pub(crate) override_pass: Option<Duration>,
-    /// The last line number stays in reports when the machine stands.
+    /// Reports keep the last line number while the machine is idle.
     pub(crate) line_number_lingers: bool,
-    /// In a finished hold the feed is the one from before it.
+    /// In a completed hold, reports show the feed from before the hold.
     pub(crate) hold_shows_feed: bool,
-    /// After an error every program line gets the same, until an empty line or a `$` that works.
+    /// After an error every program line gets the same error, until an empty line or a valid `$`.
     pub(crate) errors_stick: bool,
-    /// A `$` command that does not exist.
+    /// The error for a `$` command that does not exist.
     pub(crate) unknown_command: ErrorCode,
     /// A reset answers the line in work, between alarm and banner.
     pub(crate) reset_answers: bool,
-    /// Said when a hold or homing ends.
+    /// Sent when a hold or homing ends.
     pub(crate) resume_feedback: Option<Feedback>,
-    /// When the supply comes on, is the machine locked?
+    /// Is the machine locked at power-up, with these settings?
     pub(crate) locks_at_boot: fn(&Settings) -> bool,
-    /// Does a reset look at the limit switches, with these settings?
+    /// Does a reset check the limit switches, with these settings?
     pub(crate) checks_limits: fn(&Settings) -> bool,
-    /// What it raises when one is closed, instead of telling how to unlock.
+    /// The alarm if one is closed then; `None`: a message instead.
     pub(crate) limit_alarm: Option<Alarm>,
-    /// Alarms that take a reset before anything else.
+    /// Alarms that need a reset before anything else.
     pub(crate) critical_alarms: &'static [u8],
-    /// What is heard during one of them.
-    pub(crate) critical_hearing: Hearing,
-    /// What is heard asleep.
-    pub(crate) sleep_hearing: Hearing,
-    /// What a jog cancel does to bytes that are not read yet.
+    /// The input accepted during a critical alarm.
+    pub(crate) critical_alarm_input: AcceptedInput,
+    /// The input accepted in sleep.
+    pub(crate) sleep_input: AcceptedInput,
+    /// What a jog cancel does with bytes that are not read yet.
     pub(crate) jog_cancel_flush: Flush,
-    /// A report is sent when homing begins, asked for or not.
+    /// A report is sent when homing begins, even without a request.
     pub(crate) announces_homing: bool,
-    /// Is a report given while homing, with these settings?
+    /// Are reports sent while homing, with these settings?
     pub(crate) reports_while_homing: fn(&Settings) -> bool,
-    /// N of `Door:N` while a jog that the door ended comes to rest.
+    /// N of `Door:N` while a jog that the door stopped is braking.
     pub(crate) door_jog: u8,
     /// N of `Door:N` while spindle and coolant come back.
     pub(crate) door_resuming: u8,
-    /// `$SLP`, with these settings.
+    /// Is `$SLP` allowed, with these settings?
     pub(crate) may_sleep: fn(&Settings) -> bool,
 }
 
-/// How long a board takes to come up, and what it chats.
+/// How long a board takes to start, and what it prints meanwhile.
 #[derive(Debug)]
 pub(crate) struct Boot {
     pub(crate) seconds: f64,
     pub(crate) chatter: &'static [&'static str],
 }
 
-/// G-code in which families differ.
+/// The parts of G-code in which families differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Vocabulary {
-    /// Letters beyond grbl's that carry a value.
+    /// Letters in addition to grbl's that carry a value.
     pub(crate) more_letters: &'static [char],
-    /// A sign that counts as a letter, though it means nothing.
+    /// A character that counts as a letter, though it has no meaning.
     pub(crate) stray_letter: Option<char>,
     /// Work coordinate systems: G54 to G59, then G59.1 and on.
     pub(crate) systems: usize,
-    /// T may not be larger.
+    /// The highest T.
     pub(crate) tool_max: f64,
-    /// M6.
+    /// M6 is known.
     pub(crate) has_tool_change: bool,
     /// M1 stops.
     pub(crate) has_optional_stop: bool,
-    /// M7.
+    /// M7 is known.
     pub(crate) has_mist: bool,
-    /// G2 and G3 with a centre alone are a full circle.
+    /// G2 and G3 with a centre and no target are a full circle.
     pub(crate) has_bare_circles: bool,
     /// Which digits of a number are read.
     pub(crate) digits: Digits,
-    /// How exactly an arc is computed.
+    /// The precision of arcs.
     pub(crate) arc_precision: ArcPrecision,
 }
 
@@ -226,7 +225,7 @@ pub(crate) struct Fields {
     pub(crate) distance_to_go: bool,
 }
 
-/// What `$I` tells.
+/// The facts that `$I` reports.
 #[derive(Debug)]
 pub(crate) struct BuildFacts<'a> {
     pub(crate) note: &'a str,
@@ -237,21 +236,21 @@ pub(crate) struct BuildFacts<'a> {
     pub(crate) settings: &'a Settings,
 }
 
-/// What gets through in a state that shuts the ears.
+/// Which input the controller accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Hearing {
+pub(crate) enum AcceptedInput {
     Nothing,
-    /// A reset, and nothing else.
+    /// A reset only.
     ResetOnly,
-    /// Real-time bytes; lines stay where they are.
+    /// Real-time bytes; lines stay in the buffer.
     Realtime,
-    /// Real-time bytes; lines are thrown away.
+    /// Real-time bytes; lines are dropped.
     RealtimeAndDiscard,
-    /// Lines, too; what they ask for may be refused.
+    /// Lines, too; they may still be rejected.
     Lines,
 }
 
-/// When bytes that are not read yet are thrown away.
+/// When bytes that are not read yet are dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Flush {
     Never,
@@ -260,7 +259,7 @@ pub(crate) enum Flush {
 }
 
 impl Fields {
-    /// grbl's: `$10` has two bits.
+    /// As in grbl, whose `$10` has two bits.
     fn classic(settings: &Settings, line_number: bool) -> Self {
         let mask = settings.report_mask();
         Self {
@@ -289,6 +288,6 @@ mod tests {
             assert_eq!(firmware.to_string().parse(), Ok(firmware));
         }
         let error = "marlin".parse::<Firmware>().unwrap_err().to_string();
-        assert!(error.contains("grbl, grblhal and fluidnc"), "{error}");
+        assert!(error.contains("grbl, grblhal or fluidnc"), "{error}");
     }
 }

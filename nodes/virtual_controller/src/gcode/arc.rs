@@ -1,9 +1,9 @@
 //! Arcs: from words to a centre, from a centre to chords, as the firmware computes them.
 //!
-//! grbl and FluidNC compute in 32 bits, and so does this: `mc_arc` of grbl 1.1h with its
-//! angle, its small-angle rotation and its corrections, operation for operation. A full
-//! circle whose centre rounds the wrong way has an angle of almost nothing there, and is
-//! not cut. grblHAL keeps centre and radius vector in 64 bits, and cuts it.
+//! grbl and FluidNC compute in 32 bits, and so does this file. It follows `mc_arc` of grbl 1.1h
+//! operation for operation, with its angle, small-angle rotation and corrections. If rounding
+//! moves the centre of a full circle the wrong way, the angle is almost zero there and the
+//! circle is not cut. grblHAL keeps centre and radius vector in 64 bits, and cuts it.
 
 use crate::axes::Vector;
 use crate::codes::ErrorCode;
@@ -15,7 +15,7 @@ use crate::tolerances::{
 /// Chords between two exact ones; the firmware's `N_ARC_CORRECTION`.
 const CHORDS_PER_CORRECTION: u8 = 12;
 
-/// In how many bits a family keeps the centre of an arc and the vector from it.
+/// In how many bits a family keeps the centre of an arc and the radius vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ArcPrecision {
     Single,
@@ -28,14 +28,14 @@ pub(crate) struct Arc {
     plane: Plane,
     start: [f32; 3],
     pub(crate) end: Vector,
-    /// Of the centre from the start, in the two axes of the plane.
+    /// Centre relative to the start, in the two axes of the plane.
     offset: [f32; 2],
     radius: f32,
     clockwise: bool,
 }
 
 impl Arc {
-    /// Builds an arc from the offsets of its centre from its start (I, J, K).
+    /// Builds an arc from its centre relative to its start (I, J, K).
     pub(crate) fn from_offsets(
         plane: Plane,
         start: Vector,
@@ -57,7 +57,7 @@ impl Arc {
         Ok(Self { plane, start: from, end, offset, radius, clockwise })
     }
 
-    /// Builds an arc from its radius; a negative one asks for the long way round.
+    /// Builds an arc from its radius; a negative one means the arc of more than half a circle.
     pub(crate) fn from_radius(
         plane: Plane,
         start: Vector,
@@ -82,7 +82,7 @@ impl Arc {
         Ok(Self { plane, start: from, end, offset, radius: radius.abs(), clockwise })
     }
 
-    /// Returns the ends of the chords that the firmware makes of it with this `$12`, mm.
+    /// Returns the end points of the firmware's chords with this `$12`, mm.
     pub(crate) fn chords(self, tolerance_mm: f64, precision: ArcPrecision) -> Chords {
         let (a, b, c) = self.plane.axes();
         let to = single(self.end);
@@ -110,7 +110,7 @@ impl Arc {
         };
         let tolerance = tolerance_mm as f32;
         let half_chord = (tolerance * (2.0 * self.radius - tolerance)).sqrt();
-        // No number where the whole circle is within the tolerance: no chord between.
+        // NaN where the whole circle is within the tolerance: no chord in between.
         let count = ((0.5 * sweep * self.radius).abs() / half_chord).floor();
         let count = if count.is_finite() { count as u32 & 0xFFFF } else { 0 };
         let share = |of: f32| if count > 0 { of / count as f32 } else { 0.0 };
@@ -132,16 +132,16 @@ impl Arc {
     }
 }
 
-/// The chords of an arc, one end point after the other; the last is the programmed end.
+/// The chords of an arc as end points, one after the other; the last is the programmed end.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Chords {
     arc: Arc,
     precision: ArcPrecision,
     /// From the centre to the end of the last chord.
     towards: [f64; 2],
-    /// Of one chord, rad.
+    /// Angle of one chord, rad.
     angle: f32,
-    /// Its cosine and sine, near enough.
+    /// Approximate cosine and sine of that angle.
     rotation: [f32; 2],
     rise: f32,
     height: f32,
@@ -152,7 +152,7 @@ pub(crate) struct Chords {
 }
 
 impl Chords {
-    /// Have all of them been handed out?
+    /// Have all chords been returned?
     pub(crate) fn is_done(&self) -> bool {
         self.next > self.count
     }
@@ -216,7 +216,7 @@ fn single(position: Vector) -> [f32; 3] {
     position.map(|coordinate| coordinate as f32)
 }
 
-/// As the firmware has it: squares and a root.
+/// As the firmware computes it: squares and a root.
 fn hypotenuse(x: f32, y: f32) -> f32 {
     (x * x + y * y).sqrt()
 }
@@ -264,8 +264,8 @@ mod tests {
 
     #[test]
     fn a_full_circle_is_drawn_or_not_as_its_centre_rounds() {
-        // In 32 bits 12.7 + 0.1 - 0.1 is not 12.7: the ends are a hair apart, and which way
-        // they are decides whether a circle is drawn or nothing.
+        // In 32 bits 12.7 + 0.1 - 0.1 is not 12.7: start and end differ by a rounding error. Its
+        // sign decides whether a full circle is drawn or nothing.
         let chords = |start: f32, offset: f32, precision| {
             let start = [f64::from(start), 0.0, 0.0];
             let offset = [f64::from(offset), f64::from(0.3f32), 0.0];

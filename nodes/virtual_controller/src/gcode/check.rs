@@ -1,7 +1,7 @@
-//! Checks one block against the rules of grbl 1.1 and says what it would do.
+//! Checks one block against the rules of grbl 1.1 and returns its effect.
 //!
-//! The order of the checks decides which code a block with two faults gets,
-//! so it follows the firmware. Nothing takes effect here.
+//! A block with two faults gets the code of the first failed check, so the order of the checks
+//! follows the firmware. Nothing takes effect here.
 
 use crate::axes::{AXES, Vector};
 use crate::codes::ErrorCode;
@@ -13,7 +13,7 @@ use crate::gcode::{CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserS
 
 /// Millimetres of an inch.
 const MM_PER_INCH: f64 = 25.4;
-/// N may not be larger.
+/// The highest N.
 const LINE_NUMBER_MAX: f64 = 10_000_000.0;
 
 /// Program or jog (`$J=`).
@@ -42,7 +42,7 @@ pub(crate) struct Checked {
 }
 
 impl Checked {
-    /// Is it a motion with axis words?
+    /// Is the block a motion with axis words?
     pub(crate) fn moves_axes(&self) -> bool {
         self.effect != Effect::None
     }
@@ -65,7 +65,7 @@ pub(crate) enum NonModal {
         system: usize,
         offset: Vector,
     },
-    /// G28 or G30, over an intermediate point if axis words are given.
+    /// G28 or G30, through an intermediate point if there are axis words.
     GoTo {
         g30: bool,
         over: Option<Vector>,
@@ -86,7 +86,7 @@ pub(crate) enum Flow {
     End,
 }
 
-/// Checks a line (upper case, without blanks) and says what it does.
+/// Checks a line (upper case, without blanks) and returns its effect.
 pub(crate) fn check(
     line: &str,
     kind: Kind,
@@ -134,7 +134,7 @@ pub(crate) fn check(
         None => {}
     }
 
-    // The offsets in force for this very block: G54..G59 act first.
+    // G54 to G59 act first, so these offsets are in force for this very block.
     let after = ParserState { modal, tool_length, ..state.clone() };
     let non_modal_words = w.zero;
     let target = target(&w, &after, systems, mm);
@@ -198,7 +198,7 @@ fn feed(
     }
 }
 
-/// Returns where the axis words point, in machine coordinates.
+/// Returns the target of the axis words, in machine coordinates, mm.
 fn target(w: &Words, after: &ParserState, systems: &CoordinateSystems, mm: f64) -> Vector {
     let work = systems.work[after.modal.coordinate_system];
     let is_machine = w.zero == Some(ZeroGroup::MachineCoordinates);
@@ -281,7 +281,7 @@ fn non_modal(
     })
 }
 
-/// What a block asks of the motion, its words aside.
+/// What a motion needs to know of its block, apart from the words.
 struct Ask<'a> {
     kind: Kind,
     vocabulary: &'a Vocabulary,

@@ -1,7 +1,7 @@
 //! The G-code of grbl and its descendants: words, modal state, checks, arcs.
 //!
-//! Knows what a line means and whether it may be said; moves nothing. A line
-//! is checked whole before anything of it takes effect.
+//! Knows what a line means and whether it is valid; moves nothing. The whole line is checked
+//! before any part of it takes effect.
 
 pub(crate) mod arc;
 mod check;

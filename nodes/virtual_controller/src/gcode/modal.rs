@@ -26,7 +26,7 @@ pub(crate) enum Motion {
 }
 
 impl Motion {
-    /// Is a laser on along this?
+    /// Is a laser on along this motion?
     pub(crate) fn cuts(self) -> bool {
         matches!(self, Self::Line | Self::ArcClockwise | Self::ArcCounterclockwise)
     }
@@ -127,7 +127,7 @@ pub(crate) struct Modal {
     pub(crate) coolant: Coolant,
 }
 
-/// Offsets that outlive a reset.
+/// Offsets that survive a reset.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct CoordinateSystems {
     /// G54 to G59 and G59.1 to G59.3, millimetres in machine coordinates.
@@ -138,7 +138,7 @@ pub(crate) struct CoordinateSystems {
     pub(crate) g30: Vector,
 }
 
-/// What the parser remembers; a reset forgets it.
+/// What the parser remembers until a reset.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct ParserState {
     /// The modal groups.
@@ -151,7 +151,7 @@ pub(crate) struct ParserState {
     pub(crate) tool: u32,
     /// N of the last block that had one, else 0.
     pub(crate) line_number: u32,
-    /// Where the last queued move ends, millimetres in machine coordinates.
+    /// End of the last queued move, millimetres in machine coordinates.
     pub(crate) position_in_machine: Vector,
     /// G92, millimetres.
     pub(crate) g92: Vector,

@@ -1,7 +1,7 @@
 //! Arithmetic in 32 bits, as the firmware's parser does it.
 //!
-//! Positions are kept in 64 bits here and are 32 bit numbers all the same: every sum and
-//! product of the parser goes through these.
+//! Positions are `f64` here, but always hold 32 bit values: every sum and product of the parser
+//! uses these functions.
 
 /// A sum, rounded to 32 bits.
 pub(crate) fn plus(a: f64, b: f64) -> f64 {

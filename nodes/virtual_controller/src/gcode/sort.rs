@@ -1,7 +1,7 @@
 //! Sorts the words of a block into modal groups and values.
 //!
-//! The first pass over a block: finds what is unknown, repeated or in
-//! conflict. What the words mean together is for `check`.
+//! The first pass over a block: finds unknown, repeated and conflicting words. `check` decides
+//! what the words mean together.
 
 use crate::axes::AXES;
 use crate::codes::ErrorCode;
@@ -88,7 +88,7 @@ const GROUP_M_FLOW: u32 = 20;
 const GROUP_M_TOOL: u32 = 22;
 const GROUP_M_SPINDLE: u32 = 23;
 const GROUP_M_COOLANT: u32 = 24;
-/// Group 0, 3 and 6 are all that a jog may carry.
+/// Groups 0, 3 and 6 are all that a jog may have.
 pub(super) const GROUPS_OF_JOGS: u32 = 1 | 1 << 3 | 1 << 6;
 
 /// Sorts the words into groups and values; the first pass of the firmware.

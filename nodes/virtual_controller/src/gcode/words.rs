@@ -2,22 +2,22 @@
 
 use crate::codes::ErrorCode;
 
-/// Digits of a number that count; more are cut off.
+/// Digits of a number that count; further digits are dropped.
 const DIGITS_MAX: usize = 8;
 
-/// Which digits are among those that count.
+/// Which digits are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Digits {
-    /// All of them, zeros in front included: grbl and FluidNC.
+    /// All of them, leading zeros included: grbl and FluidNC.
     All,
-    /// From the first that is no zero on: grblHAL.
+    /// From the first digit that is not zero: grblHAL.
     Significant,
 }
 
 /// Reads a number at the start of `text` and returns it with the rest.
 ///
 /// Sign, digits and one point; no exponent. Eight digits count, and the point is moved by
-/// multiplications in 32 bits, as the firmware does; a value beyond them is none.
+/// multiplications in 32 bits, as the firmware does. Returns `None` when there is no number.
 pub(crate) fn read_number(text: &str, which: Digits) -> Option<(f64, &str)> {
     let unsigned = text.strip_prefix(['-', '+']).unwrap_or(text);
     let (mut whole, mut exponent, mut digits, mut seen, mut point) = (0u32, 0i32, 0, 0, false);
@@ -69,7 +69,7 @@ fn move_point(mut value: f32, mut exponent: i32) -> f32 {
     value
 }
 
-/// Splits a line without blanks into words; `more_letter` may begin one, too.
+/// Splits a line without blanks into words; `more_letter` is a letter of this family, too.
 pub(super) fn words(
     mut text: &str,
     more_letter: Option<char>,
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn the_point_is_moved_in_32_bits_and_zeros_in_front_may_cost_digits() {
-        // The nearest 32 bit number is one place up.
+        // The result is not the nearest 32 bit number.
         assert_eq!(read_number("12.7", Digits::All), Some(((127f32 * 0.1).into(), "")));
         assert_eq!(read_number("0000001.25", Digits::All), Some(((12f32 * 0.1).into(), "")));
         assert_eq!(read_number("0000001.25", Digits::Significant), Some((1.25, "")));

@@ -6,8 +6,8 @@ use crate::tolerances::STRAIGHT;
 
 /// Returns the speed at which the corner between two directions may be taken, mm/s.
 ///
-/// A circle that stays within `$11` of the corner and touches both sides is
-/// taken at the acceleration the axes have towards its centre.
+/// The speed is that of a circle that touches both sides and stays within `$11` of the corner,
+/// at the acceleration of the axes towards its centre.
 pub(super) fn junction_speed(before: Vector, after: Vector, settings: &Settings) -> f64 {
     let cosine = axes::dot(before, after);
     if cosine > 1.0 - STRAIGHT {

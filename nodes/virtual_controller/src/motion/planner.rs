@@ -1,8 +1,8 @@
 //! The planner queue: junction speeds, look-ahead, and execution in time.
 //!
-//! Invariants: the planned entry speed of a block never exceeds what the
-//! junction, the speeds on both sides and the braking distance to a stop at
-//! the end of the queue allow; positions at rest are whole steps.
+//! Invariants: the planned entry speed of a block never exceeds what the junction, the speeds on
+//! both sides and the braking distance to a stop at the end of the queue allow; positions at
+//! rest are whole steps.
 
 use std::collections::VecDeque;
 
@@ -15,9 +15,9 @@ use crate::settings::Settings;
 /// No block is slower than this, mm/min.
 const FEED_MIN_MM_PER_MIN: f64 = 1.0;
 
-/// The speed a move was programmed with.
+/// The programmed speed of a move.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Pace {
+pub(crate) enum ProgrammedSpeed {
     Rapid,
     /// G94, mm/min.
     Feed(f64),
@@ -29,21 +29,21 @@ pub(crate) enum Pace {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Move {
     pub(crate) target_in_machine: Vector,
-    pub(crate) pace: Pace,
+    pub(crate) speed: ProgrammedSpeed,
     pub(crate) line_number: u32,
-    /// Jogs and probing are not slowed by the feed override of programs.
+    /// The feed override does not slow jogs and probing.
     pub(crate) ignores_overrides: bool,
-    /// Is this the last of what a line asked for?
+    /// Is this the last move of its line?
     pub(crate) ends_motion: bool,
 }
 
-/// What has become of a move that was to be queued.
+/// The result of queuing a move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pushed {
-    /// It was shorter than a step.
+    /// The move was shorter than a step and was dropped.
     LeftOut,
     Queued {
-        /// The block before it had to end at rest, and would not have had to with this one behind it.
+        /// The previous block had to end at rest only because this one came too late.
         comes_late: bool,
     },
 }
@@ -95,14 +95,14 @@ impl Block {
 
 /// What ended a step of [`Planner::advance`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Happening {
-    /// The time ran out, or a ramp went over into the next.
+pub(crate) enum MotionEvent {
+    /// The time was used up, or a ramp changed into the next.
     Nothing,
-    /// A block is done and its place in the queue free.
+    /// A block is done and left the queue.
     BlockDone { ends_motion: bool },
     /// Braking came to rest.
     Stopped,
-    /// The distance asked for was reached.
+    /// The requested distance was reached.
     Tripped,
 }
 
@@ -111,20 +111,20 @@ pub(crate) enum Happening {
 pub(crate) struct Planner {
     blocks_max: usize,
     queue: VecDeque<Block>,
-    /// Of the block in motion.
+    /// Speed of the block in motion.
     done_mm: f64,
     speed: f64,
-    /// Where the axes rest when the queue is empty, else where the last block starts counting.
+    /// Position at rest when the queue is empty, else the start of the last block.
     rest_steps: [i64; 3],
     overrides: Overrides,
-    /// N of the last block that was in motion and had one, since all was forgotten.
+    /// N of the last executed block that had one, since the queue was cleared.
     last_line_number: u32,
-    /// Direction of the last block that was run to its end, until another is queued.
+    /// Direction of the last executed block, until another is queued.
     last_unit: Option<Vector>,
 }
 
 impl Planner {
-    /// A queue of so many blocks, at rest.
+    /// An empty queue for this many blocks, at rest.
     pub(crate) fn new(position_steps: [i64; 3], blocks_max: usize) -> Self {
         Self {
             blocks_max,
@@ -164,7 +164,7 @@ impl Planner {
         self.queue.front().map_or(0, |block| block.line_number)
     }
 
-    /// N of the block in motion, or else of the one before that had one; 0: none.
+    /// N of the block in motion, or of the last one before that had one; 0: none.
     pub(crate) fn last_line_number(&self) -> u32 {
         match self.line_number() {
             0 => self.last_line_number,
@@ -177,7 +177,7 @@ impl Planner {
         self.blocks_max
     }
 
-    /// The way that is left of the block in motion, mm.
+    /// The rest of the block in motion, mm.
     pub(crate) fn way_to_go(&self) -> Vector {
         self.heading().map_or([0.0; 3], |(unit, remaining)| axes::scale(unit, remaining))
     }
@@ -193,7 +193,7 @@ impl Planner {
         }
     }
 
-    /// Direction of the block in motion, and how far its end is, mm.
+    /// Direction of the block in motion, and the distance to its end, mm.
     pub(crate) fn heading(&self) -> Option<(Vector, f64)> {
         self.queue.front().map(|block| (block.unit, block.length_mm - self.done_mm))
     }
@@ -207,19 +207,19 @@ impl Planner {
         self.replan();
     }
 
-    /// Forgets everything queued and rests where the axes are.
+    /// Drops everything queued; the axes rest where they are.
     pub(crate) fn clear(&mut self, settings: &Settings) {
         let position = self.position_steps(settings);
         *self = Self { overrides: self.overrides, ..Self::new(position, self.blocks_max) };
     }
 
-    /// Declares where the axes are; the queue must be empty.
+    /// Sets the position of the axes; the queue must be empty.
     pub(crate) fn set_position_steps(&mut self, steps: [i64; 3]) {
         assert!(self.queue.is_empty(), "the position is only set at rest");
         self.rest_steps = steps;
     }
 
-    /// Appends a move; one of less than a step is left out.
+    /// Appends a move; drops one that is shorter than a step.
     pub(crate) fn push(&mut self, motion: &Move, settings: &Settings) -> Pushed {
         let start_steps = self.queue.back().map_or(self.rest_steps, |block| block.end_steps);
         let steps_per_mm = settings.steps_per_mm();
@@ -231,18 +231,18 @@ impl Planner {
             return Pushed::LeftOut;
         }
         let start_mm = mm_from_steps(start_steps, settings);
-        let way = axes::subtract(mm_from_steps(end_steps, settings), start_mm);
-        let length_mm = axes::length(way);
+        let travel = axes::subtract(mm_from_steps(end_steps, settings), start_mm);
+        let length_mm = axes::length(travel);
         if length_mm <= 0.0 {
-            // So many steps to the millimetre that a double cannot tell them apart.
+            // So many steps per millimetre that a double cannot resolve them.
             return Pushed::LeftOut;
         }
-        let unit = axes::scale(way, 1.0 / length_mm);
+        let unit = axes::scale(travel, 1.0 / length_mm);
         let rates = settings.max_rate_mm_per_min();
-        let feed_rate = match motion.pace {
-            Pace::Rapid => None,
-            Pace::Feed(mm_per_min) => Some(mm_per_min / 60.0),
-            Pace::InverseTime(per_min) => Some(per_min * length_mm / 60.0),
+        let feed_rate = match motion.speed {
+            ProgrammedSpeed::Rapid => None,
+            ProgrammedSpeed::Feed(mm_per_min) => Some(mm_per_min / 60.0),
+            ProgrammedSpeed::InverseTime(per_min) => Some(per_min * length_mm / 60.0),
         };
         let speed_after = |last: Vector| junction_speed(last, unit, settings);
         let junction_speed = self.queue.back().map_or(0.0, |last| speed_after(last.unit));
@@ -269,7 +269,7 @@ impl Planner {
     /// Finds the entry speeds: backwards what can be braked, forwards what can be reached.
     fn replan(&mut self) {
         let nominal: Vec<f64> = self.queue.iter().map(|b| b.nominal(self.overrides)).collect();
-        let reach = |v: f64, a: f64, way: f64| (v * v + 2.0 * a * way).sqrt();
+        let reach = |v: f64, a: f64, travel: f64| (v * v + 2.0 * a * travel).sqrt();
         let mut next_entry = 0.0;
         for i in (1..self.queue.len()).rev() {
             let block = &mut self.queue[i];
@@ -301,31 +301,31 @@ impl Planner {
         })
     }
 
-    /// Moves for at most `seconds`, up to the next happening; returns the seconds used.
+    /// Moves for at most `seconds`, up to the next event; returns the seconds used.
     ///
-    /// `trip_mm` is a distance from here within the block in motion at which to stop counting.
+    /// `trip_mm` is a distance from here within the block in motion at which to stop.
     pub(crate) fn advance(
         &mut self,
         seconds: f64,
         braking: bool,
         trip_mm: Option<f64>,
-    ) -> (f64, Happening) {
+    ) -> (f64, MotionEvent) {
         let Some(ramp) = self.ramp(braking) else {
-            return (seconds, if braking { Happening::Stopped } else { Happening::Nothing });
+            return (seconds, if braking { MotionEvent::Stopped } else { MotionEvent::Nothing });
         };
         if let Some(trip) = trip_mm.filter(|&trip| trip <= ramp.distance_mm) {
             let at = ramp.time_to(self.speed, trip);
             if at <= seconds {
                 self.speed = ramp.after(self.speed, at).1;
                 self.done_mm += trip;
-                return (at, Happening::Tripped);
+                return (at, MotionEvent::Tripped);
             }
         }
         if seconds < ramp.duration_s {
             let (distance, speed) = ramp.after(self.speed, seconds);
             self.done_mm += distance.min(ramp.distance_mm);
             self.speed = speed;
-            return (seconds, Happening::Nothing);
+            return (seconds, MotionEvent::Nothing);
         }
         self.speed = ramp.end_speed_mm_per_s;
         self.done_mm += ramp.distance_mm;
@@ -340,13 +340,13 @@ impl Planner {
                 self.speed = 0.0;
             }
             self.last_unit = Some(block.unit);
-            return (ramp.duration_s, Happening::BlockDone { ends_motion: block.ends_motion });
+            return (ramp.duration_s, MotionEvent::BlockDone { ends_motion: block.ends_motion });
         }
         let stopped = braking && self.speed <= 0.0;
         if stopped {
             self.replan();
         }
-        (ramp.duration_s, if stopped { Happening::Stopped } else { Happening::Nothing })
+        (ramp.duration_s, if stopped { MotionEvent::Stopped } else { MotionEvent::Nothing })
     }
 
     /// Returns the seconds until the ramp in motion ends or the trip is reached.

@@ -1,6 +1,6 @@
 //! One stretch of constant acceleration along a path.
 //!
-//! Knows speeds, distances and seconds on one line; knows no axes.
+//! Speeds, distances and seconds along one line; no axes.
 
 use crate::tolerances::{NEGLIGIBLE_MM, NEGLIGIBLE_MM_PER_S};
 
@@ -17,10 +17,9 @@ pub(crate) struct Ramp {
 
 /// Returns the next stretch of the fastest motion that leaves the block at `exit`.
 ///
-/// `remaining` is the way to the end of the block, `v` the speed now, `nominal`
-/// the speed wanted, `a` the acceleration, all of them positive or zero and in
-/// mm and s. A block that cannot be left as slowly as `exit` is left as slowly
-/// as possible; the same for one that cannot be left so fast.
+/// `remaining` is the distance to the end of the block, `v` the speed now, `nominal` the desired
+/// speed, `a` the acceleration; all are zero or positive, in mm and s. If `exit` cannot be
+/// reached within the block, the block is left at the speed nearest to it.
 pub(crate) fn next_ramp(remaining: f64, v: f64, nominal: f64, exit: f64, a: f64) -> Ramp {
     if remaining <= NEGLIGIBLE_MM {
         return Ramp {
@@ -58,7 +57,7 @@ pub(crate) fn next_ramp(remaining: f64, v: f64, nominal: f64, exit: f64, a: f64)
     over(cruise, v, v, cruise >= remaining - NEGLIGIBLE_MM)
 }
 
-/// Returns the next stretch of coming to rest as soon as possible.
+/// Returns the next stretch of stopping as soon as possible.
 pub(crate) fn braking_ramp(remaining: f64, v: f64, a: f64) -> Ramp {
     let stop_mm = v * v / (2.0 * a);
     if stop_mm > remaining {

@@ -15,88 +15,90 @@ use crate::{Fault, Firmware, Machine, Scenario, Settings, Vector};
 
 /// A grbl 1.1, grblHAL or FluidNC controller with axes that move in time, on a pseudo-terminal.
 ///
-/// Prints the path of its port as the first line, the path of another port when a
-/// fault makes it one, and runs until SIGTERM or SIGINT. It is no hardware and no part of it is a safety function.
+/// Prints the path of its port as the first line, and another path whenever a fault moves the
+/// port there. Runs until SIGTERM or SIGINT. It is not hardware, and no part of it is a safety
+/// function.
 #[derive(Debug, Parser)]
-// The brackets are the grammar of faults, not links.
+// The brackets belong to the grammar of faults; they are not links.
 #[allow(rustdoc::broken_intra_doc_links)]
 #[command(name = "virtual_controller", version)]
 struct Arguments {
-    /// A YAML file that says all this; what is given here as well counts more, faults are added.
+    /// A YAML file with any of these options; an option given here overrides it, faults are added.
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// The firmware it speaks as: grbl (1.1h; the default), grblhal or fluidnc.
+    /// The firmware to imitate: grbl (1.1h; the default), grblhal or fluidnc.
     #[arg(long, value_name = "NAME")]
     firmware: Option<Firmware>,
-    /// Bytes of the receive buffer as $I tells them; without it those of the firmware.
+    /// Bytes of the receive buffer as $I reports them [default: the firmware's].
     #[arg(long, value_name = "BYTES", value_parser = buffer_bytes)]
     receive_buffer: Option<usize>,
-    /// Settings to start from: router (600 x 400 x 100 mm, 5 m/min, 24 000 rpm; the default) or
-    /// generic (freshly flashed firmware).
+    /// Initial settings: router (600 x 400 x 100 mm, 5 m/min, 24 000 rpm; the default) or generic
+    /// (freshly flashed firmware).
     #[arg(long, value_name = "NAME")]
     machine: Option<Machine>,
     /// A file of lines `$n=v`; `#` and `;` begin comments.
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
-    /// Switches homing on ($22=1): locked at power-up until $H or $X, but for grblHAL.
+    /// Switches homing on ($22=1): locked at power-up until $H or $X, except grblHAL.
     #[arg(long)]
     homing: bool,
-    /// Machine position at power-up in mm; without it the axes stand mid-travel and read 0,0,0.
+    /// Machine position at power-up in mm; without it the axes are mid-travel and read 0,0,0.
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
     start: Option<Vector>,
-    /// Height in mm at which a probe touches; without it there is no probe.
+    /// Height in mm at which the probe touches; without it no probe is wired.
     #[arg(long, value_name = "Z", value_parser = number, allow_hyphen_values = true)]
     probe_z: Option<f64>,
-    /// Builds with line numbers: `Ln` in reports.
+    /// Includes line numbers: `Ln` in reports.
     #[arg(long)]
     line_numbers: bool,
-    /// Builds with mist coolant: M7.
+    /// Includes mist coolant: M7.
     #[arg(long)]
     mist: bool,
-    /// Bits per second, ten to a byte, in both directions; 0: as fast as can be [default: 115200]
+    /// Bits per second, ten to a byte, in both directions; 0: no delay [default: 115200]
     #[arg(long)]
     baud: Option<u32>,
-    /// How many times faster than real time the machine lives [default: 1]
+    /// Runs the machine this many times faster than real time [default: 1]
     #[arg(long, value_name = "N", value_parser = time_factor)]
     time_factor: Option<f64>,
-    /// Lets the bytes go faster by the time factor, too.
+    /// Speeds the bytes up by the time factor, too.
     #[arg(long)]
     fast_bytes: bool,
     /// A symbolic link to the port, removed at the end.
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
-    /// Something that goes wrong: ACTION[:ARGUMENT]@TRIGGER=VALUE; may be repeated.
+    /// A fault: ACTION[:ARGUMENT]@TRIGGER=VALUE; may be repeated.
     ///
     /// Actions: rx-drop, rx-duplicate, rx-corrupt (bytes to the controller), tx-drop,
     /// tx-duplicate, tx-corrupt (bytes from it), rx-delay:SECONDS, tx-delay:SECONDS, lose-ok,
-    /// extra-ok, lose-line, extra-line, mute:TEXT, garble:TEXT (the next line from it that holds
-    /// the text), silent[:SECONDS], push:TEXT, alarm:N, reset, limit:AXIS, release:AXIS, cut:AXIS, door, close-door, close, vanish:SECONDS, unplug:SECONDS. Triggers:
-    /// line=N (the Nth answer; of lose-line and extra-line the Nth line), byte=N, time=SECONDS
-    /// (machine time), rate=P (bytes, answers and lines, by chance).
+    /// extra-ok, lose-line, extra-line, mute:TEXT, garble:TEXT (the next line from it that contains
+    /// the text), silent[:SECONDS], push:TEXT, alarm:N, reset, limit:AXIS, release:AXIS, cut:AXIS,
+    /// door, close-door, close, vanish:SECONDS, unplug:SECONDS. Triggers: line=N (the Nth answer;
+    /// for lose-line and extra-line the Nth line), byte=N, time=SECONDS (machine time), rate=P
+    /// (probability for each byte, answer or line).
     #[arg(long = "fault", value_name = "FAULT", verbatim_doc_comment)]
     faults: Vec<Fault>,
-    /// Seed of what happens by chance [default: 1]
+    /// Seed of the random faults [default: 1]
     #[arg(long)]
     seed: Option<u64>,
-    /// Resets the board when its port is opened, as those of the Arduino kind do, unless HUPCL is
-    /// off and it was open before.
+    /// Resets the board when its port is opened, as Arduino boards do, unless HUPCL is off and the
+    /// port was open before.
     #[arg(long)]
     resets_on_open: bool,
-    /// Takes fault actions from standard input, one a line, and ends when it is closed.
+    /// Reads fault actions from standard input, one a line, and ends when it is closed.
     #[arg(long)]
     stdin: bool,
-    /// Writes at the end what was received, answered and moved, as JSON.
+    /// Writes a JSON file at the end: what was received, answered and moved.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Ends when this process does.
+    /// Ends when this process ends.
     #[arg(long, value_name = "PID")]
     parent_pid: Option<i32>,
 }
 
 /// Runs the virtual controller with these arguments, the program's name first.
 ///
-/// Exit status: 0 stopped as asked; 2 wrong arguments, a file that cannot be
-/// read or written, or no pseudo-terminal.
+/// Exit status: 0 stopped by request; 2 wrong arguments, a file that cannot be read or written,
+/// or no pseudo-terminal.
 pub fn cli(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> ExitCode {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
@@ -122,9 +124,9 @@ fn run(arguments: Arguments) -> Result<(), String> {
     let mut is_first = true;
     let announce = |path: &Path| {
         let mut out = io::stdout().lock();
-        let told = writeln!(out, "{}", path.display()).and_then(|()| out.flush());
-        // Who has heard the first may have stopped listening.
-        if std::mem::take(&mut is_first) { told } else { Ok(()) }
+        let printed = writeln!(out, "{}", path.display()).and_then(|()| out.flush());
+        // The reader of standard output may be gone by now.
+        if std::mem::take(&mut is_first) { printed } else { Ok(()) }
     };
     serve(options, &stop, announce).map_err(|error| error.to_string())
 }
@@ -154,7 +156,7 @@ fn options(arguments: Arguments) -> Result<ServeOptions, String> {
     }
     let build = scenario.build(settings);
     Ok(ServeOptions {
-        pace: scenario.pace(),
+        timing: scenario.timing(),
         faults: scenario.faults,
         seed: scenario.seed.unwrap_or(1),
         link: arguments.link,
@@ -172,7 +174,7 @@ fn read(path: &Path) -> Result<String, String> {
     String::from_utf8(bytes).map_err(|why| failed(&why))
 }
 
-/// What is given on the command line counts more; faults are added.
+/// Options of the command line override the scenario; faults are added.
 fn override_with(scenario: &mut Scenario, arguments: &Arguments) {
     scenario.firmware = arguments.firmware.or(scenario.firmware);
     scenario.machine = arguments.machine.or(scenario.machine);
@@ -198,7 +200,7 @@ fn apply(settings: &mut Settings, text: &str) -> Result<(), String> {
         }
         settings.set_line(line).map_err(|code| {
             let firmware = settings.firmware();
-            format!(":{}: `{line}` is no setting {firmware} takes ({code}); write $n=v", index + 1)
+            format!(":{}: {firmware} rejects `{line}` ({code}); write $n=v", index + 1)
         })?;
     }
     Ok(())
@@ -208,7 +210,7 @@ fn buffer_bytes(text: &str) -> Result<usize, String> {
     let value: Option<usize> = text.parse().ok();
     value
         .filter(|bytes| RECEIVE_BUFFER_BYTES.contains(bytes))
-        .ok_or_else(|| format!("`{text}` is no number of bytes from 16 to 65536"))
+        .ok_or_else(|| format!("`{text}` is not a number of bytes from 16 to 65536"))
 }
 
 fn number(text: &str) -> Result<f64, String> {
@@ -217,7 +219,7 @@ fn number(text: &str) -> Result<f64, String> {
         .parse()
         .ok()
         .filter(is_usable)
-        .ok_or_else(|| format!("`{text}` is no number of millimetres within 100000"))
+        .ok_or_else(|| format!("`{text}` is not a number of millimetres within 100000"))
 }
 
 fn point(text: &str) -> Result<Vector, String> {
@@ -229,5 +231,5 @@ fn time_factor(text: &str) -> Result<f64, String> {
     let value: Option<f64> = text.parse().ok();
     value
         .filter(|factor| TIME_FACTORS.contains(factor))
-        .ok_or_else(|| format!("`{text}` is no factor from 0.001 to 10000"))
+        .ok_or_else(|| format!("`{text}` is not a factor from 0.001 to 10000"))
 }

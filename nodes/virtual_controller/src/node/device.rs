@@ -1,7 +1,7 @@
-//! Runs any device on a pseudo-terminal, in a thread of somebody else's process.
+//! Runs any device on a pseudo-terminal, in a thread of the caller's process.
 //!
-//! For who has a device of his own: no faults, no cable that is pulled, no signals. What
-//! `serve` does for the command line is more than that.
+//! For devices other than the virtual controller: no faults, no pulled cable, no signals, unlike
+//! `serve`.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -11,25 +11,25 @@ use rustix::event::{PollFd, PollFlags, poll};
 use super::port::Port;
 use super::serve::{BACKLOG_BYTES_MAX, ServeError, UNREAD_BYTES_MAX, timespec};
 use super::stop::Stop;
-use crate::paced::{Device, Pace, PacedLine};
+use crate::paced::{Device, LineTiming, PacedLine};
 
-/// Runs a device behind a link until `stop`.
+/// Runs a device at a link until `stop`.
 ///
-/// `ready` is called once, when the link can be opened. The device is looked after at least
-/// every `look_every`, for those that listen to somebody beside the line.
+/// `ready` is called once, when the link can be opened. The device is polled at least every
+/// `look_every`, for devices with input other than the line.
 ///
 /// # Errors
 /// There is no pseudo-terminal or no link, or it failed in use.
 pub fn serve_device<D: Device>(
     device: D,
-    pace: Pace,
+    timing: LineTiming,
     link: &Path,
     look_every: Duration,
     stop: &Stop,
     ready: impl FnOnce(),
 ) -> Result<(), ServeError> {
     let mut port = Port::open(Some(link.to_path_buf()), false)?;
-    let mut line = PacedLine::new(device, pace);
+    let mut line = PacedLine::new(device, timing);
     let started = Instant::now();
     let mut unread = Vec::new();
     let mut buffer = [0; 1024];

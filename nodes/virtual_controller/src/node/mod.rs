@@ -1,7 +1,7 @@
 //! The shell: a pseudo-terminal, the clock, the command line.
 //!
-//! The only place here that touches files, time and signals. It decides
-//! nothing about the controller.
+//! The only module here that touches files, time and signals. It decides nothing about the
+//! controller.
 
 mod cli;
 mod device;

@@ -1,11 +1,10 @@
-//! Who opens the port: on some boards that resets them.
+//! Detects when the port is opened: that resets some boards.
 //!
-//! The kernel raises DTR when a port is opened and drops it at the last close,
-//! unless HUPCL is off; a board of the Arduino kind resets when it rises. A
-//! pseudo-terminal has no such line: it is made up here from what is opened and
-//! closed. Two openings within a poll may be seen as one. A device also forgets who had
-//! it for himself when the last one closes it; a pseudo-terminal whose own end stays open
-//! has to be told.
+//! The kernel raises DTR when a port is opened, and drops it at the last close unless HUPCL is
+//! off. An Arduino board resets when DTR rises. A pseudo-terminal has no DTR: this file derives
+//! it from the openings and closings of the device. Two openings within a poll may count as
+//! one. A real port also loses its exclusive lock at the last close. A pseudo-terminal keeps it,
+//! because its own end stays open, so `share_again` releases it.
 
 use std::io;
 use std::mem::MaybeUninit;
@@ -15,11 +14,11 @@ use std::path::Path;
 use rustix::fs::inotify::{CreateFlags, ReadFlags, Reader, WatchFlags, add_watch, init};
 use rustix::io::Errno;
 
-/// What openings and closings did.
+/// The effect of openings and closings.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Seen {
     pub(super) has_dtr_risen: bool,
-    /// The last one has closed it.
+    /// The last peer has closed the port.
     pub(super) is_left: bool,
 }
 
@@ -39,7 +38,7 @@ impl Opens {
         Ok(Self { inotify, open: 0, is_dtr_up: false })
     }
 
-    /// What has happened since the last time; the flag: does DTR drop at a last close?
+    /// Openings and closings since the last call; `drops`: does DTR drop at the last close?
     pub(super) fn look(&mut self, drops: bool) -> io::Result<Seen> {
         let mut seen = Seen::default();
         let mut buffer = [MaybeUninit::uninit(); 512];

@@ -6,13 +6,13 @@ use super::opens::Opens;
 use super::pty::{Link, Pty};
 use super::serve::ServeError;
 
-/// A port that may go away and come back as another device.
+/// A port that may vanish and come back as another device.
 #[derive(Debug)]
 pub(super) struct Port {
     link: Option<PathBuf>,
     resets_on_open: bool,
     plugged: Option<Plugged>,
-    /// What it comes back as; opened before the old one is closed, so that it is another.
+    /// The device it comes back as; opened before the old one is closed, so that it is a new one.
     next: Option<Pty>,
 }
 
@@ -24,7 +24,7 @@ struct Plugged {
 }
 
 impl Port {
-    /// Opens a port, with a link if there is to be one.
+    /// Opens a port, with a link if `link` is given.
     pub(super) fn open(link: Option<PathBuf>, resets_on_open: bool) -> Result<Self, ServeError> {
         let next = Some(Pty::open().map_err(ServeError::Pty)?);
         let mut port = Self { link, resets_on_open, plugged: None, next };
@@ -32,17 +32,17 @@ impl Port {
         Ok(port)
     }
 
-    /// The pseudo-terminal, while there is one.
+    /// The pseudo-terminal, while the cable is plugged in.
     pub(super) fn pty(&self) -> Option<&Pty> {
         self.plugged.as_ref().map(|plugged| &plugged.pty)
     }
 
-    /// What tells that somebody opens or closes the port.
+    /// The watch on openings and closings, while the cable is plugged in.
     pub(super) fn opens(&self) -> Option<&Opens> {
         self.plugged.as_ref().map(|plugged| &plugged.opens)
     }
 
-    /// Looks who has come and gone; returns whether that resets the board.
+    /// Checks for openings and closings; returns whether they reset the board.
     pub(super) fn look(&mut self) -> std::io::Result<bool> {
         let Some(Plugged { pty, opens, .. }) = &mut self.plugged else { return Ok(false) };
         let seen = opens.look(pty.hangs_up())?;
@@ -52,12 +52,12 @@ impl Port {
         Ok(seen.has_dtr_risen && self.resets_on_open)
     }
 
-    /// The path that peers open, while there is one.
+    /// The path that peers open, while the cable is plugged in.
     pub(super) fn path(&self) -> Option<&Path> {
         self.pty().map(Pty::path)
     }
 
-    /// Hangs up on the peer; the link goes, too.
+    /// Hangs up on the peer and removes the link.
     pub(super) fn pull(&mut self) -> Result<(), ServeError> {
         if self.next.is_none() {
             self.next = Some(Pty::open().map_err(ServeError::Pty)?);
@@ -66,7 +66,7 @@ impl Port {
         Ok(())
     }
 
-    /// Is there again; returns whether it was not before.
+    /// Plugs the cable in; returns whether it was out before.
     pub(super) fn plug(&mut self) -> Result<bool, ServeError> {
         let Some(pty) = self.next.take() else { return Ok(false) };
         let link = match &self.link {

@@ -12,7 +12,7 @@ use rustix::termios::{ControlModes, OptionalActions, ioctl_tiocnxcl, tcgetattr, 
 
 /// The controller's end of a pseudo-terminal.
 ///
-/// The slave is kept open, so that peers may come and go.
+/// The slave is kept open, so that peers may open and close the port any number of times.
 #[derive(Debug)]
 pub(super) struct Pty {
     controller: OwnedFd,
@@ -31,7 +31,7 @@ impl Pty {
         let slave = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
         let mut termios = tcgetattr(&slave)?;
         termios.make_raw();
-        // As every serial port begins.
+        // The initial state of every serial port.
         termios.control_modes.insert(ControlModes::HUPCL);
         tcsetattr(&slave, OptionalActions::Now, &termios)?;
         fchmod(&slave, Mode::RUSR | Mode::WUSR)?;
@@ -44,19 +44,19 @@ impl Pty {
         &self.path
     }
 
-    /// Would the last close drop DTR, if there were one?
+    /// Would DTR drop at the last close?
     pub(super) fn hangs_up(&self) -> bool {
         tcgetattr(&self.slave)
             .is_ok_and(|termios| termios.control_modes.contains(ControlModes::HUPCL))
     }
 
-    /// Forgets a peer that had it for himself.
+    /// Releases the exclusive lock of a peer.
     pub(super) fn share_again(&self) {
-        // Whoever minds opens it and is told.
+        // A peer that locks the port again gets an error if another has it.
         let _ = ioctl_tiocnxcl(&self.slave);
     }
 
-    /// Reads what the peer has written; nothing there is no error.
+    /// Reads what the peer has written; no bytes are no error.
     pub(super) fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
         match rustix::io::read(&self.controller, buffer) {
             Ok(count) => Ok(count),
@@ -65,7 +65,7 @@ impl Pty {
         }
     }
 
-    /// Writes what fits; returns how much that was.
+    /// Writes what fits; returns how many bytes that was.
     pub(super) fn write(&self, bytes: &[u8]) -> io::Result<usize> {
         match rustix::io::write(&self.controller, bytes) {
             Ok(count) => Ok(count),
@@ -81,7 +81,7 @@ impl AsFd for Pty {
     }
 }
 
-/// A symbolic link to the slave that goes away with this value.
+/// A symbolic link to the slave; removed when this value is dropped.
 #[derive(Debug)]
 pub(super) struct Link {
     path: PathBuf,
@@ -89,14 +89,14 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Makes the link; one that is left over from before is replaced, a file is not.
+    /// Makes the link; replaces an old link, but not a file.
     pub(super) fn create(path: &Path, target: &Path) -> io::Result<Self> {
         match fs::symlink_metadata(path) {
             Ok(found) if found.is_symlink() => fs::remove_file(path)?,
             Ok(_) => {
                 return Err(io::Error::new(
                     io::ErrorKind::AlreadyExists,
-                    "exists and is no symbolic link; choose another path",
+                    "exists and is not a symbolic link; choose another path",
                 ));
             }
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
@@ -109,7 +109,7 @@ impl Link {
 
 impl Drop for Link {
     fn drop(&mut self) {
-        // Somebody else's link by now stays.
+        // A link that another process made in the meantime stays.
         if fs::read_link(&self.path).is_ok_and(|target| target == self.target) {
             let _ = fs::remove_file(&self.path);
         }

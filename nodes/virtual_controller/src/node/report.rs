@@ -1,4 +1,4 @@
-//! The report of a run: a file that is there whole or not at all.
+//! The report of a run: the file is complete or does not exist.
 
 use std::fs;
 use std::io;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::Counts;
 
-/// Says early what would stop [`write`] later.
+/// Finds early what would stop [`write`] later.
 pub(super) fn check(path: &Path) -> io::Result<()> {
     if path.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "is a folder; name a file in it"));
@@ -16,7 +16,7 @@ pub(super) fn check(path: &Path) -> io::Result<()> {
     fs::remove_file(&draft)
 }
 
-/// Writes the counts; whoever waits for the file finds all of them in it.
+/// Writes the counts; a process that waits for the file never finds half of it.
 pub(super) fn write(path: &Path, counts: &Counts) -> io::Result<()> {
     let draft = draft(path);
     fs::write(&draft, counts.to_json())?;

@@ -1,4 +1,4 @@
-//! Runs a controller on a pseudo-terminal until told to stop: one thread, one poll.
+//! Runs a controller on a pseudo-terminal until it is stopped: one thread, one poll.
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -11,15 +11,15 @@ use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use super::port::Port;
 use super::report;
 use super::stop::Stop;
-use crate::paced::{Pace, PacedLine};
+use crate::paced::{LineTiming, PacedLine};
 use crate::{Build, Controller, Fault, FaultAction, FaultInjector};
 
-/// Bytes on their way to the controller before the peer has to wait, as a tty queue does.
+/// Bytes in transit to the controller before the peer has to wait, as in a tty queue.
 pub(super) const BACKLOG_BYTES_MAX: usize = 4096;
-/// Bytes to a peer that does not read before they are lost, as on a real line.
+/// Bytes to a peer that does not read before further ones are lost, as on a real line.
 pub(super) const UNREAD_BYTES_MAX: usize = 16 * 1024;
 
-/// How long a bootloader listens before it starts the firmware.
+/// How long a bootloader waits before it starts the firmware.
 const BOOTLOADER: Duration = Duration::from_millis(1500);
 
 /// What to run.
@@ -28,29 +28,29 @@ pub struct ServeOptions {
     /// The controller.
     pub build: Build,
     /// The line and the clock.
-    pub pace: Pace,
-    /// What goes wrong.
+    pub timing: LineTiming,
+    /// Faults.
     pub faults: Vec<Fault>,
-    /// Decides what goes wrong by chance.
+    /// Seed of the random faults.
     pub seed: u64,
     /// A symbolic link to the slave, made at the start and removed at the end.
     pub link: Option<PathBuf>,
-    /// Take fault actions from standard input, one a line, and stop when it is closed.
+    /// Read fault actions from standard input, one a line, and stop when it is closed.
     pub watches_stdin: bool,
     /// Stop when this process ends.
     pub parent_pid: Option<i32>,
-    /// Does the board reset when the port is opened, as those of the Arduino kind do?
+    /// Does the board reset when the port is opened, as Arduino boards do?
     pub resets_on_open: bool,
-    /// Where the counts are written at the end, as JSON.
+    /// Path of the JSON file with the counts, written at the end.
     pub report: Option<PathBuf>,
 }
 
 impl ServeOptions {
-    /// A sound controller at 115 200 Bd in real time.
+    /// A controller without faults at 115 200 Bd in real time.
     pub fn new(build: Build) -> Self {
         Self {
             build,
-            pace: Pace::default(),
+            timing: LineTiming::default(),
             faults: Vec::new(),
             seed: 1,
             link: None,
@@ -65,31 +65,31 @@ impl ServeOptions {
 /// Why a controller could not be run.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// No pseudo-terminal.
+    /// There is no pseudo-terminal.
     #[error("cannot open a pseudo-terminal (is /dev/pts mounted?): {0}")]
     Pty(#[source] io::Error),
-    /// No link.
+    /// The link cannot be made.
     #[error("cannot make the link {path}: {source}")]
     Link {
-        /// Where it should be.
+        /// Path of the link.
         path: PathBuf,
-        /// Why not.
+        /// The error.
         source: io::Error,
     },
     /// The process to watch cannot be watched.
     #[error("cannot watch process {pid}: {source}")]
     Parent {
-        /// Its id.
+        /// Its process id.
         pid: i32,
-        /// Why not.
+        /// The error.
         source: io::Error,
     },
     /// The report cannot be written.
     #[error("cannot write the report {path}: {source}")]
     Report {
-        /// Where it should be.
+        /// Path of the report.
         path: PathBuf,
-        /// Why not.
+        /// The error.
         source: io::Error,
     },
     /// The pseudo-terminal failed while it was in use.
@@ -97,24 +97,24 @@ pub enum ServeError {
     Io(#[from] io::Error),
 }
 
-/// Runs a controller until `stop`, its watched process or standard input ends, or a `close` fault.
+/// Runs a controller until `stop`, the watched process or standard input ends, or a `close` fault.
 ///
-/// `ready` is called with the path of the slave when it can be opened: at the start, and each
-/// time the device is back after a `vanish` or `unplug` fault, as another device.
+/// `ready` is called with the path of the slave whenever it can be opened: at the start, and each
+/// time the board is back as another device after a `vanish` or `unplug` fault.
 pub fn serve(
     options: ServeOptions,
     stop: &Stop,
     mut ready: impl FnMut(&Path) -> io::Result<()>,
 ) -> Result<(), ServeError> {
     if let Some(path) = &options.report {
-        // An hour of run is not to end with a folder that is not there.
+        // Check now: a run of an hour must not fail at its end because the folder does not exist.
         report::check(path).map_err(|source| ServeError::Report { path: path.clone(), source })?;
     }
     let port = Port::open(options.link, options.resets_on_open)?;
     let parent = options.parent_pid.map(watch).transpose()?;
     let controller = Controller::with_build(options.build);
     let injector = FaultInjector::new(controller, options.faults, options.seed);
-    let line = PacedLine::new(injector, options.pace);
+    let line = PacedLine::new(injector, options.timing);
     port.path().map_or(Ok(()), &mut ready)?;
     let mut server = Server {
         port,
@@ -204,7 +204,7 @@ impl Server {
             }
             let is_ready = |at: usize| fds.get(at).is_some_and(|fd| !fd.revents().is_empty());
             let is_over = (0..stdin_at).any(is_ready);
-            // Whoever opens the port comes before what is sent through it.
+            // An opening of the port comes before the bytes that are sent through it.
             let has_bytes = is_ready(pty_at) && !is_ready(opens_at);
             let has_typed = self.watches_stdin && is_ready(stdin_at);
             drop(fds);
@@ -225,7 +225,7 @@ impl Server {
         }
     }
 
-    /// Hangs up where the cable was pulled, and is another device where it is plugged in again.
+    /// Hangs up when the cable is pulled; opens another device when it is plugged in again.
     fn follow_cable(
         &mut self,
         ready: &mut impl FnMut(&Path) -> io::Result<()>,
@@ -242,7 +242,7 @@ impl Server {
         Ok(())
     }
 
-    /// Writes what the peer takes; what nobody reads is lost in the end.
+    /// Writes what the peer reads; drops bytes that no peer reads.
     fn flush(&mut self) -> io::Result<()> {
         let Some(pty) = self.port.pty() else { return Ok(()) };
         while !self.unread.is_empty() {
@@ -256,7 +256,7 @@ impl Server {
         Ok(())
     }
 
-    /// Takes fault actions; returns `false` when standard input is closed.
+    /// Reads fault actions; returns `false` when standard input is closed.
     fn take_typed(&mut self, stdin: &io::Stdin) -> io::Result<bool> {
         let mut buffer = [0; 256];
         let count = match rustix::io::read(stdin, &mut buffer) {
@@ -283,13 +283,13 @@ impl Server {
 }
 
 pub(super) fn timespec(duration: Duration) -> Timespec {
-    // A day is long enough, and fits everywhere.
+    // A day is long enough, and fits every type.
     let duration = duration.min(Duration::from_secs(86_400));
     Timespec { tv_sec: duration.as_secs() as i64, tv_nsec: i64::from(duration.subsec_nanos()) as _ }
 }
 
 pub(super) fn eprint(text: &str) {
     use io::Write;
-    // Nobody to tell is no reason to stop.
+    // A closed standard error is no reason to stop.
     let _ = writeln!(io::stderr(), "virtual_controller: {text}");
 }

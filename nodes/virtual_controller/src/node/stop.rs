@@ -1,4 +1,4 @@
-//! A way to end `serve` from elsewhere: a pipe whose write end is the handle.
+//! Ends `serve` from another thread: a pipe whose write end is the handle.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -9,7 +9,7 @@ use rustix::pipe::{PipeFlags, pipe_with};
 #[derive(Debug)]
 pub struct Stop(OwnedFd);
 
-/// The end that stops: by [`StopHandle::stop`], or by being dropped.
+/// The end that stops `serve`: by [`StopHandle::stop`], or by being dropped.
 #[derive(Debug)]
 pub struct StopHandle(OwnedFd);
 
@@ -20,9 +20,9 @@ pub fn stop_pair() -> io::Result<(StopHandle, Stop)> {
 }
 
 impl StopHandle {
-    /// Ends `serve`; more than once does no harm.
+    /// Ends `serve`; may be called more than once.
     pub fn stop(&self) {
-        // A full pipe stops as well.
+        // A full pipe stops `serve` as well.
         let _ = rustix::io::write(&self.0, b"x");
     }
 

@@ -1,4 +1,4 @@
-//! How the values of a scenario are written, and what they may be.
+//! How the values of a scenario are written, and their limits.
 
 use std::fmt;
 use std::str::FromStr;
@@ -10,20 +10,20 @@ use serde::{Deserialize, Deserializer};
 use crate::axes::Vector;
 use crate::fault::Fault;
 
-/// Bytes a receive buffer may be said to have.
+/// Allowed sizes of the receive buffer, bytes.
 pub(crate) const RECEIVE_BUFFER_BYTES: std::ops::RangeInclusive<usize> = 16..=65_536;
-/// Time factors that are of any use.
+/// Allowed time factors.
 pub(crate) const TIME_FACTORS: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
-/// Coordinates, mm.
+/// Largest coordinate, mm.
 pub(crate) const COORDINATE_MM_MAX: f64 = 1e5;
 
-/// What stands for one value.
+/// The text or number of one value.
 enum Scalar<'a> {
     Text(&'a str),
     Number(f64),
 }
 
-/// Reads one value; what is wrong with it is told with its place.
+/// Reads one value; an error names its place.
 struct Reader<'a, T> {
     expecting: &'a str,
     read: &'a dyn Fn(Scalar<'_>) -> Result<T, String>,
@@ -133,7 +133,9 @@ impl<'de> Deserialize<'de> for Number {
                 Scalar::Number(number) => number.to_string(),
             };
             let number = text.strip_prefix('$').unwrap_or(&text).parse().ok();
-            number.map(Number).ok_or_else(|| format!("`{text}` is no setting; write $110 or 110"))
+            number
+                .map(Number)
+                .ok_or_else(|| format!("`{text}` is not a setting; write $110 or 110"))
         };
         let expecting = "the number of a setting, such as 110 or $110";
         from.deserialize_any(Reader { expecting, read: &read })
@@ -161,7 +163,7 @@ pub(super) fn settings<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<(u16, f
     from.deserialize_map(InOrder)
 }
 
-/// A fault as a mapping.
+/// A fault written as a mapping.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Mapping {
@@ -176,7 +178,7 @@ struct Mapping {
     rate: Option<f64>,
 }
 
-/// The same as a line of the grammar.
+/// The fault as a line of the grammar.
 fn written(mapping: &Mapping) -> Result<String, String> {
     let shown = |value: Option<&dyn fmt::Display>| value.map(ToString::to_string);
     let arguments = [

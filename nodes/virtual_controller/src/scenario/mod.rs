@@ -1,8 +1,8 @@
-//! Scenarios: which controller, and what goes wrong with it, in one text.
+//! Scenarios: a controller and its faults, in one text.
 //!
-//! YAML. Every key may be left out; what each means is in the README of this
-//! crate, and `config/examples/shop_floor.yaml` is one to begin with. Knows texts
-//! and places in them; reading files is the shell's.
+//! YAML. Every key is optional; the README of this crate explains each, and
+//! `config/examples/shop_floor.yaml` is one to start from. This module parses text; the shell
+//! reads files.
 
 mod form;
 #[cfg(test)]
@@ -18,20 +18,20 @@ use crate::codes::ErrorCode;
 use crate::controller::Build;
 use crate::fault::Fault;
 use crate::firmware::Firmware;
-use crate::paced::Pace;
+use crate::paced::LineTiming;
 use crate::settings::Settings;
 
 #[cfg(feature = "node")]
 pub(crate) use form::{COORDINATE_MM_MAX, RECEIVE_BUFFER_BYTES, TIME_FACTORS};
 
-/// A controller and its faults. What is `None` is as usual.
+/// A controller and its faults. `None` means the default.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Scenario {
-    /// The family it speaks as.
+    /// The firmware family.
     #[serde(deserialize_with = "form::by_name")]
     pub firmware: Option<Firmware>,
-    /// The settings to start from.
+    /// The initial settings.
     #[serde(deserialize_with = "form::by_name")]
     pub machine: Option<Machine>,
     /// `$n` and value, in the order in which they are set.
@@ -39,7 +39,7 @@ pub struct Scenario {
     pub settings: Vec<(u16, f64)>,
     /// `$22=1`.
     pub homing: bool,
-    /// Bytes of the receive buffer as `$I` tells them.
+    /// Bytes of the receive buffer as `$I` reports them.
     #[serde(deserialize_with = "form::receive_buffer_bytes")]
     pub receive_buffer_bytes: Option<usize>,
     /// Machine position at power-up, mm.
@@ -54,21 +54,21 @@ pub struct Scenario {
     pub mist: bool,
     /// Bits per second; 0: bytes take no time.
     pub baud: Option<u32>,
-    /// How many times faster than real time the machine lives.
+    /// How many times faster than real time the machine runs.
     #[serde(deserialize_with = "form::time_factor")]
     pub time_factor: Option<f64>,
-    /// Do bytes go faster by the same factor?
+    /// Are bytes sped up by the same factor?
     pub fast_bytes: bool,
     /// Does the board reset when its port is opened?
     pub resets_on_open: bool,
-    /// Decides what happens by chance.
+    /// Seed of the random faults.
     pub seed: Option<u64>,
-    /// What goes wrong.
+    /// Faults.
     #[serde(deserialize_with = "form::faults")]
     pub faults: Vec<Fault>,
 }
 
-/// Settings to start from.
+/// Initial settings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Machine {
     /// 600 x 400 x 100 mm, 5 m/min, 24 000 rpm.
@@ -78,9 +78,9 @@ pub enum Machine {
     Generic,
 }
 
-/// A text that names no machine.
+/// A text that is not the name of a machine.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no machine; there are router and generic")]
+#[error("unknown machine `{0}`; use router or generic")]
 pub struct UnknownMachine(String);
 
 impl FromStr for Machine {
@@ -95,10 +95,10 @@ impl FromStr for Machine {
     }
 }
 
-/// Why a text is no scenario.
+/// Why a text is not a scenario.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ScenarioError {
-    /// Not YAML, or not of the form.
+    /// Not YAML, or not in the form of a scenario.
     #[error("{}{reason}", place(*at))]
     Form {
         /// Line and column from 1, where known.
@@ -106,16 +106,16 @@ pub enum ScenarioError {
         /// What is wrong, and what is allowed.
         reason: String,
     },
-    /// The firmware refuses a setting.
-    #[error("settings: {firmware} does not take ${number}={value} ({code})")]
+    /// The firmware rejects a setting.
+    #[error("settings: {firmware} rejects ${number}={value} ({code})")]
     Setting {
-        /// Whose settings they are.
+        /// The firmware.
         firmware: Firmware,
         /// The n of `$n`.
         number: u16,
-        /// As given.
+        /// The value.
         value: String,
-        /// What the firmware would answer.
+        /// The firmware's answer.
         code: ErrorCode,
     },
 }
@@ -125,10 +125,13 @@ fn place(at: Option<(usize, usize)>) -> String {
 }
 
 impl Scenario {
-    /// Reads a scenario. An empty text is the usual controller without faults.
+    /// Reads a scenario. An empty text is the default controller without faults.
+    ///
+    /// # Errors
+    /// The text is not YAML, or has an unknown key or a value that is not allowed.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
         let scenario: Option<Self> = from_str(text, &Limits::FILE).map_err(|error| {
-            // The place is told in front, where editors find it.
+            // The place comes first, where editors look for it.
             let at = error.line.zip(error.column);
             ScenarioError::Form { at, reason: error.reason }
         })?;
@@ -137,7 +140,10 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// The settings the controller starts with.
+    /// The initial settings of the controller.
+    ///
+    /// # Errors
+    /// The firmware rejects one of them.
     pub fn settings(&self) -> Result<Settings, ScenarioError> {
         let firmware = self.firmware.unwrap_or_default();
         let mut settings = match self.machine.unwrap_or_default() {
@@ -169,9 +175,9 @@ impl Scenario {
     }
 
     /// The line and the clock.
-    pub fn pace(&self) -> Pace {
-        let usual = Pace::default();
-        Pace {
+    pub fn timing(&self) -> LineTiming {
+        let usual = LineTiming::default();
+        LineTiming {
             baud: match self.baud {
                 None => usual.baud,
                 Some(baud) => Some(baud).filter(|baud| *baud > 0),

@@ -14,7 +14,7 @@ fn the_example_is_one_and_has_all_keys() {
     assert_eq!((settings.get(110), settings.get(22)), (Some(3000.0), Some(1.0)));
     assert!(scenario.faults.iter().any(|fault| fault.action == FaultAction::LoseOk));
     assert!(scenario.faults.iter().any(|fault| matches!(fault.action, FaultAction::Vanish { .. })));
-    // As a key, in force or as a comment, and in the table of the README.
+    // As a key or as a comment in the example, and in the table of the README.
     for key in [
         "firmware",
         "machine",
@@ -66,7 +66,7 @@ fn settings_are_set_in_their_order() {
     let settings = scenario.settings().unwrap();
     assert!(settings.soft_limits());
     let error = Scenario::from_yaml("settings: {$20: 1, $22: 1}").unwrap_err().to_string();
-    assert_eq!(error, "settings: grbl does not take $20=1 (error:10)");
+    assert_eq!(error, "settings: grbl rejects $20=1 (error:10)");
 }
 
 #[test]
@@ -77,11 +77,11 @@ fn an_empty_text_is_the_usual_controller() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_its_place_and_what_is_allowed() {
+fn an_error_names_its_place_and_the_allowed_values() {
     for (text, place, hint) in [
-        ("firmware: marlin\n", "1:11: ", "there are grbl, grblhal and fluidnc"),
+        ("firmware: marlin\n", "1:11: ", "use grbl, grblhal or fluidnc"),
         ("firmware: [grbl]\n", "1:11: ", "a name"),
-        ("seed: 1\nmachine: lathe\n", "2:10: ", "there are router and generic"),
+        ("seed: 1\nmachine: lathe\n", "2:10: ", "use router or generic"),
         ("seeds: 1\n", "1:1: ", "expected one of `firmware`"),
         ("seed: -1\n", "1:7: ", "u64"),
         ("seed: \"1\n", "2:1: ", "end of stream"),
@@ -106,7 +106,7 @@ fn what_is_wrong_is_told_with_its_place_and_what_is_allowed() {
     ] {
         let error = Scenario::from_yaml(text).unwrap_err().to_string();
         assert!(error.starts_with(place) && error.contains(hint), "{text:?}: {error}");
-        // The place is told once; where a quotation began is another.
+        // The place occurs once; libyaml adds a second one, the start of the quotation.
         assert!(text.contains('"') || !error.contains(" at line "), "{error}");
     }
 }

@@ -1,10 +1,10 @@
-//! What the settings of grblHAL mean; on other firmware they are as if zero.
+//! What the settings of grblHAL mean; in other firmware they count as zero.
 
 use super::Settings;
 
-/// `$42` and `$56` to `$59`: where a tool goes while the door is open, and how.
+/// `$42` and `$56` to `$59`: the parking axis, its positions and its feeds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ParkingWay {
+pub(crate) struct ParkingSettings {
     pub(crate) axis: usize,
     pub(crate) pull_out_mm: f64,
     pub(crate) pull_out_mm_per_min: f64,
@@ -18,27 +18,27 @@ impl Settings {
         self.extra(number) as u16 & (1 << bit) != 0
     }
 
-    /// `$21` bit 1: a closed limit switch is an alarm at a reset.
+    /// `$21` bit 1: a closed limit switch at a reset is an alarm.
     pub(crate) fn checks_limits_at_reset(&self) -> bool {
         self.hard_limits() && self.bit(21, 1)
     }
 
-    /// `$22` bit 1: `$HX` and the like.
+    /// `$22` bit 1: `$HX` and similar.
     pub(crate) fn homes_single_axes(&self) -> bool {
         self.bit(22, 1)
     }
 
-    /// `$22` bit 2: nothing but homing unlocks after switching on.
+    /// `$22` bit 2: only homing unlocks after switching on.
     pub(crate) fn homing_required(&self) -> bool {
         self.homing_enabled() && self.bit(22, 2)
     }
 
-    /// `$39`: `!`, `?` and `~` act within comments and `$` lines, too.
+    /// `$39`: `!`, `?` and `~` take effect within comments and `$` lines, too.
     pub(crate) fn legacy_realtime(&self) -> bool {
         self.get(39).is_none_or(|value| value != 0.0)
     }
 
-    /// `$40`: jogs are cut off at the end of the travel instead of refused.
+    /// `$40`: jogs are shortened to the travel instead of rejected.
     pub(crate) fn clips_jogs(&self) -> bool {
         self.extra(40) != 0.0
     }
@@ -49,8 +49,8 @@ impl Settings {
     }
 
     /// `$42` and `$56` to `$59`.
-    pub(crate) fn parking(&self) -> ParkingWay {
-        ParkingWay {
+    pub(crate) fn parking(&self) -> ParkingSettings {
+        ParkingSettings {
             axis: self.extra(42) as usize,
             pull_out_mm: self.extra(56),
             pull_out_mm_per_min: self.extra(57),
@@ -69,7 +69,7 @@ impl Settings {
         self.extra(64) != 0.0
     }
 
-    /// `$341=4`: M6 means nothing.
+    /// `$341=4`: M6 has no effect.
     pub(crate) fn ignores_tool_changes(&self) -> bool {
         (self.extra(341) - 4.0).abs() < 0.5
     }
@@ -84,7 +84,7 @@ impl Settings {
         self.get(398).map(|blocks| blocks as usize)
     }
 
-    /// `$481`, seconds between reports nobody asked for; `None`: there are none.
+    /// `$481`, seconds between automatic reports; `None`: there are none.
     pub(crate) fn report_interval_s(&self) -> Option<f64> {
         Some(self.extra(481) / 1000.0).filter(|seconds| *seconds > 0.0)
     }

@@ -1,7 +1,7 @@
 //! The `$n=v` settings: their numbers, defaults, checks and print form.
 //!
-//! Knows one value per setting and what it may be; what a value does belongs
-//! to whoever reads it. Units are grbl's: millimetres, mm/min, mm/s², ms.
+//! Knows each setting and its limits; the readers of a value know its effect. Units are grbl's:
+//! millimetres, mm/min, mm/s², ms.
 
 mod grblhal;
 mod table;
@@ -16,12 +16,12 @@ use table::rows;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     firmware: Firmware,
-    /// By number, as the firmware's table has them.
+    /// In the order of the firmware's table, by number.
     values: Vec<(u16, f64)>,
 }
 
 impl Default for Settings {
-    /// The generic defaults a freshly flashed grbl 1.1 comes with.
+    /// The generic defaults of a freshly flashed grbl 1.1.
     fn default() -> Self {
         Self::of(Firmware::Grbl)
     }
@@ -44,7 +44,7 @@ impl Settings {
         Self { firmware, values }
     }
 
-    /// Whose settings these are.
+    /// The firmware that has these settings.
     pub fn firmware(&self) -> Firmware {
         self.firmware
     }
@@ -53,16 +53,18 @@ impl Settings {
         self.values.binary_search_by_key(&number, |(number, _)| *number).ok()
     }
 
-    /// Returns the value of `$number`, `None` when the firmware has no such setting.
+    /// Returns the value of `$number`; `None` when the firmware has no such setting.
     pub fn get(&self, number: u16) -> Option<f64> {
         self.place(number).map(|at| self.values[at].1)
     }
 
-    /// Stores `$number=value` as the firmware would, or says why not.
+    /// Stores `$number=value` as the firmware would.
     ///
-    /// `$22=0` also clears `$20`. Rates, accelerations and steps of zero are
-    /// refused as [`ErrorCode::NegativeValue`]: grbl stores them and then
-    /// divides by them.
+    /// `$22=0` also clears `$20`.
+    ///
+    /// # Errors
+    /// The firmware rejects the value. Rates, accelerations and steps of zero are rejected as
+    /// [`ErrorCode::NegativeValue`]: grbl stores them and then divides by them.
     pub fn set(&mut self, number: u16, value: f64) -> Result<(), ErrorCode> {
         if !value.is_finite() {
             return Err(ErrorCode::BadNumber);
@@ -108,7 +110,7 @@ impl Settings {
 
     /// A setting that all firmware has.
     fn value(&self, number: u16) -> f64 {
-        self.get(number).expect("all firmware has what is asked for like this")
+        self.get(number).expect("all firmware has this setting")
     }
 
     /// A setting of grblHAL; zero elsewhere.
@@ -124,7 +126,7 @@ impl Settings {
         self.value(number) != 0.0
     }
 
-    /// `$10`: what reports carry.
+    /// `$10`: the fields of reports.
     pub(crate) fn report_mask(&self) -> u16 {
         self.value(10) as u16
     }
@@ -134,7 +136,7 @@ impl Settings {
         self.value(11)
     }
 
-    /// `$12`, millimetres, not below the finest chord there is.
+    /// `$12`, millimetres, at least the deviation of the finest chord.
     pub fn arc_tolerance_mm(&self) -> f64 {
         self.value(12).max(CHORD_MM_MIN)
     }
@@ -149,12 +151,12 @@ impl Settings {
         self.flag(20)
     }
 
-    /// `$21` bit 0; all there is of it in grbl.
+    /// `$21` bit 0; grbl has no other bits.
     pub fn hard_limits(&self) -> bool {
         self.value(21) as u16 & 1 != 0
     }
 
-    /// `$22` bit 0; all there is of it in grbl.
+    /// `$22` bit 0; grbl has no other bits.
     pub fn homing_enabled(&self) -> bool {
         self.value(22) as u16 & 1 != 0
     }

@@ -1,4 +1,4 @@
-//! The settings there are, by number: whose they are, how they print, their defaults.
+//! All settings by number: which firmware has them, how they print, their defaults.
 
 use crate::firmware::Firmware;
 
@@ -17,11 +17,11 @@ pub(super) enum Kind {
     Rpm,
 }
 
-/// Who has a setting.
+/// Which firmware has a setting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Owner {
     All,
-    /// All but grblHAL, which has the number for something wider.
+    /// All but grblHAL, which uses the number for a wider setting.
     Classic,
     GrblHal,
 }
@@ -45,12 +45,12 @@ const fn row(number: u16, kind: Kind, generic: f64, router: f64, owner: Owner) -
     Row { number, kind, generic, router, owner }
 }
 
-/// A setting of grblHAL alone, with the same default on every machine.
+/// A setting that only grblHAL has, with the same default on every machine.
 const fn hal(number: u16, kind: Kind, default: f64) -> Row {
     row(number, kind, default, default, GrblHal)
 }
 
-/// By number.
+/// All settings, by number.
 static TABLE: &[Row] = &[
     row(0, Integer, 10.0, 10.0, All),
     row(1, Integer, 25.0, 255.0, All),
@@ -137,7 +137,7 @@ static TABLE: &[Row] = &[
     hal(676, Integer, 3.0),
 ];
 
-/// The settings a family has, by number.
+/// The settings of a family, by number.
 pub(super) fn rows(firmware: Firmware) -> impl Iterator<Item = &'static Row> {
     let is_hal = firmware == Firmware::GrblHal;
     TABLE.iter().filter(move |row| match row.owner {
@@ -148,7 +148,7 @@ pub(super) fn rows(firmware: Firmware) -> impl Iterator<Item = &'static Row> {
 }
 
 impl Kind {
-    /// A value as it is kept.
+    /// A value as the firmware stores it.
     pub(super) fn stored(self, value: f64) -> f64 {
         match self {
             Integer => value.trunc().min(255.0),
@@ -158,7 +158,7 @@ impl Kind {
         }
     }
 
-    /// A value as `$$` shows it.
+    /// A value as `$$` prints it.
     pub(super) fn printed(self, value: f64, firmware: Firmware) -> String {
         match self {
             Float => format!("{value:.3}"),

@@ -1,4 +1,4 @@
-//! A bench: a controller, a fake clock, and what was said.
+//! A bench: a controller, a fake clock, and what was sent and received.
 #![allow(dead_code)]
 
 use std::time::Duration;
@@ -10,7 +10,7 @@ pub(crate) struct Bench {
     pub(crate) now: Duration,
 }
 
-/// Fast axes, and a finer step than any tolerance of the tests.
+/// Fast axes, and steps finer than any tolerance of the tests.
 pub(crate) fn settings(lines: &[&str]) -> Settings {
     settings_of(Firmware::Grbl, lines)
 }
@@ -36,12 +36,12 @@ impl Bench {
 
     pub(crate) fn with(build: Build) -> Self {
         let mut bench = Self { controller: Controller::with_build(build), now: Duration::ZERO };
-        bench.heard();
+        bench.received();
         bench
     }
 
-    /// What the controller has said since the last time, lines joined by ` / `.
-    pub(crate) fn heard(&mut self) -> String {
+    /// What the controller has sent since the last call, lines joined by ` / `.
+    pub(crate) fn received(&mut self) -> String {
         let mut bytes = Vec::new();
         let mut before = usize::MAX;
         while before != bytes.len() {
@@ -54,10 +54,10 @@ impl Bench {
 
     pub(crate) fn send(&mut self, bytes: &[u8]) -> String {
         self.controller.receive(self.now, bytes);
-        self.heard()
+        self.received()
     }
 
-    /// Sends bytes so far apart that the main loop looks at each.
+    /// Sends bytes so slowly that the main loop handles each by itself.
     pub(crate) fn send_spaced(&mut self, bytes: &[u8]) {
         for byte in bytes {
             self.send(&[*byte]);
@@ -66,26 +66,26 @@ impl Bench {
     }
 
     /// Sends a line and returns what comes back at once.
-    pub(crate) fn say(&mut self, line: &str) -> String {
+    pub(crate) fn send_line(&mut self, line: &str) -> String {
         self.send(format!("{line}\n").as_bytes())
     }
 
     pub(crate) fn wait(&mut self, seconds: f64) -> String {
         self.now += Duration::from_secs_f64(seconds);
         self.controller.advance(self.now);
-        self.heard()
+        self.received()
     }
 
-    /// Goes from event to event until nothing is awaited; returns what was heard.
+    /// Advances from event to event until none is left; returns what was received.
     pub(crate) fn settle(&mut self) -> String {
-        let mut heard = vec![self.heard()];
+        let mut received = vec![self.received()];
         while let Some(event) = self.controller.next_event(self.now) {
             self.now = event;
             self.controller.advance(event);
-            heard.push(self.heard());
+            received.push(self.received());
         }
-        heard.retain(|text| !text.is_empty());
-        heard.join(" / ")
+        received.retain(|text| !text.is_empty());
+        received.join(" / ")
     }
 
     /// The status report without its occasional fields.

@@ -1,11 +1,11 @@
-//! What FluidNC says and does in its own way.
+//! What FluidNC does differently.
 
 use crate::script::{check, fluid};
 use expect_test::expect;
 
 // Boot messages; state Starting; the line as of section 2, banner with FluidNC in it.
 #[test]
-fn it_chats_before_its_banner() {
+fn it_prints_boot_messages_before_its_banner() {
     let script = "
         power
         ^?

@@ -86,7 +86,7 @@ fn offsets_show_in_the_next_report() {
 }
 
 #[test]
-fn spindle_and_coolant_show_beside_the_overrides() {
+fn spindle_and_coolant_are_reported_with_the_overrides() {
     let script = "
         ^?
         M3S600
@@ -157,9 +157,9 @@ fn line_numbers_are_a_compile_option() {
     );
 }
 
-// Source: serial.c and protocol_exec_rt_system; the bytes are bits.
+// Source: serial.c and protocol_exec_rt_system; each override byte sets a bit.
 #[test]
-fn equal_override_bytes_between_two_passes_count_once_and_act_in_an_order_of_their_own() {
+fn equal_override_bytes_between_two_passes_count_once_and_act_in_a_fixed_order() {
     let script = r"
         ^?
         ^?

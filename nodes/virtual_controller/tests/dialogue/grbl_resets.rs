@@ -1,4 +1,4 @@
-//! How grbl 1.1h begins again: resets, power, sleep, check mode, startup lines.
+//! How grbl 1.1h restarts: resets, power, sleep, check mode, startup lines.
 
 use crate::script::{check, plain};
 use expect_test::expect;
@@ -108,7 +108,7 @@ fn check_mode_reads_and_moves_nothing() {
 }
 
 #[test]
-fn sleep_answers_and_then_listens_to_a_reset_alone() {
+fn in_sleep_only_a_reset_is_accepted() {
     let script = "
         $SLP
         ^?

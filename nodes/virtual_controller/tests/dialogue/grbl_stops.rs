@@ -152,7 +152,7 @@ fn a_door_ends_a_jog_for_good() {
 }
 
 #[test]
-fn a_jog_locks_gcode_out_and_lines_behind_a_cancel_still_run() {
+fn a_jog_locks_gcode_out_and_lines_after_a_cancel_still_run() {
     let script = "
         $J=G91X5F600
         G0X1

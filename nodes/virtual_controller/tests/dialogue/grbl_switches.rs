@@ -104,7 +104,7 @@ fn homing_fails_when_a_switch_is_cut_or_stuck_or_when_it_is_reset() {
 }
 
 #[test]
-fn a_soft_limit_stops_the_stream_and_leaves_it_deaf() {
+fn after_a_soft_limit_nothing_but_a_reset_is_accepted() {
     let mut build = plain(&["$22=1", "$20=1"]);
     build.start_in_machine = Some([-10.0, -10.0, -10.0]);
     let script = "

@@ -1,4 +1,4 @@
-//! Which lines grblHAL takes, and what sticks after an error.
+//! Which lines grblHAL accepts, and which errors persist.
 
 use crate::script::{check, hal};
 use expect_test::expect;

@@ -154,7 +154,7 @@ fn a_reset_in_parking_locks_and_keeps_the_place() {
 }
 
 #[test]
-fn what_is_not_homed_or_stands_higher_than_the_parking_place_stays() {
+fn an_axis_that_is_not_homed_or_above_the_parking_position_stays() {
     let script = "
         G0Z-50
         wait 9

@@ -80,7 +80,7 @@ fn homing_fails_without_an_answer() {
 
 // Row "soft limit in stream".
 #[test]
-fn a_soft_limit_leaves_it_listening_and_refusing() {
+fn after_a_soft_limit_lines_are_read_and_rejected() {
     let script = "
         G90G1X-40F3000
         X-45
@@ -158,7 +158,7 @@ fn a_hard_limit_needs_a_reset() {
 
 // Alarm 12.
 #[test]
-fn a_limit_switch_is_looked_at_after_a_reset_if_asked_for() {
+fn a_limit_switch_is_checked_after_a_reset_if_set() {
     let script = "
         limit X
         ^18

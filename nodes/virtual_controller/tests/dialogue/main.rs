@@ -1,7 +1,7 @@
 //! Conversations with the controller, as a terminal would show them.
 //!
-//! One module for each firmware and topic. Comments name the row of the
-//! transcripts of real firmware that a conversation repeats.
+//! One module for each firmware and topic. Comments name the row of the transcripts of real
+//! firmware that a dialogue repeats.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,11 +1,10 @@
 //! Runs a script of steps and compares the transcript with the expected one.
 //!
-//! A script has one step a line: text is said as a line; `^` begins raw bytes
-//! (`?`, `!`, `~` or hexadecimal); `bytes` sends text with `\r`, `\n` and
-//! `\xNN` and no line end of its own; `wait S` lets seconds pass; `settle` goes
-//! on until nothing is awaited. `limit X`, `release X`, `cut X`, `mend X`,
-//! `door`, `shut` and `power` act on the machine; `alarm N` raises an alarm. `times N A; B` takes
-//! steps N times, and shows the last that is heard.
+//! A script has one step a line. Plain text is sent as a line; `^` begins raw bytes (`?`, `!`,
+//! `~` or hexadecimal); `bytes` sends text with `\r`, `\n` and `\xNN` and without a line end.
+//! `wait S` advances the time by seconds; `settle` advances until no event is left. `limit X`,
+//! `release X`, `cut X`, `mend X`, `door`, `shut` and `power` act on the machine; `alarm N`
+//! raises an alarm. `times N A; B` repeats steps N times, and shows the last output.
 
 use crate::common::{Bench, settings, settings_of};
 use expect_test::Expect;
@@ -41,9 +40,9 @@ fn step(bench: &mut Bench, text: &str) -> String {
         "times" => {
             let (count, steps) = argument.split_once(' ').unwrap();
             let steps: Vec<&str> = steps.split(';').map(str::trim).collect();
-            let heard =
+            let received =
                 steps.repeat(count.parse().unwrap()).into_iter().map(|one| step(bench, one));
-            return heard.last().unwrap_or_default();
+            return received.last().unwrap_or_default();
         }
         "limit" => bench.controller.hold_limit(axis(argument), true),
         "release" => bench.controller.hold_limit(axis(argument), false),
@@ -57,19 +56,19 @@ fn step(bench: &mut Bench, text: &str) -> String {
             return match text.strip_prefix('^') {
                 Some(raw) if raw.len() == 2 => bench.send(&[u8::from_str_radix(raw, 16).unwrap()]),
                 Some(raw) => bench.send(raw.as_bytes()),
-                None => bench.say(text),
+                None => bench.send_line(text),
             };
         }
     }
-    bench.heard()
+    bench.received()
 }
 
 pub(crate) fn check(build: Build, script: &str, expected: Expect) {
     let mut bench = Bench::with(build);
     let mut transcript = String::new();
     for line in script.lines().map(str::trim).filter(|line| !line.is_empty()) {
-        let heard = step(&mut bench, line);
-        transcript += format!("{line:<24} {heard}").trim_end();
+        let received = step(&mut bench, line);
+        transcript += format!("{line:<24} {received}").trim_end();
         transcript += "\n";
     }
     expected.assert_eq(&transcript);

@@ -1,8 +1,8 @@
-//! Which of the occasional fields a status report is to carry.
+//! Which of the occasional fields a status report carries.
 
 use crate::firmware::{Fields, Traits};
 
-/// Counts reports until `WCO` and `Ov` are due again, and remembers what has changed.
+/// Counts reports until `WCO` and `Ov` are due again, and remembers changes.
 #[derive(Debug, Clone)]
 pub(in crate::controller) struct Cadence {
     accessories_alone: bool,
@@ -21,7 +21,7 @@ pub(super) struct Due {
     pub(super) homed: bool,
     pub(super) tool: bool,
     pub(super) tool_reference: bool,
-    /// What is reported on demand alone.
+    /// These are reported on demand only.
     pub(super) rest: bool,
 }
 
@@ -39,7 +39,7 @@ impl Due {
 }
 
 impl Cadence {
-    /// As after a reset.
+    /// The state after a reset.
     pub(in crate::controller) fn new(traits: &Traits) -> Self {
         let accessories_alone = traits.reports_accessories_alone;
         Self {
@@ -62,7 +62,7 @@ impl Cadence {
         self.until_overrides = 0;
     }
 
-    /// Spindle, coolant or a pending tool change.
+    /// Spindle, coolant or a pending tool change changed.
     pub(in crate::controller) fn accessories_changed(&mut self) {
         match self.accessories_alone {
             true => self.changed.accessories = true,
@@ -83,7 +83,7 @@ impl Cadence {
         self.changed.accessories = true;
     }
 
-    /// What the next report carries; it counts as sent.
+    /// The occasional fields of the next report; they count as sent.
     pub(super) fn next(&mut self, fields: Fields, is_busy: bool, everything: bool) -> Due {
         let mut due = std::mem::take(&mut self.changed);
         due.offsets = fields.offsets && self.offsets_due(is_busy);
@@ -92,7 +92,7 @@ impl Cadence {
         if everything { Due::EVERYTHING } else { due }
     }
 
-    /// Every 10 reports at rest, 30 in motion.
+    /// Due every 10 reports at rest, every 30 in motion.
     fn offsets_due(&mut self, is_busy: bool) -> bool {
         if self.until_offsets > 0 {
             self.until_offsets -= 1;
@@ -104,7 +104,7 @@ impl Cadence {
         true
     }
 
-    /// Every 10 reports at rest, 20 in motion.
+    /// Due every 10 reports at rest, every 20 in motion.
     fn overrides_due(&mut self, is_busy: bool) -> bool {
         if self.until_overrides > 0 {
             self.until_overrides -= 1;

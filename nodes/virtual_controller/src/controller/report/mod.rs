@@ -1,6 +1,6 @@
-//! Everything the controller prints: answers, messages, listings.
+//! Everything that the controller prints: answers, messages, listings.
 //!
-//! The status report has a file of its own, and so has the question what it carries.
+//! `status` writes the status report; `cadence` decides which fields it has.
 
 mod cadence;
 mod status;
@@ -129,7 +129,7 @@ impl Controller {
         self.line_out(&text);
     }
 
-    /// The same after a status report, where it is wanted and has changed.
+    /// The parser state after a status report, if the settings ask for it and it has changed.
     fn report_changed_parser_state(&mut self, fields: Fields) {
         let text = self.parser_state();
         if fields.parser_state && text != self.reported_parser_state {

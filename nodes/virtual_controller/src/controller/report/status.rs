@@ -1,7 +1,7 @@
 //! The status report.
 
 use crate::axes::{AXES, AXIS_LETTERS, Vector, subtract};
-use crate::controller::{Controller, Door, State};
+use crate::controller::{Controller, ControllerState, Door};
 use crate::firmware::Fields;
 use crate::gcode::{Coolant, Spindle, system_name};
 
@@ -9,34 +9,40 @@ impl Controller {
     fn state_name(&self, fields: Fields, everything: bool) -> String {
         let traits = self.traits();
         match &self.state {
-            State::Off => String::new(),
-            State::Starting { .. } => "Starting".into(),
-            State::Idle => "Idle".into(),
-            State::Alarm { .. } => match self.alarm {
+            ControllerState::Off => String::new(),
+            ControllerState::Starting { .. } => "Starting".into(),
+            ControllerState::Idle => "Idle".into(),
+            ControllerState::Alarm { .. } => match self.alarm {
                 Some(alarm) if fields.alarm_substate || everything => format!("Alarm:{}", alarm.0),
                 _ => "Alarm".into(),
             },
-            State::Check => "Check".into(),
-            State::Homing(_) => "Home".into(),
-            State::Run if fields.run_substate && self.probing.is_some() => "Run:2".into(),
-            State::Run | State::Stopping => "Run".into(),
-            State::Hold { is_stopped } => format!("Hold:{}", u8::from(!is_stopped)),
-            State::SoftLimit => "Hold:1".into(),
-            State::Jog { .. } => "Jog".into(),
-            State::Sleep => "Sleep".into(),
-            State::Tool => "Tool".into(),
-            State::Door(Door::Stopping { is_jog: false } | Door::Retracting) => "Door:2".into(),
-            State::Door(Door::Stopping { is_jog: true }) => format!("Door:{}", traits.door_jog),
-            State::Door(Door::Stopped) => format!("Door:{}", u8::from(self.plant.is_door_open)),
-            State::Door(Door::Resuming { .. } | Door::Returning) => {
+            ControllerState::Check => "Check".into(),
+            ControllerState::Homing(_) => "Home".into(),
+            ControllerState::Run if fields.run_substate && self.probing.is_some() => "Run:2".into(),
+            ControllerState::Run | ControllerState::Stopping => "Run".into(),
+            ControllerState::Hold { is_stopped } => format!("Hold:{}", u8::from(!is_stopped)),
+            ControllerState::SoftLimit => "Hold:1".into(),
+            ControllerState::Jog { .. } => "Jog".into(),
+            ControllerState::Sleep => "Sleep".into(),
+            ControllerState::Tool => "Tool".into(),
+            ControllerState::Door(Door::Stopping { is_jog: false } | Door::Retracting) => {
+                "Door:2".into()
+            }
+            ControllerState::Door(Door::Stopping { is_jog: true }) => {
+                format!("Door:{}", traits.door_jog)
+            }
+            ControllerState::Door(Door::Stopped) => {
+                format!("Door:{}", u8::from(self.plant.is_door_open))
+            }
+            ControllerState::Door(Door::Resuming { .. } | Door::Returning) => {
                 format!("Door:{}", traits.door_resuming)
             }
         }
     }
 
-    /// `?`: at once, or when there is room and homing has ended.
+    /// `?`: reports at once, or later when there is room and homing has ended.
     pub(in crate::controller) fn report_status(&mut self) {
-        let is_silent = matches!(self.state, State::Homing(_))
+        let is_silent = matches!(self.state, ControllerState::Homing(_))
             && !(self.traits().reports_while_homing)(&self.memory.settings);
         if is_silent || self.is_transmit_full() {
             self.has_pending_report = true;
@@ -45,14 +51,14 @@ impl Controller {
         }
     }
 
-    /// A status report that nobody has to ask for.
+    /// Sends a status report without a request.
     pub(in crate::controller) fn report_status_now(&mut self) {
         self.status(false);
     }
 
     /// grblHAL's 0x87: every field.
     pub(in crate::controller) fn report_everything(&mut self) {
-        if !matches!(self.state, State::Homing(_)) {
+        if !matches!(self.state, ControllerState::Homing(_)) {
             self.status(true);
         }
     }
@@ -98,10 +104,15 @@ impl Controller {
         self.report_changed_parser_state(fields);
     }
 
-    /// The fields that not every report carries.
+    /// The fields that not every report has.
     fn occasional(&mut self, fields: Fields, everything: bool, offset: Vector) -> String {
-        let is_busy =
-            !matches!(self.state, State::Idle | State::Alarm { .. } | State::Check | State::Sleep);
+        let is_busy = !matches!(
+            self.state,
+            ControllerState::Idle
+                | ControllerState::Alarm { .. }
+                | ControllerState::Check
+                | ControllerState::Sleep
+        );
         let due = self.cadence.next(fields, is_busy, everything);
         let mut text = String::new();
         if due.offsets {
@@ -142,7 +153,7 @@ impl Controller {
         }
         if due.rest {
             text += "|FW:grblHAL";
-            if self.state == (State::Alarm { is_critical: true }) {
+            if self.state == (ControllerState::Alarm { is_critical: true }) {
                 text += "|$C:1";
             }
             if let Some(interval) = self.report_interval {
@@ -155,10 +166,12 @@ impl Controller {
         text
     }
 
-    /// Speed along the path as it is told, mm/min.
+    /// Speed along the path as it is reported, mm/min.
     fn shown_feed(&self) -> f64 {
         match self.state {
-            State::Hold { is_stopped: true } if self.traits().hold_shows_feed => self.held_feed,
+            ControllerState::Hold { is_stopped: true } if self.traits().hold_shows_feed => {
+                self.held_feed
+            }
             _ => self.speed_mm_per_min(),
         }
     }
@@ -166,12 +179,12 @@ impl Controller {
     fn is_spindle_turning(&self) -> bool {
         let is_off_for_door = match &self.parking {
             Some(parking) => !parking.is_powered(),
-            None => matches!(self.state, State::Door(Door::Stopped)),
+            None => matches!(self.state, ControllerState::Door(Door::Stopped)),
         };
         self.spindle != Spindle::Off && !self.is_spindle_stopped && !is_off_for_door
     }
 
-    /// What the spindle is told to turn, rpm.
+    /// The commanded spindle speed, rpm.
     fn spindle_output_rpm(&self) -> f64 {
         if !self.is_spindle_turning() || self.spindle_rpm <= 0.0 {
             return 0.0;
@@ -187,7 +200,7 @@ impl Controller {
             text.push(if self.spindle == Spindle::Clockwise { 'S' } else { 'C' });
         }
         let Coolant { flood, mist } = self.coolant;
-        let is_tool_awaited = self.state == State::Tool;
+        let is_tool_awaited = self.state == ControllerState::Tool;
         let rest = [(flood, 'F'), (mist, 'M'), (is_tool_awaited, 'T')];
         text.extend(rest.into_iter().filter(|(is_on, _)| *is_on).map(|(_, letter)| letter));
         text
