@@ -1,4 +1,4 @@
-//! How fast programs are read.
+//! Measures how fast programs are read.
 //!
 //! ```text
 //! cargo bench -p program_loader            in lines and bytes a second

@@ -1,4 +1,4 @@
-//! The words of one line, before they mean anything.
+//! The words of one line, before a dialect gives them a meaning.
 
 /// How a dialect writes its blocks.
 #[derive(Debug, Clone, Copy)]
@@ -11,23 +11,23 @@ pub(crate) struct LexerRules {
     pub(crate) at_words: bool,
     /// `/2` deletes by level.
     pub(crate) delete_levels: bool,
-    /// `MoveLinear([X], [1])` is a call, `//` and `/* */` are comments, `( )` is none.
+    /// `MoveLinear([X], [1])` is a call, `//` and `/* */` are comments, and `( )` is not a comment.
     pub(crate) calls: bool,
     /// The G number whose axes are named without a number: `G44 X Y`.
     pub(crate) axis_names_after: Option<f64>,
-    /// `$PART.MIN%` heads the file, `OPART` names the program, `NLAP1` a block.
+    /// `$PART.MIN%` begins the file, `OPART` names the program, `NLAP1` names a block.
     pub(crate) names: bool,
 }
 
 /// One word.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Word {
-    /// NaN when the number could not be read, which has been reported.
+    /// NaN when the number could not be read; that has been reported then.
     pub(crate) value: f64,
-    /// First byte in the line, and the first behind.
+    /// Its first byte in the line, and the first byte after it.
     pub(crate) start: u16,
     pub(crate) end: u16,
-    /// A capital, or `@`.
+    /// A capital letter, or `@`.
     pub(crate) letter: u8,
 }
 
@@ -40,14 +40,14 @@ pub(crate) struct Block {
     /// From the first word to the last, in bytes of the line.
     pub(crate) start: usize,
     pub(crate) end: usize,
-    /// Whether it begins with `/`.
+    /// Whether the block begins with `/`.
     pub(crate) is_optional: bool,
-    /// Whether the line holds a comment before its end, or anything else but words.
+    /// Whether the line has a comment before its last word, or anything else that is not a word.
     pub(crate) has_remark: bool,
-    /// Whether a word or character of it was refused.
+    /// Whether a word or character of the block was rejected.
     pub(crate) is_damaged: bool,
-    /// Whether words behind a refused one were not read.
+    /// Whether words after a rejected one were not read.
     pub(crate) is_cut: bool,
-    /// Whether the line holds a byte that no text has.
+    /// Whether the line has a byte that text cannot have.
     pub(crate) is_binary: bool,
 }

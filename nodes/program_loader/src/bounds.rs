@@ -2,15 +2,15 @@
 
 use cnc_msgs::geometry::{Arc, AxisSet, Position};
 
-/// The box that holds every programmed motion, in the work frame, mm, without
-/// the way from the start to the first programmed position.
+/// The box that holds every programmed motion, in the work frame, mm.
 ///
-/// Moves in machine coordinates and to reference positions are not in it.
+/// It does not include the move from the start to the first programmed position, moves in machine
+/// coordinates, and moves to reference positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
     pub min: Position,
     pub max: Position,
-    /// Axes that the program names; the others have no meaning here.
+    /// Axes that the program names; the values of the others mean nothing.
     pub axes: AxisSet,
 }
 
@@ -21,7 +21,7 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    /// Takes in the end of a motion.
+    /// Extends the box by the end of a motion.
     #[inline]
     pub(crate) fn add_end(&mut self, end: Position, axes: AxisSet) {
         for (axis, value) in end.into_iter().enumerate() {
@@ -32,7 +32,7 @@ impl Bounds {
         self.axes = self.axes.union(axes);
     }
 
-    /// Takes in an arc: its start and the outermost points that it passes.
+    /// Extends the box by an arc: its start and the outermost points that it passes.
     pub(crate) fn add_arc(&mut self, start: Position, end: Position, arc: &Arc) {
         let [first, second, _] = arc.plane.axes();
         let from = [start[first] - arc.center[first], start[second] - arc.center[second]];
@@ -60,7 +60,7 @@ impl Bounds {
     }
 }
 
-/// Whether `direction` is met on the way from `from` to `to`, counter-clockwise.
+/// Whether an arc from `from` to `to`, counter-clockwise, passes `direction`.
 fn is_between(from: [f64; 2], direction: [f64; 2], to: [f64; 2]) -> bool {
     let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
     if cross(from, to) >= 0.0 {

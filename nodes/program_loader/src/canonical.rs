@@ -1,7 +1,7 @@
 //! A programmed contour as text: one event a line, for goldens and comparisons.
 //!
-//! Millimetres with six places, so that two contours that differ on a machine
-//! differ in text, and the last bits of a computer do not.
+//! Millimetres with six decimals: contours that differ on a machine differ in text; rounding of
+//! the last bits does not.
 
 use cnc_msgs::contour::{
     Action, Approach, ContourEvent, ContourEventKind, CutterSide, Motion, MotionClass,
@@ -28,7 +28,7 @@ pub fn text(contour: &ProgrammedContour) -> String {
     text
 }
 
-/// One event without its place.
+/// One event without its line and block number.
 pub fn event_text(event: &ContourEvent) -> String {
     match event.kind {
         ContourEventKind::Motion(motion) => motion_text(&motion),
@@ -133,7 +133,7 @@ fn position(position: Position) -> String {
     words.join(" ")
 }
 
-/// Six places, without trailing zeros and without a negative zero.
+/// Six decimals, without trailing zeros and without a negative zero.
 fn number(value: f64) -> String {
     let text = format!("{value:.6}");
     let text = text.trim_end_matches('0').trim_end_matches('.');

@@ -1,8 +1,8 @@
 //! What the words of each control mean.
 //!
-//! There is no global table: G43, G10 or H mean different things on different
-//! controls, so that each dialect has its own file beside this one. This file
-//! knows the meanings that the interpreter can execute.
+//! There is no global table: G43, G10 or H mean different things on different controls. Each
+//! dialect has its own file in `dialect/`. This file has the meanings that the interpreter can
+//! execute.
 
 pub(crate) mod automation1;
 mod masso;
@@ -24,48 +24,48 @@ pub(crate) struct Dialect {
     pub(crate) g: fn(u16) -> GWord,
     /// The meaning of an M number.
     pub(crate) m: fn(u16) -> MWord,
-    /// The plane that programs begin in.
+    /// The plane in force when a program begins.
     pub(crate) plane: Plane,
-    /// Letters, besides G, M and N, that mean something in some block.
+    /// Letters, in addition to G, M and N, that have a meaning in some block.
     pub(crate) letters: Letters,
-    /// Axes that programs of this language may name and this machine does not have.
+    /// Axes of this language that the machine does not have.
     pub(crate) foreign_axes: Letters,
-    /// Letters that go to the machine as they are, with their number.
+    /// Letters that are passed on to the machine with their number.
     pub(crate) auxiliary: Letters,
-    /// What I, J and K of a block with G41 say.
+    /// What I, J and K mean in a block with G41.
     pub(crate) approach: ApproachWords,
-    /// Letters that G4 takes its seconds from.
+    /// Letters for the dwell time of G4, seconds.
     pub(crate) dwell: Letters,
-    /// Whether G2 and G3 with a radius, and with P turns, exist.
+    /// Whether G2 and G3 accept a radius, and turns with P.
     pub(crate) arc_radius_and_turns: bool,
     /// The letter of that radius.
     pub(crate) arc_radius: u8,
-    /// Whether a line with `%` alone begins and ends the program; else `%` begins a program name.
+    /// Whether a line with only `%` begins and ends the program; else `%` begins a program name.
     pub(crate) percent_delimits: bool,
 }
 
-/// What G41 takes its radius from.
+/// Where G41 takes its radius from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RadiusWord {
-    /// D, the number of a tool; without it the tool in the spindle.
+    /// D, a tool number; without it the tool in the spindle.
     Tool,
-    /// D, the number of an offset register; modal, and 0 selects nothing.
+    /// D, the number of an offset register; modal; 0 selects nothing.
     ModalOffset,
-    /// P, a radius that is added to that of the tool in the spindle.
+    /// P, a radius that is added to the radius of the tool in the spindle.
     Addend,
-    /// None: a word or call of its own has set it.
+    /// No word of G41: another word or call has set it.
     Set,
-    /// Six digits of T: nose radius, tool and tool offset; T turns the turret too.
+    /// Six digits of T: nose radius, tool and tool offset; T also turns the turret.
     Nose,
 }
 
-/// What I, J and K of a block with G41 say.
+/// What I, J and K mean in a block with G41.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ApproachWords {
     None,
     /// The direction of an imaginary line to the end of the block (NCT).
     Direction,
-    /// A point on that line, seen from the end of the block (OSP).
+    /// A point on that line, relative to the end of the block (OSP).
     Point,
 }
 
@@ -90,12 +90,12 @@ pub(crate) enum GWord {
     LengthOff,
     /// 1 to 6.
     WorkOffset(u8),
-    /// Accepted without effect on the contour; the letters that belong to it.
+    /// Accepted without effect on the contour, together with these letters.
     Accepted(Group, Letters),
     Dwell,
-    /// A corner arc about the end of the block before (NCT G39).
+    /// A corner arc about the end of the previous block (NCT G39).
     CornerArc,
-    /// The plane of the axes that it names (840C G16).
+    /// The plane of the named axes (840C G16).
     FreePlane,
     /// The axes of compensation, in order (Automation1 G44).
     SetAxes,
@@ -103,7 +103,7 @@ pub(crate) enum GWord {
     RoundingAxes,
     /// The radius of compensation (Automation1 G43).
     SetRadius,
-    /// Axes are homed.
+    /// Homes axes.
     Home,
     /// G9: the axes stop at the end of this block.
     ExactStop,
@@ -111,9 +111,9 @@ pub(crate) enum GWord {
         second: bool,
     },
     MachineCoordinates,
-    /// Known, and not done here; what to do instead.
+    /// Known, but not supported here; the text says what to do instead.
     Refused(&'static str),
-    /// A canned cycle or the like: axis words after it are not moves.
+    /// A canned cycle or similar: axis words after it are not moves.
     RefusedMotion(&'static str),
     Unknown,
 }
@@ -147,12 +147,12 @@ impl Group {
 }
 
 impl GWord {
-    /// The group, or `None` for words that are refused anyway.
+    /// The group; `None` for words that are always rejected.
     pub(crate) const fn group(self) -> Option<Group> {
         Some(match self {
             Self::Motion(_) | Self::RefusedMotion(_) => Group::Motion,
-            // Of the motion group by the book; but `G0 G17 G80` heads many a
-            // posted program, and can mean only one thing without cycles.
+            // It is in the motion group by the standard. But many posted programs begin with
+            // `G0 G17 G80`, which is unambiguous without cycles.
             Self::NoMotion => Group::CycleCancel,
             Self::Plane(_) | Self::FreePlane => Group::Plane,
             Self::Distance(_) => Group::Distance,
@@ -176,7 +176,7 @@ impl GWord {
     }
 }
 
-/// What axis words do.
+/// What axis words mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Mode {
     Rapid,
@@ -184,7 +184,7 @@ pub(crate) enum Mode {
     Arc {
         clockwise: bool,
     },
-    /// To a point at an angle and a distance from a pole.
+    /// A move to a point at an angle and a distance from a pole.
     Polar {
         rapid: bool,
     },
@@ -214,7 +214,7 @@ pub(crate) enum MWord {
     Spindle(SpindleMode),
     Coolant(CoolantMode),
     ChangeTool,
-    /// For the machine alone; done before or after the motion of its block.
+    /// A function of the machine, before or after the motion of its block.
     Auxiliary {
         after_motion: bool,
     },

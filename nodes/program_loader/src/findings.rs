@@ -1,6 +1,6 @@
-//! Collects the findings of a program, within bounds.
+//! Collects the findings of a program, up to a limit.
 //!
-//! Knows how many are enough, not what they say.
+//! Knows the limits, not the texts.
 
 use crate::limits::{BLOCK_DIAGNOSTICS_MAX, DIAGNOSTICS_MAX};
 use cnc_msgs::contour::Source;
@@ -17,14 +17,14 @@ pub(crate) struct Findings {
 }
 
 impl Findings {
-    /// A new block begins.
+    /// Starts a new block.
     #[inline]
     pub(crate) fn begin_block(&mut self) {
         self.in_block = 0;
     }
 
     pub(crate) fn push(&mut self, mut finding: Finding) {
-        // Both quote the program.
+        // Message and help may quote the program.
         for text in [&mut finding.message, &mut finding.help] {
             if let Cow::Owned(shown) = one_line(text) {
                 *text = shown;
@@ -39,9 +39,9 @@ impl Findings {
         }
     }
 
-    /// All of them in the order of the program, and a note on what was left out.
+    /// All findings in the order of the program, and a note on how many were left out.
     pub(crate) fn finish(mut self) -> Vec<Finding> {
-        // Within a block the interpreter reports by group, a reader reads from left to right.
+        // Within a block the interpreter reports by group; people read from left to right.
         self.list.sort_by_key(|found| (found.source.line, found.source.column));
         if self.dropped > 0 {
             let message = format!("{} more findings are not listed", self.dropped);
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn one_block_cannot_crowd_out_the_others() {
+    fn one_block_cannot_use_up_the_limit_of_findings() {
         let mut findings = Findings::default();
         findings.begin_block();
         for _ in 0..100 {

@@ -1,9 +1,8 @@
-//! Executes blocks: the words of one to the events that it means.
+//! Executes blocks: turns the words of a block into events.
 //!
-//! Holds the modal state and the order of execution within a block. It knows
-//! no geometry of compensation: that is the planner's. One mistake is reported
-//! once: a block with an error does not move, and what it leaves unknown is
-//! `poisoned`, which silences the complaints that would follow from it.
+//! Holds the modal state and the order of execution within a block. The geometry of compensation
+//! is the planner's. Each mistake is reported once: a block with an error does not move, and the
+//! state that it leaves unknown is `poisoned`, which suppresses follow-up findings.
 
 mod actions;
 mod arc;
@@ -33,7 +32,7 @@ use polar::Polar;
 use request::Request;
 pub(crate) use request::code_in_tenths;
 
-/// One block while it is executed.
+/// One block during its execution.
 #[derive(Debug)]
 struct Scene<'s> {
     line: Line<'s>,
@@ -47,13 +46,13 @@ struct Scene<'s> {
 }
 
 impl Scene<'_> {
-    /// The place of a word.
+    /// The place of a word in the program.
     fn source_of(&self, word: usize) -> Source {
         let word = self.block.words[word];
         self.line.source(self.block.number, usize::from(word.start), usize::from(word.end))
     }
 
-    /// The place of the whole block.
+    /// The place of the whole block in the program.
     #[inline]
     fn source(&self) -> Source {
         if !self.block.has_remark {
@@ -68,29 +67,29 @@ impl Scene<'_> {
         self.line.source(self.block.number, self.block.start, self.block.end)
     }
 
-    /// A word as the program writes it.
+    /// A word as the program has it.
     fn quote(&self, word: usize) -> String {
         let word = self.block.words[word];
         self.line.quote(usize::from(word.start), usize::from(word.end))
     }
 }
 
-/// What holds from one block to the next.
+/// What stays in force from one block to the next.
 #[derive(Debug)]
 struct Modal {
     mode: Option<Mode>,
-    /// The motion word was refused or its lack reported: bare axis words say nothing new.
+    /// The motion word was rejected, or is reported as missing: bare axis words add nothing.
     mode_is_poisoned: bool,
     plane: Plane,
     distance: Distance,
     centers: Distance,
     units: Units,
-    /// 0 until F.
+    /// 0 before the first F.
     feed_mm_per_min: f64,
-    /// That of the last motion at feed.
-    told_feed_mm_per_min: f64,
+    /// The feed of the last motion at feed.
+    emitted_feed_mm_per_min: f64,
     feed_is_poisoned: bool,
-    /// T.
+    /// The number of the last T.
     selected_tool: Option<u32>,
     /// The tool of the last M6.
     spindle_tool: Option<u32>,
@@ -108,7 +107,7 @@ pub(crate) struct Interpreter<'r> {
     modal: Modal,
     axes: Axes,
     request: Request,
-    /// Letters that the current block has used, and those it has used twice.
+    /// Letters that the current block has used, and letters that it has used twice.
     used: Letters,
     shared: Letters,
     /// The place of the current block.
@@ -118,8 +117,8 @@ pub(crate) struct Interpreter<'r> {
 }
 
 impl<'r> Interpreter<'r> {
-    /// The state of a machine that has been switched on and homed: G21, the plane
-    /// of the dialect, G90, G91.1, G94, G40, G49, G54, no motion mode, no feed.
+    /// Starts with the state of a machine that was switched on and homed: G21, the plane of the
+    /// dialect, G90, G91.1, G94, G40, G49, G54, no motion mode, no feed.
     pub(crate) fn new(rules: &'r Rules<'r>, start: Position, events: usize) -> Self {
         let start = start.map(received_mm);
         let mut contour = ProgrammedContour {
@@ -128,7 +127,7 @@ impl<'r> Interpreter<'r> {
             events: Vec::with_capacity(events),
         };
         if rules.dialect.plane != Plane::Xy {
-            // Whoever reads the events begins in XY.
+            // Readers of the events assume XY until a plane event.
             let kind = ContourEventKind::Plane(rules.dialect.plane);
             contour.events.push(ContourEvent { source: Source::default(), kind });
         }
@@ -142,7 +141,7 @@ impl<'r> Interpreter<'r> {
                 centers: Distance::Incremental,
                 units: Units::Millimetre,
                 feed_mm_per_min: 0.0,
-                told_feed_mm_per_min: 0.0,
+                emitted_feed_mm_per_min: 0.0,
                 feed_is_poisoned: false,
                 selected_tool: None,
                 spindle_tool: None,
@@ -161,7 +160,7 @@ impl<'r> Interpreter<'r> {
         }
     }
 
-    /// Executes one block; whether it ends the program.
+    /// Executes one block; returns whether it ends the program.
     pub(crate) fn execute(
         &mut self,
         line: Line<'_>,
@@ -190,9 +189,9 @@ impl<'r> Interpreter<'r> {
         self.request.m_at(0).is_some() && self.functions_after_motion()
     }
 
-    /// What a block does before it moves, in the order of RS-274.
+    /// Everything that a block does before its motion, in the order of RS-274.
     fn all_but_motion(&mut self, scene: &mut Scene<'_>) {
-        // Units first: F of the same block is in them (grbl). Then the order of RS-274.
+        // Units first: they hold for F of the same block (grbl). Then the order of RS-274.
         if let Some((GWord::Units(units), _)) = self.request.g(Group::Units) {
             self.modal.units = units;
         }
@@ -242,20 +241,20 @@ impl<'r> Interpreter<'r> {
         }
     }
 
-    /// A line was lost: nothing that it may have changed is known.
+    /// A line could not be read: all state that it may have changed is unknown.
     pub(crate) fn lose_line(&mut self) {
         self.axes.poison(AxisSet::ALL);
         self.modal.feed_is_poisoned = true;
         self.modal.mode_is_poisoned = true;
     }
 
-    /// The contour, and the box around it if it has any motion.
+    /// Returns the contour, and the box around it if it has any motion.
     pub(crate) fn finish(self) -> (ProgrammedContour, Option<Bounds>) {
         (self.contour, (!self.bounds.axes.is_empty()).then_some(self.bounds))
     }
 
-    /// Adds an event with the numbers that the planner's node will receive: `kerf plan` judges
-    /// the same contour.
+    /// Adds an event, with numbers rounded as the planner's node receives them, so that `kerf plan`
+    /// judges the same contour.
     #[inline]
     fn emit(&mut self, kind: ContourEventKind) {
         self.contour.events.push(ContourEvent { source: self.source, kind: kind.received() });
@@ -275,7 +274,7 @@ impl<'r> Interpreter<'r> {
         }
     }
 
-    /// Takes the value of a letter, which counts as used; NaN if it could not be read.
+    /// Takes the value of a letter and marks the letter as used; NaN if it could not be read.
     #[inline]
     fn take(&mut self, letter: u8) -> Option<f64> {
         let letters = Letters::of(&[letter]);
@@ -284,9 +283,9 @@ impl<'r> Interpreter<'r> {
         self.request.value(letter)
     }
 
-    /// Takes a length or the like, in mm, after its bounds are checked.
+    /// Takes a length or similar, in mm, and checks its limits.
     ///
-    /// `None` if absent; NaN if it is no such value, which has been reported.
+    /// `None` if absent; NaN if it is not a valid value, which has been reported then.
     #[inline]
     fn take_within(
         &mut self,
@@ -298,20 +297,20 @@ impl<'r> Interpreter<'r> {
     ) -> Option<f64> {
         let value = self.take(letter)? * scale;
         if value.abs() > max {
-            self.complain_of_size(scene, letter, max, unit);
+            self.report_size(scene, letter, max, unit);
             return Some(f64::NAN);
         }
         Some(value)
     }
 
     #[cold]
-    fn complain_of_size(&mut self, scene: &mut Scene<'_>, letter: u8, max: f64, unit: &str) {
+    fn report_size(&mut self, scene: &mut Scene<'_>, letter: u8, max: f64, unit: &str) {
         let message = format!("{} is beyond {max} {unit}", scene.quote(self.request.word(letter)));
         let help = "look for a missing decimal point, and for inches taken as millimetres";
-        self.complain(scene, letter, Code::Limit, message, help);
+        self.report(scene, letter, Code::Limit, message, help);
     }
 
-    /// Takes a whole number such as a tool number; `None` if absent or refused.
+    /// Takes a whole number such as a tool number; `None` if absent or rejected.
     #[inline]
     fn take_number(&mut self, scene: &mut Scene<'_>, letter: u8) -> Option<u32> {
         let value = self.take(letter)?;
@@ -323,14 +322,14 @@ impl<'r> Interpreter<'r> {
             let message =
                 format!("{} is not a number of its kind", scene.quote(self.request.word(letter)));
             let help = "write a whole number of at most eight digits, not negative";
-            self.complain(scene, letter, Code::BadNumber, message, help);
+            self.report(scene, letter, Code::BadNumber, message, help);
         }
         None
     }
 
-    /// An error about the word of a letter that is present.
+    /// Reports an error at the word of a letter that is present.
     #[cold]
-    fn complain(
+    fn report(
         &mut self,
         scene: &mut Scene<'_>,
         letter: u8,
@@ -343,9 +342,9 @@ impl<'r> Interpreter<'r> {
         scene.findings.push(Finding::error(code, source, message).help(help));
     }
 
-    /// An error about a word by its index.
+    /// Reports an error at a word, by its index.
     #[cold]
-    fn complain_at(
+    fn report_at(
         &mut self,
         scene: &mut Scene<'_>,
         word: usize,
@@ -358,20 +357,14 @@ impl<'r> Interpreter<'r> {
         scene.findings.push(Finding::error(code, source, message).help(help));
     }
 
-    /// An error about the block as a whole.
+    /// Reports an error of the whole block.
     #[cold]
-    fn complain_of_block(
-        &mut self,
-        scene: &mut Scene<'_>,
-        code: Code,
-        message: String,
-        help: &str,
-    ) {
+    fn report_block(&mut self, scene: &mut Scene<'_>, code: Code, message: String, help: &str) {
         self.request.is_damaged = true;
         scene.findings.push(Finding::error(code, self.source, message).help(help));
     }
 
-    /// Words that nothing in the block has used.
+    /// Reports words that nothing in the block uses.
     #[inline]
     fn unused_words(&mut self, scene: &mut Scene<'_>) {
         let accepted = self.request.letters_of_accepted();
@@ -379,12 +372,12 @@ impl<'r> Interpreter<'r> {
         let shared = shared.intersection(self.request.present);
         let unused = self.request.present.without(self.used.union(accepted));
         if (!unused.is_empty() || !shared.is_empty()) && !self.request.has_refused_word {
-            self.complain_of_use(scene, unused, shared);
+            self.report_unused(scene, unused, shared);
         }
     }
 
     #[cold]
-    fn complain_of_use(&mut self, scene: &mut Scene<'_>, unused: Letters, shared: Letters) {
+    fn report_unused(&mut self, scene: &mut Scene<'_>, unused: Letters, shared: Letters) {
         for letter in unused.union(shared).iter() {
             if self.request.value(letter).is_none_or(f64::is_nan) {
                 continue;
@@ -392,11 +385,11 @@ impl<'r> Interpreter<'r> {
             let word = scene.quote(self.request.word(letter));
             if shared.contains(letter) {
                 let message = format!("two words of this block use {word}");
-                self.complain(scene, letter, Code::ModalConflict, message, "write two blocks");
+                self.report(scene, letter, Code::ModalConflict, message, "write two blocks");
             } else {
                 let message = format!("nothing in this block uses {word}");
                 let help = "delete it, or program the G word that it belongs to";
-                self.complain(scene, letter, Code::Syntax, message, help);
+                self.report(scene, letter, Code::Syntax, message, help);
             }
         }
     }

@@ -1,8 +1,8 @@
-//! One line of word-address text to a block of words.
+//! Turns one line of word-address text into a block of words.
 //!
-//! Knows letters, numbers, comments, N and block delete; not what a word means.
-//! A word that cannot be read is reported once and stays in the block as
-//! present, so that nothing is reported as missing because of it.
+//! Knows letters, numbers, comments, N and block delete, but not what a word means. A word that
+//! cannot be read is reported once and stays in the block as present, so that it is not reported
+//! as missing, too.
 
 pub(crate) mod call;
 
@@ -10,10 +10,10 @@ use crate::block::{Block, LexerRules, Word};
 use crate::findings::Findings;
 use crate::limits::{BLOCK_WORDS_MAX, NUMBER_MAX};
 use crate::line::Line;
-use crate::number::{self, NotANumber, Trouble};
+use crate::number::{self, NotANumber, NumberError};
 use cnc_msgs::finding::{Code, Finding};
 
-/// Splits a line, which is not longer than a [`Word`]'s places reach.
+/// Splits a line that is not longer than a [`Word`]'s places can express.
 pub(crate) fn read(line: Line<'_>, rules: &LexerRules, block: &mut Block, findings: &mut Findings) {
     block.words.clear();
     block.number = None;
@@ -30,7 +30,7 @@ struct Lexer<'a> {
     block: &'a mut Block,
     findings: &'a mut Findings,
     at: usize,
-    /// Whether anything but comments has been read.
+    /// Whether anything except comments has been read.
     has_begun: bool,
 }
 
@@ -50,7 +50,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// Bytes from `start` on belong to the block.
+    /// The bytes from `start` on belong to the block.
     #[inline]
     fn covers(&mut self, start: usize) {
         if !self.has_begun {
@@ -121,7 +121,7 @@ impl Lexer<'_> {
             self.at = digits + sign;
             return self.expression(letter, start);
         }
-        if trouble.what == Trouble::Missing {
+        if trouble.what == NumberError::Missing {
             if self.rules.written_line_feed
                 && letter == b'L'
                 && text.get(start + 1).is_some_and(|next| next.eq_ignore_ascii_case(&b'f'))
@@ -142,29 +142,32 @@ impl Lexer<'_> {
         let names_axes = self.rules.axis_names_after.is_some_and(|number| {
             self.block.words.iter().any(|word| word.letter == b'G' && word.value == number)
         });
-        if names_axes && matches!(letter, b'X' | b'Y' | b'Z') && trouble.what == Trouble::Missing {
+        if names_axes
+            && matches!(letter, b'X' | b'Y' | b'Z')
+            && trouble.what == NumberError::Missing
+        {
             // G44 X Y names axes.
             self.at = start + 1;
             return self.add(letter, 0.0, start);
         }
         self.at = match trouble.what {
-            Trouble::Missing => end_of_name(text, start),
+            NumberError::Missing => end_of_name(text, start),
             _ => trouble.end,
         };
         let quote = self.line.quote(start, self.at);
         let (message, help) = match trouble.what {
-            Trouble::Missing => (
+            NumberError::Missing => (
                 format!("`{quote}` has no number"),
-                "every word is a letter and a number, like X12.5; comments stand in ( )",
+                "every word is a letter and a number, like X12.5; comments go in ( )",
             ),
-            Trouble::Malformed => {
+            NumberError::Malformed => {
                 (format!("`{quote}` is not a number"), "write it with one sign and one point")
             }
-            Trouble::Exponent => (
+            NumberError::Exponent => (
                 format!("`{quote}` has an exponent"),
                 "write the number out: 100000 instead of 1e5",
             ),
-            Trouble::TooLarge => {
+            NumberError::TooLarge => {
                 (format!("`{quote}` is larger than any number"), "look for a missing point")
             }
         };
@@ -180,7 +183,7 @@ impl Lexer<'_> {
             return self.block_number(value, start, is_first);
         }
         if self.block.words.len() == BLOCK_WORDS_MAX {
-            // Not a block that anybody meant: one finding is enough.
+            // Certainly a broken file: one finding is enough.
             self.block.words.clear();
             self.at = start;
             return self.rest(
@@ -214,13 +217,13 @@ impl Lexer<'_> {
             let message = format!("`{quote}` is not a block number");
             self.report(Code::BadNumber, start, message, "N takes whole numbers of eight digits");
         } else {
-            let message = format!("block number {quote} stands inside a block");
+            let message = format!("block number {quote} is not at the beginning of its block");
             let help = "begin a new line with it; the words before it make a block of their own";
             self.report(Code::Syntax, start, message, help);
         }
     }
 
-    /// `( )`, from the opening parenthesis on.
+    /// Skips a comment in `( )`, from the opening parenthesis on.
     fn comment(&mut self) {
         self.block.has_remark = true;
         let start = self.at;
@@ -244,7 +247,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// `//` to the end of the line, `/* */` within it.
+    /// Skips a comment: `//` to the end of the line, `/* */` within it.
     fn slashes(&mut self) {
         let (start, text) = (self.at, self.line.text);
         match text.get(start + 1) {
@@ -266,7 +269,7 @@ impl Lexer<'_> {
         let start = self.at;
         self.at += 1;
         if self.has_begun {
-            let help = "block delete stands at the beginning of the line";
+            let help = "write block delete at the beginning of the line";
             return self.report(Code::Syntax, start, "`/` inside a block".to_owned(), help);
         }
         if self.rules.delete_levels && self.line.text.get(self.at).is_some_and(u8::is_ascii_digit) {
@@ -285,7 +288,7 @@ impl Lexer<'_> {
             b'$' => self.rest(
                 Code::Unsupported,
                 "controller settings and commands are not part of a program",
-                "delete the line; send it by hand when the machine is idle",
+                "delete the line; send it from a terminal when no run is active",
             ),
             b')' => {
                 self.at += 1;
@@ -329,7 +332,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// `X[#1+2]`, `#1=5`, `R1=3`, from `start` on; `at` is before the expression.
+    /// Reports `X[#1+2]`, `#1=5`, `R1=3`, from `start` on; `at` is before the expression.
     #[cold]
     fn expression(&mut self, letter: u8, start: usize) {
         let text = self.line.text;
@@ -373,7 +376,7 @@ impl Lexer<'_> {
         self.findings.push(Finding::warning(Code::SuspiciousValue, source, message).help(help));
     }
 
-    /// An error about the bytes from `start` to `at`.
+    /// Reports an error at the bytes from `start` to `at`.
     #[cold]
     fn report(&mut self, code: Code, start: usize, message: String, help: &str) {
         self.covers(start);
@@ -417,9 +420,9 @@ fn end_of_alphanumeric(text: &[u8], start: usize) -> usize {
 /// Where a word without a number ends: `X` in `XY5`, `Xnan` in `Xnan Y5`.
 fn end_of_name(text: &[u8], start: usize) -> usize {
     let letters = text[start..].iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
-    let behind = start + letters;
-    let has_number = matches!(text.get(behind), Some(b'0'..=b'9' | b'.' | b'+' | b'-'));
-    if has_number { (behind - 1).max(start + 1) } else { behind }
+    let after = start + letters;
+    let has_number = matches!(text.get(after), Some(b'0'..=b'9' | b'.' | b'+' | b'-'));
+    if has_number { (after - 1).max(start + 1) } else { after }
 }
 
 #[cfg(test)]

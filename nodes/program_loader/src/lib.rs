@@ -1,21 +1,19 @@
-//! Part program text to programmed contour.
+//! Reads the text of a part program into a programmed contour.
 //!
 //! ```text
 //! bytes --line--> lexer --Block--> interpreter --events--> ProgrammedContour
 //!                    \__ dialect: what a word means __/
 //! ```
 //!
-//! The loader knows the languages of controls: how words are written, what
-//! they mean, in which order a block is executed, where the tool is. It knows
-//! no tool table and no geometry of compensation; that is the planner's. All
-//! findings of a program are collected, each with its place.
+//! The loader knows the languages of controls: how words are written, what they mean, in which
+//! order a block is executed, where the tool is. Tool tables and the geometry of compensation are
+//! the planner's. All findings of a program are collected, each with its place.
 //!
-//! What RS-274 leaves open is decided so: F is in the units of its own block
-//! (grbl); the radii of an arc may differ as LinuxCNC allows, but never by more
-//! than grbl allows; `G80` may stand beside G0 to G3; `G41 D0` is the tool in
-//! the spindle (LinuxCNC); G64, G61, G94, G97, G98 and G99 are accepted and
-//! change nothing, because a driver plans its own path; M48, M49 and M100 to
-//! M199 go to the machine as they are.
+//! Where RS-274 leaves a choice, the loader decides: F is in the units of its own block (grbl).
+//! The radii of an arc may differ as LinuxCNC allows, but never by more than grbl allows. `G80`
+//! may be in a block with G0 to G3. `G41 D0` is the tool in the spindle (LinuxCNC). G64, G61,
+//! G94, G97, G98 and G99 are accepted and have no effect, because a driver plans its own path.
+//! M48, M49 and M100 to M199 go to the machine unchanged.
 
 mod block;
 mod bounds;
@@ -52,33 +50,32 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct LoadOptions {
     /// Where the tool is before the first block, in the work frame, mm.
     pub start: Position,
-    /// Whether blocks that begin with `/` are left out.
+    /// Whether blocks that begin with `/` are skipped.
     pub block_delete: bool,
-    /// The text is one block of manual data input: it needs no end, and there is
-    /// exactly one.
+    /// The text is one block of manual data input: exactly one block, and no program end.
     pub is_single_block: bool,
 }
 
-/// A program that was read.
+/// A program after reading.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Loaded {
-    /// What it means; without events if any finding is an error.
+    /// The contour; without events if any finding is an error.
     pub contour: ProgrammedContour,
     /// All findings in the order of the program.
     pub findings: Vec<Finding>,
-    /// Lines of the text.
+    /// Number of lines of the text.
     pub line_count: u32,
     /// The box around all motion; `None` without motion or with an error.
     pub bounds: Option<Bounds>,
 }
 
 impl Loaded {
-    /// Whether the program may go on to the planner.
+    /// Whether the program has no errors, so that the planner may have it.
     pub fn is_accepted(&self) -> bool {
         !self.findings.iter().any(Finding::is_error)
     }
 
-    /// Refuses a program that selects any tool other than these. An empty list allows all; T0,
+    /// Rejects a program that selects any tool other than these. An empty list allows all; T0,
     /// no tool in the spindle, is always allowed.
     pub fn allow_tools(&mut self, expected: &[u32]) {
         if expected.is_empty() {
@@ -108,7 +105,7 @@ impl Loaded {
                 "load the program that belongs to this job, or add the tool to expected_tools",
             )
         }));
-        // What has no place stays at the end.
+        // Findings without a place stay at the end.
         let place = |found: &Finding| (found.source.line.wrapping_sub(1), found.source.column);
         self.findings.sort_by_key(place);
         if rest > 0 {
@@ -132,9 +129,8 @@ fn listed(tools: &[u32]) -> String {
 
 /// Reads a part program in the dialect of a control.
 ///
-/// Never fails: what is wrong is in the findings. The text should be UTF-8
-/// or ASCII; other bytes are taken in comments only. Time and memory are
-/// linear in the length of the text.
+/// Never fails: errors are in the findings. The text should be UTF-8 or ASCII; other bytes are
+/// accepted in comments only. Time and memory are linear in the length of the text.
 pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     let (rules, wrong_words) = Rules::of(profile);
     let mut findings = Findings::default();
@@ -143,7 +139,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         findings.push(wrong);
     }
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
-    // DOS ended its texts with this.
+    // 0x1A: DOS ended texts with it.
     let text = text.strip_suffix(b"\x1A").unwrap_or(text);
     let text = if options.is_single_block { text.trim_ascii_end() } else { text };
     let line_feeds = memchr::memchr_iter(b'\n', text).count();
@@ -162,7 +158,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         interpreter,
         findings,
         block: Block::default(),
-        stage: Stage::Before,
+        section: Section::Before,
     };
     reader.read(text);
     let findings = reader.findings.finish();
@@ -174,7 +170,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     Loaded { contour, findings, line_count, bounds }
 }
 
-/// What is refused without a look at its lines.
+/// Checks for which a program is rejected before its lines are read.
 fn refuse_whole(text: &[u8], line_count: u32) -> Option<Finding> {
     let nowhere = Source::default();
     if text.len() > limits::PROGRAM_BYTES_MAX {
@@ -198,15 +194,15 @@ fn refuse_whole(text: &[u8], line_count: u32) -> Option<Finding> {
     None
 }
 
-/// Which part of the text is read.
+/// Which part of the text is being read.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Stage {
+enum Section {
     /// No block yet.
     Before,
     /// Between the first block, or `%`, and the end.
     Within,
-    /// Behind the end in this line.
-    Behind { end_line: u32, is_reported: bool },
+    /// After the end, which is in this line.
+    After { end_line: u32, is_reported: bool },
 }
 
 struct Reader<'r> {
@@ -215,7 +211,7 @@ struct Reader<'r> {
     interpreter: Interpreter<'r>,
     findings: Findings,
     block: Block,
-    stage: Stage,
+    section: Section,
 }
 
 impl Reader<'_> {
@@ -238,8 +234,8 @@ impl Reader<'_> {
             if self.percent(line) || self.is_deleted(line) {
                 continue;
             }
-            if let Stage::Behind { .. } = self.stage {
-                if self.is_reported_behind(line) {
+            if let Section::After { .. } = self.section {
+                if self.is_reported_after_end(line) {
                     break;
                 }
                 continue;
@@ -253,9 +249,9 @@ impl Reader<'_> {
                 continue;
             }
             has_blocks = true;
-            self.stage = Stage::Within;
+            self.section = Section::Within;
             if self.interpreter.execute(line, &self.block, &mut self.findings) {
-                self.stage = Stage::Behind { end_line: number, is_reported: false };
+                self.section = Section::After { end_line: number, is_reported: false };
             }
         }
         self.findings.begin_block();
@@ -271,7 +267,7 @@ impl Reader<'_> {
                 Finding::warning(Code::MissingWord, Source::default(), message)
                     .help("nothing will move; is it the right file?"),
             );
-        } else if !matches!(self.stage, Stage::Behind { .. }) {
+        } else if !matches!(self.section, Section::After { .. }) {
             let is_empty_line = text.last() == Some(&b'\n');
             let line = number - u32::from(is_empty_line);
             let source = Source { line, column: 1, ..Source::default() };
@@ -283,7 +279,7 @@ impl Reader<'_> {
         }
     }
 
-    /// What a text must be to be one block.
+    /// Checks that the text is one block.
     #[cold]
     fn refuse_unless_single(&mut self, lines: u32, has_blocks: bool) {
         let source = Source { line: lines, column: 1, ..Source::default() };
@@ -296,12 +292,12 @@ impl Reader<'_> {
         self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
     }
 
-    /// A line that begins with `%`: a tape mark, or the name of a program; or the
-    /// name of an OSP file.
+    /// Reads a line that begins with `%`: a tape mark, the name of a program, or the name of an OSP
+    /// file.
     #[inline]
     fn percent(&mut self, line: Line<'_>) -> bool {
         let visible = line.text.trim_ascii_start();
-        let is_first = self.stage == Stage::Before;
+        let is_first = self.section == Section::Before;
         if is_first && self.rules.dialect.lexer.names && visible.first() == Some(&b'$') {
             return true;
         }
@@ -309,9 +305,9 @@ impl Reader<'_> {
             return false;
         }
         if !self.rules.dialect.percent_delimits {
-            // The name of the program; the name of another one ends this one.
-            if !is_first && self.stage == Stage::Within {
-                self.stage = Stage::Behind { end_line: line.number, is_reported: false };
+            // The name of the program; the name of another program ends this one.
+            if !is_first && self.section == Section::Within {
+                self.section = Section::After { end_line: line.number, is_reported: false };
             }
             return true;
         }
@@ -319,16 +315,16 @@ impl Reader<'_> {
         if !rest.is_empty() && !matches!(rest[0], b'(' | b';') {
             let start = line.text.len() - visible.len();
             let source = line.source(None, start, start + visible.trim_ascii_end().len());
-            let message = "% stands alone in its line";
+            let message = "% must be alone in its line";
             self.findings.push(
                 Finding::error(Code::Syntax, source, message)
                     .help("delete what follows it, or put it into a comment ( )"),
             );
         }
-        self.stage = match self.stage {
-            Stage::Before => Stage::Within,
-            Stage::Within => Stage::Behind { end_line: line.number, is_reported: false },
-            behind @ Stage::Behind { .. } => behind,
+        self.section = match self.section {
+            Section::Before => Section::Within,
+            Section::Within => Section::After { end_line: line.number, is_reported: false },
+            after @ Section::After { .. } => after,
         };
         true
     }
@@ -338,23 +334,23 @@ impl Reader<'_> {
         self.options.block_delete && line.text.trim_ascii_start().first() == Some(&b'/')
     }
 
-    /// Says once that blocks behind the end are not run; whether that has been said.
+    /// Reports once that blocks after the end are not run; returns whether it has been reported.
     #[cold]
-    fn is_reported_behind(&mut self, line: Line<'_>) -> bool {
-        let Stage::Behind { end_line, is_reported } = self.stage else { return false };
+    fn is_reported_after_end(&mut self, line: Line<'_>) -> bool {
+        let Section::After { end_line, is_reported } = self.section else { return false };
         let visible = line.text.trim_ascii();
         let is_remark = visible.is_empty() || matches!(visible[0], b'(' | b';');
         if !is_remark && !is_reported {
             let start = line.text.len() - line.text.trim_ascii_start().len();
             let source = line.source(None, start, start + visible.len());
-            let message = format!("this stands after the end of the program in line {end_line}");
+            let message = format!("this is after the end of the program in line {end_line}");
             self.findings.push(
                 Finding::warning(Code::Syntax, source, message)
                     .help("it is not run; delete it, or delete the end before it"),
             );
-            self.stage = Stage::Behind { end_line, is_reported: true };
+            self.section = Section::After { end_line, is_reported: true };
         }
-        matches!(self.stage, Stage::Behind { is_reported: true, .. })
+        matches!(self.section, Section::After { is_reported: true, .. })
     }
 
     #[cold]
@@ -368,8 +364,8 @@ impl Reader<'_> {
         self.findings
             .push(Finding::error(Code::Limit, source, message).help("write one block a line"));
         self.interpreter.lose_line();
-        if self.stage == Stage::Before {
-            self.stage = Stage::Within;
+        if self.section == Section::Before {
+            self.section = Section::Within;
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Every limit and tolerance of the loader, with its unit and its reason.
 
-/// Bytes of a program. Beyond it the events would not fit a small machine's memory.
+/// Bytes of a program. The events of a larger one would not fit a small machine's memory.
 pub const PROGRAM_BYTES_MAX: usize = 512 << 20;
 /// Lines of a program: one event of about 120 bytes each.
 pub const LINES_MAX: u32 = 10_000_000;
@@ -8,11 +8,11 @@ pub const LINES_MAX: u32 = 10_000_000;
 pub const LINE_BYTES_MAX: usize = 4096;
 /// Words of a block: more than any block that means something.
 pub const BLOCK_WORDS_MAX: usize = 64;
-/// Findings of a program; the rest is counted.
+/// Findings of a program; further ones are only counted.
 pub const DIAGNOSTICS_MAX: usize = 1000;
-/// Findings of a block, so that a line of prose does not crowd out the rest.
+/// Findings of a block, so that a line of prose does not use up the limit of the program.
 pub const BLOCK_DIAGNOSTICS_MAX: u32 = 8;
-/// Tools that are named where a program selects others than are expected.
+/// Tools that are named when a program selects tools that are not expected.
 pub const UNEXPECTED_TOOLS_MAX: usize = 20;
 /// Magnitude of a coordinate, a centre or a radius, mm: one kilometre.
 pub const COORDINATE_MM_MAX: f64 = 1e6;
@@ -22,7 +22,7 @@ pub const FEED_MM_PER_MIN_MAX: f64 = 1e6;
 pub const SPINDLE_RPM_MAX: f64 = 1e6;
 /// Dwell, seconds: a day.
 pub const DWELL_SECONDS_MAX: f64 = 86_400.0;
-/// A dwell from which on milliseconds are suspected behind the seconds.
+/// A longer dwell is suspected to be in milliseconds, seconds.
 pub const DWELL_SECONDS_SUSPICIOUS: f64 = 100.0;
 /// N, T, D and H numbers: eight digits, as the longest T words have.
 pub const NUMBER_MAX: f64 = 99_999_999.0;
@@ -32,21 +32,20 @@ pub const ARC_TURNS_MAX: f64 = 9_999.0;
 /// Millimetres of an inch.
 pub const MM_PER_INCH: f64 = 25.4;
 
-/// By how much the radii at the start and the end of an arc may differ, mm, in a
-/// metric program, however small the arc: two places after the point, rounded
-/// at both ends (LinuxCNC).
+/// How much the radii at the start and the end of an arc may differ in a metric program, mm,
+/// however small the arc: two decimals, rounded at both ends (LinuxCNC).
 pub const ARC_MISMATCH_MM: f64 = 2.0 * 0.01 * std::f64::consts::SQRT_2;
-/// The same in an inch program: three places after the point.
+/// The same in an inch program, mm: three decimals.
 pub const ARC_MISMATCH_INCH: f64 = 2.0 * 0.001 * std::f64::consts::SQRT_2;
-/// A larger difference is taken while it is below this part of the radius (LinuxCNC, grbl).
+/// A larger difference is accepted below this share of the radius (LinuxCNC, grbl).
 pub const ARC_MISMATCH_RELATIVE: f64 = 0.001;
-/// A difference that is never taken, mm (grbl).
+/// A difference that is never accepted, mm (grbl).
 pub const ARC_MISMATCH_MM_MAX: f64 = 0.5;
-/// By how much half the chord may exceed R in a metric program, mm: a half circle (LinuxCNC).
+/// How much half the chord may exceed R in a metric program, mm: a half circle (LinuxCNC).
 pub const ARC_R_SHORT_MM: f64 = 0.001;
 /// The same in an inch program.
 pub const ARC_R_SHORT_INCH: f64 = 0.000_05;
-/// Start and end of an arc are one point below this part of the radius: a full circle (LinuxCNC).
+/// Start and end of an arc are one point below this share of the radius: a full circle (LinuxCNC).
 pub const FULL_CIRCLE_RELATIVE: f64 = 1e-6;
-/// A G or M number must be this near to a tenth.
+/// A G or M number must be this close to a tenth.
 pub const CODE_FUZZ: f64 = 1e-6;

@@ -1,13 +1,13 @@
-//! One line of a program and the places in it.
+//! One line of a program, and places in it.
 //!
-//! Knows bytes, characters and columns; the words are the lexer's.
+//! Knows bytes, characters and columns; the lexer knows words.
 
 use cnc_msgs::contour::Source;
 
 /// One line, without its line ending.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Line<'t> {
-    /// From 1.
+    /// Line number, from 1.
     pub(crate) number: u32,
     pub(crate) text: &'t [u8],
 }
@@ -15,8 +15,8 @@ pub(crate) struct Line<'t> {
 impl Line<'_> {
     /// The place of some bytes of the line, in characters.
     ///
-    /// Bytes that are no UTF-8 count as the replacement characters that a lossy
-    /// conversion shows. What exceeds the fields is cut.
+    /// Bytes that are not UTF-8 count as the replacement characters of a lossy conversion. Values
+    /// that exceed the fields are limited.
     pub(crate) fn source(&self, block: Option<u32>, start: usize, end: usize) -> Source {
         let end = end.min(self.text.len());
         let start = start.min(end);
@@ -30,7 +30,7 @@ impl Line<'_> {
         }
     }
 
-    /// Some bytes of the line as a message quotes them: capitals, no blanks, not long.
+    /// Some bytes of the line as a message quotes them: capitals, no blanks, shortened.
     pub(crate) fn quote(&self, start: usize, end: usize) -> String {
         const LONG: usize = 24;
         let end = end.min(self.text.len());
@@ -51,10 +51,10 @@ impl Line<'_> {
     }
 }
 
-/// `CutterCompensationSetRadius`: whole and as it is written. A word has one letter.
+/// The name of a call, whole and as written: `CutterCompensationSetRadius`. A word has one letter.
 fn name_of_call(text: &str) -> Option<&str> {
     let is_name = text.len() > 1 && text.bytes().all(|byte| byte.is_ascii_alphabetic());
-    // No call has a longer one.
+    // No call has a longer name.
     const LONGEST: usize = 40;
     (is_name && text.len() <= LONGEST).then_some(text)
 }

@@ -1,7 +1,7 @@
 //! The ROS shell of the loader: services in, latched topics out.
 //!
-//! Reads files, keeps the newest program and answers for it. What a program
-//! means is decided by [`load`](crate::load); nothing here is worth a test of its own.
+//! Reads files, keeps the newest program and serves it. [`load`](crate::load) decides what a
+//! program means; nothing here decides anything worth a test.
 
 mod chunks;
 mod health;
@@ -33,10 +33,10 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What the findings of one answer may take, bytes.
+/// Size of the findings in one response, bytes.
 const FINDINGS_BYTES_MAX: usize = 40_000;
 
-/// Runs the node until it is told to stop.
+/// Runs the node until it is shut down.
 pub fn main(args: Vec<String>) -> ExitCode {
     runtime::run_managed("program_loader", parameters(), &args, start)
 }
@@ -99,7 +99,7 @@ async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
     node.service::<ReadBlock, _, _>("read_block", move |request: ReadBlockRequest, _| {
         let loader = Arc::clone(&shared);
         async move {
-            // The profile may be a file.
+            // Reading the profile may open a file.
             let read = tokio::task::spawn_blocking(move || loader.read_block(&request)).await;
             read.unwrap_or_else(|error| ReadBlockResponse {
                 message: format!("the loader failed: {error}"),
@@ -132,11 +132,11 @@ async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
     Ok(loader)
 }
 
-/// The newest program and the ways to tell of it.
+/// The newest program, and the publishers that announce it.
 struct Loader {
     node: Handle,
     control: String,
-    /// Where the files are that peers may name.
+    /// The folders of the files that peers may name.
     programs: Folders,
     controls: Folders,
     frame_id: String,
@@ -145,20 +145,20 @@ struct Loader {
     program_topic: ChunkTopic<ProgramChunk>,
     contour: Publisher<ProgrammedContour>,
     contour_topic: ChunkTopic<ContourChunk>,
-    state: Mutex<State>,
+    state: Mutex<LoaderState>,
     /// Held while a program is being loaded.
     work: tokio::sync::Mutex<()>,
 }
 
 #[derive(Default)]
-struct State {
+struct LoaderState {
     uploads: Uploads,
     current: Option<Current>,
-    /// Why the newest request was refused.
+    /// Why the newest request was rejected.
     refused: Option<String>,
 }
 
-/// The program that is loaded.
+/// The loaded program.
 struct Current {
     program_id: String,
     manifest: Program,
@@ -166,7 +166,7 @@ struct Current {
     contour: Cut<ContourChunk>,
 }
 
-/// A refusal with its code.
+/// A rejection with its code.
 struct Refusal {
     code: u16,
     message: String,
@@ -203,7 +203,7 @@ impl Loader {
         })
     }
 
-    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+    fn state(&self) -> std::sync::MutexGuard<'_, LoaderState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -302,7 +302,7 @@ impl Loader {
         }
     }
 
-    /// The profile that a request names; the operator's own where it names none.
+    /// The profile that a request names; by default the configured one.
     fn profile(&self, named: &str) -> Result<Profile, ProfileError> {
         if named.is_empty() || named == self.control {
             settings::load_profile(&self.control)
@@ -314,7 +314,7 @@ impl Loader {
     /// The text and a name for it, from the one source that the request names.
     fn text_of(&self, request: &LoadProgramRequest) -> Result<(Vec<u8>, String), Refusal> {
         type W = LoadProgramResponse;
-        // The name goes to logs, terminals and pages, and may come from anybody.
+        // Any peer may choose the name, and it is shown in logs, terminals and pages.
         let named = |fallback: &str| {
             let name = if request.name.is_empty() { fallback } else { &request.name };
             one_line(name).into_owned()
@@ -342,7 +342,7 @@ impl Loader {
                 let text = self.state().uploads.take(&request.upload_id);
                 Ok((text.or_else(|error| refuse(W::UPLOAD_INCOMPLETE, error))?, named("program")))
             }
-            // A program without a single character is a program too.
+            // An empty text is a program, too.
             [false, false, false] if !request.name.is_empty() => Ok((Vec::new(), named(""))),
             _ => refuse(
                 W::INVALID_REQUEST,
@@ -405,7 +405,7 @@ impl Loader {
     }
 }
 
-/// What is answered of a program that is refused; `None` of one that is loaded.
+/// The response for a rejected program; `None` for an accepted one.
 pub fn refusal(name: &str, loaded: &Loaded) -> Option<String> {
     let mut errors = loaded.findings.iter().filter(|finding| finding.is_error());
     let first = errors.next()?;
@@ -416,13 +416,13 @@ pub fn refusal(name: &str, loaded: &Loaded) -> Option<String> {
     ))
 }
 
-/// The corners of the box around what the program names; where it names nothing, the start.
+/// The corners of the box around the programmed motion; without motion, the start.
 pub fn corners(loaded: &Loaded) -> (Position, Position) {
     let start = loaded.contour.start;
     loaded.bounds.as_ref().map_or((start, start), |bounds| (bounds.min, bounds.max))
 }
 
-/// As many findings as fit an answer, and how many there are.
+/// As many findings as fit a response, and how many there are.
 fn first_findings(loaded: &Loaded) -> (Vec<cnc_msgs::wire::cnc_msgs::msg::Finding>, u32) {
     let mut bytes = 0;
     let findings = loaded.findings.iter().map(Into::into).take_while(|finding| {
@@ -432,7 +432,7 @@ fn first_findings(loaded: &Loaded) -> (Vec<cnc_msgs::wire::cnc_msgs::msg::Findin
     (findings.collect(), loaded.findings.len() as u32)
 }
 
-/// One program under other rules is another program: its path may be another.
+/// The id of a program under the rules of a profile: other rules may give another path.
 fn id_of(profile: &Profile, text: &[u8]) -> String {
     program_id(&settings::profile_to_yaml(profile), text)
 }

@@ -1,29 +1,29 @@
 //! The numbers of RS-274: a sign, digits, a point; no exponent.
 //!
-//! Knows how a number ends and how it rounds, not what it is for. Results are
-//! those of `str::parse::<f64>`, bit for bit.
+//! Knows where a number ends and how it rounds, not what it is for. Results equal those of
+//! `str::parse::<f64>`, bit for bit.
 
 /// A number that was read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Number {
     /// Always finite.
     pub(crate) value: f64,
-    /// First byte behind the last digit.
+    /// The first byte after the last digit.
     pub(crate) end: usize,
-    /// Whether blanks stood between its digits.
+    /// Whether there were blanks between its digits.
     pub(crate) is_split: bool,
 }
 
 /// Why there is no number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct NotANumber {
-    pub(crate) what: Trouble,
-    /// First byte behind what was meant as a number.
+    pub(crate) what: NumberError,
+    /// The first byte after the text that was meant as a number.
     pub(crate) end: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Trouble {
+pub(crate) enum NumberError {
     /// Nothing that could be a number begins here.
     Missing,
     /// A sign or a point without digits, or too many of them.
@@ -39,10 +39,10 @@ const POWERS: [f64; 23] = [
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
 
-/// Reads a number of few digits with nothing doubtful behind it; `None` for all others.
+/// Reads a number of few digits without anything unusual after it; `None` for all others.
 ///
-/// Eighteen digits fit u64; a mantissa below 2^53 and a power of ten up to
-/// 10^22 are exact doubles, so that one division rounds correctly.
+/// Eighteen digits fit u64. A mantissa below 2^53 and a power of ten up to 10^22 are exact
+/// doubles, so that one division rounds correctly.
 #[inline]
 pub(crate) fn read_simple(text: &[u8], start: usize) -> Option<(f64, usize)> {
     let sign = *text.get(start)?;
@@ -51,24 +51,24 @@ pub(crate) fn read_simple(text: &[u8], start: usize) -> Option<(f64, usize)> {
     let mut mantissa: u64 = 0;
     let mut digits = 0;
     let mut places = 0;
-    let mut behind = 0;
+    let mut following = 0;
     for &next in &text[first..] {
         let digit = next.wrapping_sub(b'0');
         if digit >= 10 {
-            behind = next;
+            following = next;
             break;
         }
         mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(digit));
         digits += 1;
     }
     let mut at = first + digits;
-    if behind == b'.' {
+    if following == b'.' {
         at += 1;
-        behind = 0;
+        following = 0;
         for &next in &text[at..] {
             let digit = next.wrapping_sub(b'0');
             if digit >= 10 {
-                behind = next;
+                following = next;
                 break;
             }
             mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(digit));
@@ -80,7 +80,7 @@ pub(crate) fn read_simple(text: &[u8], start: usize) -> Option<(f64, usize)> {
     if digits == 0 || digits > 18 || mantissa >= 1 << 53 {
         return None;
     }
-    match behind {
+    match following {
         b'.' | b'+' | b'-' | b'e' | b'E' | b'[' | b'=' | b'#' => return None,
         b' ' | b'\t' => {
             let (_, visible) = next_visible(text, at);
@@ -96,8 +96,8 @@ pub(crate) fn read_simple(text: &[u8], start: usize) -> Option<(f64, usize)> {
 
 /// Reads the number that begins at `start`.
 ///
-/// With `joins_blanks`, blanks between its characters are skipped, as RS-274
-/// has it (`1 234.5` is 1234.5).
+/// With `joins_blanks`, blanks between its characters are skipped, as in RS-274 (`1 234.5` is
+/// 1234.5).
 pub(crate) fn read(text: &[u8], start: usize, joins_blanks: bool) -> Result<Number, NotANumber> {
     if let Some((value, end)) = read_simple(text, start) {
         return Ok(Number { value, end, is_split: false });
@@ -124,22 +124,22 @@ fn read_slowly(text: &[u8], start: usize, joins_blanks: bool) -> Result<Number, 
     }
     let has_digits = plain.bytes().any(|byte| byte.is_ascii_digit());
     if plain.is_empty() {
-        return Err(NotANumber { what: Trouble::Missing, end });
+        return Err(NotANumber { what: NumberError::Missing, end });
     }
     if has_digits && matches!(text.get(end), Some(b'e' | b'E')) {
         let sign = usize::from(matches!(text.get(end + 1), Some(b'+' | b'-')));
         if digit_at(text, end + 1 + sign).is_some() {
-            let mut behind = end + 1 + sign;
-            while is_numeric(text.get(behind)) {
-                behind += 1;
+            let mut next = end + 1 + sign;
+            while is_numeric(text.get(next)) {
+                next += 1;
             }
-            return Err(NotANumber { what: Trouble::Exponent, end: behind });
+            return Err(NotANumber { what: NumberError::Exponent, end: next });
         }
     }
     match plain.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(Number { value, end, is_split }),
-        Ok(_) => Err(NotANumber { what: Trouble::TooLarge, end }),
-        Err(_) => Err(NotANumber { what: Trouble::Malformed, end }),
+        Ok(_) => Err(NotANumber { what: NumberError::TooLarge, end }),
+        Err(_) => Err(NotANumber { what: NumberError::Malformed, end }),
     }
 }
 
@@ -153,7 +153,7 @@ fn is_numeric(byte: Option<&u8>) -> bool {
     matches!(byte, Some(b'0'..=b'9' | b'.' | b'+' | b'-'))
 }
 
-/// The next byte from `at` on that is no blank, and where it is.
+/// The next byte from `at` on that is not a blank, and its index.
 #[inline]
 fn next_visible(text: &[u8], mut at: usize) -> (usize, Option<&u8>) {
     while matches!(text.get(at), Some(b' ' | b'\t')) {
@@ -168,7 +168,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[track_caller]
-    fn check(text: &str, expected: Result<(f64, usize), (Trouble, usize)>) {
+    fn check(text: &str, expected: Result<(f64, usize), (NumberError, usize)>) {
         let read = read(text.as_bytes(), 0, true);
         let seen = read.map(|number| (number.value, number.end)).map_err(|no| (no.what, no.end));
         assert_eq!(seen, expected, "{text:?}");
@@ -191,21 +191,21 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_says_why_and_how_far_it_goes() {
+    fn text_that_is_not_a_number_has_a_reason_and_an_end() {
         for (text, what, end) in [
-            ("", Trouble::Missing, 0),
-            ("nan", Trouble::Missing, 0),
-            ("--5", Trouble::Malformed, 3),
-            (".", Trouble::Malformed, 1),
-            ("-", Trouble::Malformed, 1),
-            ("1.2.3", Trouble::Malformed, 5),
-            ("5-3", Trouble::Malformed, 3),
-            ("1e5", Trouble::Exponent, 3),
-            ("1E+400Y", Trouble::Exponent, 6),
+            ("", NumberError::Missing, 0),
+            ("nan", NumberError::Missing, 0),
+            ("--5", NumberError::Malformed, 3),
+            (".", NumberError::Malformed, 1),
+            ("-", NumberError::Malformed, 1),
+            ("1.2.3", NumberError::Malformed, 5),
+            ("5-3", NumberError::Malformed, 3),
+            ("1e5", NumberError::Exponent, 3),
+            ("1E+400Y", NumberError::Exponent, 6),
         ] {
             check(text, Err((what, end)));
         }
-        check(&"9".repeat(400), Err((Trouble::TooLarge, 400)));
+        check(&"9".repeat(400), Err((NumberError::TooLarge, 400)));
     }
 
     #[test]

@@ -1,7 +1,7 @@
-//! Findings under their source line, as compilers draw them.
+//! Draws findings under their source line, as compilers do.
 //!
-//! Serves the findings of every node: it knows places and messages only. A
-//! place that is not in the text is shown as a place without its line.
+//! Serves the findings of every node: it knows only places and messages. A place outside of the
+//! text is shown without its line.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use cnc_msgs::contour::Source;
@@ -11,13 +11,13 @@ use intake::text::one_line;
 
 /// Characters of a line that are shown around a finding.
 const LINE_SHOWN: usize = 120;
-/// Characters shown before a finding in a line that is longer.
+/// Characters that are shown before a finding in a longer line.
 const LEAD_SHOWN: usize = 40;
 
 /// Draws findings of the program `name`, one below the other.
 ///
-/// `text` is the program as the places count it: a lossy conversion, if it was
-/// not UTF-8. Without `color` the result is plain text.
+/// `text` is the program as its places count characters: a lossy conversion if it is not UTF-8.
+/// Without `color` the result is plain text.
 pub fn render(name: &str, text: &str, findings: &[Finding], color: bool) -> String {
     let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     let name = &printable(name);
@@ -35,7 +35,7 @@ pub fn render(name: &str, text: &str, findings: &[Finding], color: bool) -> Stri
     drawn
 }
 
-/// The lines that findings point at, by number. One pass, however many there are.
+/// The lines that findings point at, by number; found in one pass.
 fn lines_of<'t>(text: &'t str, findings: &[Finding]) -> Vec<(u32, &'t str)> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut wanted: Vec<u32> = findings.iter().map(|found| found.source.line).collect();
@@ -79,7 +79,7 @@ fn draw(renderer: &Renderer, name: &str, lines: &[(u32, &str)], finding: &Findin
             if is_whole {
                 group.element(snippet.path(name.to_owned()))
             } else {
-                // The place by hand: what is shown would give another column.
+                // Written here: the library would count columns of the shown part.
                 let column = usize::from(source.column.max(1));
                 let origin = Origin::path(name.to_owned()).line(number).char_column(column);
                 group.element(origin).element(snippet)
@@ -100,7 +100,7 @@ fn draw(renderer: &Renderer, name: &str, lines: &[(u32, &str)], finding: &Findin
     renderer.render(&[group])
 }
 
-/// What stands beside the carets: where, and how much.
+/// The label after the carets: closest point, needed and available space, related block.
 fn label(finding: &Finding) -> String {
     let mut label = String::new();
     if let Some([x, y, z]) = finding.position {
@@ -129,7 +129,7 @@ struct Shown {
     text: String,
     start: usize,
     end: usize,
-    /// The columns of the text are those of the line, and the place is in it.
+    /// Whether the shown text has the columns of the line, and the place is in it.
     is_whole: bool,
 }
 
@@ -148,7 +148,7 @@ impl Shown {
             if index == column {
                 start = Some(text.len());
             }
-            // Tabs and what cannot be seen take one column, as they were counted.
+            // Tabs and invisible characters take one column, as in the place.
             text.push(if letter.is_control() { ' ' } else { letter });
             if index < column + usize::from(source.length.max(1)) {
                 end = Some(text.len());
@@ -164,7 +164,7 @@ impl Shown {
     }
 }
 
-/// A text in one line.
+/// A text as one line.
 fn printable(text: &str) -> String {
     one_line(text).into_owned()
 }

@@ -1,6 +1,6 @@
-//! What the loader takes from a control profile.
+//! The rules that the loader takes from a control profile.
 //!
-//! Knows words and planes; the rules that need geometry are the planner's.
+//! Words and planes; rules that need geometry are the planner's.
 
 use cnc_msgs::contour::{Approach, OutsideCorner, Source};
 use cnc_msgs::finding::{Code, Finding, Severity};
@@ -15,9 +15,9 @@ pub(crate) struct Rules<'p> {
     pub(crate) control: &'p str,
     /// X words are diameters.
     pub(crate) x_is_diameter: bool,
-    /// What G41 takes its radius from.
+    /// Where G41 takes its radius from.
     pub(crate) radius_word: RadiusWord,
-    /// What becomes of a selection without such a word.
+    /// How strict a selection without such a word is treated.
     pub(crate) no_radius: Severity,
     /// What D0 does.
     pub(crate) d0: ZeroOffset,
@@ -28,18 +28,19 @@ pub(crate) struct Rules<'p> {
     approaches: Vec<(u16, Approach)>,
     /// Letter and number in tenths.
     forbidden: Vec<(u8, u16)>,
-    /// What becomes of a forbidden word.
+    /// How strict a forbidden word is treated.
     pub(crate) forbidden_severity: Severity,
 }
 
 impl<'p> Rules<'p> {
-    /// Reads the words of a profile; a finding for each that is none.
+    /// Reads the words of a profile; returns a finding for each text that is not a word.
     pub(crate) fn of(profile: &'p Profile) -> (Self, Vec<Finding>) {
         let mut wrong = Vec::new();
         let mut number = |word: &str, letters: &[u8], key: &str| {
             let parsed = parse(word).filter(|(letter, _)| letters.contains(letter));
             if parsed.is_none() {
-                let message = format!("profile {}: `{word}` under {key} is no word", profile.name);
+                let message =
+                    format!("profile {}: `{word}` under {key} is not a word", profile.name);
                 wrong.push(
                     Finding::error(Code::UnknownWord, Source::default(), message)
                         .help("correct the profile; words are written like G54"),
@@ -83,13 +84,13 @@ impl<'p> Rules<'p> {
         find(&self.approaches, tenths)
     }
 
-    /// Whether a word must not stand in a block under compensation.
+    /// Whether a word is forbidden in a block under compensation.
     pub(crate) fn forbids(&self, letter: u8, tenths: u16) -> bool {
         self.forbidden.contains(&(letter, tenths))
     }
 }
 
-/// The profile decides what D and P mean, where the language has them.
+/// The profile decides what D and P mean, if the language has them.
 fn radius_word(profile: &Profile) -> RadiusWord {
     match profile.radius.source.rule {
         RadiusKind::ToolNumber => RadiusWord::Tool,

@@ -1,18 +1,18 @@
-//! Programs that arrive in pieces.
+//! Programs that are uploaded in chunks.
 //!
-//! Knows which pieces of which upload are there and what they may take
-//! together; leaves the requests and answers to the shell.
+//! Knows which chunks of which upload have arrived, and their limits; the shell has the requests
+//! and responses.
 
 use crate::limits::PROGRAM_BYTES_MAX;
 use cnc_msgs::wire::cnc_msgs::srv::PutProgramChunkRequest;
 use std::collections::{BTreeMap, VecDeque};
 
-/// What one piece may hold, bytes: it has to fit a message.
+/// Size of one chunk, bytes: it has to fit a message.
 pub const CHUNK_BYTES_MAX: usize = 48_000;
-/// Uploads that may be unfinished at a time; one more drops the oldest.
+/// Incomplete uploads at the same time; a further one drops the oldest.
 pub const UPLOADS_MAX: usize = 4;
 
-/// Why a piece was not taken, or an upload cannot be used.
+/// Why a chunk was rejected, or an upload cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum UploadError {
     #[error("upload_id is empty; choose one and send it with every chunk")]
@@ -24,20 +24,20 @@ pub enum UploadError {
     #[error("chunk {index} holds {bytes} bytes; at most {CHUNK_BYTES_MAX} are taken")]
     ChunkTooLarge { index: u32, bytes: usize },
     #[error(
-        "{count} chunks of up to {CHUNK_BYTES_MAX} bytes are announced; a program may have {PROGRAM_BYTES_MAX} bytes"
+        "{count} chunks of up to {CHUNK_BYTES_MAX} bytes are announced; a program may have at most {PROGRAM_BYTES_MAX} bytes"
     )]
     TooLarge { count: u32 },
     #[error("chunk {index} is damaged: its CRC-32 is {found:08x}, not {stated:08x}")]
     Damaged { index: u32, found: u32, stated: u32 },
     #[error(
-        "no upload {id:?} is here; it was never begun, was used already, or was dropped for newer ones"
+        "there is no upload {id:?}: it was never started, is already used, or was dropped for newer ones; upload the program again"
     )]
     Unknown { id: String },
     #[error("upload {id:?} is not complete: chunk {index} of {count} is missing")]
     Incomplete { id: String, index: u32, count: u32 },
 }
 
-/// All uploads that are under way.
+/// All uploads in progress.
 #[derive(Debug, Default)]
 pub struct Uploads {
     /// Ids, oldest first.
@@ -52,9 +52,12 @@ struct Upload {
 }
 
 impl Uploads {
-    /// Takes a piece and returns how many different ones have arrived.
+    /// Adds a chunk; returns how many different chunks have arrived.
     ///
-    /// The same piece may come again; the last one counts.
+    /// A chunk may come again; the last one counts.
+    ///
+    /// # Errors
+    /// The chunk is damaged, too large, or contradicts earlier chunks of the upload.
     pub fn put(&mut self, request: PutProgramChunkRequest) -> Result<u32, UploadError> {
         let PutProgramChunkRequest { upload_id, index, chunk_count: count, data, crc32 } = request;
         if upload_id.is_empty() {
@@ -91,7 +94,10 @@ impl Uploads {
         Ok(upload.chunks.len() as u32)
     }
 
-    /// Takes the finished text out.
+    /// Removes a complete upload and returns its text.
+    ///
+    /// # Errors
+    /// The upload is unknown or incomplete.
     pub fn take(&mut self, id: &str) -> Result<Vec<u8>, UploadError> {
         let upload =
             self.uploads.get(id).ok_or_else(|| UploadError::Unknown { id: id.to_owned() })?;

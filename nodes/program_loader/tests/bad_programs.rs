@@ -1,4 +1,4 @@
-//! Programs that are wrong; the first comment of each says what must be found.
+//! Wrong programs; the first comment of each lists the expected findings.
 //!
 //! `(error unknown_word 3:4; warning missing_word 9:1)` is the whole list, in order.
 

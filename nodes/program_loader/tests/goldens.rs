@@ -1,4 +1,4 @@
-//! Whole programs beside their contours. `UPDATE_EXPECT=1` rewrites them.
+//! Whole programs with their contours in files next to them. `UPDATE_EXPECT=1` rewrites them.
 
 mod common;
 
@@ -9,7 +9,7 @@ use settings::Control;
 use std::path::Path;
 
 #[test]
-fn programs_mean_what_the_files_beside_them_say() {
+fn programs_give_the_contours_of_their_golden_files() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/programs");
     let mut count = 0;
     for control in Control::ALL {

@@ -1,4 +1,4 @@
-//! What findings say: one for each cause, with the word that the program has.
+//! The texts of findings: one finding for each cause, with the word of the program.
 
 mod common;
 
@@ -41,7 +41,7 @@ fn a_refused_cycle_is_one_finding_with_its_words_and_the_blocks_after_it() {
         check(control, &text, &[&format!("2: {word} is not done here")]);
     }
     check("nct", "G0 X0\nG77 U5 X1", &["2: nct has no word G77"]);
-    // Without a refused word a letter is a finding of its own.
+    // Without a rejected word the letter is a finding by itself.
     check("nct", "G0 X0\nG1 U5 X1 F100", &["2: U is not an axis of this machine"]);
 }
 

@@ -1,4 +1,4 @@
-//! What holds for any program.
+//! Properties that hold for every program.
 
 mod common;
 
@@ -14,7 +14,7 @@ fn load_as(control: &str, text: &[u8]) -> Loaded {
     load(text, &profile(control), &LoadOptions::default())
 }
 
-/// Every finding is at a place that the text has, and can be drawn.
+/// Every finding has a place in the text, and can be drawn.
 fn check_places(text: &[u8], loaded: &Loaded) {
     let shown = String::from_utf8_lossy(text);
     let lines: Vec<&str> = shown.split('\n').collect();
@@ -45,7 +45,7 @@ fn check_numbers(contour: &ProgrammedContour) {
     }
 }
 
-/// Text made of what programs are made of.
+/// Random text made of the parts of programs.
 fn nearly_a_program() -> impl Strategy<Value = String> {
     let word = prop_oneof![
         "[GMXYZIJKRFSTDHNPQLAO/@%]-?[0-9]{1,3}(\\.[0-9]{0,3})? ?",
@@ -62,7 +62,7 @@ fn nearly_a_program() -> impl Strategy<Value = String> {
         .prop_map(|words| words.concat())
 }
 
-/// The same contour but for rounding: kinds, places, positions.
+/// Checks that two contours are equal but for rounding: kinds, places, positions.
 fn same(one: &ProgrammedContour, other: &ProgrammedContour) -> Result<(), TestCaseError> {
     prop_assert_eq!(one.events.len(), other.events.len());
     for (one, other) in one.events.iter().zip(&other.events) {
@@ -89,14 +89,14 @@ fn same(one: &ProgrammedContour, other: &ProgrammedContour) -> Result<(), TestCa
 }
 
 /// One move: kind, target in thousandths of a millimetre.
-type Step = (u8, [i32; 3]);
+type ProgrammedMove = (u8, [i32; 3]);
 
-fn steps() -> impl Strategy<Value = Vec<Step>> {
+fn steps() -> impl Strategy<Value = Vec<ProgrammedMove>> {
     proptest::collection::vec((0_u8..4, proptest::array::uniform3(-90_000..90_000_i32)), 1..40)
 }
 
 /// A program of lines, rapids and half circles, with lengths divided by `unit`.
-fn program(steps: &[Step], unit: f64, incremental: bool) -> String {
+fn program(steps: &[ProgrammedMove], unit: f64, incremental: bool) -> String {
     let mut text = String::from(if unit == 1.0 { "G21" } else { "G20" });
     text += &format!(" G17 G90\nG0 X0 Y0 Z0 F{:.12}\n", 250.0 / unit);
     text += if incremental { "G91\n" } else { "" };
@@ -112,7 +112,7 @@ fn program(steps: &[Step], unit: f64, incremental: bool) -> String {
             text += &format!(" Z{:.12}\n", word[2]);
             at[2] = target[2];
         } else if half[0].hypot(half[1]) * unit < 0.1 {
-            // No arc of this size: the same move as a line.
+            // No arc of this size: use a line instead.
             let digit = text.rfind('G').expect("the word just written");
             text.replace_range(digit..digit + 2, "G1");
             text.push('\n');
@@ -137,7 +137,7 @@ proptest! {
     }
 
     #[test]
-    fn anything_like_a_program_is_read_or_refused_at_a_place_in_the_text(
+    fn text_like_a_program_is_read_or_rejected_at_a_place_in_the_text(
         text in nearly_a_program(), control in select(Control::ALL.to_vec())
     ) {
         let loaded = load_as(control.name(), text.as_bytes());

@@ -60,15 +60,18 @@ fn a_tool_that_is_not_expected_refuses_the_program() {
         assert_eq!(loaded.is_accepted(), refused.is_empty());
         assert_eq!(loaded.contour.events.is_empty(), !refused.is_empty());
     }
-    // However many there are, a screenful is told.
+    // However many there are, the message has a limited length.
     let many: String = (1..500).map(|tool| format!("T{tool}\n")).collect();
     let mut many = load_as("rs274", &(many + "M30"));
     many.allow_tools(&(600..700).collect::<Vec<_>>());
-    let told: Vec<&str> = many.findings.iter().map(|it| it.message.as_str()).collect();
-    assert_eq!(told.len(), 21);
-    assert!(told[0].starts_with("T1 is not") && told[0].ends_with("T619 and 80 more"), "{told:?}");
-    assert_eq!(told[20], "479 more tools are not expected");
-    // What is refused for its text stays so, and says no more.
+    let messages: Vec<&str> = many.findings.iter().map(|it| it.message.as_str()).collect();
+    assert_eq!(messages.len(), 21);
+    assert!(
+        messages[0].starts_with("T1 is not") && messages[0].ends_with("T619 and 80 more"),
+        "{messages:?}"
+    );
+    assert_eq!(messages[20], "479 more tools are not expected");
+    // A program with other errors keeps them, and gets no further finding.
     let mut broken = load_as("rs274", "T5 M6\nG99.7\nM30");
     let before = broken.clone();
     broken.allow_tools(&[1]);
@@ -96,7 +99,7 @@ fn a_block_is_executed_in_the_order_of_rs274_not_as_written() {
 }
 
 #[test]
-fn words_of_one_block_may_stand_in_any_order() {
+fn words_of_one_block_may_be_in_any_order() {
     let orders = ["G1 X1 Y2 F100", "F100 Y2 X1 G1", "X1 F100 G1 Y2", "g01f100x1y2"];
     for text in orders {
         check("rs274", text, &["line X1 Y2 Z0 F100 named XY"]);
@@ -140,7 +143,7 @@ fn p_counts_the_turns_of_an_arc() {
 }
 
 #[test]
-fn block_delete_leaves_out_what_begins_with_a_slash() {
+fn block_delete_skips_blocks_that_begin_with_a_slash() {
     let text = "G0 X1\n /N2 G77 X2\nX3";
     let options = LoadOptions { block_delete: true, ..LoadOptions::default() };
     let loaded = load(text.as_bytes(), &profile("rs274"), &options);
@@ -157,7 +160,7 @@ fn the_place_of_an_event_is_its_block_without_blanks_and_trailing_comments() {
 }
 
 #[test]
-fn axes_that_nobody_named_are_assumed_when_a_motion_relies_on_them() {
+fn axes_that_were_never_named_are_assumed_when_a_motion_relies_on_them() {
     for (text, assumed) in [
         ("G0 X1 Y1\nG2 F1 X2 Y2 R5", ""),
         ("G0 X1\nX2", ""),

@@ -1,7 +1,7 @@
-//! Aerotech Automation1: G code, and AeroScript calls of motion and compensation.
+//! Aerotech Automation1: G code, and the AeroScript calls for motion and compensation.
 //!
-//! Calls become words (see `lexer/call.rs`). G43 sets the radius, G44 the axes of
-//! compensation; a rapid does not follow a path (A08).
+//! `lexer/call.rs` turns calls into words. G43 sets the radius, G44 the axes of compensation. A
+//! rapid does not follow a path (A08).
 
 use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
 use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};
@@ -33,7 +33,7 @@ pub(super) static DIALECT: Dialect = Dialect {
     percent_delimits: true,
 };
 
-/// What a call means that no G word stands for.
+/// The meaning of a call that has no G word.
 pub(crate) fn called(number: f64) -> GWord {
     match number {
         call::SET_AXES => GWord::SetAxes,

@@ -31,7 +31,7 @@ pub(super) static DIALECT: Dialect = Dialect {
 
 fn g(tenths: u16) -> GWord {
     match tenths {
-        // Fine points of LinuxCNC that MASSO's page does not name.
+        // LinuxCNC has these; MASSO's page does not list them.
         80 | 611 => GWord::Unknown,
         _ => common(tenths),
     }

@@ -1,8 +1,8 @@
-//! NCT: D registers, D00 beside G40, G39, and an approach direction on G41.
+//! NCT: D registers, D00 as well as G40, G39, and an approach direction on G41.
 //!
-//! H is a length offset, `%` begins a program name, M functions without a
-//! meaning here belong to the machine. G38 keeps an offset vector that depends on
-//! the move before it; it is refused by name.
+//! H is a length offset, `%` begins a program name. M functions without a meaning here are passed
+//! on to the machine. G38 keeps an offset vector that depends on the move before it; it is
+//! rejected by name.
 
 use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
 use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};

@@ -1,9 +1,9 @@
 //! Okuma OSP for turning: Z and X, six-digit T words, tool-nose radius compensation.
 //!
-//! X is a diameter; I is the X part of a centre or of an imaginary point, as a
-//! radius, and L the radius of an arc. `$` heads a file, O names a program, N a
-//! block. T turns the turret, so that there is no M6; G20 and G21 are no units
-//! here. Feeds are mm/min: a program that says otherwise is refused by name.
+//! X is a diameter; I is the X part of a centre or of an imaginary point, as a radius; L is the
+//! radius of an arc. `$` begins a file, O names a program, N names a block. T turns the turret,
+//! so there is no M6. G20 and G21 are not units here. Feeds are mm/min; other feed modes are
+//! rejected by name.
 
 use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
 use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode};
@@ -34,7 +34,7 @@ pub(super) static DIALECT: Dialect = Dialect {
     percent_delimits: true,
 };
 
-const C_AXIS: &str = "post for turning; the spindle is no axis here";
+const C_AXIS: &str = "post for turning; the spindle is not an axis here";
 const MACHINE: &str = "do it at the machine, outside part programs";
 
 fn g(tenths: u16) -> GWord {
@@ -44,7 +44,7 @@ fn g(tenths: u16) -> GWord {
         20 => GWord::Motion(Mode::Arc { clockwise: true }),
         30 => GWord::Motion(Mode::Arc { clockwise: false }),
         40 => GWord::Dwell,
-        // The upper turret; the other one is not there.
+        // G13 is the upper turret; there is no lower one.
         130 => GWord::Accepted(Group::Path, Letters::NONE),
         140 => GWord::Refused("write the program of each turret by itself"),
         170 => GWord::Plane(Plane::Xy),

@@ -1,4 +1,4 @@
-//! RS-274/NGC as LinuxCNC reads it, and grbl where LinuxCNC leaves a choice.
+//! RS-274/NGC as in LinuxCNC, or as in grbl where LinuxCNC leaves a choice.
 
 use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};
 use crate::block::LexerRules;
@@ -51,7 +51,7 @@ fn g(tenths: u16) -> GWord {
     }
 }
 
-/// The G words that rs274 shares with its relatives.
+/// The G words that rs274 shares with related dialects.
 pub(super) fn common(tenths: u16) -> GWord {
     match tenths {
         0 => GWord::Motion(Mode::Rapid),
@@ -102,7 +102,7 @@ fn m(number: u16) -> MWord {
     }
 }
 
-/// The M words that every control here reads alike.
+/// The M words that mean the same on every control here.
 pub(super) fn common_m(number: u16) -> MWord {
     match number {
         0 => MWord::Stop { optional: false },

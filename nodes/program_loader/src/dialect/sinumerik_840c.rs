@@ -1,8 +1,7 @@
-//! SINUMERIK 840C, as far as milling programs with radius compensation go.
+//! SINUMERIK 840C: the words of milling programs with radius compensation.
 //!
-//! H is an auxiliary function, D an offset register, M functions without a
-//! meaning here belong to the machine. G450, G451, G455 and G456 come from the
-//! profile.
+//! H is an auxiliary function, D an offset register. M functions without a meaning here are
+//! passed on to the machine. The profile defines G450, G451, G455 and G456.
 
 use super::rs274::{CONSTANT_SPEED, FEED_MODE, OFFSETS, THREAD, common_m};
 use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};
@@ -33,7 +32,7 @@ pub(super) static DIALECT: Dialect = Dialect {
     percent_delimits: false,
 };
 
-/// TRANSMIT and its like: G131, G231, G331 select one, G130 deselects (NC MD 5061).
+/// TRANSMIT and similar: G131, G231, G331 select one, G130 deselects (NC MD 5061).
 const TRANSFORMATION: &str =
     "post the program for the axes of the machine, without a transformation";
 const POLAR: &str = "program arcs with G2 and G3, X, Y and Z";
@@ -82,7 +81,7 @@ fn g(tenths: u16) -> GWord {
 fn m(number: u16) -> MWord {
     match number {
         17 => MWord::Refused("write subprograms out where they are called"),
-        // S58: it becomes active at the end of its block.
+        // S58: it takes effect at the end of its block.
         18 => MWord::Auxiliary { after_motion: true },
         0..=9 | 30 => common_m(number),
         10..=99 => MWord::Auxiliary { after_motion: false },

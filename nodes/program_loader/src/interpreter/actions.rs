@@ -1,5 +1,5 @@
-//! What a block does besides moving: feed, spindle, tool, coolant, offsets,
-//! dwell, stops and the machine's own functions.
+//! The actions of a block apart from motion: feed, spindle, tool, coolant, offsets, dwell, stops
+//! and the machine's own functions.
 
 use super::axes::Cause;
 use super::{Interpreter, Scene};
@@ -59,15 +59,15 @@ impl Interpreter<'_> {
         }
     }
 
-    /// `TNNMMOO`: the number of the nose radius, of the tool and of its offset. The
-    /// turret turns at once; the offset of the tool is the machine's.
+    /// `TNNMMOO`: the numbers of nose radius, tool and tool offset. The turret turns at once;
+    /// the machine applies the offset of the tool.
     fn turret(&mut self, scene: &mut Scene<'_>, digits: u32) {
         if digits > 999_999 {
             let quote = scene.quote(self.request.word(b'T'));
             let message = format!("{quote} has more than six digits");
             let help =
                 "write the numbers of nose radius, tool and offset with two digits each: T010101";
-            return self.complain(scene, b'T', Code::BadNumber, message, help);
+            return self.report(scene, b'T', Code::BadNumber, message, help);
         }
         let (nose, tool) = (digits / 10_000, digits / 100 % 100);
         if self.modal.spindle_tool != Some(tool) {
@@ -84,7 +84,7 @@ impl Interpreter<'_> {
         if let Some((_, _, at)) = change {
             self.change_tool(scene, at);
         }
-        // One kind after the other, whatever their order in the block.
+        // One kind after the other, in a fixed order.
         for kind in 0..3 {
             let mut next = 0;
             while let Some((meaning, number, _)) = self.request.m_at(next) {
@@ -108,11 +108,11 @@ impl Interpreter<'_> {
         } else if !self.request.present.contains(b'T') {
             let message = "M6 without a tool: no T has been programmed".to_owned();
             let help = "write T with the number of the tool into this block or before it";
-            self.complain_at(scene, at, Code::MissingWord, message, help);
+            self.report_at(scene, at, Code::MissingWord, message, help);
         }
     }
 
-    /// M functions that wait for the motion, and stops; whether the program ends.
+    /// M functions after the motion, and stops; returns whether the program ends.
     #[inline]
     pub(super) fn functions_after_motion(&mut self) -> bool {
         let mut next = 0;
@@ -153,7 +153,7 @@ impl Interpreter<'_> {
                     dwell.iter().map(|letter| char::from(letter).to_string()).collect();
                 let message = format!("{} without a time", scene.quote(at));
                 let help = format!("write the seconds after {}", names.join(" or "));
-                self.complain_at(scene, at, Code::MissingWord, message, &help);
+                self.report_at(scene, at, Code::MissingWord, message, &help);
             }
             return;
         };
@@ -174,7 +174,7 @@ impl Interpreter<'_> {
         self.act(Action::Dwell { seconds });
     }
 
-    /// G43 and G49. The length itself is the planner's to fill in.
+    /// G43 and G49. The planner fills in the length itself.
     #[inline]
     pub(super) fn tool_length(&mut self, scene: &mut Scene<'_>) {
         match self.request.g(Group::Length) {
@@ -193,7 +193,7 @@ impl Interpreter<'_> {
             if offset == 0 {
                 let message = "G43 H0 means another thing on every control".to_owned();
                 let help = "write G49 to cancel the length offset, or H with the number of a tool";
-                return self.complain(scene, b'H', Code::BadNumber, message, help);
+                return self.report(scene, b'H', Code::BadNumber, message, help);
             }
             offset
         } else if let Some(tool) = self.modal.spindle_tool {
@@ -202,13 +202,13 @@ impl Interpreter<'_> {
         } else {
             let message = "G43 without H, and no M6 has put in a tool".to_owned();
             let help = "write H with the number of the tool";
-            return self.complain_at(scene, at, Code::MissingWord, message, help);
+            return self.report_at(scene, at, Code::MissingWord, message, help);
         };
         self.act(Action::ToolLength { offset: Some(offset), length_mm: 0.0 });
         self.change_length(Some(offset), "G43");
     }
 
-    /// Another length offset moves the work frame along Z by what only the tool table knows.
+    /// Changes the length offset; it moves the work frame along Z by a length of the tool table.
     fn change_length(&mut self, offset: Option<u32>, word: &'static str) {
         if self.modal.length != offset {
             self.modal.length = offset;
@@ -233,6 +233,6 @@ impl Interpreter<'_> {
     #[cold]
     pub(super) fn negative(&mut self, scene: &mut Scene<'_>, letter: u8) {
         let message = format!("{} is negative", scene.quote(self.request.word(letter)));
-        self.complain(scene, letter, Code::BadNumber, message, "write a number above 0");
+        self.report(scene, letter, Code::BadNumber, message, "write a number above 0");
     }
 }

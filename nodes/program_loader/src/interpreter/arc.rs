@@ -1,7 +1,7 @@
 //! The centre of an arc from I, J, K or from R.
 //!
-//! Plane geometry in millimetres; knows neither words nor axes. The checks and
-//! their tolerances are LinuxCNC's, with the upper bound of grbl.
+//! Plane geometry in millimetres, without words and axes. The checks and their tolerances are
+//! LinuxCNC's, with grbl's upper limit.
 
 use crate::limits::{
     ARC_MISMATCH_MM_MAX, ARC_MISMATCH_RELATIVE, COORDINATE_MM_MAX, FULL_CIRCLE_RELATIVE,
@@ -13,11 +13,11 @@ pub(super) type InPlane = [f64; 2];
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Resolved {
     pub(super) center: InPlane,
-    /// Start and end are one point.
+    /// Start and end are the same point.
     pub(super) is_full_circle: bool,
 }
 
-/// Why there is no such arc.
+/// Why an arc is impossible.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum ArcTrouble {
     /// The centre is the start or the end.
@@ -26,13 +26,13 @@ pub(super) enum ArcTrouble {
     Mismatch { start_mm: f64, end_mm: f64, allowed_mm: f64 },
     /// R does not reach from start to end.
     TooShort { radius_mm: f64, half_chord_mm: f64 },
-    /// R form with start = end: any circle would do.
+    /// R form with start = end: the circle is not determined.
     NoChord,
-    /// The radius is larger than any machine.
+    /// The radius is larger than the limit of coordinates.
     TooLarge { radius_mm: f64 },
 }
 
-/// Checks an arc about a given centre. `mismatch_mm` is what the radii may differ by.
+/// Checks an arc about a given centre. `mismatch_mm` is the allowed difference of its radii.
 pub(super) fn about_center(
     start: InPlane,
     end: InPlane,
@@ -42,7 +42,7 @@ pub(super) fn about_center(
     let start_mm = distance(start, center);
     let end_mm = distance(end, center);
     let larger_mm = start_mm.max(end_mm);
-    // Below this there is no direction from the centre.
+    // Below this the direction from the centre is undefined.
     if start_mm.min(end_mm) < mismatch_mm * 1e-3 && (start_mm - end_mm).abs() <= mismatch_mm {
         return Err(ArcTrouble::ZeroRadius);
     }
@@ -57,9 +57,9 @@ pub(super) fn about_center(
     Ok(Resolved { center, is_full_circle })
 }
 
-/// Finds the centre of an arc of a given radius; a negative one goes the long way round.
+/// Finds the centre of an arc of a given radius; a negative one means more than half a circle.
 ///
-/// `short_mm` is what R may be too short for a half circle.
+/// `short_mm` is by how much R may be too short for a half circle.
 pub(super) fn with_radius(
     start: InPlane,
     end: InPlane,
@@ -80,7 +80,7 @@ pub(super) fn with_radius(
     }
     let apothem_mm =
         ((radius_mm.abs() - half_chord_mm) * (radius_mm.abs() + half_chord_mm)).max(0.0).sqrt();
-    // The short way counter-clockwise has its centre to the left of the chord.
+    // A counter-clockwise arc of less than half a circle has its centre to the left of the chord.
     let is_left = clockwise == (radius_mm < 0.0);
     let along = if is_left { apothem_mm } else { -apothem_mm } / chord_mm;
     let chord = [end[0] - start[0], end[1] - start[1]];
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn r_goes_the_short_way_and_negative_r_the_long_way() {
+    fn r_is_an_arc_below_half_a_circle_and_negative_r_above() {
         check_center([10.0, 10.0], 10.0, false, [0.0, 10.0]);
         check_center([10.0, 10.0], 10.0, true, [10.0, 0.0]);
         check_center([10.0, 10.0], -10.0, false, [10.0, 0.0]);

@@ -1,6 +1,6 @@
-//! G2 and G3: the words of an arc to its shape.
+//! G2 and G3: turns the words of an arc into its shape.
 //!
-//! The plane geometry is `arc`'s; this file knows the words and the messages.
+//! `arc` has the plane geometry; this file has the words and the messages.
 
 use super::arc::{self, ArcTrouble, InPlane, Resolved};
 use super::moves::CENTER_WORDS;
@@ -46,12 +46,12 @@ impl Interpreter<'_> {
         let arc = Arc { center, plane, clockwise, turns };
         self.bounds.add_arc(start, end.position, &arc);
         self.bounds.add_end(end.position, end.named);
-        // An arc says where both axes of its plane end, even if it names one or none.
+        // An arc determines both axes of its plane, even if it names one or none.
         let axes = end.named.union(in_plane);
         self.emit_motion(Shape::Arc(arc), end.position, MotionClass::Feed, axes);
     }
 
-    /// P: how many turns the arc makes, at least 1.
+    /// P: the number of turns of the arc, at least 1.
     fn turns(&mut self, scene: &mut Scene<'_>) -> Option<u16> {
         if !self.rules.dialect.arc_radius_and_turns {
             return Some(1);
@@ -63,12 +63,12 @@ impl Interpreter<'_> {
         if !turns.is_nan() {
             let message = format!("an arc cannot make {turns} turns");
             let help = format!("write P as a whole number from 1 to {ARC_TURNS_MAX}");
-            self.complain(scene, b'P', Code::BadNumber, message, &help);
+            self.report(scene, b'P', Code::BadNumber, message, &help);
         }
         None
     }
 
-    /// I, J, K or R to the centre; `None` after a complaint or in a damaged block.
+    /// Finds the centre from I, J, K or R; `None` after an error, or in a block that has one.
     fn center(
         &mut self,
         scene: &mut Scene<'_>,
@@ -87,7 +87,7 @@ impl Interpreter<'_> {
         } else {
             None
         };
-        // Posts write K0 behind I and J (FreeCAD); anything but 0 is meant otherwise.
+        // Some posts write K0 after I and J (FreeCAD); any other value is an error.
         let normal = CENTER_WORDS[3 - first - second];
         if self.request.value(normal) == Some(0.0) {
             self.take(normal);
@@ -97,7 +97,7 @@ impl Interpreter<'_> {
             let radius = char::from(arc_radius);
             let message = format!("{radius} and {} or {} in one block", names[0], names[1]);
             let help = "give the centre or the radius, not both";
-            self.complain(scene, arc_radius, Code::ModalConflict, message, help);
+            self.report(scene, arc_radius, Code::ModalConflict, message, help);
             return None;
         }
         let is_absolute = self.modal.centers == Distance::Absolute;
@@ -111,7 +111,7 @@ impl Interpreter<'_> {
                 } else {
                     "write the distance from the start to the centre"
                 };
-                self.complain_of_block(scene, Code::MissingWord, message, help);
+                self.report_block(scene, Code::MissingWord, message, help);
             }
             return None;
         }
@@ -132,14 +132,14 @@ impl Interpreter<'_> {
         match resolved {
             Ok(resolved) => Some(resolved),
             Err(trouble) => {
-                self.complain_of_arc(scene, trouble);
+                self.report_arc(scene, trouble);
                 None
             }
         }
     }
 
     #[cold]
-    fn complain_of_arc(&mut self, scene: &mut Scene<'_>, trouble: ArcTrouble) {
+    fn report_arc(&mut self, scene: &mut Scene<'_>, trouble: ArcTrouble) {
         let (message, help, numbers) = match trouble {
             ArcTrouble::ZeroRadius => (
                 "the arc has no radius".to_owned(),

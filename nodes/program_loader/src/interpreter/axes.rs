@@ -1,8 +1,8 @@
-//! Where the tool is, and which axes of that are really known.
+//! The position of the tool, and which of its axes are known.
 //!
-//! Knows nothing of blocks. An axis is known once an absolute straight move
-//! has named it; after a move in machine coordinates, to a reference position,
-//! or a change of offset it is not, until it is named again.
+//! An axis is known once an absolute straight move has named it. After a move in machine
+//! coordinates or to a reference position, or a change of offset, it is unknown until it is named
+//! again.
 
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{AxisSet, Position};
@@ -17,24 +17,24 @@ pub(super) struct Cause {
 
 #[derive(Debug)]
 pub(super) struct Axes {
-    /// mm in the work frame; the last known value where an axis is not known.
+    /// mm in the work frame; the last known value of an axis that is not known.
     pub(super) position: Position,
     unknown: AxisSet,
     poisoned: AxisSet,
-    /// Never named since the start.
+    /// Axes that no move has named since the start.
     unnamed: AxisSet,
     causes: [Cause; 3],
 }
 
-/// Whether a motion may rely on where some axes are.
+/// Whether a motion may rely on the position of some axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reliance {
     Known,
-    /// These still have their value of the start.
+    /// Yes; these axes still have their start value.
     Assumed(AxisSet),
-    /// Not known because of an error that has been reported.
+    /// No, because of an error that has been reported.
     Poisoned,
-    /// These are not known.
+    /// No; these axes are not known.
     Unknown(AxisSet),
 }
 
@@ -65,7 +65,7 @@ impl Axes {
         }
     }
 
-    /// Some axes are named by an absolute move, or their start value is relied on.
+    /// Marks axes as known: an absolute move named them, or their start value is relied on.
     #[inline]
     pub(super) fn know(&mut self, axes: AxisSet) {
         self.unknown = self.unknown.without(axes);
@@ -73,7 +73,7 @@ impl Axes {
         self.unnamed = self.unnamed.without(axes);
     }
 
-    /// Some axes are elsewhere in the work frame.
+    /// Marks axes as unknown: their position in the work frame has changed.
     pub(super) fn lose(&mut self, axes: AxisSet, cause: Cause) {
         self.unknown = self.unknown.union(axes);
         self.unnamed = self.unnamed.without(axes);
@@ -82,7 +82,7 @@ impl Axes {
         }
     }
 
-    /// An error has been reported that leaves some axes unknown.
+    /// Marks axes as unknown because of an error that has been reported.
     pub(super) fn poison(&mut self, axes: AxisSet) {
         self.poisoned = self.poisoned.union(axes);
     }

@@ -1,10 +1,10 @@
-//! G40, G41, G42, D and P: which side, and where the radius comes from.
+//! G40, G41, G42, D and P: the side of compensation, and the source of the radius.
 //!
-//! Knows the words; what the tool does then is the planner's. Emits the radius
-//! first, then the selection or the cancel.
+//! The planner decides what the tool does then. Emits the radius first, then the selection or the
+//! cancel.
 //!
-//! D0 selects nothing (S22). While compensation is on it deselects (S29), or only
-//! suspends: then the next D that is not 0 selects again (N06), as the profile says.
+//! D0 selects nothing (S22). While compensation is on it either deselects (S29), or only suspends,
+//! so that the next D that is not 0 selects again (N06); the profile decides.
 
 use super::axes::Cause;
 use super::moves::{AXIS_WORDS, CENTER_WORDS};
@@ -20,26 +20,26 @@ use cnc_msgs::profile::ZeroOffset;
 pub(super) struct Compensation {
     /// G41 or G42 in force.
     side: Option<CutterSide>,
-    /// Where the planner has been told to compensate from.
+    /// The block of the selection that was emitted last.
     selected: Option<Source>,
     was_selected: bool,
     /// The D in force, where D is modal.
     offset: Option<u32>,
     /// The D whose length is selected, where D selects lengths.
     length: Option<u32>,
-    /// The axes of compensation and of corner rounding, where words set them.
+    /// The axes of compensation and of corner rounding, if words set them.
     axes: Option<[usize; 2]>,
     rounding_axes: Option<[usize; 2]>,
-    /// The D that the planner has been told.
-    told_offset: Option<u32>,
-    /// Where D0 has deselected, until G40, G41 or G42 says what holds.
+    /// The D that was emitted last.
+    emitted_offset: Option<u32>,
+    /// The block where D0 deselected, until the next G40, G41 or G42.
     deselected: Option<Source>,
     /// A D after that, which selects nothing.
     vain_offset: Option<Source>,
 }
 
 impl Compensation {
-    /// Where compensation was selected, if it is.
+    /// The block that selected compensation, while it is on.
     #[inline]
     pub(super) fn selected_at(&self) -> Option<Source> {
         self.selected
@@ -82,7 +82,7 @@ impl Interpreter<'_> {
                     let at = self.request.g_place(Group::Approach);
                     let message = format!("{} stands without G40, G41 or G42", scene.quote(at));
                     let help = "write it into the block that selects or cancels compensation";
-                    self.complain_at(scene, at, Code::MissingWord, message, help);
+                    self.report_at(scene, at, Code::MissingWord, message, help);
                 }
             }
             Some((GWord::CompensationOn { side, is_dynamic }, at)) => {
@@ -97,7 +97,7 @@ impl Interpreter<'_> {
 
     fn cancel(&mut self, exit: Option<Approach>) {
         if self.modal.compensation.selected.take().is_some() {
-            self.modal.compensation.told_offset = None;
+            self.modal.compensation.emitted_offset = None;
             self.emit(ContourEventKind::Cancel { exit });
         }
     }
@@ -120,15 +120,15 @@ impl Interpreter<'_> {
                 self.modal.compensation.deselected = Some(self.source);
             }
         } else if self.modal.compensation.is_selected() {
-            self.tell_offset();
+            self.emit_offset();
         } else {
-            self.tell_offset();
-            self.tell_selection(scene, side);
+            self.emit_offset();
+            self.emit_selection(scene, side);
         }
     }
 
-    /// A move at feed that runs uncompensated after D0 and another D (S29): a control
-    /// that only suspends with D0 would compensate it.
+    /// Reports a move at feed that is not compensated after D0 and another D (S29): a control that
+    /// only suspends with D0 would compensate it.
     #[inline]
     pub(super) fn lost_compensation(&mut self, scene: &mut Scene<'_>) {
         if self.modal.compensation.vain_offset.is_none() {
@@ -138,12 +138,12 @@ impl Interpreter<'_> {
         let has = |letter| self.request.present.contains(letter);
         let is_in_plane = has(AXIS_WORDS[u]) || has(AXIS_WORDS[v]);
         if is_in_plane || !matches!(self.modal.mode, Some(Mode::Feed)) {
-            self.complain_of_lost_compensation(scene);
+            self.report_lost_compensation(scene);
         }
     }
 
     #[cold]
-    fn complain_of_lost_compensation(&mut self, scene: &mut Scene<'_>) {
+    fn report_lost_compensation(&mut self, scene: &mut Scene<'_>) {
         let Some(at) = self.modal.compensation.vain_offset.take() else { return };
         let Some(deselected) = self.modal.compensation.deselected.take() else { return };
         let message = format!(
@@ -160,7 +160,7 @@ impl Interpreter<'_> {
         scene.findings.push(finding);
     }
 
-    /// I, J and K as a direction; a missing one counts as 0.
+    /// Takes I, J and K as a direction; a missing one counts as 0.
     fn take_direction(&mut self, scene: &mut Scene<'_>) -> Option<Direction> {
         if CENTER_WORDS.iter().all(|&letter| !self.request.present.contains(letter)) {
             return None;
@@ -171,7 +171,7 @@ impl Interpreter<'_> {
         (along != [0.0; 3] && along.iter().all(|part| part.is_finite())).then_some(along)
     }
 
-    /// The radius that counts from here on (A13).
+    /// Sets the radius that is in force from here on (A13).
     #[cold]
     pub(super) fn set_radius(&mut self, scene: &mut Scene<'_>, at: usize) {
         let scale = self.scale();
@@ -180,7 +180,7 @@ impl Interpreter<'_> {
                 return;
             }
             let message = format!("{} has no P", scene.quote(at));
-            return self.complain_at(
+            return self.report_at(
                 scene,
                 at,
                 Code::MissingWord,
@@ -194,7 +194,7 @@ impl Interpreter<'_> {
         self.emit(ContourEventKind::Radius(RadiusSource::Radius(radius)));
     }
 
-    /// The axes of compensation or of corner rounding, in their order (A09 to A12).
+    /// Sets the axes of compensation or of corner rounding, in their order (A09 to A12).
     #[cold]
     pub(super) fn set_axes(&mut self, scene: &mut Scene<'_>, at: usize, rounds_corners: bool) {
         let axes = self.take_axis_names(scene);
@@ -203,7 +203,7 @@ impl Interpreter<'_> {
                 format!("{} names {} axes; 2 or 3 are needed", scene.quote(at), axes.len());
             let help =
                 "name the axes of the plane in its order: X Y in G17, Z X in G18, Y Z in G19";
-            return self.complain_at(scene, at, Code::Axes, message, help);
+            return self.report_at(scene, at, Code::Axes, message, help);
         }
         let pair = [axes[0], axes[1]];
         let state = &mut self.modal.compensation;
@@ -217,8 +217,8 @@ impl Interpreter<'_> {
         }
     }
 
-    /// Whether the axes of compensation, without a word those of the plane, are those of
-    /// the plane and of corner rounding.
+    /// Checks that the axes of compensation (by default those of the plane) are the axes of the
+    /// plane and of corner rounding.
     fn axes_agree(&mut self, scene: &mut Scene<'_>, at: usize) -> bool {
         let name = |axes: [usize; 2]| axes.map(|axis| AXIS_LETTERS[axis].to_string()).join(" ");
         let [u, v, _] = self.modal.plane.axes();
@@ -238,7 +238,7 @@ impl Interpreter<'_> {
             _ => return true,
         };
         let help = "give both the axes of the plane, in its order";
-        self.complain_at(scene, at, Code::Axes, message, help);
+        self.report_at(scene, at, Code::Axes, message, help);
         false
     }
 
@@ -255,17 +255,17 @@ impl Interpreter<'_> {
             return self.axes.poison(named);
         }
         let state = &mut self.modal.compensation;
-        (state.side, state.selected, state.told_offset) = (None, None, None);
+        (state.side, state.selected, state.emitted_offset) = (None, None, None);
         self.emit(ContourEventKind::Action(Action::Home { axes: named }));
         self.axes.lose(named, Cause { source: self.source, word: "Home" });
     }
 
-    /// A corner arc, alone in its block.
+    /// A corner arc, which is alone in its block.
     #[cold]
     pub(super) fn corner_arc(&mut self, scene: &mut Scene<'_>, at: usize) {
         let along = self.take_direction(scene);
         if !self.modal.compensation.is_selected() {
-            let message = format!("{} stands where no compensation is selected", scene.quote(at));
+            let message = format!("{} without compensation selected", scene.quote(at));
             let mut finding = Finding::error(Code::ModalConflict, scene.source_of(at), message)
                 .help("select compensation before, or delete it");
             finding.alarm = Some("3036".into());
@@ -276,7 +276,7 @@ impl Interpreter<'_> {
         self.emit(ContourEventKind::CornerArc { along });
     }
 
-    /// D selects the length of its offset too, with G41 or without; D0 selects none (S34).
+    /// D also selects the length of its offset, with or without G41; D0 selects none (S34).
     fn select_length(&mut self, number: u32) {
         let number = (number != 0 || self.rules.d0 == ZeroOffset::None).then_some(number);
         let before = std::mem::replace(&mut self.modal.compensation.length, number);
@@ -286,17 +286,17 @@ impl Interpreter<'_> {
         }
     }
 
-    fn tell_offset(&mut self) {
+    fn emit_offset(&mut self) {
         let state = &mut self.modal.compensation;
-        if state.offset != state.told_offset
+        if state.offset != state.emitted_offset
             && let Some(offset) = state.offset
         {
-            state.told_offset = Some(offset);
+            state.emitted_offset = Some(offset);
             self.emit(ContourEventKind::Radius(RadiusSource::Offset(offset)));
         }
     }
 
-    fn tell_selection(&mut self, scene: &mut Scene<'_>, side: CutterSide) {
+    fn emit_selection(&mut self, scene: &mut Scene<'_>, side: CutterSide) {
         self.modal.compensation.selected.get_or_insert(self.source);
         self.modal.compensation.was_selected = true;
         let is_arc =
@@ -334,7 +334,7 @@ impl Interpreter<'_> {
                 else {
                     let message = format!("{} has no D", scene.quote(at));
                     let help = "write the diameter of the tool after D";
-                    return self.complain_at(scene, at, Code::MissingWord, message, help);
+                    return self.report_at(scene, at, Code::MissingWord, message, help);
                 };
                 self.emit(ContourEventKind::Radius(RadiusSource::Diameter(diameter)));
             }
@@ -348,21 +348,21 @@ impl Interpreter<'_> {
             }
         }
         self.modal.compensation.side = Some(side);
-        self.tell_selection(scene, side);
+        self.emit_selection(scene, side);
     }
 
     fn select_with_offset(&mut self, scene: &mut Scene<'_>, side: CutterSide, at: usize) {
         self.modal.compensation.side = Some(side);
         match self.modal.compensation.offset {
             None if self.request.present.contains(b'D') => {}
-            // The planner says that there is no radius.
-            None if self.rules.no_radius == Severity::Warning => self.tell_selection(scene, side),
+            // The planner reports that there is no radius.
+            None if self.rules.no_radius == Severity::Warning => self.emit_selection(scene, side),
             None => {
                 let message =
                     format!("{} without a D: no offset has been selected", scene.quote(at));
                 let help =
                     "write D with the number of the tool offset into this block or before it";
-                self.complain_at(scene, at, Code::MissingWord, message, help);
+                self.report_at(scene, at, Code::MissingWord, message, help);
             }
             Some(0) if self.rules.d0 != ZeroOffset::None => {
                 self.cancel(self.request.approach);
@@ -373,8 +373,8 @@ impl Interpreter<'_> {
                 );
             }
             Some(_) => {
-                self.tell_offset();
-                self.tell_selection(scene, side);
+                self.emit_offset();
+                self.emit_selection(scene, side);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! G28, G30 and G53: moves whose end is not known in the work frame.
+//! G28, G30 and G53: moves whose end is unknown in the work frame.
 
 use super::axes::Cause;
 use super::moves::AXIS_WORDS;
@@ -9,7 +9,7 @@ use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::{AxisSet, Shape};
 
 impl Interpreter<'_> {
-    /// G28 and G30: over the programmed point, then the axes that are named, or all.
+    /// G28 and G30: first to the programmed point, then home the named axes, or all.
     pub(super) fn reference(&mut self, scene: &mut Scene<'_>, second: bool, at: usize) {
         if let Some((_, motion)) = self.request.g(Group::Motion)
             && !self.request.has_refused_word
@@ -19,11 +19,11 @@ impl Interpreter<'_> {
             let message =
                 format!("both {} and {} take the axis words of this block", words.0, words.1);
             let help = "write two blocks";
-            self.complain_at(scene, motion, Code::ModalConflict, message, help);
+            self.report_at(scene, motion, Code::ModalConflict, message, help);
         }
         let mut via = self.end(scene);
         let mut named = via.named;
-        // G91 G28 Z0 goes home from where it is, wherever that is.
+        // G91 G28 Z0 homes from any position.
         let stays = (0..3).filter(|&axis| {
             let letter = AXIS_WORDS[axis];
             via.relative.contains(axis) && self.request.value(letter) == Some(0.0)
@@ -62,7 +62,7 @@ impl Interpreter<'_> {
                 self.axes.poison(end.named);
                 self.request.has_refused_word = true;
                 let message = "G53 works with G0 and G1 only".to_owned();
-                return self.complain_at(
+                return self.report_at(
                     scene,
                     at,
                     Code::ModalConflict,
@@ -74,7 +74,7 @@ impl Interpreter<'_> {
         if distance == Distance::Incremental {
             self.axes.poison(end.named);
             let message = "G53 takes machine coordinates, which G91 cannot have".to_owned();
-            return self.complain_at(
+            return self.report_at(
                 scene,
                 at,
                 Code::ModalConflict,
@@ -84,7 +84,7 @@ impl Interpreter<'_> {
         }
         if end.named.is_empty() && !self.request.has_refused_word {
             let message = "G53 without X, Y or Z".to_owned();
-            return self.complain_at(
+            return self.report_at(
                 scene,
                 at,
                 Code::MissingWord,

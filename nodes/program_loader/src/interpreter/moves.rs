@@ -1,7 +1,7 @@
-//! Axis words: which command takes them, straight moves, and where the tool is then.
+//! Axis words: which command uses them, straight moves, and the position afterwards.
 //!
-//! A move that an error spoils is not emitted, but what it names
-//! absolutely is known afterwards.
+//! A move with an error is not emitted, but the axes that it names absolutely are known
+//! afterwards.
 
 use super::axes::{Cause, Reliance};
 use super::{Interpreter, Scene};
@@ -21,7 +21,7 @@ pub(super) struct End {
     pub(super) position: Position,
     /// Axes that the block names.
     pub(super) named: AxisSet,
-    /// Axes of those that keep their place unless they are known.
+    /// Unnamed axes whose position the move relies on.
     pub(super) relative: AxisSet,
 }
 
@@ -30,7 +30,7 @@ impl Interpreter<'_> {
     pub(super) fn motion(&mut self, scene: &mut Scene<'_>) {
         let word = self.request.g(Group::Motion);
         if self.request.g(Group::CycleCancel).is_some() {
-            // It ends a cycle that was refused: what moves after that is not known either.
+            // It ends a cycle that was rejected: the moves after it are unknown, too.
             self.modal.mode = None;
         }
         match word {
@@ -44,7 +44,7 @@ impl Interpreter<'_> {
         if let Some((GWord::Dwell, _)) = self.request.g(Group::NonModal)
             && self.rules.dialect.dwell.contains(b'X')
         {
-            // X may be the time: such a block does not move.
+            // X may be the time of a dwell: such a block does not move.
             return;
         }
         let has_axes = AXIS_WORDS.iter().any(|&letter| self.request.present.contains(letter));
@@ -54,7 +54,7 @@ impl Interpreter<'_> {
         if let Some((GWord::SetAxes | GWord::RoundingAxes | GWord::Home, _)) =
             self.request.g(Group::NonModal)
         {
-            // The axes are only named.
+            // The block only names axes.
             return;
         }
         if let Some((GWord::Reference { second }, at)) = self.request.g(Group::NonModal) {
@@ -79,13 +79,13 @@ impl Interpreter<'_> {
         }
         match self.modal.mode {
             None if self.request.has_refused_word => {
-                // The refused word may have been the motion.
+                // The rejected word may have been the motion.
                 self.modal.mode_is_poisoned = true;
                 self.skip_move(scene);
             }
             None => {
                 self.modal.mode_is_poisoned = true;
-                self.complain_of_block(
+                self.report_block(
                     scene,
                     Code::MissingWord,
                     "axis words, but neither G0, G1, G2 nor G3 is in force".to_owned(),
@@ -111,7 +111,7 @@ impl Interpreter<'_> {
         scene.block.words.iter().filter_map(axis).collect()
     }
 
-    /// Whether a block without axis words is an arc all the same: `G2 I5`, or a bare `G2`.
+    /// Whether a block without axis words is an arc: `G2 I5`, or a bare `G2`.
     fn asks_for_circle(&self, has_motion_word: bool) -> bool {
         let has = |letter| self.request.present.contains(letter);
         CENTER_WORDS.iter().any(|&letter| has(letter)) || has_motion_word
@@ -130,7 +130,7 @@ impl Interpreter<'_> {
                 end.position[axis] = base + value;
                 end.named = end.named.with(axis);
                 if end.position[axis].abs() > COORDINATE_MM_MAX {
-                    self.complain_of_end(scene, axis);
+                    self.report_end(scene, axis);
                 }
             }
         }
@@ -140,7 +140,7 @@ impl Interpreter<'_> {
         end
     }
 
-    /// Millimetres of one unit of an axis word: a diameter counts half.
+    /// Millimetres of one unit of an axis word; a diameter counts half.
     #[inline]
     fn scale_of(&self, axis: usize) -> f64 {
         let is_diameter = axis == 0 && self.rules.x_is_diameter;
@@ -148,11 +148,11 @@ impl Interpreter<'_> {
     }
 
     #[cold]
-    fn complain_of_end(&mut self, scene: &mut Scene<'_>, axis: usize) {
+    fn report_end(&mut self, scene: &mut Scene<'_>, axis: usize) {
         if self.axes.rely_on(AxisSet::NONE.with(axis)) != Reliance::Poisoned {
             let message = format!("{} leads beyond {COORDINATE_MM_MAX} mm", AXIS_LETTERS[axis]);
             let help = "look for an incremental move that should be absolute";
-            self.complain(scene, AXIS_WORDS[axis], Code::Limit, message, help);
+            self.report(scene, AXIS_WORDS[axis], Code::Limit, message, help);
         }
     }
 
@@ -177,11 +177,11 @@ impl Interpreter<'_> {
     ) {
         let feed_mm_per_min = match class {
             MotionClass::Feed => {
-                self.modal.told_feed_mm_per_min = self.modal.feed_mm_per_min;
+                self.modal.emitted_feed_mm_per_min = self.modal.feed_mm_per_min;
                 self.modal.feed_mm_per_min
             }
             // The corner before a compensated rapid may be an arc, which needs a feed.
-            _ if self.modal.compensation.was_selected() && !self.has_told_feed() => {
+            _ if self.modal.compensation.was_selected() && !self.has_emitted_feed() => {
                 self.modal.feed_mm_per_min
             }
             _ => 0.0,
@@ -190,11 +190,11 @@ impl Interpreter<'_> {
     }
 
     /// Whether a motion at the feed in force has been emitted.
-    fn has_told_feed(&self) -> bool {
-        self.modal.feed_mm_per_min == self.modal.told_feed_mm_per_min
+    fn has_emitted_feed(&self) -> bool {
+        self.modal.feed_mm_per_min == self.modal.emitted_feed_mm_per_min
     }
 
-    /// A move whose command was refused: what it names absolutely is known all the same.
+    /// Skips a move whose command was rejected; the axes that it names absolutely are known.
     #[cold]
     fn skip_move(&mut self, scene: &mut Scene<'_>) {
         let end = self.end(scene);
@@ -204,7 +204,7 @@ impl Interpreter<'_> {
         self.arrive(&end);
     }
 
-    /// Takes over the end of a move; whether the block is good enough to move.
+    /// Sets the position to the end of a move; returns whether the block may move.
     #[inline]
     pub(super) fn arrive(&mut self, end: &End) -> bool {
         let absolute = end.named.without(end.relative);
@@ -224,7 +224,7 @@ impl Interpreter<'_> {
         false
     }
 
-    /// Under compensation a move in the plane needs both axes of it: the planner turns them.
+    /// The axes that compensation relies on: both of the plane, because the planner offsets them.
     #[inline]
     fn relied_by_compensation(&self, named: AxisSet) -> AxisSet {
         if !self.modal.compensation.is_selected() {
@@ -238,7 +238,7 @@ impl Interpreter<'_> {
         }
     }
 
-    /// Whether a motion may rely on where some axes are; the first one that must not says why.
+    /// Whether a motion may rely on the position of some axes; reports the first that is unknown.
     #[inline]
     pub(super) fn relies(&mut self, scene: &mut Scene<'_>, axes: AxisSet) -> bool {
         match self.axes.rely_on(axes) {
@@ -250,14 +250,14 @@ impl Interpreter<'_> {
             }
             Reliance::Poisoned => false,
             Reliance::Unknown(unknown) => {
-                self.complain_of_unknown(scene, unknown);
+                self.report_unknown_axes(scene, unknown);
                 false
             }
         }
     }
 
     #[cold]
-    fn complain_of_unknown(&mut self, scene: &mut Scene<'_>, unknown: AxisSet) {
+    fn report_unknown_axes(&mut self, scene: &mut Scene<'_>, unknown: AxisSet) {
         let axis = (0..3).find(|&axis| unknown.contains(axis)).unwrap_or(0);
         let Cause { source, word } = self.axes.cause(axis);
         let letters = unknown.letters();
@@ -274,13 +274,13 @@ impl Interpreter<'_> {
         let mut finding = Finding::error(Code::Axes, self.source, message).help(help);
         finding.other = Some(source);
         scene.findings.push(finding);
-        // Said once; what follows from it is not worth saying.
+        // Reported once; findings that follow from it are suppressed.
         self.axes.know(unknown);
         self.axes.poison(unknown);
         self.request.is_damaged = true;
     }
 
-    /// Whether a feed is in force for a move that needs one; complains once.
+    /// Whether a feed is in force for a move that needs one; reports its absence once.
     #[inline]
     pub(super) fn has_feed(&mut self, scene: &mut Scene<'_>, class: MotionClass) -> bool {
         if class == MotionClass::Rapid || self.modal.feed_mm_per_min > 0.0 {
@@ -291,7 +291,7 @@ impl Interpreter<'_> {
             let message = "a move at feed, but no feed has been programmed".to_owned();
             let help = "write F with mm/min (inch/min under G20) into this block or before it";
             let known = !self.request.is_damaged;
-            self.complain_of_block(scene, Code::MissingWord, message, help);
+            self.report_block(scene, Code::MissingWord, message, help);
             self.request.is_damaged = !known;
         }
         false

@@ -1,8 +1,8 @@
 //! Straight moves to a point at an angle and a distance from a pole (840C G10, G11).
 //!
-//! X, Y and Z of the plane are the pole, absolute at first and then, under G91, from
-//! the last pole; B or U is the distance, without a sign; A is the angle from the
-//! first axis of the plane, under G91 from the last angle. All of them are modal.
+//! X, Y and Z of the plane are the pole: absolute at first, and under G91 relative to the last
+//! pole. B or U is the distance, without a sign. A is the angle from the first axis of the plane,
+//! under G91 from the last angle. All of them are modal.
 
 use super::moves::{AXIS_WORDS, End};
 use super::{Interpreter, Scene};
@@ -12,13 +12,13 @@ use cnc_msgs::contour::MotionClass;
 use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::{AxisSet, Plane, Shape};
 
-/// More turns than any program means, degrees.
+/// Largest angle, degrees: more turns than any real program has.
 const ANGLE_MAX: f64 = 36_000.0;
 
-/// What holds from one polar block to the next.
+/// What stays in force from one polar block to the next.
 #[derive(Debug, Default, Clone, Copy)]
 pub(super) struct Polar {
-    /// In the plane that it was programmed in, mm.
+    /// In the plane in which it was programmed, mm.
     pole: Option<(Plane, [f64; 2])>,
     radius_mm: Option<f64>,
     angle_deg: Option<f64>,
@@ -32,7 +32,7 @@ impl Interpreter<'_> {
         let scale = self.scale();
         let is_relative = self.modal.distance == Distance::Incremental;
         let mut state = self.modal.polar;
-        // A pole of another plane is none.
+        // A pole of another plane does not count.
         let last = state.pole.filter(|(of, _)| *of == plane).map(|(_, pole)| pole);
         let mut pole = [last.map(|pole| pole[0]), last.map(|pole| pole[1])];
         for (index, axis) in [u, v].into_iter().enumerate() {
@@ -77,7 +77,7 @@ impl Interpreter<'_> {
             self.axes.poison(end.named);
             let message = "a polar move without its pole, radius and angle".to_owned();
             let help = "write the pole in both axes of the plane, the radius after B or U, and the angle after A";
-            return self.complain_of_block(scene, Code::MissingWord, message, help);
+            return self.report_block(scene, Code::MissingWord, message, help);
         };
         state.pole = Some((plane, pole));
         self.modal.polar = state;
@@ -101,7 +101,7 @@ impl Interpreter<'_> {
             let message =
                 format!("{} names no plane of this machine: X Y, Z X or Y Z", scene.quote(at));
             let help = "write G17, G18 or G19, or the axes in that order";
-            self.complain_at(scene, at, Code::Plane, message, help);
+            self.report_at(scene, at, Code::Plane, message, help);
         }
         plane
     }

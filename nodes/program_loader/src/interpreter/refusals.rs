@@ -1,6 +1,6 @@
-//! What is said of words that a block must not have.
+//! The findings for words that a block must not have.
 //!
-//! Decides nothing but the words: what is refused is decided in `request`.
+//! `request` decides what is rejected; this file has only the texts.
 
 use super::Scene;
 use super::request::Request;
@@ -8,11 +8,11 @@ use crate::block::Word;
 use crate::dialect::{GWord, MWord};
 use cnc_msgs::finding::{Code, Finding};
 
-/// What a word that must not stand under compensation does elsewhere.
+/// What a word that is forbidden under compensation does without compensation.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Elsewhere {
     Done,
-    /// It is refused with this help.
+    /// It is rejected with this help.
     Refused(&'static str),
     Unknown,
 }
@@ -20,7 +20,7 @@ pub(super) enum Elsewhere {
 pub(super) fn of_g(meaning: GWord) -> Elsewhere {
     match meaning {
         GWord::Refused(help) | GWord::RefusedMotion(help) => Elsewhere::Refused(help),
-        // The words of corners and approaches are the profile's, and no profile forbids them.
+        // The profile defines the words of corners and approaches, and no profile forbids them.
         GWord::Unknown => Elsewhere::Unknown,
         _ => Elsewhere::Done,
     }
@@ -41,8 +41,8 @@ impl Request {
         self.refuse(scene, at, Code::ModalConflict, message, help);
     }
 
-    /// Letters that the control does not have, or that stand there twice. Beside a word
-    /// that is refused they are its own: that word is the one cause.
+    /// Reports letters that the control does not have, or that occur twice. Not if the block has a
+    /// rejected word: they may belong to it, and it is the one cause.
     #[cold]
     pub(super) fn doubtful_words(&mut self, scene: &mut Scene<'_>) {
         if self.has_refused_code {
@@ -75,7 +75,7 @@ impl Request {
         self.unknown(scene, at);
     }
 
-    /// A word that must not stand under compensation; whether it is refused.
+    /// Checks a word that may be forbidden under compensation; returns whether it was rejected.
     #[cold]
     pub(super) fn forbidden(
         &mut self,
@@ -112,7 +112,7 @@ impl Request {
         is_refused
     }
 
-    /// A G or M number that cannot be one.
+    /// Reports a G or M number that no code has.
     #[cold]
     pub(super) fn no_code(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
         self.is_damaged = true;
@@ -124,7 +124,7 @@ impl Request {
         }
     }
 
-    /// A word of another control.
+    /// Reports a word of another control.
     #[cold]
     pub(super) fn unknown(&mut self, scene: &mut Scene<'_>, at: usize) {
         let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
@@ -138,7 +138,7 @@ impl Request {
         self.refuse(scene, at, Code::Unsupported, message, help);
     }
 
-    /// Two words of which a block takes one.
+    /// Reports two words that exclude each other in a block.
     #[cold]
     pub(super) fn exclude(&mut self, scene: &mut Scene<'_>, first: usize, at: usize) {
         let (first, second) = (scene.quote(first), scene.quote(at));

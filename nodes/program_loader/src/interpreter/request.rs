@@ -1,6 +1,6 @@
-//! The words of one block by what they ask for.
+//! The words of one block, sorted by what they ask for.
 //!
-//! Knows which words exclude each other in a block; not what they do.
+//! Knows which words exclude each other in a block, but not what they do.
 
 use super::Scene;
 use super::refusals::{Elsewhere, of_g, of_m};
@@ -12,10 +12,10 @@ use cnc_msgs::finding::Code;
 
 const M_WORDS_MAX: usize = 12;
 
-/// What one block asks for. Reused from block to block: only what the masks name is valid.
+/// What one block asks for. Reused for each block: only values named by the masks are valid.
 #[derive(Debug)]
 pub(super) struct Request {
-    /// Letters with a value: all but G, M and N.
+    /// Letters with a value: all except G, M and N.
     pub(super) present: Letters,
     values: [f64; 26],
     words: [u8; 26],
@@ -26,13 +26,13 @@ pub(super) struct Request {
     m_count: usize,
     pub(super) corner: Option<OutsideCorner>,
     pub(super) approach: Option<Approach>,
-    /// Something of the block was refused: it must not move.
+    /// Part of the block was rejected: it must not move.
     pub(super) is_damaged: bool,
-    /// A word was refused that may have used other words of the block.
+    /// A word was rejected that may have used other words of the block.
     pub(super) has_refused_word: bool,
-    /// A G or @ word was refused: letters without a meaning here may be its own.
+    /// A G or @ word was rejected: letters without a meaning here may belong to it.
     pub(super) has_refused_code: bool,
-    /// Words whose letters have no meaning, or stand there a second time.
+    /// Words whose letters have no meaning, or occur a second time.
     pub(super) doubtful: Vec<usize>,
 }
 
@@ -83,7 +83,7 @@ impl Request {
         }
     }
 
-    /// Whether the block has nothing but axis words, F and a motion word.
+    /// Whether the block has only axis words, F and a motion word.
     #[inline]
     pub(super) fn is_plain(&self) -> bool {
         const PLAIN: Letters = Letters::of(b"XYZIJKRF");
@@ -129,7 +129,7 @@ impl Request {
         Some((meaning, number, usize::from(at)))
     }
 
-    /// The letters that the G words without effect take with them.
+    /// The letters that belong to G words without effect.
     #[inline]
     pub(super) fn letters_of_accepted(&self) -> Letters {
         let mut letters = Letters::NONE;
@@ -179,7 +179,7 @@ impl Request {
         }
     }
 
-    /// Takes a modal group for a word; another word of the group is a conflict.
+    /// Claims a modal group for a word; another word of the group is a conflict.
     #[inline]
     fn claim(&mut self, scene: &mut Scene<'_>, group: Group, at: usize) -> bool {
         let index = group as usize;
@@ -244,11 +244,11 @@ impl Request {
         self.m_count += 1;
     }
 
-    /// A call that no G word stands for.
+    /// A call that has no G word.
     #[cold]
     fn called(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
         let meaning = automation1::called(word.value);
-        // What holds for G44 holds for the call that does the same.
+        // The rules for G44 hold for the call that does the same.
         if meaning == GWord::SetAxes
             && scene.under_compensation.is_some()
             && scene.rules.forbids(b'G', 440)
@@ -266,7 +266,7 @@ impl Request {
     /// `@` functions of the 840C.
     #[cold]
     fn at_word(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
-        // @714 stops the reading ahead, which has no meaning where the whole program is known.
+        // @714 stops reading ahead; it has no effect, because the whole program is read first.
         const STOP_READING_AHEAD: u16 = 7140;
         const CALCULATIONS: &str = "write calculations and jumps out as plain blocks";
         match code_in_tenths(word.value) {
@@ -291,7 +291,7 @@ impl Request {
     }
 }
 
-/// Whether two M words cannot stand in one block. Mist and flood can.
+/// Whether two M words cannot be in one block. Mist and flood can.
 fn excludes(one: MWord, other: MWord) -> bool {
     match (one, other) {
         (
@@ -306,7 +306,7 @@ fn excludes(one: MWord, other: MWord) -> bool {
     }
 }
 
-/// A G or M number in tenths: 41.1 is 411. `None` for what cannot be one.
+/// A G or M number in tenths: 41.1 is 411. `None` if it is not a code.
 #[inline]
 pub(crate) fn code_in_tenths(value: f64) -> Option<u16> {
     let tenths = value * 10.0;

@@ -1,14 +1,14 @@
-//! AeroScript calls: `MoveLinear([X, Y], [100, 0])` to the words that mean the same.
+//! Turns AeroScript calls such as `MoveLinear([X, Y], [100, 0])` into the equivalent words.
 //!
-//! Only calls with plain numbers and axis names: programs that compute are
-//! refused by name. Every word has the place of what it was made of.
+//! Only calls with plain numbers and axis names: programs that compute are rejected by name.
+//! Every word has the place of the text it comes from.
 
 use super::Lexer;
 use crate::block::Word;
 use crate::number;
 use cnc_msgs::finding::Code;
 
-/// Words that no G code stands for, behind `@`.
+/// Words for calls that have no G code; the letter is `@`.
 pub(crate) const SET_AXES: f64 = 1.0;
 pub(crate) const HOME: f64 = 2.0;
 pub(crate) const ROUNDING_AXES: f64 = 3.0;
@@ -20,14 +20,14 @@ const ARGUMENTS_MAX: usize = 4;
 /// One axis or number, with its place.
 #[derive(Debug, Clone, Copy)]
 struct Item {
-    what: What,
+    what: ItemValue,
     start: usize,
     end: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum What {
-    /// Its letter.
+enum ItemValue {
+    /// The letter of an axis.
     Axis(u8),
     Number(f64),
 }
@@ -51,7 +51,7 @@ struct Mistake {
 const FORM: &str = "write it like MoveLinear([X, Y], [100, 0]), with numbers only";
 
 impl Lexer<'_> {
-    /// A name of several letters, from `start` on.
+    /// Reads a name of several letters, from `start` on.
     #[cold]
     pub(super) fn name(&mut self, start: usize) {
         let text = self.line.text;
@@ -94,15 +94,15 @@ impl Lexer<'_> {
     }
 
     fn unreadable(&mut self, start: usize, end: usize, code: Code, message: String, help: &str) {
-        let behind = self.at;
+        let end_of_call = self.at;
         self.at = end.max(start + 1).min(self.line.text.len());
         self.report(code, start, message, help);
-        self.at = behind;
-        // What it would have moved is not known.
+        self.at = end_of_call;
+        // The position after the call is unknown.
         self.block.is_cut = true;
     }
 
-    /// From the opening parenthesis on; `at` is behind the closing one.
+    /// Reads the arguments from the opening parenthesis on; `at` is then after the closing one.
     fn arguments(&mut self, open: usize) -> Result<Vec<Argument>, Mistake> {
         let mut arguments = Vec::new();
         self.at = open + 1;
@@ -162,7 +162,7 @@ impl Lexer<'_> {
                     return Err(self.mistake(start, "this is not the name of an axis: X, Y or Z"));
                 }
                 self.at = start + 1;
-                Ok(Item { what: What::Axis(letter), start, end: self.at })
+                Ok(Item { what: ItemValue::Axis(letter), start, end: self.at })
             }
             Some(b'0'..=b'9' | b'+' | b'-' | b'.') => match number::read(text, start, false) {
                 Ok(number) => {
@@ -170,7 +170,7 @@ impl Lexer<'_> {
                     if matches!(self.next_byte(), Some(b'+' | b'-' | b'*' | b'/')) {
                         return Err(self.mistake(start, "calculations are not done here"));
                     }
-                    Ok(Item { what: What::Number(number.value), start, end: number.end })
+                    Ok(Item { what: ItemValue::Number(number.value), start, end: number.end })
                 }
                 Err(_) => Err(self.mistake(start, "this is not a number")),
             },
@@ -266,7 +266,7 @@ impl Lexer<'_> {
 
     fn axes(&mut self, axes: &Argument) -> Result<(), Mistake> {
         for item in &axes.items {
-            let What::Axis(letter) = item.what else { return Err(not_an_axis(item)) };
+            let ItemValue::Axis(letter) = item.what else { return Err(not_an_axis(item)) };
             self.push(letter, 0.0, (item.start, item.end));
         }
         Ok(())
@@ -274,26 +274,26 @@ impl Lexer<'_> {
 
     fn ends(&mut self, axes: &Argument, values: &Argument) -> Result<(), Mistake> {
         for (axis, value) in pairs(axes, values)? {
-            let What::Axis(letter) = axis.what else { return Err(not_an_axis(&axis)) };
-            let What::Number(number) = value.what else { return Err(not_a_number(&value)) };
+            let ItemValue::Axis(letter) = axis.what else { return Err(not_an_axis(&axis)) };
+            let ItemValue::Number(number) = value.what else { return Err(not_a_number(&value)) };
             self.push(letter, number, (value.start, value.end));
         }
         Ok(())
     }
 
-    /// Offsets of the centre from the start, or one radius.
+    /// The centre relative to the start, or one radius.
     fn center(&mut self, axes: &Argument, center: &Argument) -> Result<(), Mistake> {
         if center.items.len() == 1 && axes.items.len() > 1 {
             return self.number(b'R', center);
         }
         for (axis, value) in pairs(axes, center)? {
             let letter = match axis.what {
-                What::Axis(b'X') => b'I',
-                What::Axis(b'Y') => b'J',
-                What::Axis(b'Z') => b'K',
+                ItemValue::Axis(b'X') => b'I',
+                ItemValue::Axis(b'Y') => b'J',
+                ItemValue::Axis(b'Z') => b'K',
                 _ => return Err(not_an_axis(&axis)),
             };
-            let What::Number(number) = value.what else { return Err(not_a_number(&value)) };
+            let ItemValue::Number(number) = value.what else { return Err(not_a_number(&value)) };
             self.push(letter, number, (value.start, value.end));
         }
         Ok(())
@@ -301,7 +301,7 @@ impl Lexer<'_> {
 
     fn number(&mut self, letter: u8, argument: &Argument) -> Result<(), Mistake> {
         match argument.items[..] {
-            [Item { what: What::Number(number), start, end }] => {
+            [Item { what: ItemValue::Number(number), start, end }] => {
                 self.push(letter, number, (start, end));
                 Ok(())
             }

@@ -1,10 +1,10 @@
-//! Words and what is no word, by tables.
+//! Words, and texts that are not words, in tables.
 
 use super::*;
 use crate::dialect;
 use cnc_msgs::profile::Dialect;
 
-/// The words as `LETTERvalue@start..end`, the N number, and the codes of findings.
+/// The words as `LETTERvalue@start..end`, the N number, and the codes of the findings.
 fn lex(text: &str, dialect: Dialect) -> (String, Option<u32>, Vec<String>) {
     let mut block = Block::default();
     let mut findings = Findings::default();
@@ -59,7 +59,7 @@ fn words_are_letters_and_numbers_however_they_are_spaced() {
 }
 
 #[test]
-fn comments_are_no_words() {
+fn comments_are_not_words() {
     for (text, words) in [
         ("(a b) G1 (c) X1 ; d (e", "G1@6..8 X1@13..15"),
         ("; G1", ""),
@@ -71,7 +71,7 @@ fn comments_are_no_words() {
 }
 
 #[test]
-fn the_block_number_stands_first_even_behind_block_delete() {
+fn the_block_number_is_first_even_after_block_delete() {
     for (text, number) in [
         ("N10 G1", Some(10)),
         ("n010", Some(10)),
@@ -105,7 +105,7 @@ fn a_word_without_a_good_number_is_reported_once_and_stays_present() {
     ] {
         let (seen, _, seen_found) = lex(text, Dialect::Rs274);
         if text == "X-#<_a>" {
-            // Whatever is made of it, it is refused.
+            // Whatever words it yields, it is rejected.
             assert!(!seen_found.is_empty());
             continue;
         }
@@ -118,7 +118,7 @@ fn a_word_without_a_good_number_is_reported_once_and_stays_present() {
 }
 
 #[test]
-fn what_is_no_word_is_refused_at_its_place() {
+fn text_that_is_not_a_word_is_rejected_at_its_place() {
     for (text, words, found) in [
         ("G1 5", "G15@0..4", "suspicious_value 1+4"),
         ("5 G1", "G1@2..4", "syntax 1+1"),

@@ -1,4 +1,4 @@
-//! Chunks of programs and contours: taken from uploads, given of what is loaded.
+//! Chunks of programs and contours: receives uploads, serves the loaded program.
 
 use super::{Current, Loader, Refusal, refuse};
 use crate::upload::UploadError;
@@ -58,7 +58,7 @@ impl Loader {
         }
     }
 
-    /// A page of chunks of the loaded program, of which `cut` selects the text or the contour.
+    /// A page of chunks of the loaded program; `cut` selects the text or the contour.
     fn chunks<C: cnc_msgs::interface::Message>(
         &self,
         wanted: &str,

@@ -1,12 +1,12 @@
-//! What `/diagnostics` says of the loader.
+//! The loader's status on `/diagnostics`.
 
 use cnc_msgs::wire::cnc_msgs::msg::Program;
 use runtime::{Health, HealthLevel};
 
-/// How the loader does: what is loaded, and what was refused since.
+/// The loaded program, and a rejection since then.
 ///
-/// A refusal is a warning as long as nothing else was loaded: whoever sent it may
-/// believe that his program is the one that would run.
+/// A rejection is a warning until another program is loaded: its sender may believe that the
+/// rejected program would run.
 pub(super) fn health(loaded: Option<&Program>, refused: Option<&str>) -> Health {
     let name = loaded.map(|program| program.name.as_str());
     let (level, message) = match (refused, name) {

@@ -1,25 +1,25 @@
-//! What the states of the loader mean.
+//! What the lifecycle states of the loader mean.
 //!
-//! Configured is: the profile of programs that name none can be had. Active is: programs
-//! are taken. The program that is loaded is told of in any state that has one.
+//! Configured: the default profile is valid. Active: programs are accepted. The loaded program is
+//! published in every state.
 
-use super::{Loader, State};
+use super::{Loader, LoaderState};
 use runtime::{Health, Managed, Step, Trouble};
 
 impl Managed for Loader {
     async fn configure(&self) -> Step {
-        // A wrong default is better found now than with the first program.
+        // An invalid default profile is found now, not with the first program.
         settings::load_profile(&self.control).map(drop).map_err(Trouble::failure)
     }
 
     async fn deactivate(&self) -> Step {
-        // A program that is being loaded is loaded to its end.
+        // A load in progress is completed.
         drop(self.work.lock().await);
         Ok(())
     }
 
     async fn cleanup(&self) -> Step {
-        *self.state() = State::default();
+        *self.state() = LoaderState::default();
         Ok(())
     }
 

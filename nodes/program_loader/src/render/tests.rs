@@ -60,13 +60,13 @@ fn places_outside_the_text_are_shown_without_a_line() {
 }
 
 #[test]
-fn tabs_umlauts_and_columns_behind_the_end_keep_the_carets_in_place() {
+fn tabs_umlauts_and_columns_after_the_end_keep_the_carets_in_place() {
     let text = "\tG1\t(\u{fc}ber \u{6f22}) X--5\n";
     check(
         text,
         &[
             Finding::error(Code::BadNumber, at(1, 14, 4), "`X--5` is not a number"),
-            Finding::error(Code::Syntax, at(1, 900, 3), "far behind the end"),
+            Finding::error(Code::Syntax, at(1, 900, 3), "far after the end"),
             Finding::error(Code::Syntax, at(1, 17, 900), "longer than the line"),
         ],
         expect![[r#"
@@ -76,7 +76,7 @@ fn tabs_umlauts_and_columns_behind_the_end_keep_the_carets_in_place() {
             1 |  G1 (über 漢) X--5
               |               ^^^^
 
-            error[syntax]: far behind the end
+            error[syntax]: far after the end
              --> bracket.mpf:1:900
               |
              ::: 

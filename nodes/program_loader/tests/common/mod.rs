@@ -1,4 +1,4 @@
-//! The control profiles as they are shipped.
+//! The shipped control profiles.
 
 use cnc_msgs::profile::Profile;
 
