@@ -1,4 +1,4 @@
-//! How long it takes from `feed_hold` to the byte that holds the machine.
+//! Measures the time from `feed_hold` to the byte that holds the machine.
 //!
 //! ```text
 //! cargo bench -p kerf --bench hold_latency                       300 by service, 300 by topic
@@ -8,13 +8,12 @@
 //! cargo bench -p kerf --bench hold_latency -- --test             5, and 2000 lines
 //! ```
 //!
-//! A whole machine of real processes cuts short segments as fast as the line carries them,
-//! and its recorder records. Time is from the call, or from the publication, to the write
-//! of `!`, by the stamp of the driver's own journal in the bag; and to its read behind the
-//! driver's port, which this process holds. Between the two lies the pseudo-terminal, whose
-//! bytes wait for a worker of the kernel where the processors are busy. In turn with that a
-//! service is called of a process that does nothing but answer, from the call to the answer:
-//! the bare round trip that DDS takes on this host, in this minute.
+//! A whole machine of real processes cuts short segments as fast as the line carries them, and
+//! its recorder records. The time runs from the call, or from the publication, to two points: the
+//! write of `!`, by the stamp of the driver's journal in the bag; and its read at the other end of
+//! the driver's port, which this process holds. Between both is the pseudo-terminal, whose bytes
+//! wait for a kernel worker when the processors are busy. In turn with that, the bench calls a
+//! service of a process that only answers: the bare round trip of DDS on this host, in this minute.
 
 #![allow(clippy::print_stdout)]
 
@@ -27,7 +26,7 @@ use rig::Arguments;
 use rig::controller::InProcess;
 use rig::machine::messages;
 use rig::relay::{FEED_HOLD, Hold, Relay};
-use rig::support::PATIENCE;
+use rig::support::TIMEOUT;
 use rig::table::{Times, histogram, quantiles};
 use rig::whole::{READY_WITHIN, Whole, spiral_program};
 use runtime::{Client, Publisher, Qos, RosTime};
@@ -36,11 +35,11 @@ use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
 const BAUD: u32 = 115_200;
-/// What is asked for: a hold takes no longer than this beyond a bare round trip, ms, at p99.
+/// The requirement: at p99 a hold takes at most this much longer than a bare round trip, ms.
 const BEYOND_BARE_MS_MAX: f64 = 2.0;
-/// The driver's `hold_latency_ms_max` where nothing is set.
+/// The driver's default `hold_latency_ms_max`.
 const HOLD_LATENCY_MS_MAX: f64 = 20.0;
-/// What starts this program as the process that answers.
+/// The argument with which this program becomes the process that answers.
 const ECHO: &str = "--echo";
 
 fn main() -> ExitCode {
@@ -76,13 +75,13 @@ fn main() -> ExitCode {
     whole.machine.kerf(&["abort"]).expect(0);
     let bag = whole.machine.until_bags(1).remove(0);
     let holds = Holds { written: written(&bag), made };
-    let [service, topic] = [holds.to_write(Way::Service), holds.to_write(Way::Topic)];
+    let [service, topic] = [holds.to_write(HoldMethod::Service), holds.to_write(HoldMethod::Topic)];
     let series = [
         ("service, to the write", &service),
         ("topic, to the write", &topic),
         ("bare round trip", &bare),
-        ("service, to the read", &holds.to_read(Way::Service)),
-        ("topic, to the read", &holds.to_read(Way::Topic)),
+        ("service, to the read", &holds.to_read(HoldMethod::Service)),
+        ("topic, to the read", &holds.to_read(HoldMethod::Topic)),
     ];
     println!("{}\n{}", quantiles(&series), histogram(&series[..3]));
     let mut is_met = true;
@@ -107,36 +106,36 @@ fn main() -> ExitCode {
     }
 }
 
-/// How a hold was asked for.
+/// How a hold was requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Way {
+enum HoldMethod {
     Service,
     Topic,
 }
 
-/// A hold that was asked for.
+/// A requested hold.
 #[derive(Debug, Clone, Copy)]
-struct Asked {
-    way: Way,
-    /// When; this instant is that wall time, in nanoseconds since the epoch.
+struct HoldRequest {
+    way: HoldMethod,
+    /// When; `begin` is this wall time, in nanoseconds since the epoch.
     begin: Instant,
     begin_ns: i64,
     seen: Hold,
 }
 
-/// All of them, and the times at which the driver wrote one, as [`Asked::begin_ns`].
+/// All requested holds, and the times at which the driver wrote one, as [`HoldRequest::begin_ns`].
 struct Holds {
     written: Vec<i64>,
-    made: Vec<Asked>,
+    made: Vec<HoldRequest>,
 }
 
 impl Holds {
-    fn of(&self, way: Way) -> impl Iterator<Item = &Asked> {
+    fn of(&self, way: HoldMethod) -> impl Iterator<Item = &HoldRequest> {
         self.made.iter().filter(move |asked| asked.way == way)
     }
 
-    fn to_write(&self, way: Way) -> Times {
-        let since = |asked: &Asked| {
+    fn to_write(&self, way: HoldMethod) -> Times {
+        let since = |asked: &HoldRequest| {
             let written = self.written.iter().find(|at| **at > asked.begin_ns);
             let ns = written.expect("each hold is in the bag") - asked.begin_ns;
             Duration::from_nanos(ns.unsigned_abs())
@@ -144,7 +143,7 @@ impl Holds {
         self.of(way).map(since).collect()
     }
 
-    fn to_read(&self, way: Way) -> Times {
+    fn to_read(&self, way: HoldMethod) -> Times {
         self.of(way).map(|asked| asked.seen.at - asked.begin).collect()
     }
 }
@@ -172,7 +171,7 @@ fn echo(words: &[String]) -> ExitCode {
     })
 }
 
-/// One who holds and resumes.
+/// A commander that holds and resumes.
 struct Bench<'a> {
     whole: &'a Whole,
     relay: Relay,
@@ -181,8 +180,8 @@ struct Bench<'a> {
     hold: Client<Trigger>,
     resume: Client<Trigger>,
     wish: Publisher<Bool>,
-    holds: Vec<Asked>,
-    /// State of a generator of pauses.
+    holds: Vec<HoldRequest>,
+    /// State of the generator of pauses.
     random: u64,
 }
 
@@ -197,16 +196,16 @@ impl<'a> Bench<'a> {
             let clients = (client("echo"), client("feed_hold"), client("resume"));
             let wish = node.publisher::<Bool>("feed_hold", Qos::DEFAULT).expect("a publisher");
             for client in [&clients.0, &clients.1, &clients.2] {
-                assert!(client.wait_for_server(READY_WITHIN).await, "nobody offers {client:?}");
+                assert!(client.wait_for_server(READY_WITHIN).await, "no server for {client:?}");
             }
-            assert!(wish.wait_for_subscriber(READY_WITHIN).await, "nobody hears a hold");
+            assert!(wish.wait_for_subscriber(READY_WITHIN).await, "nobody subscribes to feed_hold");
             (clients.0, clients.1, clients.2, wish)
         });
         Self { whole, relay, echo, bare, hold, resume, wish, holds: Vec::new(), random: 1 }
     }
 
     fn call(&self, client: &Client<Trigger>) -> TriggerResponse {
-        let answer = client.call_within(TriggerRequest::default(), PATIENCE);
+        let answer = client.call_within(TriggerRequest::default(), TIMEOUT);
         self.whole.wait(answer).expect("there is an answer")
     }
 
@@ -220,13 +219,13 @@ impl<'a> Bench<'a> {
         let begin = Self::now();
         let answer = self.call(&self.hold);
         assert!(answer.success, "{}", answer.message);
-        self.keep(Way::Service, begin);
+        self.keep(HoldMethod::Service, begin);
     }
 
     fn hold_by_topic(&mut self) {
         let begin = Self::now();
         self.wish.publish(Bool { data: true });
-        self.keep(Way::Topic, begin);
+        self.keep(HoldMethod::Topic, begin);
         self.wish.publish(Bool { data: false });
     }
 
@@ -235,29 +234,29 @@ impl<'a> Bench<'a> {
         (Instant::now(), RosTime::wall().as_nanos())
     }
 
-    fn keep(&mut self, way: Way, (begin, begin_ns): (Instant, i64)) {
+    fn keep(&mut self, way: HoldMethod, (begin, begin_ns): (Instant, i64)) {
         let seen = loop {
-            let seen = self.relay.holds.recv_timeout(PATIENCE).expect("a hold is written");
-            // The driver repeats one that shows no effect.
+            let seen = self.relay.holds.recv_timeout(TIMEOUT).expect("a hold is written");
+            // The driver repeats a hold that has no effect.
             if seen.at > begin {
                 break seen;
             }
         };
-        self.holds.push(Asked { way, begin, begin_ns, seen });
+        self.holds.push(HoldRequest { way, begin, begin_ns, seen });
     }
 
-    /// Resumes as soon as the machine stands, and waits until the line is full again.
+    /// Resumes as soon as the machine stops, and waits until the line is full again.
     fn go_on(&mut self) {
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         loop {
             let answer = self.call(&self.resume);
             if answer.success {
                 break;
             }
-            assert!(Instant::now() < end, "it does not go on: {}", answer.message);
+            assert!(Instant::now() < end, "the run does not resume: {}", answer.message);
             std::thread::sleep(Duration::from_millis(20));
         }
-        // Knuth's generator: no hold keeps step with anything that is periodic.
+        // Knuth's generator: holds must not be periodic.
         self.random = self.random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         std::thread::sleep(Duration::from_millis(60 + (self.random >> 33) % 64));
     }
@@ -265,7 +264,7 @@ impl<'a> Bench<'a> {
 
 impl Drop for Bench<'_> {
     fn drop(&mut self) {
-        // It may have left already.
+        // It may have exited already.
         let _ = self.echo.kill();
         let _ = self.echo.wait();
     }

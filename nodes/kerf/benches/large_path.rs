@@ -1,4 +1,4 @@
-//! A path of a million elements, and who comes late for it.
+//! A path of a million elements, and a subscriber that joins late.
 //!
 //! ```text
 //! cargo bench -p kerf --bench large_path                        1 M elements
@@ -6,11 +6,11 @@
 //! cargo bench -p kerf --bench large_path -- --test              20 000
 //! ```
 //!
-//! A whole machine of real processes loads and plans a program. Then a subscriber that was not
-//! there asks: the latched manifest, and the chunks by service. It is measured how long it
-//! takes from joining the domain to the whole path, and what each process holds. Then the same
-//! program is loaded again under the eyes of a subscriber to every chunk that is stopped in the
-//! midst of it: the driver must have its path as soon as before.
+//! A whole machine of real processes loads and plans a program. Then a new subscriber requests the
+//! path: the latched manifest, and the chunks by service. The bench measures the time from joining
+//! the domain to the whole path, and the memory of each process. Then the same program is loaded
+//! again, while a subscriber to every chunk is stopped (SIGSTOP): the driver must have its path as
+//! soon as before.
 
 #![allow(clippy::print_stdout)]
 
@@ -33,11 +33,11 @@ use std::collections::BTreeMap;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Says to a process of this program that it is the subscriber that is stopped.
+/// Set in the process of this program that is the stopped subscriber.
 const ROLE: &str = "KERF_BENCH_LISTENS";
-/// How long a path may take until it is where it belongs.
+/// How long a path may take to arrive.
 const WITHIN: Duration = Duration::from_secs(600);
-/// A run with a stopped subscriber may be slower by the noise of the host.
+/// With a stopped subscriber, the noise of the host may make it this much slower.
 const SLOWER_MAX: f64 = 1.5;
 
 fn main() {
@@ -63,7 +63,7 @@ fn main() {
 
     let own = || resident_mb(std::process::id()).unwrap_or(f64::NAN);
     let before = own();
-    let (times, path) = come_late(&machine);
+    let (times, path) = join_late(&machine);
     println!("\na cold subscriber, seconds from joining the domain:");
     println!("{:>21}  {:.2}", "manifest", times[0].as_secs_f64());
     println!("{:>21}  {:.2}", "all chunks", times[1].as_secs_f64());
@@ -86,9 +86,9 @@ fn main() {
     });
     let beside = load_and_plan(&machine, elements + 1);
     stopping.join().expect("it only waits");
-    println!("\nbeside a stopped subscriber: {:.1} s", beside.as_secs_f64());
-    memory("beside it");
-    // The last chunk has gone out on the topic, to nobody.
+    println!("\nwith a stopped subscriber: {:.1} s", beside.as_secs_f64());
+    memory("with it");
+    // The last chunk has gone out on the topic; nobody received it.
     std::thread::sleep(Duration::from_millis(elements as u64 / 30));
     memory("after the topic");
     let _ = listener.kill();
@@ -97,7 +97,7 @@ fn main() {
     assert!(arguments.is_test() || slower < SLOWER_MAX, "{slower:.2} times as long");
 }
 
-/// How long it takes until the driver has the path.
+/// Loads a program; returns the time until the driver has the path.
 fn load_and_plan(machine: &Machine, elements: usize) -> Duration {
     let program = spiral_program(elements, 0.4, 6000.0);
     let path = machine.folder.file("large.ngc", program);
@@ -128,8 +128,8 @@ fn join(domain: &str, namespace: &str) -> Session {
     Session::start(configuration.expect("valid")).expect("a node of our own")
 }
 
-/// The whole path, and when the manifest, the last chunk and the path were there.
-fn come_late(machine: &Machine) -> ([Duration; 3], CompensatedPath) {
+/// The whole path, and when the manifest, the last chunk and the path were complete.
+fn join_late(machine: &Machine) -> ([Duration; 3], CompensatedPath) {
     executor().block_on(async {
         let begin = Instant::now();
         let session = join(&machine.domain, &machine.namespace);

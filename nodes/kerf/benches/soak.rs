@@ -7,11 +7,11 @@
 //! cargo bench -p kerf --bench soak -- --test               2000 lines
 //! ```
 //!
-//! A whole machine of real processes runs one program. Then the books are compared: what the
-//! program has, what the driver sent and heard by the journal in the bag, what the controller
-//! read, answered and moved by its own count, what the goal's result says, and what a replay
-//! of the bag does. The memory of each process is sampled while the program runs.
-//! Ends with status 1 when anything disagrees or memory grows.
+//! A whole machine of real processes runs one program. Then the accounts are compared: what the
+//! program has; what the driver sent and received, by the journal in the bag; what the controller
+//! read, answered and moved, by its own counts; the goal's result; and a replay of the bag. The
+//! memory of each process is sampled while the program runs. Ends with status 1 when anything
+//! disagrees or memory grows.
 
 #![allow(clippy::print_stdout)]
 
@@ -24,7 +24,7 @@ use rig::Arguments;
 use rig::accounts::Books;
 use rig::controller::{InProcess, read_counts};
 use rig::memory::{Held, Sampler};
-use rig::support::{PATIENCE, kerf};
+use rig::support::{TIMEOUT, kerf};
 use rig::whole::{Whole, spiral_program};
 use run_recorder::files::open_bag;
 use run_recorder::info::BagInfo;
@@ -33,14 +33,14 @@ use std::fmt::Display;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// A piece, and what it takes: a million of them are an hour.
+/// A segment and its time: a million of them are an hour.
 const LENGTH_MM: f64 = 0.4;
 const LINE_S: f64 = 3.6e-3;
-/// What memory may grow in the last quarter of a run, MB or part of all: what is bounded
-/// has filled by then.
+/// How much memory may grow in the last quarter of a run, MB or share of all: bounded buffers are
+/// full by then.
 const GROWTH_MB_MAX: f64 = 1.0;
 const GROWTH_MAX: f64 = 0.01;
-/// The driver keeps about so much of its traffic, for recorders that have missed some.
+/// The driver keeps about this much of its traffic, for recorders that missed some.
 const TRAFFIC_KEPT_BYTES: usize = 24 << 20;
 
 fn main() -> ExitCode {
@@ -67,8 +67,8 @@ fn main() -> ExitCode {
     let sampler = Sampler::start(processes(&whole, &controller));
     let begin = Instant::now();
     let goal = whole.run();
-    // What takes ten times as long as it should will not end.
-    let within = PATIENCE + Duration::from_secs_f64(10.0 * LINE_S * lines as f64 / time_factor);
+    // A run that takes ten times as long will not end.
+    let within = TIMEOUT + Duration::from_secs_f64(10.0 * LINE_S * lines as f64 / time_factor);
     let result = whole.wait(goal.result(within)).expect("a goal ends with a result").1;
     let seconds = begin.elapsed().as_secs_f64();
     let memory = sampler.stop();
@@ -102,7 +102,7 @@ fn main() -> ExitCode {
     if checks.failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// What the driver has written and heard since it was started.
+/// The driver's traffic since it was started.
 fn traffic_so_far(whole: &Whole) -> Vec<TrafficEntry> {
     whole.wait(async {
         let client = whole.node().client::<GetTraffic>("get_traffic").expect("a client");
@@ -133,7 +133,7 @@ fn processes(whole: &Whole, controller: &InProcess) -> Vec<(String, u32)> {
     processes
 }
 
-/// The tables, and how many of their rows are not as they should be.
+/// The tables, and how many of their rows are wrong.
 #[derive(Default)]
 struct Checks {
     failed: usize,
@@ -160,18 +160,18 @@ impl Checks {
         println!("{:<52} {:>12} {:>12}", "", "found", "wanted");
         self.row("outcome of the goal", result.outcome, RunProgramResult::OUTCOME_SUCCEEDED);
         self.row("traffic entries missing in the bag", books.missing, 0);
-        // One move goes to where the program begins.
+        // One move goes to the start of the program.
         self.row("moves sent, by the bag", books.moves, lines + 1);
         let wrong = books.wrong.as_ref();
         let wrong = wrong.map_or("none".to_owned(), |(at, line)| format!("{at}: {line}"));
         self.row("first move out of the program's order", wrong, "none".to_owned());
         self.row("lines answered ok, by the bag", books.oks, books.lines);
-        self.row("lines answered otherwise, by the bag", books.errors, 0);
+        self.row("lines not answered ok, by the bag", books.errors, 0);
         let all = before.lines + books.lines;
-        self.row("lines read by the controller, those of before too", count("lines_read"), all);
+        self.row("lines read by the controller, earlier ones included", count("lines_read"), all);
         self.row("lines it answered ok", count("oks"), all);
-        self.row("moves it ran to their end", count("motions_finished"), books.moves);
-        self.row("blocks it ran to their end", count("blocks_executed"), count("blocks_planned"));
+        self.row("moves it completed", count("motions_finished"), books.moves);
+        self.row("blocks it completed", count("blocks_executed"), count("blocks_planned"));
         self.row("bytes it lost", count("bytes_lost"), 0);
         self.row("alarms it raised", count("alarms"), 0);
     }
@@ -190,7 +190,7 @@ impl Checks {
             let verdict = match (grows, fills) {
                 (false, _) => "",
                 (true, false) => "  GROWS",
-                (true, true) => "  (fills what it keeps of its traffic)",
+                (true, true) => "  (fills its buffer of traffic)",
             };
             println!(
                 "{:<22} {:>12.1} {last_mb:>12.1} {:>9.1} {:>29.3}{verdict}",

@@ -1,4 +1,4 @@
-//! How much of a line of 115 200 Bd short segments get, on a pseudo-terminal.
+//! How much of a line of 115 200 Bd short segments use, on a pseudo-terminal.
 //!
 //! ```text
 //! cargo bench -p kerf --bench streaming                      10 000 segments, grbl and grblHAL
@@ -7,15 +7,13 @@
 //! cargo bench -p kerf --bench streaming -- --test            300
 //! ```
 //!
-//! The driver's own threads and port stream to a virtual controller. The same lines then go
-//! to its like in two other ways, each a loop in one thread: counting characters, with the
-//! driver's window, and waiting for the answer to each line. The first tells what the
-//! terminal, the controller and the load of the host leave to be had, the second what
-//! others do. In the first table the machine is fast enough to leave the line as the
-//! bottleneck; in the second the line could carry a quarter more than the machine takes,
-//! and the planner should never run empty.
-//! Rates are those of the middle eight tenths. `tests/tests/streaming.rs` shows the same
-//! in exact time.
+//! The driver's own threads and port stream to a virtual controller. The same lines are then sent
+//! in two other ways, each a loop in one thread: counting characters, with the driver's window; and
+//! waiting for the answer to each line. The first shows what the terminal, the controller and the
+//! load of the host allow; the second shows a common alternative. In the first table the machine is
+//! fast enough for the line to be the bottleneck. In the second the line could carry a quarter more
+//! than the machine takes, and the planner should never run empty. Rates are those of the middle
+//! eight tenths. `tests/tests/streaming.rs` shows the same in exact time.
 
 #![allow(clippy::print_stdout)]
 
@@ -41,10 +39,10 @@ use virtual_controller::Firmware;
 
 /// Ten bits to a byte.
 const LINE_BYTES_PER_S: f64 = 11_520.0;
-/// The longest that anything but the program itself takes.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// The longest wait for anything except the program itself.
+const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// What each line takes where the machine is the bottleneck.
+/// The time of each line where the machine is the bottleneck.
 const BLOCK: Duration = Duration::from_millis(2);
 const LENGTH_MM: f64 = 0.4;
 
@@ -69,11 +67,11 @@ fn main() {
                 let (window, sent) = with_driver(&controller.port, path(lines, feed_mm_per_min));
                 row(&format!("driver, {window} B under way"), &sent, controller);
                 let text: Vec<Vec<u8>> = sent.into_iter().map(|(_, line)| line).collect();
-                // Waiting for each answer is slower every time; once is enough to show it.
+                // Waiting for each answer is always slower; once is enough to show it.
                 let peers = [("counting, one thread", window), ("send and wait", 0)];
                 for (method, window) in &peers[..if run == 0 { 2 } else { 1 }] {
                     let controller = InThread::start(fast(firmware));
-                    let sent = by_hand(&controller.port, &text, *window);
+                    let sent = in_one_thread(&controller.port, &text, *window);
                     row(method, &sent, controller);
                 }
             }
@@ -93,11 +91,11 @@ fn path(lines: u32, feed_mm_per_min: f64) -> CompensatedPath {
 /// Lines with the time at which each was written.
 type Sent = Vec<(Duration, Vec<u8>)>;
 
-/// One row; `lines_per_s` is what the machine takes, where it is slower than the line.
+/// One row; `lines_per_s` is the rate of the machine, where it is slower than the line.
 fn print(method: &str, sent: &Sent, lines_per_s: Option<f64>, controller: InThread) {
     let middle = &sent[sent.len() / 10..=sent.len() * 9 / 10];
     let seconds = (middle[middle.len() - 1].0 - middle[0].0).as_secs_f64();
-    // What was written at the end of that time is not through yet.
+    // Bytes written at the end of that time are still in transit.
     let lines = &middle[..middle.len() - 1];
     let bytes: usize = lines.iter().map(|(_, line)| line.len()).sum();
     let (rate, lines) = (bytes as f64 / seconds, lines.len() as f64 / seconds);
@@ -121,9 +119,9 @@ fn with_driver(port: &Path, path: CompensatedPath) -> (usize, Sent) {
     serial.open().expect("nothing waits yet");
     let keeping = std::thread::spawn(move || journal.iter().collect::<Vec<Entry>>());
     let is_idle = |event: &Event| matches!(&event.output, Output::State(s) if s.mode == Mode::Idle);
-    until(&events, PATIENCE, is_idle);
-    // What takes longer than this is far from any goal.
-    let most = PATIENCE + Duration::from_millis(10) * path.elements.len() as u32;
+    until(&events, TIMEOUT, is_idle);
+    // A longer run would be far from any goal.
+    let most = TIMEOUT + Duration::from_millis(10) * path.elements.len() as u32;
     let request = RunRequest {
         program_id: "part".into(),
         revision: 1,
@@ -146,14 +144,14 @@ fn until(events: &Receiver<Event>, within: Duration, is_it: impl Fn(&Event) -> b
     let end = Instant::now() + within;
     loop {
         let left = end.saturating_duration_since(Instant::now());
-        let event = events.recv_timeout(left).expect("the driver says what is waited for");
+        let event = events.recv_timeout(left).expect("the driver reports the awaited event");
         if is_it(&event) {
             return event;
         }
     }
 }
 
-/// The lines of segments, and the most bytes that were ever without an answer.
+/// The lines of the segments, and the largest number of bytes without an answer.
 fn sent(entries: &[Entry]) -> (usize, Sent) {
     let (mut lines, mut line) = (Sent::new(), Vec::new());
     let (mut under_way, mut window) = (VecDeque::new(), 0);
@@ -161,7 +159,7 @@ fn sent(entries: &[Entry]) -> (usize, Sent) {
     for entry in entries {
         match entry.kind {
             EntryKind::Tx => {
-                // Status requests and the like are no part of a line.
+                // Status requests and the like are not part of a line.
                 for &byte in entry.data.iter().filter(|byte| !matches!(byte, b'?' | 0x18)) {
                     line.push(byte);
                     if byte == b'\n' {
@@ -191,9 +189,9 @@ fn sent(entries: &[Entry]) -> (usize, Sent) {
     (window, lines)
 }
 
-/// Sends lines from one thread: as many bytes without an answer as fit into the window,
-/// at least one line.
-fn by_hand(port: &Path, lines: &[Vec<u8>], window: usize) -> Sent {
+/// Sends lines from one thread: as many bytes without an answer as fit into the window, at least
+/// one line.
+fn in_one_thread(port: &Path, lines: &[Vec<u8>], window: usize) -> Sent {
     let port = open(port, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK, Permissions::empty())
         .expect("the controller's port can be opened");
     let begin = Instant::now();
@@ -222,22 +220,22 @@ fn by_hand(port: &Path, lines: &[Vec<u8>], window: usize) -> Sent {
     sent
 }
 
-/// What the controller says to somebody who reads it by hand.
+/// The controller's answers, read from the port.
 struct Answers<'a> {
     port: &'a OwnedFd,
     unread: Vec<u8>,
 }
 
 impl Answers<'_> {
-    /// Waits for at least so many answers, and takes all that are there.
+    /// Waits for at least this many answers; takes all that have arrived.
     fn wait(&mut self, least: usize) -> usize {
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         let mut count = 0;
         while count < least {
             assert!(Instant::now() < end, "no answer: {}", self.unread.escape_ascii());
-            let patience = Timespec { tv_sec: 1, tv_nsec: 0 };
+            let timeout = Timespec { tv_sec: 1, tv_nsec: 0 };
             let mut fds = [PollFd::new(self.port, PollFlags::IN)];
-            poll(&mut fds, Some(&patience)).expect("the port can be waited for");
+            poll(&mut fds, Some(&timeout)).expect("the port can be waited for");
             let mut buffer = [0; 1024];
             let read = match rustix::io::read(self.port, &mut buffer) {
                 Ok(read) => read,

@@ -8,9 +8,9 @@
 //! cargo bench -p kerf --bench whole_process -- --test            each once, 2000 blocks
 //! ```
 //!
-//! The process is bound to one processor with `taskset`. Time is from its start to
-//! its end, the best of some runs. Its peak of resident memory is read from the
-//! kernel in a run of its own, up to its end.
+//! The process is bound to one processor with `taskset`. Time is from its start to its end, the
+//! best of some runs. Its peak of resident memory is read from the kernel in a separate run, until
+//! it ends.
 
 #![allow(clippy::print_stdout)]
 
@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 const BLOCKS: usize = 1_000_000;
 const RUNS: usize = 5;
 
-/// What is asked for on the command line; what is not understood is for others.
+/// The arguments of this bench; unknown ones are for the harness.
 struct Arguments {
     blocks: usize,
     runs: usize,
@@ -91,8 +91,8 @@ fn time(program: &Path, words: &[&str]) -> Duration {
     begin.elapsed()
 }
 
-/// The peak so far is asked for again and again: it only grows, and stands long
-/// before the end.
+/// Reads the peak again and again while the process runs: it only grows, and is reached long before
+/// the end.
 fn peak_bytes(program: &Path, words: &[&str]) -> u64 {
     let mut child = start(program, words);
     let mut peak = 0;
@@ -107,7 +107,7 @@ fn peak_bytes(program: &Path, words: &[&str]) -> u64 {
     peak
 }
 
-/// A program with the tool outside of a ring, whose start is as far out as it gets.
+/// A program with the tool outside of a ring, whose start is its outermost point.
 fn program(start: [f64; 2], blocks: impl FnOnce(&mut String)) -> String {
     let mut text = String::from("G21 G17 G90 G40\nT1 M6\n");
     let out = start[0] + 20.0;
@@ -137,8 +137,8 @@ fn lines(blocks: usize) -> String {
     })
 }
 
-/// Lines and arcs of 30 degrees that bend away from the ring, like the edge of a stamp;
-/// it begins and ends within a line.
+/// Lines and arcs of 30 degrees that bend away from the ring, like the edge of a stamp; it begins
+/// and ends within a line.
 fn lines_and_arcs(blocks: usize) -> String {
     let points = blocks & !1;
     let [first, second] = [wave(0, points), wave(1, points)];
@@ -147,7 +147,7 @@ fn lines_and_arcs(blocks: usize) -> String {
         for index in (1..points).step_by(2) {
             let [a, b] = [wave(index, points), wave(index + 1, points)];
             let _ = writeln!(text, "G1 X{:.3} Y{:.3}", a[0], a[1]);
-            // The centre on the left, its distance for 30 degrees.
+            // The centre is on the left, at the distance for 30 degrees.
             let half = [(b[0] - a[0]) / 2.0, (b[1] - a[1]) / 2.0];
             let far = 1.0 / 15.0_f64.to_radians().tan();
             let (i, j) = (half[0] - half[1] * far, half[1] + half[0] * far);

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// What `kerf bag` takes.
 #[derive(Debug, Subcommand)]
 pub(crate) enum BagCommand {
-    /// What a bag holds, and whether it is whole
+    /// Show what a bag holds, and whether it is complete
     Info {
         /// Bag directory or .mcap file
         bag: PathBuf,
@@ -22,45 +22,45 @@ pub(crate) enum BagCommand {
         #[arg(long)]
         json: bool,
     },
-    /// Copy all that can be read of a damaged bag into a new one
+    /// Copy everything readable from a damaged bag into a new one
     Recover {
         /// Bag directory or .mcap file
         bag: PathBuf,
-        /// Directory of the new bag; must not be there
+        /// Directory of the new bag; must not exist yet
         out: PathBuf,
     },
-    /// Copy what replay needs of a bag into a new, small one that replays the same
+    /// Copy what replay needs from a bag into a new, small one that replays the same
     Trim {
         /// Bag directory or .mcap file
         bag: PathBuf,
-        /// Directory of the new bag; must not be there
+        /// Directory of the new bag; must not exist yet
         out: PathBuf,
-        /// Another topic that stays, with all its messages; may be given several times
+        /// Another topic to keep, with all its messages; may be repeated
         #[arg(long, value_name = "TOPIC")]
         keep: Vec<String>,
     },
-    /// Keep a bag whatever the recorder's limits are, or no longer
+    /// Protect a bag from the recorder's clean-up, or end the protection
     Mark {
         /// Bag directory
         bag: PathBuf,
-        /// Why it is kept
+        /// The reason, shown by `kerf bag info`
         #[arg(long, value_name = "TEXT", conflicts_with = "unmark")]
         because: Option<String>,
-        /// Take the mark off
+        /// Remove the mark
         #[arg(long)]
         unmark: bool,
     },
-    /// Show a run on one page for a browser: path, state, feed, dialogue, alarms
+    /// Write a page for a browser: path, states, feed, dialogue and alarms of a run
     Report {
         /// Bag directory or .mcap file
         bag: PathBuf,
-        /// The page
+        /// The page to write
         #[arg(value_name = "FILE")]
         html: PathBuf,
     },
 }
 
-/// Prints or mends.
+/// Runs one of the subcommands.
 pub(crate) fn run(command: &BagCommand) -> Outcome {
     match command {
         BagCommand::Info { bag: path, json } => {
@@ -110,7 +110,7 @@ pub(crate) fn run(command: &BagCommand) -> Outcome {
             let file = OutputFile::claim(html, &[bag])?;
             let page = report_page(bag).map_err(|error| failure(&error, bag))?;
             file.write(&page.to_html())?;
-            // The page says it too; a script that made it may look at the status alone.
+            // The page says it, too; but a script may look at the status only.
             let mut bag = open_bag(bag).map_err(Failure::usage)?;
             bag.verify().map_err(Failure::usage)?;
             must_be_undamaged(&bag)
@@ -118,7 +118,7 @@ pub(crate) fn run(command: &BagCommand) -> Outcome {
     }
 }
 
-/// Fails with the first record that is not what was written.
+/// Fails with the first damaged record.
 fn must_be_undamaged(bag: &FileBag) -> Outcome {
     match bag.problems().iter().find(|problem| problem.is_damage()) {
         Some(problem) => Err(Failure::usage(problem)),

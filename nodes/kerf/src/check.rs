@@ -1,4 +1,4 @@
-//! `kerf check`: what each control would say of one program, side by side. No ROS.
+//! `kerf check`: compares how each control reads one program. No ROS.
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::files;
@@ -9,7 +9,7 @@ use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::profile::Profile;
 use compensation_planner::Planning;
 use program_loader::LoadOptions;
-use replay::path_distance::{Difference, between};
+use replay::path_distance::{PathDistance, between};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -18,16 +18,16 @@ use std::path::PathBuf;
 pub(crate) struct CheckArgs {
     /// The part program
     file: PathBuf,
-    /// Every control that Kerf has; so without --control too
+    /// All controls that Kerf has; the default without --control
     #[arg(long)]
     all_controls: bool,
-    /// A control profile, built in or a YAML file; may be repeated
+    /// A control profile: a built-in name or a YAML file; may be repeated
     #[arg(long = "control", value_name = "NAME|FILE", id = "controls")]
     controls: Vec<String>,
     /// Tool table, YAML, millimetres
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
-    /// Where the tool is before the first block, millimetres
+    /// Position of the tool before the first block, millimetres
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = position, allow_hyphen_values = true)]
     start: [f64; 3],
     /// Print one JSON object
@@ -35,18 +35,18 @@ pub(crate) struct CheckArgs {
     json: bool,
 }
 
-/// One control's answer.
-struct Answer {
+/// The result of one control.
+struct ControlResult {
     profile: Profile,
     planned: Planned,
 }
 
-impl Answer {
+impl ControlResult {
     fn count(&self, severity: Severity) -> usize {
         self.planned.findings.iter().filter(|finding| finding.severity == severity).count()
     }
 
-    /// Whether the program is in the language of the control at all.
+    /// Whether the program is in the language of the control.
     fn is_read(&self) -> bool {
         !self.planned.loaded.findings.iter().any(Finding::is_error)
     }
@@ -60,14 +60,14 @@ impl Answer {
     }
 }
 
-/// Where two controls that accept go different ways.
+/// Where the paths of two controls that accept the program differ.
 struct Pair {
     from: String,
     to: String,
-    difference: Difference,
+    difference: PathDistance,
 }
 
-/// Plans under every profile, prints what differs, and says whether any accepts.
+/// Plans under every profile and prints the differences; fails if no control accepts.
 pub(crate) fn run(args: &CheckArgs) -> Outcome {
     let text = files::read_program(&args.file)?;
     let tools = files::tool_table(args.tools.as_deref())?;
@@ -77,30 +77,30 @@ pub(crate) fn run(args: &CheckArgs) -> Outcome {
     }
     names.extend(args.controls.iter().cloned());
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
-    let mut answers = Vec::new();
+    let mut results = Vec::new();
     for name in names {
         let profile = files::profile(&name)?;
         let planned = Planned::new(&text, &profile, &tools, &options, Planning::default());
         planned.keep_disagreement(&files::file_name(&args.file), &text);
-        answers.push(Answer { profile, planned });
+        results.push(ControlResult { profile, planned });
     }
-    let pairs = pairs(&answers);
+    let pairs = pairs(&results);
     let name = files::file_name(&args.file);
     if args.json {
-        println!("{:#}", to_json(&name, &answers, &pairs));
+        println!("{:#}", to_json(&name, &results, &pairs));
     } else {
-        print!("{}", to_text(&name, &answers, &pairs));
+        print!("{}", to_text(&name, &results, &pairs));
     }
-    if answers.iter().any(|answer| answer.planned.accepted()) {
+    if results.iter().any(|result| result.planned.accepted()) {
         Ok(())
     } else {
         Err(Failure::said(Status::Refused))
     }
 }
 
-/// Each control that accepts beside the first one.
-fn pairs(answers: &[Answer]) -> Vec<Pair> {
-    let mut accepting = answers.iter().filter(|answer| answer.planned.accepted());
+/// Pairs each control that accepts with the first one.
+fn pairs(results: &[ControlResult]) -> Vec<Pair> {
+    let mut accepting = results.iter().filter(|result| result.planned.accepted());
     let Some(first) = accepting.next() else { return Vec::new() };
     accepting
         .map(|other| Pair {
@@ -111,18 +111,18 @@ fn pairs(answers: &[Answer]) -> Vec<Pair> {
         .collect()
 }
 
-fn to_json(name: &str, answers: &[Answer], pairs: &[Pair]) -> Value {
-    let controls: Vec<Value> = answers
+fn to_json(name: &str, results: &[ControlResult], pairs: &[Pair]) -> Value {
+    let controls: Vec<Value> = results
         .iter()
-        .map(|answer| {
+        .map(|result| {
             json!({
-                "control": answer.profile.name,
-                "read": answer.is_read(),
-                "accepted": answer.planned.accepted(),
-                "error_count": answer.count(Severity::Error),
-                "warning_count": answer.count(Severity::Warning),
-                "element_count": answer.planned.path().elements.len(),
-                "findings": answer.planned.findings.iter().map(plan_json::finding)
+                "control": result.profile.name,
+                "read": result.is_read(),
+                "accepted": result.planned.accepted(),
+                "error_count": result.count(Severity::Error),
+                "warning_count": result.count(Severity::Warning),
+                "element_count": result.planned.path().elements.len(),
+                "findings": result.planned.findings.iter().map(plan_json::finding)
                     .collect::<Vec<_>>(),
             })
         })
@@ -145,20 +145,20 @@ fn to_json(name: &str, answers: &[Answer], pairs: &[Pair]) -> Value {
     json!({"file": name, "controls": controls, "differences": differences})
 }
 
-fn to_text(name: &str, answers: &[Answer], pairs: &[Pair]) -> String {
-    let width = answers.iter().map(|answer| answer.profile.name.len()).max().unwrap_or(0);
+fn to_text(name: &str, results: &[ControlResult], pairs: &[Pair]) -> String {
+    let width = results.iter().map(|result| result.profile.name.len()).max().unwrap_or(0);
     let mut text = format!("{name}\n\n");
-    for answer in answers {
-        let (errors, warnings) = (answer.count(Severity::Error), answer.count(Severity::Warning));
+    for result in results {
+        let (errors, warnings) = (result.count(Severity::Error), result.count(Severity::Warning));
         text += &format!(
             "{:width$}  {:11}  {}, {}\n",
-            answer.profile.name,
-            answer.verdict(),
+            result.profile.name,
+            result.verdict(),
             plural(errors, "error"),
             plural(warnings, "warning")
         );
-        let findings = &answer.planned.findings;
-        // The warnings of what is refused wait until the errors are gone.
+        let findings = &result.planned.findings;
+        // For a rejected program only the errors are listed.
         let shown = findings.iter().filter(|finding| errors == 0 || finding.is_error());
         const SHOWN_MAX: usize = 5;
         for finding in shown.clone().take(SHOWN_MAX) {
@@ -168,7 +168,7 @@ fn to_text(name: &str, answers: &[Answer], pairs: &[Pair]) -> String {
         if more > 0 {
             text += &format!(
                 "{:width$}  and {more} more: kerf plan --control {}\n",
-                "", answer.profile.name
+                "", result.profile.name
             );
         }
     }
@@ -194,8 +194,9 @@ fn finding_text(finding: &Finding) -> String {
 }
 
 fn pair_text(pair: &Pair) -> String {
-    let Difference { distance_mm, position: [x, y, z], source, functions, feeds } = pair.difference;
-    // Rounding of six decimals is no difference.
+    let PathDistance { distance_mm, position: [x, y, z], source, functions, feeds } =
+        pair.difference;
+    // Rounding of six decimals is not a difference.
     let mut parts = Vec::new();
     if distance_mm > 1e-6 {
         let block = source.block.map(|block| format!(" N{block}")).unwrap_or_default();
@@ -205,7 +206,7 @@ fn pair_text(pair: &Pair) -> String {
         ));
     }
     if functions > 0 {
-        parts.push(plural(functions, "function") + " other or elsewhere");
+        parts.push(plural(functions, "function") + " changed or moved");
     }
     if feeds > 0 {
         parts.push(plural(feeds, "block") + " with another feed");

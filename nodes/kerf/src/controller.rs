@@ -1,5 +1,5 @@
-//! `kerf controller configure`: what the controller is to report, so that the link is watched
-//! well. The driver decides; this asks, shows, and asks whoever types before it is written.
+//! `kerf controller configure`: settings of the controller that improve the watch over the link.
+//! The driver decides which; this command shows them, and asks before writing.
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::operate::{said, with_node};
@@ -9,18 +9,18 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 };
 use std::io::{IsTerminal, Write};
 
-/// What is done with the controller itself.
+/// Commands for the controller itself.
 #[derive(Debug, Subcommand)]
 pub(crate) enum ControllerCommand {
-    /// Show which setting would improve the watch over the serial line, and write it when
-    /// confirmed; no other setting is touched
+    /// Show which setting would improve the watch over the serial line, and write it after
+    /// confirmation; other settings are not touched
     Configure(ConfigureArgs),
 }
 
 /// What `kerf controller configure` takes.
 #[derive(Debug, Args)]
 pub(crate) struct ConfigureArgs {
-    /// Write it without asking
+    /// Write without asking
     #[arg(long)]
     yes: bool,
 }
@@ -45,14 +45,14 @@ pub(crate) fn run(command: &ControllerCommand, ros_args: &[String]) -> Outcome {
     })
 }
 
-/// Asks at the terminal; without one nobody can have said yes.
+/// Asks at the terminal; without a terminal it is an error.
 fn is_confirmed() -> Result<bool, Failure> {
     if !std::io::stdin().is_terminal() {
-        let text = "there is no terminal to confirm it at: give --yes to write it";
+        let text = "no terminal for the confirmation; use --yes to write without asking";
         return Err(Failure::new(Status::Usage, text));
     }
     print!("write it? [y/N] ");
-    // An answer is read even where the question could not be shown.
+    // Reads an answer even if the question could not be shown.
     let _ = std::io::stdout().flush();
     let mut answer = String::new();
     std::io::stdin().read_line(&mut answer).map_err(Failure::usage)?;

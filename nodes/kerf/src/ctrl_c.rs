@@ -1,7 +1,7 @@
-//! Ctrl-C at a command that moves the machine.
+//! Ctrl-C in a command that moves the machine.
 //!
-//! The first one cancels what was begun; the command waits for its end all the same. A
-//! second one leaves. One that could not be canceled can be canceled again.
+//! The first one cancels the operation; the command still waits for its end. A second one exits.
+//! If the cancel failed, the next one tries again.
 
 use crate::exit::{Failure, Status};
 use std::future::{Future, pending};
@@ -10,16 +10,16 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 
 type Canceling = Pin<Box<dyn Future<Output = Result<(), Failure>>>>;
 
-/// The key, and what was made of it so far.
+/// The key, and what it has done so far.
 pub(crate) struct CtrlC {
     interrupt: Signal,
     is_asked: bool,
-    /// Asks the machine's node to cancel.
+    /// Asks the node to cancel.
     canceling: Option<Canceling>,
 }
 
 impl CtrlC {
-    /// From before anything is begun, so that none is missed.
+    /// Starts to listen; called before the operation begins, so that no key is missed.
     pub(crate) fn listen() -> Result<Self, Failure> {
         let interrupt = signal(SignalKind::interrupt()).map_err(Failure::usage)?;
         Ok(Self { interrupt, is_asked: false, canceling: None })
@@ -28,7 +28,7 @@ impl CtrlC {
     /// Waits until it is time to [`Self::cancel`]. May be dropped while it waits.
     ///
     /// # Errors
-    /// It is time to leave.
+    /// It is time to exit.
     pub(crate) async fn next(&mut self) -> Result<(), Failure> {
         loop {
             let answer = async {
@@ -56,7 +56,7 @@ impl CtrlC {
         }
     }
 
-    /// Cancels, while the end is waited for.
+    /// Cancels while the caller waits for the end.
     pub(crate) fn cancel(
         &mut self,
         canceling: impl Future<Output = Result<(), Failure>> + 'static,
@@ -67,7 +67,7 @@ impl CtrlC {
         self.canceling = Some(Box::pin(canceling));
     }
 
-    /// Cancels over a new connection, where the one before ended with the question unanswered.
+    /// Cancels over a new connection, if the old one ended without an answer.
     pub(crate) fn reconnect(
         &mut self,
         canceling: impl Future<Output = Result<(), Failure>> + 'static,

@@ -1,9 +1,8 @@
-//! `kerf demo`: the whole way, on this host, without hardware.
+//! `kerf demo`: the whole stack on this host, without hardware.
 //!
-//! Starts the nodes as separate processes and the virtual controller on a
-//! pseudo-terminal, loads the SINUMERIK contour with G41, runs it through the
-//! action, waits for its bag, stops everything and replays the bag. It does
-//! what a user would do, with the same commands.
+//! Starts the nodes as separate processes and the virtual controller on a pseudo-terminal, loads
+//! the SINUMERIK contour with G41, runs it through the action, waits for its bag, stops everything
+//! and replays the bag. It uses the same commands as a user.
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::output_file::OutputFile;
@@ -26,20 +25,20 @@ const TOOLS: &str = include_str!("../../../config/demo/tools.yaml");
 const CONTROL: &str = "sinumerik_840c";
 /// How much faster than a real machine the axes move.
 const TIME_FACTOR: &str = "10";
-/// How long the nodes and the controller may take to be ready.
+/// How long the nodes and the controller may take to start.
 const READY_WITHIN: Duration = Duration::from_secs(30);
-/// How long the bag of a run that is over may take to be closed.
+/// How long the recorder may take to close the bag after the run.
 const CLOSED_WITHIN: Duration = Duration::from_secs(30);
 
 /// What `kerf demo` takes.
 #[derive(Debug, Args)]
 pub(crate) struct DemoArgs {
-    /// Where the bag and the picture go
+    /// Directory for the bag and the picture
     #[arg(long, value_name = "DIR", default_value = "kerf-demo")]
     out: PathBuf,
 }
 
-/// Runs it and ends with three lines.
+/// Runs the demo and prints three lines at the end.
 pub(crate) fn run(args: &DemoArgs, ros_args: &[String]) -> Outcome {
     let out = prepare(&args.out)?;
     let executor = tokio::runtime::Builder::new_multi_thread()
@@ -63,7 +62,7 @@ pub(crate) fn run(args: &DemoArgs, ros_args: &[String]) -> Outcome {
     Ok(())
 }
 
-/// The directory of the results, with the demo's own inputs in it.
+/// Makes the directory of the results and puts the demo's inputs into it.
 fn prepare(out: &Path) -> Result<PathBuf, Failure> {
     std::fs::create_dir_all(out)
         .map_err(|error| Failure::usage(format_args!("cannot make {}: {error}", out.display())))?;
@@ -73,7 +72,7 @@ fn prepare(out: &Path) -> Result<PathBuf, Failure> {
     Ok(out)
 }
 
-/// Starts everything, does the job, and stops everything, whatever happened.
+/// Starts everything, does the job, and stops everything in any case.
 async fn with_stack(out: &Path, ros_args: &[String]) -> Result<PathBuf, Failure> {
     let mut interrupt = signal(SignalKind::interrupt()).map_err(Failure::usage)?;
     let mut terminate = signal(SignalKind::terminate()).map_err(Failure::usage)?;
@@ -129,7 +128,7 @@ async fn job(
     };
     let parameters = [
         ("axis_driver", "port", port),
-        // Its axes are so much faster than their settings say.
+        // The axes are faster than their settings say, by the time factor.
         ("axis_driver", "rate_margin", "50.0".to_owned()),
         ("compensation_planner", "tool_table", out.join("tools.yaml").display().to_string()),
         ("run_recorder", "directory", out.display().to_string()),
@@ -150,7 +149,7 @@ async fn job(
     done
 }
 
-/// The first node that ends.
+/// Waits for the first node that ends.
 async fn died(nodes: &mut Stack) -> String {
     loop {
         if let Some((name, status)) = nodes.ended() {
@@ -160,7 +159,7 @@ async fn died(nodes: &mut Stack) -> String {
     }
 }
 
-/// What a commander does: wait for the machine, load, run, take the bag.
+/// The commander's part: waits for the machine, loads, runs, waits for the bag.
 async fn commission(session: &Session, out: &Path) -> Result<PathBuf, Failure> {
     let node: &Handle = session.handle();
     let mut recordings: Subscription<Recording> = node.subscription("recording", Qos::LATCHED)?;
@@ -169,13 +168,13 @@ async fn commission(session: &Session, out: &Path) -> Result<PathBuf, Failure> {
     let ready =
         wait_until(&mut states, READY_WITHIN, |state| state.state == MachineState::STATE_IDLE);
     ready.await.map_err(|state| {
-        let heard = state.map_or("no machine_state was heard".to_owned(), |state| state.reason);
-        Failure::new(Status::NoAnswer, format!("the machine is not ready: {heard}"))
+        let found = state.map_or("no machine_state was received".to_owned(), |state| state.reason);
+        Failure::new(Status::NoAnswer, format!("the machine is not ready: {found}"))
     })?;
-    // A run that nobody records is not what is shown here.
+    // The demo needs the recorder: it shows the recorded run.
     wait_until(&mut recordings, READY_WITHIN, |_| true)
         .await
-        .map_err(|_| Failure::new(Status::NoAnswer, "the recorder is not there"))?;
+        .map_err(|_| Failure::new(Status::NoAnswer, "the recorder does not answer"))?;
 
     let program_id = load::load_file(node, &out.join("contour.mpf"), CONTROL, "").await?;
     let goal = RunProgramGoal { program_id, ..RunProgramGoal::default() };
@@ -197,7 +196,7 @@ async fn commission(session: &Session, out: &Path) -> Result<PathBuf, Failure> {
     Ok(PathBuf::from(recording.uri))
 }
 
-/// The first message that is as wanted, or the last one that was not.
+/// The first message that fulfils the condition, or the last one that does not.
 async fn wait_until<M: cnc_msgs::interface::Message>(
     subscription: &mut Subscription<M>,
     within: Duration,

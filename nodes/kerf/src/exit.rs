@@ -1,32 +1,32 @@
-//! How the command ends.
+//! Exit statuses and messages of the command.
 //!
-//! One meaning for each exit status, the same for every subcommand that is not a node.
+//! Each exit status has one meaning, the same for every subcommand that is not a node.
 
 use std::process::ExitCode;
 
-/// Why a subcommand did not do what it was asked.
+/// Why a subcommand failed.
 #[derive(Debug)]
 pub(crate) struct Failure {
     pub(crate) status: Status,
-    /// One sentence for people; empty when everything was said already.
+    /// One sentence for people; empty when everything has been printed already.
     pub(crate) message: String,
 }
 
 /// The exit status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Status {
-    /// The input was read and refused.
+    /// The input was read and rejected.
     Refused = 1,
     /// Arguments, a file that cannot be read, an invalid tool file, profile or bag.
     Usage = 2,
-    /// No such node answered.
+    /// No node answered.
     NoAnswer = 3,
-    /// The node refused, or the run aborted.
+    /// The node refused, or the run was aborted.
     NodeRefused = 4,
 }
 
 impl Status {
-    /// The status with this number; of none of ours, that of a usage error.
+    /// The status with this number; unknown numbers become a usage error.
     pub(crate) fn of(number: u8) -> Self {
         let all = [Self::Refused, Self::Usage, Self::NoAnswer, Self::NodeRefused];
         all.into_iter().find(|status| *status as u8 == number).unwrap_or(Self::Usage)
@@ -38,28 +38,28 @@ impl Failure {
         Self { status, message: message.into() }
     }
 
-    /// Status 2 with a sentence.
+    /// Status 2 with a message.
     pub(crate) fn usage(message: impl std::fmt::Display) -> Self {
         Self::new(Status::Usage, message.to_string())
     }
 
-    /// Says what is left to say.
+    /// Prints the message, if there is one.
     pub(crate) fn say(&self) {
         if !self.message.is_empty() {
             eprintln!("kerf: {}", self.message);
         }
     }
 
-    /// A failure about which everything was said.
+    /// A failure whose message has been printed already.
     pub(crate) fn said(status: Status) -> Self {
         Self::new(status, "")
     }
 }
 
-/// How a subcommand ends.
+/// The result of a subcommand.
 pub(crate) type Outcome = Result<(), Failure>;
 
-/// Says what is left to say, and gives the exit code.
+/// Prints what has not been printed, and returns the exit code.
 pub(crate) fn conclude(outcome: Outcome) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,4 +1,4 @@
-//! Reading what the command line names.
+//! Reads the files that the command line names.
 
 use crate::exit::Failure;
 use cnc_msgs::profile::Profile;
@@ -13,7 +13,7 @@ pub(crate) fn read_program(path: &Path) -> Result<Vec<u8>, Failure> {
         .map_err(|error| Failure::usage(format_args!("cannot read {}: {error}", path.display())))
 }
 
-/// The last component of a path, for people: in one line, and nothing but letters.
+/// The last component of a path, for people: one line without control characters.
 pub(crate) fn file_name(path: &Path) -> String {
     intake::text::one_line(&path.file_name().unwrap_or(path.as_os_str()).to_string_lossy())
         .into_owned()
@@ -24,7 +24,7 @@ pub(crate) fn profile(name_or_path: &str) -> Result<Profile, Failure> {
     settings::load_profile(name_or_path).map_err(Failure::usage)
 }
 
-/// A tool table; an empty one without a file.
+/// A tool table; empty without a file.
 pub(crate) fn tool_table(path: Option<&Path>) -> Result<ToolTable, Failure> {
     match path {
         None => Ok(ToolTable::default()),
@@ -32,7 +32,7 @@ pub(crate) fn tool_table(path: Option<&Path>) -> Result<ToolTable, Failure> {
     }
 }
 
-/// The files that a command reads, which it must not write over.
+/// The files that a command reads, which it must not overwrite.
 pub(crate) fn inputs<'a>(
     files: impl IntoIterator<Item = Option<&'a Path>>,
     control: &'a str,
@@ -40,18 +40,18 @@ pub(crate) fn inputs<'a>(
     files.into_iter().flatten().chain([Path::new(control)]).collect()
 }
 
-/// A control as the loader finds it: it runs in another folder, so a file of this one is
-/// named from the root.
+/// A control name for the loader. The loader runs in another folder, so a file is given by its
+/// absolute path.
 pub(crate) fn as_loader_finds_it(name: &str) -> String {
     let is_built_in = settings::Control::named(name).is_some();
     match Path::new(name).canonicalize() {
         Ok(path) if !is_built_in && !name.is_empty() => path.display().to_string(),
-        // A file of the loader's computer.
+        // It may be a file on the loader's computer.
         _ => name.to_owned(),
     }
 }
 
-/// Puts an example where it is free; one that is there already stays.
+/// Writes an example file; keeps an identical one, and fails if another file exists.
 pub(crate) fn place(path: &Path, content: &str) -> Result<(), Failure> {
     let failed = |error: &dyn std::fmt::Display| {
         Failure::usage(format_args!("cannot write {}: {error}", path.display()))
@@ -62,7 +62,7 @@ pub(crate) fn place(path: &Path, content: &str) -> Result<(), Failure> {
             let there = intake::file::read(path, content.len() as u64);
             match there {
                 Ok(there) if there == content.as_bytes() => Ok(()),
-                _ => Err(failed(&"another file is there; remove it, or name another folder")),
+                _ => Err(failed(&"another file exists there; remove it, or choose another folder")),
             }
         }
         Err(error) => Err(failed(&error)),

@@ -1,6 +1,6 @@
-//! `kerf load`: gives a program to the loader and waits for its plan.
+//! `kerf load`: sends a program to the loader and waits for its plan.
 //!
-//! While it waits, [`Loader`] asks whether the loader still has the program.
+//! While it waits, [`Loader`] checks whether the loader still has the program.
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::files;
@@ -22,11 +22,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::time::{sleep, timeout};
 
-/// How long a plan of a program that was loaded just now may take.
+/// How long planning a new program may take.
 const PLAN_WITHIN: Duration = Duration::from_secs(120);
 /// How often the loader is asked whether it still has the program.
 const ASK_EVERY: Duration = Duration::from_secs(1);
-/// A loader that lives answers sooner, and one that died is restarted sooner.
+/// A running loader answers sooner, and a dead one is restarted sooner.
 const LOADER_SILENCE: Duration = Duration::from_secs(10);
 
 /// What `kerf load` takes.
@@ -34,12 +34,12 @@ const LOADER_SILENCE: Duration = Duration::from_secs(10);
 pub(crate) struct LoadArgs {
     /// The part program
     file: PathBuf,
-    /// Control profile; the loader's parameter when left out
-    #[arg(long, value_name = "NAME|FILE", default_value = "")]
+    /// Control profile [default: the loader's parameter]
+    #[arg(long, value_name = "NAME|FILE", default_value = "", hide_default_value = true)]
     control: String,
-    /// What is done about a contour that the tool does not fit: alarm, trim or ignore;
-    /// as the profile says when left out
-    #[arg(long, value_name = "REACTION", default_value = "")]
+    /// Reaction to a contour that the tool does not fit: alarm, trim or ignore [default: the
+    /// profile's]
+    #[arg(long, value_name = "REACTION", default_value = "", hide_default_value = true)]
     interference: String,
 }
 
@@ -50,10 +50,10 @@ pub(crate) fn load(args: &LoadArgs, ros_args: &[String]) -> Outcome {
     })
 }
 
-/// Loads a file by its text, waits for the plan, and shows all findings.
+/// Sends the text of a file, waits for the plan, and shows all findings.
 ///
-/// Returns the program's id. The loader may run on another host: the text
-/// travels, not the name of the file.
+/// Returns the program's id. The loader may run on another host, so the text is sent, not the
+/// name of the file.
 pub(crate) async fn load_file(
     node: &Handle,
     path: &Path,
@@ -95,7 +95,7 @@ pub(crate) async fn load_file(
             let seconds = PLAN_WITHIN.as_secs();
             return Err(Failure::new(
                 Status::NoAnswer,
-                format!("{name} is loaded, but nobody planned it within {seconds} s"),
+                format!("{name} is loaded, but no planner planned it within {seconds} s"),
             ));
         }
     };
@@ -110,7 +110,7 @@ pub(crate) async fn load_file(
     Ok(response.program_id)
 }
 
-/// The first report of a program that is newer than what was known.
+/// The first report on a program that is newer than the given revision.
 async fn next_report(
     reports: &mut Subscription<CompensationReport>,
     program_id: &str,
@@ -124,23 +124,23 @@ async fn next_report(
     }
 }
 
-/// Why the loader will not go on with a program.
+/// Why the loader does not have a program any more.
 enum Loss {
     /// It does not answer.
     Silent,
-    /// Another process answers, which knows nothing of the program.
+    /// Another process answers, which does not know the program.
     Restarted,
     /// It has another program.
     Replaced,
 }
 
 impl Loss {
-    /// What is said of a program that was not `done`.
+    /// The failure for a program that was not `done`.
     fn failure(&self, name: &str, done: &str) -> Failure {
         let (status, why) = match self {
             Self::Silent => (
                 Status::NoAnswer,
-                "the program loader does not answer any more; look at its log, restart it, and",
+                "the program loader does not answer; check its log, restart it, and",
             ),
             Self::Restarted => {
                 (Status::NoAnswer, "the program loader was restarted and no longer has it;")
@@ -164,12 +164,12 @@ impl Loader {
         Ok(Self { chunks, process: OnceCell::new() })
     }
 
-    /// Waits until the loader is gone, or no longer has this program.
+    /// Waits until the loader has ended, or no longer has this program.
     ///
-    /// An empty id: of a program that is being given to it. Then a loader that has not answered
-    /// yet is the business of who gives it the program.
+    /// An empty id means a program that is still being sent. Then a loader that has not answered
+    /// yet is not reported here, but by the sender.
     async fn lost(&self, program_id: &str) -> Loss {
-        // No program has this chunk: the answer is short.
+        // No program has this chunk, so the answer is short.
         let first = u32::MAX;
         let request = GetProgramChunksRequest { program_id: program_id.to_owned(), first };
         loop {
@@ -200,15 +200,16 @@ impl Loader {
     }
 }
 
-/// The newest plan that there was before: the same program may have been planned already, with
-/// other tools, and late joiners are told.
+/// The newest revision before this load: the same program may have been planned already, with other
+/// tools, and its latched report would arrive first.
 async fn newest_revision(
     planner: &Client<GetTools>,
     reports: &mut Subscription<CompensationReport>,
 ) -> Option<u64> {
     const PLANNER_WITHIN: Duration = Duration::from_secs(2);
     const QUIET: Duration = Duration::from_millis(200);
-    // Whoever answers has been discovered. Without a planner the wait for its plan will say so.
+    // A service that answers has been discovered. A missing planner is reported by the wait for its
+    // plan.
     let _ = planner.call_within(GetToolsRequest::default(), PLANNER_WITHIN).await;
     let mut newest = None;
     while let Ok((report, _)) = timeout(QUIET, reports.next()).await {
@@ -217,19 +218,19 @@ async fn newest_revision(
     newest
 }
 
-/// Waits until two processes of the planner have ended. The first end may have had another
-/// reason than the program, which the next process plans.
+/// Waits until two processes of the planner have ended. The first may have ended for another reason
+/// than the program; the next process plans it again.
 async fn planner_ends_twice(planner: &Client<GetTools>) {
     let mut processes = BTreeSet::new();
     while processes.len() < 3 {
-        // One that is being restarted does not answer.
+        // A planner that is being restarted does not answer.
         let answer = planner.call_for_server(&GetToolsRequest::default(), PLAN_WITHIN).await;
         processes.extend(answer.map(|(_, server)| server.participant()));
         sleep(ASK_EVERY).await;
     }
 }
 
-/// Sends a text to the loader, in pieces if it is long.
+/// Sends a text to the loader, in chunks if it is long.
 pub(crate) async fn send_program(
     node: &Handle,
     (name, text): (&str, &[u8]),
@@ -250,7 +251,7 @@ pub(crate) async fn send_program(
     Ok(load.call_within(request, PLAN_WITHIN).await?)
 }
 
-/// Sends a long text in pieces; returns the id of the upload.
+/// Sends a long text in chunks; returns the id of the upload.
 async fn upload(node: &Handle, text: &[u8]) -> Result<String, Failure> {
     let put = node.client::<PutProgramChunk>("put_program_chunk")?;
     let upload_id = cnc_msgs::chunk::sha256_hex(text);

@@ -1,7 +1,7 @@
-//! Stopping a machine, and its state, when its driver does not answer over ROS.
+//! Stops a machine, and shows its state, when its driver does not answer over ROS.
 //!
 //! On the machine's own computer the driver's motion process listens on a local socket. ROS is
-//! asked first, since it reaches every computer; where it does not answer soon, the socket is.
+//! tried first, because it reaches every computer; if it does not answer soon, the socket is used.
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::operate::with_node;
@@ -13,14 +13,13 @@ use runtime::environment::Environment;
 use runtime::names::Names;
 use std::time::Duration;
 
-/// How long ROS has before what it did not answer counts as unanswered: a driver that lives
-/// answers in less.
+/// How long ROS may take before the socket is tried as well: a running driver answers sooner.
 const HEAD_START: Duration = Duration::from_millis(2_500);
-/// The same for a hold: the machine moves meanwhile.
+/// The same for a hold, because the machine is moving meanwhile.
 const HOLD_HEAD_START: Duration = Duration::from_millis(600);
 
-/// Does something over ROS, or over the local socket when ROS does not answer; `show` is given
-/// what the driver says there.
+/// Does something over ROS, or over the local socket when ROS does not answer; `show` gets the
+/// driver's answer from the socket.
 pub(crate) fn over_ros_or_locally<F>(
     ros_args: &[String],
     wish: Wish,
@@ -41,7 +40,7 @@ where
         }
         match ask_locally(ros_args, wish) {
             Ok(local) => {
-                // The machine that ROS reaches, if slowly, may be another one of this name.
+                // ROS may reach another machine of this name, if slowly.
                 let rest = HEAD_START.saturating_sub(head_start);
                 if let Ok(Ok(())) = tokio::time::timeout(rest, &mut exchange).await {
                     return Ok(());
@@ -55,7 +54,7 @@ where
             }),
         }
     });
-    // This command's own DDS layer may be what does not work.
+    // The DDS layer of this command may be the cause.
     let has_no_ros =
         !is_joined || matches!(&outcome, Err(failure) if failure.status == Status::NoAnswer);
     if answer.is_none() && outcome.is_err() && has_no_ros {
@@ -64,7 +63,7 @@ where
     match answer {
         Some(answer) => {
             eprintln!(
-                "kerf: the driver does not answer over ROS{}; this is over its local socket",
+                "kerf: the driver does not answer over ROS{}; using its local socket",
                 if answer.has_face { "" } else { " (its ROS side is being restarted)" }
             );
             show(answer)
@@ -73,7 +72,7 @@ where
     }
 }
 
-/// Asks the driver of this computer that has the names which the arguments give.
+/// Asks the driver of this computer that has the names given by the arguments.
 fn ask_locally(ros_args: &[String], wish: Wish) -> Result<Answer, Failure> {
     let arguments = Arguments::parse(ros_args).map_err(Failure::usage)?;
     let variables = std::env::vars_os()
@@ -90,7 +89,7 @@ fn ask_locally(ros_args: &[String], wish: Wish) -> Result<Answer, Failure> {
     })
 }
 
-/// Says what the driver answered; a refusal is a failure.
+/// Prints the driver's answer; a refusal is a failure.
 pub(crate) fn say(answer: Answer) -> Outcome {
     match answer.result {
         Ok(message) => {

@@ -1,8 +1,7 @@
-//! The command people type; also runs any node.
+//! The `kerf` command; it also runs any node.
 //!
-//! This file knows the subcommands and nothing of what they do. Arguments
-//! between `--ros-args` and `--` are for ROS and are cut out before anything
-//! else is read.
+//! This file knows the subcommands, but not what they do. Arguments between `--ros-args` and `--`
+//! are for ROS; they are removed before anything else is read.
 
 #[macro_use]
 mod terminal;
@@ -56,46 +55,45 @@ enum Command {
     Node(node::NodeArgs),
     /// Compensate a program; no ROS needed
     Plan(plan::PlanArgs),
-    /// What each control would say of a program, side by side
+    /// Compare how each control reads a program
     Check(check::CheckArgs),
     /// Load a program into the running nodes
     Load(load::LoadArgs),
     /// Run the loaded program, or load one and run it
     Run(operate::RunArgs),
-    /// Feed hold: decelerate and stay; the spindle keeps turning
+    /// Feed hold: decelerate and stop; the spindle keeps turning
     Hold,
-    /// Go on after a hold
+    /// Resume after a hold
     Resume,
     /// Cancel the run, block, jog or probe: hold, then drop the rest
     Abort,
-    /// The tool that the program asked for is in the spindle: go on
+    /// Confirm that the requested tool is in the spindle, and resume
     Confirm,
-    /// Drive the axes to their switches and make the position known; Ctrl-C resets the
-    /// controller, which listens to nothing else meanwhile
+    /// Home the axes; Ctrl-C resets the controller, which accepts nothing else meanwhile
     Home,
-    /// Move axes by hand: kerf jog X10 Y-2.5 --feed 500; Ctrl-C stops them
+    /// Jog the axes: kerf jog X10 Y-2.5 --feed 500; Ctrl-C stops them
     Jog(manual::JogArgs),
     /// Move until a probe touches: kerf probe Z-20
     Probe(manual::ProbeArgs),
     /// Set the work offset so that the current position reads X0 Y0: kerf zero X0 Y0 --system G54
     Zero(manual::ZeroArgs),
-    /// Faster or slower than programmed: kerf override --feed 80
+    /// Set feed, rapid and spindle overrides: kerf override --feed 80
     Override(manual::OverrideArgs),
-    /// End an alarm without homing
+    /// Unlock the controller after an alarm, without homing
     Unlock,
-    /// Reset the controller at once; while moving the position is lost
+    /// Soft-reset the controller at once; a moving machine loses its position
     Reset,
-    /// Hold as an opened door does: spindle and coolant off until `kerf resume`
+    /// Hold like an opened safety door: spindle and coolant off until `kerf resume`
     DoorHold,
     /// Put the controller to sleep; `kerf reset` wakes it
     Sleep,
     /// Turn single-block mode on or off: stop after every block until `kerf resume`
     SingleBlock(mdi::SingleBlockArgs),
-    /// Run one block, from standstill to standstill; Ctrl-C cancels it
+    /// Run one block at standstill; Ctrl-C cancels it
     Mdi(mdi::MdiArgs),
     /// Change one tool or offset register: kerf tool T1 --wear -0.5
     Tool(mdi::ToolArgs),
-    /// Settings of the controller itself
+    /// Settings of the controller's firmware
     #[command(subcommand)]
     Controller(controller::ControllerCommand),
     /// Show the state of the machine
@@ -120,7 +118,7 @@ fn main() -> ExitCode {
     if let Command::Node(args) = cli.command {
         return node::run(&args, ros_args);
     }
-    // A node has its own, once it knows its log.
+    // A node installs its own handler, once its log is set up.
     runtime::end_command_on_panic();
     conclude(run(cli.command, &ros_args))
 }
@@ -129,7 +127,7 @@ fn main() -> ExitCode {
 const RENAMED_FLAGS: [(&str, &str); 2] =
     [("--controller", "--control"), ("--all-controllers", "--all-controls")];
 
-/// What to say of the first flag that has another name now.
+/// The message for the first flag that has another name now.
 fn renamed_flag(args: &[String]) -> Option<String> {
     let flags = args.iter().take_while(|word| *word != "--");
     let names = flags.map(|word| word.split_once('=').map_or(word.as_str(), |(name, _)| name));
@@ -171,7 +169,7 @@ fn run(command: Command, ros_args: &[String]) -> Outcome {
     }
 }
 
-/// Cuts out every stretch from `--ros-args` to `--` or to the end, with its ends.
+/// Removes every range from `--ros-args` to `--` or to the end; returns the rest and the ranges.
 fn split_ros_args(all: Vec<String>) -> (Vec<String>, Vec<String>) {
     let (mut own, mut ros) = (Vec::new(), Vec::new());
     let mut is_ros = false;
@@ -203,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn arguments_for_ros_are_cut_out_wherever_they_stand() {
+    fn arguments_for_ros_are_cut_out_anywhere() {
         let words = |text: &str| text.split(' ').map(String::from).collect::<Vec<_>>();
         let (own, ros) =
             split_ros_args(words("kerf load --ros-args -r __ns:=/mill -- part.ngc --ros-args"));

@@ -1,9 +1,11 @@
-//! `kerf home`, `jog`, `probe`, `zero`, `override`: axes, offsets and overrides by hand.
-//! Millimetres and percent; nothing is decided here, the driver answers.
+//! `kerf home`, `jog`, `probe`, `zero`, `override`: manual motion, work offsets and overrides.
+//! Millimetres and percent. The driver decides; this command shows its answer.
 
 use crate::ctrl_c::CtrlC;
 use crate::exit::{Failure, Outcome, Status};
-use crate::operate::{begin, canceled, reconnect, said, unless_deaf, with_lasting_node, with_node};
+use crate::operate::{
+    begin, canceled, reconnect, said, unless_dds_fails, with_lasting_node, with_node,
+};
 use clap::{Args, ValueEnum};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::interface::Action;
@@ -16,26 +18,26 @@ use cnc_msgs::wire::geometry_msgs::msg::Point;
 use runtime::{Handle, Session};
 use std::time::Duration;
 
-/// Nothing that is done by hand takes longer.
+/// No manual motion takes longer.
 const MOVE_WITHIN: Duration = Duration::from_secs(24 * 3_600);
 
 /// What `kerf jog` takes.
 #[derive(Debug, Args)]
 pub(crate) struct JogArgs {
-    /// Where to, in millimetres: X10 Y-2.5
+    /// Target, in millimetres: X10 Y-2.5
     #[arg(required = true, value_parser = word)]
     axes: Vec<(usize, f64)>,
-    /// Along the way
+    /// Feed along the path
     #[arg(long, value_name = "MM/MIN", default_value_t = 1_000.0)]
     feed: f64,
-    /// What the numbers count from
+    /// What the numbers are relative to
     #[arg(long, value_enum, default_value_t = Frame::Relative)]
     from: Frame,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Frame {
-    /// From where the axes are
+    /// The present position
     Relative,
     Work,
     Machine,
@@ -44,16 +46,16 @@ enum Frame {
 /// What `kerf probe` takes.
 #[derive(Debug, Args)]
 pub(crate) struct ProbeArgs {
-    /// How far at most, in millimetres from where the tool is: Z-20
+    /// Longest move, in millimetres from the present position: Z-20
     #[arg(required = true, value_parser = word)]
     axes: Vec<(usize, f64)>,
-    /// Along the way
+    /// Feed along the path
     #[arg(long, value_name = "MM/MIN", default_value_t = 50.0)]
     feed: f64,
-    /// Until the probe lets go, instead of touching
+    /// Move until the probe opens, instead of until it touches
     #[arg(long)]
     away: bool,
-    /// That nothing is found is no alarm
+    /// Do not raise an alarm when the probe finds nothing
     #[arg(long)]
     may_miss: bool,
 }
@@ -61,13 +63,13 @@ pub(crate) struct ProbeArgs {
 /// What `kerf zero` takes.
 #[derive(Debug, Args)]
 pub(crate) struct ZeroArgs {
-    /// The coordinates that the current tool position gets, in millimetres: X0 Y0
+    /// Coordinates of the present tool position, in millimetres: X0 Y0
     #[arg(required = true, value_parser = word)]
     axes: Vec<(usize, f64)>,
     /// G54 to G59, or G92 for the shift on top of them
     #[arg(long, value_name = "SYSTEM", default_value = "G54", value_parser = system)]
     system: u8,
-    /// Say where the origin lies in the machine frame, instead
+    /// The numbers are the origin in the machine frame instead
     #[arg(long)]
     origin: bool,
 }
@@ -76,13 +78,13 @@ pub(crate) struct ZeroArgs {
 #[derive(Debug, Args)]
 #[group(required = true, multiple = true)]
 pub(crate) struct OverrideArgs {
-    /// 10 to 200
+    /// Feed, 10 to 200
     #[arg(long, value_name = "PERCENT", value_parser = clap::value_parser!(u8).range(10..=200))]
     feed: Option<u8>,
-    /// 25, 50 or 100
+    /// Rapids: 25, 50 or 100
     #[arg(long, value_name = "PERCENT", value_parser = rapid)]
     rapid: Option<u8>,
-    /// 10 to 200
+    /// Spindle speed, 10 to 200
     #[arg(long, value_name = "PERCENT", value_parser = clap::value_parser!(u8).range(10..=200))]
     spindle: Option<u8>,
 }
@@ -111,12 +113,12 @@ fn system(text: &str) -> Result<u8, String> {
     }
 }
 
-/// The axes that are named, as bits, and their numbers.
+/// The named axes as bits, and their numbers.
 fn axes_and_point(words: &[(usize, f64)]) -> Result<(u8, Point), Failure> {
     let (mut axes, mut position) = (AxisSet::NONE, Position::default());
     for &(axis, value) in words {
         if axes.contains(axis) {
-            return Err(Failure::usage(format_args!("{} is given twice", AXIS_LETTERS[axis])));
+            return Err(Failure::usage(format_args!("{} occurs twice", AXIS_LETTERS[axis])));
         }
         (axes, position[axis]) = (axes.with(axis), value);
     }
@@ -135,7 +137,7 @@ async fn follow<A: Action + 'static>(
     goal: A::Goal,
 ) -> Result<A::Result, Failure> {
     let mut ctrl_c = CtrlC::listen()?;
-    let mut handle = unless_deaf(node, begin::<A>(node, name, goal)).await?;
+    let mut handle = unless_dds_fails(node, begin::<A>(node, name, goal)).await?;
     let (mut node, mut session) = (node.clone(), None::<Session>);
     let mut end = Box::pin(handle.result(MOVE_WITHIN));
     let result = loop {

@@ -1,5 +1,5 @@
-//! What an operator does beside running programs: a tool, a single block, blocks one
-//! at a time. Nothing is decided here; the nodes answer.
+//! Operator functions other than running programs: set a tool, run a single block, single-block
+//! mode. The nodes decide; these commands show their answers.
 
 use crate::ctrl_c::CtrlC;
 use crate::exit::Outcome;
@@ -22,8 +22,8 @@ const PLAN_WITHIN: Duration = Duration::from_secs(120);
 pub(crate) struct MdiArgs {
     /// The block: "G1 X10 F200"
     block: String,
-    /// Control profile; the loader's parameter when left out
-    #[arg(long, value_name = "NAME|FILE", default_value = "")]
+    /// Control profile [default: the loader's parameter]
+    #[arg(long, value_name = "NAME|FILE", default_value = "", hide_default_value = true)]
     control: String,
 }
 
@@ -46,18 +46,19 @@ pub(crate) struct ToolArgs {
     /// The tool or the offset register: T1, D1
     #[arg(value_parser = row)]
     row: (char, u32),
-    /// Nominal diameter; of an offset register twice its radius
+    /// Nominal diameter; for an offset register twice its radius
     #[arg(long, value_name = "MM")]
     diameter: Option<f64>,
     /// Added to the diameter: negative for a worn tool
     #[arg(long, value_name = "MM")]
     wear: Option<f64>,
+    /// Length of the tool
     #[arg(long, value_name = "MM")]
     length: Option<f64>,
-    /// Of a turning tool
+    /// For a turning tool: radius of its nose
     #[arg(long, value_name = "MM")]
     nose_radius: Option<f64>,
-    /// Of a turning tool, 0 to 9
+    /// For a turning tool: orientation of its nose, 0 to 9
     #[arg(long, value_name = "0..9")]
     tip_direction: Option<u8>,
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use std::process::ExitCode;
 use tokio::signal::unix::{SignalKind, signal};
 
-/// What runs a node, given its arguments.
+/// Runs a node with its arguments.
 type Entry = fn(Vec<String>) -> ExitCode;
 
 /// Every node, by the name that `kerf node` takes.
@@ -20,14 +20,14 @@ const NODES: [(&str, Entry); 5] = [
     }),
 ];
 
-/// The parameters of a node that speaks ROS.
+/// The parameters of a ROS node.
 pub(crate) fn parameters_of(name: &str) -> Vec<runtime::Declared> {
     match name {
         "program_loader" => program_loader::node::parameters(),
         "compensation_planner" => compensation_planner::node::parameters(),
         "axis_driver" => axis_driver::node::parameters(),
         "run_recorder" => run_recorder::node::parameters(),
-        other => panic!("{other} is no node of the stack"),
+        other => panic!("{other} is not a node of the stack"),
     }
 }
 
@@ -36,10 +36,10 @@ pub(crate) fn parameters_of(name: &str) -> Vec<runtime::Declared> {
 pub(crate) struct NodeArgs {
     /// program_loader, compensation_planner, axis_driver, run_recorder or virtual_controller
     name: String,
-    /// Leave when standard input ends
+    /// Exit when standard input ends
     #[arg(long, hide = true)]
     leave_with_parent: bool,
-    /// Run it in a process below this one, which restarts it when it fails or falls silent
+    /// Run the node in a child process, and restart it when it fails or stops responding
     #[arg(long)]
     watch: bool,
     /// Arguments of the node itself; those of ROS follow --ros-args
@@ -47,12 +47,12 @@ pub(crate) struct NodeArgs {
     args: Vec<String>,
 }
 
-/// Runs it until it is told to stop.
+/// Runs it until it is shut down.
 pub(crate) fn run(args: &NodeArgs, ros_args: Vec<String>) -> ExitCode {
     let Some((name, entry)) = NODES.iter().find(|(name, _)| *name == args.name) else {
         let names: Vec<&str> = NODES.iter().map(|(name, _)| *name).collect();
         return conclude(Err(Failure::usage(format_args!(
-            "there is no node {}; there are {}",
+            "there is no node {}; use {}",
             args.name,
             names.join(", ")
         ))));
@@ -67,8 +67,8 @@ pub(crate) fn run(args: &NodeArgs, ros_args: Vec<String>) -> ExitCode {
     if args.watch { conclude(watch(name, &all)) } else { entry(all) }
 }
 
-/// Keeps one node running, as `kerf up` does all; for supervisors that restart what ends and
-/// notice nothing else, and that would also restart what was asked to end.
+/// Keeps one node running, as `kerf up` keeps all: for supervisors that would also restart a node
+/// that was shut down on purpose, and that cannot detect a node that stops responding.
 fn watch(name: &'static str, args: &[String]) -> Outcome {
     let executor = tokio::runtime::Builder::new_current_thread()
         .enable_all()

@@ -1,8 +1,7 @@
-//! The commands that speak to running nodes over ROS 2: run, abort and the
-//! buttons of the machine. `kerf load` and `kerf status` have files of their own.
+//! The commands that talk to running nodes over ROS 2: run, abort and the machine's buttons.
+//! `kerf load` and `kerf status` have their own files.
 //!
-//! One short-lived node for each call. What the nodes answer is shown as it
-//! is; nothing is decided here.
+//! Each call starts one short-lived node. It shows what the nodes answer and decides nothing.
 
 use crate::ctrl_c::CtrlC;
 use crate::exit::{Failure, Outcome, Status};
@@ -22,7 +21,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 use tokio::time::timeout;
 
-/// A driver that runs a program is never silent for so long.
+/// A driver that runs a program is never silent for this long.
 const SILENCE: Duration = Duration::from_secs(3);
 /// No program runs longer than this.
 const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
@@ -32,17 +31,29 @@ const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
 pub(crate) struct RunArgs {
     /// Load this program first
     file: Option<PathBuf>,
-    /// Control profile; the loader's parameter when left out
-    #[arg(long, value_name = "NAME|FILE", default_value = "", requires = "file")]
+    /// Control profile [default: the loader's parameter]
+    #[arg(
+        long,
+        value_name = "NAME|FILE",
+        default_value = "",
+        hide_default_value = true,
+        requires = "file"
+    )]
     control: String,
-    /// What is done about a contour that the tool does not fit: alarm, trim or ignore;
-    /// as the profile says when left out
-    #[arg(long, value_name = "REACTION", default_value = "", requires = "file")]
+    /// Reaction to a contour that the tool does not fit: alarm, trim or ignore [default: the
+    /// profile's]
+    #[arg(
+        long,
+        value_name = "REACTION",
+        default_value = "",
+        hide_default_value = true,
+        requires = "file"
+    )]
     interference: String,
-    /// Only check that this controller can be sent it; nothing moves
+    /// Only check that the path can be sent to this controller; nothing moves
     #[arg(long)]
     check_only: bool,
-    /// Begin at this line of the program
+    /// Start at this line of the program
     #[arg(long, value_name = "LINE", default_value_t = 0)]
     start_line: u32,
 }
@@ -72,7 +83,7 @@ impl Button {
         }
     }
 
-    /// What stops a machine can be asked for without ROS.
+    /// The same request over the local socket, for the buttons that stop a machine.
     const fn local_wish(self) -> Option<Wish> {
         match self {
             Self::Hold => Some(Wish::FeedHold),
@@ -94,16 +105,16 @@ impl From<NodeError> for Failure {
     }
 }
 
-/// Runs one exchange with a node of our own, and takes the node down again.
+/// Runs one exchange with a node of this command, and shuts the node down.
 pub(crate) fn with_node<F>(ros_args: &[String], exchange: F) -> Outcome
 where
     F: AsyncFnOnce(&Handle) -> Outcome,
 {
-    with_lasting_node(ros_args, async |node| unless_deaf(node, exchange(node)).await)
+    with_lasting_node(ros_args, async |node| unless_dds_fails(node, exchange(node)).await)
 }
 
-/// Ends an exchange when the DDS layer of this command has ended: no answer would come in.
-pub(crate) async fn unless_deaf<R>(
+/// Ends an exchange when the DDS layer of this command has failed: no answer could arrive.
+pub(crate) async fn unless_dds_fails<R>(
     node: &Handle,
     exchange: impl Future<Output = Result<R, Failure>>,
 ) -> Result<R, Failure> {
@@ -111,25 +122,25 @@ pub(crate) async fn unless_deaf<R>(
         outcome = exchange => outcome,
         reason = node.deaf() => Err(Failure::new(
             Status::NoAnswer,
-            format!("{reason}; whether the request arrived is not known, look at `kerf status`"),
+            format!("{reason}; the request may not have arrived, check with `kerf status`"),
         )),
     }
 }
 
-/// Starts the node of this command once more, after its DDS layer has ended.
-pub(crate) fn reconnect(deaf: &Handle, reason: &str) -> Result<Session, Failure> {
-    eprintln!("kerf: {reason}; connecting again");
-    Session::again(deaf).map_err(|error| {
+/// Starts the node of this command again, after its DDS layer has failed.
+pub(crate) fn reconnect(failed: &Handle, reason: &str) -> Result<Session, Failure> {
+    eprintln!("kerf: {reason}; reconnecting");
+    Session::again(failed).map_err(|error| {
         Failure::new(
             Status::NoAnswer,
             format!(
-                "cannot connect again ({error}); the machine may be moving, look at `kerf status`"
+                "cannot reconnect ({error}); the machine may be moving, check with `kerf status`"
             ),
         )
     })
 }
 
-/// As [`with_node`], for an exchange that connects again by itself.
+/// As [`with_node`], for an exchange that reconnects by itself.
 pub(crate) fn with_lasting_node<F>(ros_args: &[String], exchange: F) -> Outcome
 where
     F: AsyncFnOnce(&Handle) -> Outcome,
@@ -147,7 +158,7 @@ where
     })
 }
 
-/// A node for a client: a name that nobody else has, in the namespace of the arguments.
+/// A node for a client: a unique name, in the namespace of the arguments.
 pub(crate) fn client_session(ros_args: &[String]) -> Result<Session, Failure> {
     runtime::client_session(&format!("kerf_{}", std::process::id()), ros_args)
         .map_err(Failure::usage)
@@ -159,7 +170,7 @@ pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
         let program_id = match &args.file {
             Some(file) => {
                 let loading = load_file(node, file, &args.control, &args.interference);
-                unless_deaf(node, loading).await?
+                unless_dds_fails(node, loading).await?
             }
             None => String::new(),
         };
@@ -194,7 +205,7 @@ pub(crate) fn abort(ros_args: &[String]) -> Outcome {
                 println!("the run is canceled: the machine is held, then the rest is dropped");
                 Ok(())
             }
-            // A block, a jog or a probe, whoever began it.
+            // It may be a block, a jog or a probe of any commander.
             _ => {
                 let client = node.client::<Trigger>("cancel")?;
                 let answer = client.call(TriggerRequest::default()).await?;
@@ -205,21 +216,21 @@ pub(crate) fn abort(ros_args: &[String]) -> Outcome {
     local::over_ros_or_locally(ros_args, Wish::Cancel, over_ros, local::say)
 }
 
-/// The bar that shows how far a run is.
+/// The progress bar of a run.
 pub(crate) fn progress_bar() -> ProgressBar {
     let style = ProgressStyle::with_template("{msg:14} [{bar:40}] {percent:>3} % {elapsed} ");
     ProgressBar::new(1000)
         .with_style(style.expect("the template is a constant").progress_chars("=> "))
 }
 
-/// Sends a goal; a rejection is told with its reason.
+/// Sends a goal; a rejection is an error with its reason.
 pub(crate) async fn begin<A: Action + 'static>(
     node: &Handle,
     name: &str,
     goal: A::Goal,
 ) -> Result<GoalHandle<A>, Failure> {
     let client: ActionClient<A> = node.action_client(name)?;
-    // The reason of a rejection is told here; the action has no room for it.
+    // The action has no field for the reason of a rejection.
     let mut commands: Subscription<Command> = node.subscription("command_log", Qos::EVENTS)?;
     match client.send_goal(goal).await {
         Ok(handle) => Ok(handle),
@@ -240,20 +251,20 @@ pub(crate) async fn begin<A: Action + 'static>(
     }
 }
 
-/// That a goal is being canceled, or has ended before.
+/// Prints that a goal is being canceled; fails if it has ended before.
 pub(crate) async fn canceled(
     answer: impl Future<Output = Result<CancelAnswer, CallError>>,
 ) -> Result<(), Failure> {
     match answer.await? {
         CancelAnswer::Canceling(_) | CancelAnswer::AlreadyEnded => Ok(()),
         CancelAnswer::UnknownGoal => {
-            Err(Failure::new(Status::NodeRefused, "the driver knows nothing of it any more"))
+            Err(Failure::new(Status::NodeRefused, "the driver does not know this goal any more"))
         }
         CancelAnswer::Refused => Err(Failure::new(Status::NodeRefused, "the driver refused")),
     }
 }
 
-/// What a node answered; a refusal is a failure.
+/// Prints a node's answer; a refusal is a failure.
 pub(crate) fn said(success: bool, message: String) -> Outcome {
     match success {
         true => {
@@ -272,7 +283,7 @@ pub(crate) async fn run_goal(
 ) -> Result<RunProgramResult, Failure> {
     let mut ctrl_c = CtrlC::listen()?;
     let beginning = begin::<RunProgram>(node, "run_program", goal);
-    let mut handle = unless_deaf(node, beginning).await?;
+    let mut handle = unless_dds_fails(node, beginning).await?;
     let (mut node, mut session) = (node.clone(), None::<Session>);
     let mut end = Box::pin(handle.result(RUN_WITHIN));
     let mut is_silent = false;
@@ -291,7 +302,7 @@ pub(crate) async fn run_goal(
                 bar.suspend(|| ctrl_c.cancel(canceled(handle.cancel())));
             }
             () = tokio::time::sleep(SILENCE), if !is_silent => {
-                // A driver that was started again knows nothing of the goal; it has to be asked.
+                // A restarted driver does not know the goal, so the status has to be requested.
                 is_silent = true;
                 end = Box::pin(handle.result(RUN_WITHIN));
             }

@@ -1,9 +1,9 @@
-//! Pictures and pages: what is written, and what is never written over.
+//! Writes pictures and pages, and protects other files from being overwritten.
 //!
-//! A file that is there is replaced only if Kerf wrote it, or if it is empty, as `mktemp` makes it.
-//! Never an input of the command, a device, a pipe, a bag, or where the command prints to. That is
-//! looked at before the work, so that nobody waits for what is refused at its end, and once more
-//! just before the file is replaced.
+//! An existing file is replaced only if Kerf wrote it, or if it is empty, as `mktemp` makes it. It
+//! is never an input of the command, a device, a pipe, a bag, or the command's standard output.
+//! This is checked before the work, so that no user waits for a refusal, and again just before the
+//! file is replaced.
 
 use crate::exit::Failure;
 use rustix::fs::{CWD, RenameFlags, Stat, fstat, renameat_with, stat};
@@ -11,24 +11,24 @@ use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// How much of a file is looked at.
+/// How much of a file is read to recognise it.
 const BEGIN_BYTES: u64 = 64 << 10;
 
-/// A place for a picture or a page.
+/// The target of a picture or a page.
 #[derive(Debug)]
 pub(crate) struct OutputFile {
-    /// As it was named.
+    /// The path as given.
     path: PathBuf,
-    /// Where it really is: a link to it stays a link.
+    /// The resolved path: a link to it stays a link.
     place: PathBuf,
     inputs: Vec<FileId>,
 }
 
-/// Which file it is, under whatever name.
+/// Device and inode of a file, which identify it under any name.
 type FileId = (u64, u64);
 
 impl OutputFile {
-    /// Two places, where they were named.
+    /// Two targets, if they were given.
     pub(crate) fn claim_both(
         paths: [Option<&Path>; 2],
         inputs: &[&Path],
@@ -43,12 +43,12 @@ impl OutputFile {
         Ok([one, other])
     }
 
-    /// The place, if one was named.
+    /// The target, if one was given.
     pub(crate) fn claim_if(path: Option<&Path>, inputs: &[&Path]) -> Result<Option<Self>, Failure> {
         path.map(|path| Self::claim(path, inputs)).transpose()
     }
 
-    /// Looks whether something may be written here.
+    /// Checks that a file may be written here.
     pub(crate) fn claim(path: &Path, inputs: &[&Path]) -> Result<Self, Failure> {
         let inputs = inputs.iter().filter_map(|input| stat(*input).ok()).map(|it| id(&it));
         let inputs: Vec<_> = inputs.collect();
@@ -60,7 +60,7 @@ impl OutputFile {
         Ok(Self { path: path.to_owned(), place, inputs })
     }
 
-    /// Writes it whole: readers see the old one or the new one.
+    /// Replaces the file at once: readers see the old one or the new one.
     pub(crate) fn write(self, content: &str) -> Result<(), Failure> {
         let Some(name) = self.place.file_name() else {
             return Err(failed(&self.path, io::ErrorKind::IsADirectory.into()));
@@ -77,7 +77,7 @@ impl OutputFile {
         let written = written.map_err(|error| failed(&self.path, error));
         let put = written.and_then(|()| self.put(&partial));
         if put.is_err() {
-            // The partial file is of no use to anybody.
+            // Nobody needs the partial file.
             let _ = fs::remove_file(&partial);
         }
         put
@@ -87,9 +87,9 @@ impl OutputFile {
         let replaced = if is_replaceable(&self.place, &self.inputs)? {
             fs::rename(partial, &self.place)
         } else {
-            // Never over a file that comes in between.
+            // Never overwrites a file that was made in the meantime.
             match renameat_with(CWD, partial, CWD, &self.place, RenameFlags::NOREPLACE) {
-                // The file system knows no such thing.
+                // The file system does not support it.
                 Err(rustix::io::Errno::INVAL | rustix::io::Errno::NOSYS) => {
                     fs::rename(partial, &self.place)
                 }
@@ -100,33 +100,31 @@ impl OutputFile {
     }
 }
 
-/// Whether there is a file here, and it may be replaced; `false` when there is none.
+/// Whether a file exists here and may be replaced; `false` when there is none.
 fn is_replaceable(path: &Path, inputs: &[FileId]) -> Result<bool, Failure> {
     if fs::symlink_metadata(path).is_err() {
         return Ok(false);
     }
     let there = stat(path).map_err(|_| refused(path, "a link that leads nowhere"))?;
-    // Where the command prints to may be a file as well.
+    // Standard output may be a file as well.
     let printed = [fstat(io::stdout()), fstat(io::stderr())];
     if printed.iter().flatten().any(|other| id(other) == id(&there)) {
-        return Err(refused(path, "where this command prints to"));
+        return Err(refused(path, "the standard output of this command"));
     }
     if inputs.contains(&id(&there)) {
         return Err(refused(path, "an input of this command"));
     }
     let begin = intake::file::open(path).map_err(|error| {
         let path = path.display();
-        Failure::usage(format_args!(
-            "{path}: {error}; nothing is written over it: name another file"
-        ))
+        Failure::usage(format_args!("{path}: {error}; it is not overwritten: choose another file"))
     })?;
     if !is_ours_or_empty(begin).map_err(|error| failed(path, error))? {
-        return Err(refused(path, "no picture or page of Kerf"));
+        return Err(refused(path, "not a picture or page of Kerf"));
     }
     Ok(true)
 }
 
-/// Where a file will be that is not there yet, under one name whichever way it was named.
+/// The path of a file that does not exist yet, the same for every spelling.
 fn place_of_new(path: &Path) -> PathBuf {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -134,14 +132,14 @@ fn place_of_new(path: &Path) -> PathBuf {
     };
     match (folder.canonicalize(), path.file_name()) {
         (Ok(folder), Some(name)) => folder.join(name),
-        // Writing fails there, and says why.
+        // Writing will fail there, and say why.
         _ => path.to_owned(),
     }
 }
 
 fn refused(path: &Path, why: &str) -> Failure {
     let path = path.display();
-    Failure::usage(format_args!("{path} is {why}; nothing is written over it: name another file"))
+    Failure::usage(format_args!("{path} is {why} and is not overwritten: choose another file"))
 }
 
 fn failed(path: &Path, error: io::Error) -> Failure {
@@ -152,7 +150,7 @@ fn id(file: &Stat) -> FileId {
     (file.st_dev, file.st_ino)
 }
 
-/// Whether a file is empty, or begins as our pictures and pages do, those of earlier versions too.
+/// Whether a file is empty, or begins like Kerf's pictures and pages, also of earlier versions.
 fn is_ours_or_empty(file: File) -> io::Result<bool> {
     let mut begin = Vec::new();
     file.take(BEGIN_BYTES).read_to_end(&mut begin)?;
@@ -171,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_comes_in_between_is_not_written_over() {
+    fn a_file_made_in_the_meantime_is_not_overwritten() {
         let folder = tempfile::tempdir().expect("a folder");
         let at = |name: &str| folder.path().join(name);
         fs::write(at("part.ngc"), "G1").expect("written");
@@ -180,7 +178,11 @@ mod tests {
             let file = OutputFile::claim(&at(name), &[]).expect("a place");
             fs::write(at(name), "the work of a day").expect("written");
             let refused = file.write("<svg>").expect_err("somebody else's");
-            assert!(refused.message.contains("no picture or page of Kerf"), "{}", refused.message);
+            assert!(
+                refused.message.contains("not a picture or page of Kerf"),
+                "{}",
+                refused.message
+            );
             assert_eq!(fs::read_to_string(at(name)).expect("kept"), "the work of a day");
         }
         let file = OutputFile::claim(&at("linked.svg"), &[&at("part.ngc")]).expect("a place");
@@ -191,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn one_place_is_not_claimed_twice_under_whichever_names() {
+    fn one_file_is_not_claimed_twice_under_any_names() {
         let folder = tempfile::tempdir().expect("a folder");
         let at = |name: &str| folder.path().join(name);
         fs::create_dir(at("sub")).expect("made");

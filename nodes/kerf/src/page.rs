@@ -1,8 +1,7 @@
-//! One page for people, of a plan or of a run: `kerf plan --html`, `kerf replay --html` and
-//! `kerf bag report`.
+//! The page of a plan or of a run: `kerf plan --html`, `kerf replay --html` and `kerf bag report`.
 //!
-//! What is shown is decided in Rust, how it looks and what the mouse does stands in
-//! `page/page.{html,css,js}`. The page is one file and loads nothing from anywhere.
+//! Rust decides what is shown; `page/page.{html,css,js}` define how it looks and reacts. The page
+//! is one file and loads nothing from elsewhere.
 
 mod layer;
 mod run;
@@ -21,15 +20,15 @@ const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 const JS: &str = include_str!("page/page.js");
 
-/// What one file shows.
+/// The content of one file.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Page {
-    /// One is shown at a time.
+    /// One sheet is shown at a time.
     pub(crate) sheets: Vec<Sheet>,
     pub(crate) runs: Vec<RunLog>,
 }
 
-/// A plan, and the run that it is of.
+/// A plan, and its run if there is one.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Sheet {
     pub(crate) title: String,
@@ -49,13 +48,13 @@ pub(crate) struct Sheet {
     pub(crate) layers: Vec<Layer>,
     pub(crate) uncut: Vec<Outline>,
     pub(crate) pins: Vec<Pin>,
-    /// Where, and what.
+    /// Place and text.
     pub(crate) differences: Vec<[String; 2]>,
-    /// Number of the run on the page.
+    /// Index of the run on the page.
     pub(crate) run: Option<usize>,
 }
 
-/// What is pinned to a place, or only listed when it has none.
+/// A marker at a place; only listed if it has no place.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Pin {
     pub(crate) kind: PinKind,
@@ -89,7 +88,7 @@ impl Sheet {
         }
     }
 
-    /// Pins findings.
+    /// Adds findings as pins.
     pub(crate) fn find(&mut self, findings: &[Finding], view: View) {
         self.pins.extend(findings.iter().map(|finding| Pin {
             kind: if finding.is_error() { PinKind::Error } else { PinKind::Warning },
@@ -103,13 +102,13 @@ impl Sheet {
         }));
     }
 
-    /// Fills what stays uncut.
+    /// Adds the areas that stay uncut.
     pub(crate) fn fill(&mut self, uncut: &[compensation_planner::UncutRegion], view: View) {
         self.uncut.extend(uncut.iter().map(|region| Outline::new(region, view)));
     }
 
-    /// Pins the first place at which two paths are not the same.
-    pub(crate) fn tell_apart(
+    /// Adds a pin at the first difference of two paths.
+    pub(crate) fn pin_difference(
         &mut self,
         recorded: &CompensatedPath,
         now: &CompensatedPath,
@@ -130,22 +129,22 @@ impl Page {
     /// The whole file.
     pub(crate) fn to_html(&self) -> String {
         let data = serde_json::to_string(self).expect("texts and numbers are always JSON");
-        // Nothing in a program can end the element that the data is in.
+        // No text of a program can close the element that holds the data.
         let data = data.replace('<', "\\u003c");
         let title = self.sheets.first().map_or("kerf", |sheet| sheet.title.as_str());
         let title = crate::picture::escape(title);
-        // In one pass over the template alone: whatever is put in stays as it is.
+        // One pass over the template: inserted text is not searched again.
         let mut html = String::with_capacity(HTML.len() + CSS.len() + JS.len() + data.len());
         let mut rest = HTML;
-        while let Some((before, behind)) = rest.split_once("{{") {
-            let (name, after) = behind.split_once("}}").expect("the page closes its places");
+        while let Some((before, rest_after)) = rest.split_once("{{") {
+            let (name, after) = rest_after.split_once("}}").expect("the page closes its places");
             html += before;
             html += match name {
                 "css" => CSS,
                 "title" => &title,
                 "js" => JS,
                 "data" => &data,
-                _ => panic!("the page has a place {name} that nothing is for"),
+                _ => panic!("the page has an unknown place {name}"),
             };
             rest = after;
         }
@@ -176,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_title_is_no_template() {
+    fn a_title_is_not_a_template() {
         let title = "{{data}} {{js}}.mcap";
         let sheet = Sheet { title: title.into(), ..Sheet::default() };
         let html = Page { sheets: vec![sheet], runs: Vec::new() }.to_html();
@@ -185,12 +184,12 @@ mod tests {
     }
 
     #[test]
-    fn nothing_in_a_program_gets_out_of_the_data() {
+    fn no_text_of_a_program_leaves_the_data_element() {
         let evil = "(</script><script>alert(1)</script>) {{js}} {{data}} $& <!--";
         let html = page(evil).to_html();
         assert_eq!(html.matches("<script").count(), 2);
-        let (_, behind) = html.split_once("id=\"data\">").expect("the data");
-        let (data, _) = behind.split_once("</script>").expect("its end");
+        let (_, data) = html.split_once("id=\"data\">").expect("the data");
+        let (data, _) = data.split_once("</script>").expect("its end");
         let data: serde_json::Value = serde_json::from_str(data).expect("JSON");
         assert_eq!(data["sheets"][0]["program"][0], evil);
     }

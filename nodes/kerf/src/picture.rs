@@ -1,8 +1,8 @@
 //! Draws a plan as an SVG picture.
 //!
-//! Millimetres as user units: the programmed contour in grey, the path in purple, leads
-//! dashed, rapids thin, findings pinned with their code and line. This file
-//! knows how things look; what they are was decided before.
+//! User units are millimetres. The programmed contour is grey, the path purple, leads are dashed,
+//! rapids thin, findings are pinned with code and line. This file knows how things look; other
+//! files decide what is shown.
 
 pub(crate) mod look;
 pub(crate) mod view;
@@ -17,7 +17,7 @@ use look::{CORNER, Look as ElementLook, PATH, PROGRAMMED, RAPID};
 use std::fmt::Write;
 use view::{Point, View};
 
-/// What is drawn.
+/// The content of a picture.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Picture<'a> {
     pub(crate) title: &'a str,
@@ -32,7 +32,7 @@ pub(crate) struct Picture<'a> {
     pub(crate) profile: &'a Profile,
 }
 
-/// Draws it; the result is a complete SVG document.
+/// Draws the picture; returns a complete SVG document.
 pub(crate) fn draw(picture: &Picture<'_>) -> String {
     let view = View::of(picture.contour, picture.profile);
     let programmed = programmed_strokes(picture.contour, view);
@@ -59,7 +59,7 @@ pub(crate) fn draw(picture: &Picture<'_>) -> String {
     svg
 }
 
-/// A run of drawing commands of one look.
+/// Drawing commands of one look.
 struct Stroke {
     class: &'static str,
     commands: String,
@@ -127,7 +127,7 @@ fn is_major(from: Point, to: Point, center: Point, clockwise: bool) -> bool {
     if clockwise { cross < 0.0 } else { cross > 0.0 }
 }
 
-/// Material that stays, filled.
+/// The areas that stay uncut, filled.
 fn uncut_strokes(uncut: &[UncutRegion], view: View) -> impl Iterator<Item = Stroke> {
     uncut.iter().map(move |region| {
         let mut stroke = Stroke::new("uncut", view.project(region.start));
@@ -170,7 +170,7 @@ fn compensated_strokes(start: Position, elements: &[PathElement], view: View) ->
     strokes.done
 }
 
-/// Strokes in the making; a new one is begun when the look changes.
+/// Builds strokes; starts a new one when the look changes.
 #[derive(Default)]
 struct Strokes {
     done: Vec<Stroke>,
@@ -200,7 +200,7 @@ impl Strokes {
 struct Frame {
     min: Point,
     size: Point,
-    /// Millimetres of a line of text.
+    /// Height of a line of text, millimetres.
     text: f64,
 }
 
@@ -356,7 +356,7 @@ impl Frame {
             at[1],
             0.3 * text,
             at[0] + 0.6 * text,
-            // Several findings often share a place: their labels must not.
+            // Several findings often share a place: their labels must not overlap.
             at[1] - (0.4 + 1.1 * (number % 4) as f64) * text,
             finding.code.name(),
             finding.source.line,
@@ -364,7 +364,6 @@ impl Frame {
     }
 }
 
-/// What the path is of, and on which side of the contour it runs (O04).
 /// An entry of the legend.
 struct Look {
     class: &'static str,
@@ -372,7 +371,7 @@ struct Look {
 }
 
 impl Look {
-    /// Its width, and the gap to the next, in lines of text.
+    /// Its width with the gap to the next entry, in heights of text.
     fn width(&self) -> f64 {
         4.5 + 0.55 * self.label.len() as f64
     }
@@ -417,7 +416,7 @@ fn round_step(least: f64) -> f64 {
         .unwrap_or(10.0 * power)
 }
 
-/// A text inside an element of XML. Characters that XML 1.0 has no way to write are replaced.
+/// A text inside an element of XML. Characters that XML 1.0 cannot express are replaced.
 pub(crate) fn escape(text: &str) -> String {
     let is_xml =
         |letter: char| matches!(letter, '\t' | '\n' | '\r' | ' '..='\u{fffd}' | '\u{10000}'..);

@@ -1,4 +1,4 @@
-//! `kerf plan`: a program in, a verdict and a path out. No ROS.
+//! `kerf plan`: reads a program; prints whether it is accepted, and its path. No ROS.
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::output_file::OutputFile;
@@ -35,26 +35,26 @@ pub(crate) struct PlanArgs {
     /// Tool table, YAML, millimetres
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
-    /// Where the tool is before the first block, millimetres
+    /// Position of the tool before the first block, millimetres
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = position, allow_hyphen_values = true)]
     start: [f64; 3],
-    /// What is done about a contour that the tool does not fit: alarm, trim or ignore;
-    /// as the profile says when left out
+    /// Reaction to a contour that the tool does not fit: alarm, trim or ignore [default: the
+    /// profile's]
     #[arg(long, value_name = "REACTION")]
     interference: Option<Reaction>,
-    /// Also say how `kerf run --start-line` begins at this line
+    /// Also show how `kerf run --start-line` would start at this line
     #[arg(long, value_name = "LINE", default_value_t = 0)]
     start_line: u32,
     /// Print one JSON object
     #[arg(long, conflicts_with = "quiet")]
     json: bool,
-    /// Draw the programmed contour and the path of the tool centre
+    /// Write a picture of the programmed contour and the path of the tool centre
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Show both on a page for a browser, with the program and the findings
+    /// Write a page for a browser: both, with the program and the findings
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Print nothing but errors
+    /// Print errors only
     #[arg(long)]
     quiet: bool,
     /// Has no effect: the path is always proved by a second algorithm
@@ -62,7 +62,7 @@ pub(crate) struct PlanArgs {
     audit: bool,
 }
 
-/// Loads and plans, prints, and says whether the program was accepted.
+/// Loads and plans, prints the result; fails if the program is refused.
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let inputs = files::inputs([Some(args.file.as_path()), args.tools.as_deref()], &args.control);
     let [svg, html] = OutputFile::claim_both([args.svg.as_deref(), args.html.as_deref()], &inputs)?;
@@ -73,7 +73,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let name = files::file_name(&args.file);
 
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
-    // Nobody reads certificates of a quiet plan, and they cost more than the plan.
+    // With --quiet nobody reads certificates, and they cost more than the plan.
     let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
     let mut planned = Planned::new(&text, &profile, &tools, &options, planning);
     planned.keep_disagreement(&name, &text);
@@ -116,15 +116,17 @@ pub(crate) fn position(text: &str) -> Result<[f64; 3], String> {
         .collect::<Option<_>>()
         .ok_or_else(|| format!("{text:?} is not three numbers X,Y,Z"))?;
     if let Some(far) = numbers.iter().find(|number| number.abs() > COORDINATE_MM_MAX) {
-        return Err(format!("{far:e} mm is too far away; at most {COORDINATE_MM_MAX} mm is taken"));
+        return Err(format!(
+            "{far:e} mm is too far away; at most {COORDINATE_MM_MAX} mm is accepted"
+        ));
     }
     numbers.try_into().map_err(|_| format!("{text:?} is not three numbers X,Y,Z"))
 }
 
-/// Keeps a program on which the planner and its audit disagree, and says where.
+/// Keeps a program on which planner and audit disagree, and prints its path.
 pub(crate) fn keep_for_report(name: &str, text: &[u8], found: &Disagreement) {
     match disagreement::keep(Path::new(disagreement::FOLDER), name, text, found) {
-        Ok(path) => eprintln!("kerf: the program is kept for a report: {}", path.display()),
+        Ok(path) => eprintln!("kerf: the program was kept for a bug report: {}", path.display()),
         Err(error) => eprintln!(
             "kerf: cannot keep the program in {}/{}: {error}",
             disagreement::FOLDER,
@@ -133,17 +135,17 @@ pub(crate) fn keep_for_report(name: &str, text: &[u8], found: &Disagreement) {
     }
 }
 
-/// A program after both cores.
+/// A program after loader and planner.
 #[derive(Debug)]
 pub(crate) struct Planned {
     pub(crate) loaded: Loaded,
     verdict: Verdict,
-    /// Of the loader, then of the planner and its audit.
+    /// Findings of the loader, then of the planner and its audit.
     pub(crate) findings: Vec<Finding>,
 }
 
 impl Planned {
-    /// Loads and, when nothing was refused, plans and audits.
+    /// Loads the program; plans and audits it unless it was refused.
     pub(crate) fn new(
         text: &[u8],
         profile: &Profile,
@@ -161,7 +163,7 @@ impl Planned {
         Self { loaded, verdict, findings }
     }
 
-    /// Keeps a program on which the planner and its audit disagree, and says where.
+    /// Keeps the program if planner and audit disagree, and prints its path.
     pub(crate) fn keep_disagreement(&self, name: &str, text: &[u8]) {
         if let Some(found) = &self.verdict.disagreement {
             keep_for_report(name, text, found);
@@ -181,7 +183,7 @@ impl Planned {
         self.loaded.contour.start
     }
 
-    /// How a run begins at a line; where it does not, that is a finding more.
+    /// How a run starts at a line; if it cannot, adds a finding.
     fn start_at(&mut self, line: u32, profile: &Profile) -> Option<Start> {
         if line <= 1 || !self.accepted() {
             return None;
@@ -211,7 +213,7 @@ impl Planned {
         }
     }
 
-    /// The picture, of what was refused too.
+    /// The picture; also of a refused program.
     pub(crate) fn svg(&self, title: &str, profile: &Profile) -> String {
         let elements =
             if self.accepted() { &self.path().elements } else { &self.verdict.plan.refused };
@@ -227,7 +229,7 @@ impl Planned {
         })
     }
 
-    /// The page, of what was refused too.
+    /// The page; also of a refused program.
     fn page(&self, name: &str, text: &[u8], profile: &Profile) -> Page {
         let view = View::of(&self.loaded.contour, profile);
         let mut sheet = Sheet::new(name.to_owned(), view, text);
@@ -247,7 +249,7 @@ impl Planned {
         Page { sheets: vec![sheet], runs: Vec::new() }
     }
 
-    /// What people read: the verdict and the size of it.
+    /// The summary for people: result and sizes.
     fn summary(&self, name: &str, control: &str) -> String {
         let count = |error| self.findings.iter().filter(|d| d.is_error() == error).count();
         let (errors, warnings) = (count(true), count(false));
@@ -267,7 +269,7 @@ impl Planned {
                 plural(path.events.len(), "event")
             );
         }
-        // Accepted although something does not fit: left out, or ignored.
+        // The program is accepted, but some areas are trimmed or gouges ignored.
         let fits = !self.findings.iter().any(|finding| {
             finding.is_error() || matches!(finding.code, Code::Unreachable | Code::Gouge)
         });
@@ -318,10 +320,10 @@ fn certificate_text(certificate: &Certificate, fits: bool) -> String {
     if more > 0 {
         limits.push(format!("{more} more"));
     }
-    // Cut off, not rounded: the radius that is printed fits.
+    // Truncated, not rounded: the printed radius fits.
     let cut = |radius_mm: f64| (radius_mm * 1e3).floor() / 1e3;
     let good = if fits && certificate.valid_to_mm < certificate.radius_mm {
-        // Exact to the last digit of posted coordinates the tool loses some short elements.
+        // Compared exactly with the posted coordinates, the tool loses some short elements.
         format!(
             "good within the accepted tolerance; to the last digit only up to {:.3} mm ({})",
             cut(certificate.valid_to_mm),
@@ -346,7 +348,7 @@ fn certificate_text(certificate: &Certificate, fits: bool) -> String {
     )
 }
 
-/// The total and the largest places that stay uncut.
+/// The total area, and the largest areas that stay uncut.
 fn uncut_text(uncut: &[UncutRegion]) -> String {
     const SHOWN: usize = 5;
     let mut largest: Vec<&UncutRegion> = uncut.iter().collect();

@@ -1,7 +1,6 @@
 //! The JSON object that `kerf plan --json` prints, for scripts and tests.
 //!
-//! Millimetres and degrees. The names here are a contract; the types behind
-//! them are free to change.
+//! Millimetres and degrees. The keys are a contract; the Rust types may change.
 
 use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::finding::{Finding, Severity};
@@ -11,14 +10,14 @@ use compensation_planner::{Certificate, CertificateLimit, OutlinePiece, Start, U
 use path_audit::Audit;
 use serde_json::{Map, Value, json};
 
-/// What is printed.
+/// The content of the object.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PlanReport<'a> {
     pub(crate) control: &'a str,
     pub(crate) accepted: bool,
     /// Start of the first element.
     pub(crate) start: Position,
-    /// How a run begins at the line that was asked for.
+    /// How a run starts at the requested line.
     pub(crate) run_start: Option<&'a Start>,
     pub(crate) elements: &'a [PathElement],
     pub(crate) events: &'a [PathEvent],
@@ -89,7 +88,7 @@ fn shape(start: Position, shape: &Shape, end: Position) -> Map<String, Value> {
     object
 }
 
-/// What stays uncut, with its outline.
+/// An area that stays uncut, with its outline.
 fn uncut(region: &UncutRegion) -> Value {
     let ends = region.outline.iter().map(|piece| piece.end);
     let starts = std::iter::once(region.start).chain(ends);
@@ -122,7 +121,7 @@ fn event(event: &PathEvent) -> Value {
     Value::Object(object)
 }
 
-/// One finding, as it stands in the list.
+/// One finding of the list.
 pub(crate) fn finding(finding: &Finding) -> Value {
     json!({
         "severity": match finding.severity {
@@ -146,7 +145,7 @@ pub(crate) fn finding(finding: &Finding) -> Value {
     })
 }
 
-/// What the audit found beyond the planner's own findings; they are in the list too.
+/// The findings of the audit beyond the planner's own; they are in the list, too.
 fn audit(audit: &Audit) -> Value {
     json!({
         "accepted": !audit.refuses(),

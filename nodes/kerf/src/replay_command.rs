@@ -1,4 +1,4 @@
-//! `kerf replay`: today's cores on yesterday's inputs. The work is in the crate `replay`.
+//! `kerf replay`: runs today's cores on recorded inputs. The crate `replay` does the work.
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::output_file::OutputFile;
@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use replay::compare::Comparison;
 use replay::recording::Recording;
 use replay::update::update;
-use replay::{Level, Options, ReplayError, Verdict, output, replay, tolerances};
+use replay::{Level, Options, ReplayError, ReplayResult, output, replay, tolerances};
 use run_recorder::files;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -23,16 +23,16 @@ pub(crate) struct ReplayArgs {
     /// Bag directories or .mcap files
     #[arg(required_unless_present = "tolerances")]
     bags: Vec<PathBuf>,
-    /// Only this core, or the whole stack; all cores when left out
+    /// Replay only this core, or the whole stack [default: all cores]
     #[arg(long, value_enum)]
     level: Option<LevelArgument>,
-    /// Give each core what the one before it makes now, instead of what was recorded
+    /// Give each core what the core before it makes now, instead of its recorded input
     #[arg(long)]
     chain: bool,
     /// Write what the cores make now as a bag, NAME.mcap, into this directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Show what was and what is now on one page for a browser
+    /// Write a page for a browser with recorded and new results
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
     /// Print every difference, not only the first twenty of each core
@@ -41,17 +41,17 @@ pub(crate) struct ReplayArgs {
     /// Print one JSON object with every difference instead of the report
     #[arg(long, conflicts_with = "all")]
     json: bool,
-    /// Show what is different, then write what the cores make now into the bag; its inputs
-    /// stay as they are
+    /// Show the differences, then write what the cores make now into the bag; its inputs do not
+    /// change
     #[arg(long, conflicts_with_all = ["level", "json"])]
     update: bool,
-    /// Print what counts as the same, field by field, and why
+    /// Print which fields count as the same within which tolerance, and why
     #[arg(long, exclusive = true)]
     tolerances: bool,
 }
 
 impl ReplayArgs {
-    /// The levels that are replayed: in a chain, those before the one that is asked for too.
+    /// The replayed levels; in a chain also those before the requested one.
     fn levels(&self) -> Vec<Level> {
         let wanted = self.level.map(Level::from);
         let last = Level::ALL.iter().position(|level| Some(*level) == wanted);
@@ -95,9 +95,9 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
     }
     let levels = args.levels();
     if args.chain && levels == [Level::Stack] {
-        return Err(Failure::usage("--chain is for cores; the stack is a chain already"));
+        return Err(Failure::usage("--chain is for cores only; the stack is always a chain"));
     }
-    // The stack makes folders, and each of its bags has a name that is new.
+    // The stack makes new folders for its bags.
     let out = args.out.as_deref().filter(|_| levels != [Level::Stack]);
     if let Some(directory) = out {
         output::must_be_free(directory, &args.bags).map_err(Failure::usage)?;
@@ -114,8 +114,8 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
             let bag = path.display().to_string();
             report.reports.push(json!({ "bag": bag, "error": failure.message }));
         }
-        // One broken bag does not hide the others; where the stack failed, or was
-        // interrupted, no other is begun.
+        // One broken bag does not hide the others. When the stack failed or was interrupted,
+        // no further bag is started.
         if failure.status != Status::Usage {
             failed = Some(failure.status);
             break;
@@ -136,18 +136,18 @@ pub(crate) fn run(args: &ReplayArgs) -> Outcome {
     }
 }
 
-/// What came of the bags so far.
+/// The results of the bags so far.
 #[derive(Default)]
 struct Report {
-    /// One is DIFFERENT, and stays so.
+    /// Whether any bag differs.
     differs: bool,
     page: Page,
-    /// With `--json`, an object for each bag.
+    /// With `--json`, one object for each bag.
     reports: Vec<Value>,
 }
 
 impl Report {
-    /// Replays one bag: first the report, then what is written of it.
+    /// Replays one bag: prints the report, then writes outputs.
     fn replay(
         &mut self,
         args: &ReplayArgs,
@@ -186,14 +186,14 @@ impl Report {
     }
 }
 
-/// One page of a bag, as it was recorded: `kerf bag report`.
+/// The page of a bag as it was recorded: `kerf bag report`.
 pub(crate) fn report_page(path: &Path) -> Result<Page, ReplayError> {
     let mut bag = files::open_bag(path)?;
     let recording = Recording::read(&mut bag)?;
     let mut problems: Vec<String> = bag.problems().iter().map(ToString::to_string).collect();
     problems.extend(recording.missing.iter().map(ToString::to_string));
     if recording.plans.is_empty() {
-        problems.push("no plan is in the bag".to_owned());
+        problems.push("the bag holds no plan".to_owned());
     }
     let mut page = Page::default();
     of_recording(&mut page, &path.display().to_string(), &recording, &[], |sheet| {
@@ -217,8 +217,8 @@ pub(crate) fn failure(error: &ReplayError, bag: &Path) -> Failure {
     }
 }
 
-/// Puts the plans of the bag on a page, with what they are now and what is different.
-fn show(verdict: &Verdict, page: &mut Page, bag: &str) -> Result<(), ReplayError> {
+/// Adds the recorded plans to the page, with today's plans and the differences.
+fn show(verdict: &ReplayResult, page: &mut Page, bag: &str) -> Result<(), ReplayError> {
     let (summary, differences) = (verdict.summary(), verdict.differences(SHOWN_ON_PAGE_MAX));
     of_recording(page, bag, verdict.recording(), &verdict.plans, |sheet| {
         sheet.good = verdict.is_reproduced();

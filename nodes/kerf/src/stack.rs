@@ -1,10 +1,10 @@
-//! The nodes as child processes: started, watched, stopped in order.
+//! Runs the nodes as child processes: starts, supervises and stops them in order.
 //!
-//! Each child is this same binary as `kerf node NAME`. A child that ends or falls silent is
-//! started again by [`Stack::supervise`], with growing pauses and without an end; it never takes
-//! the others with it. One that was asked to stop, by its lifecycle or by a signal, stays away.
-//! Children leave by themselves when this process dies: their standard input
-//! is a pipe that nobody else holds.
+//! Each child is this same binary as `kerf node NAME`. [`Stack::supervise`] restarts a child that
+//! ends or stops responding, with growing pauses and without a limit; the other children keep
+//! running. A child that was shut down, by its lifecycle or by a signal, is not restarted. Children
+//! exit by themselves when this process dies: their standard input is a pipe that only this process
+//! holds.
 
 use runtime::supervision::{Change, Limits, Watched, wake_with_parent};
 use rustix::process::{Pid, Signal, kill_process};
@@ -17,20 +17,20 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
-/// How long a child may take to leave before it is killed: longer than the driver needs to bring
-/// the machine to a stop, whatever its ROS face does.
+/// How long a child may take to exit before it is killed: longer than the driver needs to stop the
+/// machine in any state of its ROS face.
 const STOP_TIME_MAX: Duration = Duration::from_secs(40);
-/// How often the children are looked at.
+/// How often the children are checked.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// The virtual controller is a board, not a node: it reports to nobody.
+/// The virtual controller is a board, not a node: it sends no heartbeat.
 const SILENT_NODE: &str = "virtual_controller";
 
-/// A child process that is watched.
+/// A supervised child process.
 #[derive(Debug)]
 struct Node {
     name: &'static str,
     watched: Watched,
-    /// It served once: what it was started with is right.
+    /// Whether it has served once: then its arguments are valid.
     was_ready: bool,
 }
 
@@ -42,7 +42,7 @@ pub(crate) struct Stack {
     isolation: Option<Isolation>,
 }
 
-/// What children have of their own that are to have nothing to do with anybody else.
+/// Environment and log of children that are isolated from other nodes.
 #[derive(Debug)]
 struct Isolation {
     variables: BTreeMap<String, String>,
@@ -55,12 +55,12 @@ impl Stack {
         Ok(Self { binary: std::env::current_exe()?, nodes: Vec::new(), isolation: None })
     }
 
-    /// The same, for children that know these variables alone, and speak into a file.
+    /// An empty stack for children that get only these variables, and write to a log file.
     pub(crate) fn isolated(variables: BTreeMap<String, String>, log: File) -> io::Result<Self> {
         Ok(Self { isolation: Some(Isolation { variables, log }), ..Self::new()? })
     }
 
-    /// Starts `kerf node NAME ARGS...`. What is started first is stopped first.
+    /// Starts `kerf node NAME ARGS...`. The first one started is the first one stopped.
     pub(crate) fn start(&mut self, name: &'static str, args: &[String]) -> io::Result<()> {
         let (binary, args) = (self.binary.clone(), args.to_vec());
         let isolation = match &self.isolation {
@@ -76,10 +76,10 @@ impl Stack {
                 .args(["node", "--leave-with-parent", name])
                 .args(&args)
                 .stdin(Stdio::piped())
-                // Nodes speak on standard error; standard output is this command's own.
+                // Nodes log to standard error; standard output belongs to this command.
                 .stdout(Stdio::null())
-                // Ctrl-C in a terminal goes to a whole group: here it is for this
-                // command, which stops the nodes in their order.
+                // Ctrl-C in a terminal goes to the whole process group. Only this command shall get
+                // it; it stops the nodes in their order.
                 .process_group(0);
             Ok(command)
         };
@@ -96,10 +96,10 @@ impl Stack {
         })
     }
 
-    /// Starts children again as they end or fall silent.
+    /// Restarts children that end or stop responding.
     ///
-    /// Ends, with the reason, when a child refuses its own arguments before it ever served: it
-    /// would do so again. Ends without one when every child was asked to stop.
+    /// Returns the reason when a child rejects its own arguments before it ever served: a restart
+    /// would fail again. Returns `None` when every child was shut down.
     pub(crate) async fn supervise(&mut self) -> Option<String> {
         while !self.nodes.is_empty() {
             sleep(LOOK_EVERY).await;
@@ -112,8 +112,8 @@ impl Stack {
                         return Some(text);
                     }
                     if status.success() {
-                        // It was told to stop, and not by a failure.
-                        eprintln!("kerf: {name} was shut down and stays away");
+                        // It was shut down, and did not fail.
+                        eprintln!("kerf: {name} was shut down and is not restarted");
                         left = Some(index);
                         break;
                     }
@@ -130,30 +130,30 @@ impl Stack {
         None
     }
 
-    /// Asks every child to leave, one after the other, and kills what does not.
+    /// Asks every child to exit, one after the other; kills those that do not.
     ///
-    /// Returns the children that had to be killed or left with an error.
+    /// Returns the children that were killed or exited with an error.
     pub(crate) async fn stop(&mut self) -> Vec<String> {
         let mut troubles = Vec::new();
         for Node { name, watched, .. } in &mut self.nodes {
-            // It may be about to be started again; then it is not.
+            // It may be waiting for its restart, which is cancelled now.
             let Some(child) = watched.child() else { continue };
             let pid = Pid::from_child(child);
-            // It may have left by itself in this very moment. One that is stopped hears nothing
-            // before it goes on.
+            // It may have exited by itself at this moment. A stopped process (SIGSTOP) gets no
+            // signal until it continues.
             let _ = kill_process(pid, Signal::TERM);
             let _ = kill_process(pid, Signal::CONT);
             let end = Instant::now() + STOP_TIME_MAX;
             let trouble = loop {
                 match child.try_wait() {
                     Ok(Some(status)) if status.success() => break None,
-                    Ok(Some(status)) => break Some(format!("{name} left with {status}")),
+                    Ok(Some(status)) => break Some(format!("{name} exited with {status}")),
                     Err(error) => break Some(format!("{name}: {error}")),
                     Ok(None) if Instant::now() < end => sleep(LOOK_EVERY).await,
                     Ok(None) => {
                         let _ = child.kill();
                         break Some(format!(
-                            "{name} did not leave within {} s and was killed",
+                            "{name} did not exit within {} s and was killed",
                             STOP_TIME_MAX.as_secs()
                         ));
                     }
@@ -166,7 +166,7 @@ impl Stack {
     }
 }
 
-/// What is put up with from a child.
+/// The limits of supervision for a child.
 fn limits(name: &str) -> Limits {
     match name {
         SILENT_NODE => {
@@ -184,22 +184,22 @@ pub(crate) async fn wait_for_file(path: &std::path::Path) -> Result<(), crate::e
         }
         sleep(Duration::from_millis(50)).await;
     }
-    Err(crate::exit::Failure::usage(format_args!("{} was not made within 5 s", path.display())))
+    Err(crate::exit::Failure::usage(format_args!("{} did not appear within 5 s", path.display())))
 }
 
 /// Removes the link of a controller that was killed before it could.
 pub(crate) fn remove_dead_link(path: &std::path::Path) {
     if path.is_symlink() {
-        // Nobody is left who would miss it.
+        // A failure here has no effect on anybody.
         let _ = std::fs::remove_file(path);
     }
 }
 
-/// Lets this process leave, as on SIGTERM, when the one that started it dies.
+/// Makes this process exit, as on SIGTERM, when its parent dies.
 ///
-/// Reads standard input, which the parent holds open, on a thread of its own.
+/// Reads standard input, which the parent holds open, on its own thread.
 pub(crate) fn leave_with_parent() -> io::Result<()> {
-    // One that is stopped when its parent dies goes on, and finds the pipe closed.
+    // A process that is stopped (SIGSTOP) when its parent dies finds the pipe closed later.
     wake_with_parent()?;
     std::thread::Builder::new().name("parent-watch".into()).spawn(|| {
         let mut sink = io::sink();

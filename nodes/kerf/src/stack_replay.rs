@@ -1,22 +1,22 @@
 //! The level `stack`: all nodes over DDS with the virtual controller, driven by a recording.
 //!
-//! Loads the recorded text, gives the recorded commands where the stack is where it was, has
-//! its own recorder write a bag, and compares that bag with the recorded one. Where the other
-//! levels feed a core, here processes meet: it takes seconds, and only what does not depend
-//! on their pace is compared (`stack_replay/same.rs` has the table).
+//! Loads the recorded text, gives each recorded command when the stack is at the same place again,
+//! lets its own recorder write a bag, and compares that bag with the recorded one. The other levels
+//! feed one core; here processes communicate. It takes seconds, and only what does not depend on
+//! their timing is compared (`stack_replay/same.rs` has the table).
 //!
-//! - `run`: what a bag tells of its run
+//! - `run`: the run in a bag
 //! - `script`: the commands of a run as cues, and what cannot be played
 //! - `place`: where a command is due
 //! - `track`: how far along its path a machine is
-//! - `gate`: the virtual controller, whose time stands still there
-//! - `machine`: the virtual controller as the recorded one was
-//! - `nodes`: what the nodes are started with, and why they meet no machine
+//! - `gate`: the virtual controller, whose time stops there
+//! - `machine`: the virtual controller, built as the recorded one
+//! - `nodes`: the arguments of the nodes, and why they cannot reach a real machine
 //! - `conductor`, `player`: play it
 //! - `same`: what has to be the same
 //!
-//! This file is the frame: a folder, a domain, a port, processes, and that nothing of them
-//! is left, whatever happens.
+//! This file is the frame: it makes a folder, a domain, a port and processes, and removes all of
+//! them in any case.
 
 mod conductor;
 mod gate;
@@ -41,7 +41,7 @@ use replay::output::name_of;
 use replay::recording::Recording;
 use run::Run;
 use run_recorder::files::open_bag;
-use same::Told;
+use same::RecordedRun;
 use script::Script;
 use std::fs::File;
 use std::os::unix::fs::DirBuilderExt;
@@ -55,16 +55,16 @@ use virtual_controller::{LineTiming, ServeError, StopHandle, serve_device, stop_
 
 /// How much faster than a real machine the axes move; bytes take no time.
 const TIME_FACTOR: f64 = 20.0;
-/// How often the controller looks whether the gate was opened.
+/// How often the controller checks whether the gate was opened.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 /// How long making a pseudo-terminal may take.
 const PORT_WITHIN: Duration = Duration::from_secs(30);
-/// What the nodes said, in the folder of the replay.
+/// The log of the nodes, in the folder of the replay.
 const LOG: &str = "nodes.log";
-/// Lines of that which are told when the replay failed.
-const COMPLAINTS_MAX: usize = 6;
+/// Lines of the log that are shown when the replay failed.
+const LOG_LINES_SHOWN_MAX: usize = 6;
 
-/// Runs the stack as recorded and compares; its bag stays in `out`, if there is one.
+/// Runs the stack as recorded and compares; its bag goes to `out`, if given.
 pub(crate) fn replay(
     recording: &Recording,
     bag: &Path,
@@ -123,7 +123,7 @@ pub(crate) fn replay(
     let gate = Gate::default();
     let controller = GatedController::new(likeness.controller, gate.clone());
     let played = on_stage(&folder, &bags, &gate, controller, &play)
-        .map_err(|failure| folder.complain(failure))?;
+        .map_err(|failure| folder.with_log(failure))?;
 
     comparison.count("commands", cues.len() + 1);
     match played {
@@ -138,8 +138,8 @@ pub(crate) fn replay(
             let mut bag = open_bag(&bag)?;
             let again = Recording::read(&mut bag)?;
             let now = Run::of(&again)?;
-            let was = Told { recording, run: &run };
-            same::compare(was, Told { recording: &again, run: &now }, comparison);
+            let was = RecordedRun { recording, run: &run };
+            same::compare(was, RecordedRun { recording: &again, run: &now }, comparison);
             same::missed(&missed, comparison);
         }
     }
@@ -150,7 +150,7 @@ fn failed(error: impl std::fmt::Display) -> ReplayError {
     ReplayError::Stack { status: Status::Usage as u8, message: error.to_string() }
 }
 
-/// Starts controller and nodes where nobody else is, plays, and stops everything.
+/// Starts controller and nodes in an unused domain, plays, and stops everything.
 fn on_stage<'a>(
     folder: &Folder,
     bags: &Path,
@@ -203,7 +203,7 @@ fn on_stage<'a>(
     })
 }
 
-/// Threads, and who asks to stop. Of the process: a Ctrl-C between two bags counts for the next.
+/// Threads and the stop signal. A Ctrl-C between two bags counts for the next one.
 struct Frame {
     executor: tokio::runtime::Runtime,
     interrupt: Signal,
@@ -226,13 +226,13 @@ impl Frame {
     }
 }
 
-/// A domain of this computer in which nobody is.
+/// An unused ROS domain of this computer.
 fn domain() -> Result<u16, Failure> {
     let tables = ["/proc/net/udp", "/proc/net/udp6"].map(std::fs::read_to_string);
-    // Without IPv6 there is no such table; without the other nothing is known.
+    // Without IPv6 the second table is missing; without the first nothing is known.
     let [udp, udp6] = tables;
     let udp = udp.map_err(|error| {
-        Failure::usage(format_args!("cannot see who is on this computer: /proc/net/udp: {error}"))
+        Failure::usage(format_args!("cannot find the used ROS domains: /proc/net/udp: {error}"))
     })?;
     let first = u16::try_from(std::process::id() % 1000).unwrap_or(0);
     nodes::free_domain(first, &[udp, udp6.unwrap_or_default()]).ok_or_else(|| {
@@ -241,13 +241,13 @@ fn domain() -> Result<u16, Failure> {
             Status::NodeRefused,
             format!(
                 "there are other nodes in each of the ROS domains {from} to {to} of this \
-                 computer; a stack is replayed only where nobody is: stop some"
+                 computer; a stack is replayed only in an unused domain: stop some of them"
             ),
         )
     })
 }
 
-/// The virtual controller on a thread of its own.
+/// The virtual controller on its own thread.
 struct VirtualPort {
     stop: StopHandle,
     thread: JoinHandle<Result<(), ServeError>>,
@@ -262,11 +262,11 @@ impl VirtualPort {
         let thread = std::thread::Builder::new()
             .name("virtual-controller".into())
             .spawn(move || {
-                // Nobody to tell is no reason to stop.
-                let tell = move || {
+                // The receiver may be gone; that is no reason to stop.
+                let report_port = move || {
                     let _ = ready.send(());
                 };
-                serve_device(controller, timing, &link, LOOK_EVERY, &stopped, tell)
+                serve_device(controller, timing, &link, LOOK_EVERY, &stopped, report_port)
             })
             .map_err(Failure::usage)?;
         let port = Self { stop, thread };
@@ -276,7 +276,7 @@ impl VirtualPort {
         }
     }
 
-    /// Ends it; says what was wrong with it.
+    /// Ends it; returns its error, if any.
     fn close(self) -> Option<String> {
         self.stop.stop();
         match self.thread.join() {
@@ -287,7 +287,7 @@ impl VirtualPort {
     }
 }
 
-/// A folder for one replay, for this user alone, that goes away with this value.
+/// A folder for one replay, for this user alone; removed when this value is dropped.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -298,7 +298,7 @@ impl Folder {
             let path = temporary.join(format!("kerf-replay-{}-{number}", std::process::id()));
             match std::fs::DirBuilder::new().mode(0o700).create(&path) {
                 Ok(()) => return Ok(Self(path)),
-                // One that was left over by a process that was killed.
+                // The folder may be left over from a killed process.
                 Err(error)
                     if error.kind() == std::io::ErrorKind::AlreadyExists && number < 1000 =>
                 {
@@ -317,11 +317,11 @@ impl Folder {
         }
     }
 
-    /// Adds what the nodes complained about.
-    fn complain(&self, failure: Failure) -> ReplayError {
+    /// Adds the last warnings and errors of the nodes to a failure.
+    fn with_log(&self, failure: Failure) -> ReplayError {
         let Failure { status, mut message } = failure;
         let log = std::fs::read_to_string(self.0.join(LOG)).unwrap_or_default();
-        for line in complaints(&log) {
+        for line in warnings(&log) {
             message += &format!("\n  {line}");
         }
         ReplayError::Stack { status: status as u8, message }
@@ -330,14 +330,14 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // Nobody is left who would miss it.
+        // A failure here has no effect on anybody.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
 /// The last warnings and errors of a log.
-fn complaints(log: &str) -> Vec<&str> {
+fn warnings(log: &str) -> Vec<&str> {
     let is_one = |line: &&str| ["[WARN]", "[ERROR]", "panicked"].iter().any(|it| line.contains(it));
     let all: Vec<&str> = log.lines().filter(is_one).collect();
-    all[all.len().saturating_sub(COMPLAINTS_MAX)..].to_vec()
+    all[all.len().saturating_sub(LOG_LINES_SHOWN_MAX)..].to_vec()
 }

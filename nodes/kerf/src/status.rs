@@ -1,4 +1,4 @@
-//! `kerf status`: what the machine does, as the driver says it.
+//! `kerf status`: the state of the machine, as the driver reports it.
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::local::over_ros_or_locally;
@@ -13,9 +13,9 @@ use runtime::{Handle, Qos, Subscription};
 use std::time::Duration;
 use tokio::time::timeout;
 
-/// How long a latched message of a node that runs may take to arrive.
+/// How long a latched message of a running node may take to arrive.
 const LATCHED_WITHIN: Duration = Duration::from_secs(5);
-/// The driver says its state several times within this.
+/// The driver publishes its state several times within this time.
 const STATE_SETTLES: Duration = Duration::from_millis(500);
 
 /// `kerf status`
@@ -28,13 +28,13 @@ pub(crate) fn run(ros_args: &[String]) -> Outcome {
             Failure::new(
                 Status::NoAnswer,
                 format!(
-                    "no such node answered within {} s: nobody publishes {}",
+                    "no such node answered within {} s: no node publishes {}",
                     LATCHED_WITHIN.as_secs(),
                     states.topic()
                 ),
             )
         })?;
-        // What comes first may have been said long ago.
+        // The first message may be an old latched one.
         let stamp = |state: &MachineState| (state.header.stamp.sec, state.header.stamp.nanosec);
         let end = tokio::time::Instant::now() + STATE_SETTLES;
         while let Ok((newer, _)) = tokio::time::timeout_at(end, states.next()).await {
@@ -43,7 +43,7 @@ pub(crate) fn run(ros_args: &[String]) -> Outcome {
             }
         }
         print!("{}", describe(&state));
-        // Late joiners get the last one; there is none before the first run.
+        // Late joiners get the last result; before the first run there is none.
         let mut ended = None;
         while let Ok((result, _)) = timeout(Duration::ZERO, results.next()).await {
             ended = Some(result);
@@ -59,7 +59,7 @@ pub(crate) fn run(ros_args: &[String]) -> Outcome {
     })
 }
 
-/// The state for people: millimetres, and nothing that is not known.
+/// The state for people: millimetres, without unknown values.
 fn describe(state: &MachineState) -> String {
     let mode = mode_from_wire(state.state).name();
     let reason = intake::text::one_line(&state.reason);
@@ -121,7 +121,7 @@ fn describe(state: &MachineState) -> String {
     }
     let report = match state.link_age {
         age if age.is_finite() => format!("last report {age:.1} s ago"),
-        _ => "no report was heard".to_owned(),
+        _ => "no report was received".to_owned(),
     };
     let watch = match link_watch_from_wire(state.link_watch) {
         LinkWatch::Unknown => String::new(),

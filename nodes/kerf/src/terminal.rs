@@ -1,9 +1,8 @@
-//! Printing to a terminal, or to whoever may have left: `kerf plan part.ngc | head` is no
-//! failure.
+//! Prints to a terminal or a pipe: in `kerf plan part.ngc | head` the reader may exit early, which
+//! is not a failure.
 //!
-//! These stand in for the macros of the standard library, which panic when
-//! the other end of a pipe is closed. Names and messages of others are printed here, so
-//! nothing that steers a terminal gets through.
+//! These macros replace those of the standard library, which panic when the other end of a pipe is
+//! closed. Names and messages from outside are printed here, so control characters are escaped.
 
 use std::io::Write;
 
@@ -23,13 +22,13 @@ macro_rules! eprintln {
     ($($part:tt)*) => { eprint!("{}\n", format_args!($($part)*)) };
 }
 
-/// Shows a text of several lines.
+/// Prints a text of several lines.
 pub(crate) fn show(mut to: impl Write, text: &str) {
-    // The other end may have left.
+    // The reader may have exited.
     let _ = to.write_all(intake::text::lines(text).as_bytes());
 }
 
-/// Shows findings on standard error; the renderer has made them safe and may color them.
+/// Prints findings on standard error; the renderer has escaped them and may color them.
 pub(crate) fn show_findings(drawn: &str) {
     let _ = std::io::stderr().write_all(drawn.as_bytes());
 }

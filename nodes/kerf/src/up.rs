@@ -1,4 +1,4 @@
-//! `kerf up`: every node, supervised, until Ctrl-C.
+//! `kerf up`: runs every node, supervised, until Ctrl-C.
 
 use crate::exit::{Failure, Outcome, Status};
 use crate::node::parameters_of;
@@ -9,7 +9,7 @@ use runtime::stack_parameters::StackParameters;
 use std::path::PathBuf;
 use tokio::signal::unix::{SignalKind, signal};
 
-/// In this order they are stopped: the machine first, its recorder last.
+/// The order in which the nodes are stopped: the machine first, its recorder last.
 pub(crate) const STOP_ORDER: [&str; 4] =
     ["axis_driver", "compensation_planner", "program_loader", "run_recorder"];
 
@@ -19,27 +19,27 @@ pub(crate) struct UpArgs {
     /// ROS 2 parameter file for all nodes
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Start a virtual controller too, and connect the driver to it
+    /// Also start a virtual controller, and connect the driver to it
     #[arg(long)]
     virtual_controller: bool,
-    /// How many times faster than real time the virtual controller lives [default: 1]
+    /// Run the virtual controller this many times faster than real time [default: 1]
     #[arg(long, value_name = "N", value_parser = time_factor, requires = "virtual_controller")]
     time_factor: Option<f64>,
-    /// What the virtual controller speaks as: grbl, grblhal or fluidnc
+    /// Firmware of the virtual controller: grbl, grblhal or fluidnc
     #[arg(long, value_name = "NAME", requires = "virtual_controller")]
     firmware: Option<String>,
-    /// A scenario of the virtual controller: its build, its settings, its faults
+    /// Scenario of the virtual controller: its build, settings and faults
     #[arg(long, value_name = "FILE", requires = "virtual_controller")]
     scenario: Option<PathBuf>,
 }
 
-/// The loader reads files that peers name from here too: a command that was typed in this
-/// folder names its files so.
+/// The folders in which the loader looks up files: its parameters', and the current one, so that
+/// commands typed in this folder can name its files.
 fn folders(read: &StackParameters) -> Vec<String> {
     let Some(here) =
         std::env::current_dir().ok().and_then(|here| here.into_os_string().into_string().ok())
     else {
-        // Nobody could name a file of it over ROS.
+        // Such a file cannot be named over ROS.
         return Vec::new();
     };
     let mut words = vec!["--ros-args".to_owned()];
@@ -56,13 +56,13 @@ fn folders(read: &StackParameters) -> Vec<String> {
     words
 }
 
-/// What the virtual controller takes.
+/// A valid time factor of the virtual controller.
 fn time_factor(text: &str) -> Result<f64, String> {
     let factor = text.parse().ok().filter(|factor| (0.001..=10_000.0).contains(factor));
     factor.ok_or_else(|| format!("{text:?} is not a factor from 0.001 to 10000"))
 }
 
-/// Starts them, starts again what dies, stops all in order.
+/// Starts the nodes, restarts those that fail, stops all in order.
 pub(crate) fn run(args: &UpArgs, ros_args: &[String]) -> Outcome {
     let executor = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
@@ -75,11 +75,11 @@ pub(crate) fn run(args: &UpArgs, ros_args: &[String]) -> Outcome {
 async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
     let mut node_args = ros_args.to_vec();
     if let Some(config) = &args.config {
-        // A file that is not there is better named once than by every node.
+        // One error for a missing file, instead of one from every node.
         std::fs::metadata(config).map_err(|error| {
             Failure::usage(format_args!("cannot read {}: {error}", config.display()))
         })?;
-        // Before the rest: what is said on the command line counts more.
+        // First, because later arguments of the command line override it.
         let mut first = vec![
             "--ros-args".to_owned(),
             "--params-file".to_owned(),
@@ -109,7 +109,7 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
         let mut words =
             vec!["--ros-args".to_owned(), "-p".into(), format!("axis_driver:port:={port}")];
         if let Some(factor) = args.time_factor.filter(|factor| *factor > 1.0) {
-            // Its axes are so much faster than their settings say.
+            // The axes are faster than their settings say, by the time factor.
             words.extend(["-p".to_owned(), format!("axis_driver:rate_margin:={:?}", 5.0 * factor)]);
         }
         words.push("--".into());
@@ -125,7 +125,7 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
     for name in STOP_ORDER {
         let mut args = node_args.clone();
         if let Some(enclave) = &enclave {
-            // Each node has keys of its own, below what is named.
+            // Each node has its own keys, below the given enclave.
             let own = format!("{}/{name}", enclave.trim_end_matches('/'));
             args.extend(["--ros-args", "--enclave", &own, "--"].map(String::from));
         }
@@ -134,7 +134,7 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
     let trouble = tokio::select! {
         _ = interrupt.recv() => None,
         _ = terminate.recv() => None,
-        // One whose children were all asked to stop waits for the other, or for a signal.
+        // A stack whose children were all shut down waits for the other, or for a signal.
         Some(trouble) = stack.supervise() => Some(trouble),
         Some(trouble) = controller.supervise() => Some(trouble),
     };

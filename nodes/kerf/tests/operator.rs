@@ -1,4 +1,4 @@
-//! What an operator or a robot does beside programs, with real nodes and the virtual
+//! What an operator or a robot does apart from programs, with real nodes and the virtual
 //! controller: a tool change, jogs and zeros, a start in the middle.
 
 #[path = "support/machine.rs"]
@@ -27,7 +27,7 @@ fn a_tool_is_confirmed_only_when_the_path_was_made_with_it() {
     machine.folder.file("two.ngc", "G21 G90 G94\nG1 X5 F2000\nT2 M6\nG1 X10\nT9 M6\nG1 X15\nM30\n");
     let running = machine.kerf_meanwhile(&["run", "two.ngc"]);
     let status = machine.until_state("TOOL_CHANGE: put in T2 (line 3)");
-    assert!(status.contains("X5.000"), "it stands at the programmed point: {status}");
+    assert!(status.contains("X5.000"), "it is at the programmed point: {status}");
 
     // The robot measures another diameter than was planned with.
     machine.kerf(&["tool", "T2", "--wear", "-0.1"]).expect(0);
@@ -104,7 +104,7 @@ fn jogs_zeros_overrides_and_probes_are_typed() {
     machine.kerf(&["jog", "X1", "--from", "work"]).expect(0).says(&["X1.000 Y-3.000"]);
     machine.kerf(&["zero", "X10", "--system", "G55"]).expect(0).says(&["X10 in G55"]);
     machine.kerf(&["jog", "X1e9"]).expect(4).says(&["not within 10000 mm"]);
-    machine.kerf(&["jog", "X1", "X2"]).expect(2).says(&["X is given twice"]);
+    machine.kerf(&["jog", "X1", "X2"]).expect(2).says(&["X occurs twice"]);
     machine.kerf(&["jog", "A1"]).expect(2).says(&["an axis and a number"]);
     machine.kerf(&["zero", "X0", "--system", "G60"]).expect(2).says(&["G54 to G59, or G92"]);
     machine.kerf(&["override", "--feed", "80", "--rapid", "25"]).expect(0);

@@ -8,29 +8,29 @@ mod support;
 
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, PathChunk, PathElement, ToolTable};
 use kerf_tests::rows::check_at_node;
-use machine::{Machine, PATIENT, Turn, domain, messages, transmitted, until};
+use machine::{Machine, SLOW_POLLING, Turn, domain, messages, transmitted, until};
 use serde_json::{Value, json};
 use std::f64::consts::PI;
 use std::path::Path;
 use support::Folder;
 
-/// The number behind a word: `X` in `work     X35.528 Y82.236`, to 0.01 mm: steps.
-fn number_behind(text: &str, line: &str, word: &str) -> f64 {
+/// The number after a word: `X` in `work     X35.528 Y82.236`, to 0.01 mm: steps.
+fn number_after(text: &str, line: &str, word: &str) -> f64 {
     let line = text.lines().find(|text| text.trim_start().starts_with(line)).expect(line);
     let rest = &line[line.rfind(word).expect(word) + word.len()..];
     let end = rest.find([' ', ',']).unwrap_or(rest.len());
     (rest[..end].parse::<f64>().expect("a number") * 100.0).round() / 100.0
 }
 
-/// Where the machine stands, as `kerf status` says it.
+/// The position of the machine in `kerf status`.
 fn stop_of(status: &str) -> Value {
     let role = status.lines().next().and_then(|line| line.strip_suffix(')'));
     let role = role.and_then(|line| line.split_once(", ")).map_or("none", |(_, role)| role);
     let side = |side: &str| status.contains(&format!("cutter {side} of the contour"));
     json!({
-        "line": number_behind(status, "program", "line "),
-        "x": number_behind(status, "work", "X"),
-        "y": number_behind(status, "work", "Y"),
+        "line": number_after(status, "program", "line "),
+        "x": number_after(status, "work", "X"),
+        "y": number_after(status, "work", "Y"),
         "role": role,
         "left": side("left"),
         "right": side("right"),
@@ -60,7 +60,7 @@ fn stops(machine: &Machine, program: &str, mut at_stop: impl FnMut(&Value)) -> V
 }
 
 #[test]
-fn s10_single_block_stops_behind_every_block_of_the_corner_of_11_15() {
+fn s10_single_block_stops_after_every_block_of_the_corner_of_11_15() {
     let machine = Machine::virtual_one(10);
     let program = "N10 G0 X15 Y60\nN20 G41 G450 G1 D1 X30 Y60 F2000\nN30 X40 Y80\n\
                    N40 G2 X65 Y55 I0 J-25\nN50 G40 G1 X80 Y55\nN60 M30\n";
@@ -68,7 +68,7 @@ fn s10_single_block_stops_behind_every_block_of_the_corner_of_11_15() {
     let stops = stops(&machine, "corner.mpf", |_| ());
     check_at_node(
         "S10",
-        "s10_single_block_stops_behind_every_block_of_the_corner_of_11_15",
+        "s10_single_block_stops_after_every_block_of_the_corner_of_11_15",
         &json!({ "stops": stops }),
     );
     reproduced(&machine, &machine.until_bags(1)[0]);
@@ -89,7 +89,7 @@ fn sides(bag: &Path) -> Value {
 }
 
 #[test]
-fn a18_a19_the_side_is_told_from_the_lead_on_to_the_end_of_the_lead_off() {
+fn a18_a19_the_side_is_reported_from_the_lead_on_to_the_end_of_the_lead_off() {
     // Each line is to be seen.
     let machine = Machine::virtual_with(4, &[]);
     let program = "G71 G17 G90 G43 P2\nG1 X10 Y20 F600\nG41 G1 X30 Y0\nMoveLinear(X, 60)\n\
@@ -101,7 +101,7 @@ fn a18_a19_the_side_is_told_from_the_lead_on_to_the_end_of_the_lead_off() {
     for row in ["A18", "A19"] {
         check_at_node(
             row,
-            "a18_a19_the_side_is_told_from_the_lead_on_to_the_end_of_the_lead_off",
+            "a18_a19_the_side_is_reported_from_the_lead_on_to_the_end_of_the_lead_off",
             &seen,
         );
     }
@@ -130,10 +130,10 @@ fn n09_c20_compensation_in_a_single_block_does_nothing_or_is_refused() {
         "N09",
         "n09_c20_compensation_in_a_single_block_does_nothing_or_is_refused",
         &json!({
-            "x": number_behind(&status, "work", "X"),
-            "y": number_behind(&status, "work", "Y"),
+            "x": number_after(&status, "work", "X"),
+            "y": number_after(&status, "work", "Y"),
             "says": done.out.trim(),
-            "forbidden": { "says": refused.err.trim(), "x": number_behind(&after, "work", "X") },
+            "forbidden": { "says": refused.err.trim(), "x": number_after(&after, "work", "X") },
         }),
     );
     reproduced(&machine, &machine.until_bags(1)[0]);
@@ -210,7 +210,7 @@ fn m30_s46_an_offset_that_is_set_from_outside_moves_every_straight_and_is_kept()
         "m30_s46_an_offset_that_is_set_from_outside_moves_every_straight_and_is_kept",
         &seen,
     );
-    // A file that somebody else has changed is not overwritten.
+    // A file that was changed meanwhile is not overwritten.
     std::fs::write(&tools, "tools:\n  1: {diameter_mm: 12.0}\n").expect("written");
     machine.kerf(&["tool", "T1", "--wear", "-0.6"]).expect(4).says(&["somebody has changed"]);
     until("the other's file", || {
@@ -229,7 +229,7 @@ fn s48_a_value_that_is_entered_in_a_stop_is_in_force_from_the_next_corner_on() {
     machine.folder.file("square.mpf", program);
     let mut said = String::new();
     let held = stops(&machine, "square.mpf", |stop| {
-        // The tool stands at the end of the lead-on; N30 is the block that is ready.
+        // The tool is at the end of the lead-on; N30 is the block that is ready.
         if stop["role"] == "lead_on" {
             said = machine.kerf(&["tool", "D1", "--diameter", "16"]).expect(0).out;
         }
@@ -264,7 +264,8 @@ fn m28_a_run_from_the_middle_of_a_contour_is_refused_or_rebuilt_as_its_control_d
     let args = ["--virtual-controller", "--time-factor", "10", "--scenario", &scenario];
     let table = format!("compensation_planner:tool_table:={tools}");
     let lifts = ["axis_driver:approach:=lift", "axis_driver:approach_z_mm:=60.0"];
-    let ros_args = [PATIENT.as_slice(), &["-p", &table, "-p", lifts[0], "-p", lifts[1]]].concat();
+    let ros_args =
+        [SLOW_POLLING.as_slice(), &["-p", &table, "-p", lifts[0], "-p", lifts[1]]].concat();
     let machine = Machine::start(&domain(), "mill", &args, &ros_args, Some(Turn::wait()));
     machine.until_state("ALARM");
     machine.kerf(&["home"]).expect(0);
@@ -303,8 +304,8 @@ fn m28_a_run_from_the_middle_of_a_contour_is_refused_or_rebuilt_as_its_control_d
                 "sent": lines_of_the_run(&bag),
                 "rpm": rpm,
                 "end": {
-                    "x": number_behind(&status, "work", "X"),
-                    "y": number_behind(&status, "work", "Y"),
+                    "x": number_after(&status, "work", "X"),
+                    "y": number_after(&status, "work", "Y"),
                 },
             },
         }),

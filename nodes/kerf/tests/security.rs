@@ -7,7 +7,7 @@
 mod machine;
 mod support;
 
-use machine::{Machine, PATIENT, domain, until};
+use machine::{Machine, SLOW_POLLING, domain, until};
 use std::path::Path;
 use std::process::Command;
 use support::{Ran, kerf, run};
@@ -29,9 +29,9 @@ impl Keys<'_> {
     }
 }
 
-/// Runs `kerf` beside a machine, with keys or without. Keys are of ROS: the local socket has the
-/// rights of its file, and nobody finds it here.
-fn beside(machine: &Machine, domain: &str, keys: Option<Keys<'_>>, args: &[&str]) -> Ran {
+/// Runs `kerf` next to a machine, with or without keys. Keys are of ROS: the local socket has the
+/// rights of its file, and is not reachable here.
+fn run_kerf(machine: &Machine, domain: &str, keys: Option<Keys<'_>>, args: &[&str]) -> Ran {
     let mut command = kerf();
     let folder = machine.folder.path();
     command.env("ROS_DOMAIN_ID", domain).env("KERF_RUNTIME_DIR", folder.join("no_sockets"));
@@ -62,7 +62,7 @@ fn with_keys_a_program_runs_and_without_nothing_is_seen_of_it() {
         &domain,
         "locked",
         &["--virtual-controller", "--time-factor", "10"],
-        &PATIENT,
+        &SLOW_POLLING,
         None,
         |mut command, _| {
             Keys { keystore: keystore.path(), enclave: "/kerf" }.give(&mut command);
@@ -73,20 +73,20 @@ fn with_keys_a_program_runs_and_without_nothing_is_seen_of_it() {
     let program = machine.folder.file("part.ngc", PROGRAM);
     let program = program.to_str().expect("a path of ours is UTF-8");
     until("IDLE", || {
-        let ran = beside(&machine, &domain, keys("/kerf/commander"), &["status"]);
+        let ran = run_kerf(&machine, &domain, keys("/kerf/commander"), &["status"]);
         ran.out.starts_with("IDLE").then_some(())
     });
 
-    // Exit status 3: nobody answers.
-    beside(&machine, &domain, None, &["status"]).expect(3);
-    beside(&machine, &domain, None, &["load", program]).expect(3);
+    // Exit status 3: no node answers.
+    run_kerf(&machine, &domain, None, &["status"]).expect(3);
+    run_kerf(&machine, &domain, None, &["load", program]).expect(3);
 
-    beside(&machine, &domain, keys("/kerf/commander"), &["load", program]).expect(0);
-    assert_ne!(beside(&machine, &domain, keys("/kerf/viewer"), &["run"]).status, 0);
-    assert_ne!(beside(&machine, &domain, None, &["run"]).status, 0);
+    run_kerf(&machine, &domain, keys("/kerf/commander"), &["load", program]).expect(0);
+    assert_ne!(run_kerf(&machine, &domain, keys("/kerf/viewer"), &["run"]).status, 0);
+    assert_ne!(run_kerf(&machine, &domain, None, &["run"]).status, 0);
     assert!(machine.bags().is_empty(), "a run has begun: {}", machine.log());
 
-    beside(&machine, &domain, keys("/kerf/commander"), &["run"]).expect(0);
+    run_kerf(&machine, &domain, keys("/kerf/commander"), &["run"]).expect(0);
     let bag = machine.until_bags(1).remove(0);
     let bag = bag.to_str().expect("UTF-8");
     run(kerf().args(["replay", bag])).expect(0);

@@ -127,7 +127,7 @@ fn a_recorder_that_is_killed_loses_a_second_and_not_the_run() {
     machine.kerf(&["bag", "info", "mended"]).says(&["machine_state"]);
 
     // The one that was started in its place has the run from the driver's memory, and says
-    // that it has not heard the others.
+    // that it has not received the others.
     assert!(machine.log().contains("run_recorder ended"), "{}", machine.log());
     let second = until("the second bag", || {
         let bags = machine.bags();
@@ -171,7 +171,7 @@ fn a_controller_that_dies_is_never_idle_until_it_is_back() {
         .expect(4)
         .says(&["LINK_LOST", "motion may continue"]);
     reproduced(&machine, &machine.until_bags(1)[0]);
-    // It is a new one, at zero; nothing goes on by itself.
+    // It is a new one, at zero; nothing resumes by itself.
     let status = machine.until_state("IDLE");
     assert!(status.contains("machine  X0.000 Y0.000"), "{status}");
     assert!(machine.log().contains("virtual_controller ended"), "{}", machine.log());
@@ -189,7 +189,7 @@ fn nodes_leave_when_kerf_up_is_killed() {
 }
 
 #[test]
-fn a_port_that_does_not_exist_is_told_and_refuses_runs() {
+fn a_port_that_does_not_exist_is_reported_and_refuses_runs() {
     let turn = Turn::wait();
     let port = ["-p", "axis_driver:port:=/dev/no-such-port"];
     let mut machine = Machine::start(&domain(), "mill", &[], &port, Some(turn));
@@ -223,7 +223,7 @@ fn a_port_that_answers_garbage_is_never_idle_and_refuses_runs() {
 }
 
 #[test]
-fn two_machines_of_one_domain_do_not_hear_each_other() {
+fn two_machines_of_one_domain_do_not_receive_from_each_other() {
     let turn = Turn::wait();
     let domain = domain();
     let args = ["--virtual-controller", "--time-factor", "10"];
@@ -318,7 +318,7 @@ impl Garbage {
                         (seed >> 32) as u8
                     })
                     .collect();
-                // Full or empty, it goes on.
+                // Full or empty, it continues.
                 let _ = controller.write(&noise);
                 let _ = controller.read(&mut [0; 256]);
             }

@@ -104,7 +104,7 @@ fn change_parameter(bag: &mut TestBag, name: &str, change: impl Fn(&mut Paramete
 }
 
 #[test]
-fn another_program_is_different_and_told_with_its_place() {
+fn another_program_is_different_and_reported_with_its_place() {
     let folder = Folder::new();
     let path = altered(&folder, |bag| {
         let chunks: Vec<ProgramChunk> = bag.all();
@@ -142,7 +142,7 @@ fn another_parameter_of_the_driver_is_different_from_the_first_line_on() {
 }
 
 #[test]
-fn what_is_missing_or_cannot_be_played_is_told_by_name() {
+fn what_is_missing_or_cannot_be_played_is_named() {
     let folder = Folder::new();
     let none = altered(&folder, |bag| {
         bag.forget::<Program>();
@@ -191,7 +191,7 @@ fn the_port_of_the_recording_is_never_opened() {
         change_parameter(bag, "port", |value| value.string_value.clone_from(&name));
     });
     replayed(&[&path]).expect(0).says(&["reproduced"]);
-    assert_eq!(port.openings(), 0, "somebody has opened the machine's port");
+    assert_eq!(port.openings(), 0, "the machine's port was opened");
 }
 
 #[test]
@@ -221,7 +221,7 @@ fn wear_that_is_entered_in_a_hold_is_entered_there_again() {
     let folder = Folder::new();
     let tools = folder.file("tools.yaml", "offsets:\n  1: {radius_mm: 5.0}\n");
     let tools = format!("compensation_planner:tool_table:={}", tools.display());
-    let own = [&machine::PATIENT[..], &["-p", &tools]].concat();
+    let own = [&machine::SLOW_POLLING[..], &["-p", &tools]].concat();
     let machine = Machine::virtual_with(4, &own);
     let running = machine.kerf_meanwhile(&["run", CONTOUR, "--control", "sinumerik_840c"]);
     machine.until_state("RUN");
@@ -234,7 +234,7 @@ fn wear_that_is_entered_in_a_hold_is_entered_there_again() {
     replayed(&[&bag]).expect(0).says(&["reproduced", "2 compensated_path,", "set_tool"]);
 }
 
-/// A replay that is under way.
+/// A replay in progress.
 struct UnderWay(Child);
 
 impl UnderWay {

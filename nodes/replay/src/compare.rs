@@ -1,7 +1,7 @@
-//! Recorded messages beside the ones that today's cores make.
+//! Compares recorded messages with the ones that today's cores make.
 //!
-//! What counts as equal is said in one table, [`super::tolerances`]; how a field
-//! is compared is said in [`run_recorder::diff`].
+//! One table, [`super::tolerances`], defines what counts as equal; [`run_recorder::diff`] defines
+//! how a field is compared.
 
 use super::migration::Definitions;
 use super::tolerances::{Rule, Tolerances};
@@ -16,46 +16,46 @@ use run_recorder::value::{MessageValue, Step, Value};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What was compared at one level, and what differs.
+/// What was compared at one level, and the differences.
 #[derive(Debug, Default)]
 pub struct Comparison {
-    /// Messages compared, by what they are.
+    /// Number of compared messages, by kind.
     pub compared: BTreeMap<String, usize>,
-    /// One row a field or a missing message, in order.
+    /// One row for each field or missing message that differs, in order.
     pub differences: Vec<Difference>,
-    /// What is not as recorded and no difference.
+    /// What is not as recorded, but does not count as a difference.
     pub remarks: Vec<Difference>,
     tolerances: Tolerances,
-    /// What the types looked like when it was recorded.
+    /// The definitions of the bag's types.
     definitions: Arc<Definitions>,
 }
 
-/// One thing that is not as recorded.
+/// One difference from the recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
-    /// Which message: `compensated_path/chunks 3`.
+    /// The message: `compensated_path/chunks 3`.
     pub message: String,
     /// The field without indexes, for counting: `elements[].end.x`.
     pub field: String,
-    /// What differs, for people.
+    /// The difference, for people.
     pub text: String,
-    /// Where in the program and on the part, as far as that is known.
-    pub place: Place,
+    /// Where in the program and on the part, if that is known.
+    pub place: DifferencePlace,
 }
 
-/// Where something differs, and by how much.
+/// Where two values differ, and by how much.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Place {
+pub struct DifferencePlace {
     /// The line of the program; 0 when there is none.
     pub line: u32,
     /// In the work frame, mm.
     pub position: Option<Position>,
-    /// How far apart, mm.
+    /// The distance between both, mm.
     pub distance_mm: Option<f64>,
 }
 
-impl Place {
-    /// ` (line 7, X1.000 Y2.000 Z0.000, 0.001000 mm apart)`, as much of it as there is.
+impl DifferencePlace {
+    /// ` (line 7, X1.000 Y2.000 Z0.000, 0.001000 mm apart)`, or the part of it that is known.
     pub fn text(&self) -> String {
         let mut parts = Vec::new();
         if self.line > 0 {
@@ -72,20 +72,20 @@ impl Place {
 }
 
 impl Comparison {
-    /// With a bag of these definitions: what came later is left out.
+    /// For a bag with these definitions: fields that were added later are not compared.
     pub(crate) fn new(definitions: Arc<Definitions>) -> Self {
         Self { definitions, ..Self::default() }
     }
 
-    /// An empty one, with the same bag.
+    /// An empty comparison for the same bag.
     pub fn another(&self) -> Self {
         Self::new(Arc::clone(&self.definitions))
     }
 
-    /// Compares one message; `name` says which it is.
+    /// Compares one message; `name` identifies it in the report.
     pub fn message<M: Message + PartialEq>(&mut self, name: &str, recorded: &M, now: &M) {
         *self.compared.entry(kind(name).to_owned()).or_default() += 1;
-        // NaN is not equal to itself, so what is equal here holds none.
+        // NaN is not equal to itself, so equal messages hold no NaN.
         if recorded == now {
             return;
         }
@@ -106,7 +106,7 @@ impl Comparison {
         }
     }
 
-    /// Compares two runs of messages, number by number; counts come first.
+    /// Compares two sequences of messages, one by one; a different count is the first difference.
     pub fn sequence<M: Message + PartialEq>(&mut self, name: &str, recorded: &[M], now: &[M]) {
         if recorded.len() != now.len() {
             self.differs(
@@ -120,7 +120,7 @@ impl Comparison {
         }
     }
 
-    /// Takes over what another one found.
+    /// Adds the results of another comparison.
     pub fn take(&mut self, other: Self) {
         for (what, count) in other.compared {
             self.count(&what, count);
@@ -129,40 +129,40 @@ impl Comparison {
         self.remarks.extend(other.remarks);
     }
 
-    /// Whether nothing was compared, and nothing said of that.
-    pub fn has_seen_nothing(&self) -> bool {
+    /// Whether nothing was compared and no difference reports that.
+    pub fn is_empty(&self) -> bool {
         self.differences.is_empty() && self.compared.values().all(|count| *count == 0)
     }
 
-    /// Notes that something was compared outside of messages.
+    /// Counts something that was compared outside of messages.
     pub fn count(&mut self, what: &str, count: usize) {
         *self.compared.entry(what.to_owned()).or_default() += count;
     }
 
-    /// Notes a difference that is not a field of a message.
+    /// Adds a difference that is not a field of a message.
     pub fn differs(&mut self, message: &str, field: &str, text: impl Into<String>) {
-        self.differs_at(message, field, text, Place::default());
+        self.differs_at(message, field, text, DifferencePlace::default());
     }
 
-    /// The same where its place is known.
+    /// Adds a difference with its place.
     pub fn differs_at(
         &mut self,
         message: &str,
         field: &str,
         text: impl Into<String>,
-        place: Place,
+        place: DifferencePlace,
     ) {
         let (message, field) = (message.to_owned(), field.to_owned());
         self.differences.push(Difference { message, field, text: text.into(), place });
     }
 
-    /// Notes what is not as recorded and no difference.
+    /// Adds a remark: not as recorded, but not a difference.
     pub fn remark(&mut self, message: &str, text: impl Into<String>) {
         self.remarks.push(Difference {
             message: message.to_owned(),
             field: String::new(),
             text: text.into(),
-            place: Place::default(),
+            place: DifferencePlace::default(),
         });
     }
 }
@@ -172,26 +172,26 @@ fn value<M: Message>(schema: &MessageSchema, message: &M) -> MessageValue {
         .expect("a message fits the definition that its struct was made of")
 }
 
-/// The line and the end of the element or event that a field belongs to.
-fn place(message: &MessageValue, found: &FieldDifference) -> Place {
+/// The line and the end position of the element or event that a field belongs to.
+fn place(message: &MessageValue, found: &FieldDifference) -> DifferencePlace {
     let [Step::Field(list), Step::Index(index), ..] = &found.path.0[..] else {
-        return Place::default();
+        return DifferencePlace::default();
     };
     let item = match message.get(list) {
         Some(Value::List(items)) => items.get(*index),
         _ => None,
     };
-    let Some(Value::Message(item)) = item else { return Place::default() };
+    let Some(Value::Message(item)) = item else { return DifferencePlace::default() };
     let part = |name: &str| item.get(name);
     let line = part("line").and_then(Value::as_u64).and_then(|line| u32::try_from(line).ok());
     let position = part("end").and_then(|end| {
         let [x, y, z] = ["x", "y", "z"].map(|axis| end.get(axis).and_then(Value::as_f64));
         Some([mm_from_m(x?), mm_from_m(y?), mm_from_m(z?)])
     });
-    Place { line: line.unwrap_or(0), position, distance_mm: None }
+    DifferencePlace { line: line.unwrap_or(0), position, distance_mm: None }
 }
 
-/// `compensated_path/chunks 3` is a `compensated_path/chunks`.
+/// The kind of a message: `compensated_path/chunks 3` is a `compensated_path/chunks`.
 pub fn kind(name: &str) -> &str {
     name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end()
 }
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_micrometre_is_a_difference_and_a_picometre_is_none() {
+    fn a_micrometre_is_a_difference_and_a_picometre_is_not() {
         assert_eq!(differences(0.1, 0.1 + 1e-6), ["elements[].end.x"]);
         assert_eq!(differences(0.1, 0.1 + 1e-12), [""; 0]);
         assert_eq!(differences(f64::NAN, f64::NAN), ["elements[].end.x"]);
@@ -267,22 +267,22 @@ mod tests {
     }
 
     #[test]
-    fn a_comparison_that_looked_at_nothing_knows_it() {
+    fn a_comparison_of_nothing_is_empty() {
         let mut comparison = Comparison::default();
-        assert!(comparison.has_seen_nothing());
-        // Nor is a remark, or a row of none, something that was compared.
+        assert!(comparison.is_empty());
+        // Neither a remark nor a difference counts as compared.
         comparison.remark("bag", "a gap");
         comparison.count("transmissions", 0);
-        assert!(comparison.has_seen_nothing());
+        assert!(comparison.is_empty());
         comparison.differs("loader", "nothing", "nothing was compared");
-        assert!(!comparison.has_seen_nothing());
+        assert!(!comparison.is_empty());
         let mut comparison = Comparison::default();
         comparison.message("compensated_path/chunks 0", &chunk(0.1), &chunk(0.1));
-        assert!(!comparison.has_seen_nothing());
+        assert!(!comparison.is_empty());
     }
 
     #[test]
-    fn messages_that_are_not_made_any_more_are_counted() {
+    fn messages_that_are_no_longer_made_are_counted() {
         let mut comparison = Comparison::default();
         comparison.sequence("chunks", &[chunk(0.0), chunk(1.0)], &[chunk(0.0)]);
         assert_eq!(comparison.differences.len(), 1);

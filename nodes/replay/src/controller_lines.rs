@@ -1,20 +1,20 @@
-//! Two paths as the lines that a controller is sent for them.
+//! Compares two paths as the lines that a controller is sent for them.
 //!
-//! Where these are the same, the answers that were recorded for one are good for the other.
+//! If the lines are the same, the recorded answers for one path are valid for the other.
 
-use super::compare::Place;
+use super::compare::DifferencePlace;
 use axis_driver::encoder::{Encoder, EncoderConfig, Step};
 use cnc_msgs::path::CompensatedPath;
 use std::sync::Arc;
 
-/// Where the lines of two paths part.
+/// The first line in which two paths differ.
 #[derive(Debug)]
 pub(crate) struct OtherLine {
     pub(crate) text: String,
-    pub(crate) place: Place,
+    pub(crate) place: DifferencePlace,
 }
 
-/// Compares the lines of two paths; how many there are, or the first that is another.
+/// Compares the lines of two paths; returns their number, or the first difference.
 pub(crate) fn compare(
     recorded: &Arc<CompensatedPath>,
     now: &Arc<CompensatedPath>,
@@ -36,13 +36,13 @@ pub(crate) fn compare(
         let line = was.as_ref().or(is.as_ref()).map_or(0, |(_, line)| *line);
         return Err(OtherLine {
             text: format!("G-code line {count}: {} is {} now", said(&was), said(&is)),
-            place: Place { line, ..Place::default() },
+            place: DifferencePlace { line, ..DifferencePlace::default() },
         });
     }
     unreachable!("the counting has no end")
 }
 
-/// What is sent, and the line of the program; ends behind what cannot be sent.
+/// The lines sent for a path, with the line of the program; ends after a line that cannot be sent.
 struct Lines(Option<Encoder>);
 
 impl Iterator for Lines {

@@ -1,9 +1,9 @@
-//! The driver's core on its recorded journal: the same inputs at the same times.
+//! Replays the driver's core on its recorded journal: the same inputs at the same times.
 
 use super::ReplayError;
-use super::compare::{Comparison, Place};
+use super::compare::{Comparison, DifferencePlace};
 use super::controller_lines::{self, OtherLine};
-use super::given::Given;
+use super::inputs::CoreInputs;
 use super::output::Output;
 use super::recording::{Recording, monotonic_ns};
 use super::states::States;
@@ -24,14 +24,14 @@ const SHOWN_BYTES: usize = 60;
 
 /// Plays the journal again and compares every byte that goes to the machine.
 ///
-/// In a chain the paths are those of today. Where one of them is sent in other lines, the
-/// answers that were recorded do not fit: then the lines are compared and nothing is played.
+/// In a chain the paths are those of today. If one of them is sent in different lines, the
+/// recorded answers do not fit: then only the lines are compared, and nothing is played.
 pub(crate) fn replay(
-    given: &Given,
+    inputs: &CoreInputs,
     comparison: &mut Comparison,
     outputs: &mut Vec<Output>,
 ) -> Result<Option<Played>, ReplayError> {
-    let recording = &given.recording;
+    let recording = &inputs.recording;
     let of_driver = |reason: String| ReplayError::Input { of: "the driver".into(), reason };
     let Some(parameters) = recording.parameters.get("axis_driver") else {
         return Err(ReplayError::Incomplete { what: "the parameters", of: "axis_driver".into() });
@@ -39,10 +39,10 @@ pub(crate) fn replay(
     let config = driver_config(|name| {
         let row = parameters.parameters.iter().find(|row| row.name == name);
         row.and_then(|row| runtime::parameter_from_wire(&row.value))
-            // A parameter that did not exist then: any value of another type leaves the default.
+            // The bag may lack a newer parameter: a value of another type selects its default.
             .unwrap_or(ParameterValue::BoolArray(Vec::new()))
     });
-    // Which paths are run; in a chain they may be gone by now.
+    // The paths that are run; in a chain they may not exist any more.
     let used = RefCell::new(BTreeSet::new());
     let recorded_paths = |program_id: &str, revision: u64| {
         let path = recording.path(program_id, revision)?;
@@ -50,12 +50,12 @@ pub(crate) fn replay(
         Some(path)
     };
     let entries = entries(recording, &recorded_paths)?;
-    for (program_id, revision) in used.borrow().iter().filter(|_| given.is_chain()) {
-        if !fits(given, program_id, *revision, config.encoder, comparison) {
+    for (program_id, revision) in used.borrow().iter().filter(|_| inputs.is_chain()) {
+        if !fits(inputs, program_id, *revision, config.encoder, comparison) {
             return Ok(None);
         }
     }
-    let paths = |program_id: &str, revision: u64| given.path(program_id, revision);
+    let paths = |program_id: &str, revision: u64| inputs.path(program_id, revision);
     let played = play(&entries, &paths, config).map_err(|error| of_driver(error.to_string()))?;
 
     let recorded: Vec<&Entry> =
@@ -72,7 +72,7 @@ pub(crate) fn replay(
         (was.monotonic_ns, &was.data) != (now.monotonic_ns, &now.data)
     };
     let first = pairs.position(differs);
-    // What comes after a first wrong byte is wrong too, and answered as it was not.
+    // After the first wrong byte the recorded answers do not fit any more.
     let compared = first.map_or(recorded.len().min(played.transmitted.len()), |index| index + 1);
     comparison.count("transmissions", compared);
     if let Some(index) = first {
@@ -94,25 +94,25 @@ pub(crate) fn replay(
     Ok(Some(Played { entries, played }))
 }
 
-/// The journal and what the core made of it now.
+/// The journal, and what the core makes of it now.
 #[derive(Debug)]
 pub(crate) struct Played {
     pub(crate) entries: Vec<Entry>,
     pub(crate) played: axis_driver::journal::Replay,
 }
 
-/// Whether the answers to a recorded path are answers to the one of today as well.
+/// Whether the recorded answers fit today's path, too.
 fn fits(
-    given: &Given,
+    inputs: &CoreInputs,
     program_id: &str,
     revision: u64,
     config: EncoderConfig,
     comparison: &mut Comparison,
 ) -> bool {
-    let Some(recorded) = given.recording.path(program_id, revision) else { return true };
+    let Some(recorded) = inputs.recording.path(program_id, revision) else { return true };
     let what = format!("path {revision}");
-    let Some(now) = given.path(program_id, revision) else {
-        let text = "it was run and is not made any more; nothing is sent";
+    let Some(now) = inputs.path(program_id, revision) else {
+        let text = "it was run, and is no longer made; nothing is sent";
         comparison.differs(&what, "lines", text);
         return false;
     };
@@ -122,13 +122,13 @@ fn fits(
     match controller_lines::compare(&recorded, &now, config) {
         Ok(count) => {
             comparison.count("lines of G-code", count);
-            comparison.remark(&what, "another path, and the same in every line that is sent");
+            comparison.remark(&what, "a different path, but every line that is sent is the same");
             true
         }
         Err(OtherLine { text, place }) => {
             comparison.count("lines of G-code", 1);
             let text = format!(
-                "{text}; the controller answered other lines, so bytes in time are not compared"
+                "{text}; the controller answered other lines, so bytes and times are not compared"
             );
             comparison.differs_at(&what, "lines", text, place);
             false
@@ -136,28 +136,28 @@ fn fits(
     }
 }
 
-/// What the machine was doing then.
-fn place_at(outputs: &[(Duration, DriverOutput)], monotonic_ns: u64) -> Place {
+/// Where the machine was at that time.
+fn place_at(outputs: &[(Duration, DriverOutput)], monotonic_ns: u64) -> DifferencePlace {
     let now = Duration::from_nanos(monotonic_ns);
     let before = outputs.iter().take_while(|(at, _)| *at <= now);
     let states = before.filter_map(|(_, output)| match output {
         DriverOutput::State(state) => Some(state),
         _ => None,
     });
-    states.last().map_or(Place::default(), |state| Place {
+    states.last().map_or(DifferencePlace::default(), |state| DifferencePlace {
         line: state.line,
         position: state.work_position,
         distance_mm: None,
     })
 }
 
-/// The first entry of the journal that is played.
+/// The number of the first entry of the journal that is played.
 pub(crate) fn first_entry(recording: &Recording) -> Result<Option<u64>, ReplayError> {
     let entries = entries(recording, &|program_id, revision| recording.path(program_id, revision))?;
     Ok(entries.first().map(|entry| entry.sequence))
 }
 
-/// The path of a program and a revision, if the bag has it.
+/// Looks up the path of a program and a revision in the bag.
 type Paths<'a> = dyn Fn(&str, u64) -> Option<Arc<CompensatedPath>> + 'a;
 
 /// The journal in order, from the driver's start or from a checkpoint.
@@ -183,7 +183,7 @@ fn entries(recording: &Recording, paths: &Paths<'_>) -> Result<Vec<Entry>, Repla
         let begin = entries.iter().position(is_checkpoint);
         entries.drain(..begin.unwrap_or(0));
     }
-    // Runs before this one may be in the journal too, but their paths are in their own bags.
+    // The journal may hold earlier runs, too, but their paths are in their own bags.
     let has_no_path = |entry: &Entry| {
         entry.kind == EntryKind::Command
             && matches!(

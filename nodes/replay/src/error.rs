@@ -21,7 +21,7 @@ pub enum ReplayError {
     #[error("{place}: {error}")]
     Content { place: String, error: String },
     #[error(
-        "{type_name} was recorded with {recorded}, and there is no way from it to today's: {gaps}"
+        "{type_name} was recorded with {recorded}, which cannot be converted to today's definition: {gaps}"
     )]
     Definition { type_name: &'static str, recorded: String, gaps: String },
     #[error("the {level} cannot be replayed: {missing}; {help}")]
@@ -32,7 +32,7 @@ pub enum ReplayError {
     )]
     Several { topics: String },
     #[error(
-        "the bag is damaged, and what is lost is not known: {0}; `kerf bag recover` copies what \
+        "the bag is damaged, and may have lost inputs: {0}; `kerf bag recover` copies what \
          can be read"
     )]
     Damaged(String),
@@ -40,20 +40,20 @@ pub enum ReplayError {
     Gaps { level: &'static str, gaps: String },
     #[error("the bag holds {what}, which the stack level does not play")]
     Unplayable { what: String },
-    /// The status is what the command that played it ends with.
+    /// The exit status for the command that played the level.
     #[error("{message}")]
     Stack { status: u8, message: String },
-    #[error("nothing is here that plays the level stack")]
+    #[error("the level stack is not available here")]
     NoStack,
-    #[error("the bag stays as it was: {0}")]
+    #[error("the bag was not changed: {0}")]
     Update(String),
-    #[error("neither a plan nor a run is in the bag; there is nothing to show")]
+    #[error("the bag holds neither a plan nor a run; there is nothing to show")]
     NothingToShow,
-    #[error("{} is there already, and nothing is written over it; name another --out", file.display())]
+    #[error("{} already exists and is not overwritten; choose another --out", file.display())]
     OutputTaken { file: PathBuf },
     #[error(
-        "{} and {} would both be written to {}; replay them one after the other, each with an \
-         --out of its own",
+        "{} and {} would both be written to {}; replay them one after the other, each with its \
+         own --out",
         one.display(), other.display(), file.display()
     )]
     OutputTwice { file: PathBuf, one: PathBuf, other: PathBuf },
@@ -62,16 +62,16 @@ pub enum ReplayError {
 }
 
 impl ReplayError {
-    /// What is said of a bag, which is named once.
+    /// The error text with the name of the bag, which occurs once.
     pub fn of(&self, bag: &Path) -> String {
         match self {
-            // Their texts name files by their paths.
+            // The texts of these errors name their files.
             Self::Bag(_) | Self::OutputTaken { .. } | Self::OutputTwice { .. } => self.to_string(),
             _ => format!("{}: {self}", bag.display()),
         }
     }
 
-    /// What is wrong with a message, with its topic, number and time.
+    /// An invalid message, with its topic, number and time.
     ///
     /// `number` counts the messages of its topic from 1.
     pub fn content(message: &BagMessage, number: u64, error: impl Display) -> Self {
@@ -82,7 +82,7 @@ impl ReplayError {
         Self::Content { place, error: error.to_string() }
     }
 
-    /// What is wrong with the request in a command, with what was asked of whom and when.
+    /// An invalid request in a command, with endpoint and time.
     pub fn request(command: &Command, error: impl Display) -> Self {
         let Command { endpoint, endpoint_type, stamp, .. } = command;
         let place = format!(
@@ -93,7 +93,7 @@ impl ReplayError {
     }
 }
 
-/// Of messages that the cores made a moment ago. What is read from a bag has a place: see
+/// For messages that the cores made just now. Messages from a bag have a place: see
 /// [`ReplayError::content`] and [`ReplayError::request`].
 impl From<CdrError> for ReplayError {
     fn from(error: CdrError) -> Self {

@@ -1,9 +1,9 @@
-//! What a bag must hold before a core is run on it, so that a replay
-//! never passes without comparing anything.
+//! Checks that a bag holds what a core needs, so that a replay never passes without comparing
+//! anything.
 //!
-//! What is expected follows from the bag: the types that a level reads and makes, the
-//! program that the bag says it is of, a path behind every accepted plan, and a run that
-//! ran. What is missing is an error that says how to record it; see [`absent`].
+//! The bag defines what is expected: the types that a level reads and makes, the program that the
+//! metadata name, a path for every accepted plan, and a run that ran. Anything missing is an
+//! error that says how to record it; see [`absent`].
 
 use super::recording::Recording;
 use super::{Level, ReplayError};
@@ -13,18 +13,18 @@ use run_recorder::bag_reader::BagChannel;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// How a bag comes by all that replay needs.
-pub(crate) const HELP: &str = "run_recorder records it by itself; a bag of `ros2 bag record -s mcap --all` holds it when \
-     that was started before the program was loaded, and stopped after the run";
+/// How to record everything that replay needs.
+pub(crate) const HELP: &str = "run_recorder always records it; a bag of `ros2 bag record -s mcap --all` holds it if \
+     it was started before the program was loaded and stopped after the run";
 
-/// What the channels of a bag say, apart from their messages.
+/// What the channels of a bag say, without its messages.
 #[derive(Debug, Default)]
 pub(crate) struct Contents {
-    /// By type: its topics, and the messages on each. A topic may have several channels.
+    /// For each type its topics with their numbers of messages. A topic may have several channels.
     types: BTreeMap<String, BTreeMap<String, u64>>,
-    /// The program that the bag says it is of.
+    /// The program that the bag was recorded for.
     program_id: Option<String>,
-    /// The goal that the bag says it is of, as hexadecimal digits.
+    /// The goal that the bag was recorded for, as hexadecimal digits.
     pub(crate) goal_id: Option<String>,
 }
 
@@ -44,15 +44,15 @@ impl Contents {
         contents
     }
 
-    /// Topics of one type that have messages, if they are several: there is more than one
-    /// machine. One that is silent says nothing that could be taken for another's.
+    /// The topics of one type that have messages, if there are several: the bag then has more than
+    /// one machine. A topic without messages cannot be mistaken for another machine.
     fn is_of_several(&self, type_name: &str) -> Option<String> {
         let topics = self.types.get(type_name)?.iter().filter(|(_, count)| **count > 0);
         let topics: Vec<&str> = topics.map(|(topic, _)| topic.as_str()).collect();
         (topics.len() > 1).then(|| topics.join(" and "))
     }
 
-    /// Why a type that is needed is not there.
+    /// Why a needed type is missing; `None` when it is there.
     fn lacks(&self, type_name: &str, usual: &str) -> Option<String> {
         match self.types.get(type_name) {
             Some(topics) if topics.values().any(|count| *count > 0) => None,
@@ -65,7 +65,7 @@ impl Contents {
     }
 }
 
-/// The types that a level reads and the ones that it makes, with their usual topics.
+/// The types that a level reads and makes, with their usual topics.
 fn needs(level: Level) -> &'static [(&'static str, &'static str)] {
     const CONTOUR: (&str, &str) = (wire::ProgrammedContour::TYPE_NAME, "programmed_contour");
     const CONTOUR_CHUNKS: (&str, &str) =
@@ -87,7 +87,7 @@ fn needs(level: Level) -> &'static [(&'static str, &'static str)] {
             (wire::NodeParameters::TYPE_NAME, "node_parameters"),
             (wire::CompensatedPath::TYPE_NAME, "compensated_path"),
             (wire::PathChunk::TYPE_NAME, "compensated_path/chunks"),
-            // Tells which plan a path is of.
+            // Needed to find the plan of a path.
             (wire::CompensationReport::TYPE_NAME, "compensation_report"),
             (wire::ControllerTraffic::TYPE_NAME, "controller_traffic"),
             (wire::MachineState::TYPE_NAME, "machine_state"),
@@ -108,7 +108,7 @@ fn needs(level: Level) -> &'static [(&'static str, &'static str)] {
     }
 }
 
-/// Why a level cannot be replayed, if something that it needs is not in the bag.
+/// Why a level cannot be replayed; `None` when the bag holds all it needs.
 pub(crate) fn absent(
     level: Level,
     contents: &Contents,
@@ -138,12 +138,14 @@ pub(crate) fn absent(
             }
         };
         if !is_there {
-            return absent(format!("the bag says it is of program {id}, and holds nothing of it"));
+            return absent(format!(
+                "the bag was recorded for program {id}, but holds nothing of it"
+            ));
         }
     }
     if matches!(level, Level::Driver | Level::Stack) && !has_run(recording) {
         return absent(
-            "the run never ran: no machine_state is RUN, and no block was sent".to_owned(),
+            "the run did not start: no machine_state is RUN, and no block was sent".to_owned(),
         );
     }
     Ok(())

@@ -1,21 +1,22 @@
-//! Replay: today's cores on yesterday's inputs.
+//! Replay: runs today's cores on recorded inputs.
 //!
-//! Time comes from the bag. Reads a recording, runs loader, planner and driver
-//! cores on what they were given then, and says what is different now. It
-//! fails when nothing was compared: a replay that looks at nothing proves nothing.
+//! Time comes from the bag. Reads a recording, runs the cores of loader, planner and driver on
+//! their recorded inputs, and reports what is different now. It fails when nothing was compared:
+//! such a replay proves nothing.
 //!
-//! - `recording`: what a bag holds; `migration`: how older definitions are read; `given`: what a core
-//!   is given, `guard`: whether it is all there
-//! - `loader`, `planner`, `driver`: one core each; `run_end`, `states`: what the driver says of a run
+//! - `recording`: what a bag holds; `migration`: how older definitions are read; `inputs`: the
+//!   inputs of a core; `guard`: whether all inputs are there
+//! - `loader`, `planner`, `driver`: one core each; `run_end`, `states`: the driver's result and
+//!   states of a run
 //! - `compare`, `path_difference`, `controller_lines`, `tolerances`: what counts as the same
-//! - `output`, `update`, `trim`: new bags; `report`: what is said
+//! - `output`, `update`, `trim`: new bags; `report`: the texts
 
 pub mod compare;
 mod controller_lines;
 mod driver;
 pub mod error;
-mod given;
 mod guard;
+mod inputs;
 mod loader;
 mod migration;
 pub mod output;
@@ -36,8 +37,8 @@ use compare::Comparison;
 use compensation_planner::verdict::Disagreement;
 use driver::Played;
 pub use error::ReplayError;
-use given::Given;
 use guard::{Contents, absent};
+use inputs::CoreInputs;
 use output::Output;
 use planner::Replanned;
 use recording::Recording;
@@ -46,7 +47,7 @@ use run_recorder::files;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A core.
+/// A core, or all nodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
     /// Program text to contour
@@ -60,10 +61,10 @@ pub enum Level {
 }
 
 impl Level {
-    /// All cores; the stack takes seconds and is only replayed when it is asked for.
+    /// All cores; the stack takes seconds and is replayed on request only.
     pub const ALL: [Self; 3] = [Self::Loader, Self::Planner, Self::Driver];
 
-    /// As it is called on the command line.
+    /// The name on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Loader => "loader",
@@ -74,40 +75,40 @@ impl Level {
     }
 }
 
-/// What came of one bag.
+/// The result of replaying one bag.
 #[derive(Debug)]
-pub struct Verdict {
+pub struct ReplayResult {
     /// By level.
     comparisons: Vec<(Level, Comparison)>,
     /// What the cores make now, as messages.
     pub outputs: Vec<Output>,
-    given: Given,
-    /// What the planner makes now; empty when it was not asked.
+    inputs: CoreInputs,
+    /// What the planner makes now; empty when it was not replayed.
     pub plans: Vec<Replanned>,
-    /// What the driver makes now; `None` when it was not asked, or could not be.
+    /// What the driver makes now; `None` when it was not replayed, or could not be.
     played: Option<Played>,
 }
 
-/// Whether a bag is reproduced at every level, and what is said of it.
+/// Whether a bag is reproduced at every level, and the report.
 pub fn check(path: &Path) -> Result<(bool, String), ReplayError> {
-    let verdict = replay(path, &Level::ALL, Options::default())?;
-    Ok((verdict.is_reproduced(), verdict.report(&path.display().to_string(), false)))
+    let result = replay(path, &Level::ALL, Options::default())?;
+    Ok((result.is_reproduced(), result.report(&path.display().to_string(), false)))
 }
 
-/// Plays the level `stack`, which starts processes: what it compares is the recording.
+/// Plays the level `stack`, which starts processes, and compares it with the recording.
 pub type PlayStack<'a> = dyn Fn(&Recording, &mut Comparison) -> Result<(), ReplayError> + 'a;
 
-/// Keeps a program, by name and text, that the planner accepts and its audit refuses.
+/// Keeps a program, by name and text, that the planner accepts and its audit rejects.
 pub type KeepProgram<'a> = dyn Fn(&str, &[u8], &Disagreement) + 'a;
 
-/// How bags are replayed, besides the levels.
+/// How bags are replayed, apart from the levels.
 #[derive(Clone, Copy, Default)]
 pub struct Options<'a> {
-    /// Each core is given what the one before it makes now.
+    /// Each core gets what the core before it makes now.
     pub is_chain: bool,
-    /// Whoever asks for the level `stack` brings what plays it.
+    /// Plays the level `stack`; only callers that replay it need one.
     pub play_stack: Option<&'a PlayStack<'a>>,
-    /// Where planner and audit disagree, the program is evidence.
+    /// Keeps the program where planner and audit disagree, as evidence.
     pub keep_program: Option<&'a KeepProgram<'a>>,
 }
 
@@ -128,8 +129,12 @@ impl std::fmt::Debug for Options<'_> {
 /// Replays one bag.
 ///
 /// # Errors
-/// It cannot be compared: a file that is none, damage, something missing.
-pub fn replay(path: &Path, levels: &[Level], options: Options<'_>) -> Result<Verdict, ReplayError> {
+/// The bag cannot be compared: it is not a bag, is damaged, or lacks something.
+pub fn replay(
+    path: &Path,
+    levels: &[Level],
+    options: Options<'_>,
+) -> Result<ReplayResult, ReplayError> {
     let mut bag = files::open_bag(path)?;
     let recording = Recording::read(&mut bag)?;
     bag.verify_indexes()?;
@@ -137,61 +142,61 @@ pub fn replay(path: &Path, levels: &[Level], options: Options<'_>) -> Result<Ver
     let listed = |is_meant: &dyn Fn(&Problem) -> bool| -> Vec<String> {
         bag.problems().iter().filter(|it| is_meant(it)).map(ToString::to_string).collect()
     };
-    // Whatever is lost may have been an input of any level, or what it is compared with.
+    // Anything lost may have been an input of any level, or what it is compared with.
     let damages = listed(&|it| it.is_damage() && !it.is_of_index());
     if !damages.is_empty() {
         return Err(ReplayError::Damaged(damages.join("; ")));
     }
-    // A whole file says what it holds, with and without metadata.yaml and its indexes.
-    let is_beside = |it: &Problem| {
+    // A whole file says what it holds, with or without metadata.yaml and indexes.
+    let is_harmless = |it: &Problem| {
         it.is_of_index() || matches!(it, Problem::NoMetadataFile | Problem::FileNotListed { .. })
     };
-    let remarks = listed(&is_beside);
+    let remarks = listed(&is_harmless);
     let gaps = listed(&|problem| match problem {
-        // A topic without definition is none of ours.
+        // A topic without a definition is not a topic of this project.
         Problem::SchemaMissing { .. } => false,
-        problem if is_beside(problem) => false,
-        // What the cores are replayed from was had from the driver and the others.
+        problem if is_harmless(problem) => false,
+        // A recorder that started late has fetched the inputs of the cores from the nodes.
         Problem::RecorderSays { reason } => reason != LATE,
         _ => true,
     });
     let definitions = Arc::new(recording.definitions.clone());
-    let given = Given::new(recording, options.is_chain);
-    let mut verdict = Verdict {
+    let inputs = CoreInputs::new(recording, options.is_chain);
+    let mut result = ReplayResult {
         comparisons: Vec::new(),
         outputs: Vec::new(),
-        given,
+        inputs,
         plans: Vec::new(),
         played: None,
     };
     for &level in levels {
-        absent(level, &contents, &verdict.given.recording)?;
+        absent(level, &contents, &result.inputs.recording)?;
         let mut comparison = Comparison::new(Arc::clone(&definitions));
         for text in remarks.iter().chain(&gaps) {
             comparison.remark("bag", text.clone());
         }
-        let Verdict { outputs, given, plans, played, .. } = &mut verdict;
+        let ReplayResult { outputs, inputs, plans, played, .. } = &mut result;
         match level {
-            Level::Loader => loader::replay(given, &mut comparison, outputs)?,
-            Level::Planner => *plans = planner::replay(given, options, &mut comparison, outputs)?,
+            Level::Loader => loader::replay(inputs, &mut comparison, outputs)?,
+            Level::Planner => *plans = planner::replay(inputs, options, &mut comparison, outputs)?,
             Level::Driver if gaps.is_empty() => {
-                *played = driver::replay(given, &mut comparison, outputs)?;
+                *played = driver::replay(inputs, &mut comparison, outputs)?;
                 if let Some(played) = played {
-                    run_end::compare(&given.recording, played, &mut comparison)?;
+                    run_end::compare(&inputs.recording, played, &mut comparison)?;
                 }
             }
             Level::Stack if gaps.is_empty() => {
                 let play = options.play_stack.ok_or(ReplayError::NoStack)?;
-                play(&given.recording, &mut comparison)?;
+                play(&inputs.recording, &mut comparison)?;
             }
             Level::Driver | Level::Stack => {
                 return Err(ReplayError::Gaps { level: level.name(), gaps: gaps.join("; ") });
             }
         }
-        if comparison.has_seen_nothing() {
+        if comparison.is_empty() {
             comparison.differs(level.name(), "nothing", "nothing was compared");
         }
-        verdict.comparisons.push((level, comparison));
+        result.comparisons.push((level, comparison));
     }
-    Ok(verdict)
+    Ok(result)
 }

@@ -1,7 +1,7 @@
-//! The loader's core on recorded program texts.
+//! Replays the loader's core on recorded program texts.
 
 use super::compare::Comparison;
-use super::given::Given;
+use super::inputs::CoreInputs;
 use super::output::Output;
 use super::recording::Recording;
 use super::{ReplayError, refused_loads};
@@ -13,12 +13,12 @@ use program_loader::{LoadOptions, load};
 
 /// Loads every recorded program again.
 pub(crate) fn replay(
-    given: &mut Given,
+    inputs: &mut CoreInputs,
     comparison: &mut Comparison,
     outputs: &mut Vec<Output>,
 ) -> Result<(), ReplayError> {
     let mut made = Vec::new();
-    let recording = &given.recording;
+    let recording = &inputs.recording;
     for (id, program) in &recording.programs {
         let profile = program.profile()?;
         let options = LoadOptions {
@@ -58,8 +58,8 @@ pub(crate) fn replay(
         };
         let chunks = all(&now);
         if program.manifest.sha256 == manifest.sha256 {
-            // Every byte is the same: the checksum of what was recorded was proved when it
-            // was read.
+            // Every byte is the same: the checksums of the recorded chunks were checked when
+            // they were read.
             comparison.count("programmed_contour/chunks", chunks.len());
         } else {
             let recorded = all(&ContourChunks::new(id.clone(), (*program.contour).clone()));
@@ -72,9 +72,9 @@ pub(crate) fn replay(
         made.push((id.clone(), Some((manifest, now))));
     }
     for (id, made) in &made {
-        given.hand_on_contour(id, made.as_ref().map(|(manifest, cut)| (manifest, cut)))?;
+        inputs.hand_on_contour(id, made.as_ref().map(|(manifest, cut)| (manifest, cut)))?;
     }
-    refused_loads::replay(&given.recording, comparison)
+    refused_loads::replay(&inputs.recording, comparison)
 }
 
 /// Whether blocks that begin with a slash were skipped.
@@ -83,7 +83,7 @@ pub(crate) fn block_delete(recording: &Recording) -> bool {
         .is_some_and(|value| value.type_ == ParameterType::PARAMETER_BOOL && value.bool_value)
 }
 
-/// A parameter of the loader, as it was.
+/// A recorded parameter of the loader.
 pub(crate) fn parameter<'a>(recording: &'a Recording, name: &str) -> Option<&'a ParameterValue> {
     let node = recording.parameters.get("program_loader")?;
     node.parameters.iter().find(|row| row.name == name).map(|row| &row.value)

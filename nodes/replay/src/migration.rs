@@ -1,10 +1,10 @@
-//! From the definitions that a bag was recorded with to those of today.
+//! Converts messages from the definitions of a bag to those of today.
 //!
-//! A bag carries the definition of every type in it. Where today's has more fields,
-//! [`MIGRATIONS`] says so, by the hash of the old one; they get the zero of their type, which
-//! every definition of ours reads as "not known". Replay then leaves them out of what it
-//! compares: see [`Definitions::forget`]. What a field means must not change under its name;
-//! one that does gets another name.
+//! A bag carries the definition of every type in it. Where today's definition has more fields,
+//! [`MIGRATIONS`] lists them by the hash of the old one. New fields get the zero of their type,
+//! which every definition reads as "not known". Replay does not compare them: see
+//! [`Definitions::forget`]. The meaning of a field must not change under its name; a field with a
+//! new meaning gets a new name.
 
 use super::ReplayError;
 use cnc_msgs::cdr;
@@ -23,12 +23,12 @@ use std::collections::btree_map::Entry;
 use std::fmt;
 use std::sync::Arc;
 
-/// What has come to a definition since.
+/// The fields that were added to a definition since.
 struct Migration {
     type_name: &'static str,
     /// Hash of the old definition.
     from: &'static str,
-    /// Fields of today that it did not have, as patterns.
+    /// Fields of today that the old definition lacks, as patterns.
     added: &'static [&'static str],
 }
 
@@ -60,8 +60,7 @@ const MIGRATIONS: &[Migration] = &[
     },
 ];
 
-/// Fields that have another name today: type, name of then, name of today. Their bytes are the
-/// same, whatever else a definition had.
+/// Fields that have a new name today: type, old name, new name. Their bytes are the same.
 const RENAMED: &[(&str, &str, &str)] = &[
     ("cnc_msgs/msg/Program", "controller", "control"),
     ("cnc_msgs/msg/ProgrammedContour", "controller", "control"),
@@ -69,10 +68,10 @@ const RENAMED: &[(&str, &str, &str)] = &[
     ("cnc_msgs/msg/CompensationReport", "diagnostics", "findings"),
 ];
 
-/// Parameters that have another name today: node, name of then, name of today.
+/// Parameters that have a new name today: node, old name, new name.
 const RENAMED_PARAMETERS: &[(&str, &str, &str)] = &[("program_loader", "controller", "control")];
 
-/// Gives recorded parameters the names that today's nodes know.
+/// Renames recorded parameters to the names that today's nodes know.
 pub(crate) fn rename_parameters(recorded: &mut NodeParameters) {
     for (node, then, today) in RENAMED_PARAMETERS {
         if recorded.node.rsplit('/').next() == Some(node) {
@@ -83,10 +82,10 @@ pub(crate) fn rename_parameters(recorded: &mut NodeParameters) {
     }
 }
 
-/// What profiles of then said, and what says the same today.
+/// Texts of old profiles, and the equivalent text of today.
 const PROFILE_CHANGES: &[(&str, &str)] = &[("contour: error", "react: alarm")];
 
-/// The profile that was recorded with a contour, whatever keys it had then.
+/// The profile that was recorded with a contour, with old keys renamed.
 pub(crate) fn profile_of_then(text: &str) -> Result<Profile, String> {
     let read = |text: &str| settings::profile_from_yaml(text).map_err(|error| error.to_string());
     read(text).or_else(|problem| {
@@ -96,29 +95,29 @@ pub(crate) fn profile_of_then(text: &str) -> Result<Profile, String> {
             format!("{indent}{}\n", change.map_or(words, |(_, is)| is))
         };
         let text_now: String = text.lines().map(renamed).collect();
-        // What is wrong beside that is told of the text as it is in the bag.
+        // Other errors are reported for the text as it is in the bag.
         read(&text_now).map_err(|_| problem)
     })
 }
 
-/// How messages of one type are read.
+/// How messages of one type are decoded.
 #[derive(Debug, Clone)]
-enum Way {
-    /// Field for field as they lie there.
+enum Decoding {
+    /// Directly: the definition is today's.
     AsToday,
-    /// By the old definition, with what came since.
+    /// By the old definition, with zeros for the added fields.
     Migrated { old: Arc<MessageSchema>, today: Arc<MessageSchema>, added: Vec<FieldPath> },
 }
 
-/// The definitions of a bag beside those of today.
+/// The definitions of a bag, and how to convert them to those of today.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Definitions {
-    /// By type and channel: two channels of a type may have been defined at different times.
-    ways: BTreeMap<(&'static str, usize), Way>,
+    /// By type and channel: two channels of a type may have different definitions.
+    ways: BTreeMap<(&'static str, usize), Decoding>,
 }
 
 impl Definitions {
-    /// Decodes a message, whatever definition of its type it was recorded with.
+    /// Decodes a message with the definition that it was recorded with.
     ///
     /// `number` counts the messages of its topic from 1.
     pub(crate) fn decode<M: Message>(
@@ -128,37 +127,37 @@ impl Definitions {
     ) -> Result<M, ReplayError> {
         let way = match self.ways.entry((M::TYPE_NAME, message.channel_index)) {
             Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => new.insert(way::<M>(&message.channel)?),
+            Entry::Vacant(new) => new.insert(decoding::<M>(&message.channel)?),
         };
         let content = |error: &dyn fmt::Display| ReplayError::content(message, number, error);
         match way {
-            Way::AsToday => cdr::decode(&message.data).map_err(|error| content(&error)),
-            Way::Migrated { old, today, .. } => {
+            Decoding::AsToday => cdr::decode(&message.data).map_err(|error| content(&error)),
+            Decoding::Migrated { old, today, .. } => {
                 let was = decode::decode(old, &message.data).map_err(|error| content(&error))?;
                 from_value(&completed(today, &was), today).map_err(|error| content(&error))
             }
         }
     }
 
-    /// The collector, which leaves checksums out of account where they are over other bytes.
+    /// The collector; it skips checksums that were made over bytes of an older definition.
     pub(crate) fn sealed<C: Chunk + Message>(&self, collector: Collector<C>) -> Collector<C> {
         if self.is_migrated(C::TYPE_NAME) { collector.without_checksums() } else { collector }
     }
 
-    /// Whether messages of this type were of an older definition, on any channel.
+    /// Whether any channel had an older definition of this type.
     pub(crate) fn is_migrated(&self, type_name: &str) -> bool {
-        self.of(type_name).any(|way| matches!(way, Way::Migrated { .. }))
+        self.of(type_name).any(|way| matches!(way, Decoding::Migrated { .. }))
     }
 
-    /// How messages of one type are read, by channel.
-    fn of(&self, type_name: &str) -> impl Iterator<Item = &Way> {
+    /// How messages of one type are decoded, by channel.
+    fn of(&self, type_name: &str) -> impl Iterator<Item = &Decoding> {
         self.ways.iter().filter(move |((known, _), _)| *known == type_name).map(|(_, way)| way)
     }
 
-    /// The message without what the bag's definition of its type did not have.
+    /// The message without the fields that the bag's definition of its type lacks.
     pub(crate) fn forget<M: Message>(&self, message: M) -> M {
         self.of(M::TYPE_NAME).fold(message, |message, way| {
-            let Way::Migrated { today, added, .. } = way else { return message };
+            let Decoding::Migrated { today, added, .. } = way else { return message };
             let value = decode::decode(today, &cdr::encapsulated(&message))
                 .expect("a message fits the definition that its struct was made of");
             let known = without(&value, &mut Vec::new(), added);
@@ -168,7 +167,7 @@ impl Definitions {
     }
 }
 
-fn way<M: Message>(channel: &BagChannel) -> Result<Way, ReplayError> {
+fn decoding<M: Message>(channel: &BagChannel) -> Result<Decoding, ReplayError> {
     let today = TypeInfo::of::<M>();
     let content = |error: &dyn fmt::Display| ReplayError::Content {
         place: channel.topic.clone(),
@@ -191,7 +190,7 @@ fn way<M: Message>(channel: &BagChannel) -> Result<Way, ReplayError> {
     let mut gaps = Vec::new();
     compare(&old, &new, &mut Vec::new(), &mut gaps);
     if gaps.is_empty() {
-        return Ok(Way::AsToday);
+        return Ok(Decoding::AsToday);
     }
     let refused = || ReplayError::Definition {
         type_name: M::TYPE_NAME,
@@ -215,13 +214,13 @@ fn way<M: Message>(channel: &BagChannel) -> Result<Way, ReplayError> {
             .collect();
         let explains = |gap: &Gap| matches!(gap, Gap::Added(path) if patterns.contains(path));
         if gaps.iter().all(explains) {
-            return Ok(Way::Migrated { old, today: new, added: patterns });
+            return Ok(Decoding::Migrated { old, today: new, added: patterns });
         }
     }
     Err(refused())
 }
 
-/// The definition of then, with fields under the names that they have today.
+/// The old definition, with fields under the names of today.
 fn with_names_of_today(of: &str, mut old: Arc<MessageSchema>) -> Arc<MessageSchema> {
     for (type_name, then, today) in RENAMED {
         if *type_name == of
@@ -233,14 +232,14 @@ fn with_names_of_today(of: &str, mut old: Arc<MessageSchema>) -> Arc<MessageSche
     old
 }
 
-/// One way in which two definitions are not the same.
+/// One point in which two definitions differ.
 #[derive(Debug, PartialEq)]
 enum Gap {
-    /// Today has a field more.
+    /// Today's definition has an additional field.
     Added(FieldPath),
-    /// Today has it no more.
+    /// Today's definition lacks the field.
     Dropped(FieldPath),
-    /// Another type, number of elements, or place.
+    /// Another type, number of elements, or position.
     Changed(FieldPath),
 }
 
@@ -297,7 +296,7 @@ fn compare(old: &MessageSchema, today: &MessageSchema, path: &mut Vec<Step>, gap
     }
 }
 
-/// The message with every field of the definition: zero where it has none.
+/// The message with every field of the definition; missing ones are zero.
 fn completed(schema: &MessageSchema, message: &MessageValue) -> MessageValue {
     let fields = schema.fields.iter().map(|field| {
         let value = match (message.get(&field.name), &field.field_type) {
@@ -340,7 +339,7 @@ fn zero(field_type: &FieldType, arity: Arity) -> Value {
     }
 }
 
-/// The message without the fields that a pattern names.
+/// The message without the fields that match a pattern.
 fn without(message: &MessageValue, path: &mut Vec<Step>, patterns: &[FieldPath]) -> MessageValue {
     let mut fields = Vec::with_capacity(message.fields.len());
     for (name, value) in &message.fields {

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub struct Output {
     pub topic: &'static str,
     pub type_name: &'static str,
-    /// When what it answers was recorded.
+    /// Recording time of the message that it corresponds to.
     pub log_time_ns: u64,
     pub data: Vec<u8>,
 }
@@ -25,7 +25,7 @@ impl Output {
     }
 }
 
-/// What a bag is called: a folder may have dots in its name.
+/// The name of a bag; the name of its folder may contain dots.
 pub fn name_of(bag: &Path) -> String {
     // `.` has no name of its own.
     let real = if bag.file_name().is_none() { bag.canonicalize().ok() } else { None };
@@ -34,12 +34,12 @@ pub fn name_of(bag: &Path) -> String {
     name.unwrap_or("bag".as_ref()).to_string_lossy().into_owned()
 }
 
-/// The file that is written of a bag.
+/// The output file for a bag.
 fn target(directory: &Path, bag: &Path) -> PathBuf {
     directory.join(format!("{}.mcap", name_of(bag)))
 }
 
-/// Refuses, before anything is replayed, what would be written over a file.
+/// Checks, before anything is replayed, that no output file exists yet.
 pub fn must_be_free(directory: &Path, bags: &[PathBuf]) -> Result<(), ReplayError> {
     let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     for bag in bags {
@@ -61,7 +61,7 @@ pub fn write(directory: &Path, bag: &Path, outputs: &[Output]) -> Result<(), Rep
     let name = name_of(bag);
     fs::create_dir_all(directory).map_err(BagWriteError::Io)?;
     let path = target(directory, bag);
-    // Never over a file that came in between.
+    // Never overwrites a file that was made in the meantime.
     let file = fs::File::create_new(&path).map_err(|error| match error.kind() {
         ErrorKind::AlreadyExists => ReplayError::OutputTaken { file: path },
         _ => BagWriteError::Io(error).into(),

@@ -1,46 +1,50 @@
-//! Whether the path of today is the one that was recorded, and where they part.
+//! Whether today's path is the recorded one, and where they first differ.
 //!
-//! Paths are compared as curves, run by run: a run is all that one block does in one way
-//! (lines or arcs, one feed, one side, one role), however many elements it is cut into.
-//! Two paths are the same when their runs are of the same kinds in the same order, the
-//! curves of each pair are within [`SAME_MM`] and what happens along them happens there.
-//! Fields are compared in `compare.rs`, points and arcs in `path_difference/curve.rs`.
+//! Paths are compared as curves, run by run: a run is everything that one block does with one kind
+//! of element (line or arc, one feed, one side, one role), however many elements it has. Two paths
+//! are the same when their runs have the same kinds in the same order, the curves of each pair are
+//! within [`SAME_MM`], and the events along them are at the same places. `compare.rs` compares
+//! fields, `path_difference/curve.rs` points and arcs.
 
 mod curve;
 
-use super::compare::Place;
+use super::compare::DifferencePlace;
 use super::tolerances::{SAME_FEED_MM_PER_MIN, SAME_MM};
 use crate::path_distance::between;
 use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::geometry::{Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement};
-use curve::{Piece, distance};
+use curve::{Curve, distance};
 
-/// How a path of today is like the recorded one.
+/// How similar today's path is to the recorded one.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Likeness {
-    /// Element for element.
+    /// Equal, element for element.
     Same,
-    /// The same curve, cut into elements elsewhere.
+    /// The same curve, split into other elements.
     OtherElements { recorded: usize, now: usize },
-    /// Other curves, other kinds, or something else happens along them.
+    /// Other curves, other kinds, or other events along them.
     Diverges(Divergence),
 }
 
-/// Where two paths part.
+/// The first place where two paths differ.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Divergence {
     pub position: Position,
     pub line: u32,
-    /// How far apart they are there, mm; `None` where something else is different.
+    /// The distance between them there, mm; `None` if something other than the curve differs.
     pub distance_mm: Option<f64>,
     pub text: String,
 }
 
 impl Divergence {
     /// Where it is in the program and on the part.
-    pub fn place(&self) -> Place {
-        Place { line: self.line, position: Some(self.position), distance_mm: self.distance_mm }
+    pub fn place(&self) -> DifferencePlace {
+        DifferencePlace {
+            line: self.line,
+            position: Some(self.position),
+            distance_mm: self.distance_mm,
+        }
     }
 }
 
@@ -52,7 +56,7 @@ pub fn first_difference(recorded: &CompensatedPath, now: &CompensatedPath) -> Op
     }
 }
 
-/// The largest distance between two paths, for reports; measured in chords of a ten-thousandth.
+/// The largest distance between two paths, for reports; measured with chords of 0.0001 mm error.
 pub fn at_most(recorded: &CompensatedPath, now: &CompensatedPath) -> String {
     let worst = between(recorded, now);
     let [x, y, z] = worst.position;
@@ -65,7 +69,7 @@ pub fn at_most(recorded: &CompensatedPath, now: &CompensatedPath) -> String {
     }
 }
 
-/// Compares two paths as curves with what happens along them.
+/// Compares two paths as curves with their events.
 pub fn likeness(recorded: &CompensatedPath, now: &CompensatedPath) -> Likeness {
     match compare(recorded, now) {
         Err(divergence) => Likeness::Diverges(divergence),
@@ -76,7 +80,7 @@ pub fn likeness(recorded: &CompensatedPath, now: &CompensatedPath) -> Likeness {
     }
 }
 
-/// Whether they are the same element for element, or where they part.
+/// Whether they are equal element for element, or where they differ.
 fn compare(recorded: &CompensatedPath, now: &CompensatedPath) -> Result<bool, Divergence> {
     let first = recorded.elements.first().map_or(0, |element| element.source.line);
     if is_beyond(distance(recorded.start, now.start), SAME_MM) {
@@ -99,8 +103,8 @@ fn compare(recorded: &CompensatedPath, now: &CompensatedPath) -> Result<bool, Di
     if runs.len() != runs_now.len() {
         let common = runs.len().min(runs_now.len());
         let (longer, run, what) = match runs.get(common) {
-            Some(&run) => (recorded, run, "is gone"),
-            None => (now, runs_now[common], "is new"),
+            Some(&run) => (recorded, run, "was removed"),
+            None => (now, runs_now[common], "was added"),
         };
         let element = &longer.elements[run.1 - 1];
         return Err(Divergence {
@@ -120,16 +124,16 @@ fn compare(recorded: &CompensatedPath, now: &CompensatedPath) -> Result<bool, Di
     Ok(is_same)
 }
 
-/// What is no number is beyond everything.
+/// Whether a value exceeds a limit; NaN always does.
 fn is_beyond(value: f64, limit: f64) -> bool {
     value.is_nan() || value > limit
 }
 
-/// First element of a run, and the one after its last.
-type Run = (usize, usize);
+/// Index of the first element of a run, and of the one after its last.
+type ElementRange = (usize, usize);
 
-fn runs(path: &CompensatedPath) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::new();
+fn runs(path: &CompensatedPath) -> Vec<ElementRange> {
+    let mut runs: Vec<ElementRange> = Vec::new();
     for (index, element) in path.elements.iter().enumerate() {
         match runs.last_mut() {
             Some(run) if is_alike(&path.elements[run.0], element) => run.1 = index + 1,
@@ -139,7 +143,7 @@ fn runs(path: &CompensatedPath) -> Vec<Run> {
     runs
 }
 
-/// Whether two elements are of one kind: whatever else they are, is told by their curves.
+/// Whether two elements are of one kind; their curves are compared separately.
 fn is_alike(a: &PathElement, b: &PathElement) -> bool {
     let shapes = match (&a.shape, &b.shape) {
         (Shape::Line, Shape::Line) => true,
@@ -157,12 +161,12 @@ fn is_alike(a: &PathElement, b: &PathElement) -> bool {
 
 fn compare_runs(
     recorded: &CompensatedPath,
-    was: Run,
+    was: ElementRange,
     now: &CompensatedPath,
-    is: Run,
+    is: ElementRange,
 ) -> Result<bool, Divergence> {
     let (element, element_now) = (&recorded.elements[was.0], &now.elements[is.0]);
-    let (piece, piece_now) = (Piece::new(recorded, was), Piece::new(now, is));
+    let (piece, piece_now) = (Curve::new(recorded, was), Curve::new(now, is));
     let diverges = |position, distance_mm, text| Divergence {
         position,
         line: element.source.line,
@@ -193,7 +197,7 @@ fn compare_runs(
         );
         return Err(diverges(position, Some(far), text));
     }
-    // A turn more is the same curve and another length.
+    // An additional turn is the same curve, but longer.
     let by = (piece.length() - piece_now.length()).abs();
     let count = (was.1 - was.0 + is.1 - is.0) as f64;
     if is_beyond(by, SAME_MM * count) {
@@ -212,16 +216,16 @@ fn compare_runs(
     Ok(is_same)
 }
 
-/// What happens along the paths: the same, in the same order, at the same places.
+/// Compares the events along the paths: the same, in the same order, at the same places.
 fn compare_events(
-    (recorded, runs): (&CompensatedPath, &[Run]),
-    (now, runs_now): (&CompensatedPath, &[Run]),
+    (recorded, runs): (&CompensatedPath, &[ElementRange]),
+    (now, runs_now): (&CompensatedPath, &[ElementRange]),
 ) -> Result<(), Divergence> {
     let at = |path: &CompensatedPath, index: usize| match index {
         0 => path.start,
         _ => path.elements.get(index - 1).map_or(path.start, |element| element.end),
     };
-    let run_of = |runs: &[Run], index: usize| runs.partition_point(|run| run.1 <= index);
+    let run_of = |runs: &[ElementRange], index: usize| runs.partition_point(|run| run.1 <= index);
     let diverges =
         |position, line, text| Err(Divergence { position, line, distance_mm: None, text });
     for (was, is) in recorded.events.iter().zip(&now.events) {
@@ -239,8 +243,8 @@ fn compare_events(
     }
     let common = recorded.events.len().min(now.events.len());
     let (longer, path, what) = match recorded.events.get(common) {
-        Some(event) => (Some(event), recorded, "is gone"),
-        None => (now.events.get(common), now, "is new"),
+        Some(event) => (Some(event), recorded, "was removed"),
+        None => (now.events.get(common), now, "was added"),
     };
     longer.map_or(Ok(()), |event| {
         let text = format!("{} {what}", event.action.text());
@@ -248,8 +252,8 @@ fn compare_events(
     })
 }
 
-/// `a line at F100.000000 (contour, left, axes XY) of line 7 N60, column 1, 8 long`: all that
-/// [`is_alike`] looks at, so that two names of elements that are not alike are not the same.
+/// `a line at F100.000000 (contour, left, axes XY) of line 7 N60, column 1, 8 long`: everything
+/// that [`is_alike`] compares, so that elements of different kinds never get the same name.
 fn name(element: &PathElement) -> String {
     let kind = match &element.shape {
         Shape::Line => "line".to_owned(),

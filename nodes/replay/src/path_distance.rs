@@ -1,36 +1,36 @@
-//! How far apart two paths of one program are.
+//! The distance between two paths of one program.
 //!
-//! Paths are compared as curves: points along one, and how far the other is from
-//! them where it belongs to the same lines of the program. Pure.
+//! Paths are compared as curves: samples along one, and their distance from the elements of the
+//! other that belong to the same lines of the program. Pure.
 
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::{CompensatedPath, PathElement};
 use compensation_planner::tessellate;
 
-/// How closely arcs are followed, mm.
+/// Chord error of arcs, mm.
 const CHORD_ERROR_MM: f64 = 1e-4;
 
-/// What differs.
+/// How two paths differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Difference {
-    /// The largest distance, mm, where it is and the block it belongs to.
+pub struct PathDistance {
+    /// The largest distance, mm, where it is, and the block it belongs to.
     pub distance_mm: f64,
     pub position: Position,
     pub source: Source,
-    /// Functions that one has and the other has not, or in another order.
+    /// Functions that only one path has, or in another order.
     pub functions: usize,
     /// Blocks that run with other feeds.
     pub feeds: usize,
 }
 
-/// The chords of one block: from, to, and the end of the element for rapids.
+/// A chord of one block: from, to.
 pub type Chord = (Position, Position);
 
 /// The largest distance between two paths in both directions.
-pub fn between(a: &CompensatedPath, b: &CompensatedPath) -> Difference {
+pub fn between(a: &CompensatedPath, b: &CompensatedPath) -> PathDistance {
     let (chords_a, chords_b) = (by_line(a), by_line(b));
-    let mut worst = Difference {
+    let mut worst = PathDistance {
         distance_mm: 0.0,
         position: a.start,
         source: Source::default(),
@@ -81,8 +81,8 @@ fn add_chords(start: Position, element: &PathElement, chords: &mut Vec<Chord>) {
     });
 }
 
-/// How far a point of a line is from what the other path does in that line and
-/// in those next to it.
+/// The distance of a point of a line from what the other path does in that line and in the
+/// neighbouring lines.
 fn nearest(point: Position, line: u32, blocks: &[Block], guess: usize) -> f64 {
     let at = match blocks.get(guess) {
         Some(block) if block.source.line == line => guess,
@@ -103,7 +103,7 @@ pub fn from_chord(point: Position, (from, to): &Chord) -> f64 {
     dot(off, off).sqrt()
 }
 
-/// Functions in the order of the program, as far as both are the same: how many are not.
+/// The number of functions, in the order of the program, after the first difference.
 fn differing_functions(a: &CompensatedPath, b: &CompensatedPath) -> usize {
     let words = |path: &CompensatedPath| -> Vec<String> {
         path.events.iter().map(|event| event.action.text()).collect()
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_farthest_point_is_told_with_its_line() {
+    fn the_farthest_point_has_its_line() {
         let one = path(&[(1, [10.0, 0.0]), (2, [10.0, 10.0])]);
         let mut other = path(&[(1, [10.0, 0.0]), (2, [10.0, 13.0])]);
         other.elements[1].feed_mm_per_min = Some(50.0);

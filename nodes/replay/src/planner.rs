@@ -1,7 +1,7 @@
-//! The planner's core on recorded contours and tool tables.
+//! Replays the planner's core on recorded contours and tool tables.
 
 use super::compare::{Comparison, Difference};
-use super::given::Given;
+use super::inputs::CoreInputs;
 use super::output::Output;
 use super::path_difference::{Likeness, at_most, likeness};
 use super::recording::{RecordedPlan, RecordedProgram, Recording};
@@ -20,47 +20,47 @@ use compensation_planner::{UncutRegion, plan, plan_certified};
 use path_audit::audit_after;
 use std::sync::Arc;
 
-/// What today's planner makes of a revision; of a refused one, nothing.
+/// What today's planner makes of a revision; without a path if it is refused.
 #[derive(Debug)]
 pub struct Replanned {
     pub revision: u64,
     pub path: Arc<CompensatedPath>,
-    /// Whether it has the same bytes on the wire as the one of then.
+    /// Whether it has the same bytes on the wire as the recorded one.
     is_as_sent: bool,
     pub uncut: Vec<UncutRegion>,
 }
 
-/// Plans again whatever was planned and whose inputs are there.
+/// Plans every revision again whose inputs are in the bag.
 pub(crate) fn replay(
-    given: &mut Given,
+    inputs: &mut CoreInputs,
     options: Options<'_>,
     comparison: &mut Comparison,
     outputs: &mut Vec<Output>,
 ) -> Result<Vec<Replanned>, ReplayError> {
-    let revisions: Vec<u64> = given.recording.plans.keys().copied().collect();
+    let revisions: Vec<u64> = inputs.recording.plans.keys().copied().collect();
     let mut plans = Vec::new();
     for revision in revisions {
-        let made = replan(given, options, &plans, revision, comparison, outputs)?;
+        let made = replan(inputs, options, &plans, revision, comparison, outputs)?;
         let handed = made.as_ref().and_then(|(_, handed)| handed.as_ref());
-        given.hand_on_path(revision, handed.map(|(manifest, cut)| (manifest, cut)))?;
+        inputs.hand_on_path(revision, handed.map(|(manifest, cut)| (manifest, cut)))?;
         plans.extend(made.map(|(plan, _)| plan));
     }
     Ok(plans)
 }
 
-/// A plan of today, and what is sent of it.
+/// Today's plan, and its messages.
 type Made = (Replanned, Option<(CompensatedPathMessage, PathChunks)>);
 
 /// Plans one revision again; `None` when it is refused now.
 fn replan(
-    given: &Given,
+    inputs: &CoreInputs,
     options: Options<'_>,
     plans: &[Replanned],
     revision: u64,
     comparison: &mut Comparison,
     outputs: &mut Vec<Output>,
 ) -> Result<Option<Made>, ReplayError> {
-    let recording = &given.recording;
+    let recording = &inputs.recording;
     let chord_error_mm = chord_error_mm(recording);
     let recorded = &recording.plans[&revision];
     let report = &recorded.report;
@@ -74,14 +74,14 @@ fn replan(
         });
     };
     let of_plan = format!("plan {revision}");
-    let Some(programmed) = given.contour(&report.program_id) else {
-        comparison.differs(&of_plan, "contour", "the loader refuses the program of it now");
+    let Some(programmed) = inputs.contour(&report.program_id) else {
+        comparison.differs(&of_plan, "contour", "the loader refuses its program now");
         return Ok(None);
     };
     let profile = program.profile()?;
-    let rest = match rest_of(given, options, plans, program, &profile, revision) {
-        Err(error) if given.is_chain() => {
-            // It was a rest of the path that ran, and that is another one now.
+    let rest = match rest_of(inputs, options, plans, program, &profile, revision) {
+        Err(error) if inputs.is_chain() => {
+            // It was a rest of the path that ran, and that path is different now.
             comparison.differs(&of_plan, "rest", error.to_string());
             return Ok(None);
         }
@@ -108,7 +108,7 @@ fn replan(
         tool_table_revision: report.tool_table_revision,
         ..report_of(&now, chord_error_mm)
     };
-    // They follow a moment later; a run may have begun and ended before.
+    // Certificates are published later; the bag of a short run may not have them.
     if report.certificate_count > 0 {
         certify(&mut report_now, &plan_certified(contour, &profile, tools).certificates);
     }
@@ -130,7 +130,7 @@ fn replan(
     if let Some(path) = &recorded.path {
         comparison.count("audit", 1);
         let found = match is_same {
-            // The same curve was proved just now, or it would not be accepted.
+            // The same curve was audited when the plan was accepted.
             true => Vec::new(),
             false => audit_after(contour, path, &profile, tools, &now.findings).findings,
         };
@@ -142,8 +142,8 @@ fn replan(
     Ok(made)
 }
 
-/// Compares the path of an accepted plan, if there was one then; whether it is the same, and
-/// what is sent of it.
+/// Compares the path of an accepted plan with the recorded one; returns whether it is the same,
+/// and its messages.
 fn compare_accepted(
     comparison: &mut Comparison,
     recorded: &RecordedPlan,
@@ -172,14 +172,14 @@ fn compare_accepted(
     (is_same, Some((manifest_now, now)))
 }
 
-/// What a chunk or its manifest says of how a curve is cut into elements.
+/// Fields of a chunk or manifest that depend on how a curve is split into elements.
 const OF_THE_SPLIT: [&str; 6] =
     ["element_count", "chunk_count", "bounds_min", "bounds_max", "feed_length", "rapid_length"];
 
-/// Compares two paths field by field and, where that finds anything, as curves.
+/// Compares two paths field by field and, if that finds a difference, as curves.
 ///
-/// The same curve in other elements is a remark. Where elements came or went, those behind
-/// them are beside others than before: then the curves alone are told.
+/// The same curve in other elements is a remark. Where elements were added or removed, the
+/// elements after them no longer line up: then only the curves are reported.
 pub fn compare_paths(
     comparison: &mut Comparison,
     (manifest, manifest_now): (&CompensatedPathMessage, &CompensatedPathMessage),
@@ -190,7 +190,7 @@ pub fn compare_paths(
     fields.message(&format!("compensated_path {}", manifest.revision), manifest, manifest_now);
     comparison.count("paths as curves", 1);
     if manifest.sha256 == manifest_now.sha256 {
-        // Every byte is the same: the checksum of what was recorded was proved when it was read.
+        // Every byte is the same: the checksums of the recorded chunks were checked.
         fields.count("compensated_path/chunks", chunks_now.len());
         comparison.take(fields);
         return true;
@@ -209,8 +209,8 @@ pub fn compare_paths(
         Likeness::Same => {}
         Likeness::OtherElements { recorded, now } => {
             fields.differences.retain(|row| !is_split(row));
-            // Where things happen has been compared along the curves, but not what they are to
-            // the last value: their texts leave some out.
+            // The places of events have been compared along the curves, but not all their values:
+            // their texts leave some out.
             fields.message(&format!("events of {what}"), &events(&chunks), &events(chunks_now));
             comparison.remark(&what, format!("the same curve, {recorded} elements became {now}"));
         }
@@ -226,14 +226,14 @@ pub fn compare_paths(
     is_same
 }
 
-/// What happens along a path, without the elements that it happens at.
+/// The events along a path, without its elements.
 fn events(chunks: &[PathChunk]) -> PathChunk {
     let events = chunks.iter().flat_map(|chunk| &chunk.events).cloned();
     let events = events.map(|event| PathEvent { at_element: 0, ..event });
     PathChunk { events: events.collect(), ..PathChunk::default() }
 }
 
-/// How closely the node followed arcs when it measured them.
+/// The chord error with which the node measured arcs.
 fn chord_error_mm(recording: &Recording) -> f64 {
     let of_node = recording.parameters.get("compensation_planner");
     let rows = of_node.map_or(&[][..], |node| &node.parameters);
@@ -241,17 +241,17 @@ fn chord_error_mm(recording: &Recording) -> f64 {
     row.map(|row| row.value.double_value).filter(|it| *it > 0.0).unwrap_or(0.05)
 }
 
-/// What was planned for the rest of a run that stood in a hold: upon the plan that ran
-/// then, which may be such a rest itself. `None` for a plan of its own.
+/// What was planned for the rest of a run that was in a hold: a continuation of the plan that ran
+/// then, which may be such a rest itself. `None` for a plan of a whole program.
 fn rest_of(
-    given: &Given,
+    inputs: &CoreInputs,
     options: Options<'_>,
     plans: &[Replanned],
     program: &RecordedProgram,
     profile: &Profile,
     revision: u64,
 ) -> Result<Option<Replanned>, ReplayError> {
-    let recording = &given.recording;
+    let recording = &inputs.recording;
     let manifest = recording.plans.get(&revision).and_then(|plan| plan.manifest.as_ref());
     let Some(manifest) = manifest.filter(|manifest| manifest.continues_revision > 0) else {
         return Ok(None);
@@ -259,22 +259,22 @@ fn rest_of(
     let of = || format!("revision {revision} of {}", manifest.program_id);
     let base = manifest.continues_revision;
     let earlier = (base < revision).then(|| recording.plans.get(&base)).flatten();
-    // On the wire a path loses its last bits; the planner had it before.
+    // Messages round the path; the planner had it before rounding.
     let today = plans.iter().find(|plan| plan.revision == base && plan.is_as_sent);
     let running = match today {
         Some(today) => Some(Arc::clone(&today.path)),
-        None => earlier.and_then(|_| given.path(&manifest.program_id, base)),
+        None => earlier.and_then(|_| inputs.path(&manifest.program_id, base)),
     };
     let tables = earlier.map(|plan| plan.report.tool_table_revision);
     let before = tables.and_then(|revision| recording.tool_tables.get(&revision));
     let after = recording.tool_tables.get(&manifest.tool_table_revision);
-    let contour = given.contour(&manifest.program_id);
+    let contour = inputs.contour(&manifest.program_id);
     let (Some(running), Some(before), Some(after), Some(contour)) =
         (running, before, after, contour)
     else {
         return Err(ReplayError::Incomplete { what: "the plan that ran", of: of() });
     };
-    let base = rest_of(given, options, plans, program, profile, base)?;
+    let base = rest_of(inputs, options, plans, program, profile, base)?;
     let (contour, before) = match &base {
         Some(rest) => (&rest.contour, &rest.tools),
         None => (&*contour, before),

@@ -1,7 +1,7 @@
-//! What a bag holds for the cores: their inputs, and what they made of them then.
+//! What a bag holds for the cores: their inputs, and their recorded outputs.
 //!
-//! Reads a bag once, by topic name whatever the namespace, and puts chunks
-//! together. Leaves running the cores to its neighbours.
+//! Reads a bag once, by topic name in any namespace, and assembles chunks. Other modules run the
+//! cores.
 
 use super::migration::{Definitions, profile_of_then, rename_parameters};
 use super::run_result::{self, STATUS_TOPIC};
@@ -29,26 +29,26 @@ pub struct RecordedProgram {
     pub text: Vec<u8>,
     pub manifest: wire::ProgrammedContour,
     pub contour: Arc<ProgrammedContour>,
-    /// When the manifest was recorded.
+    /// Recording time of the manifest.
     pub log_time_ns: u64,
 }
 
 impl RecordedProgram {
-    /// The control that it was loaded for.
+    /// The control for which it was loaded.
     pub fn profile(&self) -> Result<Profile, ReplayError> {
         profile_of_then(&self.manifest.profile)
             .map_err(|reason| ReplayError::Input { of: self.manifest.program_id.clone(), reason })
     }
 }
 
-/// A plan, refused ones too.
+/// A plan; may be a refused one.
 #[derive(Debug, Clone)]
 pub struct RecordedPlan {
     pub report: wire::CompensationReport,
     /// `None` when it was refused.
     pub manifest: Option<wire::CompensatedPath>,
     pub path: Option<Arc<CompensatedPath>>,
-    /// When the report was recorded.
+    /// Recording time of the report.
     pub log_time_ns: u64,
 }
 
@@ -56,13 +56,13 @@ pub struct RecordedPlan {
 #[derive(Debug, Clone)]
 pub struct RecordedState {
     pub state: wire::MachineState,
-    /// When it was recorded.
+    /// Recording time.
     pub at_ns: i64,
-    /// When it was published.
+    /// Publication time.
     pub published_ns: i64,
 }
 
-/// Everything that replay needs of a bag.
+/// Everything that replay needs from a bag.
 #[derive(Debug, Default)]
 pub struct Recording {
     /// By program id.
@@ -75,29 +75,29 @@ pub struct Recording {
     pub traffic: BTreeMap<u64, (u64, wire::TrafficEntry)>,
     /// In order.
     pub states: Vec<RecordedState>,
-    /// The newest of each node, by its name without namespace.
+    /// The newest parameters of each node, by its name without namespace.
     pub parameters: BTreeMap<String, wire::NodeParameters>,
-    /// What the types looked like then.
+    /// The definitions of the bag's types.
     pub(crate) definitions: Definitions,
-    /// What nodes were asked, in order.
+    /// The recorded requests to nodes, in order.
     pub commands: Vec<wire::Command>,
-    /// What the controller said of itself last.
+    /// The last identification of the controller.
     pub settings: Option<wire::ControllerSettings>,
-    /// What became of the goals of `run_program`, in order.
+    /// Results of the goals of `run_program`, in order.
     pub goals: Vec<GoalStatusArray>,
-    /// How runs ended, in order; the first may be of an earlier bag.
+    /// Results of runs, in order; the first may be of an earlier bag.
     pub results: Vec<wire::RunResult>,
     /// The goal that the bag was recorded for.
     pub goal_id: Option<String>,
-    /// States that were sent and did not come to the recorder, where it counted them.
+    /// States that were sent but did not reach the recorder, if it counted them.
     pub missed_states: Option<u64>,
-    /// The recorder came in the middle of the run, and says so: it has not heard what was before.
+    /// The recorder started in the middle of the run, and says so: earlier messages are missing.
     pub begins_late: bool,
-    /// What the bag should hold and does not; it is left out above.
+    /// What the bag should hold but does not; it is left out above.
     pub missing: Vec<Missing>,
 }
 
-/// How many states the recorder says that it missed.
+/// How many states the recorder reports as missed.
 fn missed_states<R: Read + Seek>(bag: &Bag<R>) -> Option<u64> {
     let closing = bag.closing().filter(|closing| !closing.written.is_empty())?;
     let mut topics = bag.channels().iter();
@@ -105,18 +105,18 @@ fn missed_states<R: Read + Seek>(bag: &Bag<R>) -> Option<u64> {
     Some(closing.missed.get(&states.topic).copied().unwrap_or(0))
 }
 
-/// A time by the wall clock, ns.
+/// A time of the wall clock, ns.
 pub fn nanoseconds(stamp: &Time) -> i64 {
     RosTime::from(stamp).as_nanos()
 }
 
-/// When an entry was made by the driver's own clock, ns; 0 for a time that there cannot be.
+/// When an entry was made, by the driver's clock, ns; 0 for an invalid time.
 pub fn monotonic_ns(entry: &wire::TrafficEntry) -> u64 {
     let since = RosTime::from_parts(entry.monotonic.sec, entry.monotonic.nanosec);
     u64::try_from(since.as_nanos()).unwrap_or(0)
 }
 
-/// A driver that is started again numbers its entries anew.
+/// A driver that is restarted numbers its entries anew.
 const TWO_DRIVERS: &str = "one journal (the driver was started again in this bag)";
 
 /// Something without which some levels cannot be replayed.
@@ -133,7 +133,7 @@ impl fmt::Display for Missing {
     }
 }
 
-/// Messages as they come, before chunks are put together.
+/// Messages in the order of the bag, before chunks are assembled.
 #[derive(Default)]
 struct Gathered {
     programs: BTreeMap<String, wire::Program>,
@@ -145,7 +145,7 @@ struct Gathered {
     reports: BTreeMap<u64, (u64, wire::CompensationReport)>,
 }
 
-/// Types whose messages replay reads: what is not of these can go without being missed.
+/// The types that replay reads: messages of other types may be missing.
 pub const READ_TYPES: [&str; 15] = [
     wire::Program::TYPE_NAME,
     wire::ProgramChunk::TYPE_NAME,
@@ -165,7 +165,7 @@ pub const READ_TYPES: [&str; 15] = [
 ];
 
 impl Recording {
-    /// Reads all of it.
+    /// Reads a whole bag.
     pub fn read<R: Read + Seek>(bag: &mut Bag<R>) -> Result<Self, ReplayError> {
         let mut recording = Self::default();
         let mut gathered = Gathered::default();
@@ -187,12 +187,12 @@ impl Recording {
         Ok(recording)
     }
 
-    /// How the run that the bag was recorded for ended.
+    /// How the run ended for which the bag was recorded.
     pub fn end(&self) -> Option<RunEnd> {
         run_result::of_goal(self.goal_id.as_deref()?, &self.results, &self.goals)
     }
 
-    /// The path that was planned for a program under a number.
+    /// The recorded path of a program and a revision.
     pub fn path(&self, program_id: &str, revision: u64) -> Option<Arc<CompensatedPath>> {
         let plan = self.plans.get(&revision)?;
         (plan.report.program_id == program_id).then(|| plan.path.clone()).flatten()
@@ -241,7 +241,7 @@ impl Recording {
                 let traffic: wire::ControllerTraffic = self.definitions.decode(message, number)?;
                 for entry in traffic.entries {
                     let number = entry.sequence;
-                    // What was fetched came on its topic too.
+                    // A fetched entry may also have arrived on its topic.
                     let (_, known) = self.traffic.entry(number).or_insert((at, entry.clone()));
                     let is_other = known.monotonic != entry.monotonic;
                     if is_other && self.missing.iter().all(|it| it.what != TWO_DRIVERS) {
@@ -299,7 +299,7 @@ impl Recording {
                 lack("a chunk of the contour", &id, &[Loader, Planner]);
                 continue;
             }
-            // The planner does without the text.
+            // The planner does not need the text.
             let mut text = Vec::new();
             match gathered.programs.remove(&id) {
                 None => lack("the program", &id, &[Loader]),
@@ -350,7 +350,7 @@ impl Recording {
     }
 }
 
-/// Names what chunks are of that do not fit together.
+/// Names the chunks that do not fit together.
 fn spoilt(of: String) -> impl Fn(ChunkError) -> ReplayError {
     move |error| ReplayError::Input { of: of.clone(), reason: error.to_string() }
 }

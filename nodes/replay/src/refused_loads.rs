@@ -1,6 +1,6 @@
-//! Programs that the loader refused then: today's has to refuse them in the same words.
+//! Programs that the loader refused: today's loader must refuse them with the same message.
 //!
-//! Nothing of a refused program is published; its text is in the request, on `command_log`.
+//! A refused program is not published; its text is in the request on `command_log`.
 
 use super::ReplayError;
 use super::compare::Comparison;
@@ -14,7 +14,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{LoadProgram, LoadProgramRequest, LoadProgram
 use program_loader::node::refusal;
 use program_loader::{LoadOptions, load};
 
-/// Loads what was refused again.
+/// Loads the refused programs again.
 pub(crate) fn replay(
     recording: &Recording,
     comparison: &mut Comparison,
@@ -47,7 +47,7 @@ pub(crate) fn replay(
     Ok(())
 }
 
-/// What the program was loaded from, or why that is not known here.
+/// Loads a program again from its request; the inner error says why that is not possible.
 fn again(
     recording: &Recording,
     command: &Command,
@@ -65,7 +65,7 @@ fn again(
         "" => parameter(recording, "control").map_or("", |value| &value.string_value),
         name => name,
     };
-    // A file that has that name here may be another one.
+    // A local file of that name may have other content.
     if settings::Control::named(control).is_none() {
         return Ok(Err("its profile came from a file"));
     }

@@ -1,40 +1,40 @@
-//! What is said of a replay: counts first, then a row a field, then the differences.
+//! The report of a replay: counts first, then a row for each field, then the differences.
 //!
 //! As text for people, and as JSON for scripts.
 
 use super::compare::{Comparison, Difference, kind};
 use super::recording::Recording;
-use super::{Level, Verdict};
+use super::{Level, ReplayResult};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// Differences of a core that are printed one by one, unless all are asked for.
+/// Differences of a core that are printed, unless all are requested.
 const SHOWN_MAX: usize = 20;
 
-impl Verdict {
-    /// Whether every core makes what it made; remarks are no differences.
+impl ReplayResult {
+    /// Whether every core makes what was recorded; remarks do not count.
     pub fn is_reproduced(&self) -> bool {
         self.comparisons.iter().all(|(_, comparison)| comparison.differences.is_empty())
     }
 
     /// Whether there is a difference or a remark.
-    pub(crate) fn has_anything_to_tell(&self) -> bool {
+    pub(crate) fn has_rows(&self) -> bool {
         let rows =
             |comparison: &Comparison| comparison.differences.len() + comparison.remarks.len();
         self.comparisons.iter().any(|(_, comparison)| rows(comparison) > 0)
     }
 
-    /// Whether there is a difference, or a remark that the other one does not make.
-    pub(crate) fn has_more_to_tell_than(&self, other: &Self) -> bool {
-        let remarks = |verdict: &Self| -> Vec<String> {
-            let rows = verdict.comparisons.iter().flat_map(|(_, comparison)| &comparison.remarks);
+    /// Whether there is a difference, or a remark that the other comparison lacks.
+    pub(crate) fn has_rows_beyond(&self, other: &Self) -> bool {
+        let remarks = |result: &Self| -> Vec<String> {
+            let rows = result.comparisons.iter().flat_map(|(_, comparison)| &comparison.remarks);
             rows.map(|row| format!("{}: {}", row.message, row.text)).collect()
         };
         let known = remarks(other);
         !self.is_reproduced() || remarks(self).iter().any(|row| !known.contains(row))
     }
 
-    /// Whether a state that was published is not reached now.
+    /// Whether a published state is not reached now.
     pub(crate) fn has_other_states(&self) -> bool {
         let rows = self.comparisons.iter().flat_map(|(_, comparison)| &comparison.differences);
         rows.into_iter().any(|row| row.field == "state")
@@ -84,19 +84,19 @@ impl Verdict {
         })
     }
 
-    /// What was recorded.
+    /// The recording that was replayed.
     pub fn recording(&self) -> &Recording {
-        &self.given.recording
+        &self.inputs.recording
     }
 
-    /// A line on each level: how many differences, what was compared.
+    /// One line for each level: number of differences, what was compared.
     pub fn summary(&self) -> String {
         let rows = self.comparisons.iter();
         let rows = rows.map(|(level, it)| format!("{}: {}", level.name(), counts(it)));
         rows.collect::<Vec<_>>().join("\n")
     }
 
-    /// The first `shown_max` differences of each level: what is different, and how.
+    /// The first `shown_max` differences of each level, with their texts.
     pub fn differences(&self, shown_max: usize) -> Vec<[String; 2]> {
         let of_level = |(level, comparison): &(Level, Comparison)| {
             let rest = comparison.differences.len().saturating_sub(shown_max);
@@ -122,7 +122,7 @@ fn counts(comparison: &Comparison) -> String {
     )
 }
 
-/// The first difference, how many there are of each field, and the differences themselves.
+/// The first difference, the count for each field, and the differences themselves.
 fn differences(comparison: &Comparison, shown_max: usize) -> String {
     let rows = &comparison.differences;
     let text = |row: &Difference| format!("{}: {}{}", row.message, row.text, row.place.text());
@@ -148,7 +148,7 @@ fn differences(comparison: &Comparison, shown_max: usize) -> String {
     }
     if comparison.remarks.len() > shown_max {
         let more = comparison.remarks.len() - shown_max;
-        report += &format!("    and {more} remarks more; --all shows them\n");
+        report += &format!("    and {more} more remarks; --all shows them\n");
     }
     report
 }

@@ -1,8 +1,8 @@
-//! Whether a record goes on to the end of its run, and how that ended.
+//! Whether a recording reaches the end of its run, and how the run ended.
 //!
-//! A journal that stops in mid-run plays as well as a whole one, as far as it goes; nothing
-//! behind it is compared. So the end has to be there: the driver's core ends each run that it
-//! began, and the goal that the bag is of has a result, the same that the core comes to now.
+//! A journal that stops in the middle of a run replays without a difference up to its end, and
+//! nothing after that is compared. So the end must be there: the driver's core ends each run that
+//! it starts. The goal of the bag must have a result, and the core must reach the same result now.
 
 use super::compare::Comparison;
 use super::driver::Played;
@@ -16,14 +16,14 @@ use cnc_msgs::wire::action_msgs::msg::GoalStatus;
 use cnc_msgs::wire::cnc_msgs::msg::RunResult as Recorded;
 use serde::Deserialize;
 
-/// What a run was begun with.
+/// How a run was started.
 #[derive(Deserialize)]
-struct Asked {
+struct RunStart {
     id: u64,
     command: String,
 }
 
-/// Compares how the run ended; refuses a record that stops before.
+/// Compares how the run ended; rejects a recording that stops before.
 pub(crate) fn compare(
     recording: &Recording,
     played: &Played,
@@ -31,7 +31,7 @@ pub(crate) fn compare(
 ) -> Result<(), ReplayError> {
     let ends = ends(played);
     let outcomes: Vec<_> = ends.iter().map(|end| end.map(|end| end.outcome)).collect();
-    // Where it goes other ways now, that is what is to be told.
+    // If states differ now, those are the differences to report.
     if comparison.differences.is_empty()
         && outcomes.iter().any(Option::is_none)
         && let Some(last) = played.entries.last()
@@ -55,7 +55,7 @@ pub(crate) fn compare(
             }
             Ok(())
         }
-        // A goal may end before anything is begun, but not well.
+        // A goal may end before its run starts, but not with success.
         Err(None) if comparison.differences.is_empty() => {
             absent(format!("the run of goal {goal}: no command of the journal begins it"))
         }
@@ -67,8 +67,8 @@ pub(crate) fn compare(
     }
 }
 
-/// Whether a goal with this result can be of one of these runs; of several nobody knows which.
-/// The error says what became of it, or nothing where there is no run.
+/// Whether one of these runs can have this result; with several runs, any may be the one. The error
+/// is the difference, or `None` if there is no run.
 fn compare_end(outcomes: &[Option<RunOutcome>], status: i8) -> Result<(), Option<String>> {
     let ends: Vec<i8> = outcomes.iter().flatten().map(|outcome| status_of(*outcome)).collect();
     match ends.as_slice() {
@@ -82,8 +82,8 @@ fn compare_end(outcomes: &[Option<RunOutcome>], status: i8) -> Result<(), Option
     }
 }
 
-/// What became of the driver's words on the end of a run, unless they are those of one of these.
-/// The shell quotes the block that is to blame after them.
+/// The difference between the recorded result and the driver's results of these runs; `None` if one
+/// matches. The shell appends the block that caused it to the recorded message.
 fn compare_result(ends: &[Option<&RunResult>], recorded: &Recorded) -> Option<String> {
     let is_same = |end: &RunResult| {
         (end.error_code, end.last_line) == (recorded.error_code, recorded.last_line)
@@ -104,12 +104,12 @@ fn absent(missing: String) -> Result<(), ReplayError> {
     Err(ReplayError::Absent { level: Level::Driver.name(), missing, help: HELP })
 }
 
-/// How each run ended that was under way at the beginning, or was begun and not refused; `None`
-/// for one that goes on.
+/// The result of each run that was active at the start, or was started and not refused; `None` for
+/// a run that has not ended.
 fn ends(played: &Played) -> Vec<Option<&RunResult>> {
     let outputs = || played.played.outputs.iter().map(|(_, output)| output);
     let asked = played.entries.iter().filter(|entry| entry.kind == EntryKind::Command);
-    let asked = asked.filter_map(|entry| serde_json::from_slice::<Asked>(&entry.data).ok());
+    let asked = asked.filter_map(|entry| serde_json::from_slice::<RunStart>(&entry.data).ok());
     let ids = asked.filter(|asked| asked.command == "run_program").map(|asked| asked.id);
     let ids: Vec<u64> = ids.collect();
     let of_before = outputs().filter_map(|it| match it {
@@ -129,7 +129,7 @@ fn ends(played: &Played) -> Vec<Option<&RunResult>> {
     of_before.chain(begun).collect()
 }
 
-/// The last status of a goal, if that is an end.
+/// The last status of a goal, if the goal has ended.
 fn result(recording: &Recording, goal: &str) -> Option<i8> {
     last_status(&recording.goals, goal).filter(|status| {
         [GoalStatus::STATUS_SUCCEEDED, GoalStatus::STATUS_CANCELED, GoalStatus::STATUS_ABORTED]
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_words_on_the_end_of_a_run_are_those_of_today() {
+    fn the_result_of_a_run_is_the_one_of_today() {
         let end = |error_code, message: &str, last_line| RunResult {
             id: 1,
             outcome: Aborted,
@@ -197,10 +197,10 @@ mod tests {
             (&[Some(Canceled)], GOOD, became("SUCCEEDED became CANCELED")),
             (&[Some(Aborted), Some(Succeeded)], GOOD, Ok(())),
             (&[Some(Aborted), Some(Aborted)], GOOD, became("SUCCEEDED became ABORTED, ABORTED")),
-            // It was stopped before it began, or what began it is not there.
+            // It was canceled before it started, or its start is not in the journal.
             (&[], STOPPED, Ok(())),
             (&[], GOOD, Err(None)),
-            // The journal stops in the run: another check has reported that already.
+            // The journal stops in the run: another check has already reported that.
             (&[None], GOOD, Ok(())),
         ] {
             assert_eq!(compare_end(outcomes, status), expected, "{outcomes:?} {status}");

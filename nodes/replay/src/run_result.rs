@@ -10,12 +10,12 @@ use run_recorder::info::RunEnd;
 use serde::de::DeserializeOwned;
 use std::io::{Read, Seek};
 
-/// The goals of `run_program`, by the end of the topic's name.
+/// The status topic of the goals of `run_program`; compared with the end of a topic's name.
 pub const STATUS_TOPIC: &str = "run_program/_action/status";
-/// Bags of before `run_result` know no more.
+/// Bags from before the topic `run_result` have no reason.
 const NO_REASON: &str = "the bag is older than the topic run_result and does not say why";
 
-/// How the run that the bag was recorded for ended; `None` where the bag does not say.
+/// How the run ended for which the bag was recorded; `None` if the bag does not say.
 pub fn of_bag<R: Read + Seek>(bag: &mut Bag<R>) -> Option<RunEnd> {
     let goal = bag.metadata_named(RUN_RECORD)?.get("goal_id")?.clone();
     let results = messages(bag, RunResult::TYPE_NAME, "");
@@ -37,7 +37,7 @@ pub fn of_goal(goal: &str, results: &[RunResult], statuses: &[GoalStatusArray]) 
     Some(RunEnd { outcome: outcome.into(), error_code: 0, message: message.into(), last_line: 0 })
 }
 
-/// How a run ended, as the driver says it.
+/// How a run ended, according to the driver.
 pub fn of_message(result: &RunResult) -> RunEnd {
     let outcome = match result.outcome {
         RunResult::OUTCOME_SUCCEEDED => "succeeded",
@@ -53,19 +53,19 @@ pub fn of_message(result: &RunResult) -> RunEnd {
     }
 }
 
-/// What the driver said of the end of a goal. What is latched may be of the run before.
+/// The driver's result for a goal. A latched result may be of the run before.
 pub fn last_result<'a>(results: &'a [RunResult], goal: &str) -> Option<&'a RunResult> {
     results.iter().rfind(|result| hex(&result.goal_id.uuid) == goal)
 }
 
-/// The last status of a goal, whatever it is.
+/// The last status of a goal.
 pub fn last_status(statuses: &[GoalStatusArray], goal: &str) -> Option<i8> {
     let rows = statuses.iter().flat_map(|array| &array.status_list);
     let of_goal = rows.filter(|row| hex(&row.goal_info.goal_id.uuid) == goal);
     of_goal.map(|row| row.status).next_back()
 }
 
-/// The messages of one topic; what cannot be read is left out.
+/// The messages of one topic; unreadable ones are skipped.
 fn messages<R: Read + Seek, M: Message + DeserializeOwned>(
     bag: &mut Bag<R>,
     type_name: &str,
@@ -88,7 +88,7 @@ mod tests {
     use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
 
     #[test]
-    fn a_run_ends_as_the_driver_says_or_else_as_its_goal_did() {
+    fn the_driver_s_result_counts_or_else_the_status_of_the_goal() {
         let uuid = |byte| UUID { uuid: [byte; 16] };
         let result = |goal, outcome, error_code, message: &str, last_line| RunResult {
             goal_id: uuid(goal),
@@ -113,7 +113,7 @@ mod tests {
                 &aborted[..],
                 "aborted (309): error:20 at\\nline 5; the last line that was cut is 4",
             ),
-            // What is latched of the run before says nothing of this one.
+            // A latched result of the run before does not count for this one.
             (
                 vec![before],
                 &aborted,

@@ -1,10 +1,10 @@
-//! The driver's states in a bag, compared with those that its core goes through now.
+//! Compares the driver's states in a bag with those that its core goes through now.
 //!
-//! Finds both lists and words what is different; what counts as different is said in [`order`].
+//! Builds both lists and words the differences; [`order`] compares them.
 
 mod order;
 
-use super::compare::{Comparison, Place};
+use super::compare::{Comparison, DifferencePlace};
 use super::recording::{Recording, nanoseconds};
 use axis_driver::driver::Output as DriverOutput;
 use axis_driver::journal::{Entry, EntryKind};
@@ -14,17 +14,17 @@ use cnc_msgs::units::position_from_point;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 use cnc_msgs::wire::geometry_msgs::msg::Point;
 use cnc_msgs::wire::std_msgs::msg::Header;
-use order::{Difference, Made, Published, Span};
+use order::{Made, Published, Span, StateDifference};
 use serde::Deserialize;
 use std::ops::Range;
 use std::time::Duration;
 
-/// The states of a record: those that were published and those that the core goes through.
+/// The published states of a recording, and those that the core goes through now.
 pub(crate) struct States {
     published: Vec<Published>,
     made: Vec<Made>,
     span: Span,
-    /// How many were sent and did not come to the recorder, where it counted them.
+    /// How many were sent but did not reach the recorder, if it counted them.
     missed: Option<u64>,
 }
 
@@ -43,37 +43,37 @@ impl States {
                 let state = machine_state_to_wire(Header::default(), state);
                 let state = recording.definitions.forget(comparable(&state));
                 let since_ns = i64::try_from(at.as_nanos()).unwrap_or(i64::MAX);
-                let is_unheard = silences.iter().any(|silence| silence.contains(at));
-                Some(Made { at_ns: zero_ns.saturating_add(since_ns), state, is_unheard })
+                let is_unreachable = silences.iter().any(|silence| silence.contains(at));
+                Some(Made { at_ns: zero_ns.saturating_add(since_ns), state, is_unreachable })
             }
             _ => None,
         });
-        // That the driver itself is not heard, its ROS face says by itself.
-        let told = recording.states.iter();
-        let told = told.filter(|told| !told.state.reason.starts_with(MOTION_LOST));
-        let published = told.map(|told| Published {
-            published_ns: told.published_ns,
-            report_ns: nanoseconds(&told.state.header.stamp),
-            state: comparable(&told.state),
+        // The ROS face itself publishes that the driver is not reachable.
+        let recorded = recording.states.iter();
+        let recorded = recorded.filter(|recorded| !recorded.state.reason.starts_with(MOTION_LOST));
+        let published = recorded.map(|recorded| Published {
+            published_ns: recorded.published_ns,
+            report_ns: nanoseconds(&recorded.state.header.stamp),
+            state: comparable(&recorded.state),
         });
         let (published, made) = (published.collect(), made.collect());
         Some(Self { published, made, span, missed: recording.missed_states })
     }
 
-    /// Every state that was published is one that the core goes through, and the other way
-    /// around.
+    /// Checks that the core goes through every published state, and that every state of the core
+    /// was published.
     pub(crate) fn compare(&self, comparison: &mut Comparison) {
         let Self { published, made, span, missed } = self;
         let (equal, differences) = order::compare(published, made, *span);
         comparison.count("states", equal + differences.len());
         let (differences, missed) = without_missed(differences, made, *missed);
         if missed > 0 {
-            let text = format!("{missed} states that were sent did not come to the recorder");
+            let text = format!("{missed} states were sent and did not reach the recorder");
             comparison.remark("states", text);
         }
         for difference in differences {
             let (message, text, state) = match &difference {
-                Difference::NotMade(index, Published { report_ns, state, .. }) => {
+                StateDifference::NotMade(index, Published { report_ns, state, .. }) => {
                     let text = format!(
                         "{} of the report at {} is not reached in this order",
                         named(state),
@@ -81,7 +81,7 @@ impl States {
                     );
                     (format!("state {index}"), text, state)
                 }
-                Difference::NotPublished(index, Made { at_ns, state, .. }) => {
+                StateDifference::NotPublished(index, Made { at_ns, state, .. }) => {
                     let text = format!(
                         "the driver goes through {} at {}, and the bag does not have that state in \
                          this place",
@@ -91,7 +91,7 @@ impl States {
                     (format!("new state {index}"), text, state)
                 }
             };
-            let place = Place {
+            let place = DifferencePlace {
                 line: state.line,
                 position: state.position_known.then(|| position_from_point(&state.work_position)),
                 distance_mm: None,
@@ -108,31 +108,31 @@ impl States {
     }
 }
 
-/// Leaves out states that were sent and did not come to the recorder: a state that another one
-/// follows is not sent again.
+/// Removes states that were sent but did not reach the recorder: a state is not sent again once
+/// another follows.
 ///
-/// A recorder that counts says how many there were. Of a bag of another one some may be missing,
-/// if nothing but the place, the feed and the speed tells them from those before and after.
+/// A recorder that counts them gives the number. For other recorders a few states may be missing,
+/// if they differ from their neighbours only in position, feed and speed.
 fn without_missed(
-    differences: Vec<Difference>,
+    differences: Vec<StateDifference>,
     made: &[Made],
     missed: Option<u64>,
-) -> (Vec<Difference>, usize) {
-    /// Of so many states one may be missing, and two of fewer.
+) -> (Vec<StateDifference>, usize) {
+    /// One state in so many may be missing; two of shorter lists.
     const STATES_FOR_ONE: usize = 20;
     let mut each: Vec<&Made> = made.iter().collect();
     each.dedup_by(|next, before| next.state == before.state);
     let is_in_passing = |index: usize, state: &MachineState| {
-        let beside = |index: Option<usize>| {
+        let is_like = |index: Option<usize>| {
             index
                 .and_then(|index| each.get(index))
                 .is_some_and(|it| standing(&it.state) == standing(state))
         };
-        beside(index.checked_sub(1)) && beside(index.checked_add(1))
+        is_like(index.checked_sub(1)) && is_like(index.checked_add(1))
     };
-    let is_missed = |difference: &Difference| match difference {
-        Difference::NotMade(..) => false,
-        Difference::NotPublished(index, Made { state, .. }) => {
+    let is_missed = |difference: &StateDifference| match difference {
+        StateDifference::NotMade(..) => false,
+        StateDifference::NotPublished(index, Made { state, .. }) => {
             missed.is_some() || is_in_passing(*index, state)
         }
     };
@@ -148,7 +148,7 @@ fn without_missed(
     (kept, count)
 }
 
-/// A state without what changes while the machine moves on.
+/// A state without the fields that change while the machine moves.
 fn standing(state: &MachineState) -> MachineState {
     MachineState {
         machine_position: Point::default(),
@@ -162,10 +162,10 @@ fn standing(state: &MachineState) -> MachineState {
     }
 }
 
-/// When the driver could not be reached over ROS, on its clock: it wrote down when that began to
-/// show and when it was over.
+/// When the driver was not reachable over ROS, on its clock: from when the journal first shows it
+/// until it was over.
 fn without_ros(entries: &[Entry]) -> Vec<Range<Duration>> {
-    /// A face that hangs is noticed after one second on time.
+    /// A face that hangs is noticed after one second at the latest; with margin.
     const NOTICED: Duration = Duration::from_secs(3);
     /// The recorder has found the next face by then.
     const FOUND: Duration = Duration::from_secs(5);
@@ -180,7 +180,7 @@ fn without_ros(entries: &[Entry]) -> Vec<Range<Duration>> {
         match (is_there, since) {
             (false, None) => since = Some(at.saturating_sub(NOTICED)),
             (true, begin) => {
-                // A record that begins in the silence has not its beginning.
+                // The beginning of the outage may be before the recording.
                 silences.push(begin.unwrap_or_default()..at + FOUND);
                 since = None;
             }
@@ -191,7 +191,7 @@ fn without_ros(entries: &[Entry]) -> Vec<Range<Duration>> {
     silences
 }
 
-/// Until when a recorder that came late has heard nothing, on the driver's clock.
+/// Until when a recorder that started late had received nothing, on the driver's clock.
 fn before_the_recorder(
     recording: &Recording,
     entries: &[Entry],
@@ -206,7 +206,7 @@ fn before_the_recorder(
     Some(Duration::ZERO..Duration::from_nanos(since_ns) + FOUND)
 }
 
-/// What of a command says whether the driver can be reached.
+/// The fields of a command that say whether the driver is reachable.
 #[derive(Deserialize)]
 struct RosFace {
     command: String,
@@ -214,7 +214,7 @@ struct RosFace {
     is_there: bool,
 }
 
-/// The wall time at which the driver's clock showed zero, and what the record covers.
+/// The wall time at which the driver's clock was zero, and what the recording covers.
 fn span(recording: &Recording, entries: &[Entry]) -> Option<(i64, Span)> {
     let (first, last) = (entries.first()?, entries.last()?);
     let (_, begin) = recording.traffic.get(&first.sequence)?;
@@ -223,19 +223,19 @@ fn span(recording: &Recording, entries: &[Entry]) -> Option<(i64, Span)> {
     let jump_ns = jump_ns(&batches);
     let zero_ns = nanoseconds(&begin.stamp).saturating_sub(clock_ns(first)).saturating_add(jump_ns);
     let live = batches.iter().filter(|batch| batch.is_live()).map(|batch| batch.logged_ns);
-    let heard = live.chain(recording.states.iter().map(|it| it.at_ns));
+    let received = live.chain(recording.states.iter().map(|it| it.at_ns));
     let span = Span {
         begin_ns: zero_ns.saturating_add(clock_ns(first)),
         begins_at_checkpoint: first.kind == EntryKind::Checkpoint,
         end_ns: zero_ns.saturating_add(clock_ns(last)),
-        heard_ns: heard.max().unwrap_or(i64::MIN),
+        last_received_ns: received.max().unwrap_or(i64::MIN),
     };
     Some((zero_ns, span))
 }
 
-/// Entries that came together; times are nanoseconds since the epoch.
+/// Entries that arrived together; times are nanoseconds since the epoch.
 struct Batch {
-    /// When the recorder heard of it; of what it fetched later, when the first was written.
+    /// When the recorder received it; for fetched entries, when the first was written.
     logged_ns: i64,
     oldest_ns: i64,
     newest_ns: i64,
@@ -247,7 +247,7 @@ impl Batch {
     }
 }
 
-/// The journal from an entry on, by the messages that it came in.
+/// The journal from an entry on, by the messages that carried it.
 fn batches(recording: &Recording, first: u64) -> Vec<Batch> {
     let mut batches: Vec<Batch> = Vec::new();
     for (logged_ns, entry) in recording.traffic.range(first..).map(|(_, row)| row) {
@@ -261,10 +261,10 @@ fn batches(recording: &Recording, first: u64) -> Vec<Batch> {
     batches
 }
 
-/// How far the wall clock was set between the driver's start and the record: entries are stamped
-/// by the clock of then.
+/// How far the wall clock was set between the driver's start and the recording: entries are stamped
+/// by the clock at the driver's start.
 fn jump_ns(batches: &[Batch]) -> i64 {
-    /// A batch is on its way for less.
+    /// Transport takes less than this.
     const JUMP_NS: u64 = 1_000_000_000;
     let first = batches.iter().find(|batch| batch.is_live());
     let behind_ns = first.map_or(0, |batch| batch.logged_ns.saturating_sub(batch.newest_ns));
@@ -281,7 +281,7 @@ fn seconds(ns: i64) -> String {
     format!("{}.{:09} s", ns.div_euclid(1_000_000_000), ns.rem_euclid(1_000_000_000))
 }
 
-/// A state without what depends on when it was published.
+/// A state without the fields that depend on its publication time.
 fn comparable(state: &MachineState) -> MachineState {
     MachineState { header: Header::default(), link_age: 0.0, ..state.clone() }
 }

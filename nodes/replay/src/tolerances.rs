@@ -1,14 +1,13 @@
-//! What counts as equal in a replay: every field of the messages that are compared.
+//! What counts as equal in a replay: a rule for every field of the compared messages.
 //!
-//! States and bytes to the machine are none of them: `driver.rs` compares all of a state but
-//! its header and `link_age`, and each byte with its time, exactly; how far times of states may
-//! be off, `STAMP_NS` and `ON_ITS_WAY_NS`, stands there. Curves are compared in `apart.rs` by
-//! [`SAME_MM`] and [`SAME_FEED_MM_PER_MIN`]; where a machine stands, in `stack/same.rs` by
-//! `STANDS_MM` and `NEAR_MM`.
+//! States and bytes to the machine are not in the table: `states.rs` compares all of a state except
+//! its header and `link_age`, and `driver.rs` each byte with its time, exactly. Curves are compared
+//! in `path_difference.rs` by [`SAME_MM`] and [`SAME_FEED_MM_PER_MIN`]; positions of the machine in
+//! `kerf/stack_replay/same.rs`.
 //!
-//! One table, [`ROWS`], with a unit and a reason in each row; `kerf replay --tolerances`
-//! and docs/replay.md show it. The first row that names a field counts. There is no row
-//! for numbers in general: a new field with a fraction needs a row of its own.
+//! One table, [`ROWS`], with a unit and a reason in each row; `kerf replay --tolerances` and
+//! docs/replay.md show it. The first row that matches a field counts. There is no row for numbers
+//! in general: a new field with a fraction needs its own row.
 
 use cnc_msgs::interface::Message;
 use cnc_msgs::schema::lookup;
@@ -22,24 +21,24 @@ use std::sync::Arc;
 /// How a field is compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rule {
-    /// By value, bit for bit where it is a number; NaN equals nothing.
+    /// By value, bit for bit if it is a number; NaN equals nothing.
     Exact,
-    /// So far apart is the same, in this unit; NaN equals nothing.
+    /// Equal within this distance, in this unit; NaN equals nothing.
     Within(f64, &'static str),
-    /// Told when it differs, but no difference.
+    /// Reported when it differs, but not a difference.
     Remark,
-    /// An input: it is taken from the bag, so there is nothing to compare.
+    /// An input: it is taken from the bag, so it is not compared.
     Given,
-    /// Left out.
+    /// Not compared.
     Ignored,
 }
 
-/// Fields of a type, how they are compared and why so.
+/// Fields of a type, how they are compared, and why.
 #[derive(Debug, Clone, Copy)]
 pub struct Row {
     /// `*` for every type.
     pub type_name: &'static str,
-    /// A pattern as [`FieldPath`] reads it.
+    /// A pattern for [`FieldPath`].
     pub fields: &'static str,
     pub rule: Rule,
     pub reason: &'static str,
@@ -47,7 +46,7 @@ pub struct Row {
 
 /// Absolute, m. A micrometre is a change of the part.
 const LENGTH_M: f64 = 1e-9;
-/// What is nearer than this is the same on a curve, mm.
+/// Curves closer than this are the same, mm.
 pub const SAME_MM: f64 = LENGTH_M / 1e-3;
 const LENGTH: Rule = Rule::Within(LENGTH_M, "m");
 const LENGTH_WHY: &str = "a nanometre is the noise of other sines and of millimetres turned into \
@@ -66,7 +65,7 @@ const fn length(type_name: &'static str, fields: &'static str) -> Row {
     row(type_name, fields, LENGTH, LENGTH_WHY)
 }
 
-/// The table; the first row that fits a field counts.
+/// The table; the first row that matches a field counts.
 pub const ROWS: &[Row] = &[
     row("*", "**.stamp.**", Rule::Ignored, "when it was published: the clock of that day"),
     row("*", "header.frame_id", Rule::Given, "a parameter of the node, not a result of its core"),
@@ -176,7 +175,7 @@ pub const ROWS: &[Row] = &[
 ];
 
 const FEED_M_PER_S: f64 = 1e-10;
-/// Feeds that are nearer than this are the same along a path, mm/min.
+/// Feeds closer than this are the same along a path, mm/min.
 pub const SAME_FEED_MM_PER_MIN: f64 = FEED_M_PER_S * 6e4;
 const FEED: Rule = Rule::Within(FEED_M_PER_S, "m/s");
 const FEED_WHY: &str = "0.000006 mm/min; a controller is sent no more than three decimals";
@@ -194,7 +193,7 @@ impl Row {
     }
 }
 
-/// The table made ready for one type.
+/// The table, prepared for one type.
 #[derive(Debug, Clone)]
 pub struct TypeRules {
     pub schema: Arc<MessageSchema>,
@@ -209,7 +208,7 @@ impl TypeRules {
             .expect("our own definitions are valid; a test in cnc_msgs reads them all");
         let of_type = ROWS.iter().filter(|row| row.is_of(type_name));
         let rows: Vec<_> = of_type.map(|row| (row.pattern(), row.rule)).collect();
-        // `Rules` takes the last that fits.
+        // `Rules` uses the last match.
         let mut rules = Rules { floats: Tolerance::EXACT, ..Rules::default() };
         for (pattern, rule) in rows.iter().rev() {
             let tolerance = match rule {
@@ -224,14 +223,14 @@ impl TypeRules {
         Self { schema, rules, rows }
     }
 
-    /// What the table says of a field.
+    /// The rule for a field.
     pub fn rule(&self, path: &FieldPath) -> Rule {
         let mut rows = self.rows.iter();
         rows.find(|(pattern, _)| pattern.matches(path)).map_or(Rule::Exact, |(_, rule)| *rule)
     }
 }
 
-/// The rules of the types that came up, each made ready once.
+/// The rules of the types used so far, each prepared once.
 #[derive(Debug, Default)]
 pub struct Tolerances {
     by_type: BTreeMap<&'static str, Arc<TypeRules>>,

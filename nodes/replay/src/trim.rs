@@ -1,11 +1,11 @@
-//! `kerf bag trim`: a bag cut down to what replay needs of it.
+//! `kerf bag trim`: cuts a bag down to what replay needs.
 //!
-//! Decides what is needed, and has both bags replayed: should the small one say anything else
-//! than the large one, that is an error.
+//! Decides what is needed, and replays both bags: the small bag must give the same result as the
+//! large one.
 
 use super::driver::first_entry;
 use super::recording::{READ_TYPES, Recording, nanoseconds};
-use super::{Level, Options, ReplayError, Verdict, replay};
+use super::{Level, Options, ReplayError, ReplayResult, replay};
 use cnc_msgs::interface::Message;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use run_recorder::bag_reader::{BagChannel, BagMessage};
@@ -13,14 +13,14 @@ use run_recorder::files::{self, trim_bag};
 use run_recorder::recover::Selection;
 use std::path::Path;
 
-/// What a bag is cut down to.
+/// What is kept of a bag.
 #[derive(Debug, PartialEq)]
 struct Need {
     /// Traffic from this entry on.
     first_entry: u64,
     /// States from here on, nanoseconds since the epoch.
     states_from_ns: u64,
-    /// More topics, whole.
+    /// Additional topics, whole.
     topics: Vec<String>,
 }
 
@@ -28,7 +28,7 @@ impl Need {
     fn of(recording: &Recording, topics: &[String]) -> Result<Self, ReplayError> {
         let first_entry = first_entry(recording)?.unwrap_or(0);
         let begin = recording.traffic.get(&first_entry);
-        // The states that replay leaves out itself, and no other.
+        // Only the states that replay itself does not compare are dropped.
         let stamp = begin.map(|(_, entry)| &entry.stamp);
         let states_from_ns =
             stamp.map_or(0, |stamp| u64::try_from(nanoseconds(stamp)).unwrap_or(0));
@@ -41,7 +41,7 @@ impl Need {
             || (channel.message_count > 0 && READ_TYPES.contains(&type_name))
     }
 
-    /// Of a topic that stays. Cuts only what begins too early; what cannot be read stays.
+    /// For a kept topic: drops messages that are too early; keeps unreadable ones.
     fn message(&self, message: &BagMessage) -> bool {
         if self.topics.contains(&message.channel.topic) {
             return true;
@@ -59,14 +59,14 @@ impl Need {
     }
 }
 
-/// Trims a bag; says what came of it.
+/// Trims a bag; returns a report.
 ///
 /// # Errors
 /// One sentence for people, which names the bag.
 pub fn trim(bag: &Path, out: &Path, keep: &[String]) -> Result<String, String> {
     let of = |path: &Path, error: ReplayError| error.of(path);
     let before = replay(bag, &Level::ALL, Options::default()).map_err(|error| of(bag, error))?;
-    let recording = &before.given.recording;
+    let recording = &before.inputs.recording;
     let known = files::open_bag(bag).map_err(|error| of(bag, error.into()))?;
     let is_known = |topic: &&String| known.channels().iter().any(|it| it.topic == **topic);
     if let Some(unknown) = keep.iter().find(|topic| !is_known(topic)) {
@@ -81,18 +81,18 @@ pub fn trim(bag: &Path, out: &Path, keep: &[String]) -> Result<String, String> {
     };
     let trimmed = trim_bag(bag, out, selection).map_err(|error| error.to_string())?;
     let after = replay(out, &Level::ALL, Options::default()).map_err(|error| of(out, error))?;
-    let said = |verdict: &Verdict| verdict.report("", true);
-    if said(&before) != said(&after) {
+    let shown = |result: &ReplayResult| result.report("", true);
+    if shown(&before) != shown(&after) {
         return Err(format!(
-            "{} does not replay as {} does; it is left there for you to look at:\n{}",
+            "{} does not replay as {} does; it was kept for inspection:\n{}",
             out.display(),
             bag.display(),
-            said(&after)
+            shown(&after)
         ));
     }
 
     Ok(format!(
-        "{}: {} messages of {} topics; as before, replay says {}",
+        "{}: {} messages of {} topics; replay result as before: {}",
         out.display(),
         trimmed.summary.message_count,
         trimmed.summary.topics.len(),

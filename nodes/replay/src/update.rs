@@ -1,12 +1,11 @@
-//! `kerf replay --update`: what the cores make today becomes what the bag expects.
+//! `kerf replay --update`: replaces the recorded outputs of a bag by what the cores make today.
 //!
-//! Inputs stay byte for byte. The bag is written again beside itself, has to reproduce there,
-//! and only then takes the place of the old one. What the controller answered cannot be made
-//! anew: where it would be told something else, or at another time, the run has to be
-//! recorded again.
+//! Inputs stay byte for byte. The new bag is written next to the old one and must replay without a
+//! difference before it replaces it. The controller's answers cannot be made again: if it would get
+//! other lines, or at other times, the run has to be recorded again.
 
 use super::recording::{monotonic_ns, nanoseconds};
-use super::{Level, Options, ReplayError, Verdict, replay};
+use super::{Level, Options, ReplayError, ReplayResult, replay};
 use axis_driver::driver::Output as DriverOutput;
 use axis_driver::journal::EntryKind;
 use cnc_msgs::cdr;
@@ -33,19 +32,19 @@ const MADE: [&str; 7] = [
 ];
 const AGAIN: &str = "record this run again";
 
-/// Writes what the cores make now into the bag; says what was done.
+/// Writes what the cores make now into the bag; returns a report.
 ///
-/// The new bag has to reproduce these levels as it is, without a chain.
+/// The new bag must be reproduced at these levels by itself, without a chain.
 ///
 /// # Errors
-/// The bag stays as it was.
-pub fn update(bag: &Path, verdict: &Verdict, levels: &[Level]) -> Result<String, ReplayError> {
-    if !verdict.has_anything_to_tell() {
+/// The bag was not changed.
+pub fn update(bag: &Path, result: &ReplayResult, levels: &[Level]) -> Result<String, ReplayError> {
+    if !result.has_rows() {
         return Ok("nothing to update".to_owned());
     }
-    let now = Now::of(verdict)?;
+    let now = Now::of(result)?;
     let opened = files::open_bag(bag)?;
-    let definitions = &verdict.given.recording.definitions;
+    let definitions = &result.inputs.recording.definitions;
     let old = opened.channels().iter().find(|channel| {
         MADE.contains(&channel.type_name()) && definitions.is_migrated(channel.type_name())
     });
@@ -60,39 +59,39 @@ pub fn update(bag: &Path, verdict: &Verdict, levels: &[Level]) -> Result<String,
     let problem = |error: &dyn std::fmt::Display| ReplayError::Update(error.to_string());
     let selection = Selection { instead: &|message| now.instead(message), ..Selection::ALL };
     let rewritten = rewrite_bag(bag, selection).map_err(|error| problem(&error))?;
-    // What is wrong with the copy is told of the bag: nobody has seen the copy.
+    // An error of the copy names the bag, because the user does not know the copy.
     let again =
         replay(rewritten.path(), levels, Options::default()).map_err(|error| problem(&error))?;
-    if again.has_more_to_tell_than(verdict) {
+    if again.has_rows_beyond(result) {
         let report = again.report("the new bag", false);
-        return Err(ReplayError::Update(format!("it would not reproduce itself:\n{report}")));
+        return Err(ReplayError::Update(format!("the new bag would not be reproduced:\n{report}")));
     }
     rewritten.put_in_place().map_err(|error| problem(&error))?;
-    Ok("updated; it is reproduced now".to_owned())
+    Ok("updated; the bag is reproduced now".to_owned())
 }
 
-/// What is put in the place of recorded messages.
+/// The messages that replace the recorded ones.
 #[derive(Debug, Default)]
 struct Now {
     contours: BTreeMap<String, Vec<u8>>,
-    /// By program and number.
+    /// By program and chunk number.
     contour_chunks: BTreeMap<(String, u32), Vec<u8>>,
     reports: BTreeMap<u64, wire::CompensationReport>,
     paths: BTreeMap<u64, Vec<u8>>,
-    /// By revision and number.
+    /// By revision and chunk number.
     path_chunks: BTreeMap<(u64, u32), Vec<u8>>,
-    /// What was written to the controller, by the number of its entry.
+    /// What was written to the controller, by entry number.
     transmitted: BTreeMap<u64, Vec<u8>>,
-    /// What the driver went through, by wall clock, ns; empty when it is as recorded.
+    /// The states of the driver, by wall clock, ns; empty when they are as recorded.
     states: Vec<(i64, wire::MachineState)>,
-    /// How many of them have been told: nothing goes back.
-    told: Cell<usize>,
+    /// How many of them have been written.
+    written: Cell<usize>,
 }
 
 impl Now {
-    fn of(verdict: &Verdict) -> Result<Self, ReplayError> {
+    fn of(result: &ReplayResult) -> Result<Self, ReplayError> {
         let mut now = Self::default();
-        for output in &verdict.outputs {
+        for output in &result.outputs {
             let data = output.data.clone();
             match output.type_name {
                 wire::ProgrammedContour::TYPE_NAME => {
@@ -118,12 +117,12 @@ impl Now {
                 _ => {}
             }
         }
-        now.take_driver(verdict)?;
+        now.take_driver(result)?;
         Ok(now)
     }
 
-    fn take_driver(&mut self, verdict: &Verdict) -> Result<(), ReplayError> {
-        let Some(played) = &verdict.played else {
+    fn take_driver(&mut self, result: &ReplayResult) -> Result<(), ReplayError> {
+        let Some(played) = &result.played else {
             let why = format!("the machine would be sent other lines; {AGAIN}");
             return Err(ReplayError::Update(why));
         };
@@ -139,10 +138,10 @@ impl Now {
         }
         let data = transmitted.iter().map(|entry| entry.data.clone());
         self.transmitted = recorded.iter().map(|entry| entry.sequence).zip(data).collect();
-        if !verdict.has_other_states() {
+        if !result.has_other_states() {
             return Ok(());
         }
-        let entries = verdict.given.recording.traffic.values();
+        let entries = result.inputs.recording.traffic.values();
         let walls: BTreeMap<u64, i64> =
             entries.map(|(_, entry)| (monotonic_ns(entry), nanoseconds(&entry.stamp))).collect();
         self.states = played
@@ -160,7 +159,7 @@ impl Now {
         Ok(())
     }
 
-    /// What stands in the place of a message.
+    /// The messages that replace a recorded one.
     fn instead(&self, message: &BagMessage) -> Option<Vec<Vec<u8>>> {
         let data = &message.data;
         let one = |data: &Vec<u8>| vec![data.clone()];
@@ -195,7 +194,7 @@ impl Now {
                 let recorded: wire::CompensationReport = cdr::decode(data).ok()?;
                 let mut report = self.reports.get(&recorded.revision)?.clone();
                 report.header = recorded.header;
-                // The report that is told before there are certificates.
+                // The first report of a plan, which has no certificates yet.
                 if recorded.certificate_count == 0 {
                     report.certificate_count = 0;
                     report.certificates.clear();
@@ -217,11 +216,11 @@ impl Now {
             wire::MachineState::TYPE_NAME => {
                 let recorded: wire::MachineState = cdr::decode(data).ok()?;
                 let at = i64::try_from(message.publish_time_ns).unwrap_or(i64::MAX);
-                let told = self.told.get();
-                let count = self.states.partition_point(|(wall, _)| *wall <= at).max(told);
-                self.told.set(count);
-                // All that there were since the last message; the newest again if none.
-                let range = told.min(count.saturating_sub(1))..count;
+                let written = self.written.get();
+                let count = self.states.partition_point(|(wall, _)| *wall <= at).max(written);
+                self.written.set(count);
+                // All states since the last message; the newest again if there is none.
+                let range = written.min(count.saturating_sub(1))..count;
                 let states = self.states.get(range).filter(|states| !states.is_empty())?;
                 let made = states.iter().map(|(_, state)| {
                     cdr::encapsulated(&wire::MachineState {
@@ -237,8 +236,8 @@ impl Now {
     }
 }
 
-/// The last number of the chunks that stand in the place of one: behind the last of then
-/// come all that there are now.
+/// The end of the chunks that replace a recorded one: the last recorded chunk is replaced by all
+/// remaining chunks of today.
 fn until(index: u32, is_last: bool) -> u32 {
     if is_last { u32::MAX } else { index }
 }

@@ -1,8 +1,8 @@
 //! A bag of a long run, made without ports, threads or clocks.
 //!
-//! A program of short segments goes through loader and planner; driver and virtual
-//! controller run it on one line in time of their own, and everything that a recorder
-//! would have seen is written as `run_recorder` writes it.
+//! A program of short segments goes through loader and planner. Driver and virtual controller run
+//! it on one line in virtual time. Everything that a recorder would receive is written as
+//! `run_recorder` writes it.
 
 use axis_driver::driver::{Command, Driver, DriverConfig, Input, Output, RunRequest};
 use axis_driver::journal::{Entry, EntryKind, Journal};
@@ -32,12 +32,12 @@ use virtual_controller::{Build, Controller, LineTiming, PacedLine, Settings};
 
 /// When the driver was started, ns since the epoch.
 const BEGIN_NS: u64 = 1_800_000_000_000_000_000;
-/// Entries that the driver puts into one message.
+/// Entries in one message of the driver.
 const BATCH: usize = 32;
-/// States closer than this are not all published.
+/// Of states closer than this, only some are published.
 const STATE_PERIOD: Duration = Duration::from_millis(100);
 
-/// Writes the bag of a run of so many blocks; its messages and its length.
+/// Writes the bag of a run of this many blocks; returns its number of messages and its length.
 pub(crate) fn write(file: &Path, blocks: u32) -> (u64, Duration) {
     let sink = BufWriter::new(File::create(file).expect("a file for the bag"));
     let mut bag = Bag {
@@ -160,7 +160,7 @@ fn plan(bag: &mut Bag, blocks: u32) -> (String, Arc<cnc_msgs::path::CompensatedP
     (id, path)
 }
 
-/// Both ends of the line, and what the driver tells of it.
+/// Both ends of the line, and what the driver publishes.
 struct Run {
     driver: Driver,
     controller: PacedLine<Controller>,

@@ -7,8 +7,8 @@
 //! cargo bench -p kerf --bench replay -- --test           each once, 200 blocks
 //! ```
 //!
-//! Time is from the start of the process to its end, the best of some runs. Beside it stands
-//! the time that it takes to read every message of the same bags and to do nothing with them.
+//! Time is from the start of the process to its end, the best of some runs. For comparison, the
+//! table has the time to read every message of the same bags without using them.
 
 #![allow(clippy::print_stdout)]
 
@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// Segments of 0.1 mm and more: some two and a half hours of them.
+/// Segments of at least 0.1 mm: about two and a half hours of them.
 const BLOCKS: u32 = 300_000;
 const RUNS: usize = 5;
 
@@ -77,7 +77,7 @@ fn measure(name: &str, bags: &[PathBuf], runs: usize) {
         let begin = Instant::now();
         let mut bag = open_bag(path).expect("a whole bag");
         let mut count = 0;
-        // A bag begins with what was latched long before the run.
+        // A bag begins with latched messages from long before the run.
         let mut run: Option<(u64, u64)> = None;
         for message in bag.messages().filter_map(Result::ok) {
             count += 1;
@@ -114,7 +114,7 @@ fn best(bags: &[PathBuf], runs: usize) -> Duration {
         let output = command.output().expect("kerf can be started");
         let took = begin.elapsed();
         let said = String::from_utf8_lossy(&output.stdout);
-        // 1 is the answer to a bag that is done otherwise today; it takes as long.
+        // 1 means that a bag differs today; it takes as long.
         let is_answer = matches!(output.status.code(), Some(0 | 1));
         assert!(is_answer, "{said}{}", String::from_utf8_lossy(&output.stderr));
         took

@@ -1,4 +1,4 @@
-//! The books of a run: what a bag says was sent and answered, held against the program.
+//! The accounts of a run: what a bag says was sent and answered, compared with the program.
 
 use super::machine::messages;
 use super::whole::spiral;
@@ -6,7 +6,7 @@ use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, TrafficEntry};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What the driver notes of an entry beside its data, bytes.
+/// What the driver stores of an entry in addition to its data, bytes.
 const ENTRY_BYTES: usize = 13;
 
 /// Lines and answers of some traffic.
@@ -15,9 +15,9 @@ pub(crate) struct Books {
     /// Entries, and the numbers that are missing between the first and the last.
     pub(crate) entries: usize,
     pub(crate) missing: u64,
-    /// What they take with the driver, about.
+    /// Their approximate memory in the driver.
     pub(crate) bytes: usize,
-    /// Lines that were sent, and those of them that name a place.
+    /// Lines that were sent, and how many of them name a position.
     pub(crate) lines: u64,
     pub(crate) moves: u64,
     /// Answers.
@@ -28,13 +28,13 @@ pub(crate) struct Books {
 }
 
 impl Books {
-    /// Those of a bag whose run cut a spiral with pieces of this length.
+    /// The accounts of a bag whose run cut a spiral with segments of this length.
     pub(crate) fn of_bag(bag: &Path, length_mm: f64) -> Self {
         let traffic = messages::<ControllerTraffic>(bag).into_iter();
         Self::of(traffic.flat_map(|traffic| traffic.entries), length_mm)
     }
 
-    /// Those of entries, which may have come twice and in any order.
+    /// The accounts of entries, which may be repeated and in any order.
     pub(crate) fn of(entries: impl Iterator<Item = TrafficEntry>, length_mm: f64) -> Self {
         let entries: BTreeMap<u64, TrafficEntry> =
             entries.map(|entry| (entry.sequence, entry)).collect();
@@ -49,7 +49,7 @@ impl Books {
             books.bytes += ENTRY_BYTES + entry.data.len();
             match entry.kind {
                 TrafficEntry::KIND_TRANSMITTED => {
-                    // What acts at once is no part of a line.
+                    // Real-time bytes are not part of a line.
                     let is_text = |byte: &u8| byte.is_ascii_graphic() || b" \n".contains(byte);
                     let bytes = entry.data.into_iter().filter(|byte| !b"?!~".contains(byte));
                     each_line(&mut sent, bytes.filter(is_text), |line| {
@@ -77,7 +77,7 @@ impl Books {
         }
         *at = [words[0].unwrap_or(at[0]), words[1].unwrap_or(at[1])];
         let index = usize::try_from(self.moves).expect("a program fits into memory");
-        // The first goes to where the program begins.
+        // The first move goes to the start of the program.
         if self.wrong.is_none() && *at != spiral(index, length_mm) {
             self.wrong = Some((self.moves, line.to_owned()));
         }

@@ -1,4 +1,4 @@
-//! Virtual controllers for benches: in a thread of this process, and as a process.
+//! Virtual controllers for benches: in a thread of this process, or as a process.
 
 use super::support::kerf;
 use std::io::{BufRead, BufReader};
@@ -9,13 +9,13 @@ use std::thread::JoinHandle;
 use tempfile::TempDir;
 use virtual_controller::{Build, Firmware, ServeOptions, Settings, StopHandle, serve, stop_pair};
 
-/// What makes a machine fast enough to leave the line as the bottleneck.
+/// Settings that make the machine fast enough for the line to be the bottleneck.
 pub(crate) fn fast_settings() -> String {
     let axes = 0..3;
     axes.map(|axis| format!("$11{axis}=30000\n$12{axis}=20000\n")).collect()
 }
 
-/// Such a machine.
+/// A machine with these settings.
 pub(crate) fn fast(firmware: Firmware) -> Build {
     let mut settings = Settings::small_router_of(firmware);
     for line in fast_settings().lines() {
@@ -33,7 +33,7 @@ pub(crate) struct InThread {
     folder: TempDir,
 }
 
-/// Where a controller in a thread leaves its counts.
+/// The file in which a controller in a thread leaves its counts.
 const REPORT: &str = "report.json";
 
 impl InThread {
@@ -45,7 +45,7 @@ impl InThread {
         let serving = move || {
             let options = ServeOptions { report, ..ServeOptions::new(build) };
             let ready = |path: &Path| {
-                // Only the first one is waited for.
+                // Only the first call is waited for.
                 let _ = tell.try_send(path.to_owned());
                 Ok(())
             };
@@ -53,11 +53,11 @@ impl InThread {
         };
         let thread = std::thread::Builder::new().name("controller".into()).spawn(serving);
         let thread = Some(thread.expect("a thread"));
-        let port = port.recv().expect("it tells its port");
+        let port = port.recv().expect("it reports its port");
         Self { port, stop, thread, folder }
     }
 
-    /// Ends it; what it counted.
+    /// Ends it; returns its counts.
     pub(crate) fn counts(mut self) -> serde_json::Value {
         self.stop.stop();
         self.thread.take().expect("not ended yet").join().expect("it only serves");
@@ -69,20 +69,20 @@ impl Drop for InThread {
     fn drop(&mut self) {
         self.stop.stop();
         if let Some(thread) = self.thread.take() {
-            // What it died of is on standard error.
+            // Its error is on standard error.
             let _ = thread.join();
         }
     }
 }
 
-/// The counts that a controller has left there.
+/// The counts in the report of a controller.
 pub(crate) fn read_counts(report: &Path) -> serde_json::Value {
     let text = std::fs::read_to_string(report).expect("the controller leaves its counts");
     serde_json::from_str(&text).expect("a JSON object")
 }
 
-/// A controller as a process, with a machine that is fast enough. It is ended when this is
-/// dropped, and with this process.
+/// A controller as a process, with a fast machine. It is ended when this value is dropped, and with
+/// this process.
 #[derive(Debug)]
 pub(crate) struct InProcess {
     pub(crate) port: PathBuf,
@@ -90,7 +90,7 @@ pub(crate) struct InProcess {
 }
 
 impl InProcess {
-    /// Starts one with these arguments; `folder` is for its settings.
+    /// Starts one with these arguments; its settings go to `folder`.
     pub(crate) fn start(folder: &Path, args: &[&str]) -> Self {
         let settings = folder.join("controller-settings.txt");
         std::fs::write(&settings, fast_settings()).expect("settings can be written");
@@ -104,19 +104,19 @@ impl InProcess {
             .expect("a virtual controller can be started");
         let mut port = String::new();
         let said = process.stdout.take().expect("piped");
-        BufReader::new(said).read_line(&mut port).expect("it tells its port");
+        BufReader::new(said).read_line(&mut port).expect("it reports its port");
         Self { port: PathBuf::from(port.trim()), process }
     }
 
-    /// Its process.
+    /// Its process id.
     pub(crate) fn id(&self) -> u32 {
         self.process.id()
     }
 
-    /// Asks it to leave, and waits until it has.
+    /// Asks it to exit, and waits for it.
     pub(crate) fn stop(&mut self) {
         let pid = rustix::process::Pid::from_child(&self.process);
-        // It may have left by itself.
+        // It may have exited by itself.
         let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
         self.process.wait().expect("our child");
     }
@@ -124,7 +124,7 @@ impl InProcess {
 
 impl Drop for InProcess {
     fn drop(&mut self) {
-        // It may have left already.
+        // It may have exited already.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

@@ -1,4 +1,4 @@
-//! How much memory processes hold while they run, sampled each second.
+//! How much memory processes use while they run, sampled each second.
 
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// What one process held.
+/// The memory of one process.
 #[derive(Debug)]
 pub(crate) struct Held {
     pub(crate) name: String,
@@ -16,7 +16,7 @@ pub(crate) struct Held {
 }
 
 impl Held {
-    /// The mean of these eighths of the time, MB.
+    /// The mean over these eighths of the time, MB.
     pub(crate) fn mean_mb(&self, eighths: std::ops::Range<usize>) -> f64 {
         let part = self.part(eighths);
         part.iter().map(|(_, mb)| mb).sum::<f64>() / part.len() as f64
@@ -26,7 +26,7 @@ impl Held {
         self.samples.iter().map(|(_, mb)| *mb).fold(0.0, f64::max)
     }
 
-    /// The slope of the line through these eighths that fits best, MB a minute.
+    /// The slope of the best line through these eighths, MB a minute.
     pub(crate) fn slope_mb_per_min(&self, eighths: std::ops::Range<usize>) -> f64 {
         let part = self.part(eighths.clone());
         let middle = part.iter().map(|(s, _)| s).sum::<f64>() / part.len() as f64;
@@ -40,13 +40,13 @@ impl Held {
 
     fn part(&self, eighths: std::ops::Range<usize>) -> &[(f64, f64)] {
         let at = |eighth: usize| self.samples.len() * eighth / 8;
-        // Of a short run a sample stands for an eighth.
+        // In a short run one sample may be an eighth.
         let end = at(eighths.end).max(1);
         &self.samples[at(eighths.start).min(end - 1)..end]
     }
 }
 
-/// Samples until it is told to stop.
+/// Samples until it is stopped.
 #[derive(Debug)]
 pub(crate) struct Sampler {
     stop: Sender<()>,
@@ -54,7 +54,7 @@ pub(crate) struct Sampler {
 }
 
 impl Sampler {
-    /// Begins with these processes.
+    /// Starts sampling these processes.
     pub(crate) fn start(processes: Vec<(String, u32)>) -> Self {
         let (stop, stopped) = channel();
         let held = processes.into_iter().map(|(name, id)| Held { name, id, samples: Vec::new() });
@@ -82,7 +82,7 @@ impl Sampler {
     }
 }
 
-/// What is in memory of a process, without what it has in files; `None`: it is gone.
+/// The anonymous memory of a process, without files; `None`: the process has ended.
 pub(crate) fn resident_mb(id: u32) -> Option<f64> {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:"))?;

@@ -1,5 +1,5 @@
-//! What the benches of a running machine share: their arguments, the load of the host
-//! and the programs that they run.
+//! What the benches of a running machine share: arguments, the load of the host and the programs
+//! that they run.
 #![allow(dead_code, reason = "each bench uses its part")]
 
 pub(crate) mod accounts;
@@ -15,7 +15,7 @@ pub(crate) mod whole;
 
 use std::str::FromStr;
 
-/// What is asked for on the command line; what is not understood is for others.
+/// The arguments of a bench; unknown ones are for the harness.
 #[derive(Debug)]
 pub(crate) struct Arguments(Vec<String>);
 
@@ -24,7 +24,7 @@ impl Arguments {
         Self(std::env::args().skip(1).collect())
     }
 
-    /// Whether only that everything works is to be shown, in a short time.
+    /// Whether to show in a short time only that everything works.
     pub(crate) fn is_test(&self) -> bool {
         self.has("--test")
     }
@@ -36,7 +36,7 @@ impl Arguments {
     /// The value after a name; without one `usual`, or `short` with `--test`.
     ///
     /// # Panics
-    /// There is one that cannot be read.
+    /// The value cannot be read.
     pub(crate) fn value<T: FromStr>(&self, name: &str, usual: T, short: T) -> T {
         let Some(at) = self.0.iter().position(|word| word == name) else {
             return if self.is_test() { short } else { usual };
@@ -46,8 +46,7 @@ impl Arguments {
     }
 }
 
-/// How many threads want to run, over one and five minutes: whatever else the host does
-/// is in the figures.
+/// The load average over one and five minutes: other work of the host distorts the figures.
 pub(crate) fn load() -> String {
     let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     let mut words = load.split(' ');

@@ -1,8 +1,8 @@
-//! A serial line in the hands of a bench, between the driver and a controller.
+//! A serial line between the driver and a controller, under control of a bench.
 //!
-//! Passes bytes on both ways at once, and notes when a feed hold is read from the
-//! driver's side and how much it had written before that is not through yet. It reckons
-//! with a line of so many baud; the controller behind it paces its bytes itself.
+//! Passes bytes on in both directions at once. Notes when a feed hold is read from the driver, and
+//! how many bytes written before it are still in transit at the line's baud rate. The controller at
+//! the other end paces its bytes itself.
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags, fcntl_getfl, fcntl_setfl, open};
@@ -19,24 +19,24 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 pub(crate) const FEED_HOLD: u8 = b'!';
-/// How often the thread looks whether it is still wanted.
+/// How often the thread checks whether to stop.
 const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
 
-/// A feed hold on its way.
+/// A feed hold in transit.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Hold {
-    /// When it was read from the driver's side.
+    /// When it was read from the driver.
     pub(crate) at: Instant,
-    /// How long what was written before it still takes on the line.
+    /// How long the bytes written before it still take on the line.
     pub(crate) behind: Duration,
-    /// The bytes of that, those under way begun included.
+    /// The number of these bytes, a partly sent one included.
     pub(crate) bytes: usize,
 }
 
-/// The line. It goes when this is dropped.
+/// The line. It is closed when this is dropped.
 #[derive(Debug)]
 pub(crate) struct Relay {
-    /// What the driver opens.
+    /// The port for the driver.
     pub(crate) port: PathBuf,
     pub(crate) holds: Receiver<Hold>,
     is_over: Arc<AtomicBool>,
@@ -44,14 +44,14 @@ pub(crate) struct Relay {
 }
 
 impl Relay {
-    /// A line to the controller that has this port.
+    /// A line to the controller at this port.
     pub(crate) fn new(controller: &Path, baud: u32) -> Self {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pseudo-terminal");
         grantpt(&master).and_then(|()| unlockpt(&master)).expect("it is ours");
         let name = ptsname(&master, Vec::new()).expect("it has a name");
         let port = PathBuf::from(name.into_string().expect("names of terminals are ASCII"));
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK;
-        // Stays open, so that the driver may come and go.
+        // Stays open, so that the driver may close and open it.
         let slave = open(&port, flags, Mode::empty()).expect("the other side");
         make_raw(&slave);
         fcntl_setfl(&master, fcntl_getfl(&master).expect("flags") | OFlags::NONBLOCK)
@@ -78,7 +78,7 @@ impl Drop for Relay {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // What it died of is on standard error.
+            // Its error is on standard error.
             let _ = thread.join();
         }
     }
@@ -90,9 +90,9 @@ fn make_raw(port: &OwnedFd) {
     tcsetattr(port, OptionalActions::Now, &termios).expect("a terminal");
 }
 
-/// Until when bytes that were written are on the line.
+/// Until when the line is busy with written bytes.
 struct Busy {
-    /// What one takes.
+    /// Time of one byte.
     byte: Duration,
     until: Instant,
 }
@@ -120,8 +120,8 @@ struct Ends {
 
 impl Ends {
     fn run(mut self, is_over: &AtomicBool) {
-        // What it waits for a processor itself is not to be measured. Without the right to
-        // it the figures are a little worse.
+        // Its own wait for a processor must not be measured. Without the right to raise the
+        // priority the figures are a little worse.
         let _ = setpriority_process(None, -20);
         let mut buffer = [0; 4096];
         while !is_over.load(Ordering::Relaxed) {
@@ -136,7 +136,7 @@ impl Ends {
             let hold = bytes.iter().position(|byte| *byte == FEED_HOLD);
             if let Some(at) = hold {
                 self.line.write(now, at);
-                // Who does not listen any more is done.
+                // The receiver is gone: the bench is done.
                 let _ = self.tell.send(self.line.hold(now));
             }
             self.line.write(now, count - hold.unwrap_or(0));
@@ -151,12 +151,12 @@ fn read(from: &OwnedFd, buffer: &mut [u8]) -> usize {
     match rustix::io::read(from, buffer) {
         Ok(count) => count,
         Err(Errno::AGAIN | Errno::INTR) => 0,
-        // Its peer has gone; nothing will come.
+        // The peer has closed; nothing will come.
         Err(_) => 0,
     }
 }
 
-/// What does not fit at once is far more than either side leaves unanswered.
+/// The buffers are far larger than what either side sends without an answer.
 fn write(to: &OwnedFd, mut bytes: &[u8]) {
     while !bytes.is_empty() {
         match rustix::io::write(to, bytes) {

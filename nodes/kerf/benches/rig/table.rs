@@ -1,4 +1,4 @@
-//! How measured times are put before people.
+//! Prints measured times as tables.
 
 use std::fmt::Write;
 use std::time::Duration;
@@ -24,7 +24,7 @@ impl Times {
         self.0.push(time);
     }
 
-    /// The smallest time that this part of all do not exceed, in milliseconds.
+    /// The smallest time that this share of all does not exceed, in milliseconds.
     pub(crate) fn quantile_ms(&self, part: f64) -> f64 {
         let mut sorted = self.0.clone();
         sorted.sort_unstable();
@@ -57,7 +57,7 @@ pub(crate) fn quantiles(series: &[(&str, &Times)]) -> String {
     text
 }
 
-/// One column for each kind: how many times fell into each class.
+/// One column for each kind: how many times are in each class.
 pub(crate) fn histogram(series: &[(&str, &Times)]) -> String {
     let mut text = format!("{:>8}", "up to ms");
     for (name, _) in series {

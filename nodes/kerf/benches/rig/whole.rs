@@ -15,7 +15,7 @@ use std::time::Duration;
 /// How long a node may take to be found.
 pub(crate) const READY_WITHIN: Duration = Duration::from_secs(60);
 
-/// `kerf up` on a port, and a client beside it.
+/// `kerf up` on a port, and a client.
 pub(crate) struct Whole {
     executor: tokio::runtime::Runtime,
     session: Option<Session>,
@@ -50,12 +50,12 @@ impl Whole {
         self.session.as_ref().expect("it is taken at the end only").handle()
     }
 
-    /// Runs what is written in async, here.
+    /// Runs a future here.
     pub(crate) fn wait<T>(&self, work: impl Future<Output = T>) -> T {
         self.executor.block_on(work)
     }
 
-    /// Lets a program of this process or `kerf` be a node of this machine.
+    /// Makes `kerf` or a program of this crate a node of this machine.
     pub(crate) fn command(&self, mut command: Command, args: &[&str]) -> Command {
         command
             .env("ROS_DOMAIN_ID", &self.domain)
@@ -65,7 +65,7 @@ impl Whole {
         command
     }
 
-    /// Loads a program and has it planned, however long that takes.
+    /// Loads a program and waits for its plan.
     pub(crate) fn load(&self, program: &str) {
         let path = self.machine.folder.file("bench.ngc", program);
         let path = path.to_str().expect("a path of ours is UTF-8");
@@ -73,14 +73,14 @@ impl Whole {
         assert!(status.success(), "the program is refused: {}", self.machine.log());
     }
 
-    /// Begins a run of it.
+    /// Starts a run of it.
     pub(crate) fn run(&self) -> GoalHandle<RunProgram> {
         let inside = self.executor.enter();
         let client: ActionClient<RunProgram> =
             self.node().action_client("run_program").expect("a client");
         drop(inside);
         self.wait(async {
-            assert!(client.wait_for_server(READY_WITHIN).await, "nobody runs programs");
+            assert!(client.wait_for_server(READY_WITHIN).await, "no server for run_program");
             client.send_goal(RunProgramGoal::default()).await.expect("the run is accepted")
         })
     }
@@ -94,14 +94,14 @@ impl Drop for Whole {
     }
 }
 
-/// Where a spiral is after so many pieces of this length, in thousandths of a millimetre:
+/// The end of the spiral after this many segments of this length, in thousandths of a millimetre:
 /// circles of 40 mm about (-40, 0) that begin in the origin.
 pub(crate) fn spiral(index: usize, length_mm: f64) -> [i64; 2] {
     let (sin, cos) = (index as f64 * length_mm / 40.0).sin_cos();
     [40.0 * cos - 40.0, 40.0 * sin].map(|mm| (mm * 1e3).round() as i64)
 }
 
-/// A program of so many short lines, as a free-form surface is posted.
+/// A program of this many short lines, as posted for a free-form surface.
 pub(crate) fn spiral_program(lines: usize, length_mm: f64, feed_mm_per_min: f64) -> String {
     let mut text = format!("G21 G17 G90 G94 G40\nG0 X0 Y0\nG1 F{feed_mm_per_min:.0}\n");
     for index in 1..=lines {

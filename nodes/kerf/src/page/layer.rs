@@ -15,25 +15,25 @@ pub(crate) struct Layer {
     color: &'static str,
     corner: &'static str,
     rapid: &'static str,
-    /// Of lines, pixels.
+    /// Width of its lines, pixels.
     width: f64,
     start: Point,
     elements: Vec<Row>,
 }
 
-/// The outline of what stays uncut.
+/// The outline of an area that stays uncut.
 #[derive(Debug, Serialize)]
 pub(crate) struct Outline {
     start: Point,
     elements: Vec<Row>,
 }
 
-/// Kind, end and centre on the paper, end in work coordinates, line, block, look, feed. The
-/// names of the columns stand in `page.js`.
+/// Kind, end and centre on the paper, end in work coordinates, line, block, look, feed. `page.js`
+/// has the names of the columns.
 type Row = (u8, f64, f64, f64, f64, f64, f64, f64, u32, Option<u32>, u8, Option<f64>);
 
 impl Layer {
-    /// What was programmed.
+    /// The programmed contour.
     pub(crate) fn programmed(contour: &ProgrammedContour, view: View) -> Self {
         let motions = contour.events.iter().filter_map(|event| match event.kind {
             ContourEventKind::Motion(motion) => Some((motion, event.source)),
@@ -42,7 +42,7 @@ impl Layer {
         let rows = motions.map(|(motion, source)| {
             let is_feed = motion.class == MotionClass::Feed;
             let look = if is_feed { Look::Cut } else { Look::Rapid };
-            // Feeds are told of paths.
+            // Feeds are shown for paths only.
             let feed = is_feed.then_some(0.0);
             row(view, &motion.shape, motion.end, (source.line, source.block), look, feed)
         });
@@ -59,7 +59,7 @@ impl Layer {
         }
     }
 
-    /// A path of the tool.
+    /// The path of the tool centre.
     pub(crate) fn compensated(
         name: &'static str,
         start: Position,
@@ -71,7 +71,7 @@ impl Layer {
         Self { name, color, corner, rapid, width: 2.2, start: view.project(start), elements }
     }
 
-    /// The path of today above one that was recorded.
+    /// Today's path, drawn above a recorded one.
     pub(crate) fn now(start: Position, elements: &[PathElement], view: View) -> Self {
         let layer = Self::compensated("compensated now", start, elements, view);
         Self { color: "#e8590c", corner: "#e8590c", rapid: "#e8590c", width: 1.1, ..layer }

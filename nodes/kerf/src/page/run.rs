@@ -1,5 +1,4 @@
-//! A run as it was recorded: states against time, the dialogue with the controller, and the
-//! sheets of a bag.
+//! A recorded run: states over time, the dialogue with the controller, and the sheets of a bag.
 
 use super::{Layer, Page, Pin, PinKind, Sheet};
 use crate::picture::view::{Point, View};
@@ -19,24 +18,24 @@ use replay::recording::{RecordedPlan, RecordedProgram, RecordedState, Recording}
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// What happened, by the seconds since it began.
+/// What happened, by seconds since the start.
 #[derive(Debug, Serialize)]
 pub(crate) struct RunLog {
-    states: Vec<State>,
-    /// When, which way, what.
+    states: Vec<StateRow>,
+    /// Time, direction, text.
     dialogue: Vec<(f64, &'static str, String)>,
-    /// When it was over.
+    /// When the run ended.
     end: f64,
 }
 
 #[derive(Debug, Serialize)]
-struct State {
+struct StateRow {
     t: f64,
     state: &'static str,
     reason: String,
     feed: f64,
     line: u32,
-    /// Where the tool was, on the paper.
+    /// Position of the tool on the paper.
     at: Option<Point>,
 }
 
@@ -48,9 +47,9 @@ impl RunLog {
         let (begin, end) = stamps.fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), at| {
             (first.min(at), last.max(at))
         });
-        let mut states: Vec<State> =
+        let mut states: Vec<StateRow> =
             recording.states.iter().map(|it| state(&it.state, begin, view)).collect();
-        // The topic says each one several times.
+        // The topic repeats each state.
         states.dedup_by(|next, before| {
             (next.state, &next.reason, next.feed, next.line, next.at)
                 == (before.state, &before.reason, before.feed, before.line, before.at)
@@ -69,8 +68,8 @@ fn place(state: &MachineState, view: View) -> Option<Point> {
     state.position_known.then(|| view.project(position))
 }
 
-fn state(state: &MachineState, begin: f64, view: View) -> State {
-    State {
+fn state(state: &MachineState, begin: f64, view: View) -> StateRow {
+    StateRow {
         t: seconds(&state.header.stamp) - begin,
         state: mode_from_wire(state.state).name(),
         reason: state.reason.clone(),
@@ -80,15 +79,15 @@ fn state(state: &MachineState, begin: f64, view: View) -> State {
     }
 }
 
-/// Bytes as lines, commands as they came.
+/// Bytes as lines, and commands.
 fn dialogue(recording: &Recording, begin: f64) -> Vec<(f64, &'static str, String)> {
     let mut rows = Vec::new();
-    let (mut sent, mut heard) = (Vec::new(), Vec::new());
+    let (mut sent, mut received) = (Vec::new(), Vec::new());
     for (_, entry) in recording.traffic.values() {
         let t = seconds(&entry.stamp) - begin;
         match kind_from_wire(entry.kind) {
             Some(EntryKind::Tx) => lines(&mut sent, entry, |line| rows.push((t, "tx", line))),
-            Some(EntryKind::Rx) => lines(&mut heard, entry, |line| rows.push((t, "rx", line))),
+            Some(EntryKind::Rx) => lines(&mut received, entry, |line| rows.push((t, "rx", line))),
             Some(EntryKind::Command) => {
                 rows.push((t, "command", String::from_utf8_lossy(&entry.data).into_owned()));
             }
@@ -97,11 +96,11 @@ fn dialogue(recording: &Recording, begin: f64) -> Vec<(f64, &'static str, String
                 let why = String::from_utf8_lossy(&entry.data);
                 rows.push((t, "error", format!("the port is closed: {why}")));
             }
-            // How the driver's clock went on is nothing to read.
+            // Entries of the driver's clock are not shown.
             Some(EntryKind::Timer | EntryKind::Checkpoint) | None => {}
         }
     }
-    for (kind, rest) in [("tx", sent), ("rx", heard)] {
+    for (kind, rest) in [("tx", sent), ("rx", received)] {
         if !rest.is_empty() {
             let t = rows.last().map_or(0.0, |row| row.0);
             rows.push((t, kind, rest.escape_ascii().to_string()));
@@ -110,7 +109,7 @@ fn dialogue(recording: &Recording, begin: f64) -> Vec<(f64, &'static str, String
     rows
 }
 
-/// Hands on the lines that an entry ends; a byte that acts at once is a line of its own.
+/// Passes on the lines that an entry ends; a real-time byte is a line of its own.
 fn lines(rest: &mut Vec<u8>, entry: &TrafficEntry, mut take: impl FnMut(String)) {
     let is_sent = entry.kind == TrafficEntry::KIND_TRANSMITTED;
     for &byte in &entry.data {
@@ -125,7 +124,7 @@ fn lines(rest: &mut Vec<u8>, entry: &TrafficEntry, mut take: impl FnMut(String))
     }
 }
 
-/// What people call a byte that acts at once.
+/// The name of a real-time byte.
 fn name(byte: u8) -> String {
     let name = match byte {
         realtime::STATUS => return "?".into(),
@@ -142,9 +141,9 @@ fn name(byte: u8) -> String {
     }
 }
 
-/// One sheet for each plan in a bag; those that were run first, and they alone have the run. A run
-/// whose plan is not in the bag has a sheet of its own, so that there always is one. `now` is
-/// empty when nothing was replayed.
+/// One sheet for each plan in a bag, executed ones first; only those have the run. A run whose plan
+/// is not in the bag has its own sheet, so that there is always one. `now` is empty when nothing
+/// was replayed.
 pub(crate) fn of_recording(
     page: &mut Page,
     name: &str,
@@ -154,7 +153,7 @@ pub(crate) fn of_recording(
 ) -> Result<(), ReplayError> {
     let run_of = |revision| recording.states.iter().any(|it| it.state.path_revision == revision);
     let sheets_before = page.sheets.len();
-    // Plans of one program have one log: it is seen on the plane of the program.
+    // Plans of one program share one log, seen on the plane of the program.
     let mut logs: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     let mut plans: Vec<(&u64, &RecordedPlan)> = recording.plans.iter().collect();
     plans.sort_by_key(|(revision, _)| !run_of(**revision));
@@ -177,7 +176,7 @@ pub(crate) fn of_recording(
             sheet.fill(&now.uncut, view);
             sheet.layers.push(Layer::now(now.path.start, &now.path.elements, view));
             if let Some(path) = &plan.path {
-                sheet.tell_apart(path, &now.path, view);
+                sheet.pin_difference(path, &now.path, view);
             }
         }
         if run_of(revision) {
@@ -210,7 +209,7 @@ fn end(recording: &Recording) -> String {
 }
 
 impl Page {
-    /// Puts the run on the page, if there was one; its number.
+    /// Adds the run to the page, if there was one; returns its index.
     fn log(&mut self, recording: &Recording, view: View) -> Option<usize> {
         let log = RunLog::new(recording, view);
         if log.states.is_empty() && log.dialogue.is_empty() {
@@ -226,8 +225,8 @@ fn view(program: &RecordedProgram) -> Result<View, ReplayError> {
     Ok(View::of(&program.contour, &profile))
 }
 
-/// Where the machine went into an alarm, stopped for good, or was not heard any more: while or
-/// after this program ran, or in all the time when there is none.
+/// Pins where the machine went into an alarm, was stopped, or did not answer any more: from the
+/// start of this program on, or during the whole recording when there is none.
 fn alarms(
     recording: &Recording,
     view: View,
@@ -242,7 +241,7 @@ fn alarms(
         if state.path_revision > 0 {
             ran = &state.program_id;
         }
-        // Out of reach it is where it was heard last.
+        // Without contact, the last reported position counts.
         at = place(state, view).or(at);
         let is_alarm = mode_from_wire(state.state) == Mode::Alarm
             || state.needs_reset
@@ -271,7 +270,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_become_lines_and_what_acts_at_once_is_named() {
+    fn bytes_become_lines_and_real_time_bytes_are_named() {
         let entry =
             |kind, data: &[u8]| TrafficEntry { kind, data: data.to_vec(), ..Default::default() };
         let mut rest = Vec::new();
@@ -283,8 +282,8 @@ mod tests {
         let sent = TrafficEntry::KIND_TRANSMITTED;
         assert_eq!(said(&entry(sent, b"G1X!1\nX2")), ["! (feed hold)", "G1X1"]);
         assert_eq!(said(&entry(sent, b"?0\n\x18\x91")), ["?", "X20", "0x18 (soft reset)", "0x91"]);
-        // What the controller says has no such bytes.
-        let heard = TrafficEntry::KIND_RECEIVED;
-        assert_eq!(said(&entry(heard, b"[MSG:what?]\r\nok\r\n")), ["[MSG:what?]", "ok"]);
+        // Lines from the controller have no real-time bytes.
+        let received = TrafficEntry::KIND_RECEIVED;
+        assert_eq!(said(&entry(received, b"[MSG:what?]\r\nok\r\n")), ["[MSG:what?]", "ok"]);
     }
 }

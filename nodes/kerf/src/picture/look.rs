@@ -1,4 +1,4 @@
-//! What the parts of a path look like, in pictures and on pages.
+//! How the parts of a path look, in pictures and on pages.
 
 use cnc_msgs::path::{PathElement, Role};
 
@@ -7,7 +7,7 @@ pub(crate) const PATH: &str = "#7b2fbf";
 pub(crate) const CORNER: &str = "#b565e8";
 pub(crate) const RAPID: &str = "#2f8f5b";
 
-/// How an element is drawn; the numbers stand in `page.js` too.
+/// How an element is drawn; `page.js` uses the same numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Look {

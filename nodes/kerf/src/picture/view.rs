@@ -1,7 +1,7 @@
-//! From work coordinates to the paper.
+//! Projects work coordinates onto the paper.
 //!
-//! Seen from the positive end of the plane's normal; for turning in front of the
-//! centre of rotation with X downwards, as the operator stands (S02).
+//! The view is from the positive end of the plane's normal; for turning in front of the centre of
+//! rotation with X downwards, as the operator sees it (S02).
 
 use cnc_msgs::contour::{ContourEventKind, ProgrammedContour};
 use cnc_msgs::geometry::{Plane, Position, Shape};
@@ -10,7 +10,7 @@ use cnc_msgs::profile::Profile;
 /// A point on the paper, y downwards.
 pub(crate) type Point = [f64; 2];
 
-/// Which plane is seen, and whether its X points down.
+/// The plane that is shown, and whether its X points down.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct View {
     pub(crate) plane: Plane,
@@ -18,7 +18,7 @@ pub(crate) struct View {
 }
 
 impl View {
-    /// The plane that the work is in; mirrored when the profile says so, and it is turned.
+    /// The main plane of the program; mirrored for turning if the profile says so.
     pub(crate) fn of(contour: &ProgrammedContour, profile: &Profile) -> Self {
         let plane = main_plane(contour);
         Self { plane, is_mirrored: profile.display.mirror_x && plane == Plane::Zx }
@@ -35,7 +35,7 @@ impl View {
     }
 }
 
-/// The plane of the first compensation, else of the first arc, else the last that is selected.
+/// The plane of the first compensation, else of the first arc, else the last one selected.
 fn main_plane(contour: &ProgrammedContour) -> Plane {
     let mut plane = Plane::default();
     let mut arc_plane = None;

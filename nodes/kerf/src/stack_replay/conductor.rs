@@ -1,7 +1,7 @@
 //! Plays a script on a stack of nodes: starts them, gives the commands, waits for the bag.
 //!
-//! Plumbing. Where a command is due says `place`, when the machine's time stands still
-//! for it `gate`; `player` gives it, and what the nodes are started with stands in `nodes`.
+//! Plumbing. `place` says where a command is due, `gate` stops the machine's time there, `player`
+//! gives the command, and `nodes` has the arguments of the nodes.
 
 use super::gate::Gate;
 use super::nodes::{LINK, NODES};
@@ -26,18 +26,18 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{sleep, timeout};
 
-/// How long nodes and controller may take to be ready.
+/// How long nodes and controller may take to start.
 const READY_WITHIN: Duration = Duration::from_secs(90);
-/// How long the plan of a program may take.
+/// How long planning a program may take.
 const PLAN_WITHIN: Duration = Duration::from_secs(300);
-/// How long the bag of a run that is over may take to be closed.
+/// How long the recorder may take to close the bag after the run.
 const CLOSED_WITHIN: Duration = Duration::from_secs(90);
-/// A path may be on its way to the driver yet when the goal comes.
+/// The path may not have reached the driver yet when the goal is sent.
 const GOAL_TRIES: (usize, Duration) = (4, Duration::from_secs(1));
 /// No run takes longer than this.
 const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
 
-/// What is played.
+/// The recording to play.
 #[derive(Debug)]
 pub(super) struct Play<'a> {
     pub(super) program: &'a RecordedProgram,
@@ -50,16 +50,16 @@ pub(super) struct Play<'a> {
     pub(super) track: Arc<Track>,
 }
 
-/// What came of it.
+/// The result of playing.
 #[derive(Debug)]
 pub(super) enum Played<'a> {
-    /// It was accepted then, and is refused now: by whom, and why.
+    /// It was accepted when recorded, and is refused now: by which node, and why.
     Refused { by: &'static str, reason: String },
-    /// It ran; the commands that were not given because their place did not come.
+    /// It ran; these commands were not given because their place was not reached.
     Ran { bag: PathBuf, missed: Vec<&'a Cue> },
 }
 
-/// Where it is played.
+/// The stack on which it is played.
 #[derive(Debug)]
 pub(super) struct Stage<'a> {
     pub(super) folder: &'a Path,
@@ -69,7 +69,7 @@ pub(super) struct Stage<'a> {
     pub(super) gate: &'a Gate,
 }
 
-/// Plays it; the nodes are left for the caller to stop.
+/// Plays the recording; the caller stops the nodes.
 pub(super) async fn play<'a>(
     stage: &Stage<'_>,
     nodes: &mut Stack,
@@ -116,8 +116,8 @@ async fn commission<'a>(
         seen.last().is_some_and(|state| state.state == MachineState::STATE_IDLE)
     })
     .await?;
-    let heard = timeout(READY_WITHIN, bags.next()).await;
-    heard.map_err(|_| Failure::new(Status::NoAnswer, "the recorder is not there"))?;
+    let received = timeout(READY_WITHIN, bags.next()).await;
+    received.map_err(|_| Failure::new(Status::NoAnswer, "the recorder does not answer"))?;
 
     let RecordedProgram { manifest, text, .. } = play.program;
     let profile = play.profile.display().to_string();
@@ -172,29 +172,29 @@ async fn commission<'a>(
     Ok(Played::Ran { bag: closed(&mut bags).await?, missed })
 }
 
-/// Nothing is done before the driver has said that its port is the virtual one.
+/// Checks, before anything else, that the driver's port is the virtual one.
 async fn has_our_port(
     mut parameters: Subscription<NodeParameters>,
     link: &Path,
 ) -> Result<(), Failure> {
-    let told = timeout(READY_WITHIN, async {
+    let found = timeout(READY_WITHIN, async {
         loop {
-            let (told, _) = parameters.next().await;
-            if told.node.ends_with("/axis_driver") {
-                break told;
+            let (found, _) = parameters.next().await;
+            if found.node.ends_with("/axis_driver") {
+                break found;
             }
         }
     });
-    let told = told.await.map_err(|_| {
-        Failure::new(Status::NoAnswer, "the driver does not answer for its parameters")
+    let found = found.await.map_err(|_| {
+        Failure::new(Status::NoAnswer, "the driver does not answer the request for its parameters")
     })?;
     let is_port = |it: &&Parameter| it.name == "port";
-    let port = told.parameters.iter().find(is_port).map(|it| it.value.string_value.clone());
+    let port = found.parameters.iter().find(is_port).map(|it| it.value.string_value.clone());
     match port {
         Some(port) if Path::new(&port) == link => Ok(()),
         port => Err(Failure::new(
             Status::NodeRefused,
-            format!("the driver has the port {port:?} and not the virtual controller's"),
+            format!("the driver has the port {port:?} instead of the virtual controller's"),
         )),
     }
 }

@@ -1,12 +1,12 @@
-//! The virtual controller with a gate: its time stands still where a command is due.
+//! The virtual controller with a gate: its time stops where a command is due.
 //!
-//! A machine that goes on while a command travels through DDS is held somewhere else every
-//! time. Here the machine stops living where it was when the command came in the
-//! recording, answers what it is asked, and lives on as soon as the command is there. So what
-//! happens does not depend on how busy this computer is.
+//! If the machine kept moving while a command travels through DDS, it would be held at a different
+//! position every time. Here the machine's time stops at the position where the command came in the
+//! recording. It still answers requests, and time continues as soon as the command arrives. So the
+//! result does not depend on the load of this computer.
 //!
-//! Sans-IO: a [`Device`] for the line, and a [`Gate`] for who gives the commands. Knows the
-//! place; when it is armed is decided by the conductor.
+//! Sans-IO: a [`Device`] for the line, and a [`Gate`] for the side that gives the commands. Knows
+//! the place; the conductor decides when to arm it.
 
 use super::place::{Approach, NEAR_MM, Place, Watch, distance_mm};
 use super::track::Track;
@@ -15,25 +15,25 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use virtual_controller::{Controller, Device, Vector};
 
-/// How finely the machine is followed along its path, in its own time.
+/// Time step in which the machine is followed along its path, in its own time.
 const SLICE: Duration = Duration::from_millis(1);
-/// How far ahead it is looked for within one, mm; farther when it was not on its path.
+/// How far ahead the machine is searched within one step, mm; farther when it was off its path.
 const AHEAD_MM: f64 = 1.0;
-/// A machine stands after this when it was told to hold, in the machine's time.
+/// A machine stops within this time after a hold, in the machine's time.
 const STANDS_WITHIN: Duration = Duration::from_secs(30);
-/// What stops a machine: feed hold, soft reset, door.
+/// The bytes that stop a machine: feed hold, soft reset, door.
 const STOPS: [u8; 3] = [FEED_HOLD, SOFT_RESET, SAFETY_DOOR];
 
-/// What is known of the machine, without asking it.
+/// What the gate knows about the machine.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Machine {
     /// Lines that were answered since [`Gate::begin`].
     pub(super) answers: u64,
     pub(super) position: Vector,
     pub(super) speed_mm_per_min: f64,
-    /// How far it has come along the path of the goal, mm; `None`: it is not on it.
+    /// Its distance along the path of the goal, mm; `None`: it is not on the path.
     pub(super) along_mm: Option<f64>,
-    /// Its time stands still: what it was armed for has come.
+    /// Its time stands still: it has reached the place for which the gate was armed.
     pub(super) is_due: bool,
 }
 
@@ -44,7 +44,7 @@ struct Shared {
     approach: Approach,
     /// The path that it is on.
     track: Option<Arc<Track>>,
-    /// Where it was on it last, and how far it has gone since, mm.
+    /// Its last place on the path, and how far it has gone since, mm.
     known_mm: f64,
     gone_mm: f64,
 }
@@ -61,7 +61,7 @@ impl Shared {
     }
 }
 
-/// The handle of who gives the commands; clones are the same gate.
+/// The handle for the side that gives the commands; clones are the same gate.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Gate(Arc<Mutex<Shared>>);
 
@@ -77,10 +77,10 @@ impl Gate {
         (shared.track, shared.known_mm, shared.gone_mm) = (track, 0.0, 0.0);
     }
 
-    /// Lets the machine's time stand still when it comes there.
+    /// Arms the gate: the machine's time stops when it reaches this place.
     pub(super) fn arm(&self, watch: Watch) {
         let mut shared = self.lock();
-        // What is left of a run may have another path, which begins as the one before.
+        // The rest of a run may have another path, which begins like the one before.
         shared.track = Some(Arc::clone(&watch.track));
         shared.watch = Some(watch);
         shared.approach = Approach::default();
@@ -93,20 +93,20 @@ impl Gate {
         }
     }
 
-    /// Lets it live on, and forgets what it was armed for.
+    /// Lets time continue, and disarms the gate.
     pub(super) fn release(&self) {
         let mut shared = self.lock();
         shared.watch = None;
         shared.machine.is_due = false;
     }
 
-    /// The machine as it is now.
+    /// The present state of the machine.
     pub(super) fn machine(&self) -> Machine {
         self.lock().machine
     }
 }
 
-/// A controller whose time the gate stops.
+/// A controller whose time the gate can stop.
 #[derive(Debug)]
 pub(super) struct GatedController {
     controller: Controller,
@@ -114,7 +114,7 @@ pub(super) struct GatedController {
     /// The controller's own time, and how far it is behind the line's.
     now: Duration,
     lag: Duration,
-    /// Said, and not yet taken; and the line that is being said.
+    /// Output that was not taken yet, and the line that is being received.
     said: Vec<u8>,
     line: Vec<u8>,
 }
@@ -133,7 +133,7 @@ impl GatedController {
         gated
     }
 
-    /// Takes what the controller says, and tells the gate where it stands.
+    /// Takes the controller's output, and updates the gate with its position.
     fn look(&mut self) {
         let from = self.said.len();
         self.controller.transmit(&mut self.said);
@@ -155,7 +155,7 @@ impl GatedController {
         shared.machine.speed_mm_per_min = self.controller.speed_mm_per_min();
     }
 
-    /// Lives up to a time of its own, or until the gate stops it.
+    /// Advances to a time of its own clock, or until the gate stops it.
     fn live(&mut self, until: Duration) {
         while self.now < until && !self.is_due() {
             let is_followed = self.gate.lock().track.is_some();
@@ -170,7 +170,7 @@ impl GatedController {
         self.gate.lock().machine.is_due
     }
 
-    /// Stops time where it was to be stopped.
+    /// Stops time at the armed place.
     fn watch(&self) {
         let mut shared = self.gate.lock();
         let Shared { watch, approach, machine, .. } = &mut *shared;
@@ -185,7 +185,7 @@ impl GatedController {
                 watch.is_answered(answers) && approach.is_there(distance_mm(position, place))
             }),
             Place::StopsAt(place) => match along_mm {
-                // It cannot come to a stop there yet.
+                // It cannot stop there yet.
                 Some(along_mm)
                     if watch.is_far_enough(Some(along_mm + braking_mm)) == Some(false) =>
                 {
@@ -206,14 +206,14 @@ impl GatedController {
         };
     }
 
-    /// The longest way that it can go on after a hold.
+    /// The longest distance that it may travel after a hold.
     fn braking_mm(&self, speed_mm_per_min: f64) -> f64 {
         let slowest = self.controller.settings().acceleration_mm_per_s2();
         let slowest = slowest.into_iter().fold(f64::INFINITY, f64::min).max(1.0);
         (speed_mm_per_min / 60.0).powi(2) / (2.0 * slowest)
     }
 
-    /// Where it would stand if it were held now.
+    /// Where it would stop if it were held now.
     fn stop_if_held(&self) -> Vector {
         let mut ahead = self.controller.clone();
         ahead.receive(self.now, &[FEED_HOLD]);
@@ -226,7 +226,7 @@ impl Device for GatedController {
     fn receive(&mut self, now: Duration, bytes: &[u8]) {
         self.advance(now);
         if bytes.iter().any(|byte| STOPS.contains(byte)) {
-            // What was waited for has come: time goes on from here.
+            // The awaited command has arrived: time continues from here.
             self.gate.stop_has_come();
         }
         self.controller.receive(self.now, bytes);
@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn time_stands_still_where_a_hold_ends_at_its_place_and_the_machine_answers() {
+    fn time_stops_so_that_a_hold_ends_at_its_place_and_the_machine_answers() {
         let (mut gated, gate) = machine();
         let at = Duration::from_secs;
         gated.receive(at(1), b"G1X20F600\nX40\n");
@@ -303,12 +303,12 @@ mod tests {
         gate.arm(watch(Place::StopsAt([30.0, 0.0, 0.0]), Some(30.0), 2));
         gated.advance(at(20));
         assert!(gate.machine().is_due, "{:?}", gate.machine());
-        let told = report(&mut gated, at(40));
-        assert!(told.contains("<Run"), "{told}");
-        // Nor does anything but a stop let it go on.
+        let output = report(&mut gated, at(40));
+        assert!(output.contains("<Run"), "{output}");
+        // Only a stop lets it continue.
         gated.receive(at(50), b"\x91~");
         assert!(gate.machine().is_due);
-        // As late as you like: the hold ends where it is to end.
+        // However late the command comes: the hold ends at its place.
         gated.receive(at(90), b"!");
         assert!(!gate.machine().is_due);
         gated.advance(at(91));
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_that_it_passes_stops_it_and_a_release_lets_it_go_on() {
+    fn time_stops_at_a_passed_place_and_continues_after_a_release() {
         let (mut gated, gate) = machine();
         let at = Duration::from_secs;
         gate.arm(watch(Place::Passes([10.0, 0.2, 0.0]), None, 1));
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_that_it_comes_by_twice_stops_it_the_second_time() {
+    fn time_stops_at_the_second_passage_of_a_place() {
         for place in [Place::StopsAt([30.0, 0.0, 0.0]), Place::Passes([30.0, 0.0, 0.0])] {
             let (mut gated, gate) = machine();
             gate.begin(Some(Arc::new(there_and_back())));
@@ -350,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_that_it_does_not_come_by_or_too_early_stops_nothing() {
+    fn a_place_that_is_not_passed_or_passed_too_early_does_not_stop_time() {
         for (place, along_mm, answers) in [
             (Place::Passes([10.0, 5.0, 0.0]), None, 1),
             (Place::Passes([10.0, 0.0, 0.0]), None, 9),

@@ -1,6 +1,6 @@
-//! The virtual controller as the recorded one was built, set and left standing.
+//! The virtual controller: built, set and positioned as the recorded one.
 //!
-//! From what the driver told of it when it was connected. Pure: a controller in values.
+//! From what the driver recorded about it after connecting. Pure: returns a controller.
 
 use super::run::Run;
 use super::script::start_in_machine;
@@ -11,7 +11,7 @@ use replay::recording::Recording;
 use std::time::Duration;
 use virtual_controller::{Build, Controller, Firmware, Settings};
 
-/// The controller, and what of the recorded one it is not.
+/// The controller, and the points in which it differs from the recorded one.
 #[derive(Debug)]
 pub(super) struct Likeness {
     pub(super) controller: Controller,
@@ -20,61 +20,61 @@ pub(super) struct Likeness {
 
 /// Receive buffers that a virtual controller may have, bytes.
 const RECEIVE_BUFFER_BYTES: std::ops::RangeInclusive<usize> = 16..=65_536;
-/// Of a shift that is none, mm.
+/// Shifts below this count as none, mm.
 const NO_SHIFT_MM: f64 = 1e-6;
-/// The driver's first bytes come later than what is entered here, in the controller's time.
+/// Time of the set-up lines on the controller's clock, before the driver's first bytes.
 const ENTERED_AT: Duration = Duration::from_millis(1);
 
-/// Makes it; it stands where the run begins.
+/// Builds the controller, positioned at the start of the run.
 ///
 /// # Errors
-/// The bag does not tell where it stood, or a shift was in force that a reset forgets.
+/// The bag lacks the start position, or a shift was in force that a reset clears.
 pub(super) fn likeness(recording: &Recording, run: &Run<'_>) -> Result<Likeness, ReplayError> {
     let mut notes = Vec::new();
-    let told = recording.settings.clone().unwrap_or_else(|| {
+    let recorded = recording.settings.clone().unwrap_or_else(|| {
         notes.push(
             "the bag does not contain the controller's settings; those of a small router are used"
                 .into(),
         );
         ControllerSettings::default()
     });
-    let name = told.firmware.to_lowercase();
+    let name = recorded.firmware.to_lowercase();
     let firmware = name.parse().unwrap_or_else(|_| {
         if !name.is_empty() {
-            notes.push(format!("there is no virtual {}; a grbl runs", told.firmware));
+            notes.push(format!("there is no virtual {}; grbl is used", recorded.firmware));
         }
         Firmware::Grbl
     });
     let mut settings = Settings::small_router_of(firmware);
-    let values: Vec<(u16, f64)> = told.settings.iter().filter_map(number_and_value).collect();
-    // Some are only taken when others are set.
+    let values: Vec<(u16, f64)> = recorded.settings.iter().filter_map(number_and_value).collect();
+    // Some settings are accepted only after others.
     for _ in 0..2 {
         for &(number, value) in &values {
-            // What it does not take is told below.
+            // Rejected ones are reported below.
             let _ = settings.set(number, value);
         }
     }
     for &(number, value) in &values {
         if settings.get(number).is_none_or(|is| (is - value).abs() > 1e-3) {
-            notes.push(format!("the virtual controller does not have ${number}={value}"));
+            notes.push(format!("the virtual controller rejects ${number}={value}"));
         }
     }
-    let bytes = usize::try_from(told.receive_buffer_size).unwrap_or(0);
+    let bytes = usize::try_from(recorded.receive_buffer_size).unwrap_or(0);
     let homes = settings.homing_enabled();
     let build = Build {
         receive_buffer_bytes: Some(bytes).filter(|bytes| RECEIVE_BUFFER_BYTES.contains(bytes)),
         start_in_machine: Some(start_in_machine(run)?),
-        has_mist: firmware == Firmware::Grbl && told.options.contains('M'),
-        has_line_numbers: firmware == Firmware::Grbl && told.options.contains('N'),
+        has_mist: firmware == Firmware::Grbl && recorded.options.contains('M'),
+        has_line_numbers: firmware == Firmware::Grbl && recorded.options.contains('N'),
         ..Build::new(settings)
     };
     let mut controller = Controller::with_build(build);
     let mut lines = Vec::new();
     if homes {
-        // It wakes locked; the recorded one had been homed or unlocked.
+        // It starts locked; the recorded one had been homed or unlocked.
         lines.push("$X".to_owned());
     }
-    lines.extend(offset_lines(&told.offsets)?);
+    lines.extend(offset_lines(&recorded.offsets)?);
     let mut said = Vec::new();
     for line in lines {
         controller.receive(ENTERED_AT, format!("{line}\n").as_bytes());
@@ -82,7 +82,7 @@ pub(super) fn likeness(recording: &Recording, run: &Run<'_>) -> Result<Likeness,
     }
     let said = String::from_utf8_lossy(&said);
     if let Some(refused) = said.lines().find(|line| line.starts_with("error:")) {
-        notes.push(format!("the virtual controller does not take all offsets ({refused})"));
+        notes.push(format!("the virtual controller rejects some offsets ({refused})"));
     }
     Ok(Likeness { controller, notes })
 }
@@ -94,7 +94,7 @@ fn number_and_value(
     Some((number, setting.value.trim().parse().ok()?))
 }
 
-/// The lines that enter the work offsets.
+/// The lines that set the work offsets.
 fn offset_lines(offsets: &[WorkOffset]) -> Result<Vec<String>, ReplayError> {
     let mut lines = Vec::new();
     for WorkOffset { name, position } in offsets {
@@ -113,7 +113,7 @@ fn offset_lines(offsets: &[WorkOffset]) -> Result<Vec<String>, ReplayError> {
                     what: format!("a shift by {name} of X{x:.3} Y{y:.3} Z{z:.3}"),
                 });
             }
-            // Where G28 and G30 go is of no concern: programs are sent without them.
+            // G28 and G30 do not matter: programs are sent without them.
             _ => {}
         }
     }

@@ -1,9 +1,9 @@
-//! What the nodes of a replay are started with, and how they stay away from every machine.
+//! The arguments of the nodes of a replay, which keep them away from every real machine.
 //!
-//! Three walls, each enough by itself. The driver's port is the one of the virtual
-//! controller, whatever the bag or the environment says. All names lie in a namespace that
-//! nobody else has. And everything happens in a domain of this computer alone in which
-//! nobody was: not on the network, not under the variables of whoever calls. Pure.
+//! Three barriers, each enough by itself. The driver's port is the virtual controller's, whatever
+//! the bag or the environment says. All names are in a unique namespace. And all nodes are in a
+//! domain that was unused, on this computer alone: not on the network, and without the caller's ROS
+//! variables. Pure.
 
 use super::TIME_FACTOR;
 use cnc_msgs::wire::cnc_msgs::msg::NodeParameters;
@@ -13,11 +13,12 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// The domains that a replay takes one of: above the ephemeral ports, and hardly anybody's.
+/// The domains for replays: above the ephemeral ports, and rarely used.
 pub(super) const DOMAINS: std::ops::RangeInclusive<u16> = 215..=232;
-/// The machine asks so seldom that a busy computer is not taken for a silent controller.
+/// Longer than the driver's usual interval, so that on a busy computer the controller is not taken
+/// for silent.
 const POLL_INTERVAL_MS: i64 = 500;
-/// What is this computer's and not the recorded one's.
+/// Parameters that depend on this computer, not on the recorded one.
 const OWN: [&str; 12] = [
     "port",
     "dtr",
@@ -30,7 +31,7 @@ const OWN: [&str; 12] = [
     "report_directory",
     "memory_mb_max",
     "rate_margin",
-    // There is no clock but this computer's.
+    // The only clock is this computer's.
     "use_sim_time",
 ];
 
@@ -38,7 +39,7 @@ const OWN: [&str; 12] = [
 pub(super) const NODES: [&str; 4] =
     ["axis_driver", "compensation_planner", "program_loader", "run_recorder"];
 
-/// A parameter file with what the bag holds for a node, where that concerns the run.
+/// A parameter file with the recorded parameters of a node that matter for the run.
 ///
 /// A parameter that the node does not know any more has no effect there.
 pub(super) fn parameter_file(node: &str, recorded: Option<&NodeParameters>) -> String {
@@ -55,11 +56,11 @@ pub(super) fn parameter_file(node: &str, recorded: Option<&NodeParameters>) -> S
 }
 
 fn quoted(text: &str) -> String {
-    // Strings of JSON are strings of YAML.
+    // JSON strings are YAML strings.
     serde_json::Value::from(text).to_string()
 }
 
-/// `None` for an empty list, whose type is not told.
+/// `None` for an empty list, whose type is unknown.
 fn yaml(value: &ParameterValue) -> Option<String> {
     fn list<T>(values: &[T], one: impl Fn(&T) -> String) -> Option<String> {
         let values: Vec<String> = values.iter().map(one).collect();
@@ -77,7 +78,7 @@ fn yaml(value: &ParameterValue) -> Option<String> {
     })
 }
 
-/// A double that YAML does not take for an integer.
+/// A double that YAML does not read as an integer.
 fn number(value: &f64) -> String {
     match value {
         value if value.is_nan() => ".nan".into(),
@@ -87,7 +88,7 @@ fn number(value: &f64) -> String {
     }
 }
 
-/// The words that all nodes of a replay are started with.
+/// The arguments of all nodes of a replay.
 ///
 /// `folder` holds the parameter files, the tool table and the link to the controller.
 pub(super) fn arguments(namespace: &str, folder: &Path, bags: &Path) -> Vec<String> {
@@ -97,14 +98,14 @@ pub(super) fn arguments(namespace: &str, folder: &Path, bags: &Path) -> Vec<Stri
     for node in NODES {
         words.extend(["--params-file".to_owned(), shown(&format!("{node}.yaml"))]);
     }
-    // Behind the files: what stands here counts.
+    // After the files, because the last value counts.
     for (node, name, value) in [
         ("axis_driver", "port", quoted(&shown(LINK))),
         ("axis_driver", "poll_interval_ms", POLL_INTERVAL_MS.to_string()),
         ("axis_driver", "rate_margin", format!("{:?}", 5.0 * TIME_FACTOR)),
         ("compensation_planner", "tool_table", quoted(&shown(TOOLS))),
         ("compensation_planner", "report_directory", quoted(&shown("reports"))),
-        // The profile of the bag lies there.
+        // The profile of the bag is there.
         ("program_loader", "control_directories", format!("[{}]", quoted(&shown(".")))),
         ("run_recorder", "directory", quoted(&bags.display().to_string())),
     ] {
@@ -116,10 +117,10 @@ pub(super) fn arguments(namespace: &str, folder: &Path, bags: &Path) -> Vec<Stri
 
 /// The link to the virtual controller's port, in the folder of the replay.
 pub(super) const LINK: &str = "controller";
-/// The tool table, there.
+/// The tool table, in the folder of the replay.
 pub(super) const TOOLS: &str = "tools.yaml";
 
-/// The environment of the nodes: none of ROS but the domain, on this computer alone.
+/// The environment of the nodes: without ROS variables except the domain, on this computer alone.
 pub(super) fn variables(
     inherited: BTreeMap<String, String>,
     domain: u16,
@@ -136,16 +137,16 @@ pub(super) fn variables(
     variables
 }
 
-/// The UDP ports that participants of a domain open on this computer, as DDS lays them down.
+/// The UDP ports that participants of a domain open on this computer, as defined by DDS.
 fn ports(domain: u16) -> std::ops::Range<u32> {
     let first = 7400 + 250 * u32::from(domain);
-    // Two for all, and two for each of the first hundred and more that find a place.
+    // Two for all, and two for each of the first hundred participants.
     first..first + 250
 }
 
-/// The first domain in which nobody is, beginning at `first`; `None` where somebody is in all.
+/// The first unused domain, starting at `first`; `None` if all are used.
 ///
-/// `tables` are `/proc/net/udp` and its like.
+/// `tables` are `/proc/net/udp` and `/proc/net/udp6`.
 pub(super) fn free_domain(first: u16, tables: &[String]) -> Option<u16> {
     let count = DOMAINS.end() - DOMAINS.start() + 1;
     let taken: Vec<u32> = tables.iter().flat_map(|table| local_ports(table)).collect();
@@ -153,7 +154,7 @@ pub(super) fn free_domain(first: u16, tables: &[String]) -> Option<u16> {
     domains.find(|&domain| !taken.iter().any(|port| ports(domain).contains(port)))
 }
 
-/// The local ports of a table of the kernel.
+/// The local ports in a table of the kernel.
 fn local_ports(table: &str) -> impl Iterator<Item = u32> + '_ {
     table.lines().skip(1).filter_map(|line| {
         let address = line.split_whitespace().nth(1)?;
@@ -176,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn the_driver_is_never_given_the_recorded_port_nor_anything_else_of_that_computer() {
+    fn the_driver_never_gets_the_recorded_port_or_paths() {
         let mut parameters = OWN.map(|name| text(name, "/dev/ttyUSB0")).to_vec();
         parameters.push(text("on_commander_loss", "hold: \"now\""));
         let recorded = NodeParameters { parameters, ..NodeParameters::default() };
@@ -192,7 +193,7 @@ mod tests {
         let port = words.iter().rposition(|it| it.contains(":port:=")).unwrap();
         assert_eq!(words[port], "axis_driver:port:=\"/run/replay/controller\"");
         let files = words.iter().rposition(|it| it == "--params-file").unwrap();
-        assert!(files < port, "what a file says counts less: {said}");
+        assert!(files < port, "the file comes first, so the argument overrides it: {said}");
     }
 
     #[test]
@@ -229,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_domain_in_which_somebody_is_is_left_alone() {
+    fn a_used_domain_is_skipped() {
         // 7400 + 250 * 215 + 11 = 61161 = 0xEEE9, the unicast port of a first participant.
         let table = "  sl  local_address rem_address   st\n   1: 0100007F:EEE9 00000000:0000 07\n";
         let none = "  sl  local_address rem_address   st\n".to_owned();

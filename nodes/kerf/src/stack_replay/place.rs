@@ -1,7 +1,7 @@
 //! Where the stack was when a command came, and when it is there again.
 //!
-//! Never by the clock: a machine that moves is somewhere on its path, behind so many
-//! answered lines; one that stands is in a state. Pure.
+//! Never by the clock: a moving machine is at a place on its path, after a number of answered
+//! lines; a standing machine is in a state. Pure.
 
 use super::track::Track;
 use std::sync::Arc;
@@ -9,50 +9,51 @@ use std::sync::Arc;
 /// A machine position, mm.
 pub(super) type Position = [f64; 3];
 
-/// What is as near as this is there, mm: some steps of a motor.
+/// Within this distance a machine is at a place, mm: some steps of a motor.
 const THERE_MM: f64 = 0.02;
-/// What comes as near as this and goes away again was there, mm: the recording has three
-/// decimals and a controller of another make brakes a little otherwise.
+/// A machine that comes within this distance and moves away again was at the place, mm: the
+/// recording has three decimals, and another controller brakes a little differently.
 pub(super) const NEAR_MM: f64 = 0.5;
-/// Answers may be on the wire when a command is given: so many fewer will do.
+/// Answers may be in transit when a command is given: this many fewer are enough.
 pub(super) const SLACK_ANSWERS: u64 = 2;
 
-/// Where.
+/// A place of a moving machine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Place {
-    /// There it stands when it is held now.
+    /// The machine stops here when it is held now.
     StopsAt(Position),
-    /// There it comes by.
+    /// The machine passes here.
     Passes(Position),
 }
 
-/// Where a machine that moves is waited for.
+/// The place at which the gate waits for a moving machine.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Watch {
     pub(super) place: Place,
     /// The path that it is on.
     pub(super) track: Arc<Track>,
-    /// How far along that is, mm; `None`: it is not on it, or the machine was not.
+    /// Distance of the place along the path, mm; `None`: the place is, or the machine was, off the
+    /// path.
     pub(super) along_mm: Option<f64>,
     /// Lines that were answered since the goal.
     pub(super) answers: u64,
-    /// What the driver called it, as in `MachineState`.
+    /// The driver's state, as in `MachineState`.
     pub(super) state: u8,
 }
 
 impl Watch {
-    /// Whether a machine that is so far along has come far enough.
+    /// Whether a machine at this distance along the path has come far enough.
     pub(super) fn is_far_enough(&self, along_mm: Option<f64>) -> Option<bool> {
         Some(along_mm? >= self.along_mm? - THERE_MM)
     }
 
-    /// Whether it has been answered as much, where the way does not tell.
+    /// Whether enough lines were answered, for a machine off its path.
     pub(super) fn is_answered(&self, answers: u64) -> bool {
         answers + SLACK_ANSWERS >= self.answers
     }
 }
 
-/// A stack that stands, and waits for somebody.
+/// A machine that stands and waits for a command.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Stand {
     /// As in `MachineState`.
@@ -60,14 +61,14 @@ pub(super) struct Stand {
     pub(super) tool_wanted: u32,
     /// Lines that were answered since the goal.
     pub(super) answers: u64,
-    /// Paths that were run since the goal: one more with each change while it stood.
+    /// Paths that were run since the goal; each change while it stood adds one.
     pub(super) paths: usize,
 }
 
 impl Stand {
-    /// Whether the stack stands there again.
+    /// Whether the stack has reached the same state again.
     pub(super) fn is_reached(&self, seen: &Self, speed_mm_per_min: f64) -> bool {
-        // Older bags do not tell the tool.
+        // Older bags have no tool.
         let is_tool = self.tool_wanted == 0 || seen.tool_wanted == self.tool_wanted;
         seen.state == self.state
             && seen.paths >= self.paths
@@ -77,7 +78,7 @@ impl Stand {
     }
 }
 
-/// How a place comes nearer, and goes away again.
+/// Detects the nearest approach to a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Approach {
     nearest_mm: f64,
@@ -90,7 +91,7 @@ impl Default for Approach {
 }
 
 impl Approach {
-    /// Takes the next distance; whether this is the place.
+    /// Takes the next distance; returns whether this is the place.
     pub(super) fn is_there(&mut self, apart_mm: f64) -> bool {
         let goes_away = apart_mm > self.nearest_mm && self.nearest_mm <= NEAR_MM;
         self.nearest_mm = self.nearest_mm.min(apart_mm);
@@ -107,14 +108,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_place_is_where_it_was_nearest() {
+    fn a_place_is_reached_at_the_nearest_approach() {
         for (name, distances, there_at) in [
-            ("it comes right there", &[3.0, 1.0, 0.01, 1.0][..], Some(2)),
-            ("it comes by", &[3.0, 0.3, 0.1, 0.2], Some(3)),
-            ("it begins there and goes away", &[0.4, 0.5], Some(1)),
+            ("it gets exactly there", &[3.0, 1.0, 0.01, 1.0][..], Some(2)),
+            ("it passes", &[3.0, 0.3, 0.1, 0.2], Some(3)),
+            ("it starts there and moves away", &[0.4, 0.5], Some(1)),
             ("it never comes near", &[3.0, 0.6, 0.7, 3.0], None),
             ("it stands near by", &[0.3, 0.3, 0.3], None),
-            ("what is no number is no place", &[f64::NAN, f64::NAN], None),
+            ("NaN is never a place", &[f64::NAN, f64::NAN], None),
         ] {
             let mut approach = Approach::default();
             let found = distances.iter().position(|&apart| approach.is_there(apart));
@@ -123,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_machine_is_far_enough_as_its_way_or_else_its_answers_tell() {
+    fn a_machine_is_far_enough_by_its_distance_or_else_by_its_answers() {
         let watch = |along_mm| Watch {
             place: Place::Passes([0.0; 3]),
             track: Arc::default(),
@@ -146,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stand_is_reached_in_its_state_behind_its_lines_at_rest() {
+    fn a_standing_machine_is_recognised_by_state_lines_and_rest() {
         let wanted = Stand { state: 11, tool_wanted: 2, answers: 9, paths: 1 };
         let seen = |change: fn(&mut Stand)| {
             let mut seen = wanted.clone();
@@ -165,6 +166,6 @@ mod tests {
             assert_eq!(wanted.is_reached(&seen, speed), is_reached, "{name}");
         }
         let any_tool = Stand { tool_wanted: 0, ..wanted.clone() };
-        assert!(any_tool.is_reached(&wanted, 0.0), "a bag that does not tell the tool");
+        assert!(any_tool.is_reached(&wanted, 0.0), "a bag without the tool");
     }
 }

@@ -1,7 +1,7 @@
-//! The player of a replay: it looks where the stack is, and does what a commander did.
+//! The player of a replay: waits for the place of each command and gives it.
 //!
-//! Plumbing, as the conductor. Every wait ends: when nothing has moved on for [`STILL`], with
-//! what was waited for and where the stack stood.
+//! Plumbing, like the conductor. Every wait ends when nothing has changed for [`STILL`]; the error
+//! says what was awaited and where the stack was.
 
 use super::gate::{Gate, Machine};
 use super::place::Stand;
@@ -20,24 +20,24 @@ use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep, timeout};
 
-/// Nothing of a run stands still for so long but a run that is stuck.
+/// A run without any change for this long is stuck.
 const STILL: Duration = Duration::from_secs(60);
-/// How long a plan of what is left of a run may take.
+/// How long planning the rest of a run may take.
 const PLAN_WITHIN: Duration = Duration::from_secs(300);
-/// How long the driver may take to tell what a machine does whose time stands still.
+/// How long the driver may take to report the state of a machine whose time stands still.
 const TOLD_WITHIN: Duration = Duration::from_secs(20);
-/// How often it is looked where the machine is.
+/// How often the position of the machine is checked.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// What the driver tells, gathered as it comes.
+/// The driver's states, collected as they arrive.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Seen(Arc<Mutex<Told>>);
+pub(super) struct Seen(Arc<Mutex<DriverStates>>);
 
 #[derive(Debug, Default)]
-struct Told {
+struct DriverStates {
     last: Option<MachineState>,
     count: u64,
-    /// Revisions since the goal, each time another one came.
+    /// Revisions since the goal, one for each change.
     revisions: Vec<u64>,
 }
 
@@ -48,19 +48,19 @@ impl Seen {
         node.spawn("states of the replay", async move {
             loop {
                 let (state, _) = states.next().await;
-                let mut told = shared.lock();
+                let mut known = shared.lock();
                 if state.path_revision > 0 {
-                    told.revisions.push(state.path_revision);
-                    told.revisions.dedup();
+                    known.revisions.push(state.path_revision);
+                    known.revisions.dedup();
                 }
-                told.count += 1;
-                told.last = Some(state);
+                known.count += 1;
+                known.last = Some(state);
             }
         });
         seen
     }
 
-    fn lock(&self) -> MutexGuard<'_, Told> {
+    fn lock(&self) -> MutexGuard<'_, DriverStates> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -81,7 +81,7 @@ impl Seen {
     }
 }
 
-/// Gives commands, and waits for their time.
+/// Gives commands at their time.
 pub(super) struct Player<'a> {
     node: &'a Handle,
     gate: &'a Gate,
@@ -89,7 +89,7 @@ pub(super) struct Player<'a> {
     clients: BTreeMap<&'static str, Client<Trigger>>,
 }
 
-/// How a run ends, in a task of its own.
+/// The end of a run, in its own task.
 pub(super) type Ending = JoinHandle<Result<(Outcome, RunProgramResult), GoalError>>;
 
 impl<'a> Player<'a> {
@@ -97,7 +97,7 @@ impl<'a> Player<'a> {
         Self { node, gate, seen, clients: BTreeMap::new() }
     }
 
-    /// Waits for a cue and gives its command; `false` when its place did not come.
+    /// Waits for a cue and gives its command; `false` if its place was not reached.
     pub(super) async fn give(
         &mut self,
         cue: &Cue,
@@ -114,7 +114,7 @@ impl<'a> Player<'a> {
                     gate.release();
                     return Ok(false);
                 }
-                // Time stands still: the driver may as well hear where the machine is.
+                // Time stands still: give the driver time to learn where the machine is.
                 let old = self.seen.count();
                 let is_told = async {
                     while self.seen.count() < old + 2
@@ -124,11 +124,11 @@ impl<'a> Player<'a> {
                     }
                 };
                 if timeout(TOLD_WITHIN, is_told).await.is_err() {
-                    eprintln!("kerf: {what}: the driver takes the machine for something else");
+                    eprintln!("kerf: {what}: the driver reports another state of the machine");
                 }
             }
             When::Standing(stand) => {
-                // What was told before the last command is old.
+                // States from before the last command do not count.
                 let old = self.seen.count();
                 self.until(&what, || {
                     self.stands(stand, old, gate.machine()) || ending.is_finished()
@@ -141,13 +141,13 @@ impl<'a> Player<'a> {
         }
         let given = self.act(&cue.act, goal).await;
         if given.is_ok() && cue.stops() {
-            // A cancel is answered before its byte is sent, and that lets time go on.
+            // A cancel is answered before its byte is sent, and that byte lets time continue.
             let has_come = async {
                 while gate.machine().is_due {
                     sleep(LOOK).await;
                 }
             };
-            // Whoever was told it was done and sent nothing is found out by what is compared.
+            // If the driver accepted but sent nothing, the comparison will find it.
             let _ = timeout(TOLD_WITHIN, has_come).await;
         }
         gate.release();
@@ -232,7 +232,7 @@ fn said(success: bool, message: String) -> Result<(), Failure> {
     if success { Ok(()) } else { Err(Failure::new(Status::NodeRefused, message)) }
 }
 
-/// Waits until something holds, as long as anything moves on.
+/// Waits until a condition holds, as long as anything still changes.
 pub(super) async fn until(
     what: &str,
     still: Duration,
@@ -261,13 +261,13 @@ pub(super) async fn until(
 fn stuck(what: &str, still: Duration, seen: &Seen, gate: &Gate) -> String {
     let Machine { answers, position: [x, y, z], .. } = gate.machine();
     let state = match seen.last() {
-        None => "no machine_state was heard".to_owned(),
+        None => "no machine_state was received".to_owned(),
         Some(MachineState { state, reason, line, .. }) => {
             format!("{} {reason} at line {line}", mode_from_wire(state).name())
         }
     };
     format!(
-        "waited for {what}, and nothing has moved on for {} s: {state}; {answers} lines \
+        "waited for {what}, but nothing changed for {} s: {state}; {answers} lines \
          answered, machine at X{x:.3} Y{y:.3} Z{z:.3}",
         still.as_secs()
     )

@@ -1,7 +1,7 @@
-//! The run that a bag tells of: its goal, all that passed on the line since, its states.
+//! The run in a bag: its goal, all traffic on the line since then, its states.
 //!
-//! Reads the driver's journal in order and puts lines together. What of it can be played
-//! and what has to be the same is decided by its neighbours. Pure.
+//! Reads the driver's journal in order and assembles lines. Other files decide what can be played
+//! and what has to be the same. Pure.
 
 use axis_driver::driver::{Command, RunRequest};
 use axis_driver::journal::command_from_json;
@@ -13,26 +13,26 @@ use replay::ReplayError;
 use replay::recording::{RecordedState, Recording, nanoseconds};
 use serde_json::Value;
 
-/// What happened, and when by the wall clock.
+/// An event, with its wall time.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Event {
     pub(super) stamp_ns: i64,
     pub(super) what: Happened,
 }
 
-/// One thing that passed on the line or came to the driver.
+/// Something that passed on the line or reached the driver.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Happened {
-    /// The controller said a line.
-    Heard(Report),
-    /// The driver sent a line, without its end.
+    /// The controller sent a line.
+    Received(Report),
+    /// The driver sent a line, without its line end.
     Sent(String),
-    /// The driver sent a realtime byte, status requests left out.
+    /// The driver sent a real-time byte, except a status request.
     Acted(u8),
     Asked(Command),
     /// The port was opened.
     Opened,
-    /// The port went.
+    /// The port was lost.
     Closed(String),
 }
 
@@ -43,12 +43,12 @@ pub(super) struct Run<'a> {
     pub(super) began_ns: i64,
     /// After the goal, in order.
     pub(super) events: Vec<Event>,
-    /// From the first that knows of the path to the end of the bag, each with the time when it
-    /// was recorded: the same state is told again and again, under the stamp of its report.
+    /// From the first one with the path to the end of the bag, each with its recording time: the
+    /// same state is published again and again, with the stamp of its report.
     pub(super) states: Vec<(i64, &'a MachineState)>,
-    /// As in `action_msgs/GoalStatus`; `None`: the bag does not tell.
+    /// As in `action_msgs/GoalStatus`; `None`: not in the bag.
     pub(super) status: Option<i8>,
-    /// Whether the machine stopped behind every block when the run began.
+    /// Whether single-block mode was on when the run began.
     pub(super) is_single_block: bool,
 }
 
@@ -96,35 +96,36 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// When the driver had no path to run any more; `None`: the bag does not tell.
+    /// When the driver had no path any more; `None`: not in the bag.
     pub(super) fn ended_ns(&self) -> Option<i64> {
         self.states.iter().find(|(_, it)| it.path_revision == 0).map(|(at_ns, _)| *at_ns)
     }
 
-    /// The state that was told last at this time.
+    /// The last state published by this time.
     pub(super) fn state_at(&self, at_ns: i64) -> Option<&'a MachineState> {
-        let told = self.states.iter().take_while(|(told_ns, _)| *told_ns <= at_ns).last();
-        told.or(self.states.first()).map(|(_, state)| *state)
+        let published =
+            self.states.iter().take_while(|(reported_ns, _)| *reported_ns <= at_ns).last();
+        published.or(self.states.first()).map(|(_, state)| *state)
     }
 
-    /// The line that the driver took a report of this time for.
-    pub(super) fn line_after(&self, told_ns: i64) -> Option<u32> {
-        let next = self.states.partition_point(|(at_ns, _)| *at_ns < told_ns);
+    /// The source line that the driver derived from a report of this time.
+    pub(super) fn line_after(&self, reported_ns: i64) -> Option<u32> {
+        let next = self.states.partition_point(|(at_ns, _)| *at_ns < reported_ns);
         self.states.get(next).map(|(_, state)| state.line)
     }
 
-    /// How many paths were run up to then.
+    /// How many paths had been run by then.
     pub(super) fn paths_at(&self, at_ns: i64) -> usize {
-        let told = self.states.iter().take_while(|(told_ns, _)| *told_ns <= at_ns);
-        distinct(told.map(|(_, it)| it.path_revision).filter(|revision| *revision > 0))
+        let published = self.states.iter().take_while(|(reported_ns, _)| *reported_ns <= at_ns);
+        distinct(published.map(|(_, it)| it.path_revision).filter(|revision| *revision > 0))
     }
 
-    /// The lines that were sent for the program: up to the reset that drops the rest of it.
+    /// The lines that were sent for the program, up to the reset that drops the rest.
     pub(super) fn lines(&self) -> Vec<&str> {
         let to_reset =
             self.events.iter().take_while(|event| event.what != Happened::Acted(SOFT_RESET));
         let lines = to_reset.filter_map(|event| match &event.what {
-            // The checks among the lines come by the clock.
+            // The checks among the lines depend on the clock.
             Happened::Sent(line) if line != "$G" => Some(line.as_str()),
             _ => None,
         });
@@ -142,14 +143,14 @@ fn states(recording: &Recording) -> Vec<(i64, &MachineState)> {
     states[begin..].iter().map(|it| (it.at_ns, &it.state)).collect()
 }
 
-/// How many there are that are not as the one before.
+/// The number of values that differ from the one before.
 fn distinct(all: impl Iterator<Item = u64>) -> usize {
     let mut all: Vec<u64> = all.collect();
     all.dedup();
     all.len()
 }
 
-/// The goal of this bag: the last that was accepted, or the last of all if nobody recorded that.
+/// The goal of this bag: the last accepted one, or the last one if acceptance was not recorded.
 fn begin(recording: &Recording, entries: &[&TrafficEntry]) -> Option<usize> {
     let is_goal = |entry: &&&TrafficEntry| {
         entry.kind == TrafficEntry::KIND_COMMAND
@@ -195,7 +196,7 @@ fn events(
     units: ReportUnits,
 ) -> Result<Vec<Event>, ReplayError> {
     let mut events = Vec::new();
-    let (mut heard, mut sent) = (Vec::new(), Vec::new());
+    let (mut received, mut sent) = (Vec::new(), Vec::new());
     for entry in entries {
         let stamp_ns = nanoseconds(&entry.stamp);
         let mut push = |what| events.push(Event { stamp_ns, what });
@@ -204,12 +205,12 @@ fn events(
                 for &byte in &entry.data {
                     match byte {
                         b'\n' => {
-                            let report = parse(&std::mem::take(&mut heard), units);
+                            let report = parse(&std::mem::take(&mut received), units);
                             if report != Report::Empty {
-                                push(Happened::Heard(report));
+                                push(Happened::Received(report));
                             }
                         }
-                        _ => heard.push(byte),
+                        _ => received.push(byte),
                     }
                 }
             }
@@ -243,7 +244,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_byte_that_acts_at_once_is_no_part_of_the_line_that_it_stands_in() {
+    fn a_real_time_byte_is_not_part_of_the_line_around_it() {
         let entry = |data: &[u8]| TrafficEntry {
             kind: TrafficEntry::KIND_TRANSMITTED,
             data: data.to_vec(),

@@ -1,13 +1,13 @@
-//! What has to be the same when a whole stack runs a recording again, and what need not.
+//! What has to be the same when a whole stack runs a recording again, and what may differ.
 //!
 //! | what | the same |
 //! |---|---|
 //! | programmed contour, compensated paths | field by field, by the rules of `compare`; not their numbers and times |
-//! | lines to the controller | all but the checks among them, in order; after a stop up to [`LINES_AFTER_STOP_MAX`] more or fewer |
-//! | states | in order, repetitions and durations left out; RUN may be missing between two others, UNKNOWN anywhere, IDLE after a stop |
+//! | lines to the controller | all except the checks among them, in order; after a stop up to [`LINES_AFTER_STOP_MAX`] more or fewer |
+//! | states | in order, without repetitions and durations; RUN may be missing between two others, UNKNOWN anywhere, IDLE after a stop |
 //! | result of the goal, last source line | exactly |
 //! | last machine position | [`STANDS_MM`]; after a stop [`NEAR_MM`] |
-//! | commands | each came to its place again |
+//! | commands | each place was reached again |
 //!
 //! Pure.
 
@@ -25,20 +25,20 @@ use replay::planner::compare_paths;
 use replay::recording::{RecordedPlan, Recording};
 use std::sync::Arc;
 
-/// Where an axis stands is told in steps of a motor, mm.
+/// Tolerance of a standing axis, mm: some steps of a motor.
 const STANDS_MM: f64 = 0.02;
-/// Answers that were on the wire when the run was stopped let as many more lines go.
+/// Answers in transit when the run was stopped allow this many more lines.
 const LINES_AFTER_STOP_MAX: usize = 3;
 
 /// A recording and the run in it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Told<'a> {
+pub(super) struct RecordedRun<'a> {
     pub(super) recording: &'a Recording,
     pub(super) run: &'a Run<'a>,
 }
 
 /// Compares two runs.
-pub(super) fn compare(was: Told<'_>, now: Told<'_>, comparison: &mut Comparison) {
+pub(super) fn compare(was: RecordedRun<'_>, now: RecordedRun<'_>, comparison: &mut Comparison) {
     contours(was, now, comparison);
     paths(was, now, comparison);
     let stopped = was.run.was_stopped();
@@ -70,7 +70,7 @@ pub(super) fn compare(was: Told<'_>, now: Told<'_>, comparison: &mut Comparison)
     ends(last_was, last_is, stopped, comparison);
 }
 
-/// Notes commands whose place the machine did not come to.
+/// Adds a difference for each command whose place the machine did not reach.
 pub(super) fn missed(cues: &[&Cue], comparison: &mut Comparison) {
     for cue in cues {
         let text = format!(
@@ -82,14 +82,16 @@ pub(super) fn missed(cues: &[&Cue], comparison: &mut Comparison) {
     }
 }
 
-fn contours(was: Told<'_>, now: Told<'_>, comparison: &mut Comparison) {
-    let find = |told: Told<'_>| told.recording.programs.get(&told.run.goal.program_id).cloned();
+fn contours(was: RecordedRun<'_>, now: RecordedRun<'_>, comparison: &mut Comparison) {
+    let find = |recorded: RecordedRun<'_>| {
+        recorded.recording.programs.get(&recorded.run.goal.program_id).cloned()
+    };
     let (Some(was), Some(now)) = (find(was), find(now)) else {
-        return comparison.differs("programmed_contour", "count", "one of the two is not there");
+        return comparison.differs("programmed_contour", "count", "one of the two is missing");
     };
     comparison.message("programmed_contour", &was.manifest, &now.manifest);
-    // Inputs of the core, which the node has to hand on. The text of the profile grows with new
-    // rules.
+    // Inputs of the core, which the node has to pass on. Later versions may add rules to the text
+    // of the profile.
     let handed_on = |of: &ProgrammedContour| (of.name.clone(), of.control.clone());
     let ((name, control), is) = (handed_on(&was.manifest), handed_on(&now.manifest));
     for (field, was, now) in [("name", name, is.0), ("control", control, is.1)] {
@@ -105,17 +107,17 @@ fn contours(was: Told<'_>, now: Told<'_>, comparison: &mut Comparison) {
     comparison.sequence("programmed_contour/chunks", &all(&was.contour), &all(&now.contour));
 }
 
-/// The plans that were run: the goal's, and each that was taken for what was left.
-fn plans<'a>(told: Told<'a>) -> Vec<&'a RecordedPlan> {
-    let rests = told.run.events.iter().filter_map(|event| match &event.what {
+/// The plans that were run: the goal's, and each plan for the rest.
+fn plans<'a>(recorded: RecordedRun<'a>) -> Vec<&'a RecordedPlan> {
+    let rests = recorded.run.events.iter().filter_map(|event| match &event.what {
         Happened::Asked(Command::Replan(request)) => Some(request.revision),
         _ => None,
     });
-    let revisions = std::iter::once(told.run.goal.revision).chain(rests);
-    revisions.filter_map(|revision| told.recording.plans.get(&revision)).collect()
+    let revisions = std::iter::once(recorded.run.goal.revision).chain(rests);
+    revisions.filter_map(|revision| recorded.recording.plans.get(&revision)).collect()
 }
 
-fn paths(was: Told<'_>, now: Told<'_>, comparison: &mut Comparison) {
+fn paths(was: RecordedRun<'_>, now: RecordedRun<'_>, comparison: &mut Comparison) {
     let (were, are) = (plans(was), plans(now));
     if were.len() != are.len() {
         comparison.differs(
@@ -137,14 +139,14 @@ fn paths(was: Told<'_>, now: Told<'_>, comparison: &mut Comparison) {
     }
 }
 
-/// The first line that is not the same, and what became of it.
+/// The first line that differs, with its description.
 fn lines_difference(was: &[&str], now: &[&str], stopped: bool) -> Option<(usize, String)> {
     let common = was.iter().zip(now).take_while(|(was, now)| was == now).count();
-    let behind = (was.len() - common).max(now.len() - common);
+    let left = (was.len() - common).max(now.len() - common);
     let is_cut = common == was.len().min(now.len());
-    // Where none of the lines was sent it did not run at all.
+    // If none of the lines was sent, the program did not run at all.
     let has_begun = common > 0 || was.is_empty();
-    if behind == 0 || (stopped && is_cut && has_begun && behind <= LINES_AFTER_STOP_MAX) {
+    if left == 0 || (stopped && is_cut && has_begun && left <= LINES_AFTER_STOP_MAX) {
         return None;
     }
     let shown = |lines: &[&str]| match lines.get(common) {
@@ -161,25 +163,25 @@ fn lines_difference(was: &[&str], now: &[&str], stopped: bool) -> Option<(usize,
     Some((common, text))
 }
 
-/// The states of a run, repetitions left out, and the rest that it began from: that may have
-/// been told before the bag was open.
+/// The states of a run without repetitions, and without the state at rest before it, which may have
+/// been published before the bag was opened.
 fn states(run: &Run<'_>) -> Vec<u8> {
-    // While a reset is under way nothing is known, for shorter than the time between two states.
+    // During a reset nothing is known, for less than the time between two states.
     let states = run.states.iter().map(|(_, state)| state.state);
     let states = states.filter(|state| *state != MachineState::STATE_UNKNOWN);
     let mut states: Vec<u8> =
         states.skip_while(|state| *state == MachineState::STATE_IDLE).collect();
     states.dedup();
-    // The goal may end before the last one is published.
+    // The goal may end before the last state is published.
     if run.was_stopped() {
         states.pop_if(|last| *last == MachineState::STATE_IDLE);
     }
     states
 }
 
-/// The first state that is not reached again in this order, or was not reached then.
+/// The first state that is not reached again in this order, or was not reached in the recording.
 ///
-/// Between two others a RUN may be shorter than the time between two reports.
+/// A RUN between two others may be shorter than the time between two reports.
 fn states_difference(was: &[u8], now: &[u8]) -> Option<(usize, String)> {
     const RUN: u8 = MachineState::STATE_RUN;
     let (mut at, mut at_now) = (0, 0);
@@ -209,13 +211,13 @@ fn ends(was: &MachineState, now: &MachineState, stopped: bool, comparison: &mut 
     } else if was.position_known && (apart_mm.is_nan() || apart_mm > within_mm) {
         let place = |[x, y, z]: [f64; 3]| format!("X{x:.3} Y{y:.3} Z{z:.3}");
         let text = format!(
-            "{} became {}, {apart_mm:.3} mm apart; {within_mm} mm are taken for the same",
+            "{} became {}, {apart_mm:.3} mm apart; {within_mm} mm count as the same",
             place(a),
             place(b)
         );
         comparison.differs("last position", "machine_position", text);
     }
-    // Where it was stopped, the one place may be behind the end of a line and the other before.
+    // At a stop, one position may be after the end of a line and the other before it.
     let lines_apart = was.line.abs_diff(now.line);
     if lines_apart > u32::from(stopped) {
         let text = format!("{} became {}", was.line, now.line);
@@ -238,7 +240,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_the_same_in_number_and_order_but_for_what_a_stop_cuts() {
+    fn lines_are_the_same_in_number_and_order_except_after_a_stop() {
         for (name, was, now, stopped, at) in [
             ("all the same", &["a", "b"][..], &["a", "b"][..], false, None),
             ("another line", &["a", "b"], &["a", "c"], false, Some(1)),
@@ -258,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn states_come_in_the_same_order_but_for_a_run_that_no_report_saw() {
+    fn states_are_in_the_same_order_except_for_a_run_shorter_than_a_report() {
         const IDLE: u8 = MachineState::STATE_IDLE;
         const RUN: u8 = MachineState::STATE_RUN;
         const HOLD: u8 = MachineState::STATE_HOLD;

@@ -1,7 +1,7 @@
 //! What is done to the stack, and when: the commands of a recorded run as cues.
 //!
-//! Each command is due where the stack was when it came, see `place`. What cannot be played
-//! is refused by name, before anything is started. Pure.
+//! Each command is due where the stack was when it came, see `place`. What cannot be played is
+//! rejected by name before anything is started. Pure.
 
 use super::place::{Place, Position, SLACK_ANSWERS, Stand, Watch};
 use super::run::{Event, Happened, Run};
@@ -28,9 +28,9 @@ pub(super) enum Act {
     Resume,
     SoftReset,
     ConfirmToolChange,
-    /// Of the goal, as an action client does.
+    /// Cancels the goal, as an action client does.
     CancelGoal,
-    /// Of whatever moves, by the service.
+    /// Cancels any motion, by the service.
     Cancel,
     SetOverrides(Overrides),
     SetSingleBlock(bool),
@@ -38,7 +38,7 @@ pub(super) enum Act {
 }
 
 impl Act {
-    /// The service or action that it goes to.
+    /// The service or action that it uses.
     pub(super) const fn name(&self) -> &'static str {
         match self {
             Self::FeedHold => "feed_hold",
@@ -58,9 +58,9 @@ impl Act {
 /// When it is done.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum When {
-    /// Where the machine comes by.
+    /// When the machine reaches a place.
     Moving(Watch),
-    /// As soon as everything stands so.
+    /// When the machine stands in a state.
     Standing(Stand),
 }
 
@@ -74,7 +74,7 @@ pub(super) struct Cue {
 }
 
 impl When {
-    /// For people: where or in which state the stack was.
+    /// For people: the place or the state of the stack.
     pub(super) fn text(&self) -> String {
         let xyz = |[x, y, z]: Position| format!("X{x:.3} Y{y:.3} Z{z:.3}");
         match self {
@@ -83,7 +83,8 @@ impl When {
                     Place::StopsAt(place) => format!("to stop at {}", xyz(*place)),
                     Place::Passes(place) => format!("at {}", xyz(*place)),
                 };
-                let along = along_mm.map_or(String::new(), |mm| format!(", {mm:.3} mm on its way"));
+                let along =
+                    along_mm.map_or(String::new(), |mm| format!(", {mm:.3} mm along its path"));
                 format!("{place} (machine){along}, after {answers} lines")
             }
             Self::Standing(Stand { state, tool_wanted, answers, .. }) => {
@@ -96,13 +97,13 @@ impl When {
 }
 
 impl Cue {
-    /// Whether the machine is stopped where it comes by.
+    /// Whether the machine is stopped at the place.
     pub(super) fn stops(&self) -> bool {
         matches!(&self.when, When::Moving(watch) if matches!(watch.place, Place::StopsAt(_)))
     }
 }
 
-/// What is done, and the path that the machine is on from the beginning.
+/// What is done, and the path of the machine at the start.
 #[derive(Debug)]
 pub(super) struct Script {
     pub(super) cues: Vec<Cue>,
@@ -112,7 +113,7 @@ pub(super) struct Script {
 /// The script of a run.
 ///
 /// # Errors
-/// Something happened that the stack level does not play, by name.
+/// Something happened that the stack level does not play; the error names it.
 pub(super) fn script(recording: &Recording, run: &Run<'_>) -> Result<Script, ReplayError> {
     let end_ns = run.ended_ns().unwrap_or(i64::MAX);
     let mut asked = Vec::new();
@@ -141,7 +142,7 @@ pub(super) fn script(recording: &Recording, run: &Run<'_>) -> Result<Script, Rep
             }
         }
     }
-    // When a tool was set last.
+    // The time of the last `set_tool`.
     let mut set_ns = run.began_ns;
     for command in &recording.commands {
         let stamp_ns = nanoseconds(&command.stamp);
@@ -155,27 +156,27 @@ pub(super) fn script(recording: &Recording, run: &Run<'_>) -> Result<Script, Rep
         }
     }
     asked.sort_by_key(|(stamp_ns, index, _)| (*stamp_ns, *index));
-    let mut way = Way::begin(run)?;
-    let track = Arc::clone(&way.track);
+    let mut progress = PathProgress::begin(run)?;
+    let track = Arc::clone(&progress.track);
     let mut cues: Vec<Cue> = Vec::new();
     for (stamp_ns, index, act) in asked {
         let is_behind_motion = cues.last().is_some_and(|it| matches!(it.when, When::Moving(_)));
         let Some(state) = run.state_at(stamp_ns) else { continue };
         let stops = matches!(act, Act::FeedHold | Act::DoorHold | Act::Cancel | Act::CancelGoal);
         let (before, after) = run.events.split_at(index.min(run.events.len()));
-        way.follow(run, before);
-        let when = match place(before, after, stops, way.offset) {
+        progress.follow(run, before);
+        let when = match place(before, after, stops, progress.offset) {
             Some((mut place, line_ns)) => When::Moving(Watch {
-                along_mm: way.place(run, &mut place, line_ns),
+                along_mm: progress.place(run, &mut place, line_ns),
                 place,
-                track: Arc::clone(&way.track),
+                track: Arc::clone(&progress.track),
                 answers: answers(before),
                 state: state.state,
             }),
             None => When::Standing(Stand {
                 state: state.state,
                 tool_wanted: state.tool_wanted,
-                // Where it stopped, an answer more or less may have been on the wire.
+                // At a stop, one more or one less answer may have been in transit.
                 answers: answers(before).saturating_sub(if is_behind_motion {
                     SLACK_ANSWERS
                 } else {
@@ -189,20 +190,20 @@ pub(super) fn script(recording: &Recording, run: &Run<'_>) -> Result<Script, Rep
     Ok(Script { cues, track })
 }
 
-/// How far along its path the machine was, as its reports tell.
-struct Way {
+/// How far along its path the machine was, by its reports.
+struct PathProgress {
     track: Arc<Track>,
     start: Position,
     /// Machine position = work position + this, mm.
     offset: Position,
-    /// Events that were looked at.
+    /// Number of events processed.
     seen: usize,
     known_mm: f64,
-    /// Of the last report; `None`: it was not on the path.
+    /// From the last report; `None`: it was not on the path.
     along_mm: Option<f64>,
 }
 
-impl Way {
+impl PathProgress {
     fn begin(run: &Run<'_>) -> Result<Self, ReplayError> {
         let start = start_in_machine(run)?;
         let known = run.states.iter().find(|(_, state)| state.position_known);
@@ -214,12 +215,12 @@ impl Way {
         Ok(Self { track, start, offset, seen: 0, known_mm: 0.0, along_mm: None })
     }
 
-    /// How far along the place of a command is. A stop beside the path, with the tool lifted,
-    /// becomes the place where the machine was heard last.
-    fn place(&self, run: &Run<'_>, place: &mut Place, told_ns: i64) -> Option<f64> {
+    /// The distance of a command's place along the path. For a stop off the path, with the tool
+    /// lifted, it becomes the last reported place of the machine.
+    fn place(&self, run: &Run<'_>, place: &mut Place, reported_ns: i64) -> Option<f64> {
         let (Place::StopsAt(position) | Place::Passes(position)) = *place;
         let along_mm = match place {
-            Place::StopsAt(_) => self.on(run, position, told_ns),
+            Place::StopsAt(_) => self.on(run, position, reported_ns),
             Place::Passes(_) => self.along_mm,
         };
         if along_mm.is_none() && self.along_mm.is_some() {
@@ -228,12 +229,12 @@ impl Way {
         along_mm.or(self.along_mm)
     }
 
-    /// How far along a place is that was told at this time.
-    fn on(&self, run: &Run<'_>, place: Position, told_ns: i64) -> Option<f64> {
-        self.track.follow(self.known_mm, place, REPORT_MM, run.line_after(told_ns))
+    /// The distance along the path of a place that was reported at this time.
+    fn on(&self, run: &Run<'_>, place: Position, reported_ns: i64) -> Option<f64> {
+        self.track.follow(self.known_mm, place, REPORT_MM, run.line_after(reported_ns))
     }
 
-    /// Takes what has happened up to now.
+    /// Processes the events up to now.
     fn follow(&mut self, run: &Run<'_>, events: &[Event]) {
         for event in events.get(self.seen..).unwrap_or_default() {
             if let Happened::Asked(Command::Replan(rest)) = &event.what {
@@ -248,13 +249,13 @@ impl Way {
     }
 }
 
-/// A request as it stands in a record: without its encapsulation.
+/// A request as it is in a recording: without its encapsulation.
 fn decode_request(body: &[u8]) -> Result<SetToolRequest, cdr::CdrError> {
     cdr::decode(&[&LITTLE_ENDIAN, body].concat())
 }
 
-/// When a `set_tool` came whose answer was recorded at `answered_ns`: what is left of the run
-/// may have been planned, and taken by the driver, before that. Not before `after_ns`.
+/// When a `set_tool` came whose answer was recorded at `answered_ns`: the rest of the run may have
+/// been planned, and taken by the driver, before that. Not before `after_ns`.
 fn before_its_rest(events: &[Event], after_ns: i64, answered_ns: i64) -> (i64, usize) {
     let end = events.partition_point(|event| event.stamp_ns <= answered_ns);
     let is_cue = |event: &Event| matches!(&event.what, Happened::Asked(it) if act(it).is_some());
@@ -267,16 +268,17 @@ fn before_its_rest(events: &[Event], after_ns: i64, answered_ns: i64) -> (i64, u
     }
 }
 
-/// How many lines were answered.
+/// The number of answered lines.
 fn answers(events: &[Event]) -> u64 {
-    let is_answer = |it: &&Event| matches!(it.what, Happened::Heard(Report::Ok | Report::Error(_)));
+    let is_answer =
+        |it: &&Event| matches!(it.what, Happened::Received(Report::Ok | Report::Error(_)));
     events.iter().filter(is_answer).count() as u64
 }
 
-/// Where the machine is to be waited for, and when that was told; `None` when it stands.
+/// Where to wait for the machine, and when that was reported; `None` if it stood still.
 fn place(before: &[Event], after: &[Event], stops: bool, offset: Position) -> Option<(Place, i64)> {
-    let mut told = before.iter().rev().filter(|event| report(event).is_some());
-    let last = told.next()?;
+    let mut reports = before.iter().rev().filter(|event| report(event).is_some());
+    let last = reports.next()?;
     if report(last).is_none_or(stands) {
         return None;
     }
@@ -285,37 +287,37 @@ fn place(before: &[Event], after: &[Event], stops: bool, offset: Position) -> Op
     let stop = stop.next().filter(|_| stops);
     let stop = stop.and_then(|event| Some((position(report(event)?, offset)?, event.stamp_ns)));
     Some(match stop {
-        Some((stop, told_ns)) => (Place::StopsAt(stop), told_ns),
+        Some((stop, reported_ns)) => (Place::StopsAt(stop), reported_ns),
         None => (Place::Passes(passed), last.stamp_ns),
     })
 }
 
 fn report(event: &Event) -> Option<&StatusReport> {
     match &event.what {
-        Happened::Heard(Report::Status(report)) => Some(report),
+        Happened::Received(Report::Status(report)) => Some(report),
         _ => None,
     }
 }
 
-/// Whether nothing moves, as the controller says.
+/// Whether the controller reports that nothing moves.
 fn stands(report: &StatusReport) -> bool {
     match report.state {
         ControllerState::Idle | ControllerState::Check | ControllerState::Tool => true,
         ControllerState::Hold => report.substate.is_none_or(|it| it == 0),
-        // 2 stops yet, 3 restores.
+        // 2: still stopping; 3: restoring.
         ControllerState::Door => report.substate.is_none_or(|it| it < 2),
         _ => false,
     }
 }
 
-/// In the machine frame, whichever of the two the controller tells.
+/// In the machine frame, whichever frame the controller reports.
 fn position(report: &StatusReport, offset: Position) -> Option<Position> {
     let in_work = report.work_position;
     let of_work = in_work.map(|work| [0, 1, 2].map(|axis| work[axis] + offset[axis]));
     report.machine_position.or(of_work)
 }
 
-/// What a commander did; `None`: nothing that has to be done again.
+/// What a commander did; `None`: nothing that has to be repeated.
 fn act(command: &Command) -> Option<Act> {
     Some(match command {
         Command::FeedHold => Act::FeedHold,
@@ -339,19 +341,21 @@ fn unplayable(run: &Run<'_>, index: usize) -> Option<String> {
     };
     let was_reset = before.iter().any(|it| it.what == Happened::Acted(SOFT_RESET));
     match &run.events[index].what {
-        Happened::Heard(Report::Alarm(code)) => Some(format!("an ALARM:{code}")),
-        Happened::Heard(Report::Error(code)) => Some(format!("an error:{code} of the controller")),
-        Happened::Heard(Report::Banner { .. }) if !was_reset => {
+        Happened::Received(Report::Alarm(code)) => Some(format!("an ALARM:{code}")),
+        Happened::Received(Report::Error(code)) => {
+            Some(format!("an error:{code} of the controller"))
+        }
+        Happened::Received(Report::Banner { .. }) if !was_reset => {
             Some("a controller that restarted".into())
         }
-        // The record begins in the middle of a line.
-        Happened::Heard(Report::Damaged(_))
-            if !before.iter().any(|it| matches!(it.what, Happened::Heard(_))) =>
+        // The recording begins in the middle of a line.
+        Happened::Received(Report::Damaged(_))
+            if !before.iter().any(|it| matches!(it.what, Happened::Received(_))) =>
         {
             None
         }
-        Happened::Heard(Report::Damaged(text)) => Some(format!("a damaged line {text:?}")),
-        Happened::Heard(Report::Status(report)) => match report.state {
+        Happened::Received(Report::Damaged(text)) => Some(format!("a damaged line {text:?}")),
+        Happened::Received(Report::Status(report)) => match report.state {
             ControllerState::Alarm => Some("an alarm".into()),
             ControllerState::Door if !asked(|it| *it == Command::DoorHold) => {
                 Some("an opened door".into())
@@ -361,10 +365,10 @@ fn unplayable(run: &Run<'_>, index: usize) -> Option<String> {
         Happened::Acted(FEED_HOLD) if !is_asked_to_stop(before) => {
             Some("a hold that the driver gave by itself".into())
         }
-        // Lifting is the first thing that is sent, and the machine here is not homed.
+        // Lifting the tool is the first line sent, and the machine here is not homed.
         Happened::Sent(text) if run.goal.start_line > 1 && text.starts_with("G53G0Z") => {
             let is_first = last_line(before) == Some(PREAMBLE);
-            is_first.then(|| "an approach (it wants a homed machine)".into())
+            is_first.then(|| "an approach (it needs a homed machine)".into())
         }
         Happened::Opened => Some("a port that was opened again".into()),
         Happened::Closed(reason) => Some(format!("a cut link ({reason})")),
@@ -373,7 +377,7 @@ fn unplayable(run: &Run<'_>, index: usize) -> Option<String> {
             Command::Jog(_) => Some("a jog".into()),
             Command::Probe(_) => Some("a probe".into()),
             Command::SetWorkOffset(_) => Some("a work offset that was set".into()),
-            Command::ExecuteMdi { .. } => Some("a block by hand".into()),
+            Command::ExecuteMdi { .. } => Some("an MDI block".into()),
             Command::Unlock => Some("an unlock".into()),
             Command::Sleep => Some("a controller that was put to sleep".into()),
             Command::Activate | Command::Deactivate | Command::Shutdown => {
@@ -385,7 +389,7 @@ fn unplayable(run: &Run<'_>, index: usize) -> Option<String> {
     }
 }
 
-/// The line that was sent last, checks left out.
+/// The last line that was sent, except checks.
 fn last_line(before: &[Event]) -> Option<&str> {
     before.iter().rev().find_map(|event| match &event.what {
         Happened::Sent(text) if !text.starts_with('$') => Some(text.as_str()),
@@ -393,7 +397,7 @@ fn last_line(before: &[Event]) -> Option<&str> {
     })
 }
 
-/// Whether somebody wanted a stop since the machine was let go on.
+/// Whether a stop was requested since the machine last moved on.
 fn is_asked_to_stop(before: &[Event]) -> bool {
     let since = before.iter().rev().take_while(|event| event.what != Happened::Acted(RESUME));
     let mut asked = since.filter_map(|event| match &event.what {
@@ -403,7 +407,7 @@ fn is_asked_to_stop(before: &[Event]) -> bool {
     asked.any(|it| matches!(it, Command::FeedHold | Command::CancelRun { .. }))
 }
 
-/// Where the machine stood when the goal came, mm.
+/// Where the machine was when the goal came, mm.
 pub(super) fn start_in_machine(run: &Run<'_>) -> Result<Position, ReplayError> {
     let known = run.states.iter().find(|(_, state)| state.position_known);
     let (_, known) = known.ok_or_else(|| ReplayError::Incomplete {

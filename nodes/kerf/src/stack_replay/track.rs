@@ -1,20 +1,19 @@
 //! How far along its path a machine is.
 //!
-//! A place alone does not tell: a slot comes by there again and again, and a controller has
-//! many lines in its planner. So positions are followed along the path, never back.
-//! Pure.
+//! A position alone is not enough: a slot passes the same point again and again, and a controller
+//! has many lines in its planner. So positions are followed along the path, never backwards. Pure.
 
 use super::place::{Position, distance_mm};
 use cnc_msgs::path::CompensatedPath;
 use compensation_planner::tessellate;
 
-/// How closely arcs are followed, mm.
+/// Chord error of arcs, mm.
 const CHORD_ERROR_MM: f64 = 0.01;
-/// A machine is on its path when it is as near as this, mm: chords, steps, three decimals.
+/// A machine within this distance is on its path, mm: chords, steps, three decimals.
 const ON_IT_MM: f64 = 0.05;
-/// No machine goes farther between two reports, mm.
+/// No machine moves farther between two reports, mm.
 pub(super) const REPORT_MM: f64 = 2_000.0;
-/// Nor by more chords than this, so that a path of a million does not take all day.
+/// Nor along more chords than this; it limits the search on a path of a million elements.
 const SEARCH_CHORDS: usize = 20_000;
 
 /// The path as chords in the machine frame.
@@ -23,13 +22,13 @@ pub(super) struct Track {
     points: Vec<Position>,
     /// Length of the path up to each of them, mm.
     lengths: Vec<f64>,
-    /// The source line of the chord that begins there.
+    /// The source line of the chord that starts there.
     lines: Vec<u32>,
 }
 
 impl Track {
-    /// The way from `start` (machine frame) along a path; machine position = work position
-    /// + `offset`.
+    /// The track from `start` (machine frame) along a path; machine position = work position +
+    /// `offset`.
     pub(super) fn new(start: Position, path: &CompensatedPath, offset: Position) -> Self {
         let mut points = vec![start];
         let mut lines = Vec::new();
@@ -44,7 +43,7 @@ impl Track {
         Self::through(points, lines)
     }
 
-    /// The way along these points, with the source line of each chord.
+    /// The track along these points, with the source line of each chord.
     pub(super) fn through(points: Vec<Position>, lines: Vec<u32>) -> Self {
         let mut lengths = Vec::with_capacity(points.len());
         let mut length = 0.0;
@@ -56,9 +55,9 @@ impl Track {
         Self { points, lengths, lines }
     }
 
-    /// The first place from `from_mm` on that is at `position`, mm from the start; no more
-    /// than `within_mm` on. A place on `line` is preferred to an earlier one: a machine may
-    /// come by twice between two reports, and the driver knows the line.
+    /// The first place from `from_mm` on that is at `position`, mm from the start; at most
+    /// `within_mm` farther. A place on `line` is preferred to an earlier one: a machine may pass
+    /// twice between two reports, and the driver knows the line.
     pub(super) fn follow(
         &self,
         from_mm: f64,
@@ -85,7 +84,7 @@ impl Track {
     }
 }
 
-/// How far along a chord, and no less than `least`, a position lies; `None`: beside it.
+/// The distance of a position along a chord, at least `least`; `None`: it is off the chord.
 fn nearest_from(from: Position, to: Position, position: Position, least: f64) -> Option<f64> {
     let length = distance_mm(from, to);
     let along = match length {
@@ -112,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_machine_that_comes_by_again_is_farther_along() {
+    fn a_machine_that_passes_again_is_farther_along() {
         let track = slot();
         let mut at_mm = 0.0;
         for (x, along_mm) in [
@@ -132,20 +131,20 @@ mod tests {
             assert_eq!(found.map(f64::round), along_mm.map(f64::round), "X{x} from {at_mm}");
             at_mm = found.unwrap_or(at_mm);
         }
-        assert_eq!(track.follow(0.0, [30.0, 0.5, 5.0], REPORT_MM, None), None, "beside it");
+        assert_eq!(track.follow(0.0, [30.0, 0.5, 5.0], REPORT_MM, None), None, "off the path");
         assert_eq!(track.follow(130.0, [30.0, 0.0, 5.0], 2.0, None), Some(170.0), "the same chord");
         assert_eq!(track.follow(180.0, [30.0, 0.0, 5.0], 2.0, None), None, "too far");
         assert_eq!(track.follow(f64::NAN, [f64::NAN; 3], f64::NAN, None), None);
     }
 
     #[test]
-    fn the_line_tells_which_time_it_comes_by() {
+    fn the_line_decides_which_passage_it_is() {
         let track = slot();
         for (from_mm, line, along_mm) in [
             (20.0, Some(4), Some(90.0)),
             (20.0, Some(5), Some(110.0)),
             (20.0, Some(7), Some(310.0)),
-            // A line that does not come by there tells nothing.
+            // A line that does not pass there does not help.
             (20.0, Some(99), Some(90.0)),
             (105.0, Some(4), Some(110.0)),
         ] {
@@ -155,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_without_elements_is_left_by_nobody() {
+    fn a_path_without_elements_has_no_places() {
         let track = Track::new([1.0; 3], &CompensatedPath::default(), [0.0; 3]);
         assert_eq!(track.follow(0.0, [1.0; 3], 1.0, None), None);
         assert_eq!(Track::default().follow(0.0, [0.0; 3], 1.0, None), None);

@@ -1,4 +1,4 @@
-//! `kerf bag` on bags that were damaged, are none, or are marked.
+//! `kerf bag` on damaged bags, on files that are not bags, and on marked bags.
 
 use super::said;
 use crate::support::Folder;
@@ -44,7 +44,7 @@ fn a_damaged_bag_ends_with_2_and_names_the_record() {
     let edge = format!("edge.mcap ends at byte {chunk} without a footer");
     let chunk_is = |name: &str| format!("{name}.mcap: the chunk at byte {chunk} is damaged");
     let (flipped, method) = (chunk_is("flipped"), chunk_is("method"));
-    // The index tells of it before it is read.
+    // The index shows it before the chunk is read.
     let huge = chunk_is("huge");
     let table: &[(&str, Vec<u8>, &str)] = &[
         ("cut.mcap", whole[..chunk + 50].to_vec(), &cut),
@@ -59,17 +59,17 @@ fn a_damaged_bag_ends_with_2_and_names_the_record() {
         folder.file(name, bytes);
         let info = said(&folder, &["bag", "info", name]).expect(2).says(&[says]);
         assert!(info.out.contains("complete:    no"), "{name}: {}", info.out);
-        // What can be read is copied, and what cannot is told.
+        // Readable messages are copied, and the damage is reported.
         let saved = format!("saved_{name}");
         said(&folder, &["bag", "recover", name, &saved]).expect(0).says(&[says, "messages"]);
         said(&folder, &["bag", "info", &saved]).expect(1).says(&[says]);
-        // A page is made of what there is, or of nothing; either way the status tells.
+        // The page shows what is readable; the status is an error in any case.
         said(&folder, &["bag", "report", name, "page.html"]).expect(2);
     }
 }
 
 #[test]
-fn what_others_call_a_bag_ends_with_2_and_its_name() {
+fn a_file_that_is_not_an_mcap_bag_ends_with_2_and_its_name() {
     let folder = Folder::new();
     let jpeg: Vec<u8> = [0xff, 0xd8, 0xff, 0xe0, 0, 0x10]
         .into_iter()

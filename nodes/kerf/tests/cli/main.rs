@@ -98,7 +98,7 @@ fn a_bad_program_is_refused_with_its_place_and_what_to_do() {
 }
 
 #[test]
-fn what_cannot_be_read_or_understood_as_arguments_ends_with_2() {
+fn unreadable_files_and_wrong_arguments_end_with_2() {
     let folder = Folder::new();
     folder.file("ok.ngc", "G0 X1\nM30\n");
     folder.file("unknown_key.yaml", "tools:\n  1: {diameter_mm: 10.0, colour: 3}\n");
@@ -185,7 +185,7 @@ fn a_tool_that_does_not_fit_is_refused_with_place_and_numbers() {
 }
 
 #[test]
-fn what_does_not_fit_is_left_out_on_demand() {
+fn what_does_not_fit_is_trimmed_on_demand() {
     let folder = Folder::new();
     let slot = "G21 G90\nT1 M6\nG0 X0 Y20\nG41 G1 X0 Y0 F400\nX40\nY-10\nX44\nY0\nX100\n\
                 G40 X100 Y20\nM30\n";
@@ -224,7 +224,7 @@ fn what_does_not_fit_is_left_out_on_demand() {
 }
 
 #[test]
-fn carets_stand_under_what_is_meant() {
+fn carets_are_under_the_word_of_the_finding() {
     let folder = Folder::new();
     folder.file("a.ngc", "G21 G90\n(µm) G1 X5 Q12 F100\nM30\n");
     let ran = said(&folder, &["plan", "a.ngc"]).expect(1);
@@ -238,7 +238,7 @@ fn carets_stand_under_what_is_meant() {
 }
 
 #[test]
-fn what_is_no_bag_is_refused_with_its_name_and_the_reason() {
+fn a_file_that_is_not_a_bag_is_refused_with_its_name_and_the_reason() {
     let folder = Folder::new();
     std::fs::create_dir(folder.path().join("empty")).expect("a folder");
     folder.file("text.txt", "G0 X1 and some more text that is no bag\n");
@@ -261,7 +261,7 @@ fn what_is_no_bag_is_refused_with_its_name_and_the_reason() {
 }
 
 #[test]
-fn a_node_refuses_what_it_does_not_know_before_it_starts() {
+fn a_node_rejects_unknown_arguments_and_parameters_before_it_starts() {
     let folder = Folder::new();
     let node = "/**/axis_driver:\n  ros__parameters:\n    ";
     folder.file("unknown.yaml", format!("{node}prot: x\n"));
@@ -376,7 +376,7 @@ fn controls_are_put_side_by_side() {
 }
 
 #[test]
-fn a_program_that_nobody_takes_and_controls_that_nobody_knows() {
+fn a_program_that_no_control_accepts_and_unknown_controls() {
     let folder = Folder::new();
     folder.file("junk.nc", "G1 X1 Q9 F100\n");
     folder.file("mine.yaml", "name: mine\nlanguage: {dialect: fanuc}\n");

@@ -1,5 +1,5 @@
-//! What the command reads and writes over: files that are no files, texts without end, names
-//! that steer a terminal.
+//! Files that the command reads and writes: special files, endless texts, and names with control
+//! characters.
 
 use super::said;
 use crate::support::{Folder, Ran, TOOLS, kerf, run};
@@ -101,7 +101,7 @@ fn contents(folder: &Path) -> Vec<(PathBuf, String)> {
 }
 
 #[test]
-fn nothing_is_written_over_but_what_kerf_wrote() {
+fn only_files_that_kerf_wrote_are_overwritten() {
     let folder = Folder::new();
     let at = |name: &str| folder.path().join(name);
     folder.file("part.ngc", "G21 G90\nG0 X1\nM30\n");
@@ -121,15 +121,15 @@ fn nothing_is_written_over_but_what_kerf_wrote() {
         ("hard.svg", "is an input of this command"),
         ("soft.svg", "is an input of this command"),
         ("tools.yaml", "is an input of this command"),
-        ("other.svg", "is no picture or page of Kerf"),
-        ("other.html", "is no picture or page of Kerf"),
+        ("other.svg", "is not a picture or page of Kerf"),
+        ("other.html", "is not a picture or page of Kerf"),
         ("dangling.svg", "is a link that leads nowhere"),
         ("fifo.svg", "named pipe"),
         ("folder.svg", "it is a folder"),
         ("null.svg", "it is a device"),
         ("/dev/null", "it is a device"),
-        ("/dev/stdout", "where this command prints to"),
-        ("/dev/fd/2", "where this command prints to"),
+        ("/dev/stdout", "the standard output of this command"),
+        ("/dev/fd/2", "the standard output of this command"),
         ("no/such/folder.svg", "cannot write no/such/folder.svg: No such file"),
     ];
     for flag in ["--svg", "--html"] {
@@ -193,7 +193,7 @@ fn a_report_never_replaces_a_file_of_the_bag() {
     let mcap = mcap.expect("an .mcap file");
     let before = contents(&bag);
     for (target, says) in
-        [("bag/metadata.yaml", "no picture or page"), (&mcap, "nothing is written over it")]
+        [("bag/metadata.yaml", "not a picture or page"), (&mcap, "is not overwritten")]
     {
         said(&folder, &["bag", "report", "bag", target]).expect(2).says(&[says]);
         said(&folder, &["replay", "bag", "--html", target]).expect(2).says(&[says]);
@@ -204,10 +204,12 @@ fn a_report_never_replaces_a_file_of_the_bag() {
 }
 
 #[test]
-fn a_demo_writes_over_nobodys_files() {
+fn a_demo_overwrites_no_other_files() {
     let folder = Folder::new();
     let mine = folder.file("contour.mpf", "my own\n");
-    said(&folder, &["demo", "--out", "."]).expect(2).says(&["contour.mpf: another file is there"]);
+    said(&folder, &["demo", "--out", "."])
+        .expect(2)
+        .says(&["contour.mpf: another file exists there"]);
     assert_eq!(fs::read_to_string(mine).expect("there"), "my own\n");
 }
 
@@ -270,7 +272,7 @@ fn a_name_and_a_program_that_steer_terminals_are_shown_as_text() {
 }
 
 #[test]
-fn a_stack_refuses_parameters_that_are_meant_for_nobody() {
+fn a_stack_refuses_parameters_that_no_node_has() {
     let folder = Folder::new();
     let file = |name: &str, section: &str, key: &str| {
         folder.file(name, format!("{section}:\n  ros__parameters:\n    {key}: x\n"));

@@ -21,7 +21,7 @@ fn a_bag_is_cut_down_to_what_replay_needs() {
     let folder = Folder::new();
     said(&folder, &["bag", "trim", GOLDEN, "small"])
         .expect(0)
-        .says(&["small: ", "as before, replay says reproduced"]);
+        .says(&["small: ", "replay result as before: reproduced"]);
     let (all, small) = (topics(GOLDEN.as_ref()), topics(&folder.path().join("small")));
     for left_out in ["/tf", "/diagnostics", "/rosout", "/markers", "/joint_states"] {
         assert!(all.contains_key(left_out) && !small.contains_key(left_out), "{left_out}");

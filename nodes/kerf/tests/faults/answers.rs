@@ -5,7 +5,7 @@ use super::wire::{Trouble, Writer};
 use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 
-/// Fails unless the machine is held, stands in the line that was told, is told nothing
+/// Fails unless the machine is held, stands in the reported line, gets nothing
 /// more, and is idle when the operator has reset it; returns what was said.
 #[track_caller]
 fn stops_for_good(cell: &Cell, trouble: Trouble, error_code: u16, says: &str) -> String {
@@ -19,13 +19,13 @@ fn stops_for_good(cell: &Cell, trouble: Trouble, error_code: u16, says: &str) ->
     assert!(result.message.contains(says), "{trouble:?}: {result:?}");
     let held = cell.commander.until_mode("HOLD");
     assert!(held.reason.contains("soft_reset"), "{trouble:?}: {held:?}");
-    cell.stands_in(result.last_line);
+    cell.is_at_line(result.last_line);
     assert_eq!(held.line, result.last_line, "{trouble:?}");
     cell.refuses_to_run("soft_reset");
     assert!(cell.commander.press("resume").is_err(), "{trouble:?}");
-    let told = cell.told_behind_hold(moment);
+    let told = cell.sent_after_hold(moment);
     assert_eq!(told, "", "{trouble:?}: nothing but a hold");
-    // It may have come to its end before, and stands; it is never said to be ready.
+    // It may have reached its end before; it is never reported as ready.
     let states = cell.commander.states_since(moment.states);
     let idle =
         states.iter().find(|it| it.state == MachineState::STATE_IDLE && it.reason.is_empty());
@@ -39,7 +39,7 @@ const PROTOCOL: u16 = RunProgramResult::PROTOCOL;
 const REFUSED: u16 = RunProgramResult::CONTROLLER_ERROR;
 
 #[test]
-fn a_cancel_holds_and_resets_when_the_machine_stands() {
+fn a_cancel_holds_and_resets_when_the_machine_is_at_rest() {
     let cell = Cell::new(&Plan::default());
     let run = cell.run_into_the_midst();
     let moment = cell.moment();
@@ -47,10 +47,10 @@ fn a_cancel_holds_and_resets_when_the_machine_stands() {
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_CANCELED, "{result:?}");
     assert_eq!(result.error_code, RunProgramResult::CANCELED, "{result:?}");
-    cell.stands_in(result.last_line);
+    cell.is_at_line(result.last_line);
     cell.until_ready();
-    assert_eq!(cell.told_behind_hold(moment), "\\x18$G\\n$#\\n", "a reset and questions");
-    // No step is lost: it stood when it was reset.
+    assert_eq!(cell.sent_after_hold(moment), "\\x18$G\\n$#\\n", "a reset and questions");
+    // No step is lost: it was at rest when it was reset.
     let passed = cell.wire.passed_since(moment.wire);
     let reset = passed.iter().position(|it| it.from == Writer::Driver && it.said.contains(&0x18));
     let before = passed[..reset.expect("a reset")].iter().rev();
@@ -69,9 +69,9 @@ fn a_hold_that_does_not_arrive_is_sent_again() {
     cell.commander.cancel();
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_CANCELED, "{result:?}");
-    assert!(cell.told_since(moment).contains("!!"), "{}", cell.told_since(moment));
-    assert_eq!(cell.told_behind_hold(moment), "\\x18$G\\n$#\\n", "a reset and questions");
-    cell.stands_in(result.last_line);
+    assert!(cell.sent_since(moment).contains("!!"), "{}", cell.sent_since(moment));
+    assert_eq!(cell.sent_after_hold(moment), "\\x18$G\\n$#\\n", "a reset and questions");
+    cell.is_at_line(result.last_line);
     cell.runs_again();
 }
 
@@ -98,11 +98,11 @@ fn an_answer_too_many_is_never_a_success() {
         let result = cell.result(run);
         assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
         assert_eq!(result.error_code, PROTOCOL, "{result:?}");
-        cell.stands_in(result.last_line);
+        cell.is_at_line(result.last_line);
         let waits = cell.commander.until("a machine that waits", |state| state.needs_reset);
         assert!(waits.reason.contains("soft_reset"), "{waits:?}");
         cell.refuses_to_run("soft_reset");
-        assert_eq!(cell.told_behind_hold(moment), "");
+        assert_eq!(cell.sent_after_hold(moment), "");
         cell.commander.press("soft_reset").expect("the operator resets");
         cell.until_ready();
         cell.runs_again();

@@ -2,7 +2,7 @@
 
 use super::commander::{Commander, Running};
 use super::controller::Controller;
-use super::machine::{Machine, PATIENT, Turn, domain, until};
+use super::machine::{Machine, SLOW_POLLING, Turn, domain, until};
 use super::wire::{Reset, Wire, Writer};
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
@@ -17,7 +17,7 @@ const FIRST_LINE: u32 = 3;
 /// What the controller rounds a position to, mm.
 const ROUNDING_MM: f64 = 0.01;
 
-/// Passes to and fro at 20 mm/s, so that a position tells its line.
+/// Passes to and fro at 20 mm/s, so that a position determines its line.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Serpentine {
     pub(crate) passes: i32,
@@ -105,21 +105,21 @@ impl Default for Plan<'_> {
 }
 
 impl Cell {
-    /// A machine that has heard of its controller and has a serpentine loaded.
+    /// A machine that is connected to its controller and has a serpentine loaded.
     pub(crate) fn new(plan: &Plan<'_>) -> Self {
         let turn = Turn::wait();
         let controller = Controller::start(plan.time_factor, plan.controller);
         let orders = controller.orders();
         let reset: Reset = Box::new(move || orders.inject("reset"));
         let reset = plan.resets_when_opened.then_some(reset);
-        // Beside the device, whose number nobody else has.
+        // Next to the device, whose number is unique.
         let number = controller.port().file_name().expect("a number").to_string_lossy();
         let name = format!("kerf-line-{}-{number}", std::process::id());
         let link = std::env::temp_dir().join(name);
         let wire = Wire::new(&link, controller.port(), reset);
         let port = format!("axis_driver:port:={}", link.display());
         let mut ros = vec!["-p", &port];
-        ros.extend(PATIENT);
+        ros.extend(SLOW_POLLING);
         ros.extend(plan.ros);
         let machine =
             Machine::start_as(&domain(), "cell", &[], &ros, Some(turn), |command, folder| {
@@ -150,7 +150,7 @@ impl Cell {
         });
     }
 
-    /// Puts another controller behind another device.
+    /// Connects another controller through another device.
     pub(crate) fn replace_controller(&mut self, args: &[&str]) {
         self.controller = Controller::start(self.time_factor, args);
         self.wire.plug_into(self.controller.port());
@@ -186,17 +186,17 @@ impl Cell {
     }
 
     /// What the driver has written since then, without its questions for status.
-    pub(crate) fn told_since(&self, moment: Moment) -> String {
-        self.wire.told_since(moment.wire)
+    pub(crate) fn sent_since(&self, moment: Moment) -> String {
+        self.wire.sent_since(moment.wire)
     }
 
     /// Waits until the driver has written this since then.
     #[track_caller]
-    pub(crate) fn until_told(&self, moment: Moment, what: &str) {
-        until(what, || self.told_since(moment).contains(what).then_some(()));
+    pub(crate) fn until_sent(&self, moment: Moment, what: &str) {
+        until(what, || self.sent_since(moment).contains(what).then_some(()));
     }
 
-    /// Waits for a state that was told after this moment.
+    /// Waits for a state that was published after this moment.
     #[track_caller]
     pub(crate) fn until_after(
         &self,
@@ -207,10 +207,10 @@ impl Cell {
         until(what, || self.commander.states_since(moment.states).into_iter().rev().find(&is_so))
     }
 
-    /// What the driver has written since then behind the first feed hold.
+    /// What the driver has written since then, after the first feed hold.
     #[track_caller]
-    pub(crate) fn told_behind_hold(&self, moment: Moment) -> String {
-        let told = self.told_since(moment);
+    pub(crate) fn sent_after_hold(&self, moment: Moment) -> String {
+        let told = self.sent_since(moment);
         // A hold that does not show in time is sent again.
         let behind = told.split_once('!').map(|(_, behind)| behind.trim_start_matches('!'));
         behind.unwrap_or_else(|| panic!("no hold in {told:?}")).to_owned()
@@ -224,25 +224,28 @@ impl Cell {
         modes
     }
 
-    /// Where the driver was told that the tool is, mm.
+    /// The position of the tool in the driver's last report, mm.
     #[track_caller]
     pub(crate) fn place(&self) -> [f64; 2] {
         let passed = self.wire.passed_since(0).into_iter().rev();
         let mut reports = passed
             .filter(|passed| passed.from == Writer::Controller && passed.heard.starts_with(b"<"));
-        let report = reports.next().expect("a report was heard").heard;
+        let report = reports.next().expect("a report was received").heard;
         let report = String::from_utf8_lossy(&report).into_owned();
         let place = report.split_once("MPos:").expect("a position").1;
         let mut axes = place.split([',', '|', '>']).map(|axis| axis.parse::<f64>());
         [(); 2].map(|()| axes.next().expect("an axis").expect("a number"))
     }
 
-    /// Fails unless this is the line in which the tool stands.
+    /// Fails unless the tool is in this line.
     #[track_caller]
-    pub(crate) fn stands_in(&self, line: u32) {
+    pub(crate) fn is_at_line(&self, line: u32) {
         let place = self.place();
         let there = self.program.line_at(place);
-        assert!(line.abs_diff(there) <= 1, "line {line} was told, line {there} is at {place:?}");
+        assert!(
+            line.abs_diff(there) <= 1,
+            "line {line} was reported, line {there} is at {place:?}"
+        );
     }
 
     /// Fails unless this names a line of the program and shows its text.
@@ -287,11 +290,11 @@ pub(crate) fn settings(lines: &str) -> tempfile::NamedTempFile {
 #[track_caller]
 pub(crate) fn never_idle(states: &[MachineState]) {
     let idle = states.iter().find(|state| state.state == MachineState::STATE_IDLE);
-    assert!(idle.is_none(), "nobody knows that: {idle:?}");
+    assert!(idle.is_none(), "that is not known: {idle:?}");
 }
 
 #[test]
-fn a_place_of_a_serpentine_tells_its_line() {
+fn a_place_of_a_serpentine_determines_its_line() {
     let check = |program: Serpentine, place: [f64; 2], line: u32, words: &str| {
         assert_eq!(program.line_at(place), line, "{place:?}");
         assert_eq!(program.text().lines().nth(line as usize - 1), Some(words));

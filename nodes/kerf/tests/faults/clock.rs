@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Adds the seconds of a file to the wall clock of whoever is started with it.
+/// Adds the seconds of a file to the wall clock of the process started with it.
 const SHIM: &str = r#"
 #define _GNU_SOURCE
 #include <fcntl.h>
@@ -78,7 +78,7 @@ fn wall_clock() -> i64 {
 }
 
 #[test]
-fn a_run_goes_on_when_the_wall_clock_jumps_by_hours() {
+fn a_run_continues_when_the_wall_clock_jumps_by_hours() {
     let jump = settings(&"\0".repeat(8));
     let set = |seconds: i64| {
         jump.as_file().write_all_at(&seconds.to_ne_bytes(), 0).expect("written");
@@ -94,14 +94,14 @@ fn a_run_goes_on_when_the_wall_clock_jumps_by_hours() {
     for ahead in [6 * HOUR, -6 * HOUR, 0] {
         set(ahead);
         let line = cell.commander.state().line;
-        // It is told in the new time, and how old a report is does not follow it.
+        // It is stamped with the new time, which does not change the age of a report.
         let state = cell.until_after(cell.moment(), "a stamp of the new time", |state| {
             let stamp = i64::from(state.header.stamp.sec);
             (stamp - wall_clock() - ahead).abs() < LATE
         });
         assert!((0.0..LATE as f64).contains(&state.link_age), "{state:?}");
         // 80 lines a second.
-        cell.commander.until("the run to go on", |state| state.line > line + 80);
+        cell.commander.until("the run to continue", |state| state.line > line + 80);
     }
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_SUCCEEDED, "{result:?}");
@@ -111,7 +111,7 @@ fn a_run_goes_on_when_the_wall_clock_jumps_by_hours() {
     assert!(modes.iter().all(|mode| ["RUN", "IDLE"].contains(mode)), "{modes:?}");
     let ages = cell.commander.states_since(moment.states).into_iter().map(|it| it.link_age);
     assert!(ages.into_iter().all(|age| (0.0..LATE as f64).contains(&age)));
-    let told = cell.told_since(moment);
+    let told = cell.sent_since(moment);
     assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
     // Its record is whole, and is reproduced.
     let bag = cell.machine.until_bags(1).remove(0);

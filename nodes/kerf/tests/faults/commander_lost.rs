@@ -79,9 +79,9 @@ fn orphan(test: &str, beats: bool, policy: &str) -> (Cell, Moment) {
 fn goes_on(cell: &Cell, moment: Moment) {
     let line = cell.commander.state().line;
     // 80 lines a second.
-    cell.commander.until("the run to go on", |state| state.line > line + 200);
+    cell.commander.until("the run to continue", |state| state.line > line + 200);
     assert_eq!(cell.modes_since(moment), ["RUN"]);
-    let told = cell.told_since(moment);
+    let told = cell.sent_since(moment);
     assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
     cell.commander.cancel();
     cell.until_ready();
@@ -97,8 +97,8 @@ fn a_run_whose_commander_dies_is_held_until_another_resumes_it() {
     cell.commander.until_health(DiagnosticStatus::WARN, "COMMANDER_LOST");
     let held = cell.commander.state();
     assert_eq!(held.state, MachineState::STATE_HOLD, "nothing resumes by itself: {held:?}");
-    cell.stands_in(held.line);
-    assert_eq!(cell.told_behind_hold(moment), "");
+    cell.is_at_line(held.line);
+    assert_eq!(cell.sent_after_hold(moment), "");
     cell.refuses_to_run("running");
     cell.commander.press("resume").expect("another commander");
     let resumed = cell.commander.until_mode("RUN");
@@ -113,16 +113,16 @@ fn a_run_whose_commander_dies_is_ended_where_that_is_wanted() {
     let (cell, moment) = orphan(test, true, "hold_then_abort");
     let idle = cell.until_ready();
     assert!(cell.modes_since(moment).contains(&"HOLD"), "{:?}", cell.modes_since(moment));
-    assert_eq!(cell.told_behind_hold(moment), "\\x18$G\\n$#\\n", "a reset and questions");
-    cell.stands_in(idle.line);
+    assert_eq!(cell.sent_after_hold(moment), "\\x18$G\\n$#\\n", "a reset and questions");
+    cell.is_at_line(idle.line);
     cell.runs_again();
 }
 
 #[test]
-fn a_run_whose_commander_dies_goes_on_where_that_is_wanted() {
-    let test = "commander_lost::a_run_whose_commander_dies_goes_on_where_that_is_wanted";
+fn a_run_whose_commander_dies_continues_if_configured() {
+    let test = "commander_lost::a_run_whose_commander_dies_continues_if_configured";
     let (cell, moment) = orphan(test, true, "continue");
-    until("the loss to be told", || cell.machine.log().contains("COMMANDER_LOST").then_some(()));
+    until("the loss to be logged", || cell.machine.log().contains("COMMANDER_LOST").then_some(()));
     goes_on(&cell, moment);
 }
 

@@ -36,13 +36,13 @@ fn a_controller_that_starts_anew_in_a_run_has_to_be_homed() {
     assert_eq!(locked.line, result.last_line, "{locked:?}");
     never_idle(&cell.commander.states_since(moment.states));
     cell.refuses_to_run("ALARM");
-    cell.commander.press("resume").expect_err("there is nothing to go on with");
-    // Behind the start message only questions, and what may have crossed with it.
+    cell.commander.press("resume").expect_err("there is nothing to continue");
+    // After the start message only queries, and lines that may have crossed it.
     let passed = cell.wire.passed_since(moment.wire);
     let is_banner = |said: &[u8]| said.starts_with(b"Grbl ");
     let banner = passed.iter().position(|it| it.from == Writer::Controller && is_banner(&it.said));
     let behind = moment.wire + banner.expect("a start message");
-    let told = cell.wire.told_since(behind);
+    let told = cell.wire.sent_since(behind);
     let (crossed, questions) = told.split_at(told.find("$I").expect("a question"));
     assert_eq!(questions, "$I\\n$$\\n$G\\n$#\\n");
     let lines = crossed.matches("\\n").count();
@@ -65,13 +65,13 @@ fn a_controller_without_switches_that_starts_anew_in_a_run_waits_for_the_operato
     let waits = cell.commander.until("a machine that waits", |state| state.needs_reset);
     assert!(waits.reason.contains("soft_reset") && !waits.is_homed, "{waits:?}");
     cell.refuses_to_run("soft_reset");
-    let told = cell.told_since(moment);
+    let told = cell.sent_since(moment);
     assert!(told.ends_with("$I\\n$$\\n$G\\n$#\\n") && !told.contains(['!', '~']), "{told}");
     cell.commander.press("soft_reset").expect("the operator has looked");
     cell.runs_again();
 }
 
-/// What was on the wire when the board started anew is answered behind its start message.
+/// Lines in transit when the board restarted are answered after its start message.
 #[test]
 fn an_answer_that_crosses_with_a_start_message_is_of_an_earlier_life() {
     let cell = homed(&[]);
@@ -113,13 +113,13 @@ fn an_alarm_in_a_run_locks_the_machine_until_somebody_unlocks_it() {
     let end = cell.moment();
     cell.controller.inject("release:X");
     cell.commander.press("unlock").expect_err("it listens to a reset only");
-    // The position is not told any more: the controller is deaf.
+    // The position is not reported any more: the controller does not receive.
     cell.commander.press("soft_reset").expect("the operator resets");
     let locked = cell.commander.until("a lock that can be opened", |state| {
         state.state == MachineState::STATE_ALARM && !state.reason.contains("soft_reset")
     });
     assert!(!locked.is_homed, "{locked:?}");
-    assert_eq!(cell.told_since(end), "\\x18$I\\n$$\\n$G\\n$#\\n");
+    assert_eq!(cell.sent_since(end), "\\x18$I\\n$$\\n$G\\n$#\\n");
     cell.commander.press("unlock").expect("the operator unlocks");
     let idle = cell.until_ready();
     assert!(!idle.is_homed, "{idle:?}");
@@ -149,22 +149,22 @@ fn a_controller_that_goes_silent_is_unknown_and_is_held_when_it_speaks_again() {
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
     assert_eq!(result.error_code, RunProgramResult::LINK_LOST, "{result:?}");
     assert!(result.message.contains("motion may continue"), "{result:?}");
-    cell.stands_in(result.last_line);
+    cell.is_at_line(result.last_line);
     let silent = cell.commander.until_mode("UNKNOWN");
     assert!(silent.motion_possible && !silent.position_known, "{silent:?}");
     assert!(silent.reason.contains("LINK_LOST"), "{silent:?}");
     assert_eq!(silent.line, result.last_line, "{silent:?}");
     cell.refuses_to_run("LINK_LOST");
     cell.commander.until_health(DiagnosticStatus::ERROR, "LINK_LOST");
-    // It hears all the same: the hold has arrived.
+    // It still receives: the hold has arrived.
     cell.until_controller("Hold:0");
-    assert_eq!(cell.told_behind_hold(moment), "", "a hold and nothing else");
+    assert_eq!(cell.sent_after_hold(moment), "", "a hold and nothing else");
     cell.wire.mute(false);
     let held = cell.commander.until_mode("HOLD");
     assert!(held.reason.contains("soft_reset") && held.position_known, "{held:?}");
     assert!(!held.motion_possible, "{held:?}");
-    cell.commander.press("resume").expect_err("nobody knows what would go on");
-    assert_eq!(cell.told_behind_hold(moment), "", "a hold and nothing else");
+    cell.commander.press("resume").expect_err("the driver does not know what would continue");
+    assert_eq!(cell.sent_after_hold(moment), "", "a hold and nothing else");
     never_idle(&cell.commander.states_since(moment.states));
     cell.commander.press("soft_reset").expect("the operator resets");
     cell.until_ready();
@@ -174,7 +174,7 @@ fn a_controller_that_goes_silent_is_unknown_and_is_held_when_it_speaks_again() {
     let moment = cell.moment();
     cell.wire.mute(true);
     assert_eq!(cell.result(run).error_code, RunProgramResult::LINK_LOST);
-    let refused = cell.commander.press("soft_reset").expect_err("nobody answers");
+    let refused = cell.commander.press("soft_reset").expect_err("the controller does not answer");
     assert!(refused.contains("no start message"), "{refused}");
     let silent = cell.commander.state();
     assert_eq!(silent.state, MachineState::STATE_UNKNOWN, "{silent:?}");

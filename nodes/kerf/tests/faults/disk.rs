@@ -1,4 +1,4 @@
-//! The recorder's disk is full, or nobody records.
+//! The recorder's disk is full, or there is no recorder.
 
 use super::cell::{Cell, Moment, Plan, Serpentine};
 use super::commander::Running;
@@ -50,7 +50,7 @@ fn seen_by_recorder(cell: &Cell, path: &Path) -> PathBuf {
 }
 
 #[test]
-fn a_run_goes_on_when_the_disk_of_the_recorder_is_full() {
+fn a_run_continues_when_the_disk_of_the_recorder_is_full() {
     let program = Serpentine { passes: 20, ..Serpentine::SHORT_LINES };
     let surround = |command: Command, _: &Path| with_little_room(64, &command);
     let cell = Cell::new(&Plan { program, surround: &surround, ..Plan::default() });
@@ -58,14 +58,14 @@ fn a_run_goes_on_when_the_disk_of_the_recorder_is_full() {
     let moment = cell.moment();
     let is_full = |it: &Recording| it.is_recording && !it.complete;
     let full = until("a full disk", || cell.commander.recording().filter(is_full));
-    assert_eq!(cell.commander.state().state, MachineState::STATE_RUN, "it is told at once");
+    assert_eq!(cell.commander.state().state, MachineState::STATE_RUN, "it is published at once");
     assert!(full.reason.contains("o space left") || full.reason.contains("too large"), "{full:?}");
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_SUCCEEDED, "{result:?}");
     assert_eq!(cell.place(), [-100.0, -80.0], "the end of the program");
-    let told = cell.told_since(moment);
+    let told = cell.sent_since(moment);
     assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
-    // Nobody says afterwards that the record is whole.
+    // The recording is not reported as complete afterwards.
     let last = until("the end of the record", || {
         cell.commander.recording().filter(|recording| !recording.is_recording)
     });
@@ -92,7 +92,7 @@ fn is_not_begun(cell: &Cell, moment: Moment, run: Running) -> String {
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
     assert_eq!(result.error_code, RunProgramResult::NOT_RECORDING, "{result:?}");
     assert_eq!(result.last_line, 0, "{result:?}");
-    assert_eq!(cell.told_since(moment), "", "nothing at all");
+    assert_eq!(cell.sent_since(moment), "", "nothing at all");
     assert_eq!(cell.modes_since(moment), ["IDLE"]);
     result.message
 }
@@ -143,6 +143,6 @@ fn where_a_record_is_required_no_run_begins_without_a_recorder() {
     kill_at_once(cell.machine.node("run_recorder"));
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_SUCCEEDED, "{result:?}");
-    let told = cell.told_since(moment);
+    let told = cell.sent_since(moment);
     assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
 }

@@ -54,20 +54,20 @@ fn deactivating_the_driver_in_a_run_holds_first_and_then_refuses() {
     let run = cell.run_into_the_midst();
     let moment = cell.moment();
     assert!(driver.set("deactivate"));
-    // It is answered when the machine stands and the goal has ended.
+    // It is answered when the machine is at rest and the goal has ended.
     assert_eq!(driver.state(), "inactive");
-    let told = cell.told_since(moment);
-    let behind = cell.told_behind_hold(moment);
+    let told = cell.sent_since(moment);
+    let behind = cell.sent_after_hold(moment);
     let reset = behind.find("\\x18").unwrap_or_else(|| panic!("no reset in {told:?}"));
-    assert!(!behind[..reset].contains(['X', 'Y', '~']), "no line behind the hold: {told:?}");
+    assert!(!behind[..reset].contains(['X', 'Y', '~']), "no line after the hold: {told:?}");
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
     assert_eq!(result.error_code, RunProgramResult::NOT_ACTIVE, "{result:?}");
     assert!(result.message.contains("the driver was deactivated"), "{result:?}");
-    cell.stands_in(result.last_line);
+    cell.is_at_line(result.last_line);
 
     // State and telemetry flow on, and say so.
-    let stands = cell.commander.until("a machine that stands", |state| {
+    let stands = cell.commander.until("a machine at rest", |state| {
         state.state == MachineState::STATE_IDLE && state.reason.starts_with("INACTIVE")
     });
     assert!(stands.position_known, "{stands:?}");
@@ -77,9 +77,9 @@ fn deactivating_the_driver_in_a_run_holds_first_and_then_refuses() {
     let why = cell.commander.press("resume").expect_err("nothing moves");
     assert!(why.contains("not active"), "{why}");
     assert!(!driver.set("deactivate"), "it is inactive already");
-    assert_eq!(cell.told_since(inactive), "", "an inactive driver only asks");
+    assert_eq!(cell.sent_since(inactive), "", "an inactive driver only asks");
     cell.commander.press("feed_hold").expect("a hold is written in every state with a port");
-    cell.until_told(inactive, "!");
+    cell.until_sent(inactive, "!");
     cell.commander.press("soft_reset").expect("so is a reset");
 
     assert!(driver.set("activate"));
@@ -100,8 +100,8 @@ fn a_driver_that_is_cleaned_up_lets_go_of_its_port_and_takes_it_again() {
     cell.refuses_to_run("axis_driver is unconfigured");
     let moment = cell.moment();
     assert!(driver.set("configure"));
-    // It answers when the controller has told what it is.
-    assert!(cell.told_since(moment).contains("$I\\n$$\\n"), "{}", cell.told_since(moment));
+    // It answers when the controller has identified itself.
+    assert!(cell.sent_since(moment).contains("$I\\n$$\\n"), "{}", cell.sent_since(moment));
     assert_eq!(driver.state(), "inactive");
     assert!(driver.set("activate"));
     cell.runs_again();
@@ -116,8 +116,8 @@ fn a_driver_that_is_shut_down_stops_the_machine_and_stays_away() {
     assert!(driver.set("shutdown"));
     let result = cell.result(run);
     assert_eq!(result.error_code, RunProgramResult::SHUTDOWN, "{result:?}");
-    assert!(cell.told_behind_hold(moment).contains("\\x18"), "{}", cell.told_since(moment));
-    let words = "axis_driver was shut down and stays away";
+    assert!(cell.sent_after_hold(moment).contains("\\x18"), "{}", cell.sent_since(moment));
+    let words = "axis_driver was shut down and is not restarted";
     until(words, || cell.machine.log().contains(words).then_some(()));
 }
 

@@ -1,5 +1,5 @@
 //! What the driver does when something else fails, each row on a real pseudo-terminal:
-//! what the machine was told, what is reported, and what it takes to go on.
+//! what the machine was sent, what is reported, and how to continue.
 //!
 //! The nodes are processes, and so is the controller; the line between them is in the
 //! hands of the test, and so is everybody's clock, disk and life.

@@ -6,7 +6,7 @@ use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 
 #[test]
-fn a_run_goes_on_to_its_end_when_loader_planner_and_recorder_die() {
+fn a_run_continues_to_its_end_when_loader_planner_and_recorder_die() {
     let program = Serpentine { passes: 12, ..Serpentine::SHORT_LINES };
     let cell = Cell::new(&Plan { program, ..Plan::default() });
     let run = cell.run_into_the_midst();
@@ -21,7 +21,7 @@ fn a_run_goes_on_to_its_end_when_loader_planner_and_recorder_die() {
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_SUCCEEDED, "{result:?}");
     assert!(result.last_line > died.line, "{result:?}");
     assert_eq!(cell.place(), [-100.0, -88.0], "the end of the program");
-    let told = cell.told_since(moment);
+    let told = cell.sent_since(moment);
     assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
     assert_eq!(cell.modes_since(moment)[0], "RUN");
     for name in nodes {

@@ -22,26 +22,26 @@ fn a_driver_that_is_started_again_in_a_run_holds_and_does_nothing_else() {
     let lost = cell.commander.result(run).expect_err("the goal belongs to an earlier life");
     assert!(lost.contains("restarted"), "{lost}");
     cell.refuses_to_run("DRIVER_RESTARTED");
-    cell.commander.press("resume").expect_err("nobody knows what would go on");
+    cell.commander.press("resume").expect_err("the driver does not know what would continue");
     cell.commander.press("unlock").expect_err("it is not locked");
-    assert_eq!(cell.told_behind_hold(moment), "", "a hold and nothing else");
+    assert_eq!(cell.sent_after_hold(moment), "", "a hold and nothing else");
     never_idle(&cell.commander.states_since(moment.states));
     cell.commander.press("soft_reset").expect("the operator takes it over");
     let idle = cell.until_ready();
     assert!(!idle.is_homed, "{idle:?}");
-    assert_eq!(cell.told_behind_hold(moment), "\\x18$I\\n$$\\n$G\\n$#\\n");
+    assert_eq!(cell.sent_after_hold(moment), "\\x18$I\\n$$\\n$G\\n$#\\n");
     cell.runs_again();
 }
 
 #[test]
-fn a_driver_that_is_started_again_beside_a_machine_that_stands_resets_it_once() {
+fn a_restarted_driver_resets_a_machine_at_rest_once() {
     let cell = Cell::new(&Plan::default());
     let moment = cell.moment();
     kill_at_once(cell.machine.node("axis_driver"));
     until("a driver that has asked all", || {
-        cell.told_since(moment).ends_with("$#\\n").then_some(())
+        cell.sent_since(moment).ends_with("$#\\n").then_some(())
     });
-    assert_eq!(cell.told_since(moment), "\\x18$I\\n$$\\n$G\\n$#\\n");
+    assert_eq!(cell.sent_since(moment), "\\x18$I\\n$$\\n$G\\n$#\\n");
     let is_idle = |state: &MachineState| state.state == MachineState::STATE_IDLE;
     let idle = cell.until_after(cell.moment(), "a new life", is_idle);
     assert!(idle.reason.is_empty() && !idle.is_homed, "{idle:?}");
@@ -49,7 +49,7 @@ fn a_driver_that_is_started_again_beside_a_machine_that_stands_resets_it_once() 
 
 /// A board whose boot loader runs whenever DTR rises.
 #[test]
-fn a_board_that_is_reset_by_its_port_is_told_to_be_unhomed_and_is_reset_once_only() {
+fn a_board_that_is_reset_by_its_port_is_reported_unhomed_and_is_reset_only_once() {
     let plan = Plan {
         controller: &["--homing"],
         ros: &["-p", "axis_driver:dtr:=set", "-p", "axis_driver:rts:=clear"],
@@ -64,7 +64,7 @@ fn a_board_that_is_reset_by_its_port_is_told_to_be_unhomed_and_is_reset_once_onl
     assert!(log.contains("not homed"), "{log}");
     cell.refuses_to_run("ALARM");
     // Nothing has homed or unlocked it.
-    assert_eq!(cell.wire.told_since(0), "\\x18$I\\n$$\\n$G\\n$#\\n");
+    assert_eq!(cell.wire.sent_since(0), "\\x18$I\\n$$\\n$G\\n$#\\n");
     assert!(!cell.wire.hangs_up(), "HUPCL is cleared");
     assert!(cell.commander.home().success);
     assert!(cell.until_ready().is_homed);
@@ -72,12 +72,12 @@ fn a_board_that_is_reset_by_its_port_is_told_to_be_unhomed_and_is_reset_once_onl
     let moment = cell.moment();
     let openings = cell.wire.openings();
     kill_at_once(cell.machine.node("axis_driver"));
-    cell.until_told(moment, "$#\\n");
+    cell.until_sent(moment, "$#\\n");
     assert!(cell.wire.openings() > openings);
     let is_idle = |state: &MachineState| state.state == MachineState::STATE_IDLE;
     let idle = cell.until_after(cell.moment(), "a new life", is_idle);
     // The driver's own reset has kept the place, but it has not seen the homing.
     assert!(!idle.is_homed, "{idle:?}");
-    assert_eq!(cell.told_since(moment), "\\x18$I\\n$$\\n$G\\n$#\\n");
+    assert_eq!(cell.sent_since(moment), "\\x18$I\\n$$\\n$G\\n$#\\n");
     assert!(!cell.machine.log()[log.len()..].contains("restarted when its port was opened"));
 }

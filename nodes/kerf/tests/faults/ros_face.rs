@@ -1,10 +1,10 @@
 //! The ROS face of the driver dies, hangs or is stopped while the machine moves: the line is
-//! served on, and the next face goes on where the last one was. The motion process speaks no
+//! served, and the next face continues where the last one was. The motion process uses no
 //! DDS, and can be stopped from its own computer without any.
 
 use super::cell::{Cell, Plan, Serpentine};
 use super::machine::{kill_at_once, messages, until};
-use super::support::PATIENCE;
+use super::support::TIMEOUT;
 use cnc_msgs::interface::{Message, Service};
 use cnc_msgs::wire::action_msgs::msg::GoalStatus;
 use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
@@ -21,9 +21,9 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 #[derive(Debug, Clone, Copy)]
 enum Blow {
     Killed,
-    /// It is stopped, and nobody lets it go on.
+    /// It is stopped (SIGSTOP), and not continued.
     Stopped,
-    /// It is stopped and goes on; its DDS layer may be deaf from then on.
+    /// It is stopped and continued; its DDS layer may not receive anything from then on.
     StoppedAndContinued,
     Aborts,
 }
@@ -59,10 +59,10 @@ fn check(blow: Blow) {
     let held = cell.commander.until_mode("HOLD");
     assert!(!held.program_id.is_empty() && held.line > 0, "{held:?}");
     cell.until_controller("Hold:0");
-    let resumed = until("a machine that stands", || cell.commander.press("resume").ok());
+    let resumed = until("a machine at rest", || cell.commander.press("resume").ok());
     assert!(resumed.contains("resume"), "{resumed}");
     cell.commander.until_mode("RUN");
-    assert!(!cell.told_since(moment).contains("\\x18"), "{}", cell.told_since(moment));
+    assert!(!cell.sent_since(moment).contains("\\x18"), "{}", cell.sent_since(moment));
     cell.commander.cancel();
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_CANCELED, "{result:?}");
@@ -107,7 +107,7 @@ fn the_process_that_owns_the_line_has_no_socket_of_the_network_and_no_dds_thread
     let of =
         |process| descriptors(process).into_iter().filter(|link| network.contains(link)).count();
     assert_eq!(of(motion), 0, "the motion process");
-    assert!(of(face) > 0, "the check can fail: the face speaks DDS");
+    assert!(of(face) > 0, "the check can fail: the face uses DDS");
     let line = cell.wire.device().expect("the line");
     let has_line = |process| descriptors(process).contains(&line.display().to_string());
     assert!(has_line(motion) && !has_line(face), "only one of them has the line");
@@ -124,7 +124,7 @@ fn a_machine_is_stopped_without_ros_on_its_own_computer() {
     cell.until_controller("Hold:0");
     // With the start of the command, on a busy computer; ROS alone is given 2.5 s elsewhere.
     let standing = began.elapsed();
-    assert!(standing < Duration::from_secs(2), "the machine stood after {standing:.2?}");
+    assert!(standing < Duration::from_secs(2), "the machine was at rest after {standing:.2?}");
     let held = held.join().expect("it only runs a command").expect(0);
     assert!(held.err.contains("local socket"), "{}", held.err);
     let status = cell.machine.kerf(&["status"]).expect(0);
@@ -153,7 +153,7 @@ fn a_motion_process_that_is_stopped_is_never_said_to_run() {
     drop(cell.commander.result(run));
 }
 
-/// The service behind the result of a run, as a client library asks it: once.
+/// The service for the result of a run, called as a client library does: once.
 struct GetResult;
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -194,9 +194,9 @@ fn a_client_that_asked_for_the_result_once_is_answered_by_the_next_face() {
     cell.until_in_the_midst();
     let face = cell.machine.face().expect("a face");
     let (response, ()) = cell.commander.wait(async {
-        let asked = results.call_within(GetResultRequest { goal_id }, 3 * PATIENCE);
+        let asked = results.call_within(GetResultRequest { goal_id }, 3 * TIMEOUT);
         let struck = async {
-            // The face has heard the question before it dies.
+            // The face has received the request before it dies.
             tokio::time::sleep(Duration::from_secs(1)).await;
             kill_at_once(face);
             let other = || cell.machine.face().filter(|next| *next != face);

@@ -15,8 +15,8 @@ fn vanishes_in_mid_line(cell: &Cell) -> (Moment, RunProgramResult) {
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
     assert_eq!(result.error_code, RunProgramResult::LINK_LOST, "{result:?}");
     assert!(result.message.contains("motion may continue"), "{result:?}");
-    // What was heard last; what is cut meanwhile nobody knows.
-    cell.stands_in(result.last_line);
+    // The last report; what is cut meanwhile is not known.
+    cell.is_at_line(result.last_line);
     let state = cell.commander.until("a port that is gone", |state| state.motion_possible);
     is_unknown(&state);
     assert_eq!(state.line, result.last_line, "{state:?}");
@@ -50,8 +50,8 @@ fn a_machine_that_still_moves_when_its_line_is_back_is_held_and_not_reset() {
     assert!(!held.reason.contains("DRIVER_RESTARTED"), "{held:?}");
     assert_eq!(held.line, result.last_line, "{held:?}");
     cell.refuses_to_run("soft_reset");
-    cell.commander.press("resume").expect_err("nobody knows what would go on");
-    assert_eq!(cell.told_behind_hold(back), "", "a hold and nothing else");
+    cell.commander.press("resume").expect_err("the driver does not know what would continue");
+    assert_eq!(cell.sent_after_hold(back), "", "a hold and nothing else");
     never_idle(&cell.commander.states_since(moment.states));
     // The half line that was left in the controller goes with the reset.
     cell.commander.press("soft_reset").expect("the operator has looked");
@@ -61,7 +61,7 @@ fn a_machine_that_still_moves_when_its_line_is_back_is_held_and_not_reset() {
 }
 
 #[test]
-fn a_machine_that_stands_when_its_line_is_back_waits_for_the_operator() {
+fn a_machine_at_rest_when_its_line_is_back_waits_for_the_operator() {
     let cell = Cell::new(&Plan::default());
     let (moment, result) = vanishes_in_mid_line(&cell);
     // What was buffered is cut to its end; half a line is left.
@@ -75,8 +75,8 @@ fn a_machine_that_stands_when_its_line_is_back_waits_for_the_operator() {
     assert!(stands.reason.contains("LINK_LOST"), "{stands:?}");
     assert_eq!(stands.line, result.last_line, "{stands:?}");
     cell.refuses_to_run("soft_reset");
-    // It is learnt anew behind one reset, which drops the half line.
-    assert_eq!(cell.told_since(back), "\\x18$I\\n$$\\n$G\\n$#\\n");
+    // It is queried again after one reset, which drops the half line.
+    assert_eq!(cell.sent_since(back), "\\x18$I\\n$$\\n$G\\n$#\\n");
     let mut unknown = cell.commander.states_since(moment.states);
     unknown.retain(|state| !state.position_known);
     never_idle(&unknown);
@@ -86,19 +86,19 @@ fn a_machine_that_stands_when_its_line_is_back_waits_for_the_operator() {
 }
 
 #[test]
-fn another_controller_behind_the_same_name_is_learnt_anew() {
+fn another_controller_with_the_same_name_is_queried_again() {
     let mut cell = Cell::new(&Plan::default());
     let before = cell.wire.device().expect("it is plugged in");
     vanishes_in_mid_line(&cell);
     let back = cell.moment();
     cell.replace_controller(&["--line-numbers"]);
     let after = cell.wire.device().expect("it is plugged in");
-    assert_ne!(before, after, "another device behind the same link");
+    assert_ne!(before, after, "another device at the same link");
     let stands = cell.commander.until("a machine that waits", |state| {
         state.state == MachineState::STATE_IDLE && state.reason.contains("soft_reset")
     });
     assert!(!stands.is_homed && stands.machine_position.x == 0.0, "{stands:?}");
-    assert_eq!(cell.told_since(back), "\\x18$I\\n$$\\n$G\\n$#\\n");
+    assert_eq!(cell.sent_since(back), "\\x18$I\\n$$\\n$G\\n$#\\n");
     cell.refuses_to_run("soft_reset");
     cell.commander.press("soft_reset").expect("the operator has looked");
     cell.until_ready();

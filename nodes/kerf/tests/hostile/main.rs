@@ -13,7 +13,7 @@ mod systemd;
 
 use axis_driver::motion::ask_operator;
 use axis_driver::protocol::Wish;
-use machine::{Machine, PATIENT, kill_at_once, until};
+use machine::{Machine, SLOW_POLLING, kill_at_once, until};
 use rtps::{PACKETS, Random, participants, send, socket};
 use runtime::environment::Environment;
 use runtime::names::{Names, Remap};
@@ -35,10 +35,10 @@ fn stop_and_continue(id: Pid) {
 }
 
 /// The same until the process ends: where none of its DDS threads was waiting just then, it
-/// hears as before.
+/// receives as before.
 fn stop_and_continue_until_deaf(id: Pid) {
     let is_there = || rustix::process::test_kill_process(id).is_ok();
-    let end = Instant::now() + support::PATIENCE;
+    let end = Instant::now() + support::TIMEOUT;
     while is_there() && Instant::now() < end {
         // It may end between two looks.
         let _ = kill_process(id, Signal::STOP);
@@ -51,7 +51,7 @@ fn stop_and_continue_until_deaf(id: Pid) {
     }
 }
 
-/// The process of a node that speaks DDS: of the driver its ROS face.
+/// The process of a node that uses DDS: for the driver its ROS face.
 fn dds_process(machine: &Machine, name: &str) -> Option<Pid> {
     let name = format!(" {name} ");
     let is_wanted = |line: &str| {
@@ -98,7 +98,7 @@ fn until_loadable(machine: &Machine) {
 }
 
 #[test]
-fn a_node_that_was_stopped_and_continued_is_replaced_by_one_that_hears() {
+fn a_node_that_was_stopped_and_continued_is_replaced_by_one_that_receives() {
     let machine = Machine::virtual_one(4);
     for name in NODES {
         let old = dds_process(&machine, name).expect("the node runs");
@@ -133,7 +133,7 @@ fn a_node_that_is_stopped_for_good_or_killed_is_replaced() {
     let log = machine.log();
     assert!(log.contains("axis_driver gave no sign of life for"), "{log}");
 
-    // A supervisor that dies leaves nobody, not even one that is stopped.
+    // A supervisor that dies leaves no child, not even a stopped one.
     kill_process(machine.node("run_recorder"), Signal::STOP).expect("the process is there");
     machine.kill();
     machine.until_gone();
@@ -144,7 +144,7 @@ fn a_node_that_takes_too_much_memory_is_replaced() {
     /// Planned, they take far more than is allowed.
     const LINES: usize = 300_000;
     let bound = ["-p", "program_loader:memory_mb_max:=64"];
-    let machine = Machine::virtual_with(4, &[&PATIENT[..], &bound].concat());
+    let machine = Machine::virtual_with(4, &[&SLOW_POLLING[..], &bound].concat());
     let moves: Vec<String> = (0..LINES).map(|line| format!("G1 X{} F600\n", line % 90)).collect();
     machine.folder.file("long.ngc", format!("G21 G90\n{}M30\n", moves.concat()));
     let old = dds_process(&machine, "program_loader").expect("the node runs");
@@ -153,7 +153,7 @@ fn a_node_that_takes_too_much_memory_is_replaced() {
     until_another(&machine, "program_loader", old);
     let held = until_holdable(&machine);
     eprintln!("holdable {held:.2?} after a loader without memory");
-    // It waits for a plan that nobody makes any more.
+    // It waits for a plan that no node makes any more.
     loading.kill().expect("our child");
     loading.wait().expect("our child");
     until_loadable(&machine);
@@ -180,7 +180,7 @@ fn a_jog_whose_command_was_stopped_and_continued_can_still_be_stopped() {
     eprintln!("canceled within {:.2?}", began.elapsed());
     let said = jog.wait_with_output().expect("it has ended").stderr;
     let said = String::from_utf8_lossy(&said);
-    assert!(number(status) == 4 && said.contains("connecting again"), "{said}");
+    assert!(number(status) == 4 && said.contains("reconnecting"), "{said}");
     let status = machine.until_state("IDLE");
     assert!(!status.contains("X300.000"), "{status}");
 }

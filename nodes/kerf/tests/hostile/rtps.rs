@@ -1,6 +1,6 @@
 //! Packets of RTPS 2.4 as a hostile or broken peer sends them, and where to send them.
 
-use super::support::PATIENCE;
+use super::support::TIMEOUT;
 use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, UdpSocket};
 use std::time::{Duration, Instant};
@@ -75,7 +75,7 @@ fn ports(domain: u16) -> impl Iterator<Item = u16> {
 /// Sends a packet to every participant of a domain.
 pub(crate) fn send(socket: &UdpSocket, domain: u16, packet: &[u8]) {
     for port in ports(domain) {
-        // Nobody may be there; some sizes do not fit.
+        // The port may be closed; some sizes do not fit.
         let _ = socket.send_to(packet, (Ipv4Addr::LOCALHOST, port));
     }
 }
@@ -85,13 +85,13 @@ pub(crate) fn socket() -> UdpSocket {
     UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket")
 }
 
-/// The participants that announce themselves to ports nobody has yet.
+/// The participants that announce themselves to unused ports.
 pub(crate) fn participants(domain: u16, count: usize) -> BTreeSet<Prefix> {
     let listening: Vec<UdpSocket> = ports(domain)
         .filter_map(|port| UdpSocket::bind((Ipv4Addr::LOCALHOST, port)).ok())
         .inspect(|socket| socket.set_nonblocking(true).expect("a socket"))
         .collect();
-    let (mut found, end) = (BTreeSet::new(), Instant::now() + PATIENCE);
+    let (mut found, end) = (BTreeSet::new(), Instant::now() + TIMEOUT);
     while found.len() < count {
         assert!(Instant::now() < end, "{} of {count} participants", found.len());
         for socket in &listening {

@@ -2,7 +2,7 @@
 
 use super::machine::until;
 use super::rtps::{PACKETS, participants, send, socket};
-use super::support::{Folder, PATIENCE};
+use super::support::{Folder, TIMEOUT};
 use super::{NODES, stop_and_continue_until_deaf};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;
@@ -45,7 +45,7 @@ fn check(nodes: &[&str], said: &str, strike: impl FnOnce(Pid)) {
         assert!(journal.contains(said), "{node}: {said} is not in\n{journal}");
     }
     eprintln!("{nodes:?}: {said}: restarted after {:.2?}", began.elapsed());
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + TIMEOUT;
     loop {
         let mut hold = Command::new("/usr/bin/kerf");
         let ran = hold.arg("hold").env("ROS_DOMAIN_ID", DOMAIN.to_string()).output();

@@ -16,7 +16,7 @@ fn machine(host: &Host, range: &str, folder: &Folder) -> Process {
     let mut up = host.kerf(range, &["up", "--virtual-controller", "--time-factor", "50"]);
     up.args(["--ros-args", "-p", &table, "-p", "run_recorder:directory:=bags"]);
     up.args(["-p", "axis_driver:poll_interval_ms:=500"]);
-    // It takes its nodes with it when its group is told to end.
+    // It takes its nodes with it when its group is ended.
     up.current_dir(folder.path());
     let process = Process::start(up, &folder.path().join("up.log"));
     until("an idle machine", || {
@@ -72,7 +72,7 @@ fn with_subnet_the_same_counter_sees_the_nodes() {
     until("a group", || host.proc_net("igmp").contains("0100FFEF").then_some(()));
 }
 
-/// Sends a packet to each port and says which are closed, if it is told to.
+/// Sends a packet to each port and reports which are closed, on request.
 #[test]
 #[allow(clippy::print_stdout, reason = "what it found")]
 fn knock_if_told_to() {
@@ -82,7 +82,7 @@ fn knock_if_told_to() {
         socket.set_read_timeout(Some(Duration::from_millis(300))).expect("a deadline");
         socket.connect(("10.77.0.1", port)).expect("an address");
         socket.send(b"RTPS\x02\x01\x01\x12").expect("a packet");
-        // The host itself answers that nobody takes it, or nobody does.
+        // The host itself reports a closed port, or there is no answer.
         let is_closed = socket
             .recv(&mut [0; 1500])
             .is_err_and(|error| error.kind() == ErrorKind::ConnectionRefused);
@@ -114,5 +114,8 @@ fn a_packet_from_outside_finds_every_port_of_a_node_closed() {
     let Some(found) = found_from_outside("LOCALHOST") else { return };
     assert!(found.contains("is closed") && !found.contains("is open"), "{found}");
     let Some(found) = found_from_outside("SUBNET") else { return };
-    assert!(found.contains("is open"), "what is not there cannot be told from what is: {found}");
+    assert!(
+        found.contains("is open"),
+        "closed ports cannot be distinguished from open ones: {found}"
+    );
 }

@@ -1,8 +1,8 @@
 //! A commander on a host of its own: a process of this test program that runs what is loaded,
-//! gives signs of life, tells what it hears, and does what it is told.
+//! sends heartbeats, reports what it receives, and executes commands.
 
 use super::network::{Host, Process, RMW, SUBNET, until};
-use super::support::PATIENCE;
+use super::support::TIMEOUT;
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal};
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
@@ -17,7 +17,7 @@ use std::time::Duration;
 
 const ROLE: &str = "KERF_TEST_COMMANDS";
 
-/// Such a process, and what it has told so far.
+/// Such a process, and its output so far.
 pub(crate) struct Commander {
     process: Process,
     orders: ChildStdin,
@@ -44,8 +44,8 @@ impl Commander {
         Self { process: Process(process), orders, told }
     }
 
-    pub(crate) fn told(&self) -> Vec<String> {
-        self.told.lock().expect("no panic").clone()
+    pub(crate) fn output(&self) -> Vec<String> {
+        self.output.lock().expect("no panic").clone()
     }
 
     /// Lets it press a button.
@@ -53,11 +53,11 @@ impl Commander {
         writeln!(self.orders, "{button}").expect("it lives");
     }
 
-    /// Waits until it has told this, after so many lines.
+    /// Waits until it has printed this, after so many lines.
     #[track_caller]
-    pub(crate) fn until_told(&self, after: usize, words: &str) -> usize {
-        until(&format!("{words:?} in {:?}", self.told()), || {
-            let place = self.told().iter().skip(after).position(|line| line.contains(words));
+    pub(crate) fn until_sent(&self, after: usize, words: &str) -> usize {
+        until(&format!("{words:?} in {:?}", self.output()), || {
+            let place = self.output().iter().skip(after).position(|line| line.contains(words));
             place.map(|place| after + place)
         })
     }
@@ -88,7 +88,7 @@ fn command_if_told_to() {
     });
 }
 
-#[allow(clippy::print_stdout, reason = "what it hears")]
+#[allow(clippy::print_stdout, reason = "what it receives")]
 async fn command(node: &Handle) {
     let mut states =
         node.subscription::<MachineState>("machine_state", Qos::LATCHED).expect("states");
@@ -121,13 +121,13 @@ async fn command(node: &Handle) {
     });
     node.spawn("orders", async move {
         while let Some(order) = given.recv().await {
-            let answer = resume.call_within(TriggerRequest::default(), PATIENCE).await;
+            let answer = resume.call_within(TriggerRequest::default(), TIMEOUT).await;
             println!("{order}: {answer:?}");
         }
     });
     let runs = node.action_client::<RunProgram>("run_program").expect("a client");
     let goal = runs.send_goal(RunProgramGoal::default()).await.expect("a run");
     println!("the goal is accepted");
-    let result = goal.result(3 * PATIENCE).await;
+    let result = goal.result(3 * TIMEOUT).await;
     println!("result {result:?}");
 }

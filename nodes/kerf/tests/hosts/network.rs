@@ -1,6 +1,6 @@
 //! Network namespaces as hosts, joined by a cable.
 
-use super::support::{PATIENCE, kerf};
+use super::support::{TIMEOUT, kerf};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -29,7 +29,7 @@ fn unproved(why: &str) -> Option<Host> {
 impl Host {
     /// A host without any connection; `None`, with a word, where the system refuses.
     pub(crate) fn new() -> Option<Self> {
-        // Without IPv6, which speaks by itself on each interface that comes up.
+        // Without IPv6, which sends by itself on each interface that comes up.
         let script = "echo 1 > /proc/sys/net/ipv6/conf/all/disable_ipv6 2>/dev/null; \
                       ip link set lo up && echo ready && exec sleep infinity";
         let holder = Command::new("unshare")
@@ -155,12 +155,12 @@ impl Drop for Process {
 /// Waits until something holds.
 #[track_caller]
 pub(crate) fn until<T>(what: &str, mut probe: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + TIMEOUT;
     loop {
         if let Some(found) = probe() {
             return found;
         }
-        assert!(Instant::now() < end, "{what}: not within {} s", PATIENCE.as_secs());
+        assert!(Instant::now() < end, "{what}: not within {} s", TIMEOUT.as_secs());
         std::thread::sleep(Duration::from_millis(100));
     }
 }

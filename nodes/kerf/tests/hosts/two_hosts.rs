@@ -46,7 +46,7 @@ impl Cell {
         run(host.kerf(SUBNET, args).current_dir(self.folder.path()))
     }
 
-    /// Waits until a host is told that the machine is in this state.
+    /// Waits until a host receives this state of the machine.
     #[track_caller]
     fn until_status(&self, host: &Host, state: &str) -> String {
         until(&format!("{state}; {}", self.logs()), || {
@@ -88,29 +88,29 @@ fn a_pulled_cable_holds_the_run_and_the_commander_resumes_it_when_it_is_back() {
     cell.folder.file("long.ngc", program);
     cell.kerf(&cell.office, &["load", "long.ngc"]).expect(0);
     let mut commander = Commander::start(&cell.office);
-    let at = commander.until_told(0, "state RUN");
+    let at = commander.until_sent(0, "state RUN");
 
     cell.office.ip(&format!("link set {PORT} down"));
-    // The shop goes on without the office: the driver holds by itself, and says so.
+    // The shop works without the office: the driver holds by itself, and reports it.
     let status = cell.until_status(&cell.shop, "HOLD");
     assert!(status.contains("COMMANDER_LOST"), "{status}");
     // It stays so, however long the cable is away.
     std::thread::sleep(Duration::from_secs(3));
     cell.until_status(&cell.shop, "HOLD");
-    assert!(!commander.told()[at..].iter().any(|line| line.contains("HOLD")), "it cannot know");
-    assert!(!commander.told().iter().any(|line| line.contains("result")), "the goal goes on");
+    assert!(!commander.output()[at..].iter().any(|line| line.contains("HOLD")), "it cannot know");
+    assert!(!commander.output().iter().any(|line| line.contains("result")), "the goal continues");
 
     cell.office.ip(&format!("link set {PORT} up"));
-    let at = commander.until_told(at, "state HOLD COMMANDER_LOST");
+    let at = commander.until_sent(at, "state HOLD COMMANDER_LOST");
     // Nothing resumes by itself, signs of life or not.
     std::thread::sleep(Duration::from_secs(2));
     cell.until_status(&cell.shop, "HOLD");
     commander.press("resume");
-    commander.until_told(at, "success: true");
-    let at = commander.until_told(at, "state RUN");
+    commander.until_sent(at, "success: true");
+    let at = commander.until_sent(at, "state RUN");
     assert!(commander.is_alive());
-    let end = commander.until_told(at, "result");
-    let result = commander.told()[end].clone();
+    let end = commander.until_sent(at, "result");
+    let result = commander.output()[end].clone();
     assert!(result.contains("outcome: 1"), "{result}");
     assert!(!cell.logs().contains("panicked"), "{}", cell.logs());
 }

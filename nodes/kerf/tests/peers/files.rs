@@ -4,7 +4,7 @@
 
 use super::machine::{domain, until};
 use super::stranger::Stranger;
-use super::support::{Folder, PATIENCE, kerf};
+use super::support::{Folder, TIMEOUT, kerf};
 use cnc_msgs::wire::cnc_msgs::srv::{
     LoadProgram, LoadProgramRequest as Request, LoadProgramResponse as Response, ReadBlock,
     ReadBlockRequest,
@@ -60,7 +60,7 @@ impl Shop {
 }
 
 async fn load(client: &Client<LoadProgram>, request: Request) -> Response {
-    client.call_within(request, PATIENCE).await.expect("the loader answers")
+    client.call_within(request, TIMEOUT).await.expect("the loader answers")
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn a_pipe_and_an_endless_file_cost_other_clients_nothing() {
         ("endless", Response::FILE_UNREADABLE, "program_directories"),
         ("/dev/zero", Response::FILE_UNREADABLE, "program_directories"),
     ] {
-        // Nobody ever writes into the pipe: an answer shows that nobody waits for it.
+        // The pipe has no writer: an answer shows that the loader does not wait for it.
         let (bad, good) = strangers[0].wait(async {
             tokio::join!(load(&clients[0], by_path(path)), load(&clients[1], text()))
         });
@@ -124,7 +124,7 @@ fn no_file_of_others_is_quoted_in_an_answer_or_the_log() {
         assert_eq!(answer.error_code, Response::UNKNOWN_CONTROL, "{}", answer.message);
         let control = name.to_owned();
         let request = ReadBlockRequest { text: "G0 X1".into(), control, ..Default::default() };
-        let block = stranger.wait(reads.call_within(request, PATIENCE)).expect("an answer");
+        let block = stranger.wait(reads.call_within(request, TIMEOUT)).expect("an answer");
         for message in [answer.message, block.message] {
             assert!(message.contains(says), "{message}");
             assert!(!message.contains(word) && !message.contains("root:"), "{message}");

@@ -3,7 +3,7 @@
 use super::commander::Commander;
 use super::machine::{Machine, until};
 use super::stranger::{Stranger, resident_mb};
-use super::support::PATIENCE;
+use super::support::TIMEOUT;
 use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
 use cnc_msgs::wire::cnc_msgs::msg::{Command as Asked, ControllerTraffic, MachineState};
 use cnc_msgs::wire::rcl_interfaces::srv::{ListParameters, ListParametersRequest};
@@ -14,7 +14,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 const ROLE: &str = "KERF_TEST_LISTENS";
-/// What a run may leave in the driver's memory, MB, whoever does not acknowledge it.
+/// Memory of the driver that a run may leave in use, MB, even if a peer does not acknowledge.
 const LEFT_MB: f64 = 64.0;
 
 /// A process that listens to all that the driver says, and asks it.
@@ -96,7 +96,7 @@ fn a_run_survives(test: &str, fate: Signal) {
     // It has been listening for some time.
     std::thread::sleep(Duration::from_secs(1));
 
-    // The side of the driver that speaks with them.
+    // The ROS side of the driver.
     let driver = machine.face().expect("a ROS face");
     let before = resident_mb(driver);
     let recorder = machine.node("run_recorder");
@@ -104,12 +104,12 @@ fn a_run_survives(test: &str, fate: Signal) {
         kill_process(pid, fate).expect("it is there");
     }
     let mark = commander.mark();
-    // Others are told the state, and answered.
+    // Other peers get the state, and answers.
     for _ in 0..3 {
         commander.press("feed_hold").expect("the machine runs");
         commander.until("a hold", |state| state.state == MachineState::STATE_HOLD);
         commander.press("resume").expect("the machine is held");
-        commander.until("the run to go on", |state| state.state == MachineState::STATE_RUN);
+        commander.until("the run to continue", |state| state.state == MachineState::STATE_RUN);
     }
     let client = commander
         .wait(async { commander.node().client::<ListParameters>("axis_driver/list_parameters") })
@@ -119,7 +119,7 @@ fn a_run_survives(test: &str, fate: Signal) {
         let answer = commander.wait(client.call(ListParametersRequest::default()));
         assert!(answer.is_ok(), "{answer:?}");
         std::thread::sleep(Duration::from_millis(20));
-        assert!(begin.elapsed() < 2 * PATIENCE, "the run does not end: {:?}", commander.state());
+        assert!(begin.elapsed() < 2 * TIMEOUT, "the run does not end: {:?}", commander.state());
     }
     let result = commander.result(run).expect("a result");
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_SUCCEEDED, "{result:?}");
@@ -137,13 +137,13 @@ fn a_run_survives(test: &str, fate: Signal) {
 }
 
 #[test]
-fn a_run_goes_on_while_a_listener_and_the_recorder_hang() {
-    let test = "hanging::a_run_goes_on_while_a_listener_and_the_recorder_hang";
+fn a_run_continues_while_a_listener_and_the_recorder_hang() {
+    let test = "hanging::a_run_continues_while_a_listener_and_the_recorder_hang";
     a_run_survives(test, Signal::STOP);
 }
 
 #[test]
-fn a_run_goes_on_when_a_listener_and_the_recorder_are_killed() {
-    let test = "hanging::a_run_goes_on_when_a_listener_and_the_recorder_are_killed";
+fn a_run_continues_when_a_listener_and_the_recorder_are_killed() {
+    let test = "hanging::a_run_continues_when_a_listener_and_the_recorder_are_killed";
     a_run_survives(test, Signal::KILL);
 }

@@ -85,7 +85,7 @@ fn a_loader_that_is_gone_ends_a_load_that_waits_for_its_plan() {
     kill_at_once(Pid::from_child(&loader.0));
     let killed = Instant::now();
     end(loading, killed).expect(3).says(&[
-        "part.ngc was not planned: the program loader does not answer any more",
+        "part.ngc was not planned: the program loader does not answer",
         "load the program again",
     ]);
 }

@@ -167,7 +167,7 @@ fn a_path_that_is_not_whole_is_not_taken_and_the_next_one_is() {
         )
         .expect("a service");
     });
-    // A planner of its own for each, as the driver complains about each once.
+    // A new planner for each, because the driver warns about each once.
     let announce = |plan: Plan| -> Publisher<wire::CompensatedPath> {
         let manifest = plan.manifest.clone();
         plans.lock().expect("no panic").insert(manifest.revision, plan);
@@ -187,7 +187,7 @@ fn a_path_that_is_not_whole_is_not_taken_and_the_next_one_is() {
         });
         assert!(line.contains(words), "{words:?} is not in {line:?}");
         assert!(line.contains(&format!("revision {revision} ")), "{line}");
-        // Again and again: nobody wants to read it.
+        // Published again and again: one line in the log is enough.
         let manifest = plans.lock().expect("no panic")[&revision].manifest.clone();
         if !words.contains("did not answer") {
             for _ in 0..20 {

@@ -1,9 +1,9 @@
 //! Ten thousand messages a second on everything that the nodes listen to.
 
 use super::commander::Commander;
-use super::machine::{Machine, PATIENT, until};
+use super::machine::{Machine, SLOW_POLLING, until};
 use super::stranger::{Stranger, encoded, resident_mb};
-use super::support::{CONTOUR, PATIENCE};
+use super::support::{CONTOUR, TIMEOUT};
 use cnc_msgs::wire::cnc_msgs::msg::{
     CompensatedPath, CompensationReport, MachineState, Program, ProgrammedContour, Recording, Tool,
     ToolTable,
@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 /// Messages of each storm, and how many go out in a millisecond.
 const STORM: u64 = 10_000;
 const A_MILLISECOND: u64 = 10;
-/// States that the driver tells while it lasts.
+/// States that the driver publishes while it lasts.
 const STATES: usize = 5;
 /// What a storm may leave in the memory of a node, MB: what waits on both sides, and no more.
 const LEFT_MB: f64 = 64.0;
@@ -92,10 +92,10 @@ struct Watch<'a> {
 }
 
 impl Watch<'_> {
-    /// Goes on with this until enough was sent and the driver has told its state.
+    /// Repeats this until enough was sent and the driver has published its state.
     #[track_caller]
     fn while_states_come(&self, what: &str, mut send: impl FnMut() -> u64) -> u64 {
-        let (mark, end) = (self.commander.mark(), Instant::now() + PATIENCE);
+        let (mark, end) = (self.commander.mark(), Instant::now() + TIMEOUT);
         let mut sent = 0;
         // States of the driver itself: its endpoint is not ours.
         let told = || {
@@ -103,7 +103,7 @@ impl Watch<'_> {
             states.iter().filter(|state| state.link_age > 0.0).count()
         };
         while sent < STORM || told() < STATES {
-            assert!(Instant::now() < end, "{what}: {sent} sent, {} states heard", told());
+            assert!(Instant::now() < end, "{what}: {sent} sent, {} states received", told());
             sent += send();
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -117,7 +117,7 @@ impl Watch<'_> {
 
 #[test]
 fn a_storm_on_any_topic_leaves_the_machine_its_state_and_one_line_in_the_log() {
-    let mut args = PATIENT.to_vec();
+    let mut args = SLOW_POLLING.to_vec();
     args.extend(["-p", "axis_driver:use_sim_time:=true"]);
     let machine = Machine::virtual_with(8, &args);
     let commander = Commander::join(&machine);
@@ -139,7 +139,7 @@ fn a_storm_on_any_topic_leaves_the_machine_its_state_and_one_line_in_the_log() {
         let publisher = stranger.inside(|node| {
             node.raw_publisher(&topic, "test_msgs/msg/Foreign", Qos::LATCHED).expect("raw")
         });
-        // It is heard once it is matched.
+        // It is received once it is matched.
         std::thread::sleep(Duration::from_millis(500));
         let mut messages = storm.messages.iter().cycle();
         watch.while_states_come(storm.topic, || {
@@ -180,7 +180,7 @@ async fn ask<S: Service + 'static>(client: &Client<S>, request: S::Request) -> u
     let mut calls = tokio::task::JoinSet::new();
     for _ in 0..50 {
         let (client, request) = (client.clone(), request.clone());
-        calls.spawn(async move { client.call_within(request, PATIENCE).await.is_ok() });
+        calls.spawn(async move { client.call_within(request, TIMEOUT).await.is_ok() });
     }
     calls.join_all().await.into_iter().filter(|is_answered| *is_answered).count() as u64
 }

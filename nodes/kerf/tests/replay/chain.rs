@@ -53,7 +53,7 @@ fn what_is_reproduced_alone_is_reproduced_in_a_chain() {
 }
 
 #[test]
-fn a_change_in_one_core_goes_on_to_the_others_in_a_chain_alone() {
+fn a_change_in_one_core_reaches_the_others_in_a_chain_only() {
     let alone = with_text("F400", "F500", &[]).expect(1);
     assert!(!row(&alone, "loader").contains(" 0 differences"), "{}", alone.out);
     for level in ["planner", "driver"] {
@@ -74,7 +74,7 @@ fn a_change_in_one_core_goes_on_to_the_others_in_a_chain_alone() {
 
 #[test]
 fn what_is_not_sent_otherwise_is_played_all_the_same() {
-    // A comment more: another text, the same contour but for where it stands in the lines.
+    // One more comment: another text, the same contour at other columns.
     let ran = with_text("N20 ", "N20  ", &["--chain"]);
     assert!(row(&ran, "driver").contains("transmissions"), "{}", ran.out);
     assert!(row(&ran, "driver").contains(" 0 differences"), "{}", ran.out);
@@ -84,8 +84,8 @@ fn what_is_not_sent_otherwise_is_played_all_the_same() {
 fn a_program_that_is_refused_now_leaves_nothing_to_plan_or_to_run() {
     let ran = with_text("G41", "G99", &["--chain"]).expect(1).says(&[
         "was accepted and is refused now",
-        "the loader refuses the program of it now",
-        "it was run and is not made any more",
+        "the loader refuses its program now",
+        "it was run, and is no longer made",
     ]);
     assert!(!ran.out.contains("reproduced"), "{}", ran.out);
 }

@@ -184,7 +184,7 @@ fn a_file_that_breaks_off_or_is_spoilt_is_an_error_and_never_a_panic() {
 }
 
 #[test]
-fn damage_beside_the_messages_is_told_by_info_and_by_replay() {
+fn damage_outside_of_the_messages_is_reported_by_info_and_by_replay() {
     let folder = Folder::new();
     let path = folder.path().join("bag");
     std::fs::create_dir(&path).expect("a folder");
@@ -217,7 +217,7 @@ fn damage_beside_the_messages_is_told_by_info_and_by_replay() {
         at += 9 + length;
     }
     assert!(kinds.contains(&op::MESSAGE_INDEX) && kinds.contains(&op::METADATA), "{kinds:?}");
-    // What metadata.yaml says is told as well; the bag replays all the same.
+    // The contradiction of metadata.yaml is reported, too; the bag still replays.
     let count = yaml.lines().find(|line| line.contains("message_count")).expect("a count");
     let said = info(&bytes, &yaml.replace(count, "  message_count: 7")).expect(2);
     said.says(&["metadata.yaml says 7 messages, and there are "]);
@@ -225,7 +225,7 @@ fn damage_beside_the_messages_is_told_by_info_and_by_replay() {
 }
 
 #[test]
-fn a_broken_bag_does_not_hide_those_behind_it() {
+fn a_broken_bag_does_not_hide_those_after_it() {
     let folder = Folder::new();
     let page = folder.path().join("page.html");
     let (none, whole) = (folder.path().join("none"), golden(BAG));

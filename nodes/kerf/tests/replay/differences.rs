@@ -1,4 +1,4 @@
-//! What is different is told with its place, whatever field it is in.
+//! Every difference is reported with its place, in any field.
 
 use crate::bag::{Form, TestBag};
 use crate::replay;
@@ -51,7 +51,7 @@ pub(crate) fn shift(elements: &mut [wire::PathElement], index: usize, by_m: f64)
 }
 
 #[test]
-fn a_micrometre_is_told_with_its_line_and_a_picometre_is_a_remark() {
+fn a_micrometre_is_reported_with_its_line_and_a_picometre_is_a_remark() {
     let ran = after(|bag| change_path(bag, |it| shift(it, 2, 1e-6)), &["--level", "planner"]);
     let ran = ran.expect(1).says(&[
         "DIFFERENT",
@@ -98,7 +98,7 @@ fn change_events(bag: &mut TestBag, mut change: impl FnMut(&mut wire::PathEvent)
 fn another_split_of_the_same_path_is_a_remark() {
     let ran = after(split, &["--level", "planner"]).expect(0);
     ran.says(&["reproduced", "remark: path 1: the same curve,", "elements became"]);
-    // M6 is M6 in its text: which tool it puts in stands beside it.
+    // The text is M6; the number of the tool is in another field.
     const WITH_TOOL: &str = "rs274_hold_and_tool_change";
     let other_tool = |event: &mut wire::PathEvent| {
         let is_change = event.function.kind == wire::MachineFunction::CHANGE_TOOL;
@@ -162,7 +162,7 @@ fn every_field_that_the_cores_make_is_compared() {
             notice("path", "planner", &field, spoilt::<wire::CompensatedPath>(&golden, &field));
         }
         for field in fields::<wire::ProgrammedContour>(&golden) {
-            // Where the program begins is a parameter, and the bag alone tells it.
+            // The start position is a parameter, and only in the bag.
             let is_made = field != "start";
             let changed = spoilt::<wire::ProgrammedContour>(&golden, &field);
             notice("contour", "loader", &field, changed.filter(|_| is_made));
@@ -174,7 +174,7 @@ fn every_field_that_the_cores_make_is_compared() {
     }
 }
 
-/// What stands for infinity in JSON, which has none.
+/// The value for infinity in JSON, which has none.
 const ENDLESS: f64 = 1.25e300;
 
 fn json<M: Message>(bag: &TestBag) -> Value {
@@ -231,7 +231,7 @@ fn spoil(value: &mut Value) -> bool {
 }
 
 #[test]
-fn a_wrong_byte_to_the_machine_is_told_with_the_line_that_was_cut() {
+fn a_wrong_byte_to_the_machine_is_reported_with_the_line_that_was_cut() {
     let mut count = 0;
     let change = |bag: &mut TestBag| {
         bag.change(|traffic: &mut wire::ControllerTraffic| {

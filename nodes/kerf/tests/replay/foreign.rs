@@ -148,7 +148,7 @@ fn a_topic_with_two_channels_is_of_one_machine() {
     let folder = Folder::new();
     let mut bag = TestBag::golden(BAGS[0]);
     let count = bag.topics.len();
-    // A recorder that was started again told its topics once more.
+    // A restarted recorder announces its topics again.
     for mut topic in bag.topics.clone() {
         topic.metadata.insert("told".into(), "again".into());
         bag.topics.push(topic);

@@ -84,7 +84,7 @@ fn a_run_that_never_ran_proves_nothing_of_the_driver() {
             true
         });
     };
-    after(never, Form::OURS, &["--level", "driver"]).expect(2).says(&["the run never ran"]);
+    after(never, Form::OURS, &["--level", "driver"]).expect(2).says(&["the run did not start"]);
 }
 
 #[test]
@@ -152,7 +152,7 @@ fn a_bag_that_says_it_is_of_a_program_must_hold_it() {
 }
 
 #[test]
-fn a_plan_that_was_refused_and_blocks_that_nobody_asked_for_are_different() {
+fn a_plan_that_was_refused_and_blocks_without_a_request_are_different() {
     // Refused then, and no path; accepted now.
     let refused = |bag: &mut TestBag| {
         bag.change(|report: &mut wire::CompensationReport| {
@@ -264,14 +264,16 @@ fn a_state_that_the_driver_goes_through_is_missed_and_can_be_blessed() {
             let ran = replay(&path, &[]).expect(1);
             ran.says(&["DIFFERENT", "the driver goes through", "does not have that state"]);
             if what != "all but one" {
-                replay(&path, &["--update"]).expect(0).says(&["updated; it is reproduced now"]);
+                replay(&path, &["--update"])
+                    .expect(0)
+                    .says(&["updated; the bag is reproduced now"]);
             }
         }
     }
 }
 
 #[test]
-fn a_message_of_any_topic_that_somebody_took_out_is_told() {
+fn a_removed_message_of_any_topic_is_reported() {
     type Keeps = fn(usize, usize) -> bool;
     let cases: [(&str, Keeps); 4] = [
         ("all", |_, _| false),

@@ -1,4 +1,4 @@
-//! What replay writes takes nobody's place.
+//! The outputs of replay overwrite no other file.
 
 use crate::bag::{files, golden};
 use crate::replay;
@@ -42,7 +42,7 @@ fn bags_of_one_name_are_not_written_over_each_other() {
     };
     replayed(["a/run.mcap", "b/run.mcap"], "one").expect(2).says(&["a/run.mcap and b/run.mcap"]);
     assert!(!folder.path().join("one").exists(), "it was refused before anything was done");
-    // What is behind a dot is part of a folder's name.
+    // A dot and what follows it are part of a folder's name.
     replayed(["run.1", "run.2"], "two").expect(0);
     for name in ["run.1.mcap", "run.2.mcap"] {
         assert!(folder.path().join("two").join(name).exists(), "{name}");

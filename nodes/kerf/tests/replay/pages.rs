@@ -1,4 +1,4 @@
-//! What stands on the pages of bags, whatever is missing in them.
+//! The pages of bags, also of incomplete ones.
 
 use crate::bag::{Form, TestBag, golden};
 use crate::support::{Folder, Ran, kerf, run};
@@ -44,7 +44,7 @@ fn a_run_is_shown_without_its_plan_and_not_called_complete() {
     let sheets = page["sheets"].as_array().expect("sheets");
     assert_eq!(sheets.len(), 1);
     assert_eq!(sheets[0]["verdict"], "not complete");
-    assert_eq!(sheets[0]["summary"], "no plan is in the bag");
+    assert_eq!(sheets[0]["summary"], "the bag holds no plan");
     assert!(page["runs"][0]["dialogue"].as_array().is_some_and(|rows| rows.len() > 20));
 
     let page = reported(|bag| bag.silence::<wire::PathChunk>());
@@ -67,7 +67,7 @@ fn a_bag_with_nothing_to_show_is_an_error() {
 }
 
 #[test]
-fn a_run_is_told_once_and_of_the_plans_that_were_run() {
+fn a_run_is_shown_once_and_with_the_plans_that_were_run() {
     let folder = Folder::new();
     let page = folder.path().join("page.html");
     report(&golden("refused_programs"), &page).expect(0);
@@ -82,7 +82,7 @@ fn a_run_is_told_once_and_of_the_plans_that_were_run() {
     report(&golden("sinumerik_840c_wear_correction"), &wear).expect(0);
     assert_eq!(data(&wear)["runs"].as_array().map(Vec::len), Some(1));
 
-    // What stopped it stands where it ran.
+    // The cause of the stop is shown where it ran.
     let alarm = folder.path().join("alarm.html");
     report(&golden("alarm_hard_limit"), &alarm).expect(0);
     let pins = data(&alarm)["sheets"][0]["pins"].to_string();

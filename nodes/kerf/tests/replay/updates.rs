@@ -64,7 +64,7 @@ fn what_is_blessed_is_shown_and_reproduced_and_inputs_stay() {
         let path = written(&folder, change, Form::OURS);
         let before = TestBag::read(&path);
         let ran = replay(&path, &["--update"]).expect(0);
-        ran.says(&[what, verdict, "updated; it is reproduced now"]);
+        ran.says(&[what, verdict, "updated; the bag is reproduced now"]);
         let ran = replay(&path, &["--chain"]).expect(0).says(&["reproduced"]);
         assert!(!ran.out.contains("remark"), "{what}: {}", ran.out);
         // What is not made by a core is as it was: each message with its times, each record.
@@ -101,7 +101,7 @@ fn what_is_blessed_is_shown_and_reproduced_and_inputs_stay() {
             heard.sort_by_key(|it| it.sequence);
             heard
         };
-        assert!(heard(&before) == heard(&after), "{what}: another was heard");
+        assert!(heard(&before) == heard(&after), "{what}: the received bytes differ");
         // Both files say the same, and once more there is nothing to do.
         let kept = content(&path);
         let yaml = String::from_utf8(kept["metadata.yaml"].clone()).expect("a text");
@@ -136,7 +136,7 @@ fn what_cannot_be_blessed_stays_as_it_was() {
         (
             Form::OURS,
             |bag| change_path(bag, |it| shift(it, 2, 1e-3)),
-            &["the bag stays as it was", "other lines", "record this run again"],
+            &["the bag was not changed", "other lines", "record this run again"],
         ),
         // It would be sent lines at other times.
         (
@@ -152,7 +152,7 @@ fn what_cannot_be_blessed_stays_as_it_was() {
                     true
                 });
             },
-            &["the bag stays as it was", "at other times", "record this run again"],
+            &["the bag was not changed", "at other times", "record this run again"],
         ),
         (
             split,
@@ -162,7 +162,7 @@ fn what_cannot_be_blessed_stays_as_it_was() {
                     true
                 });
             },
-            &["the bag stays as it was", "it is in several files"],
+            &["the bag was not changed", "it is in several files"],
         ),
         (
             Form { is_zstd_file: true, ..Form::OURS },
@@ -172,7 +172,7 @@ fn what_cannot_be_blessed_stays_as_it_was() {
                     true
                 });
             },
-            &["the bag stays as it was", "compressed as a whole"],
+            &["the bag was not changed", "compressed as a whole"],
         ),
     ];
     for (form, change, says) in cases {
@@ -182,7 +182,7 @@ fn what_cannot_be_blessed_stays_as_it_was() {
         replay(&path, &["--update"]).expect(2).says(says);
         assert!(content(&path) == before, "a file is another one");
         let beside = std::fs::read_dir(folder.path()).expect("a folder").count();
-        assert_eq!(beside, 1, "nothing is left beside the bag");
+        assert_eq!(beside, 1, "nothing is left next to the bag");
     }
 }
 

@@ -6,7 +6,7 @@ use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
-/// A pseudo-terminal behind which nobody answers.
+/// A pseudo-terminal without a controller.
 #[derive(Debug)]
 pub(crate) struct SilentPort {
     _master: OwnedFd,

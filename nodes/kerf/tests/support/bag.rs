@@ -139,7 +139,7 @@ impl TestBag {
         self.topics.iter().position(is_of).expect("a run has this topic")
     }
 
-    /// The place of the topic that tells what becomes of goals of `run_program`.
+    /// Index of the status topic of the goals of `run_program`.
     pub(crate) fn goals(&self) -> usize {
         let is_of = |topic: &Topic| topic.name.ends_with("run_program/_action/status");
         self.topics.iter().position(is_of).expect("a run has this topic")
@@ -279,7 +279,7 @@ impl TestBag {
             })
         };
         if form.is_ours {
-            // Ours tells all topics at once, rosbag2 each with its first message.
+            // run_recorder announces all topics at once, rosbag2 each with its first message.
             for place in 0..self.topics.len() {
                 channel_of(&mut writer, place);
             }
@@ -352,7 +352,7 @@ fn add_silent_channel(bytes: &mut Vec<u8>, id: u16, topic: &Topic) {
     let records = records.concat();
     let grown = records.len() as u64;
     bytes.splice(at..at, records);
-    // What is behind has moved, and the checksum is another one.
+    // The records after it have moved, and the checksum is different.
     let word = |bytes: &[u8], at: usize| {
         u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"))
     };

@@ -1,7 +1,7 @@
-//! Somebody who commands a machine over ROS 2, within this process, and hears all it says.
+//! A commander of a machine over ROS 2, within this process, which keeps all messages.
 
 use super::machine::{Machine, until};
-use super::support::PATIENCE;
+use super::support::TIMEOUT;
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::wire::cnc_msgs::action::{
     Home, HomeGoal, HomeResult, RunProgram, RunProgramGoal, RunProgramResult,
@@ -20,7 +20,7 @@ use tokio::task::JoinHandle;
 /// The services without arguments.
 const BUTTONS: [&str; 5] = ["feed_hold", "resume", "soft_reset", "unlock", "confirm_tool_change"];
 
-/// All that was heard, in order.
+/// All received messages, in order.
 #[derive(Debug, Default)]
 struct Heard {
     states: Vec<MachineState>,
@@ -30,7 +30,7 @@ struct Heard {
     findings: Vec<DiagnosticArray>,
 }
 
-/// A node of this process beside a machine.
+/// A node of this process, next to a machine.
 pub(crate) struct Commander {
     executor: tokio::runtime::Runtime,
     session: Option<Session>,
@@ -111,7 +111,7 @@ impl Commander {
 
     /// What is said of the machine now.
     pub(crate) fn state(&self) -> MachineState {
-        self.heard().states.last().expect("a state was heard").clone()
+        self.heard().states.last().expect("a state was received").clone()
     }
 
     /// Waits until the newest state is such a one.
@@ -119,7 +119,7 @@ impl Commander {
     pub(crate) fn until(&self, what: &str, is_so: impl Fn(&MachineState) -> bool) -> MachineState {
         let last = || self.heard().states.last().cloned();
         let mut told = None;
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         while Instant::now() < end {
             told = last();
             if let Some(state) = told.as_ref().filter(|state| is_so(state)) {
@@ -128,7 +128,7 @@ impl Commander {
             std::thread::sleep(Duration::from_millis(5));
         }
         let told = told.map(|state| describe(&state));
-        panic!("{what}: not within {} s; the last was {told:?}", PATIENCE.as_secs());
+        panic!("{what}: not within {} s; the last was {told:?}", TIMEOUT.as_secs());
     }
 
     /// Waits for this mode.
@@ -153,7 +153,7 @@ impl Commander {
             all.find(|status| status.name.ends_with(&name)).cloned()
         };
         let is_so = |it: &DiagnosticStatus| it.level == level && it.message.contains(words);
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         while !newest().is_some_and(|status| is_so(&status)) {
             assert!(Instant::now() < end, "not {level} {words:?} but {:?}", newest());
             std::thread::sleep(Duration::from_millis(20));
@@ -169,7 +169,7 @@ impl Commander {
     #[track_caller]
     pub(crate) fn press(&self, button: &str) -> Result<String, String> {
         let client = &self.buttons[button];
-        let answer = self.wait(client.call_within(TriggerRequest::default(), PATIENCE));
+        let answer = self.wait(client.call_within(TriggerRequest::default(), TIMEOUT));
         let answer = answer.expect("the driver answers");
         if answer.success { Ok(answer.message) } else { Err(answer.message) }
     }
@@ -178,7 +178,7 @@ impl Commander {
     /// died since is lost.
     pub(crate) fn press_again(&self, button: &str) -> Result<String, String> {
         let client = &self.buttons[button];
-        let answer = self.wait(client.call_idempotent(&TriggerRequest::default(), PATIENCE));
+        let answer = self.wait(client.call_idempotent(&TriggerRequest::default(), TIMEOUT));
         let answer = answer.expect("the driver answers");
         if answer.success { Ok(answer.message) } else { Err(answer.message) }
     }
@@ -190,7 +190,7 @@ impl Commander {
             Ok(goal) => Ok(Running {
                 goal: goal.id(),
                 result: self.executor.spawn(async move {
-                    let ended = goal.result(3 * PATIENCE).await;
+                    let ended = goal.result(3 * TIMEOUT).await;
                     ended.map(|(_, result)| result).map_err(|error| error.to_string())
                 }),
             }),
@@ -231,7 +231,7 @@ impl Commander {
     pub(crate) fn home(&self) -> HomeResult {
         self.wait(async {
             let goal = self.homes.send_goal(HomeGoal::default()).await.expect("homing is taken up");
-            goal.result(PATIENCE).await.expect("homing ends").1
+            goal.result(TIMEOUT).await.expect("homing ends").1
         })
     }
 }

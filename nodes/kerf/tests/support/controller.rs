@@ -14,7 +14,7 @@ pub(crate) struct Controller {
     port: PathBuf,
 }
 
-/// What tells it what goes wrong.
+/// Its standard input, for fault actions.
 #[derive(Debug, Clone)]
 pub(crate) struct Orders(Arc<Mutex<ChildStdin>>);
 
@@ -41,7 +41,7 @@ impl Controller {
         let orders = Orders(Arc::new(Mutex::new(process.stdin.take().expect("piped"))));
         let mut said = BufReader::new(process.stdout.take().expect("piped"));
         let mut first = String::new();
-        said.read_line(&mut first).expect("it tells its port");
+        said.read_line(&mut first).expect("it reports its port");
         let port = PathBuf::from(first.trim());
         assert!(port.exists(), "no virtual controller: {first:?}");
         Self { process, orders, port }

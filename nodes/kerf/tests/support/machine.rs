@@ -1,6 +1,6 @@
-//! A whole machine of real processes, for one test, that leaves nothing behind.
+//! A whole machine of real processes, for one test, that leaves no processes or files.
 
-use super::support::{Folder, PATIENCE, Ran, TOOLS, kerf, number, run};
+use super::support::{Folder, Ran, TIMEOUT, TOOLS, kerf, number, run};
 use cnc_msgs::cdr;
 use cnc_msgs::interface::Message;
 use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, TrafficEntry};
@@ -21,7 +21,7 @@ static LEFT: Condvar = Condvar::new();
 
 /// Asks so seldom that a controller on a busy host is not taken for silent: three questions
 /// without an answer are.
-pub(crate) const PATIENT: [&str; 2] = ["-p", "axis_driver:poll_interval_ms:=500"];
+pub(crate) const SLOW_POLLING: [&str; 2] = ["-p", "axis_driver:poll_interval_ms:=500"];
 
 /// The right to run a machine.
 #[derive(Debug)]
@@ -55,15 +55,15 @@ pub(crate) fn domain() -> String {
 /// Waits until something holds.
 ///
 /// # Panics
-/// It does not within [`PATIENCE`].
+/// It does not within [`TIMEOUT`].
 #[track_caller]
 pub(crate) fn until<T>(what: &str, mut probe: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + TIMEOUT;
     loop {
         if let Some(found) = probe() {
             return found;
         }
-        assert!(Instant::now() < end, "{what}: not within {} s", PATIENCE.as_secs());
+        assert!(Instant::now() < end, "{what}: not within {} s", TIMEOUT.as_secs());
         std::thread::sleep(Duration::from_millis(50));
     }
 }
@@ -97,7 +97,7 @@ pub(crate) struct Machine {
 impl Machine {
     /// A machine with the virtual controller, so many times faster than a real one.
     pub(crate) fn virtual_one(time_factor: u32) -> Self {
-        Self::virtual_with(time_factor, &PATIENT)
+        Self::virtual_with(time_factor, &SLOW_POLLING)
     }
 
     /// The same with arguments for its nodes.
@@ -161,7 +161,7 @@ impl Machine {
         command
     }
 
-    /// Runs `kerf` beside this machine.
+    /// Runs `kerf` for this machine.
     #[track_caller]
     pub(crate) fn kerf(&self, args: &[&str]) -> Ran {
         run(&mut self.command(args))
@@ -177,7 +177,7 @@ impl Machine {
     #[track_caller]
     pub(crate) fn until_state(&self, state: &str) -> String {
         let mut last = String::new();
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         while Instant::now() < end {
             let ran = self.kerf(&["status"]);
             last = format!("{}{}", ran.out, ran.err);
@@ -285,7 +285,7 @@ impl Drop for Machine {
         let _ = self.up.kill();
         let _ = self.up.wait();
         for (id, _) in self.nodes() {
-            // It may be on its way out already.
+            // It may be exiting already.
             let _ = kill_process(id, Signal::KILL);
         }
         let _ = std::fs::remove_file(self.link());

@@ -7,7 +7,7 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 /// How long anything that is waited for may take; generous, machines are slow.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
 /// The program of the demo.
 pub(crate) const CONTOUR: &str =
     concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/demo/contour.mpf");
@@ -43,7 +43,7 @@ impl Ran {
     }
 }
 
-/// `kerf` without the ROS variables of whoever runs the tests.
+/// `kerf` without the ROS variables of the environment.
 pub(crate) fn kerf() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_kerf"));
     for (name, _) in std::env::vars() {
@@ -58,7 +58,7 @@ pub(crate) fn kerf() -> Command {
 /// Runs a command to its end.
 ///
 /// # Panics
-/// It does not end within [`PATIENCE`].
+/// It does not end within [`TIMEOUT`].
 #[track_caller]
 pub(crate) fn run(command: &mut Command) -> Ran {
     let mut child = command
@@ -75,7 +75,7 @@ pub(crate) fn run(command: &mut Command) -> Ran {
     };
     let out = drain(Box::new(child.stdout.take().expect("piped")));
     let err = drain(Box::new(child.stderr.take().expect("piped")));
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + TIMEOUT;
     let status = loop {
         if let Some(status) = child.try_wait().expect("a child can be waited for") {
             break status;
@@ -83,7 +83,7 @@ pub(crate) fn run(command: &mut Command) -> Ran {
         if Instant::now() > end {
             let _ = child.kill();
             let _ = child.wait();
-            panic!("{command:?} did not end within {} s", PATIENCE.as_secs());
+            panic!("{command:?} did not end within {} s", TIMEOUT.as_secs());
         }
         std::thread::sleep(Duration::from_millis(5));
     };
@@ -91,7 +91,7 @@ pub(crate) fn run(command: &mut Command) -> Ran {
     Ran { status: number(status), out: text(out), err: text(err) }
 }
 
-/// An exit status as shells tell it.
+/// An exit status as shells report it.
 pub(crate) fn number(status: ExitStatus) -> i32 {
     use std::os::unix::process::ExitStatusExt;
     status.code().unwrap_or_else(|| 128 + status.signal().unwrap_or(0))

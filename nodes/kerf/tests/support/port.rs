@@ -1,4 +1,4 @@
-//! A serial port that tells who opens and closes it.
+//! A serial port that reports when it is opened and closed.
 
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, Reader, WatchFlags};
 use rustix::fs::{Mode, OFlags, fcntl_getfl, fcntl_setfl, open};
@@ -21,7 +21,7 @@ pub(crate) struct Port {
 }
 
 impl Port {
-    /// One that nobody has open.
+    /// A port that is not open.
     pub(crate) fn open() -> std::io::Result<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&master)?;
@@ -31,7 +31,7 @@ impl Port {
         let slave = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
         let mut termios = tcgetattr(&slave)?;
         termios.make_raw();
-        // As ports are that nobody has touched.
+        // The initial state of a port.
         termios.control_modes |= ControlModes::HUPCL;
         tcsetattr(&slave, OptionalActions::Now, &termios)?;
         fcntl_setfl(&master, fcntl_getfl(&master)? | OFlags::NONBLOCK)?;
@@ -45,7 +45,7 @@ impl Port {
         &self.path
     }
 
-    /// What is written here arrives at whoever has opened it.
+    /// Bytes written here arrive at the process that has opened the port.
     pub(crate) fn master(&self) -> &OwnedFd {
         &self.master
     }

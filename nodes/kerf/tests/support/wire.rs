@@ -1,8 +1,8 @@
 //! A serial line in the hands of a test: it lies between the driver and a controller.
 //!
-//! To the driver it is a pseudo-terminal behind a link, which can be unplugged in the
+//! To the driver it is a pseudo-terminal with a link, which can be unplugged in the
 //! middle of a byte sequence and come back as another device; to the controller it is
-//! whoever has opened its port. It knows lines and marks, and spoils what it is asked to;
+//! the process that has opened its port. It knows lines and marks, and injects faults;
 //! it knows nothing of what the lines mean. All that passes is kept.
 
 #[path = "wire/ends.rs"]
@@ -44,7 +44,7 @@ pub(crate) struct Passed {
 enum Wanted {
     Pulled,
     PluggedIn,
-    /// Into a device that is there already, with this controller behind it.
+    /// Plugs it into an existing device, with this controller.
     MovedTo(OwnedFd),
 }
 
@@ -62,7 +62,7 @@ struct Line {
     asides: Vec<u8>,
     /// Where the port is.
     device: Option<PathBuf>,
-    /// How often somebody has opened it.
+    /// How often it was opened.
     openings: usize,
     is_open: bool,
     /// Whether closing it would let DTR fall.
@@ -123,7 +123,7 @@ impl Wire {
     }
 
     /// What the driver has written since then, without its questions for status.
-    pub(crate) fn told_since(&self, mark: usize) -> String {
+    pub(crate) fn sent_since(&self, mark: usize) -> String {
         let passed = self.passed_since(mark).into_iter();
         let bytes = passed.filter(|passed| passed.from == Writer::Driver).flat_map(|it| it.said);
         let bytes: Vec<u8> = bytes.filter(|byte| *byte != b'?').collect();
@@ -131,7 +131,7 @@ impl Wire {
     }
 
     /// What the driver was given since then.
-    pub(crate) fn heard_since(&self, mark: usize) -> String {
+    pub(crate) fn received_since(&self, mark: usize) -> String {
         let passed = self.passed_since(mark).into_iter();
         let bytes =
             passed.filter(|passed| passed.from == Writer::Controller).flat_map(|it| it.heard);
@@ -158,7 +158,7 @@ impl Wire {
         self.want(Wanted::PluggedIn);
     }
 
-    /// Plugs it in with another controller behind another device.
+    /// Plugs it in with another controller and another device.
     pub(crate) fn plug_into(&self, controller: &Path) {
         self.want(Wanted::MovedTo(open_controller(controller)));
     }
@@ -174,7 +174,7 @@ impl Wire {
         until("the cable", || (self.line().device.is_some() == is_plugged).then_some(()));
     }
 
-    /// Says this to the controller behind the driver's back.
+    /// Sends this to the controller without the driver's knowledge.
     pub(crate) fn say_to_controller(&self, bytes: &[u8]) {
         self.change(|line| line.asides.extend_from_slice(bytes));
     }

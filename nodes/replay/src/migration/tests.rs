@@ -1,11 +1,11 @@
-//! Old definitions, made of today's by leaving lines out.
+//! Old definitions, derived from today's by removing lines.
 
 use super::*;
 use crate::compare::Comparison;
 use cnc_msgs::wire::cnc_msgs::msg::{CompensationReport, ContourChunk, ContourEvent, MachineState};
 use run_recorder::bag_reader::BagSchema;
 
-/// A channel whose definition is today's without some lines, or with others in their place.
+/// A channel whose definition is today's with some lines removed or replaced.
 fn channel<M: Message>(hash: &str, edit: impl Fn(&str) -> String) -> BagChannel {
     let text: String =
         TypeInfo::of::<M>().schema_text.lines().map(|line| edit(line) + "\n").collect();
@@ -52,7 +52,7 @@ fn chunk() -> ContourChunk {
     ContourChunk { events: vec![event(1), event(2)], ..ContourChunk::default() }
 }
 
-/// As a recorder of that time wrote it.
+/// The bytes that a recorder of that time wrote.
 fn old_bytes(channel: &BagChannel, message: &ContourChunk) -> Vec<u8> {
     let schema_today = TypeInfo::of::<ContourChunk>().schema_text;
     let today = MessageSchema::parse(ContourChunk::TYPE_NAME, schema_today).unwrap();
@@ -61,7 +61,7 @@ fn old_bytes(channel: &BagChannel, message: &ContourChunk) -> Vec<u8> {
 }
 
 #[test]
-fn fields_that_came_later_are_zero_and_are_forgotten() {
+fn fields_that_were_added_later_are_zero_and_are_not_compared() {
     for hash in [FIRST_CONTOUR_CHUNK, ""] {
         let channel = channel::<ContourChunk>(hash, without_direction);
         let bytes = old_bytes(&channel, &chunk());
@@ -71,20 +71,20 @@ fn fields_that_came_later_are_zero_and_are_forgotten() {
         expected.events.iter_mut().for_each(|event| event.direction = [0.0; 3]);
         assert_eq!(read, expected, "{hash}");
         assert_eq!(definitions.forget(chunk()), expected);
-        // Of a type that is as it was, nothing is forgotten.
+        // Of an unchanged type, no field is removed.
         let state = MachineState { tool_wanted: 7, ..MachineState::default() };
         assert_eq!(definitions.forget(state.clone()), state);
     }
 }
 
 #[test]
-fn what_came_later_is_left_out_of_every_message_that_is_compared() {
+fn added_fields_are_left_out_of_every_message_that_is_compared() {
     let before = |added: &[&str]| {
         let today = TypeInfo::of::<CompensationReport>().schema_text;
         let today = MessageSchema::parse(CompensationReport::TYPE_NAME, today).unwrap();
         let added = added.iter().map(|path| path.parse().unwrap()).collect();
-        let way = Way::Migrated { old: Arc::clone(&today), today, added };
-        let ways = BTreeMap::from([((CompensationReport::TYPE_NAME, 0), way)]);
+        let decoding = Decoding::Migrated { old: Arc::clone(&today), today, added };
+        let ways = BTreeMap::from([((CompensationReport::TYPE_NAME, 0), decoding)]);
         Arc::new(Definitions { ways })
     };
     let recorded = CompensationReport::default();
@@ -95,7 +95,7 @@ fn what_came_later_is_left_out_of_every_message_that_is_compared() {
         (&[], &["error_count", "warning_count"]),
     ] {
         let mut comparison = Comparison::new(before(added));
-        // Of what is compared besides no less is left out.
+        // A second comparison of the same bag leaves out the same fields.
         let mut besides = comparison.another();
         for comparison in [&mut comparison, &mut besides] {
             comparison.message("compensation_report 1", &recorded, &now);
@@ -122,13 +122,13 @@ fn each_channel_of_a_type_is_read_by_its_own_definition() {
             let read: ContourChunk = definitions.decode(message, 1).expect("it is read");
             assert_eq!(read, if message.channel_index == 0 { forgotten.clone() } else { chunk() });
         }
-        // What one of them did not have is not compared.
+        // A field that one channel lacked is not compared.
         assert_eq!(definitions.forget(chunk()), forgotten);
     }
 }
 
 #[test]
-fn what_is_written_or_defined_otherwise_is_refused_by_name() {
+fn other_encodings_and_definition_languages_are_rejected_by_name() {
     let of = |edit: &dyn Fn(&mut BagChannel)| {
         let mut channel = channel::<ContourChunk>("", str::to_owned);
         edit(&mut channel);
@@ -154,7 +154,7 @@ fn the_definition_of_today_is_read_without_a_hash_and_with_any() {
 }
 
 #[test]
-fn a_definition_without_a_way_is_named_with_its_fields() {
+fn a_definition_that_cannot_be_converted_is_named_with_its_fields() {
     let today = TypeInfo::of::<ContourChunk>().rihs01;
     let dropped = |line: &str| {
         format!("{line}{}", if line == "float64[3] direction" { "\nfloat64 old" } else { "" })

@@ -1,44 +1,44 @@
-//! A run of elements as a curve, and how far two of them are apart.
+//! A run of elements as a curve, and the distance between two of them.
 //!
-//! Points of one are put beside the elements of the other at the same part of its length.
-//! Lines and arcs are exact; of a helix the point at the same angle is taken, which is never
-//! nearer than the nearest. So a distance here is never too small at the points that are
-//! looked at: both ends of each element of both curves, and seven points in between.
+//! Each point of one curve is compared with the elements of the other near the same share of its
+//! length. Lines and arcs are exact. For a helix the point at the same angle is used, which is
+//! never nearer than the nearest one. So at the sampled points a distance is never too small:
+//! both ends of each element of both curves, and seven points in between.
 
 use cnc_msgs::geometry::{Arc, Position, Shape};
 use cnc_msgs::path::CompensatedPath;
 use compensation_planner::tessellate::sweep;
 use std::f64::consts::TAU;
 
-/// Points looked at on an element, its end included. Between two of them a distance that
-/// grows and falls like that of chord and arc is seen to within 2 %.
+/// Samples on an element, its end included. In between, a distance that grows and falls like
+/// that of chord and arc is found to within 2 %.
 const SAMPLES: u32 = 8;
-/// Elements of the other curve that are looked at to each side of the same part of the length.
+/// Elements of the other curve that are checked on each side of the same share of the length.
 const NEAR: usize = 4;
 
 /// One line or arc with its start.
 #[derive(Debug, Clone, Copy)]
-struct Bit {
+struct CurveElement {
     start: Position,
     shape: Shape,
     end: Position,
-    /// Of an arc, rad.
+    /// The angle of an arc, rad.
     sweep: f64,
     length: f64,
     /// Length of the curve up to its start.
     before: f64,
 }
 
-/// Some elements of a path that follow each other.
+/// Consecutive elements of a path.
 #[derive(Debug)]
-pub(crate) struct Piece(Vec<Bit>);
+pub(crate) struct Curve(Vec<CurveElement>);
 
-impl Piece {
+impl Curve {
     pub(crate) fn new(path: &CompensatedPath, (first, end): (usize, usize)) -> Self {
         let mut before = 0.0;
         let bit = |index: usize| {
             let (start, element) = (path.start_of(index), &path.elements[index]);
-            let mut bit = Bit {
+            let mut bit = CurveElement {
                 start,
                 shape: element.shape,
                 end: element.end,
@@ -62,7 +62,7 @@ impl Piece {
         self.0.last().map_or(0.0, |bit| bit.before + bit.length)
     }
 
-    /// The largest distance of the points of each from the other, and where.
+    /// The largest distance of the points of each curve from the other, and where.
     pub(crate) fn distance_to(&self, other: &Self) -> (f64, Position) {
         let there = self.from(other);
         let back = other.from(self);
@@ -84,7 +84,7 @@ impl Piece {
                 }
                 let near = at.saturating_sub(NEAR)..(at + NEAR + 1).min(other.0.len());
                 let distances = other.0[near].iter().map(|bit| bit.distance(point));
-                // Infinite where a number is none.
+                // Infinite where a coordinate is NaN.
                 let nearest = distances.fold(f64::INFINITY, f64::min);
                 if nearest > worst.0 {
                     worst = (nearest, point);
@@ -95,8 +95,8 @@ impl Piece {
     }
 }
 
-impl Bit {
-    /// The point at this part of its length, from 0 to 1.
+impl CurveElement {
+    /// The point at this share of its length, from 0 to 1.
     fn point(&self, part: f64) -> Position {
         let Shape::Arc(arc) = &self.shape else {
             return [0, 1, 2].map(|k| self.start[k] + (self.end[k] - self.start[k]) * part);
@@ -120,7 +120,7 @@ impl Bit {
         point
     }
 
-    /// How far a point is from it, mm.
+    /// The distance of a point from it, mm.
     fn distance(&self, point: Position) -> f64 {
         let Shape::Arc(arc) = &self.shape else {
             return crate::path_distance::from_chord(point, &(self.start, self.end));

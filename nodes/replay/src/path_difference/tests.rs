@@ -1,4 +1,4 @@
-//! Paths that part, and paths that are cut otherwise.
+//! Paths that differ, and equal paths that are split differently.
 
 use super::*;
 use cnc_msgs::contour::Action;
@@ -44,7 +44,7 @@ fn divergence(recorded: &CompensatedPath, now: &CompensatedPath) -> Divergence {
 fn the_first_place_where_paths_part_is_found() {
     let recorded = path(vec![line(7, 1.0, 0.0), line(8, 2.0, 0.0)]);
     assert_eq!(likeness(&recorded, &recorded), Likeness::Same);
-    // A nanometre is none, nor is the tenth of one.
+    // A nanometre is no difference, nor is a tenth of one.
     let nearly = path(vec![line(7, 1.0, 0.0), line(8, 2.0, 9e-7)]);
     assert_eq!(likeness(&recorded, &nearly), Likeness::Same);
     let found = divergence(&recorded, &path(vec![line(7, 1.0, 0.0), line(8, 2.0, 0.001)]));
@@ -60,11 +60,11 @@ fn the_first_place_where_paths_part_is_found() {
     assert!(divergence(&recorded, &moved).text.contains("the path began at"));
     let mut nowhere = recorded.clone();
     nowhere.elements[1].end[1] = f64::NAN;
-    assert_eq!(divergence(&nowhere, &nowhere).line, 8, "what is no number is never the same");
+    assert_eq!(divergence(&nowhere, &nowhere).line, 8, "NaN never equals anything");
 }
 
 #[test]
-fn another_split_of_the_same_curve_is_the_same_curve() {
+fn the_same_curve_in_other_elements_is_the_same_curve() {
     let other = |recorded, now| Likeness::OtherElements { recorded, now };
     let whole = path(vec![line(7, 10.0, 0.0), line(8, 10.0, 5.0)]);
     let parts = path(vec![line(7, 4.0, 0.0), line(7, 10.0, 0.0), line(8, 10.0, 5.0)]);
@@ -78,14 +78,14 @@ fn another_split_of_the_same_curve_is_the_same_curve() {
     let thirds = round((1..=3).map(|k| arc(7, TAU * f64::from(k) / 3.0, 0)).collect());
     let mut turn = round(vec![arc(7, 0.0, 1)]);
     assert_eq!(likeness(&turn, &thirds), other(1, 3));
-    // One turn more is cut where one turn was cut, and is another path all the same.
+    // An additional turn is a different path, even if it is split at the same places.
     turn.elements[0] = arc(7, 0.0, 2);
     assert!(divergence(&turn, &thirds).text.contains("mm long"));
 }
 
 use std::f64::consts::TAU;
 
-/// A circle in chords that are nearer to it than `error_mm`.
+/// A circle in chords that are closer to it than `error_mm`.
 fn chords(error_mm: f64) -> CompensatedPath {
     let count = (TAU / (2.0 * (1.0 - error_mm / 10.0).acos())).ceil() as u32;
     let end = |k: u32| TAU * f64::from(k) / f64::from(count);
@@ -99,12 +99,12 @@ fn chords_are_the_same_curve_as_other_chords_only_within_the_tolerance() {
     let found = divergence(&fine, &chords(1e-4));
     let far = found.distance_mm.expect("a distance");
     assert!((far - 1e-4).abs() < 3e-6, "{far}");
-    // Within it, but of another kind: the machine is told something else.
+    // Within the tolerance, but of another kind: the machine gets other commands.
     assert!(divergence(&round(vec![arc(7, 0.0, 1)]), &fine).text.contains("is a line"));
 }
 
 #[test]
-fn another_kind_feed_side_or_block_is_another_path() {
+fn an_element_of_another_kind_feed_side_or_block_is_another_path() {
     let recorded = path(vec![line(7, 1.0, 0.0)]);
     type Change = fn(&mut PathElement);
     let changes: [(&str, Change); 9] = [
@@ -127,7 +127,7 @@ fn another_kind_feed_side_or_block_is_another_path() {
 }
 
 #[test]
-fn what_happens_along_the_path_stays_where_it_was() {
+fn events_along_the_path_are_compared_with_their_places() {
     let stop = |at_element| PathEvent {
         at_element,
         action: Action::ExactStop,
@@ -141,9 +141,9 @@ fn what_happens_along_the_path_stays_where_it_was() {
     now.events = vec![stop(1)];
     assert!(divergence(&recorded, &now).text.contains("was at X10.000000"));
     now.events = vec![stop(2), stop(3)];
-    assert!(divergence(&recorded, &now).text.contains("is new"));
+    assert!(divergence(&recorded, &now).text.contains("was added"));
     now.events = Vec::new();
-    assert!(divergence(&recorded, &now).text.contains("is gone"));
+    assert!(divergence(&recorded, &now).text.contains("was removed"));
 }
 
 #[test]

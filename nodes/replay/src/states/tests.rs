@@ -1,14 +1,14 @@
-//! Whatever is taken from the states of a golden run, or put among them, is found.
+//! Every state that is removed from a golden run, or added to it, is found.
 
-use super::order::{Difference, Made, Published, Span, compare};
+use super::order::{Made, Published, Span, StateDifference, compare};
 use super::*;
 use crate::compare::Comparison;
 use crate::driver;
-use crate::given::Given;
+use crate::inputs::CoreInputs;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The states of each golden run whose driver does today what it did.
+/// The states of each golden run in which today's driver does what was recorded.
 fn golden_runs() -> Vec<(String, States)> {
     let bags = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../bags");
     let bags = std::fs::read_dir(bags).expect("bags/ is there");
@@ -19,12 +19,12 @@ fn golden_runs() -> Vec<(String, States)> {
             let mut bag = run_recorder::files::open_bag(&folder).expect("a bag");
             let recording = Recording::read(&mut bag).expect("a recording");
             let definitions = Arc::new(recording.definitions.clone());
-            let given = Given::new(recording, false);
+            let inputs = CoreInputs::new(recording, false);
             let (mut comparison, mut outputs) = (Comparison::new(definitions), Vec::new());
-            let played = driver::replay(&given, &mut comparison, &mut outputs);
+            let played = driver::replay(&inputs, &mut comparison, &mut outputs);
             let played = played.expect("a journal").expect("it is played");
             let outputs = &played.played.outputs;
-            let states = States::of(&given.recording, &played.entries, outputs);
+            let states = States::of(&inputs.recording, &played.entries, outputs);
             (folder.display().to_string(), states.expect("a run has states"))
         })
         .collect();
@@ -32,8 +32,8 @@ fn golden_runs() -> Vec<(String, States)> {
     runs
 }
 
-/// The messages of the run of equal states that each distinct state is told by, from where
-/// the journal begins.
+/// The ranges of equal published states, one range for each distinct state, from the start of the
+/// journal.
 fn distinct(states: &States) -> Vec<std::ops::Range<usize>> {
     let published = &states.published;
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
@@ -49,17 +49,17 @@ fn distinct(states: &States) -> Vec<std::ops::Range<usize>> {
     runs
 }
 
-/// How many differences are found when the published states are these.
+/// The number of differences when the published states are these.
 fn found(states: &States, published: &[Published]) -> usize {
     compare(published, &states.made, states.span).1.len()
 }
 
-/// Those whose last states are not within the room that the ends of a record have.
-fn runs_heard_to_their_end() -> Vec<(String, States)> {
+/// Runs whose last states are not within the tolerance at the ends of a recording.
+fn runs_received_to_their_end() -> Vec<(String, States)> {
     const LATE_NS: i64 = 200_000_000;
     let mut runs = golden_runs();
     runs.retain(|(_, States { published, made, span, .. })| {
-        let is_made = made.last().is_some_and(|it| it.at_ns + LATE_NS <= span.heard_ns);
+        let is_made = made.last().is_some_and(|it| it.at_ns + LATE_NS <= span.last_received_ns);
         let is_told = published.iter().all(|it| it.report_ns <= span.end_ns);
         is_made && is_told
     });
@@ -79,7 +79,7 @@ fn every_golden_run_has_every_state_once_and_in_order() {
 #[test]
 fn each_single_state_is_missed_and_one_of_its_repetitions_is_not() {
     let (mut missed, mut repeated) = (0, 0);
-    for (name, states) in runs_heard_to_their_end() {
+    for (name, states) in runs_received_to_their_end() {
         for run in distinct(&states) {
             let mut left = states.published.clone();
             left.drain(run.clone());
@@ -88,7 +88,7 @@ fn each_single_state_is_missed_and_one_of_its_repetitions_is_not() {
             for one in run.clone().skip(1) {
                 let mut left = states.published.clone();
                 left.remove(one);
-                assert_eq!(found(&states, &left), 0, "{name}: {one} says what {run:?} says");
+                assert_eq!(found(&states, &left), 0, "{name}: {one} equals {run:?}");
                 repeated += 1;
             }
         }
@@ -98,7 +98,7 @@ fn each_single_state_is_missed_and_one_of_its_repetitions_is_not() {
 
 #[test]
 fn a_class_of_states_or_an_end_of_them_is_missed() {
-    for (name, states) in runs_heard_to_their_end() {
+    for (name, states) in runs_received_to_their_end() {
         let begin_ns = states.span.begin_ns;
         let is_in_time = |it: &Published| it.published_ns >= begin_ns;
         let modes: std::collections::BTreeSet<u8> =
@@ -125,13 +125,13 @@ fn a_class_of_states_or_an_end_of_them_is_missed() {
 
 #[test]
 fn states_that_change_places_or_come_once_more_are_found() {
-    for (name, states) in runs_heard_to_their_end() {
+    for (name, states) in runs_received_to_their_end() {
         let runs = distinct(&states);
         for pair in runs.windows(2) {
             let mut other = states.published.clone();
             other[pair[0].start..pair[1].end].rotate_left(pair[0].len());
             assert!(found(&states, &other) > 0, "{name}: {pair:?} the other way around");
-            // The one before once more, after the next.
+            // The previous state once more, after the next.
             let mut other = states.published.clone();
             let again = other[pair[0].start].clone();
             let at_ns = other[pair[1].end - 1].published_ns;
@@ -151,7 +151,7 @@ fn states_that_change_places_or_come_once_more_are_found() {
             for change in changes {
                 let mut other = states.published.clone();
                 change(&mut other[at].state);
-                // It may say what the one before it says, and be said itself by the one after it.
+                // A message may equal the one before it, or the one after it.
                 let is_repetition = in_order(&other) == in_order(&states.published);
                 let is_found = found(&states, &other) > 0;
                 assert_ne!(is_found, is_repetition, "{name}: message {at} is another");
@@ -160,7 +160,7 @@ fn states_that_change_places_or_come_once_more_are_found() {
     }
 }
 
-/// The states without repetitions in a row.
+/// The states without adjacent repetitions.
 fn in_order(published: &[Published]) -> Vec<&MachineState> {
     let mut states: Vec<_> = published.iter().map(|it| &it.state).collect();
     states.dedup();
@@ -169,12 +169,12 @@ fn in_order(published: &[Published]) -> Vec<&MachineState> {
 
 #[test]
 fn a_state_of_the_core_that_comes_or_goes_is_found() {
-    for (name, states) in runs_heard_to_their_end() {
+    for (name, states) in runs_received_to_their_end() {
         let found = |made: &[Made]| compare(&states.published, made, states.span).1.len();
         for index in 0..states.made.len() {
             let mut made = states.made.clone();
             let gone = made.remove(index);
-            // That of a checkpoint is not published.
+            // The state of a checkpoint is not published.
             assert_eq!(found(&made) == 0, index == 0, "{name}: without {gone:?}");
             let mut made = states.made.clone();
             let mut other = gone;
@@ -185,34 +185,34 @@ fn a_state_of_the_core_that_comes_or_goes_is_found() {
     }
 }
 
-/// A state that only its line tells from others, published and made at the same time.
+/// A state that differs from others in its line only, published and made at the same time.
 fn published(at_ns: i64, line: u32) -> Published {
     let state = MachineState { line, ..MachineState::default() };
     Published { published_ns: at_ns, report_ns: at_ns, state }
 }
 
 fn made(at_ns: i64, line: u32) -> Made {
-    Made { at_ns, state: published(at_ns, line).state, is_unheard: false }
+    Made { at_ns, state: published(at_ns, line).state, is_unreachable: false }
 }
 
 /// Times in milliseconds, and lines.
 type Rows<'a> = &'a [(i64, u32)];
 
 #[test]
-fn the_ends_of_a_record_are_judged_by_what_was_heard_there() {
+fn the_ends_of_a_recording_are_judged_by_what_was_received_there() {
     const MS: i64 = 1_000_000;
     let span = Span {
         begin_ns: 1000 * MS,
         begins_at_checkpoint: true,
         end_ns: 5000 * MS,
-        heard_ns: 5000 * MS,
+        last_received_ns: 5000 * MS,
     };
     let lists = |is: Rows<'_>, was: Rows<'_>| {
         let is: Vec<_> = is.iter().map(|&(at, line)| made(at * MS, line)).collect();
         let was: Vec<_> = was.iter().map(|&(at, line)| published(at * MS, line)).collect();
         (is, was)
     };
-    // What the core makes, what was published, and how many of both are missed.
+    // The core's states, the published states, and how many of each are missing.
     let cases: [(&str, Rows<'_>, Rows<'_>, usize, usize); 12] = [
         ("alike", &[(1000, 0), (2000, 1)], &[(2000, 1), (3000, 1)], 0, 0),
         ("the checkpoint's is repeated", &[(1000, 0), (2000, 1)], &[(1500, 0), (2000, 1)], 0, 0),
@@ -222,23 +222,23 @@ fn the_ends_of_a_record_are_judged_by_what_was_heard_there() {
         ("one more later", &[(1000, 0), (2000, 1)], &[(1300, 9), (1310, 0), (2000, 1)], 0, 2),
         ("a report after the journal", &[(1000, 0), (2000, 1)], &[(2000, 1), (5100, 2)], 0, 0),
         (
-            "said until long after the journal",
+            "published until long after the journal",
             &[(1000, 0), (2000, 1)],
             &[(2000, 1), (5300, 2), (5500, 2)],
             0,
             1,
         ),
         ("in the journal's time", &[(1000, 0), (2000, 1)], &[(2000, 1), (4900, 2)], 0, 1),
-        ("not heard any more", &[(1000, 0), (2000, 1), (4900, 2)], &[(2000, 1)], 0, 0),
-        ("heard, and not recorded", &[(1000, 0), (2000, 1), (4800, 2)], &[(2000, 1)], 1, 0),
+        ("not received any more", &[(1000, 0), (2000, 1), (4900, 2)], &[(2000, 1)], 0, 0),
+        ("received, but not recorded", &[(1000, 0), (2000, 1), (4800, 2)], &[(2000, 1)], 1, 0),
         ("nothing was published", &[(1000, 0), (2000, 1)], &[], 1, 0),
     ];
     for (what, is, was, is_missed, was_missed) in cases {
         let (is, was) = lists(is, was);
-        let heard = was.iter().map(|it| it.published_ns);
-        let heard_ns = heard.chain([span.heard_ns]).max().expect("two times");
-        let (_, differences) = compare(&was, &is, Span { heard_ns, ..span });
-        let of_now = |it: &&Difference| matches!(it, Difference::NotPublished(..));
+        let received = was.iter().map(|it| it.published_ns);
+        let last_received_ns = received.chain([span.last_received_ns]).max().expect("two times");
+        let (_, differences) = compare(&was, &is, Span { last_received_ns, ..span });
+        let of_now = |it: &&StateDifference| matches!(it, StateDifference::NotPublished(..));
         let count = differences.iter().filter(of_now).count();
         assert_eq!((count, differences.len() - count), (is_missed, was_missed), "{what}");
     }
@@ -254,34 +254,38 @@ fn a_wall_clock_that_was_set_before_the_run_changes_nothing() {
     };
     assert_eq!(jump_ns(&[]), 0);
     assert_eq!(jump_ns(&[batch(10, 10, 19), batch(21, 20, 20)]), 0);
-    // What was fetched says nothing of the clock.
+    // Fetched entries say nothing about the clock.
     assert_eq!(jump_ns(&[batch(10, 10, 19)]), 0);
     assert_eq!(jump_ns(&[batch(10, 10, 19), batch(3620, 20, 20)]), 3600 * SECOND);
     assert_eq!(jump_ns(&[batch(5, 30, 30), batch(40, 31, 32)]), -25 * SECOND);
 }
 
 #[test]
-fn what_is_said_after_the_wall_clock_was_set_back_in_the_run_counts() {
-    let span = Span { begin_ns: 5, begins_at_checkpoint: false, end_ns: 9, heard_ns: 9 };
+fn states_after_the_wall_clock_was_set_back_in_the_run_count() {
+    let span = Span { begin_ns: 5, begins_at_checkpoint: false, end_ns: 9, last_received_ns: 9 };
     let made: Vec<Made> = (5..=9).map(|at| made(at, at as u32)).collect();
-    let told = |at: &[i64]| -> Vec<Published> {
+    let published_at = |at: &[i64]| -> Vec<Published> {
         (5..).zip(at).map(|(line, &at)| published(at, line)).collect()
     };
-    assert_eq!(compare(&told(&[5, 6, 1, 2, 9]), &made, span), (5, Vec::new()));
-    assert_eq!(compare(&told(&[5, 6, 1, 2]), &made[..3], span).1.len(), 1);
+    assert_eq!(compare(&published_at(&[5, 6, 1, 2, 9]), &made, span), (5, Vec::new()));
+    assert_eq!(compare(&published_at(&[5, 6, 1, 2]), &made[..3], span).1.len(), 1);
 }
 
 #[test]
-fn what_the_driver_goes_through_while_ros_is_away_may_be_missing_and_nothing_else() {
+fn only_states_while_ros_is_not_reachable_may_be_missing() {
     let made: Vec<Made> = (1..=6)
-        .map(|line| Made { is_unheard: (3..=4).contains(&line), ..made(i64::from(line), line) })
+        .map(|line| Made { is_unreachable: (3..=4).contains(&line), ..made(i64::from(line), line) })
         .collect();
     let of = |lines: &[u32]| -> Vec<Published> {
         lines.iter().map(|line| published(i64::from(*line), *line)).collect()
     };
-    let span =
-        Span { begin_ns: 0, begins_at_checkpoint: false, end_ns: 6, heard_ns: 1_000_000_000 };
-    for (heard, differences) in [
+    let span = Span {
+        begin_ns: 0,
+        begins_at_checkpoint: false,
+        end_ns: 6,
+        last_received_ns: 1_000_000_000,
+    };
+    for (received, differences) in [
         (&[1, 2, 3, 4, 5, 6][..], 0),
         (&[1, 2, 5, 6], 0),
         (&[1, 2, 4, 5, 6], 0),
@@ -289,18 +293,22 @@ fn what_the_driver_goes_through_while_ros_is_away_may_be_missing_and_nothing_els
         (&[2, 3, 4, 5, 6], 1),
         (&[1, 2, 4, 3, 5, 6], 1),
     ] {
-        assert_eq!(compare(&of(heard), &made, span).1.len(), differences, "{heard:?}");
+        assert_eq!(compare(&of(received), &made, span).1.len(), differences, "{received:?}");
     }
 }
 
 #[test]
-fn as_many_states_may_be_missing_as_did_not_come() {
+fn as_many_states_may_be_missing_as_did_not_arrive() {
     const HOLD: u8 = MachineState::STATE_HOLD;
     let mut all: Vec<Made> = (1..=40).map(|line| made(i64::from(line), line)).collect();
     all[9].state.state = HOLD;
-    let span =
-        Span { begin_ns: 0, begins_at_checkpoint: false, end_ns: 40, heard_ns: 1_000_000_000 };
-    let told = |gone: &[u32]| -> Vec<Published> {
+    let span = Span {
+        begin_ns: 0,
+        begins_at_checkpoint: false,
+        end_ns: 40,
+        last_received_ns: 1_000_000_000,
+    };
+    let published_at = |gone: &[u32]| -> Vec<Published> {
         let kept = all.iter().filter(|it| !gone.contains(&it.state.line));
         let at = |it: &Made| Published {
             published_ns: it.at_ns,
@@ -309,7 +317,7 @@ fn as_many_states_may_be_missing_as_did_not_come() {
         };
         kept.map(at).collect()
     };
-    // Lines whose states are gone, how many the recorder counted, and how many are different.
+    // Lines whose states are removed, how many the recorder counted, and how many are differences.
     for (gone, missed, different) in [
         (&[][..], Some(0), 0),
         (&[20], Some(0), 1),
@@ -317,14 +325,14 @@ fn as_many_states_may_be_missing_as_did_not_come() {
         (&[10], Some(1), 0),
         (&[20, 30], Some(1), 2),
         (&[20, 30], Some(7), 0),
-        // A recorder that does not count: two of forty, in passing.
+        // A recorder that does not count: two of forty, within a motion.
         (&[20, 30], None, 0),
         (&[20, 25, 30], None, 3),
         (&[10], None, 1),
         (&[9], None, 1),
         (&[10, 20], None, 1),
     ] {
-        let (_, differences) = compare(&told(gone), &all, span);
+        let (_, differences) = compare(&published_at(gone), &all, span);
         let (left, forgiven) = without_missed(differences, &all, missed);
         assert_eq!(left.len(), different, "{gone:?} {missed:?}");
         assert_eq!(left.len() + forgiven, gone.len(), "{gone:?} {missed:?}");

@@ -1,4 +1,4 @@
-//! The table, and what it lets pass.
+//! The table of tolerances, and its coverage.
 
 use super::*;
 use run_recorder::schema::{Arity, FieldType, Primitive};
@@ -13,7 +13,7 @@ const TYPES: [&str; 5] = [
     wire::PathChunk::TYPE_NAME,
 ];
 
-/// Every field of a type that holds no others, and what it is.
+/// Every scalar field of a type, with its primitive type.
 fn leaves(schema: &MessageSchema, path: &mut Vec<Step>, found: &mut Vec<(FieldPath, Primitive)>) {
     for field in &schema.fields {
         let depth = path.len();
@@ -35,7 +35,7 @@ fn leaves_of(type_name: &'static str) -> Vec<(FieldPath, Primitive)> {
     found
 }
 
-/// The row that decides on a field: its place in the table.
+/// The row that decides about a field: its index in the table.
 fn row_of(type_name: &str, path: &FieldPath) -> usize {
     let fits = |row: &Row| row.is_of(type_name) && row.pattern().matches(path);
     ROWS.iter().position(fits).expect("the last row fits everything")
@@ -70,7 +70,7 @@ fn no_row_is_dead_and_each_has_a_reason() {
 }
 
 #[test]
-fn what_is_compared_with_is_what_the_table_says() {
+fn the_comparison_uses_the_rules_of_the_table() {
     for type_name in TYPES {
         let ready = TypeRules::new(type_name);
         for (path, _) in leaves_of(type_name) {
@@ -94,8 +94,8 @@ fn what_is_compared_with_is_what_the_table_says() {
 fn the_page_shows_the_table() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/replay.md");
     let page = std::fs::read_to_string(&root).expect("docs/replay.md");
-    let (before, behind) = page.split_once("<!-- tolerances -->\n").expect("where it begins");
-    let (_, after) = behind.split_once("<!-- end -->").expect("where it ends");
+    let (before, after_begin) = page.split_once("<!-- tolerances -->\n").expect("where it begins");
+    let (_, after) = after_begin.split_once("<!-- end -->").expect("where it ends");
     let expected = [before, "<!-- tolerances -->\n", &table(), "<!-- end -->", after].concat();
     expect_test::expect_file![root].assert_eq(&expected);
 }

@@ -1,4 +1,4 @@
-//! When commands are due, and what is refused, by runs that are written down here.
+//! When commands are due, and what is rejected, for runs that are written down here.
 
 use super::*;
 use axis_driver::driver::{ReplanRequest, RunRequest};
@@ -13,8 +13,8 @@ const HOLD: u8 = MachineState::STATE_HOLD;
 const TOOL: u8 = MachineState::STATE_TOOL_CHANGE;
 const IDLE: u8 = MachineState::STATE_IDLE;
 
-fn heard(line: &str) -> Happened {
-    Happened::Heard(parse(line.as_bytes(), ReportUnits::Millimetres))
+fn received(line: &str) -> Happened {
+    Happened::Received(parse(line.as_bytes(), ReportUnits::Millimetres))
 }
 
 fn state(state: u8, line: u32, path_revision: u64) -> MachineState {
@@ -31,8 +31,8 @@ fn state(state: u8, line: u32, path_revision: u64) -> MachineState {
     }
 }
 
-/// A run from X0 to X100 and back with one event a second after the goal, and states by the
-/// second in which they were told.
+/// A run from X0 to X100 and back with one event a second after the goal, and states by the second
+/// in which they were published.
 fn script_of(
     happened: Vec<Happened>,
     states: &[(i64, MachineState)],
@@ -40,7 +40,7 @@ fn script_of(
     script_from(0, happened, states)
 }
 
-/// The same, begun at a line of the program.
+/// The same, started at a line of the program.
 fn script_from(
     start_line: u32,
     happened: Vec<Happened>,
@@ -79,24 +79,24 @@ fn script_from(
 }
 
 #[test]
-fn a_command_is_due_on_the_path_where_the_machine_moved_and_in_a_state_where_it_stood() {
+fn a_command_is_due_at_a_place_of_a_moving_machine_and_in_a_state_of_a_standing_one() {
     let cues = script_of(
         vec![
-            heard("ok"),
-            heard("<Run|MPos:30.000,0.000,5.000|FS:600,0>"),
+            received("ok"),
+            received("<Run|MPos:30.000,0.000,5.000|FS:600,0>"),
             Happened::Asked(Command::FeedHold),
             Happened::Acted(b'!'),
-            heard("ok"),
-            heard("<Hold:1|MPos:31.000,0.000,5.000|FS:100,0>"),
-            heard("<Hold:0|MPos:31.500,0.000,5.000|FS:0,0>"),
+            received("ok"),
+            received("<Hold:1|MPos:31.000,0.000,5.000|FS:100,0>"),
+            received("<Hold:0|MPos:31.500,0.000,5.000|FS:0,0>"),
             Happened::Asked(Command::Resume),
-            heard("<Run|MPos:70.000,0.000,5.000|FS:600,0>"),
-            heard("<Run|MPos:60.000,0.000,5.000|FS:600,0>"),
+            received("<Run|MPos:70.000,0.000,5.000|FS:600,0>"),
+            received("<Run|MPos:60.000,0.000,5.000|FS:600,0>"),
             Happened::Asked(Command::SetOverrides(Overrides::default())),
-            heard("<Idle|MPos:0.000,0.000,5.000|FS:0,0>"),
+            received("<Idle|MPos:0.000,0.000,5.000|FS:0,0>"),
             Happened::Asked(Command::ConfirmToolChange { objection: None }),
             Happened::Asked(Command::Heartbeat),
-            // The run is over.
+            // After the end of the run.
             Happened::Asked(Command::Resume),
         ],
         &[
@@ -116,13 +116,13 @@ fn a_command_is_due_on_the_path_where_the_machine_moved_and_in_a_state_where_it_
     assert!(hold.stops() && hold.line == 3);
     assert_eq!(
         hold.when.text(),
-        "to stop at X31.500 Y0.000 Z5.000 (machine), 31.500 mm on its way, after 1 lines"
+        "to stop at X31.500 Y0.000 Z5.000 (machine), 31.500 mm along its path, after 1 lines"
     );
 
     let stand = |state, tool_wanted, answers| {
         When::Standing(Stand { state, tool_wanted, answers, paths: 1 })
     };
-    // An answer may have been on the wire when it stopped.
+    // An answer may have been in transit when it stopped.
     assert_eq!(resume.when, stand(HOLD, 0, 0));
 
     let When::Moving(watch) = &overrides.when else { panic!("{overrides:?}") };
@@ -135,15 +135,15 @@ fn a_command_is_due_on_the_path_where_the_machine_moved_and_in_a_state_where_it_
 }
 
 #[test]
-fn a_controller_that_tells_work_positions_is_followed_as_well() {
+fn a_controller_that_reports_work_positions_is_followed_as_well() {
     let mut began = state(RUN, 1, 1);
     began.machine_position = point_from_position([-200.0, 0.0, 0.0]);
     began.work_position = point_from_position([0.0; 3]);
     let cues = script_of(
         vec![
-            heard("<Run|WPos:30.000,0.000,0.000|FS:600,0>"),
+            received("<Run|WPos:30.000,0.000,0.000|FS:600,0>"),
             Happened::Asked(Command::CancelRun { run: Some(1) }),
-            heard("<Hold:0|WPos:31.000,0.000,0.000|FS:0,0>"),
+            received("<Hold:0|WPos:31.000,0.000,0.000|FS:0,0>"),
         ],
         &[(0, began)],
     )
@@ -170,9 +170,9 @@ fn a_tool_was_set_before_the_rest_was_planned_with_it() {
         event(2, rest(1)),
         event(5, Happened::Asked(Command::Resume)),
         event(6, Happened::Asked(Command::FeedHold)),
-        event(7, heard("ok")),
+        event(7, received("ok")),
         event(8, rest(2)),
-        event(9, heard("ok")),
+        event(9, received("ok")),
     ];
     for (after, answered, before) in [
         (0, 3, (2, 1)),
@@ -189,14 +189,17 @@ fn a_tool_was_set_before_the_rest_was_planned_with_it() {
 }
 
 #[test]
-fn what_cannot_be_played_is_refused_by_name_line_and_time() {
-    let opened = heard("<Door:0|MPos:1.000,0.000,5.000|FS:0,0>");
-    let banner = heard("Grbl 1.1h ['$' for help]");
+fn events_that_cannot_be_played_are_rejected_by_name_line_and_time() {
+    let opened = received("<Door:0|MPos:1.000,0.000,5.000|FS:0,0>");
+    let banner = received("Grbl 1.1h ['$' for help]");
     for (happened, says) in [
-        (vec![heard("ALARM:2")], "an ALARM:2 at line 3, 1.000 s after the goal"),
-        (vec![heard("ok"), heard("error:20")], "an error:20 of the controller at line 3, 2.000 s"),
+        (vec![received("ALARM:2")], "an ALARM:2 at line 3, 1.000 s after the goal"),
+        (
+            vec![received("ok"), received("error:20")],
+            "an error:20 of the controller at line 3, 2.000 s",
+        ),
         (vec![banner.clone()], "a controller that restarted"),
-        (vec![heard("<Alarm|MPos:0,0,0|FS:0,0>")], "an alarm"),
+        (vec![received("<Alarm|MPos:0,0,0|FS:0,0>")], "an alarm"),
         (vec![opened.clone()], "an opened door"),
         (vec![Happened::Acted(b'!')], "a hold that the driver gave by itself"),
         (
@@ -223,14 +226,14 @@ fn what_cannot_be_played_is_refused_by_name_line_and_time() {
         assert!(refused.contains(says), "{refused}");
     }
 
-    // What somebody asked for is no trouble, nor is what comes after the run.
+    // Stops on request are no trouble, nor are events after the run.
     for happened in
         [vec![Happened::Asked(Command::DoorHold), opened], vec![Happened::Acted(0x18), banner]]
     {
         script_of(happened, &[(0, state(RUN, 3, 1))]).unwrap();
     }
     let over = [(0, state(RUN, 3, 1)), (1, state(IDLE, 4, 0))];
-    let cues = script_of(vec![heard("ok"), heard("ALARM:1")], &over).unwrap();
+    let cues = script_of(vec![received("ok"), received("ALARM:1")], &over).unwrap();
     assert_eq!(cues, []);
 }
 
@@ -242,14 +245,14 @@ fn a_start_in_the_middle_is_played_unless_the_tool_was_lifted_first() {
     };
     let states = [(0, state(RUN, 3, 1))];
     let refused = script_from(8, sent("G53G0Z60"), &states).unwrap_err().to_string();
-    assert!(refused.contains("an approach (it wants a homed machine)"), "{refused}");
+    assert!(refused.contains("an approach (it needs a homed machine)"), "{refused}");
     script_from(8, sent("S80"), &states).unwrap();
-    // A program that goes to the machine frame first was not begun in the middle.
+    // A program that moves in the machine frame first was not started in the middle.
     script_from(0, sent("G53G0Z60"), &states).unwrap();
 }
 
 #[test]
-fn a_run_whose_machine_is_nowhere_cannot_be_played() {
+fn a_run_without_a_machine_position_cannot_be_played() {
     let nowhere = MachineState { position_known: false, ..state(RUN, 3, 1) };
     let refused = script_of(Vec::new(), &[(0, nowhere)]).unwrap_err().to_string();
     assert!(refused.contains("a position of the machine"), "{refused}");

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How long the boot loader of a board listens to nobody.
+/// How long the boot loader of a board ignores its input.
 const BOOT: Duration = Duration::from_millis(700);
 
 /// Both ends, on the thread of the line.
@@ -20,7 +20,7 @@ pub(super) struct Ends {
     controller: OwnedFd,
     woken: OwnedFd,
     port: Option<Port>,
-    /// A device beside that one, with another name.
+    /// Another device, with another name.
     spare: Option<Port>,
     /// Bytes that the system has not taken yet.
     to_driver: Vec<u8>,

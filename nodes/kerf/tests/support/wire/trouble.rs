@@ -11,7 +11,7 @@ pub(crate) enum Trouble {
     HalveOk,
     /// The next status report arrives without its first byte.
     BeheadReport,
-    /// Behind the next line of the controller that begins so these bytes arrive, which it
+    /// After the next line of the controller that begins so, these bytes arrive, which it
     /// never said.
     Say { behind: &'static str, bytes: Vec<u8> },
     /// The next line of motion is not ended.
@@ -25,7 +25,7 @@ pub(crate) enum Trouble {
 }
 
 impl Trouble {
-    /// Whether it happens on the way to the driver.
+    /// Whether it happens in the direction of the driver.
     pub(super) fn is_to_driver(&self) -> bool {
         use Trouble::{BeheadReport, DoubleOk, HalveOk, LoseOk, Say};
         matches!(self, LoseOk | DoubleOk | HalveOk | BeheadReport | Say { .. })

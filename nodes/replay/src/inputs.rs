@@ -1,7 +1,7 @@
-//! What a core is given: what was recorded, or in a chain what the core before it makes now.
+//! The inputs of a core: the recorded ones, or in a chain what the core before it makes now.
 //!
-//! As in the running machine, contours and paths go from core to core in messages, with what
-//! metres do to millimetres. Everything else is taken from the bag at every level.
+//! As in the running machine, contours and paths go from core to core as messages, which round
+//! their millimetres. Everything else is taken from the bag at every level.
 
 use super::ReplayError;
 use super::recording::Recording;
@@ -14,12 +14,12 @@ use std::sync::Arc;
 
 /// The inputs of the cores.
 #[derive(Debug)]
-pub(crate) struct Given {
+pub(crate) struct CoreInputs {
     pub(crate) recording: Recording,
     chain: Option<Chain>,
 }
 
-/// What was made now; `None` where nothing was.
+/// What the cores made now; `None` for what is refused now.
 #[derive(Debug, Default)]
 struct Chain {
     /// By program id.
@@ -28,7 +28,7 @@ struct Chain {
     paths: BTreeMap<u64, Option<Arc<CompensatedPath>>>,
 }
 
-impl Given {
+impl CoreInputs {
     pub(crate) fn new(recording: Recording, is_chain: bool) -> Self {
         Self { recording, chain: is_chain.then(Chain::default) }
     }
@@ -37,7 +37,7 @@ impl Given {
         self.chain.is_some()
     }
 
-    /// The contour of a program; `None` when there is none, or none any more.
+    /// The contour of a program; `None` when there is none (any more).
     pub(crate) fn contour(&self, id: &str) -> Option<Arc<ProgrammedContour>> {
         let recorded = || self.recording.programs.get(id).map(|program| program.contour.clone());
         match &self.chain {
@@ -46,7 +46,7 @@ impl Given {
         }
     }
 
-    /// The path of a plan; `None` when there is none, or none any more.
+    /// The path of a plan; `None` when there is none (any more).
     pub(crate) fn path(&self, program_id: &str, revision: u64) -> Option<Arc<CompensatedPath>> {
         let recorded = self.recording.path(program_id, revision)?;
         match self.chain.as_ref().and_then(|chain| chain.paths.get(&revision)) {
@@ -55,7 +55,7 @@ impl Given {
         }
     }
 
-    /// Hands a contour of today on; `None` for a program that is refused now.
+    /// Passes on today's contour; `None` for a program that is refused now.
     pub(crate) fn hand_on_contour(
         &mut self,
         id: &str,
@@ -76,7 +76,7 @@ impl Given {
         Ok(())
     }
 
-    /// Hands a path of today on; `None` for a plan that is refused now.
+    /// Passes on today's path; `None` for a plan that is refused now.
     pub(crate) fn hand_on_path(
         &mut self,
         revision: u64,
