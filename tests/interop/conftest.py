@@ -17,7 +17,7 @@ def machine():
 
 @pytest.fixture
 def node(machine):
-    """A node beside those of the machine."""
+    """A node next to those of the machine."""
     with machine.node() as made:
         yield made
 

@@ -57,7 +57,7 @@ def ports(domain):
 
 
 def participants(domain, count):
-    """The participants that announce themselves to ports nobody has yet."""
+    """The participants that announce themselves to unused ports."""
     listening = []
     for port in ports(domain):
         one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

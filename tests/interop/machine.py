@@ -114,7 +114,7 @@ class Machine:
         self._up.kill()
         self._up.wait()
         try:
-            until('the end of all nodes', lambda: not self.processes(), patience=30)
+            until('the end of all nodes', lambda: not self.processes(), timeout=30)
         finally:
             for pid in self.processes().values():
                 os.kill(pid, signal.SIGKILL)

@@ -13,13 +13,13 @@ QUICK = 'G21 G90 G94 G17\nG0 X5 Y5\nG1 X45 F6000\nY45\nX5\nY5\nM30\n'
 SLOW = 'G21 G90 G94 G17\nG0 X10 Y10\nG1 X110 F1200\nX10\n' + 'X110\nX10\n' * 5 + 'M30\n'
 
 
-def load(node, patience=60.0, **request):
+def load(node, timeout=60.0, **request):
     """Loads a program and waits for its path; returns the answer and the manifest."""
     answer = node.client('cnc_msgs/srv/LoadProgram', 'load_program').call(
-        patience=patience, **request)
+        timeout=timeout, **request)
     assert answer.success, answer.message
     paths = node.subscription('cnc_msgs/msg/CompensatedPath', 'compensated_path', LATCHED)
-    path = paths.wait(lambda path: path.program_id == answer.program_id, patience)
+    path = paths.wait(lambda path: path.program_id == answer.program_id, timeout)
     return answer, path
 
 
@@ -36,7 +36,7 @@ def states(node):
 def until_state(node, *wanted):
     """Waits until the machine is in one of these states.
 
-    Whoever comes late is given states of the last seconds first: they do not count.
+    A late subscriber first gets states of the last seconds: they do not count.
     """
     since = time.time()
 
@@ -49,8 +49,8 @@ def until_state(node, *wanted):
 def settle(node, *names):
     """Lets nodes take notice of the subscriptions that were just made.
 
-    A publisher sends nothing to a subscription that it has not heard of yet; a node that
-    answers to an endpoint that was made later has heard of it.
+    A publisher sends nothing to a subscription that it has not discovered yet; a node that
+    answers to an endpoint that was made later has discovered it.
     """
     for name in names:
         node.client('rcl_interfaces/srv/ListParameters', f'{name}/list_parameters').call()

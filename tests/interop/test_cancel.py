@@ -29,7 +29,7 @@ def running(runs):
 
 
 def canceled(goal):
-    """Whether the goal ends as one that was canceled; the machine stands then."""
+    """Whether the goal ends as canceled; the machine is at rest then."""
     ended = goal.result()
     assert ended.result.outcome == Result.OUTCOME_CANCELED
     assert ended.result.error_code == Result.CANCELED

@@ -81,7 +81,7 @@ def test_the_commander_of_the_guide_cuts_two_parts(machine, node):
     assert [said.count(f'the robot puts T{tool} in') for tool in (1, 2)] == [2, 2], said
     assert 'both parts are done' in said
     assert re.search(r'line \d+, 100 %', said), said
-    # The correction is kept where the tools are, and the comment beside it.
+    # The correction is kept in the tool file, together with the comment.
     assert '-0.04' in (machine.folder / 'tools.yaml').read_text()
     assert 'the mill' in (machine.folder / 'tools.yaml').read_text()
     until_state(node, MachineState.STATE_IDLE)

@@ -121,7 +121,7 @@ def test_a_node_that_was_stopped_and_continued_or_killed_is_restarted(stack):
             ('compensation_planner', (signal.SIGKILL,), 'ended (signal: 9 (SIGKILL))')):
         watching = started[1 + NODES.index(name)].pid
         child = children(watching)
-        # Where none of its DDS threads was waiting just then, it hears as before.
+        # Where none of its DDS threads was waiting just then, it receives as before.
         for _ in range(10):
             for number in signals:
                 os.kill(child, number)
@@ -142,7 +142,7 @@ def test_a_node_that_takes_too_much_memory_is_restarted(stack):
     (folder / 'long.ngc').write_text(f'G21 G90\n{moves}M30\n')
     with contextlib.suppress(NoAnswer):
         client = node.client('cnc_msgs/srv/LoadProgram', 'load_program')
-        client.call(patience=10, path='long.ngc')
+        client.call(timeout=10, path='long.ngc')
     until(lambda: 'program_loader ended (exit status: 71)' in (folder / 'log').read_text())
     load(node, text=QUICK, name='quick.ngc')
 

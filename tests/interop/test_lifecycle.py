@@ -85,7 +85,7 @@ def test_a_driver_that_is_deactivated_in_a_run_holds_first(node, driver):
     goal = runs.send_goal()
     goal.wait_for_feedback(lambda feedback: feedback.state == MachineState.STATE_RUN)
     assert driver.change(Transition.TRANSITION_DEACTIVATE)
-    # The goal has a result, and the machine stands.
+    # The goal has a result, and the machine is at rest.
     ended = goal.result()
     assert ended.status != 4, ended.result.message
     assert until_state(node, MachineState.STATE_IDLE, MachineState.STATE_HOLD).feed_rate == 0.0

@@ -24,14 +24,14 @@ def cell():
 def test_what_one_machine_is_told_the_other_does_not_hear(cell):
     left, right = cell
     with left.node() as here, right.node() as there:
-        heard = [there.subscription('cnc_msgs/msg/Program', 'program', LATCHED),
+        received = [there.subscription('cnc_msgs/msg/Program', 'program', LATCHED),
                  there.subscription('cnc_msgs/msg/CompensatedPath', 'compensated_path', LATCHED)]
         settle(there, 'reader', 'compensation_planner')
         load(here, text=QUICK, name='left.ngc')
         runs = ActionClient(here, 'cnc_msgs/action/RunProgram', 'run_program')
         assert runs.send_goal().result().status == 4
         assert abs(until_state(here, MachineState.STATE_IDLE).work_position.x - 0.005) < 1e-6
-        assert [topic.take() for topic in heard] == [[], []]
+        assert [topic.take() for topic in received] == [[], []]
         other = there.subscription(MachineState.ros_name, 'state', LATCHED).wait(
             lambda state: state.state == MachineState.STATE_IDLE)
         assert other.work_position.x == 0.0

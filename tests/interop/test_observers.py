@@ -80,12 +80,12 @@ def test_every_command_is_told_with_its_sender_and_its_answer(node):
     settle(node, 'axis_driver')
     client = node.client('std_srvs/srv/Trigger', 'confirm_tool_change')
     answer = client.call()
-    told = commands.wait(lambda command: command.endpoint.endswith('/confirm_tool_change'))
-    assert told.node == node.resolve('axis_driver')
-    assert told.endpoint_type == 'std_srvs/srv/Trigger'
-    assert (told.success, told.message) == (answer.success, answer.message)
+    logged = commands.wait(lambda command: command.endpoint.endswith('/confirm_tool_change'))
+    assert logged.node == node.resolve('axis_driver')
+    assert logged.endpoint_type == 'std_srvs/srv/Trigger'
+    assert (logged.success, logged.message) == (answer.success, answer.message)
     # The first twelve bytes name the process.
-    assert bytes(told.sender)[:12] == node.participant.get_guid().bytes[:12]
+    assert bytes(logged.sender)[:12] == node.participant.get_guid().bytes[:12]
 
 
 def test_the_machine_moves_on_the_screen(machine, node):

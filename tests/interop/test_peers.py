@@ -131,4 +131,4 @@ def test_a_client_that_has_just_come_gets_its_first_answer(machine):
     for number in range(10):
         with machine.node(f'newcomer_{number}') as newcomer:
             client = newcomer.client('cnc_msgs/srv/GetTools', 'get_tools')
-            assert client.call(patience=20).success
+            assert client.call(timeout=20).success

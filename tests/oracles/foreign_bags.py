@@ -43,7 +43,7 @@ def write_again(bag, path, version, mode):
 
 
 def replay(kerf, bag):
-    """The exit status, and what is said behind the name of the bag."""
+    """The exit status, and what is printed after the name of the bag."""
     ran = subprocess.run([kerf, "replay", bag], capture_output=True, text=True, timeout=120)
     said = ran.stdout.replace(str(bag), "BAG")
     return ran.returncode, said, ran.stderr.replace(str(bag), "BAG")

@@ -15,7 +15,7 @@ use std::time::Duration;
 use virtual_controller::{Build, Controller, Fault, FaultInjector, LineTiming, PacedLine};
 
 /// The longest that a test waits for anything, machine time.
-const PATIENCE: Duration = Duration::from_secs(6 * 3_600);
+const TIMEOUT: Duration = Duration::from_secs(6 * 3_600);
 
 /// Both ends of a line.
 #[derive(Debug)]
@@ -142,7 +142,7 @@ impl Line {
     /// It never does.
     #[track_caller]
     pub fn until(&mut self, what: &str, condition: impl Fn(&Self) -> bool) {
-        let end = self.now + PATIENCE;
+        let end = self.now + TIMEOUT;
         while !condition(self) {
             assert!(self.now < end, "never: {what}; {:?}\n{}", self.state(), self.log.join("\n"));
             self.step();

@@ -10,7 +10,7 @@ use virtual_controller::{FaultInjector, PacedLine};
 /// Between two status requests.
 const POLL: Duration = Duration::from_millis(200);
 /// The longest that a program takes, machine time.
-const PATIENCE: Duration = Duration::from_secs(6 * 3_600);
+const TIMEOUT: Duration = Duration::from_secs(6 * 3_600);
 
 /// Sends lines and waits for the last answer; when each line was written.
 ///
@@ -36,7 +36,7 @@ pub fn count_characters(
         if sent.len() == lines.len() && under_way.is_empty() {
             return sent;
         }
-        assert!(now < start + PATIENCE, "no answer to {:?}", lines.get(sent.len()));
+        assert!(now < start + TIMEOUT, "no answer to {:?}", lines.get(sent.len()));
         let event = controller.next_event().unwrap_or(poll_at);
         now = now.max(event.min(poll_at)) + Duration::from_nanos(1);
         controller.advance(now);

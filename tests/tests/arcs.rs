@@ -209,7 +209,7 @@ impl DrawingBoard {
         drawn.iter().map(|one| [0, 1, 2].map(|axis| in_work(axis, &one.end_in_machine))).collect()
     }
 
-    /// Draws an arc as the driver sends it; its lines beside.
+    /// Draws an arc as the driver sends it; returns its lines, too.
     fn draw(&mut self, case: &Case) -> (Vec<Position>, Vec<String>) {
         let mut config = EncoderConfig::default();
         config.board = Board { arc_tolerance_mm: ARC_TOLERANCE_MM, ..config.board };

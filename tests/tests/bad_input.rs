@@ -6,7 +6,7 @@ use kerf_tests::rows::observe::observe;
 use serde_json::{Value, json};
 use settings::Control;
 
-/// A contour in the words of a control; `{}` stands inside it.
+/// A contour in the words of a control; `{}` is replaced inside it.
 fn program(control: Control, select: &str, inside: &str) -> String {
     let (start, tool) = match control {
         Control::OspLathe => ("N1 G0 X100 Z0\nN2 T010101\nN3 F100", ""),

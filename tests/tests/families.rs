@@ -1,4 +1,4 @@
-//! grbl 1.1, grblHAL and FluidNC: the same driver, told apart by what they say.
+//! grbl 1.1, grblHAL and FluidNC: the same driver, distinguished by their output.
 
 use axis_driver::codes::error_code;
 use axis_driver::driver::{
@@ -56,11 +56,11 @@ fn everything() -> CompensatedPath {
 }
 
 #[test]
-fn each_family_is_told_by_what_it_says() {
+fn each_family_is_recognised_by_its_output() {
     for (firmware, family, planner_blocks, receive_bytes, window) in [
         (Firmware::Grbl, firmware::Firmware::Grbl, 15, 128, 127),
         (Firmware::GrblHal, firmware::Firmware::GrblHal, 100, 1024, 230),
-        // It tells no numbers: what every board has is believed.
+        // It reports no sizes: the driver assumes what every board has.
         (Firmware::FluidNc, firmware::Firmware::FluidNc, 15, 128, 127),
     ] {
         let line = connected(firmware);
@@ -143,7 +143,7 @@ fn hold_resume_and_cancel_keep_the_position_on_every_family() {
 fn a_refused_line_stops_every_family_and_a_reset_makes_it_well() {
     for firmware in Firmware::ALL {
         let mut refused = 0;
-        // A byte of the program is damaged on its way: some of them make a line that is refused.
+        // A byte of the program is damaged in transit: some of them make a line that is refused.
         for byte in 200..260 {
             let fault = format!("rx-corrupt@byte={byte}");
             let mut line = Line::new(DriverConfig::default(), build(firmware), &[&fault]);
@@ -222,7 +222,7 @@ fn jog_probe_home_and_overrides_work_on_every_family() {
 }
 
 #[test]
-fn homing_that_fails_is_told_on_every_family() {
+fn homing_that_fails_is_reported_on_every_family() {
     for firmware in Firmware::ALL {
         let mut settings = Settings::small_router_of(firmware);
         settings.set_line("$22=1").unwrap();

@@ -56,7 +56,7 @@ fn said() -> BTreeSet<(In, String)> {
         if path.is_dir() {
             let mut bag = open_bag(&path).expect("a bag");
             for message in bag.messages() {
-                hear(&mut said, &message.expect("it can be read"));
+                collect(&mut said, &message.expect("it can be read"));
             }
         }
     }
@@ -79,7 +79,7 @@ const SAME_BYTES: [(&str, &str); 3] = [
     ),
 ];
 
-fn hear(said: &mut BTreeSet<(In, String)>, message: &BagMessage) {
+fn collect(said: &mut BTreeSet<(In, String)>, message: &BagMessage) {
     fn of<M: Message>(message: &BagMessage) -> Option<M> {
         let hash = message.channel.type_hash.as_str();
         let is_readable = hash == cnc_msgs::schema::TypeInfo::of::<M>().rihs01

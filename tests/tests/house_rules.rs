@@ -38,7 +38,7 @@ fn every_dependency_has_its_reason_above_it() {
             let is_dependency = section.ends_with("dependencies]")
                 && line.contains('=')
                 && !line.starts_with('#')
-                // Ours need no reason; a comment stands for the group below it.
+                // Crates of this workspace need no reason; a comment counts for the group below it.
                 && !line.contains("path = ");
             let is_ours = [
                 "cnc_msgs",

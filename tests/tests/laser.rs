@@ -92,7 +92,7 @@ fn a_raster_takes_no_longer_than_with_a_plain_sender_and_an_s_of_its_own_stops()
         let (driven, _) = driven(firmware, SpindleMode::CounterClockwise);
         // The controller makes the difference that real firmware makes: 7.0 s instead of 1.7 s.
         assert!(alone > 3.0 * inline, "{firmware}: {alone} s with S alone, {inline} s inline");
-        // A run ends when a report after its last dwell has shown that the machine stands.
+        // A run ends when a report after its last dwell has shown that the machine is at rest.
         const END_S: f64 = 0.25;
         let most = 1.05 * inline + END_S;
         assert!(driven <= most, "{firmware}: {driven} s, a plain sender {inline} s");

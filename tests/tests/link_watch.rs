@@ -169,7 +169,7 @@ fn the_controller_is_configured_when_asked_and_in_nothing_else() {
         assert_eq!(again.error_code, error_code::NOTHING_TO_DO, "{again}");
         line.start(straight(20, 10.0), 0);
         let refusal = line.ask(Command::Configure { write: true }).unwrap_err();
-        assert_eq!(refusal.error_code, error_code::BUSY, "it is not written while a run goes on");
+        assert_eq!(refusal.error_code, error_code::BUSY, "it is not written during a run");
     }
 }
 
@@ -256,7 +256,7 @@ fn a_check_whose_answer_is_lost_names_that_as_well() {
 }
 
 #[test]
-fn nothing_behind_a_refused_line_is_drawn_where_the_firmware_passes_over_it() {
+fn nothing_after_a_refused_line_is_drawn_where_the_firmware_skips_it() {
     let mut refused = 0;
     for mask in [509, 511] {
         for place in 0..40 {

@@ -85,7 +85,7 @@ fn with_another_radius(case: &Case) -> Vec<Case> {
     if is_changed { vec![mutant] } else { Vec::new() }
 }
 
-/// G42 for G41 and the other way round.
+/// G42 for G41 and vice versa.
 fn on_the_other_side(case: &Case) -> Vec<Case> {
     let swapped =
         case.program.replace("G41", "G4\u{0}").replace("G42", "G41").replace("G4\u{0}", "G42");
@@ -118,7 +118,7 @@ fn is_coordinate(line: &[u8], at: usize) -> bool {
         && line.get(at + 1).is_some_and(|next| next.is_ascii_digit() || *next == b'-')
 }
 
-/// The line with more behind the letter at a place.
+/// The line with more after the letter at a place.
 fn with_more(line: &str, at: usize, more: f64) -> Option<String> {
     let (head, rest) = line.split_at(at + 1);
     let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.' && c != '-');

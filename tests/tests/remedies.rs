@@ -35,7 +35,7 @@ struct Remedy {
     #[serde(default)]
     table: ToolTable,
     program: String,
-    /// What stands in the program, and what stands there with the remedy.
+    /// Text of the program, and its replacement by the remedy.
     #[serde(default)]
     replace: Vec<(String, String)>,
     /// The tool table and the profile with the remedy.

@@ -27,7 +27,7 @@ fn jog(x: f64) -> Command {
 }
 
 #[test]
-fn a_damaged_digit_of_a_machine_that_stands_is_never_its_position() {
+fn a_damaged_digit_of_a_machine_at_rest_is_never_its_position() {
     for (firmware, mask, field) in [
         (Firmware::Grbl, "$10=1", "MPos"),
         (Firmware::Grbl, "$10=0", "WPos"),
@@ -205,7 +205,7 @@ fn an_alarm_leaves_no_feed_of_before() {
 }
 
 #[test]
-fn a_hold_that_stands_has_no_feed() {
+fn a_completed_hold_has_no_feed() {
     let mut line = Line::connected(build(Firmware::GrblHal, &[]));
     line.start(straight(60, 2.0), 0);
     line.until("it cuts", |line| line.state().line >= 5);
@@ -215,7 +215,7 @@ fn a_hold_that_stands_has_no_feed() {
 }
 
 #[test]
-fn a_run_that_has_succeeded_stands_in_every_state_from_then_on() {
+fn a_run_that_has_succeeded_is_at_rest_in_every_state_from_then_on() {
     for firmware in Firmware::ALL {
         let mut line = Line::connected(build(firmware, &[]));
         line.start(straight(20, 2.0), 0);
@@ -237,7 +237,7 @@ fn a_run_that_has_succeeded_stands_in_every_state_from_then_on() {
 }
 
 #[test]
-fn inches_that_the_reports_show_stay_where_their_setting_is_not_heard() {
+fn inches_that_the_reports_show_stay_if_their_setting_is_not_received() {
     let build = build(Firmware::Grbl, &["$13=1"]);
     let mut line = Line::new(DriverConfig::default(), build, &["mute:$13=@time=0"]);
     line.until("idle", |line| line.mode() == Mode::Idle);

@@ -1,4 +1,4 @@
-//! Restarts of the controller that nobody announced: what the machine is said to be then.
+//! Unannounced restarts of the controller: what state of the machine the driver reports then.
 
 use axis_driver::codes::error_code;
 use axis_driver::driver::{Command, DriverConfig, JogFrame, JogRequest, OffsetRequest, RunOutcome};
@@ -54,7 +54,7 @@ fn restart(line: &mut Line, spoils: &[&str]) {
     line.inject("reset");
 }
 
-/// A hold has been sent since then, and the tool stands.
+/// A hold has been sent since then, and the tool is at rest.
 #[track_caller]
 fn assert_held(line: &mut Line, then: Duration) {
     assert!(line.said_since(then).contains('!'), "{:?}", line.said_since(then));
@@ -68,7 +68,7 @@ const DAMAGED: &[&str] = &["garble:Grbl"];
 /// Nothing but the state in the reports is left.
 const MUTE: &[&str] = &["mute:Grbl", "mute:unlock"];
 
-/// It cannot be told from a machine that was never homed, and goes nowhere in its frame.
+/// It looks like a machine that was never homed, and does not move in its machine frame.
 #[track_caller]
 fn has_no_zero(line: &mut Line) {
     assert!(!line.state().is_homed);
@@ -222,7 +222,7 @@ fn buffers_that_are_suddenly_empty_are_a_restart() {
         let last = line.written.iter().rev().find(|(_, bytes)| bytes.contains(&b'\n'));
         last.is_some_and(|(at, _)| line.now - *at > std::time::Duration::from_millis(10))
     };
-    line.until("no line is on its way", is_quiet);
+    line.until("no line is in transit", is_quiet);
     let then = line.now;
     restart(&mut line, LOST);
     let result = line.result();
@@ -285,7 +285,7 @@ fn what_still_moves_when_a_restart_has_been_looked_into_is_held() {
 }
 
 #[test]
-fn a_dwell_with_many_lines_behind_it_is_no_restart() {
+fn a_dwell_with_many_lines_after_it_is_not_a_restart() {
     for firmware in Firmware::ALL {
         let mut line = Line::connected(Build::new(settings(firmware, &["$10=3"])));
         line.wait(1.0);

@@ -1,4 +1,4 @@
-//! What the driver does while nobody can be reached over ROS, in time of its own.
+//! What the driver does while no node is reachable over ROS, in virtual time.
 
 use axis_driver::driver::{Command, DriverConfig, OnRosLoss, RunOutcome};
 use cnc_msgs::machine::Mode;
@@ -21,7 +21,7 @@ fn set_face(line: &mut Line, is_there: bool) {
 }
 
 #[test]
-fn without_ros_a_run_goes_on_or_holds_after_a_time_as_is_wanted() {
+fn without_ros_a_run_continues_or_holds_after_a_time_as_configured() {
     for (policy, gives_signs, expected) in [
         (OnRosLoss::AsCommander, false, Mode::Run),
         (OnRosLoss::AsCommander, true, Mode::Hold),
@@ -67,7 +67,7 @@ fn a_face_that_is_back_in_time_holds_nothing_and_a_second_loss_counts_anew() {
 }
 
 #[test]
-fn a_commander_that_could_not_be_heard_has_its_time_once_it_can() {
+fn a_commander_that_was_not_reachable_has_its_time_once_it_is() {
     let mut line = running(OnRosLoss::Finish);
     line.ask(Command::Heartbeat).unwrap();
     set_face(&mut line, false);

@@ -165,7 +165,7 @@ fn a_controller_that_says_its_line_is_believed() {
     let build = Build { has_line_numbers: true, ..Build::new(Settings::small_router()) };
     let mut line = Line::new(config, build, &[]);
     line.until("idle", |line| line.mode() == Mode::Idle);
-    // Forth and back over the same place: the position alone does not tell.
+    // Forth and back over the same place: the position alone does not determine the line.
     let mut path = straight(40, 10.0);
     for (index, element) in path.elements.iter_mut().enumerate() {
         element.end[0] = if index % 2 == 0 { 10.0 } else { 0.0 };
@@ -197,7 +197,7 @@ fn a_commander_that_stays_away_is_missed_once_and_only_when_it_was_there() {
         line.until("idle", |line| line.mode() == Mode::Idle);
         line.start(straight(200, 5.0), 0);
         line.wait(3.0);
-        assert_eq!(line.mode(), Mode::Run, "nobody gave signs of life");
+        assert_eq!(line.mode(), Mode::Run, "no heartbeat was sent");
         for _ in 0..10 {
             line.ask(Command::Heartbeat).unwrap();
             line.wait(0.5);
@@ -253,9 +253,9 @@ fn with_require_recording_nothing_is_sent_before_the_bag_is_open() {
     line.start(straight(5, 5.0), 0);
     line.ask(word(true, "")).unwrap();
     line.until("it cuts", |line| line.state().line >= 2);
-    // It holds, once, and somebody decides whether the part is worth more than its record.
+    // It holds, once; the operator decides whether the part is worth more than its record.
     line.ask(word(false, "No space left on device")).unwrap();
-    line.until("it stands", |line| line.mode() == Mode::Hold);
+    line.until("it is at rest", |line| line.mode() == Mode::Hold);
     let reason = line.state().reason.clone();
     assert!(reason.starts_with("RECORD_NOT_WHOLE") && reason.contains("No space left"), "{reason}");
     line.wait(5.0);
@@ -264,7 +264,7 @@ fn with_require_recording_nothing_is_sent_before_the_bag_is_open() {
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);
     assert!(line.log.iter().any(|text| text.contains("not whole: No space left")));
 
-    // A block by hand has no bag: it waits for none, and is not held for that of another.
+    // An MDI block has no bag: it does not wait for one, and another bag does not hold it.
     line.finished = None;
     line.begin(Command::ExecuteMdi { path: Arc::new(straight(1, 5.0)) });
     line.until("it runs", |line| line.mode() == Mode::Run);

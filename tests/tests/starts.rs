@@ -139,7 +139,7 @@ fn cut_what_is_left(part: &Part, first: usize, places: &[Position]) {
     for place in &places[..down] {
         let is_over = (place[0] - x).abs() < NEAR && (place[1] - y).abs() < NEAR;
         let is_lifted = place[2] > clear - NEAR;
-        // Up from where it stood before: the first place is that.
+        // Up from its previous position: that is the first place.
         let is_lifting = to_segment(*place, places[0], [places[0][0], places[0][1], clear]) < NEAR;
         assert!(is_lifted || is_lifting || (is_over && place[2] > z - NEAR), "{place:?}");
     }
@@ -165,7 +165,7 @@ fn m28_a_run_that_begins_inside_a_contour_cuts_what_is_left_of_it() {
         let turned = line.states.iter().any(|(_, state)| {
             state.spindle == Some(SpindleMode::Clockwise) && state.line == start_line
         });
-        assert!(turned, "line {start_line}: the spindle stood still");
+        assert!(turned, "line {start_line}: the spindle was off");
     }
 }
 
@@ -175,7 +175,7 @@ fn m28_masso_begins_where_its_finding_says_and_not_inside() {
     for start_line in 5..=11 {
         let refused = part.start(start_line).expect_err("it is forbidden");
         assert_eq!(refused.nearest.line, 3, "line {start_line}: {}", refused.finding.message);
-        // The driver, too, when nobody has allowed it; it takes the lead-on for outside.
+        // The driver refuses, too, if it is not allowed; it takes the lead-on for outside.
         if start_line > 5 {
             let refusal = homed().ask(part.request(start_line, StartInSpan::Refused)).unwrap_err();
             assert_eq!(refusal.error_code, error_code::START_LINE, "{refusal}");
@@ -197,7 +197,7 @@ fn is_elsewhere(refusal: &Refusal) -> bool {
 }
 
 #[test]
-fn in_a_plane_that_holds_z_nothing_comes_down_and_a_tool_that_stands_there_begins() {
+fn in_a_plane_that_holds_z_nothing_comes_down_and_a_tool_already_there_begins() {
     let part = Part::of("shaft.min", "osp_lathe", &Value::Null);
     let start = part.start(6).expect("the OSP begins there");
     assert_eq!(start.in_span, StartInSpan::Standing);

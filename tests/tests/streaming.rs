@@ -1,6 +1,6 @@
 //! The machine is kept fed: how much of the line's byte rate short segments get.
 //!
-//! And that nothing is lost, doubled or left standing on the way.
+//! And that no line is lost, doubled or left waiting.
 //!
 //! In time that only the test moves, so that the figures are exact and the same on every
 //! machine. `cargo bench -p kerf --bench streaming` shows the same on a pseudo-terminal.

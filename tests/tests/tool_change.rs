@@ -1,4 +1,4 @@
-//! What a tool change needs by hand, and that the run goes on from where it stopped and from
+//! Manual operations during a tool change, and that the run continues from where it stopped and from
 //! nowhere else.
 
 use axis_driver::codes::error_code;
@@ -65,7 +65,7 @@ fn block(path: CompensatedPath) -> Command {
 
 const CONFIRM: Command = Command::ConfirmToolChange { objection: None };
 
-/// Stands in the tool change.
+/// Waits in the tool change.
 fn changing(firmware: Firmware, config: DriverConfig) -> Line {
     let build = Build {
         start_in_machine: Some(START),
@@ -120,7 +120,7 @@ fn a_tool_is_lifted_touched_off_and_zeroed_and_the_rest_runs_in_the_new_frame() 
         line.ask(CONFIRM).unwrap();
         let result = line.result();
         assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware:?}: {result:?}");
-        // The probe left G91 behind, and G38.2.
+        // The probe left G91 and G38.2 in force.
         let said = line.said_since(then).replace("$G\n", "");
         let words = "G21G90G94G17G40G54\nG49\nM5\nS6000\nM8\nM3\nG1X40Z-2F1200\nX50Z-2\n";
         assert!(said.starts_with(words), "{firmware:?}: {said}");
@@ -288,18 +288,18 @@ fn grblhal_changes_the_tool_itself_where_that_is_set() {
     line.wait(5.0);
     let said = line.said_since(Duration::ZERO).replace("$G\n", "");
     assert!(said.contains("M5\nM6T2\nG4P0.01\n"), "{said}");
-    assert_eq!(line.mode(), Mode::ToolChange, "nothing goes on by itself");
+    assert_eq!(line.mode(), Mode::ToolChange, "nothing resumes by itself");
     let objection = Some("another tool".to_owned());
     let refusal = line.ask(Command::ConfirmToolChange { objection }).unwrap_err();
     assert_eq!(refusal.error_code, error_code::TOOL);
     line.ask(CONFIRM).unwrap();
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);
-    // A cancel drops it; the machine stands.
+    // A cancel drops it; the machine is at rest.
     let mut line = changing(Firmware::GrblHal, config());
     line.ask(Command::CancelRun { run: None }).unwrap();
     assert_eq!(line.result().outcome, RunOutcome::Canceled);
     line.until("idle", |line| line.mode() == Mode::Idle);
-    // One with an automatic changer, or told to ignore it, does not wait for anybody.
+    // A driver with an automatic changer, or set to ignore M6, does not wait.
     let mut settings = Settings::small_router_of(Firmware::GrblHal);
     settings.set_line("$341=4").unwrap();
     let build = Build { start_in_machine: Some(START), ..Build::new(settings) };

@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn only_digits_that_stand_apart_count_as_split() {
+    fn only_separated_digits_count_as_split() {
         assert!(read(b"10 20", 0, true).is_ok_and(|number| number.is_split));
         assert!(read(b"- 20", 0, true).is_ok_and(|number| !number.is_split));
         assert!(read(b"10 20", 0, false).is_ok_and(|number| number.end == 2));

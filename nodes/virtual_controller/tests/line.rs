@@ -200,7 +200,7 @@ fn answer_times(fault: &str, timing: LineTiming) -> Vec<f64> {
 }
 
 #[test]
-fn a_stalled_line_goes_on_in_order_and_at_its_rate() {
+fn a_stalled_line_continues_in_order_and_at_its_rate() {
     // 10 ms a byte.
     let timing = LineTiming { baud: Some(1000), time_factor: 1.0, scales_bytes: false };
     let check = |fault: &str, expected: [f64; 3]| {

@@ -65,7 +65,7 @@ fn a_full_circle_stays_on_its_circle_and_comes_back() {
 }
 
 #[test]
-fn a_feed_hold_stops_within_the_braking_distance_and_goes_on_to_the_same_end() {
+fn a_feed_hold_stops_within_the_braking_distance_and_a_resume_reaches_the_same_end() {
     let mut bench = Bench::new(&[]);
     bench.send_line("G1X100F3000");
     bench.send_line("G1X100Y50");

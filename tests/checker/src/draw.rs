@@ -543,7 +543,7 @@ fn is_simple(span: &Span) -> bool {
             return false;
         }
     }
-    // Behind a corner it does not come back through what was before it.
+    // After a corner it does not come back through what was before it.
     let comes_back = |pair: &[Element]| {
         let (before, after) = (&pair[0].shape, &pair[1].shape);
         let is_corner = before.direction(1.0).cross(after.direction(0.0)).abs() > 0.02;

@@ -1,10 +1,10 @@
 //! Whether a tool fits a contour, without a path: where may its centre be?
 //!
-//! The tool touches a place of an element when its centre stands one radius beside it. It may
-//! stand there if no wall of the pass is nearer than the radius. Each element gives the
+//! The tool touches a place of an element when its centre is one radius from it. It may
+//! be there if no wall of the pass is nearer than the radius. Each element gives the
 //! stretches of contact that are free. The tool fits when each element has one such stretch
 //! and the centre gets from each to the next: at an inside corner both end at one point, at an
-//! outside corner the way around the corner is free.
+//! outside corner the path around the corner is free.
 
 use crate::judge::ACCEPTED_MM;
 use crate::piece::{Piece, Point};
@@ -135,7 +135,7 @@ fn chain(span: &Span, slack_mm: f64) -> Result<(), Fit> {
     }
 }
 
-/// Whether a straight lies on the line of one beside it, but for what is accepted: the tool may
+/// Whether a straight lies on the line of its neighbour, but for what is accepted: the tool may
 /// pass it by on that line.
 fn is_on_neighbour(span: &Span, index: usize) -> bool {
     let shape = &span.elements[index].shape;
@@ -199,7 +199,7 @@ fn joint(
     Ok(())
 }
 
-/// The way around an outside corner; `None` where it is not known.
+/// The path around an outside corner; `None` where it is not known.
 fn corner(span: &Span, one: &Element, other: &Element, radius_mm: f64) -> Option<Vec<Piece>> {
     let left = span.side * radius_mm;
     let vertex = other.shape.start();

@@ -28,17 +28,17 @@ const CONTACT_MM: f64 = 0.05;
 
 /// What the product says of a program.
 #[derive(Debug, Clone, Default)]
-pub struct Verdict {
+pub struct ProductResult {
     /// Empty when the program is refused.
     pub path: CompensatedPath,
     pub findings: Vec<Finding>,
-    /// The way that was refused.
+    /// The path that was refused.
     pub refused: Vec<PathElement>,
     /// Whether the loader refused the program.
     pub is_unread: bool,
 }
 
-impl Verdict {
+impl ProductResult {
     pub fn is_accepted(&self) -> bool {
         !self.findings.iter().any(Finding::is_error)
     }
@@ -100,7 +100,7 @@ pub enum NotJudged {
 }
 
 /// The verdict on a verdict, and what is wrong with it.
-pub fn judge(program: &Program, verdict: &Verdict) -> (Outcome, Vec<Wrong>) {
+pub fn judge(program: &Program, verdict: &ProductResult) -> (Outcome, Vec<Wrong>) {
     let mut wrong = Vec::new();
     let outcome = if verdict.is_accepted() {
         accepted(program, verdict, &mut wrong);
@@ -112,13 +112,13 @@ pub fn judge(program: &Program, verdict: &Verdict) -> (Outcome, Vec<Wrong>) {
 }
 
 /// One element of a path, in the plane.
-struct Way {
+struct CenterPath {
     shape: Piece,
     line: u32,
     role: PathRole,
 }
 
-fn ways(start: Position, elements: &[PathElement], axes: [usize; 3]) -> Vec<Way> {
+fn ways(start: Position, elements: &[PathElement], axes: [usize; 3]) -> Vec<CenterPath> {
     let [u, v, _] = axes;
     let flat = |at: Position| point(at[u], at[v]);
     let mut from = start;
@@ -131,7 +131,7 @@ fn ways(start: Position, elements: &[PathElement], axes: [usize; 3]) -> Vec<Way>
             Shape::Line => Piece::line(a, b),
             Shape::Arc(arc) => around(a, b, flat(arc.center), !arc.clockwise, arc.turns > 0),
         };
-        ways.push(Way { shape, line: element.source.line, role: element.role });
+        ways.push(CenterPath { shape, line: element.source.line, role: element.role });
     }
     ways
 }
@@ -150,13 +150,13 @@ fn around(start: Point, end: Point, center: Point, is_ccw: bool, is_whole: bool)
     Piece::Arc { center, radius: center.to(start), from: angle(start), sweep }
 }
 
-fn accepted(program: &Program, verdict: &Verdict, wrong: &mut Vec<Wrong>) {
+fn accepted(program: &Program, verdict: &ProductResult, wrong: &mut Vec<Wrong>) {
     let ways = ways(verdict.path.start, &verdict.path.elements, program.axes);
     for span in &program.spans {
-        let own: Vec<&Way> = ways.iter().filter(|way| span.contains(way.line)).collect();
+        let own: Vec<&CenterPath> = ways.iter().filter(|way| span.contains(way.line)).collect();
         for way in &own {
             if let Some((wall, depth_mm)) = deepest(span, way, &own)
-                && !is_told(span, way, depth_mm, &verdict.findings)
+                && !is_reported(span, way, depth_mm, &verdict.findings)
             {
                 add(
                     wrong,
@@ -171,11 +171,11 @@ fn accepted(program: &Program, verdict: &Verdict, wrong: &mut Vec<Wrong>) {
             }
         }
         followed(span, &own, wrong);
-        let is_told = verdict.findings.iter().any(|finding| {
+        let is_reported = verdict.findings.iter().any(|finding| {
             let is_about = is_about_fitting(finding.code) || finding.code == Code::Uncut;
             is_about && span.contains(finding.source.line)
         });
-        if !is_told
+        if !is_reported
             && is_plain(span)
             && fit::fits(span, 0.0) != Fit::Fits
             && let Fit::DoesNot(why) = fit::fits(span, 2.0 * ACCEPTED_MM)
@@ -190,7 +190,11 @@ fn accepted(program: &Program, verdict: &Verdict, wrong: &mut Vec<Wrong>) {
 }
 
 /// The wall that an element of the path cuts deepest, and how deep, mm.
-fn deepest<'a>(span: &'a Span, way: &Way, own: &[&Way]) -> Option<(&'a Element, f64)> {
+fn deepest<'a>(
+    span: &'a Span,
+    way: &CenterPath,
+    own: &[&CenterPath],
+) -> Option<(&'a Element, f64)> {
     let mut walls: Vec<(&Element, f64)> = Vec::new();
     let is_followed =
         |line: u32| own.iter().any(|way| way.line == line && way.role == PathRole::Contour);
@@ -246,7 +250,7 @@ const fn is_about_fitting(code: Code) -> bool {
 }
 
 /// Whether a finding says it, and as deep.
-fn is_told(span: &Span, way: &Way, depth_mm: f64, findings: &[Finding]) -> bool {
+fn is_reported(span: &Span, way: &CenterPath, depth_mm: f64, findings: &[Finding]) -> bool {
     findings.iter().any(|finding| {
         let lines = [Some(finding.source.line), finding.other.map(|other| other.line)];
         // At a change of side both contours share a place, and either may be named.
@@ -259,14 +263,15 @@ fn is_told(span: &Span, way: &Way, depth_mm: f64, findings: &[Finding]) -> bool 
             }
             _ => finding.source.line == way.line,
         };
-        let is_deep = finding.depth_mm.is_none_or(|told_mm| told_mm > 0.9 * depth_mm - ACCEPTED_MM);
+        let is_deep =
+            finding.depth_mm.is_none_or(|reported_mm| reported_mm > 0.9 * depth_mm - ACCEPTED_MM);
         let is_deep = is_deep || !matches!(way.role, PathRole::Contour | PathRole::Corner);
         (is_about_fitting(finding.code) || is_shared) && is_here && is_deep
     })
 }
 
-/// Every element that the tool can touch is followed, one radius beside it.
-fn followed(span: &Span, own: &[&Way], wrong: &mut Vec<Wrong>) {
+/// Checks that the path follows every element that the tool can touch, at one radius.
+fn followed(span: &Span, own: &[&CenterPath], wrong: &mut Vec<Wrong>) {
     if span.changes_tool() {
         return;
     }
@@ -325,7 +330,7 @@ fn is_plain(span: &Span) -> bool {
     !span.changes_tool() && span.begin != End::OtherSide && span.end != End::OtherSide
 }
 
-fn refused(program: &Program, verdict: &Verdict, wrong: &mut Vec<Wrong>) -> Outcome {
+fn refused(program: &Program, verdict: &ProductResult, wrong: &mut Vec<Wrong>) -> Outcome {
     let errors = || verdict.findings.iter().filter(|finding| finding.is_error());
     if let Some(finding) = errors().find(|finding| finding.code == Code::InternalError) {
         add(wrong, Kind::InternalError, format!("internal error: {}", finding.message));
@@ -342,7 +347,7 @@ fn refused(program: &Program, verdict: &Verdict, wrong: &mut Vec<Wrong>) -> Outc
         let span = program.spans.iter().find(|span| span.contains(finding.source.line));
         let one = match (span, finding.code) {
             (None, _) if finding.code == Code::InternalError => continue,
-            // What contradicts itself is told once.
+            // A contradiction is reported once.
             _ if errors().any(|other| other.code == Code::InternalError) => continue,
             (None, _) => {
                 add(
@@ -419,7 +424,7 @@ fn not_fitting(span: &Span) -> Option<Outcome> {
     all.iter().any(|fit| *fit != Fit::Fits).then_some(Outcome::NotJudged(NotJudged::Tolerance))
 }
 
-/// Elements of tails that meet a wall again behind the place where they leave the contour: what
+/// Elements of tails that meet a wall again after the place where they leave the contour: what
 /// lies between encloses another loop, and is no tail.
 fn closed_by_tails(span: &Span) -> Vec<usize> {
     let count = span.elements.len();
@@ -449,7 +454,7 @@ fn closed_by_tails(span: &Span) -> Vec<usize> {
 fn lead_refused(
     span: &Span,
     finding: &Finding,
-    refused: &[Way],
+    refused: &[CenterPath],
     wrong: &mut Vec<Wrong>,
 ) -> Outcome {
     let line = finding.source.line;
@@ -482,7 +487,7 @@ fn lead_refused(
                 depth(wall) > allowed_mm + GOUGE_MM - ROUNDING_MM
             });
             // A lead that begins elsewhere belongs to a contour that is not followed to its end.
-            let is_from_here = |way: &&Way| {
+            let is_from_here = |way: &&CenterPath| {
                 let ends = [way.shape.start(), way.shape.end()];
                 way.line == line && ends.iter().any(|end| end.to(beside) < 1e-3)
             };
@@ -506,7 +511,7 @@ fn lead_refused(
             if lead.peek().is_none() {
                 return Outcome::NotJudged(NotJudged::Lead);
             }
-            let cuts = |way: &Way| {
+            let cuts = |way: &CenterPath| {
                 walls()
                     .any(|wall| way.shape.apart(&wall.shape) < radius_mm - GOUGE_MM + ROUNDING_MM)
             };

@@ -13,7 +13,7 @@ pub mod program;
 pub mod random;
 pub mod tally;
 
-use crate::judge::Verdict;
+use crate::judge::ProductResult;
 use crate::program::{CONTROLS, Program};
 use cnc_msgs::profile::Profile;
 use compensation_planner::Planning;
@@ -33,15 +33,24 @@ pub fn profiles() -> Vec<Profile> {
 ///
 /// # Panics
 /// There is no profile for its control.
-pub fn product(program: &Program, profiles: &[Profile]) -> Verdict {
+pub fn product(program: &Program, profiles: &[Profile]) -> ProductResult {
     let profile = profiles.iter().find(|profile| profile.name == program.control.name());
     let profile = profile.expect("a profile for each control");
     let loaded = load(program.text.as_bytes(), profile, &LoadOptions::default());
     if !loaded.is_accepted() {
-        return Verdict { findings: loaded.findings, is_unread: true, ..Verdict::default() };
+        return ProductResult {
+            findings: loaded.findings,
+            is_unread: true,
+            ..ProductResult::default()
+        };
     }
     let judged =
         compensation_planner::judge(&loaded.contour, profile, &program.tools, Planning::default());
     let plan = judged.plan;
-    Verdict { path: plan.path, findings: plan.findings, refused: plan.refused, is_unread: false }
+    ProductResult {
+        path: plan.path,
+        findings: plan.findings,
+        refused: plan.refused,
+        is_unread: false,
+    }
 }

@@ -19,8 +19,8 @@ fn main() -> ExitCode {
             for ((control, code), count) in &tally.rules {
                 println!("refused by a rule: {control} {code}: {count}");
             }
-            for told in tally.told().iter().take(200) {
-                println!("{told}");
+            for line in tally.lines().iter().take(200) {
+                println!("{line}");
             }
             for kind in [
                 Kind::SilentCut,

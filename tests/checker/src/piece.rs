@@ -123,7 +123,7 @@ impl Piece {
         Self::Arc { center, radius: center.to(start), from, sweep }
     }
 
-    /// The point at this part of the way, from 0 to 1.
+    /// The point at this part of its length, from 0 to 1.
     pub fn at(&self, part: f64) -> Point {
         match *self {
             Self::Line { start, end } => start + (end - start) * part,
@@ -141,7 +141,7 @@ impl Piece {
         self.at(1.0)
     }
 
-    /// The direction of motion at this part of the way.
+    /// The direction of motion at this part of its length.
     pub fn direction(&self, part: f64) -> Point {
         match *self {
             Self::Line { start, end } => (end - start).unit(),
@@ -156,7 +156,7 @@ impl Piece {
         }
     }
 
-    /// What lies between two parts of the way.
+    /// The piece between two parts of its length.
     #[must_use]
     pub fn between(&self, low: f64, high: f64) -> Self {
         match *self {
@@ -167,7 +167,7 @@ impl Piece {
         }
     }
 
-    /// The same the other way.
+    /// The same in reverse.
     #[must_use]
     pub fn reversed(&self) -> Self {
         match *self {
@@ -191,8 +191,8 @@ impl Piece {
         }
     }
 
-    /// The way of the centre of a tool that keeps this far away on its left; negative on its
-    /// right. Inside an arc that is smaller than the tool the way lies beyond the centre.
+    /// The path of the centre of a tool at this distance on its left; negative on its
+    /// right. Inside an arc that is smaller than the tool the path lies beyond the centre.
     #[must_use]
     pub fn beside(&self, left: f64) -> Self {
         match *self {
@@ -208,7 +208,7 @@ impl Piece {
         }
     }
 
-    /// Which part of the way a direction from the centre of an arc is; `None` outside the arc.
+    /// Which part of the length a direction from the centre of an arc is; `None` outside the arc.
     fn part_of(&self, towards: Point) -> Option<f64> {
         let Self::Arc { from, sweep, .. } = *self else { return None };
         let turned = ((towards.v.atan2(towards.u) - from) * sweep.signum()).rem_euclid(TAU);
@@ -241,11 +241,11 @@ impl Piece {
         let mut least = [self.start(), self.end()].map(|end| other.distance(end));
         let others = [other.start(), other.end()].map(|end| self.distance(end));
         least[0] = least[0].min(least[1]).min(others[0]).min(others[1]);
-        // Between the ends the shortest way is perpendicular to both.
+        // Between the ends the shortest line is perpendicular to both.
         let mut inner = |arc: &Self, towards: Point, from: &Self| {
             let Self::Arc { center, radius, .. } = *arc else { return };
             if towards.length() < 1e-12 {
-                // About one centre all places are as far; through the centre any way is as good.
+                // About one centre all places are as far; through the centre any line is as good.
                 return;
             }
             for towards in [towards, towards * -1.0] {
@@ -282,7 +282,7 @@ impl Piece {
         !self.meets(other).is_empty()
     }
 
-    /// Parts of this way at which it crosses the whole line or circle that another lies on.
+    /// Parts of this piece at which it crosses the whole line or circle that another lies on.
     fn parts_at_carrier(&self, other: &Self) -> Vec<f64> {
         match *other {
             Self::Line { start, end } => self.parts_at_line(start, (end - start).unit()),
@@ -290,7 +290,7 @@ impl Piece {
         }
     }
 
-    /// Parts of this way at which it crosses a line through a point, `along` of length 1.
+    /// Parts of this piece at which it crosses a line through a point, `along` of length 1.
     pub fn parts_at_line(&self, through: Point, along: Point) -> Vec<f64> {
         match *self {
             Self::Line { start, end } => {
@@ -312,7 +312,7 @@ impl Piece {
         }
     }
 
-    /// Parts of this way at which it crosses a circle.
+    /// Parts of this piece at which it crosses a circle.
     pub fn parts_at_circle(&self, center: Point, radius: f64) -> Vec<f64> {
         match *self {
             Self::Line { start, end } => {
@@ -346,7 +346,7 @@ impl Piece {
         }
     }
 
-    /// Parts of this way, in order, between which it is either nearer to a wall than `limit`
+    /// Parts of this piece, in order, between which it is either nearer to a wall than `limit`
     /// all the time or never.
     fn parts_at_distance(&self, wall: &Self, limit: f64) -> Vec<f64> {
         let mut parts = vec![0.0, 1.0];
@@ -369,7 +369,7 @@ impl Piece {
         parts
     }
 
-    /// The stretches of this way that are nearer to a wall than `limit`, as parts of the way.
+    /// The stretches of this piece that are nearer to a wall than `limit`, as parts of its length.
     pub fn too_near(&self, wall: &Self, limit: f64) -> Vec<(f64, f64)> {
         let parts = self.parts_at_distance(wall, limit);
         let is_near = |pair: &&[f64]| {

@@ -81,7 +81,7 @@ pub enum Corner {
 /// How a span begins or ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum End {
-    /// With a lead that ends one radius beside the end of the contour.
+    /// With a lead that ends one radius from the end of the contour.
     Normal { outside: Point },
     /// With a lead that meets the contour as a corner.
     Joined { outside: Point },
@@ -90,7 +90,7 @@ pub enum End {
 }
 
 impl Span {
-    /// What bounds the tool on its way along a pass.
+    /// What bounds the tool along a pass.
     pub fn walls(&self, pass: usize) -> impl Iterator<Item = &Element> {
         self.elements.iter().filter(move |element| {
             element.pass == pass && element.role == Role::Wall && !element.is_copy

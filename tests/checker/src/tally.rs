@@ -93,7 +93,7 @@ impl Tally {
     }
 
     /// What is wrong, in words.
-    pub fn told(&self) -> Vec<String> {
+    pub fn lines(&self) -> Vec<String> {
         let words = |wrong: &[Wrong]| {
             wrong.iter().map(|it| format!("{:?}: {}", it.kind, it.what)).collect::<Vec<_>>()
         };

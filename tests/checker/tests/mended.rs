@@ -6,7 +6,7 @@ use kerf_checker::{draw, product, profiles};
 /// What was wrong, the seeds, and whether their programs are accepted now.
 const MENDED: &[(&str, &[u64], bool)] = &[
     (
-        "a short block beside a change of side, merged on one side of the tool only",
+        "a short block next to a change of side, merged on one side of the tool only",
         &[
             4294, 26728, 142_325, 175_240, 189_496, 260_032, 274_750, 277_396, 282_059, 524_206,
             567_004, 708_490, 722_572, 872_542, 875_777,
@@ -14,11 +14,11 @@ const MENDED: &[(&str, &[u64], bool)] = &[
         true,
     ),
     (
-        "a short block beside a change of side, counted as a block of its own by the checker",
+        "a short block next to a change of side, counted as a block of its own by the checker",
         &[1_369_955, 1_464_286, 1_821_100],
         true,
     ),
-    ("noise beside a change of side, left out on one side of the tool only", &[465_887], false),
+    ("noise next to a change of side, left out on one side of the tool only", &[465_887], false),
     (
         "a ring that is retraced, in blocks that the planner takes as one",
         &[127_937, 171_831, 184_665, 457_743, 549_457, 730_943, 737_331, 741_827, 852_389, 896_309],
@@ -27,7 +27,7 @@ const MENDED: &[(&str, &[u64], bool)] = &[
     ("an arc that is lengthened to the offset of its lead", &[106_239, 741_555], true),
     ("an arc whose ends are both a rounding error off", &[557_763], true),
     (
-        "a straight that a sharp inside corner takes, beside one that goes on in it",
+        "a straight that a sharp inside corner takes, next to one that continues it",
         &[379_417],
         true,
     ),

@@ -4,20 +4,20 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::path::Role as PathRole;
 use cnc_msgs::profile::Profile;
 use kerf_checker::fit::{Fit, fits};
-use kerf_checker::judge::{Kind, Outcome, Verdict, judge};
+use kerf_checker::judge::{Kind, Outcome, ProductResult, judge};
 use kerf_checker::piece::{Piece, point};
 use kerf_checker::program::{Corner, End, Program, Role};
 use kerf_checker::{draw, product, profiles};
 use settings::Control;
 
 /// Accepted programs with one contour, and their verdicts, before anything is changed.
-fn accepted(profiles: &[Profile]) -> Vec<(Program, Verdict)> {
+fn accepted(profiles: &[Profile]) -> Vec<(Program, ProductResult)> {
     let judged = (0..3000).map(|seed| {
         let program = draw::program(seed);
         let verdict = product(&program, profiles);
         (program, verdict)
     });
-    let is_right = |(program, verdict): &(Program, Verdict)| {
+    let is_right = |(program, verdict): &(Program, ProductResult)| {
         let plain = program.spans.len() == 1 && !program.spans[0].changes_tool();
         plain && judge(program, verdict).0 == Outcome::Accepted
     };
@@ -25,7 +25,7 @@ fn accepted(profiles: &[Profile]) -> Vec<(Program, Verdict)> {
 }
 
 /// The kinds of what is wrong.
-fn kinds(program: &Program, verdict: &Verdict) -> Vec<Kind> {
+fn kinds(program: &Program, verdict: &ProductResult) -> Vec<Kind> {
     judge(program, verdict).1.into_iter().map(|wrong| wrong.kind).collect()
 }
 
@@ -126,7 +126,7 @@ fn a_corner_that_is_cut_by_a_hundredth_is_found() {
 }
 
 #[test]
-fn a_finding_that_is_not_told_is_found() {
+fn a_finding_that_is_missing_is_found() {
     let profiles = profiles();
     let mut found = Found::default();
     for (program, mut verdict) in accepted(&profiles) {

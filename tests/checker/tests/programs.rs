@@ -22,20 +22,20 @@ fn no_program_is_cut_silently_and_no_fitting_tool_is_refused() {
     let first = setting("KERF_CHECKER_SEED").unwrap_or(0);
     let count = setting("KERF_CHECKER_PROGRAMS").unwrap_or(PROGRAMS);
     let tally = tally::run(first..first + count);
-    let told = tally.told();
+    let lines = tally.lines();
     // One in the first million is known.
     let silent: Vec<u64> = [Kind::SilentCut, Kind::NotFollowed]
         .iter()
         .flat_map(|kind| tally.wrong_of(*kind))
         .collect();
-    assert!(silent.len() as u64 * 100_000 <= count, "{silent:?}:\n{}", told.join("\n"));
+    assert!(silent.len() as u64 * 100_000 <= count, "{silent:?}:\n{}", lines.join("\n"));
     let is_new = |(seed, _): &&(u64, _)| !KNOWN.contains(seed);
     let new = tally.wrong.iter().filter(is_new).count() as u64;
     if count <= PROGRAMS && first == 0 {
-        assert_eq!(new, 0, "{}", told.join("\n"));
+        assert_eq!(new, 0, "{}", lines.join("\n"));
     } else {
         // The known causes: one program in five hundred at most.
-        assert!(new * 500 <= count, "{}\n{}", tally.table(), told.join("\n"));
+        assert!(new * 500 <= count, "{}\n{}", tally.table(), lines.join("\n"));
     }
     // Otherwise nothing was asked.
     for control in CONTROLS {

@@ -3,12 +3,12 @@
 
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::tool_table::{Offset, ToolTable};
-use kerf_checker::judge::Verdict;
+use kerf_checker::judge::ProductResult;
 use kerf_checker::program::Program;
 use kerf_checker::{product, profiles};
 use settings::Control;
 
-/// A ring in three blocks, half of the first again, and an arc that leaves it beside the tool.
+/// A ring in three blocks, half of the first again, and an arc that leaves it next to the tool.
 const RETRACED: &str = "G18 G90 F600
 G451
 G0 Z0.714 X1.236
@@ -30,7 +30,7 @@ fn findings(control: Control, axes: [usize; 3], radius_mm: f64, text: &str) -> V
     verdict(control, axes, radius_mm, text).findings
 }
 
-fn verdict(control: Control, axes: [usize; 3], radius_mm: f64, text: &str) -> Verdict {
+fn verdict(control: Control, axes: [usize; 3], radius_mm: f64, text: &str) -> ProductResult {
     let mut tools = ToolTable::default();
     tools.offsets.insert(1, Offset { radius_mm, ..Offset::default() });
     let text = text.into();
@@ -40,7 +40,7 @@ fn verdict(control: Control, axes: [usize; 3], radius_mm: f64, text: &str) -> Ve
 }
 
 #[test]
-fn a_ring_is_not_left_out_for_an_arc_behind_it_that_cuts_it() {
+fn a_ring_is_not_left_out_for_an_arc_after_it_that_cuts_it() {
     let findings = findings(Control::Sinumerik840c, [2, 0, 1], 4.956, RETRACED);
     let refusal = findings.iter().find(|finding| finding.is_error());
     let refusal = refusal.map(|finding| (finding.code, finding.source.line));
@@ -63,7 +63,7 @@ G0 Z5
 M2
 ";
 
-/// One half was taken for the way back along the other, and left out.
+/// One half was taken for the return along the other, and left out.
 #[test]
 fn a_ring_of_rounded_blocks_is_followed_all_around() {
     let verdict = verdict(Control::Nct, [0, 1, 2], 3.0, ROUNDED);

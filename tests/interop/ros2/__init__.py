@@ -1,6 +1,6 @@
 """A ROS 2 node's side of the wire, on Eclipse Cyclone DDS alone.
 
-Speaks as `rmw_cyclonedds_cpp` does: topics `rt/NAME`, services `rq/NAMERequest` and
+Uses the names of `rmw_cyclonedds_cpp`: topics `rt/NAME`, services `rq/NAMERequest` and
 `rr/NAMEReply` with the client's number before each payload, actions as five of those.
 Shares no code with the nodes under test but the interface files in `msgs/`.
 """

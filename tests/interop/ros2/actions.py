@@ -3,7 +3,7 @@
 import uuid
 
 from . import interfaces
-from .node import DEFAULT, LATCHED, PATIENCE, until
+from .node import DEFAULT, LATCHED, TIMEOUT, until
 
 GoalStatus = interfaces.message('action_msgs/msg/GoalStatus')
 CancelGoal = interfaces.service('action_msgs/srv/CancelGoal')
@@ -30,8 +30,8 @@ class ActionClient:
         self._status = node.subscription(GoalStatus.ros_name + 'Array', f'{base}/status', LATCHED)
         self._all_feedback = []
 
-    def wait_for_server(self, patience=PATIENCE):
-        until(f'the action server {self.name}', self.is_ready, patience)
+    def wait_for_server(self, timeout=TIMEOUT):
+        until(f'the action server {self.name}', self.is_ready, timeout)
         return self
 
     def is_ready(self):
@@ -47,9 +47,9 @@ class ActionClient:
         answer = self._send_goal.call(goal_id=goal_id(number), goal=self.kind.Goal(**fields))
         return GoalHandle(self, number, answer)
 
-    def statuses(self, patience=PATIENCE):
+    def statuses(self, timeout=TIMEOUT):
         """The newest status of every goal that the server knows, by id."""
-        newest = self._status.newest(patience)
+        newest = self._status.newest(timeout)
         return {bytes(status.goal_info.goal_id.uuid): status.status
                 for status in newest.status_list}
 
@@ -61,10 +61,10 @@ class ActionClient:
             request.goal_info.stamp = stamp
         return self._cancel_goal.call(request)
 
-    def result(self, number, patience=PATIENCE):
-        """The raw service: whoever knows the id may ask."""
+    def result(self, number, timeout=TIMEOUT):
+        """The raw service: any client that knows the id may call it."""
         self._get_result.wait_for_service()
-        return self._get_result.call(goal_id=goal_id(number), patience=patience)
+        return self._get_result.call(goal_id=goal_id(number), timeout=timeout)
 
     def feedback_of(self, number):
         """All feedback of a goal that has arrived so far."""
@@ -83,13 +83,13 @@ class GoalHandle:
     def feedback(self):
         return self._client.feedback_of(self.number)
 
-    def wait_for_feedback(self, what=lambda _: True, patience=PATIENCE):
+    def wait_for_feedback(self, what=lambda _: True, timeout=TIMEOUT):
         return until('feedback', lambda: next(
-            (feedback for feedback in self.feedback() if what(feedback)), None), patience)
+            (feedback for feedback in self.feedback() if what(feedback)), None), timeout)
 
     def cancel(self):
         return self._client.cancel(self.number)
 
-    def result(self, patience=PATIENCE):
+    def result(self, timeout=TIMEOUT):
         """Waits for the end; the status is that of `action_msgs/GoalStatus`."""
-        return self._client.result(self.number, patience)
+        return self._client.result(self.number, timeout)

@@ -16,7 +16,7 @@ from .node import Qos
 
 @dataclasses.dataclass(frozen=True)
 class Endpoint:
-    """A writer or a reader, as discovery tells it."""
+    """A writer or a reader, as discovery reports it."""
 
     gid: bytes
     dds_topic: str
@@ -57,7 +57,7 @@ class Graph:
         return self._endpoints(self._subscriptions)
 
     def publishers(self):
-        """`ros2 topic list -t`: the types of all topics that somebody publishes."""
+        """`ros2 topic list -t`: the types of all published topics."""
         return {end.topic: end.type for end in self.writers() if end.topic}
 
     def services(self):

@@ -2,8 +2,8 @@
 
 All nodes of a process share one participant a domain, as the nodes of an rcl context do.
 
-Everything is polled: whoever waits looks again every few milliseconds until what it wants
-is there or [PATIENCE] is over. Nothing runs in the background but Cyclone's own threads,
+Everything is polled: a wait checks again every few milliseconds until its condition holds
+or [TIMEOUT] is over. Nothing runs in the background but Cyclone's own threads,
 so that a test reads from the top to the bottom.
 """
 
@@ -22,7 +22,7 @@ from cyclonedds.util import duration
 from . import interfaces
 
 # How long anything may take; generous, machines are slow.
-PATIENCE = 60.0
+TIMEOUT = 60.0
 LOOK_AGAIN = 0.005
 
 # What rmw_cyclonedds_cpp configures for ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST.
@@ -45,15 +45,15 @@ class NoAnswer(AssertionError):
     """What was waited for did not come."""
 
 
-def until(what, look, patience=PATIENCE):
+def until(what, look, timeout=TIMEOUT):
     """Waits until `look` returns something that is true, and returns it."""
-    end = time.monotonic() + patience
+    end = time.monotonic() + timeout
     while True:
         found = look()
         if found:
             return found
         if time.monotonic() > end:
-            raise NoAnswer(f'{what}: not within {patience} s')
+            raise NoAnswer(f'{what}: not within {timeout} s')
         time.sleep(LOOK_AGAIN)
 
 
@@ -93,7 +93,7 @@ class Context:
 
     def __init__(self, domain_id):
         self._domain = Domain(domain_id, LOCALHOST)
-        # rmw tells the enclave by the user data of the participant.
+        # rmw announces the enclave in the user data of the participant.
         self.participant = DomainParticipant(
             domain_id, qos=Policies(Policy.Userdata(b'enclave=/;')))
         self._kept = {}
@@ -203,7 +203,7 @@ class Node:
         return reader
 
     def entities(self):
-        """What the graph is told of this node."""
+        """What this node announces to the graph."""
         return interfaces.message('rmw_dds_common/msg/NodeEntitiesInfo')(
             node_namespace=self.namespace, node_name=self.name,
             reader_gid_seq=[_gid(reader) for reader in self._readers],
@@ -250,20 +250,20 @@ class Subscription:
         """All that has arrived and was not taken before."""
         return [sample for sample in self._reader.take(N=1000) if isinstance(sample, self.kind)]
 
-    def wait(self, what=lambda _: True, patience=PATIENCE):
+    def wait(self, what=lambda _: True, timeout=TIMEOUT):
         """The first message from now on for which `what` holds."""
         return until(f'a message on {self.topic}', lambda: next(
-            (found for found in self._one_by_one() if what(found)), None), patience)
+            (found for found in self._one_by_one() if what(found)), None), timeout)
 
-    def newest(self, patience=PATIENCE):
+    def newest(self, timeout=TIMEOUT):
         """The newest of those that are there, or the next one."""
-        return until(f'a message on {self.topic}', lambda: (self.take() or [None])[-1], patience)
+        return until(f'a message on {self.topic}', lambda: (self.take() or [None])[-1], timeout)
 
-    def collect(self, count, patience=PATIENCE):
+    def collect(self, count, timeout=TIMEOUT):
         """So many messages."""
         got = []
         until(f'{count} messages on {self.topic}',
-              lambda: got.extend(self.take()) or len(got) >= count, patience)
+              lambda: got.extend(self.take()) or len(got) >= count, timeout)
         return got
 
     def _one_by_one(self):

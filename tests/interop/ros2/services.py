@@ -7,7 +7,7 @@ request. A client takes the replies that are its own and lets all others pass.
 import itertools
 
 from . import interfaces
-from .node import PATIENCE, SERVICES, until
+from .node import TIMEOUT, SERVICES, until
 
 
 class Client:
@@ -33,8 +33,8 @@ class Client:
         return bool(self._requests.get_matched_subscriptions()
                     and self._replies.get_matched_publications())
 
-    def wait_for_service(self, patience=PATIENCE):
-        until(f'the service {self.name}', self.is_ready, patience)
+    def wait_for_service(self, timeout=TIMEOUT):
+        until(f'the service {self.name}', self.is_ready, timeout)
         return self
 
     def send(self, request=None, **fields):
@@ -51,13 +51,13 @@ class Client:
                 self._answers[reply.sequence] = reply.body
         return self._answers.get(number)
 
-    def wait(self, number, patience=PATIENCE):
-        return until(f'an answer of {self.name}', lambda: self.answer(number), patience)
+    def wait(self, number, timeout=TIMEOUT):
+        return until(f'an answer of {self.name}', lambda: self.answer(number), timeout)
 
-    def call(self, request=None, patience=PATIENCE, **fields):
+    def call(self, request=None, timeout=TIMEOUT, **fields):
         """`client.call`: asks and waits for the answer."""
         self.wait_for_service()
-        return self.wait(self.send(request, **fields), patience)
+        return self.wait(self.send(request, **fields), timeout)
 
 
 class Service:

@@ -149,13 +149,13 @@ def disagreement(result):
         return f"the paths are not the same: {differs}"
     unsure_mm = SAME_MM + result.allowed_mm + rounding_mm
     if cuts.nick > UNSEEN_MM + unsure_mm and "lead_nick" not in kerf.codes:
-        return f"a nick of {cuts.nick:.6f} mm is not told"
+        return f"a nick of {cuts.nick:.6f} mm is not reported"
     if cuts.nick < UNSEEN_MM - unsure_mm and "lead_nick" in kerf.codes:
-        return f"a nick is told, and it is {cuts.nick:.6f} mm"
+        return f"a nick of only {cuts.nick:.6f} mm is reported"
     if cuts.other_pass > unsure_mm and "cuts_other_pass" not in kerf.codes:
-        return f"{cuts.other_pass:.6f} mm into another pass are not told"
+        return f"{cuts.other_pass:.6f} mm into another pass are not reported"
     if cuts.other_pass < GOUGE_MM and "cuts_other_pass" in kerf.codes:
-        return "a cut of another pass is told, and there is none"
+        return "a cut of another pass is reported, but there is none"
     return None
 
 

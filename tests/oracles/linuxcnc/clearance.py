@@ -37,7 +37,7 @@ class Piece:
         return self.element.at(part) + (low + part * (high - low),)
 
     def distance(self, point):
-        """How far a point in space is from it. On a helix, at the place that is beside it."""
+        """How far a point in space is from it. On a helix, at the place next to it."""
         flat, heights = self.element, self.heights
         if isinstance(flat, Line):
             way = [b - a for a, b in zip(flat.start + heights[:1], flat.end + heights[1:])]
@@ -140,7 +140,7 @@ def runs_back(element, programmed, more_rad):
 
 
 def shares(contour, index, element):
-    """A piece of the path beside an element, cut where the passes of the contour are cut."""
+    """A piece of the path next to an element, cut where the passes of the contour are cut."""
     parts = [(0.0, float(index))]
     cuts = {place for it in contour.passes for place in (it.begin, it.end, it.stop)}
     for cut in sorted(cuts):

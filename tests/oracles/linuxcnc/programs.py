@@ -346,7 +346,7 @@ def ways_of_writing():
             program = along(begin("an arc as the lead-off").plunge(-2.0).on(side, first)).cancel()
             middle = plus(elements[-1].end, minus(finish, elements[-1].end), 0.5)
             yield program.arc(finish, middle, side == RIGHT).end()
-            # A corner that a stop, a function or a move of Z stands in.
+            # A corner with a stop, a function or a move of Z.
             for what, words in (("M8", ["M8"]), ("a dwell", ["G4 P0.1"]), ("a feed", ["F200"]),
                                 ("a comment", ["(here)"])):
                 program = begin(f"{what} in the corner").plunge(-2.0).on(side, first)
@@ -506,7 +506,7 @@ def slots():
 
 
 def features():
-    """Steps, fillets, chamfers and notches beside which the tool is large."""
+    """Steps, fillets, chamfers and notches that are small for the tool."""
     for name, side in sides():
         for size in (0.001, 0.05, 0.5, 3.0, 4.9, 5.1, 8.0):
             for turn in (90, -90):
@@ -552,7 +552,7 @@ def noise():
 
 
 def by_chance(count=150):
-    """Contours that nobody would think of; the seed is a literal."""
+    """Random contours; the seed is a literal."""
     chance = random.Random(16)
     for number in range(count):
         radius = chance.choice((5.0, 3.0, 1.0))

@@ -118,7 +118,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn what_is_not_looked_at_is_told() {
+    fn what_is_not_compared_is_reported() {
         let expected = json!({"a": [1.0, {"b": 2.0}], "says": "five"});
         let observed = json!({"a": [1.0, {"b": 2.0, "c": 3.0}], "message": "it is five"});
         assert_eq!(matches(&expected, &observed, 1e-6), Ok(()));

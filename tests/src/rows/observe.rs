@@ -9,7 +9,7 @@
 //! | `findings` | of loader and planner; none are allowed when it is not expected |
 //! | `spans` | side and radius of each compensated piece |
 //! | `certificates` | the radii that each piece is good for, and the blocks that limit them |
-//! | `uncut` | what is left beside blocks that are left out |
+//! | `uncut` | what is left next to blocks that are left out |
 //! | `table_fault` | what is wrong with the tool table |
 //! | `restart` | what is said against starting at `start_line` |
 //! | `start` | the first element of such a start, what is said of it, and what the driver sends up to it |

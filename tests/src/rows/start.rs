@@ -25,22 +25,22 @@ pub(super) fn observe(
     let start = match compensation_planner::start(contour, profile, path, line) {
         Ok(start) => start,
         Err(refused) => {
-            let mut told = finding(&refused.finding);
-            told["nearest_line"] = json!(refused.nearest.line);
-            told["nearest_block"] = json!(refused.nearest.block);
-            observed.insert("restart".into(), told);
+            let mut start_object = finding(&refused.finding);
+            start_object["nearest_line"] = json!(refused.nearest.line);
+            start_object["nearest_block"] = json!(refused.nearest.block);
+            observed.insert("restart".into(), start_object);
             return;
         }
     };
     observed.insert("restart".into(), json!(start.warning.as_ref().map(finding)));
     let first = start.entry.element;
-    let mut told = element(path.start_of(first), &path.elements[first]);
-    told["says"] = json!(start.to_string());
+    let mut start_object = element(path.start_of(first), &path.elements[first]);
+    start_object["says"] = json!(start.to_string());
     match sent(path, line, &start) {
-        Ok(lines) => told["sent"] = json!(lines),
-        Err(problem) => told["refused"] = json!(problem),
+        Ok(lines) => start_object["sent"] = json!(lines),
+        Err(problem) => start_object["refused"] = json!(problem),
     }
-    observed.insert("start".into(), told);
+    observed.insert("start".into(), start_object);
 }
 
 /// The lines up to the first that cuts, or why the driver does not begin there: the tool may

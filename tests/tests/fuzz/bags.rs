@@ -3,7 +3,7 @@
 //! Whatever comes in: no panic, errors that name the file, problems of records that
 //! name their place, every message that is given fits into the file it is from, and
 //! what is recovered is a whole bag with the same messages. A bag of ours that was
-//! hurt by accident and is told to be complete has the messages that it had.
+//! damaged by accident and is reported as complete has all its messages.
 
 use crate::bag_mutate::{has_chunks, mutate, mutate_definition};
 use crate::mutate::Random;
@@ -21,7 +21,7 @@ use std::io::Cursor;
 use std::time::Duration;
 
 /// The most that may be in memory for the bag of one case, with all other tests of this
-/// process beside it, kB. A record or a chunk may take 256 MB, and a chunk is there twice
+/// process as well, kB. A record or a chunk may take 256 MB, and a chunk is there twice
 /// while it is decompressed.
 const MEMORY_KB_MAX: u64 = 2_000_000;
 
@@ -32,15 +32,15 @@ const GOLDEN: [&str; 2] = ["automation1_calls", "osp_lathe_shaft"];
 pub(crate) struct Whole {
     files: Vec<Vec<u8>>,
     is_guarded: bool,
-    messages: Vec<Told>,
+    messages: Vec<RecordedMessage>,
 }
 
 /// Topic, number, time, content.
-type Told = (String, u32, u64, Vec<u8>);
+type RecordedMessage = (String, u32, u64, Vec<u8>);
 
 type Read = Bag<Cursor<Vec<u8>>>;
 
-fn told(message: &BagMessage) -> Told {
+fn as_recorded(message: &BagMessage) -> RecordedMessage {
     let topic = message.channel.topic.clone();
     (topic, message.sequence, message.log_time_ns, message.data.clone())
 }
@@ -56,7 +56,8 @@ fn open(files: &[Vec<u8>]) -> Result<Read, run_recorder::bag_reader::BagError> {
 impl Whole {
     fn new(files: Vec<Vec<u8>>, is_guarded: bool) -> Self {
         let mut bag = open(&files).expect("a whole bag");
-        let messages = bag.messages().map(|message| told(&message.expect("a message"))).collect();
+        let messages =
+            bag.messages().map(|message| as_recorded(&message.expect("a message"))).collect();
         Self { files, is_guarded, messages }
     }
 }
@@ -228,7 +229,7 @@ pub(crate) fn check_bytes(random: &mut Random) {
 }
 
 /// Reads a bag in all ways there are; `judge` gets its messages and whether it is complete.
-fn survive(files: &[Vec<u8>], judge: impl FnOnce(Vec<Told>, bool)) -> Outcome {
+fn survive(files: &[Vec<u8>], judge: impl FnOnce(Vec<RecordedMessage>, bool)) -> Outcome {
     let mut outcome = Outcome::default();
     let mut bag = match open(files) {
         Ok(bag) => bag,
@@ -251,7 +252,7 @@ fn survive(files: &[Vec<u8>], judge: impl FnOnce(Vec<Told>, bool)) -> Outcome {
         if let Some(schema) = schema {
             let _ = decode(schema, &message.data);
         }
-        messages.push(told(&message));
+        messages.push(as_recorded(&message));
     }
     outcome.has_message = !messages.is_empty();
     for info in bag.attachments().to_vec() {
@@ -292,7 +293,7 @@ fn survive(files: &[Vec<u8>], judge: impl FnOnce(Vec<Told>, bool)) -> Outcome {
     outcome
 }
 
-/// Definitions that lie about the messages beside them; whether one was a definition still.
+/// Definitions that do not match their messages; returns whether one was still a definition.
 pub(crate) fn check_definition(corpus: &[Whole], random: &mut Random) -> bool {
     let whole = random.of(corpus);
     let mut bag = open(&whole.files).expect("a whole bag");

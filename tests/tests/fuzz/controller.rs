@@ -16,9 +16,9 @@ const BANNER: &[u8] = b"\r\nGrbl 1.1h ['$' for help]\r\n";
 pub(crate) struct Traits {
     /// Bytes that the receive buffer holds.
     pub(crate) size: usize,
-    /// What `[OPT:]` tells of it.
+    /// What `[OPT:]` reports of it.
     pub(crate) told: Option<u16>,
-    /// Whether reports tell what is free.
+    /// Whether reports have the free buffer space.
     pub(crate) tells_free: bool,
     /// How long a block takes.
     pub(crate) block: Duration,
@@ -50,7 +50,7 @@ pub(crate) struct Controller {
     next_report: Duration,
     wants_report: bool,
     is_held: bool,
-    /// Hears nothing but a reset.
+    /// Accepts only a reset.
     is_deaf: bool,
     is_dead: bool,
     pub(crate) has_lost_bytes: bool,
@@ -148,7 +148,7 @@ impl Controller {
         while self.step(now) {}
     }
 
-    /// Reads a byte, or goes on with a line; false when there is nothing to do now.
+    /// Reads a byte, or continues a line; false when there is nothing to do now.
     fn step(&mut self, now: Duration) -> bool {
         let Some(work) = &mut self.work else {
             let Some(byte) = self.buffer.pop_front() else { return false };
@@ -232,7 +232,7 @@ impl Wire {
         self.bytes.drain(..arrived).map(|(_, byte)| byte).collect()
     }
 
-    /// Whether anything but a request for status is on its way.
+    /// Whether anything except a status request is in transit.
     pub(crate) fn carries_lines(&self) -> bool {
         self.bytes.iter().any(|(_, byte)| *byte != b'?')
     }
@@ -242,7 +242,7 @@ impl Traits {
     pub(crate) fn random(random: &mut Random) -> Self {
         let ms = Duration::from_millis;
         let size = *random.of(&[80, 127, 128, 254, 1023]);
-        // grbl tells what it holds, grblHAL one more, FluidNC nothing.
+        // grbl reports its capacity, grblHAL one more, FluidNC nothing.
         let told = match random.below(3) {
             0 if size >= 127 => None,
             1 => Some(size as u16 + 1),

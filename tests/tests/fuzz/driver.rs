@@ -1,8 +1,8 @@
 //! The driver on a virtual controller: commands, faults and time in any order.
 //!
 //! Every command is answered once and every goal that was accepted ends once, in time;
-//! nothing is sent that nobody ordered but `?`, `!` and a reset; and a machine that is
-//! not heard is never idle.
+//! nothing is sent without an order except `?`, `!` and a reset; and a machine that is
+//! not reachable is never idle.
 
 use crate::mutate::Random;
 use crate::orders::Orders;
@@ -24,10 +24,10 @@ use virtual_controller::{
 
 const X: AxisSet = AxisSet::from_bits(0b001);
 const Z: AxisSet = AxisSet::from_bits(0b100);
-/// Nothing is as it was reported when nothing was heard for so long.
+/// After this long without a report, the reported state does not count any more.
 const SILENCE: Duration = Duration::from_millis(1500);
 /// Everything that was begun has ended by then: homing may take three minutes.
-const PATIENCE: Duration = Duration::from_secs(300);
+const TIMEOUT: Duration = Duration::from_secs(300);
 
 /// What came of the goals of a case.
 #[derive(Debug, Default, Clone, Copy)]
@@ -125,21 +125,21 @@ impl Bench {
                     self.controller.receive(self.now, &bytes);
                 }
                 Output::Reply { id, result } => {
-                    self.tell(format!("reply {id} {result:?}"));
+                    self.record(format!("reply {id} {result:?}"));
                     self.orders.on_reply(id, result.is_ok());
                 }
                 Output::RunFinished(result) => {
-                    self.tell(format!("{result:?}"));
+                    self.record(format!("{result:?}"));
                     self.succeeded += u64::from(result.outcome == RunOutcome::Succeeded);
                     self.orders.on_finished(result.id);
                 }
                 Output::MoveFinished(result) => {
-                    self.tell(format!("{result:?}"));
+                    self.record(format!("{result:?}"));
                     self.succeeded += u64::from(result.outcome == RunOutcome::Succeeded);
                     self.orders.on_finished(result.id);
                 }
                 Output::ReadyToClose => self.orders.on_ready_to_close(),
-                Output::Log { message, .. } => self.tell(message),
+                Output::Log { message, .. } => self.record(message),
                 Output::State(_) | Output::Progress { .. } | Output::Settings(_) => {}
             }
         }
@@ -152,16 +152,16 @@ impl Bench {
         if !self.is_open {
             assert!(matches!(mode, Mode::Disconnected | Mode::Unknown), "{mode:?} without a port");
         } else if self.now > self.heard_at + SILENCE {
-            assert_ne!(mode, Mode::Idle, "nothing was heard since {:?}", self.heard_at);
+            assert_ne!(mode, Mode::Idle, "nothing was received since {:?}", self.heard_at);
         }
     }
 
-    fn tell(&mut self, what: String) {
+    fn record(&mut self, what: String) {
         self.story.push(format!("{:.3} {what}", self.now.as_secs_f64()));
     }
 
     fn open(&mut self, is_open: bool) {
-        self.tell(format!("open {is_open}"));
+        self.record(format!("open {is_open}"));
         self.is_open = is_open;
         self.heard_at = self.now;
         self.handle(match is_open {
@@ -200,11 +200,11 @@ impl Bench {
         let id = self.next_id;
         self.next_id += 1;
         let name: String = format!("{command:?}").chars().take(60).collect();
-        self.tell(format!("command {id} {name}"));
+        self.record(format!("command {id} {name}"));
         self.handle(Input::Command { id, command });
     }
 
-    /// Somebody wants something, or something happens.
+    /// A peer sends a command, or an event happens.
     fn act(&mut self, random: &mut Random) {
         match random.below(12) {
             0 => self.happen(random),
@@ -214,7 +214,7 @@ impl Bench {
             }
             2 if self.is_open && random.once_in(4) => {
                 let noise = (0..random.below(30)).map(|_| random.next() as u8).collect();
-                self.tell("noise".into());
+                self.record("noise".into());
                 self.handle(Input::Received(noise));
             }
             _ => {
@@ -245,7 +245,7 @@ impl Bench {
             FaultAction::CloseDoor,
         ];
         let action = random.of(&actions).clone();
-        self.tell(format!("{action:?}"));
+        self.record(format!("{action:?}"));
         self.controller.advance(self.now);
         let then = self.controller.device_time(self.now);
         self.controller.device_mut().inject(then, action);
@@ -329,7 +329,7 @@ impl Bench {
         self.command(Command::CancelRun { run: None });
         self.wait(0.5);
         self.command(Command::Shutdown);
-        let end = self.now + PATIENCE;
+        let end = self.now + TIMEOUT;
         while self.now < end && !self.orders.owed().is_empty() {
             self.step(end);
         }

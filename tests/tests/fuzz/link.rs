@@ -15,9 +15,9 @@ const STEP: Duration = Duration::from_millis(1);
 const QUIET: Duration = Duration::from_millis(3500);
 /// A lost line, answer or controller shows within this time once nothing else happens.
 const NOTICE: Duration = Duration::from_secs(3);
-/// All lines that are under way are done by then.
+/// All lines in transit are done by then.
 const DRAINED: Duration = Duration::from_secs(300);
-/// Lines go on for so long after the damage, for it to show in mid-stream.
+/// Lines continue for this long after the damage, so that it shows in mid-stream.
 const STREAM_AFTER_DAMAGE: Duration = Duration::from_secs(8);
 
 /// What happens to the line or to its other end, once.
@@ -65,7 +65,7 @@ struct Bench {
     has_damaged: bool,
     /// A line had an answer before it was done.
     was_early: bool,
-    /// A fault, silence, an alarm or a restart that nobody asked for.
+    /// A fault, silence, an alarm or an unexpected restart.
     noticed: Option<String>,
     /// All lines that were given to the link, by tag.
     lines: Vec<String>,
@@ -136,9 +136,9 @@ pub(crate) fn check(random: &mut Random) -> Early {
         && traits.tells_free
         && traits.told.is_some()
         && traits.reports_every.is_none()
-        // Requests and reports are in step, since nothing was under way for a while.
+        // Requests and reports are in step, since nothing was in transit for a while.
         && bench.first == 0
-        // The planner is full, and there are lines behind the one that is lost.
+        // The planner is full, and there are lines after the lost one.
         && traits.block >= Duration::from_millis(20)
         && window >= 4 * longest
         && config.baud > 9600;
@@ -150,7 +150,7 @@ pub(crate) fn check(random: &mut Random) -> Early {
 
 fn config(traits: &Traits, random: &mut Random) -> LinkConfig {
     let configured = match traits.told {
-        // Whoever says how much it takes must not say too much.
+        // A controller must not report a larger buffer than it has.
         None => random.once_in(2).then(|| 20 + random.below(traits.size - 19) as u16),
         Some(_) => random.once_in(4).then(|| 20 + random.below(2000) as u16),
     };
@@ -205,7 +205,7 @@ impl Bench {
         while let Some(event) = self.link.poll_event() {
             self.on_event(event);
         }
-        // Whoever resets waits for the start message, and not for ever.
+        // After a reset the driver waits for the start message, but not for ever.
         if self.resetting.is_some_and(|since| self.now > since + NOTICE) {
             assert!(self.has_damaged, "no start message\n{}", self.shown);
             self.noticed.get_or_insert("no start message".into());
@@ -227,7 +227,7 @@ impl Bench {
         let (unanswered, window) = (self.link.unanswered_bytes(), self.link.window());
         assert!(
             unanswered <= window || self.link.unanswered() == 1,
-            "{unanswered} bytes are under way, {window} may be\n{}",
+            "{unanswered} bytes are in transit, {window} may be\n{}",
             self.shown
         );
         self.spoil_forth(&mut bytes);
@@ -339,16 +339,16 @@ impl Bench {
             (self.lines.len() - self.first, self.controller.done.len() - self.done_before);
         let answered = self.next_answer - self.first;
         // An answer too many lets the buffer run over; if that takes a line end away, there
-        // is an answer too few, and the count is right again. Nobody can tell.
+        // is an answer too few, and the count is right again. That cannot be detected.
         let is_evened_out = self.controller.has_lost_bytes && self.link.unanswered() == 0;
         let is_right = sent == done && sent == answered && !self.was_early;
         assert!(
             is_evened_out || self.link.unanswered() == 0 && is_right,
-            "nobody noticed: {sent} lines were sent, {done} done, {answered} answered\n{}",
+            "not detected: {sent} lines were sent, {done} done, {answered} answered\n{}",
             self.shown
         );
         let is_dead = matches!(self.damage, Some((_, Damage::Death)));
-        assert!(!is_dead || !self.has_damaged, "nobody noticed the death\n{}", self.shown);
+        assert!(!is_dead || !self.has_damaged, "the end was not detected\n{}", self.shown);
     }
 
     fn is_due(&self) -> Option<Damage> {

@@ -71,7 +71,7 @@ fn mutated_programs_are_loaded_and_planned_or_refused_at_a_place() {
     let cases = fuzz("programs", 2000, |random| {
         accepted += u64::from(programs::check(&corpus, random));
     });
-    assert!(accepted * 20 > cases, "{accepted} of {cases} were accepted: too few to tell anything");
+    assert!(accepted * 20 > cases, "{accepted} of {cases} were accepted: too few for a statement");
 }
 
 /// Runs cases whose verdicts must not differ, and shows the first that do: as many as
@@ -97,7 +97,7 @@ fn agree(name: &str, cases: u64, mut case: impl FnMut(&mut Random) -> verdict::O
         disagreed.len(),
         disagreed.iter().take(shown).cloned().collect::<Vec<_>>().join("\n")
     );
-    assert!(accepted * 20 > cases, "{accepted} of {cases} were accepted: too few to tell anything");
+    assert!(accepted * 20 > cases, "{accepted} of {cases} were accepted: too few for a statement");
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn what_is_accepted_of_random_contours_is_not_cut() {
     let cases = fuzz("contours", 300, |random| {
         accepted += u64::from(contours::check_ring(&profile, random));
     });
-    assert!(accepted * 10 > cases, "{accepted} of {cases} were accepted: too few to tell anything");
+    assert!(accepted * 10 > cases, "{accepted} of {cases} were accepted: too few for a statement");
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn a_driver_answers_every_command_and_ends_every_goal() {
     assert_eq!(accepted, finished);
     assert!(
         accepted > cases && succeeded * 4 > cases,
-        "{accepted} goals in {cases} cases, {succeeded} reached: too few to tell anything"
+        "{accepted} goals in {cases} cases, {succeeded} reached: too few for a statement"
     );
 }
 
@@ -186,8 +186,8 @@ fn hurt_bags_are_read_as_far_as_they_go_and_recovered() {
     });
     assert!(
         open * 2 > cases && messages * 2 > cases && problems * 3 > cases,
-        "of {cases} bags {open} opened, {messages} had messages, {problems} were told to be \
-         hurt: too few to tell anything"
+        "of {cases} bags {open} opened, {messages} had messages, {problems} were reported as \
+         damaged: too few for a statement"
     );
     bags::check_memory();
 }
@@ -205,6 +205,6 @@ fn definitions_that_lie_are_refused_or_do_not_fit() {
     let cases = fuzz("definitions", 1500, |random| {
         parsed += u64::from(bags::check_definition(&corpus, random));
     });
-    assert!(parsed * 5 > cases, "{parsed} of {cases} were definitions: too few to tell anything");
+    assert!(parsed * 5 > cases, "{parsed} of {cases} were definitions: too few for a statement");
     bags::check_memory();
 }

@@ -22,7 +22,7 @@ enum Kind {
 }
 
 impl Kind {
-    /// Whether its end is told beside its answer.
+    /// Whether its end is reported in addition to its answer.
     fn is_goal(self) -> bool {
         matches!(self, Self::Run | Self::Check | Self::Jog | Self::Probe)
     }
@@ -115,7 +115,7 @@ impl Orders {
     }
 
     pub(crate) fn on_ready_to_close(&mut self) {
-        assert!(self.shutdowns > 0, "ready to close, and nobody wanted it");
+        assert!(self.shutdowns > 0, "ready to close without an order");
         self.shutdowns -= 1;
     }
 
@@ -129,21 +129,21 @@ impl Orders {
     }
 
     /// # Panics
-    /// Something is sent that nobody ordered.
+    /// Checks that every sent byte was ordered.
     pub(crate) fn check_sent(&self, bytes: &[u8]) {
         let mut line = Vec::new();
         for &byte in bytes {
             match byte {
                 b'?' | b'!' | 0x18 => {}
                 b'~' => {
-                    assert!(self.is_resume, "a resume that nobody ordered");
+                    assert!(self.is_resume, "a resume without an order");
                     assert!(!self.is_inactive, "an inactive driver resumes");
                 }
                 // FluidNC: no echo.
                 0x0c => {}
-                0x84 => assert!(self.has_door, "a door that nobody opened"),
+                0x84 => assert!(self.has_door, "a door without an order"),
                 0x85 => assert!(self.has(Kind::Jog), "a jog is cancelled that is none"),
-                0x90..=0x9d => assert!(self.has_overrides, "{byte:#04x} that nobody ordered"),
+                0x90..=0x9d => assert!(self.has_overrides, "{byte:#04x} without an order"),
                 b'\n' => self.check_line(&String::from_utf8_lossy(&std::mem::take(&mut line))),
                 b' '..=b'}' => line.push(byte),
                 _ => panic!("{byte:#04x} was sent"),
@@ -166,6 +166,6 @@ impl Orders {
             _ if line.contains("G10L") || line.contains("G92") => self.has(Kind::Offset),
             _ => self.has(Kind::Run),
         };
-        assert!(is_ordered, "{line:?} that nobody ordered; open: {:?}", self.open);
+        assert!(is_ordered, "{line:?} without an order; open: {:?}", self.open);
     }
 }

@@ -1,7 +1,7 @@
-//! What controllers say, damaged on its way, through framing and parser.
+//! Lines of controllers, damaged in transit, through framing and parser.
 //!
 //! Whatever comes in: no panic; an answer is read from a whole line and nothing else; a
-//! line behind the damage is read as if nothing had been; and one byte that is wrong
+//! line after the damage is read as if nothing had happened; and one byte that is wrong
 //! never takes an answer away without a fault.
 
 use crate::mutate::Random;
@@ -82,7 +82,7 @@ const CONFIG: LinkConfig = LinkConfig {
 
 /// What a stream of bytes comes to.
 #[derive(Debug, Default, PartialEq)]
-struct Heard {
+struct Received {
     /// `ok` and `error:N`, with the number of the latter, in order.
     answers: Vec<Option<u16>>,
     alarms: Vec<u16>,
@@ -103,7 +103,7 @@ pub(crate) fn check_clean() {
 
 /// One stream with damage here and there.
 pub(crate) fn check(random: &mut Random) {
-    // All of them end lines with both; whoever stands between may take one away.
+    // All of them end lines with CR LF; a device in between may drop one of them.
     let mut bytes = stream(random, 12);
     for _ in 0..random.below(8) {
         spoil(&mut bytes, random);
@@ -115,18 +115,18 @@ pub(crate) fn check(random: &mut Random) {
     }
     // Whatever came before ends here.
     bytes.extend_from_slice(b"\r\n[MSG:in step]\r\nerror:77\r\nok\r\n");
-    let heard = hear(&bytes, random);
+    let received = receive(&bytes, random);
     let shown = || String::from_utf8_lossy(&bytes).into_owned();
     let (answers, alarms) = answers_of(&bytes);
-    assert_eq!((&heard.answers, &heard.alarms), (&answers, &alarms), "{}", shown());
-    assert_eq!(heard.texts.last().map(String::as_str), Some("in step"), "{}", shown());
-    assert_eq!(heard.answers[heard.answers.len() - 2..], [Some(77), None], "{}", shown());
+    assert_eq!((&received.answers, &received.alarms), (&answers, &alarms), "{}", shown());
+    assert_eq!(received.texts.last().map(String::as_str), Some("in step"), "{}", shown());
+    assert_eq!(received.answers[received.answers.len() - 2..], [Some(77), None], "{}", shown());
 }
 
 /// One stream with one wrong byte, or a line end that is lost: no answer goes missing
 /// unnoticed.
 pub(crate) fn check_one_byte(random: &mut Random) {
-    const BEHIND: &[u8] = b"[MSG:in step]\r\n";
+    const IN_STEP: &[u8] = b"[MSG:in step]\r\n";
     let mut clean = stream(random, usize::MAX);
     let mut bytes = clean.clone();
     if random.once_in(4) {
@@ -134,9 +134,9 @@ pub(crate) fn check_one_byte(random: &mut Random) {
     } else {
         spoil_byte(&mut bytes, random);
     }
-    bytes.extend_from_slice(BEHIND);
-    clean.extend_from_slice(BEHIND);
-    let (before, after) = (hear(&clean, random), hear(&bytes, random));
+    bytes.extend_from_slice(IN_STEP);
+    clean.extend_from_slice(IN_STEP);
+    let (before, after) = (receive(&clean, random), receive(&bytes, random));
     let lost = (before.answers.len() + before.alarms.len())
         .saturating_sub(after.answers.len() + after.alarms.len());
     assert_eq!(before.faults, 0, "{}", String::from_utf8_lossy(&clean));
@@ -203,14 +203,14 @@ fn spoil(bytes: &mut Vec<u8>, random: &mut Random) {
 }
 
 /// Gives the bytes to a link, in pieces as a port would.
-fn hear(bytes: &[u8], random: &mut Random) -> Heard {
+fn receive(bytes: &[u8], random: &mut Random) -> Received {
     let now = Duration::ZERO;
     let mut link: Link<()> = Link::new(CONFIG, now);
     link.receive(now, b"Grbl 1.1h ['$' for help]\r\n");
-    let mut heard = Heard::default();
+    let mut received = Received::default();
     let mut rest = bytes;
     while !rest.is_empty() {
-        // As many lines as could be answered are under way, also after a start message.
+        // As many lines as could be answered are in transit, also after a start message.
         while link.unanswered() < 100 {
             link.send_line("G1X1", LineKind::Silent, ());
         }
@@ -220,22 +220,22 @@ fn hear(bytes: &[u8], random: &mut Random) -> Heard {
         link.receive(now, piece);
         while let Some(event) = link.poll_event() {
             match event {
-                LinkEvent::Answer { error, .. } => heard.answers.push(error),
-                LinkEvent::Alarm(code) => heard.alarms.push(code),
+                LinkEvent::Answer { error, .. } => received.answers.push(error),
+                LinkEvent::Alarm(code) => received.alarms.push(code),
                 LinkEvent::Message(axis_driver::report::Message::Text(text)) => {
-                    heard.texts.push(text);
+                    received.texts.push(text);
                 }
-                LinkEvent::Fault(LinkFault::Damaged { .. }) => heard.faults += 1,
+                LinkEvent::Fault(LinkFault::Damaged { .. }) => received.faults += 1,
                 LinkEvent::Fault(fault) => panic!("{fault} in {}", bytes.escape_ascii()),
-                LinkEvent::Banner { .. } => heard.banners += 1,
+                LinkEvent::Banner { .. } => received.banners += 1,
                 _ => {}
             }
         }
     }
-    heard
+    received
 }
 
-/// The answers by another way: a line is one if it is what a firmware would print.
+/// The answers by another method: a line is one if a firmware would print it.
 fn answers_of(bytes: &[u8]) -> (Vec<Option<u16>>, Vec<u16>) {
     let printed = |word: &str, text: &str| {
         let number: u16 = text.rsplit(':').next()?.parse().ok()?;

@@ -1,5 +1,5 @@
 //! Programs that `kerf plan` and the planner's node judged differently: the tool is 1e-6 mm
-//! larger than a fillet, and the way over the wire moved a centre by less than 1e-9 mm.
+//! larger than a fillet, and the conversion to a message moved a centre by less than 1e-9 mm.
 
 use crate::verdict::{Outcome, Program, verdict};
 

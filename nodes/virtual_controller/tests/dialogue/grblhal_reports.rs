@@ -55,7 +55,7 @@ fn a_board_may_have_a_smaller_receive_buffer() {
 
 // Row "Run": `Ln` stays on the last number in Idle.
 #[test]
-fn a_report_names_the_line_and_goes_on_naming_it() {
+fn a_report_keeps_naming_the_line() {
     let script = "
         ^?
         ^?

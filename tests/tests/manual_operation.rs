@@ -38,7 +38,7 @@ fn near(a: [f64; 3], b: [f64; 3]) -> bool {
 }
 
 #[test]
-fn a_jog_goes_where_it_is_told_in_every_frame() {
+fn a_jog_reaches_its_target_in_every_frame() {
     let mut line = Line::connected(build());
     let offset = OffsetRequest { system: 1, axes: X, position: [7.0, 0.0, 0.0], is_origin: false };
     line.ask(Command::SetWorkOffset(offset)).unwrap();
@@ -77,7 +77,7 @@ fn a_jog_that_is_canceled_stops_and_keeps_the_position() {
 }
 
 #[test]
-fn a_cancel_before_the_answer_leaves_no_jog_behind() {
+fn a_cancel_before_the_answer_leaves_no_jog() {
     let mut line = Line::connected(build());
     let id = line.begin(jog(200.0));
     line.begin(Command::CancelRun { run: Some(id) });
@@ -160,7 +160,7 @@ fn numbers_out_of_range_move_nothing() {
 }
 
 #[test]
-fn a_probe_tells_where_it_touched_in_both_frames() {
+fn a_probe_reports_where_it_touched_in_both_frames() {
     let mut line = Line::connected(Build { probe_surface_z_mm: Some(-62.0), ..build() });
     let offset = OffsetRequest { system: 1, axes: Z, position: [0.0, 0.0, 10.0], is_origin: false };
     line.ask(Command::SetWorkOffset(offset)).unwrap();
@@ -193,7 +193,7 @@ fn a_probe_that_finds_nothing_is_an_alarm_or_a_result() {
 }
 
 #[test]
-fn a_probe_that_is_canceled_stands_and_is_reset() {
+fn a_probe_that_is_canceled_stops_and_is_reset() {
     let mut line = Line::connected(Build { probe_surface_z_mm: Some(-90.0), ..build() });
     let id = line.begin(probe(-30.0, false));
     line.wait(3.0);
@@ -206,16 +206,16 @@ fn a_probe_that_is_canceled_stands_and_is_reset() {
 }
 
 #[test]
-fn offsets_are_kept_by_the_controller_and_told_with_its_settings() {
+fn offsets_are_kept_by_the_controller_and_reported_with_its_settings() {
     let mut line = Line::connected(build());
     let position = [-100.0, -50.0, -20.0];
     let offset = OffsetRequest { system: 3, axes: AxisSet::ALL, position, is_origin: true };
     line.ask(Command::SetWorkOffset(offset)).unwrap();
-    let told = line.settings.clone().unwrap();
-    let g56 = told.offsets.iter().find(|offset| offset.name == "G56").unwrap();
+    let settings = line.settings.clone().unwrap();
+    let g56 = settings.offsets.iter().find(|offset| offset.name == "G56").unwrap();
     assert_eq!(g56.position, position);
-    assert!(told.settings.contains(&(13, "0".into())), "{:?}", told.settings);
-    assert_eq!((told.planner_blocks, told.receive_bytes, told.window), (15, 128, 127));
+    assert!(settings.settings.contains(&(13, "0".into())), "{:?}", settings.settings);
+    assert_eq!((settings.planner_blocks, settings.receive_bytes, settings.window), (15, 128, 127));
     let shift = OffsetRequest { system: 92, axes: X, position: [3.0, 0.0, 0.0], is_origin: false };
     line.ask(Command::SetWorkOffset(shift)).unwrap();
     line.wait(1.0);
@@ -295,7 +295,7 @@ fn an_override_that_does_not_show_is_refused_with_the_numbers() {
 }
 
 #[test]
-fn a_door_hold_stops_and_goes_on_with_a_resume() {
+fn a_door_hold_stops_and_continues_with_a_resume() {
     let mut line = Line::connected(build());
     let path = kerf_tests::line::straight(40, 5.0);
     line.start(path, 0);
@@ -368,7 +368,7 @@ fn overrides_in_a_row_end_at_the_last_and_never_go_beyond_it() {
 }
 
 #[test]
-fn what_is_asked_behind_a_refusal_waits_for_its_own_answer() {
+fn a_request_after_a_refusal_waits_for_its_own_answer() {
     use virtual_controller::Firmware;
     let mut settings = Settings::small_router_of(Firmware::GrblHal);
     for setting in ["$22=1", "$20=1"] {
@@ -389,7 +389,7 @@ fn what_is_asked_behind_a_refusal_waits_for_its_own_answer() {
 }
 
 #[test]
-fn a_shift_that_a_reset_drops_is_told() {
+fn a_shift_that_a_reset_drops_is_reported() {
     let mut line = Line::connected(build());
     let shift =
         OffsetRequest { system: 92, axes: AxisSet::ALL, position: [0.0; 3], is_origin: false };
@@ -400,8 +400,8 @@ fn a_shift_that_a_reset_drops_is_told() {
     assert!(line.finished.is_some() || line.result().outcome == RunOutcome::Canceled);
     line.wait(1.0);
     assert!(line.log.iter().any(|text| text.contains("dropped G92")), "{:?}", line.log);
-    let told = line.settings.clone().unwrap();
-    let g92 = told.offsets.iter().find(|offset| offset.name == "G92").unwrap();
+    let settings = line.settings.clone().unwrap();
+    let g92 = settings.offsets.iter().find(|offset| offset.name == "G92").unwrap();
     assert_eq!(g92.position, [0.0; 3]);
 }
 
