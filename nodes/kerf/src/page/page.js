@@ -1,6 +1,6 @@
 "use strict";
-// What the mouse does. What is shown was decided before and is in the data: paper coordinates in
-// millimetres with y downwards, times in seconds.
+// Draws the data and reacts to the mouse. Rust has decided what is shown; the data have paper
+// coordinates in millimetres with y downwards, and times in seconds.
 document.body.dataset.errors = "";
 addEventListener("error", (event) => { document.body.dataset.errors += event.message + "\n"; });
 
@@ -83,7 +83,7 @@ function grid(box) {
   pen.fillText(sheet.axes, box.width - pen.measureText(sheet.axes).width - 8, 48);
 }
 
-// Adds an element to the path of the pen, which stands at its start.
+// Adds an element to the path of the pen, which is at its start.
 function trace(box, e, x, y) {
   const [ex, ey] = toScreen(box, e[X], e[Y]);
   if (e[KIND] === STRAIGHT) { pen.lineTo(ex, ey); return; }
@@ -131,7 +131,7 @@ function drawPin(box, pin, number) {
   pen.fill();
   pen.stroke();
   pen.font = "12px system-ui, sans-serif";
-  // Several often share a place: their labels must not.
+  // Several pins often share a place: their labels must not overlap.
   const label = pin.label, ly = y - 16 - 15 * (number % 4);
   pen.fillStyle = "#ffffffd8";
   pen.fillRect(x + 9, ly - 11, pen.measureText(label).width + 4, 15);
@@ -179,7 +179,7 @@ function draw() {
   }
 }
 
-// ---- what is below the mouse
+// ---- the element below the mouse
 
 const startOf = (layer, index) => index === 0 ? layer.start : [layer.elements[index - 1][X], layer.elements[index - 1][Y]];
 
@@ -204,7 +204,7 @@ function find(px, py, within) {
     let [x, y] = layer.start;
     layer.elements.forEach((e, index) => {
       const found = distance(px, py, x, y, e);
-      // Of those that lie upon each other the topmost layer counts.
+      // If layers overlap, the topmost one counts.
       if (found < nearest || (found <= nearest && best && best.layer !== layer)) { nearest = found; best = { layer, index }; }
       x = e[X]; y = e[Y];
     });
@@ -360,7 +360,7 @@ function choose(name) {
 }
 list.addEventListener("scroll", renderRows);
 
-// ---- state and feed against time
+// ---- state and feed over time
 
 const chart = by("chart"), ink = chart.getContext("2d");
 // Room for the numbers at the left, pixels.
@@ -394,7 +394,7 @@ function drawChart() {
     last = state.state;
     const next = run.states.slice(index).find((later) => later.state !== state.state);
     const begin = Math.max(left, x(state.t)), end = x(next ? next.t : duration()), width = ink.measureText(state.state).width;
-    // Only where there is room for it: what lasts longer is what one looks for.
+    // Only where there is room for it: long states matter most.
     if (end - begin < width + 6 || begin < named || begin > box.width) return;
     ink.fillText(state.state, begin + 3, 12);
     named = begin + width + 8;
@@ -466,7 +466,7 @@ chart.addEventListener("wheel", (event) => {
 }, { passive: false });
 chart.addEventListener("dblclick", () => { span = [0, duration()]; drawChart(); });
 
-// ---- which sheet
+// ---- choosing a sheet
 
 function show(number) {
   sheet = data.sheets[number];
@@ -492,7 +492,7 @@ function show(number) {
   if (run) { span = [0, duration()]; drawChart(); }
   choose(sheet.differences.length ? "differences" : sheet.pins.length ? "findings" : run && !sheet.program.length ? "dialogue" : "program");
   fit();
-  // Its whole text: a row of the list is cut where the window ends.
+  // Shows its whole text: the row in the list may be cut by the window.
   const first = ["difference", "alarm"].map((kind) => sheet.pins.find((pin) => pin.kind === kind)).find(Boolean);
   if (first) by("under").textContent = first.text;
 }

@@ -13,7 +13,7 @@ fn golden() -> (PathBuf, Vec<u8>) {
     (folder, fs::read(file.expect("an .mcap file")).expect("a file"))
 }
 
-/// Where the first chunk of messages begins: behind the records that come before it.
+/// Where the first chunk of messages begins, after the records that precede it.
 fn second_chunk(bytes: &[u8]) -> usize {
     let mut at = 8;
     let mut chunks = 0;

@@ -310,7 +310,7 @@ fn a_node_rejects_unknown_arguments_and_parameters_before_it_starts() {
 fn without_nodes_a_client_says_so_after_five_seconds() {
     let folder = Folder::new();
     folder.file("ok.ngc", "G0 X1\nM30\n");
-    // A domain and a namespace where nobody is.
+    // An unused domain and namespace.
     let ns = format!("__ns:=/nobody_{}", std::process::id());
     let commands: [(&[&str], &str); 6] = [
         (&["status"], "machine_state"),
@@ -369,7 +369,7 @@ fn controls_are_put_side_by_side() {
     assert_eq!(verdict("masso"), (false.into(), false.into(), 1.into()));
     assert_eq!(verdict("sinumerik_840c"), (true.into(), true.into(), 0.into()));
     let differences = report["differences"].as_array().expect("a list");
-    let pair = differences.iter().find(|pair| pair["to"] == "rs274").expect("beside nct");
+    let pair = differences.iter().find(|pair| pair["to"] == "rs274").expect("the pair with nct");
     let apart = pair["distance_mm"].as_f64().expect("a number");
     assert!((apart - 5.0 * (2.0_f64.sqrt() - 1.0)).abs() < 1e-3, "{pair}");
     assert_eq!((&pair["line"], &pair["block"]), (&5.into(), &60.into()));

@@ -233,7 +233,7 @@ fn an_argument_that_is_not_utf_8_is_an_error() {
     }
 }
 
-/// Nothing in it steers a terminal; color is off where nobody looks.
+/// Nothing in it controls a terminal; color is off without a terminal.
 #[track_caller]
 fn is_plain(ran: &Ran) {
     for text in [&ran.out, &ran.err] {

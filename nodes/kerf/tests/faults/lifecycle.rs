@@ -1,5 +1,5 @@
 //! Others change the state of the nodes, in a run and without one: what the machine is
-//! told, and who refuses what.
+//! sent, and which node refuses what.
 
 use super::cell::{Cell, Plan};
 use super::machine::until;

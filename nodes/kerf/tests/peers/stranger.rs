@@ -66,6 +66,9 @@ pub(crate) fn encoded<M: Message>(message: &M) -> Vec<u8> {
 pub(crate) fn resident_mb(process: rustix::process::Pid) -> f64 {
     let path = format!("/proc/{}/status", process.as_raw_nonzero());
     let status = std::fs::read_to_string(path).expect("the process is there");
-    let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).expect("it is told");
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("RssAnon:"))
+        .expect("RssAnon in the status");
     line.trim().trim_end_matches(" kB").parse::<f64>().expect("a number") / 1024.0
 }
