@@ -13,10 +13,9 @@ use cnc_msgs::wire::cnc_msgs::msg::{
     CompensatedPath as CompensatedPathMessage, CompensationReport, PathChunk, PathEvent,
 };
 use compensation_planner::node::{certify, manifest_of, report_of};
-use compensation_planner::replan::{Replanned, replan};
 use compensation_planner::set_tool::LoadedProgram;
 use compensation_planner::verdict::prove;
-use compensation_planner::{UncutRegion, plan, plan_certified};
+use compensation_planner::{UncutRegion, plan, plan_certified, replan as rest};
 use path_audit::audit_after;
 use std::sync::Arc;
 
@@ -250,7 +249,7 @@ fn rest_of(
     program: &RecordedProgram,
     profile: &Profile,
     revision: u64,
-) -> Result<Option<Replanned>, ReplayError> {
+) -> Result<Option<rest::Replanned>, ReplayError> {
     let recording = &inputs.recording;
     let manifest = recording.plans.get(&revision).and_then(|plan| plan.manifest.as_ref());
     let Some(manifest) = manifest.filter(|manifest| manifest.continues_revision > 0) else {
@@ -276,13 +275,13 @@ fn rest_of(
     };
     let base = rest_of(inputs, options, plans, program, profile, base)?;
     let (contour, before) = match &base {
-        Some(rest) => (&rest.contour, &rest.tools),
+        Some(base) => (&base.contour, &base.tools),
         None => (&*contour, before),
     };
     let name = &program.manifest.name;
     let settled = usize::try_from(manifest.settled_elements).unwrap_or(usize::MAX);
     let loaded = LoadedProgram { name, contour, profile };
-    replan(loaded, before, after, &running, settled).map(Some).map_err(|why| {
+    rest::replan(loaded, before, after, &running, settled).map(Some).map_err(|why| {
         if let Some(found) = &why.disagreement {
             options.keep(&format!("the rest of {name}"), &program.text, found);
         }
