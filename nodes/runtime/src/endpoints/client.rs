@@ -7,13 +7,16 @@
 use crate::command_line::environment::ServiceMapping;
 use crate::endpoints::graph::Graph;
 use crate::endpoints::subscription::Reader;
-use crate::endpoints::wire::{CycloneHeader, Framed, Gid};
+use crate::endpoints::wire::{CycloneHeader, Gid, padded};
 use crate::rustdds::padded::Padded;
+use crate::rustdds::received::Received;
+use cnc_msgs::cdr;
 use cnc_msgs::interface::Service;
 use rustdds::no_key::DataWriterCdr;
 use rustdds::{Timestamp, WriteOptionsBuilder};
-use serde::Serialize;
+use std::any::Any;
 use std::collections::BTreeMap;
+use std::marker::PhantomData;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
@@ -29,10 +32,10 @@ const SETTLE: Duration = Duration::from_millis(100);
 const RESEND_AFTER: Duration = Duration::from_secs(1);
 
 /// The two endpoints of a client.
-pub(crate) struct Endpoints<In, Out: Serialize> {
+pub(crate) struct Endpoints {
     pub(crate) name: String,
-    pub(crate) reader: Reader<In>,
-    pub(crate) writer: DataWriterCdr<Padded<Framed<Out>>>,
+    pub(crate) reader: Reader,
+    pub(crate) writer: DataWriterCdr<Padded>,
 }
 
 /// Why there is no answer.
@@ -57,31 +60,36 @@ pub enum CallError {
 
 /// A client of a service; clones share the endpoint, calls may overlap.
 pub struct Client<S: Service> {
-    shared: Arc<Shared<S>>,
+    shared: Arc<Shared>,
+    service: PhantomData<fn() -> S>,
 }
 
-struct Shared<S: Service> {
+struct Shared {
     name: String,
     mapping: ServiceMapping,
     graph: Arc<Graph>,
     /// The request writer and the reply reader.
     endpoints: [Gid; 2],
-    calls: Mutex<Calls<S>>,
+    calls: Mutex<Calls>,
 }
 
-/// A response and the endpoint that sent it.
-type Answer<S> = (<S as Service>::Response, Gid);
+/// A response of the service's type and the endpoint that sent it.
+type Answer = (Box<dyn Any + Send>, Gid);
 
-struct Calls<S: Service> {
-    writer: DataWriterCdr<Padded<Framed<S::Request>>>,
+/// Decodes a reply to the header of its mapping and the response.
+type DecodeReply =
+    fn(&Received, bool) -> Result<(Option<CycloneHeader>, Box<dyn Any + Send>), String>;
+
+struct Calls {
+    writer: DataWriterCdr<Padded>,
     /// The last sequence number, in the mapping where we number requests.
     sequence: i64,
-    waiting: BTreeMap<i64, oneshot::Sender<Answer<S>>>,
+    waiting: BTreeMap<i64, oneshot::Sender<Answer>>,
 }
 
 impl<S: Service> Clone for Client<S> {
     fn clone(&self) -> Self {
-        Self { shared: Arc::clone(&self.shared) }
+        Self { shared: Arc::clone(&self.shared), service: PhantomData }
     }
 }
 
@@ -94,7 +102,7 @@ impl<S: Service> std::fmt::Debug for Client<S> {
 impl<S: Service + 'static> Client<S> {
     /// The client and the task that takes in its replies.
     pub(crate) fn new(
-        endpoints: Endpoints<S::Response, S::Request>,
+        endpoints: Endpoints,
         mapping: ServiceMapping,
         graph: Arc<Graph>,
     ) -> (Self, impl Future<Output = ()> + Send + 'static) {
@@ -107,7 +115,12 @@ impl<S: Service + 'static> Client<S> {
             endpoints: [gid, reader.gid()],
             calls: Mutex::new(Calls { writer, sequence: 0, waiting: BTreeMap::new() }),
         });
-        (Self { shared: Arc::clone(&shared) }, dispatch(shared, reader))
+        let decode: DecodeReply = |reply, has_header| {
+            let framed = reply.decode::<S::Response>(has_header)?;
+            Ok((framed.header, Box::new(framed.body)))
+        };
+        let dispatch = dispatch(Arc::clone(&shared), reader, decode);
+        (Self { shared, service: PhantomData }, dispatch)
     }
 
     /// Asks once, and waits up to [`SERVER_WITHIN`] for a server and then up
@@ -128,15 +141,8 @@ impl<S: Service + 'static> Client<S> {
         request: S::Request,
         answer_within: Duration,
     ) -> Result<S::Response, CallError> {
-        if !self.wait_for_server(SERVER_WITHIN).await {
-            return Err(self.no_server(SERVER_WITHIN));
-        }
-        let (sequence, answer) = self.send(request)?;
-        let _forget = Forget { shared: &self.shared, sequences: vec![sequence] };
-        match tokio::time::timeout(answer_within, answer).await {
-            Ok(Ok((response, _))) => Ok(response),
-            _ => Err(self.no_answer(answer_within)),
-        }
+        let answer = self.shared.call_once(&cdr::body(&request), answer_within).await?;
+        Ok(response(answer).0)
     }
 
     /// Repeats the request every second until an answer comes; only for idempotent requests.
@@ -159,7 +165,7 @@ impl<S: Service + 'static> Client<S> {
         &self,
         request: &S::Request,
         answer_within: Duration,
-    ) -> Result<Answer<S>, CallError> {
+    ) -> Result<(S::Response, Gid), CallError> {
         self.call_again(request, answer_within, |_| RESEND_AFTER).await
     }
 
@@ -169,16 +175,73 @@ impl<S: Service + 'static> Client<S> {
         &self,
         request: &S::Request,
         answer_within: Duration,
-        resend_after: impl Fn(usize) -> Duration,
-    ) -> Result<Answer<S>, CallError> {
+        resend_after: fn(usize) -> Duration,
+    ) -> Result<(S::Response, Gid), CallError> {
+        let body = cdr::body(request);
+        self.shared.call_again(&body, answer_within, resend_after).await.map(response)
+    }
+
+    /// Whether a server is matched now.
+    pub fn has_server(&self) -> bool {
+        self.shared.endpoints.iter().all(|gid| self.shared.graph.matches(*gid) > 0)
+    }
+
+    /// Waits for a server; false when `deadline` came first.
+    pub async fn wait_for_server(&self, deadline: Duration) -> bool {
+        self.shared.wait_for_server(deadline).await
+    }
+
+    /// The absolute name of the service.
+    pub fn name(&self) -> &str {
+        &self.shared.name
+    }
+}
+
+/// The response of an answer to a client of `S`.
+fn response<R: 'static>((response, server): Answer) -> (R, Gid) {
+    let response = response.downcast().expect("the client decodes responses of its own type");
+    (*response, server)
+}
+
+impl Shared {
+    fn calls(&self) -> MutexGuard<'_, Calls> {
+        self.calls.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    async fn wait_for_server(&self, deadline: Duration) -> bool {
+        self.graph.wait_for_peers(&self.endpoints, SETTLE, deadline).await
+    }
+
+    async fn call_once(
+        &self,
+        request: &[u8],
+        answer_within: Duration,
+    ) -> Result<Answer, CallError> {
+        if !self.wait_for_server(SERVER_WITHIN).await {
+            return Err(self.no_server(SERVER_WITHIN));
+        }
+        let (sequence, answer) = self.send(request)?;
+        let _forget = Forget { shared: self, sequences: vec![sequence] };
+        match tokio::time::timeout(answer_within, answer).await {
+            Ok(Ok(answer)) => Ok(answer),
+            _ => Err(self.no_answer(answer_within)),
+        }
+    }
+
+    async fn call_again(
+        &self,
+        request: &[u8],
+        answer_within: Duration,
+        resend_after: fn(usize) -> Duration,
+    ) -> Result<Answer, CallError> {
         let start = Instant::now();
-        let mut forget = Forget { shared: &self.shared, sequences: Vec::new() };
+        let mut forget = Forget { shared: self, sequences: Vec::new() };
         let mut answers = Vec::new();
         if !self.wait_for_server(answer_within.min(SERVER_WITHIN)).await {
             return Err(self.no_server(answer_within.min(SERVER_WITHIN)));
         }
         loop {
-            let (sequence, answer) = self.send(request.clone())?;
+            let (sequence, answer) = self.send(request)?;
             forget.sequences.push(sequence);
             answers.push(answer);
             let left = answer_within.saturating_sub(start.elapsed());
@@ -193,34 +256,19 @@ impl<S: Service + 'static> Client<S> {
         }
     }
 
-    /// Whether a server is matched now.
-    pub fn has_server(&self) -> bool {
-        self.shared.endpoints.iter().all(|gid| self.shared.graph.matches(*gid) > 0)
-    }
-
-    /// Waits for a server; false when `deadline` came first.
-    pub async fn wait_for_server(&self, deadline: Duration) -> bool {
-        self.shared.graph.wait_for_peers(&self.shared.endpoints, SETTLE, deadline).await
-    }
-
-    /// The absolute name of the service.
-    pub fn name(&self) -> &str {
-        &self.shared.name
-    }
-
-    fn send(&self, request: S::Request) -> Result<(i64, oneshot::Receiver<Answer<S>>), CallError> {
-        let mut calls = self.shared.calls();
+    fn send(&self, request: &[u8]) -> Result<(i64, oneshot::Receiver<Answer>), CallError> {
+        let mut calls = self.calls();
         let options = WriteOptionsBuilder::new().source_timestamp(Timestamp::now());
-        let header = match self.shared.mapping {
+        let header = match self.mapping {
             ServiceMapping::Enhanced => None,
             ServiceMapping::Cyclone => {
                 calls.sequence += 1;
-                Some(CycloneHeader::new(self.shared.endpoints[0], calls.sequence))
+                Some(CycloneHeader::new(self.endpoints[0], calls.sequence))
             }
         };
-        let not_sent = |reason| CallError::NotSent { service: self.shared.name.clone(), reason };
-        let framed = Padded::new(Framed { header, body: request }).map_err(not_sent)?;
-        let sent = calls.writer.write_with_options(framed, options.build());
+        let not_sent = |reason| CallError::NotSent { service: self.name.clone(), reason };
+        let request = padded(header, request).map_err(not_sent)?;
+        let sent = calls.writer.write_with_options(request, options.build());
         let sent = sent.map_err(|error| not_sent(error.to_string()))?;
         let sequence = match header {
             Some(header) => header.sequence(),
@@ -233,27 +281,21 @@ impl<S: Service + 'static> Client<S> {
     }
 
     fn no_server(&self, waited: Duration) -> CallError {
-        CallError::NoServer { service: self.shared.name.clone(), waited }
+        CallError::NoServer { service: self.name.clone(), waited }
     }
 
     fn no_answer(&self, waited: Duration) -> CallError {
-        CallError::NoAnswer { service: self.shared.name.clone(), waited }
-    }
-}
-
-impl<S: Service> Shared<S> {
-    fn calls(&self) -> MutexGuard<'_, Calls<S>> {
-        self.calls.lock().unwrap_or_else(PoisonError::into_inner)
+        CallError::NoAnswer { service: self.name.clone(), waited }
     }
 }
 
 /// Removes calls whose caller has given up.
-struct Forget<'a, S: Service> {
-    shared: &'a Shared<S>,
+struct Forget<'a> {
+    shared: &'a Shared,
     sequences: Vec<i64>,
 }
 
-impl<S: Service> Drop for Forget<'_, S> {
+impl Drop for Forget<'_> {
     fn drop(&mut self) {
         let mut calls = self.shared.calls();
         for sequence in &self.sequences {
@@ -263,18 +305,20 @@ impl<S: Service> Drop for Forget<'_, S> {
 }
 
 /// Passes replies to their calls; skips replies to other clients and late ones.
-async fn dispatch<S: Service + 'static>(shared: Arc<Shared<S>>, mut replies: Reader<S::Response>) {
+async fn dispatch(shared: Arc<Shared>, mut replies: Reader, decode: DecodeReply) {
     let me = shared.endpoints[0];
     loop {
-        let (framed, info) = replies.next().await;
-        let sequence = match (framed.header, info.related_request_id()) {
+        let (reply, info) = replies.next_received().await;
+        let decoded = decode(&reply, replies.has_header());
+        let Some((header, response)) = replies.valid(decoded, &info) else { continue };
+        let sequence = match (header, info.related_request_id()) {
             (Some(header), _) if header.client(me) == me => header.sequence(),
             (None, Some(id)) if Gid::from(id.writer_gid) == me => id.sequence_number,
             _ => continue,
         };
         if let Some(caller) = shared.calls().waiting.remove(&sequence) {
             // The caller may have given up meanwhile.
-            drop(caller.send((framed.body, info.publisher_gid().into())));
+            drop(caller.send((response, info.publisher_gid().into())));
         }
     }
 }

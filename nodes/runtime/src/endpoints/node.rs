@@ -6,16 +6,18 @@
 //! that a single endpoint is gone.
 
 use crate::command_line::configuration::Configuration;
-use crate::command_line::environment::Environment;
+use crate::command_line::environment::{Environment, ServiceMapping};
 use crate::command_line::names::{Names, Scope};
 use crate::endpoints::client::{Client, Endpoints};
 use crate::endpoints::error::{NodeError, failed};
 use crate::endpoints::graph::Graph;
 use crate::endpoints::publisher::Publisher;
 use crate::endpoints::qos::Qos;
-use crate::endpoints::service::{Overload, Replies, RequestInfo, Server, UNACKNOWLEDGED_MAX};
+use crate::endpoints::service::{
+    Overload, Replies, Request, RequestInfo, Server, UNACKNOWLEDGED_MAX,
+};
 use crate::endpoints::subscription::{Reader, Subscription};
-use crate::endpoints::wire::{Decoder, Framed, dds_type, service_topics, service_types};
+use crate::endpoints::wire::{dds_type, service_topics, service_types};
 use crate::parameters::live::LiveParameters;
 use crate::process::lifecycle_states::State;
 use crate::process::lock;
@@ -29,8 +31,6 @@ use cnc_msgs::interface::{Message, Service};
 use rustdds::no_key::DataWriterCdr;
 use rustdds::policy::ResourceLimits;
 use rustdds::{DomainParticipant, QosPolicies, QosPolicyBuilder, Topic, TopicKind};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use std::sync::{Arc, Mutex, OnceLock};
 use tokio::task::JoinSet;
 
@@ -128,11 +128,20 @@ impl Handle {
         qos: Qos,
     ) -> Result<Publisher<T>, NodeError> {
         let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
-        let inner = self.ros_endpoint(&name, type_name, qos, |dds| {
-            self.with_node(&name, |node| node.create_publisher::<Padded<T>>(dds, None))
-        })?;
+        let inner = self.padded_publisher(&name, type_name, qos)?;
         let dropped_publishers = self.inner.dropped_publishers.clone();
         Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph), dropped_publishers))
+    }
+
+    fn padded_publisher(
+        &self,
+        name: &str,
+        type_name: &str,
+        qos: Qos,
+    ) -> Result<ros2_client::Publisher<Padded>, NodeError> {
+        self.ros_endpoint(name, type_name, qos, |dds| {
+            self.with_node(name, |node| node.create_publisher(dds, None))
+        })
     }
 
     /// Subscribes `T` on `topic`; up to `qos.depth` samples may wait unread.
@@ -156,7 +165,7 @@ impl Handle {
     ) -> Result<Subscription<T>, NodeError> {
         let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
         let (dds_name, dds_type) = (format!("rt{name}"), dds_type(type_name, ""));
-        Ok(Subscription::new(self.reader(name, &dds_name, &dds_type, qos, Decoder::plain())?))
+        Ok(Subscription::new(self.reader(name, &dds_name, &dds_type, qos, false)?))
     }
 
     /// Offers a service; requests are answered one after the other, in order.
@@ -169,8 +178,10 @@ impl Handle {
         F: FnMut(S::Request, RequestInfo) -> Fut + Send + 'static,
         Fut: Future<Output = S::Response> + Send + 'static,
     {
-        let server = self.server::<S>(name, S::TYPE_NAME)?;
-        self.spawn(&format!("service {name}"), server.serve(handler));
+        let (reader, replies) = self.server_endpoints(name, S::TYPE_NAME)?;
+        let graph = Arc::clone(&self.inner.graph);
+        let server = Server::new::<S, F, Fut>(reader, replies, graph, Vec::new(), handler);
+        self.spawn(&format!("service {name}"), server.serve());
         Ok(())
     }
 
@@ -195,7 +206,7 @@ impl Handle {
         name: &str,
         type_name: &str,
         overload: Overload,
-        earlier: Vec<(S::Request, RequestInfo)>,
+        earlier: Vec<Request<S>>,
         handler: F,
     ) -> Result<(), NodeError>
     where
@@ -203,21 +214,21 @@ impl Handle {
         F: Fn(S::Request, RequestInfo) -> Fut + Send + 'static,
         Fut: Future<Output = S::Response> + Send + 'static,
     {
-        let server = self.server::<S>(name, type_name)?;
-        let serving = server.serve_concurrently(overload, earlier, handler);
-        self.spawn(&format!("service {name}"), serving);
+        let (reader, replies) = self.server_endpoints(name, type_name)?;
+        let graph = Arc::clone(&self.inner.graph);
+        let server = Server::new::<S, F, Fut>(reader, replies, graph, earlier, handler);
+        self.spawn(&format!("service {name}"), server.serve_concurrently(overload));
         Ok(())
     }
 
-    fn server<S: Service + 'static>(
+    fn server_endpoints(
         &self,
         name: &str,
         type_name: &str,
-    ) -> Result<Server<S>, NodeError> {
+    ) -> Result<(Reader, Replies), NodeError> {
         let name = self.inner.names.resolve_as(name, Scope::Service)?;
         let (request_topic, reply_topic) = service_topics(&name);
         let (request_type, reply_type) = service_types(type_name);
-        let mapping = self.inner.environment.mapping;
         let handle = self.clone();
         let policies = QosPolicyBuilder::new()
             .resource_limits(ResourceLimits {
@@ -229,15 +240,16 @@ impl Handle {
         let new_writer =
             Box::new(move || handle.writer(&reply_topic, &reply_type, Some(policies.clone())));
         let replies = Replies::new(&name, &self.inner.environment, new_writer)?;
-        let decoder = Decoder::of_service(mapping);
-        let reader = self.reader(
-            format!("requests of {name}"),
-            &request_topic,
-            &request_type,
-            Qos::SERVICES,
-            decoder,
-        )?;
-        Ok(Server::new(reader, replies, Arc::clone(&self.inner.graph)))
+        let has_header = self.has_header();
+        let label = format!("requests of {name}");
+        let reader =
+            self.reader(label, &request_topic, &request_type, Qos::SERVICES, has_header)?;
+        Ok((reader, replies))
+    }
+
+    /// Whether the service mapping puts a header before requests and replies.
+    fn has_header(&self) -> bool {
+        self.inner.environment.mapping == ServiceMapping::Cyclone
     }
 
     /// Makes a client of a service.
@@ -254,23 +266,22 @@ impl Handle {
         name: &str,
         type_name: &str,
     ) -> Result<Client<S>, NodeError> {
-        let name = self.inner.names.resolve_as(name, Scope::Service)?;
-        let (request_topic, reply_topic) = service_topics(&name);
-        let (request_type, reply_type) = service_types(type_name);
+        let endpoints = self.client_endpoints(name, type_name)?;
         let mapping = self.inner.environment.mapping;
-        let decoder = Decoder::of_service(mapping);
-        let reader = self.reader(
-            format!("replies of {name}"),
-            &reply_topic,
-            &reply_type,
-            Qos::SERVICES,
-            decoder,
-        )?;
-        let writer = self.writer(&request_topic, &request_type, None)?;
-        let endpoints = Endpoints { name, reader, writer };
         let (client, dispatch) = Client::new(endpoints, mapping, Arc::clone(&self.inner.graph));
         self.spawn("replies", dispatch);
         Ok(client)
+    }
+
+    fn client_endpoints(&self, name: &str, type_name: &str) -> Result<Endpoints, NodeError> {
+        let name = self.inner.names.resolve_as(name, Scope::Service)?;
+        let (request_topic, reply_topic) = service_topics(&name);
+        let (request_type, reply_type) = service_types(type_name);
+        let has_header = self.has_header();
+        let label = format!("replies of {name}");
+        let reader = self.reader(label, &reply_topic, &reply_type, Qos::SERVICES, has_header)?;
+        let writer = self.writer(&request_topic, &request_type, None)?;
+        Ok(Endpoints { name, reader, writer })
     }
 
     pub(crate) fn participant(&self) -> &DomainParticipant {
@@ -305,26 +316,26 @@ impl Handle {
         make(&topic)
     }
 
-    fn reader<T: DeserializeOwned + 'static>(
+    fn reader(
         &self,
         label: String,
         topic: &str,
         dds_type: &str,
         qos: Qos,
-        decoder: Decoder<T>,
-    ) -> Result<Reader<T>, NodeError> {
+        has_header: bool,
+    ) -> Result<Reader, NodeError> {
         let inner = self.endpoint(topic, dds_type, qos, |topic| {
             self.with_node(&label, |node| node.create_subscription(topic, None))
         })?;
-        Ok(Reader::new(label, inner, decoder))
+        Ok(Reader::new(label, inner, has_header))
     }
 
-    fn writer<T: Serialize>(
+    fn writer(
         &self,
         topic: &str,
         dds_type: &str,
         policies: Option<QosPolicies>,
-    ) -> Result<DataWriterCdr<Padded<Framed<T>>>, NodeError> {
+    ) -> Result<DataWriterCdr<Padded>, NodeError> {
         self.endpoint(topic, dds_type, Qos::SERVICES, |dds| {
             self.inner
                 .writers

@@ -4,10 +4,12 @@
 //! the sample is dropped, counted, and reported at most every ten seconds.
 
 use crate::endpoints::graph::Graph;
-use crate::endpoints::wire::Gid;
+use crate::endpoints::wire::{Gid, padded};
 use crate::rustdds::dropped_publishers::DroppedPublishers;
 use crate::rustdds::padded::Padded;
+use cnc_msgs::cdr;
 use cnc_msgs::interface::Message;
+use std::marker::PhantomData;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -18,10 +20,11 @@ const REPORT_PERIOD: Duration = Duration::from_secs(10);
 /// A typed publisher; may be shared between threads.
 pub struct Publisher<T: Message> {
     /// `None` only while this is dropped.
-    inner: Option<ros2_client::Publisher<Padded<T>>>,
+    inner: Option<ros2_client::Publisher<Padded>>,
     graph: Arc<Graph>,
     dropped_publishers: DroppedPublishers,
     drops: Drops,
+    message: PhantomData<fn(T)>,
 }
 
 impl<T: Message> Drop for Publisher<T> {
@@ -35,34 +38,28 @@ impl<T: Message> Drop for Publisher<T> {
 impl<T: Message> Publisher<T> {
     pub(crate) fn new(
         topic: String,
-        inner: ros2_client::Publisher<Padded<T>>,
+        inner: ros2_client::Publisher<Padded>,
         graph: Arc<Graph>,
         dropped_publishers: DroppedPublishers,
     ) -> Self {
-        Self { inner: Some(inner), graph, dropped_publishers, drops: Drops::new(topic) }
+        let drops = Drops::new(topic);
+        Self { inner: Some(inner), graph, dropped_publishers, drops, message: PhantomData }
     }
 
-    fn inner(&self) -> &ros2_client::Publisher<Padded<T>> {
+    fn inner(&self) -> &ros2_client::Publisher<Padded> {
         self.inner.as_ref().expect("it is taken by drop alone")
     }
 
     /// Passes a message to the transport, stamped with the wall time; returns
     /// at once. False when it was dropped, which is counted and reported.
     pub fn publish(&self, message: T) -> bool {
-        let message = match Padded::new(message) {
-            Ok(message) => message,
-            Err(reason) => {
-                self.drops.add(&reason);
-                return false;
-            }
-        };
-        match self.inner().publish(message) {
-            Ok(()) => true,
-            Err(error) => {
-                self.drops.add(&error.to_string());
-                false
-            }
-        }
+        self.publish_body(&cdr::body(&message))
+    }
+
+    fn publish_body(&self, body: &[u8]) -> bool {
+        let sent = padded(None, body)
+            .and_then(|message| self.inner().publish(message).map_err(|error| error.to_string()));
+        sent.map_err(|reason| self.drops.add(&reason)).is_ok()
     }
 
     /// The absolute name of the topic.

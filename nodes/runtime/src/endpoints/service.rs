@@ -15,12 +15,15 @@ use crate::endpoints::graph::Graph;
 use crate::endpoints::subscription::{Reader, sample_info};
 use crate::endpoints::wire::{CycloneHeader, Gid};
 use crate::process::time::RosTime;
+use crate::rustdds::received::Received;
 use answers::Answers;
+use cnc_msgs::cdr;
 use cnc_msgs::interface::Service;
 pub(crate) use replies::{Replies, UNACKNOWLEDGED_MAX};
 use ros2_client::MessageInfo;
 use std::collections::VecDeque;
 use std::future::Future;
+use std::pin::Pin;
 use std::sync::Arc;
 use tokio::task::{AbortHandle, JoinSet};
 
@@ -57,52 +60,80 @@ impl From<&RequestInfo> for Gid {
     }
 }
 
+/// A request and its sender.
+pub(crate) type Request<S> = (<S as Service>::Request, RequestInfo);
+
+/// Makes the answer to a request: the CDR of the response.
+///
+/// Of one type for all services, so that serving is compiled once.
+type Handler = Box<dyn FnMut(&Received, RequestInfo) -> Result<MakingAnswer, String> + Send>;
+type MakingAnswer = Pin<Box<dyn Future<Output = Vec<u8>> + Send>>;
+
 /// A service server.
-pub(crate) struct Server<S: Service> {
-    reader: Reader<S::Request>,
-    answers: Answers<S>,
+pub(crate) struct Server {
+    reader: Reader,
+    answers: Answers,
+    handler: Handler,
+    /// What is asked again of requests that the previous process did not answer.
+    earlier: Vec<(MakingAnswer, RequestInfo)>,
 }
 
-impl<S: Service + 'static> Server<S> {
-    pub(crate) fn new(reader: Reader<S::Request>, replies: Replies<S>, graph: Arc<Graph>) -> Self {
-        Self { reader, answers: Answers::new(replies, graph) }
+impl Server {
+    /// The handler also gets the `earlier` requests, first.
+    pub(crate) fn new<S, F, Fut>(
+        reader: Reader,
+        replies: Replies,
+        graph: Arc<Graph>,
+        earlier: Vec<Request<S>>,
+        mut handler: F,
+    ) -> Self
+    where
+        S: Service,
+        F: FnMut(S::Request, RequestInfo) -> Fut + Send + 'static,
+        Fut: Future<Output = S::Response> + Send + 'static,
+    {
+        let has_header = reader.has_header();
+        let mut answer = move |request, info| -> MakingAnswer {
+            let response = handler(request, info);
+            Box::pin(async move { cdr::body(&response.await) })
+        };
+        let earlier = earlier.into_iter().map(|(request, info)| (answer(request, info), info));
+        let earlier = earlier.collect();
+        let handler: Handler = Box::new(move |request, info| {
+            Ok(answer(request.decode::<S::Request>(has_header)?.body, info))
+        });
+        Self { reader, answers: Answers::new(replies, graph), handler, earlier }
     }
 
-    /// The next request.
-    async fn next(&mut self) -> (S::Request, RequestInfo) {
-        let (framed, info) = self.reader.next().await;
-        let request = request_info(framed.header, &info);
-        (framed.body, request)
+    /// The next valid request, with the future that makes its answer.
+    async fn next(&mut self) -> (MakingAnswer, RequestInfo) {
+        loop {
+            let (request, sample) = self.reader.next_received().await;
+            let header = request.header(self.reader.has_header());
+            let info = request_info(header, &sample);
+            let answer = (self.handler)(&request, info);
+            if let Some(answer) = self.reader.valid(answer, &sample) {
+                return (answer, info);
+            }
+        }
     }
 
     /// Answers requests one after the other; never returns.
-    pub(crate) async fn serve<F, Fut>(mut self, mut handler: F)
-    where
-        F: FnMut(S::Request, RequestInfo) -> Fut,
-        Fut: Future<Output = S::Response>,
-    {
+    pub(crate) async fn serve(mut self) {
         loop {
-            let (request, info) = self.next().await;
-            let response = handler(request, info).await;
+            let (answer, info) = self.next().await;
+            let response = answer.await;
             self.answers.send(info, response);
         }
     }
 
     /// Answers requests concurrently, first those that the previous process left; never returns.
-    pub(crate) async fn serve_concurrently<F, Fut>(
-        mut self,
-        overload: Overload,
-        earlier: Vec<(S::Request, RequestInfo)>,
-        handler: F,
-    ) where
-        F: Fn(S::Request, RequestInfo) -> Fut,
-        Fut: Future<Output = S::Response> + Send + 'static,
-    {
+    pub(crate) async fn serve_concurrently(mut self, overload: Overload) {
         let mut making = JoinSet::new();
         let mut oldest_first: VecDeque<AbortHandle> = VecDeque::new();
-        let mut earlier = earlier.into_iter();
+        let mut earlier = std::mem::take(&mut self.earlier).into_iter();
         loop {
-            let (request, info) = match earlier.next() {
+            let (answer, info) = match earlier.next() {
                 Some(request) => request,
                 None => self.next().await,
             };
@@ -119,7 +150,7 @@ impl<S: Service + 'static> Server<S> {
                 }
                 _ => {}
             }
-            let (answer, answers) = (handler(request, info), self.answers.clone());
+            let answers = self.answers.clone();
             let task = making.spawn(async move { answers.send(info, answer.await) });
             if overload == Overload::DropOldest {
                 oldest_first.push_back(task);

@@ -4,13 +4,15 @@
 //! there is no second queue and no background task. A sample whose bytes do not
 //! fit the type is counted, logged once per sender, and skipped.
 
-use crate::endpoints::wire::{Decoded, Decoder, Framed, Gid};
+use crate::endpoints::wire::{Framed, Gid};
 use crate::process::time::RosTime;
+use crate::rustdds::received::{AsReceived, Received};
 use cnc_msgs::interface::Message;
 use futures::StreamExt;
 use ros2_client::MessageInfo;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
+use std::marker::PhantomData;
 use std::pin::pin;
 
 /// Where and when a sample came from.
@@ -34,12 +36,13 @@ impl From<&SampleInfo> for Gid {
 
 /// A typed subscription; it lives as long as the value.
 pub struct Subscription<T: Message> {
-    reader: Reader<T>,
+    reader: Reader,
+    message: PhantomData<fn() -> T>,
 }
 
 impl<T: Message> Subscription<T> {
-    pub(crate) fn new(reader: Reader<T>) -> Self {
-        Self { reader }
+    pub(crate) fn new(reader: Reader) -> Self {
+        Self { reader, message: PhantomData }
     }
 
     /// The next sample, in the order of arrival.
@@ -54,7 +57,7 @@ impl<T: Message> Subscription<T> {
     /// The samples that are here already, oldest first.
     pub fn drain(&mut self) -> Vec<(T, SampleInfo)> {
         let mut samples = Vec::new();
-        while let Some((framed, info)) = self.reader.take() {
+        while let Some((framed, info)) = self.reader.take::<T>() {
             samples.push((framed.body, sample_info(&info)));
         }
         samples
@@ -100,10 +103,11 @@ impl<T: Message> std::fmt::Debug for Subscription<T> {
 }
 
 /// The reader of topics, requests and replies.
-pub(crate) struct Reader<T> {
+pub(crate) struct Reader {
     topic: String,
-    inner: ros2_client::Subscription<Decoded<T>>,
-    decoder: Decoder<T>,
+    inner: ros2_client::Subscription<Received>,
+    /// Whether the mapping puts a [`CycloneHeader`](crate::wire::CycloneHeader) before samples.
+    has_header: bool,
     undecodable: u64,
     warned_senders: BTreeSet<Gid>,
 }
@@ -111,13 +115,13 @@ pub(crate) struct Reader<T> {
 /// Senders of invalid samples that are remembered, at most.
 const WARNED_SENDERS_MAX: usize = 1000;
 
-impl<T: DeserializeOwned + 'static> Reader<T> {
+impl Reader {
     pub(crate) fn new(
         topic: String,
-        inner: ros2_client::Subscription<Decoded<T>>,
-        decoder: Decoder<T>,
+        inner: ros2_client::Subscription<Received>,
+        has_header: bool,
     ) -> Self {
-        Self { topic, inner, decoder, undecodable: 0, warned_senders: BTreeSet::new() }
+        Self { topic, inner, has_header, undecodable: 0, warned_senders: BTreeSet::new() }
     }
 
     pub(crate) fn gid(&self) -> Gid {
@@ -125,46 +129,76 @@ impl<T: DeserializeOwned + 'static> Reader<T> {
     }
 
     /// The next valid sample.
-    pub(crate) async fn next(&mut self) -> (Framed<T>, MessageInfo) {
+    pub(crate) async fn next<T: DeserializeOwned>(&mut self) -> (Framed<T>, MessageInfo) {
+        loop {
+            let (sample, info) = self.next_received().await;
+            if let Some(framed) = self.decode(&sample, &info) {
+                return (framed, info);
+            }
+        }
+    }
+
+    fn take<T: DeserializeOwned>(&mut self) -> Option<(Framed<T>, MessageInfo)> {
+        loop {
+            let (sample, info) = self.take_received()?;
+            if let Some(framed) = self.decode(&sample, &info) {
+                return Some((framed, info));
+            }
+        }
+    }
+
+    /// The next sample, whatever its bytes are. May be dropped while it waits without losing a
+    /// sample.
+    pub(crate) async fn next_received(&mut self) -> (Received, MessageInfo) {
         loop {
             let item = {
-                let mut stream = pin!(self.inner.async_stream_seed(self.decoder.clone()));
+                let mut stream = pin!(self.inner.async_stream_seed(AsReceived));
                 stream.select_next_some().await
             };
-            if let Some(sample) = self.accept(item) {
-                return sample;
+            match item {
+                Ok(sample) => return sample,
+                Err(error) => self.skip(Gid::default(), &error.to_string()),
             }
         }
     }
 
-    fn take(&mut self) -> Option<(Framed<T>, MessageInfo)> {
+    fn take_received(&mut self) -> Option<(Received, MessageInfo)> {
         loop {
-            let item = self.inner.take_seed(self.decoder.clone()).transpose()?;
-            if let Some(sample) = self.accept(item) {
-                return Some(sample);
+            match self.inner.take_seed(AsReceived).transpose()? {
+                Ok(sample) => return Some(sample),
+                Err(error) => self.skip(Gid::default(), &error.to_string()),
             }
         }
     }
 
-    fn accept(
+    fn decode<T: DeserializeOwned>(
         &mut self,
-        item: ros2_client::ReadResult<(Decoded<T>, MessageInfo)>,
-    ) -> Option<(Framed<T>, MessageInfo)> {
-        let (gid, reason) = match item {
-            Ok((Ok(framed), info)) => return Some((framed, info)),
-            Ok((Err(reason), info)) => (Gid::from(info.publisher_gid()), reason),
-            Err(error) => (Gid::default(), error.to_string()),
-        };
+        sample: &Received,
+        info: &MessageInfo,
+    ) -> Option<Framed<T>> {
+        self.valid(sample.decode(self.has_header), info)
+    }
+
+    /// What was decoded; counts and reports a sample that did not fit the type.
+    pub(crate) fn valid<R>(&mut self, decoded: Result<R, String>, info: &MessageInfo) -> Option<R> {
+        decoded.map_err(|reason| self.skip(info.publisher_gid().into(), &reason)).ok()
+    }
+
+    /// Whether the mapping puts a header before samples.
+    pub(crate) fn has_header(&self) -> bool {
+        self.has_header
+    }
+
+    fn skip(&mut self, sender: Gid, reason: &str) {
         self.undecodable += 1;
-        if self.warned_senders.len() < WARNED_SENDERS_MAX && self.warned_senders.insert(gid) {
+        if self.warned_senders.len() < WARNED_SENDERS_MAX && self.warned_senders.insert(sender) {
             tracing::warn!(
-                "{} gets samples from {gid} that it cannot read, and skips them: {reason}; \
+                "{} gets samples from {sender} that it cannot read, and skips them: {reason}; \
                  the sender has another type, another version of it, or another service mapping \
                  (see RMW_IMPLEMENTATION)",
                 self.topic
             );
         }
-        None
     }
 }
 

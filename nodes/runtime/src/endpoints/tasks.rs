@@ -3,6 +3,7 @@
 use crate::endpoints::node::Handle;
 use crate::process::lock;
 use futures::FutureExt;
+use futures::future::BoxFuture;
 use std::panic::AssertUnwindSafe;
 
 impl Handle {
@@ -11,6 +12,11 @@ impl Handle {
     where
         F: Future<Output = ()> + Send + 'static,
     {
+        self.spawn_boxed(name, Box::pin(task));
+    }
+
+    /// Of one type, so that what tokio needs of a task is compiled once.
+    fn spawn_boxed(&self, name: &str, task: BoxFuture<'static, ()>) {
         let (name, shutdown) = (name.to_owned(), self.inner.shutdown.clone());
         let mut tasks = lock(&self.inner.tasks);
         while tasks.try_join_next().is_some() {}

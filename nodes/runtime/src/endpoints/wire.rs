@@ -4,16 +4,17 @@
 //! before requests and replies, and how foreign bytes become a value without
 //! ever panicking. Leaves sending and receiving to the endpoints.
 //!
-//! DDS matches endpoints by topic name, so any bytes may arrive. A sample that
-//! does not fit its type, with bytes missing or more than padding left over,
-//! becomes an `Err` with the reason.
+//! The endpoints move bytes: messages are encoded before them and decoded after
+//! them, so that the code of a DDS reader and writer is compiled once, and not
+//! for each message. DDS matches endpoints by topic name, so any bytes may
+//! arrive. A sample that does not fit its type, with bytes missing or more than
+//! padding left over, becomes an `Err` with the reason.
 
-use crate::command_line::environment::ServiceMapping;
-use crate::rustdds::decode::without_panic;
-use serde::de::{DeserializeOwned, DeserializeSeed, Error, SeqAccess, Visitor};
-use serde::ser::SerializeTuple;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::marker::PhantomData;
+use crate::process::panic_guard::catch;
+use crate::rustdds::padded::Padded;
+use crate::rustdds::received::{ByteOrder, Received};
+use byteorder::{BigEndian, LittleEndian};
+use serde::de::DeserializeOwned;
 
 /// Who sent something: the address of a DDS endpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -89,7 +90,7 @@ pub(crate) fn service_types(type_name: &str) -> (String, String) {
 }
 
 /// What Cyclone puts before a request and its reply.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct CycloneHeader {
     /// The second half of the client's GUID.
     client: [u8; 8],
@@ -97,6 +98,10 @@ pub(crate) struct CycloneHeader {
 }
 
 impl CycloneHeader {
+    /// Its bytes on the wire. A multiple of eight, so that it does not move the alignment of
+    /// what follows.
+    const BYTES: usize = 16;
+
     pub(crate) fn new(client: Gid, sequence: i64) -> Self {
         let mut half = [0; 8];
         half.copy_from_slice(&client.0[8..]);
@@ -113,93 +118,80 @@ impl CycloneHeader {
         bytes[8..].copy_from_slice(&self.client);
         Gid(bytes)
     }
+
+    fn bytes(self) -> [u8; Self::BYTES] {
+        let mut bytes = [0; Self::BYTES];
+        bytes[..8].copy_from_slice(&self.client);
+        bytes[8..].copy_from_slice(&self.sequence.to_le_bytes());
+        bytes
+    }
 }
 
-/// A payload with the header that its mapping asks for.
+/// The payload of a message; `body` is its CDR, `header` what the service mapping puts before it.
+///
+/// # Errors
+/// It is longer than a message may be.
+pub(crate) fn padded(header: Option<CycloneHeader>, body: &[u8]) -> Result<Padded, String> {
+    match header {
+        None => Padded::new(&[], body),
+        Some(header) => Padded::new(&header.bytes(), body),
+    }
+}
+
+/// A message with the header that its mapping asks for.
 #[derive(Debug)]
 pub(crate) struct Framed<T> {
     pub(crate) header: Option<CycloneHeader>,
     pub(crate) body: T,
 }
 
-impl<T: Serialize> Serialize for Framed<T> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match &self.header {
-            None => self.body.serialize(serializer),
-            Some(header) => {
-                let mut tuple = serializer.serialize_tuple(2)?;
-                tuple.serialize_element(header)?;
-                tuple.serialize_element(&self.body)?;
-                tuple.end()
-            }
-        }
-    }
-}
-
-/// The decoded sample, or why its bytes are not one.
-pub(crate) type Decoded<T> = Result<Framed<T>, String>;
-
-/// Turns bytes into a [`Decoded`]; never fails and never panics itself.
-#[derive(Debug)]
-pub(crate) struct Decoder<T> {
-    has_header: bool,
-    payload: PhantomData<fn() -> T>,
-}
-
-impl<T> Decoder<T> {
-    pub(crate) fn plain() -> Self {
-        Self { has_header: false, payload: PhantomData }
-    }
-
-    pub(crate) fn of_service(mapping: ServiceMapping) -> Self {
-        Self { has_header: mapping == ServiceMapping::Cyclone, payload: PhantomData }
-    }
-}
-
-impl<T> Clone for Decoder<T> {
-    fn clone(&self) -> Self {
-        Self { ..*self }
-    }
-}
-
-impl<'de, T: DeserializeOwned> DeserializeSeed<'de> for Decoder<T> {
-    type Value = Decoded<T>;
-
-    fn deserialize<D: Deserializer<'de>>(self, bytes: D) -> Result<Self::Value, D::Error> {
-        let fields = if self.has_header { 3 } else { 2 };
-        Ok(without_panic(|| bytes.deserialize_tuple(fields, self)))
-    }
-}
-
-impl<'de, T: DeserializeOwned> Visitor<'de> for Decoder<T> {
-    type Value = Framed<T>;
-
-    fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("a message")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut fields: A) -> Result<Framed<T>, A::Error> {
-        let missing = || A::Error::custom("the message is cut short");
-        let header = match self.has_header {
-            true => Some(fields.next_element()?.ok_or_else(missing)?),
-            false => None,
+impl Received {
+    /// The message, or why the bytes are not one; never panics.
+    pub(crate) fn decode<T: DeserializeOwned>(
+        &self,
+        has_header: bool,
+    ) -> Result<Framed<T>, String> {
+        let header = self.header(has_header);
+        let body = match has_header {
+            true => self.bytes.get(CycloneHeader::BYTES..).ok_or("the message is cut short")?,
+            false => &self.bytes,
         };
-        let body = fields.next_element()?.ok_or_else(missing)?;
+        let decoded = catch(|| match self.order {
+            ByteOrder::Little => cdr_encoding::from_bytes::<T, LittleEndian>(body),
+            ByteOrder::Big => cdr_encoding::from_bytes::<T, BigEndian>(body),
+        });
+        let (value, used) = match decoded {
+            Ok(decoded) => decoded.map_err(|error| error.to_string())?,
+            Err(_) => return Err("the decoder gave up".to_owned()),
+        };
         // Up to three bytes are padding; four more are another type's fields.
-        if fields.next_element::<[u8; 4]>().is_ok() {
-            return Err(A::Error::custom("bytes are left over"));
+        match body.len().saturating_sub(used) {
+            0..4 => Ok(Framed { header, body: value }),
+            _ => Err("bytes are left over".to_owned()),
         }
-        Ok(Framed { header, body })
+    }
+
+    /// The header before the message; `None` also when the bytes are too few for one.
+    pub(crate) fn header(&self, has_header: bool) -> Option<CycloneHeader> {
+        let (client, rest) = self.bytes.split_first_chunk().filter(|_| has_header)?;
+        let sequence = match self.order {
+            ByteOrder::Little => i64::from_le_bytes(*rest.first_chunk()?),
+            ByteOrder::Big => i64::from_be_bytes(*rest.first_chunk()?),
+        };
+        Some(CycloneHeader { client: *client, sequence })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rustdds::received::AsReceived;
+    use cnc_msgs::cdr;
     use rustdds::RepresentationIdentifier;
     use rustdds::serialization::{
         deserialize_from_cdr_with_decoder_and_rep_id, to_writer_with_rep_id,
     };
+    use serde::{Deserialize, Serialize};
 
     const LE: RepresentationIdentifier = RepresentationIdentifier::CDR_LE;
 
@@ -210,14 +202,21 @@ mod tests {
         flag: bool,
     }
 
-    fn encode<T: Serialize>(value: &T) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        to_writer_with_rep_id(&mut bytes, value, LE).expect("serializable");
-        bytes
+    fn received(bytes: &[u8], encoding: RepresentationIdentifier) -> Received {
+        deserialize_from_cdr_with_decoder_and_rep_id(bytes, encoding, AsReceived)
+            .expect("bytes are bytes")
+            .0
     }
 
-    fn decode(bytes: &[u8], decoder: Decoder<Sample>) -> Decoded<Sample> {
-        deserialize_from_cdr_with_decoder_and_rep_id(bytes, LE, decoder).expect("never fails").0
+    fn decode(bytes: &[u8], has_header: bool) -> Result<Framed<Sample>, String> {
+        received(bytes, LE).decode(has_header)
+    }
+
+    /// What a writer of RustDDS makes of a message.
+    fn sent(message: &Padded) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        to_writer_with_rep_id(&mut bytes, message, LE).expect("serializable");
+        bytes
     }
 
     fn sample() -> Sample {
@@ -241,13 +240,32 @@ mod tests {
 
     #[test]
     fn a_sample_survives_the_wire_with_and_without_padding() {
-        let mut bytes = encode(&sample());
+        let mut bytes = cdr::body(&sample());
         for _ in 0..4 {
-            assert_eq!(decode(&bytes, Decoder::plain()).expect("decodes").body, sample());
+            assert_eq!(decode(&bytes, false).expect("decodes").body, sample());
             bytes.push(0);
         }
-        let error = decode(&bytes, Decoder::plain()).expect_err("four bytes too many");
+        let error = decode(&bytes, false).expect_err("four bytes too many");
         assert!(error.contains("left over"), "{error}");
+        let error = decode(&bytes[..9], false).expect_err("its end is missing");
+        assert!(!error.is_empty());
+    }
+
+    #[test]
+    fn a_sample_of_a_big_endian_computer_is_read() {
+        for length in 0..20 {
+            let sample = Sample { name: "x".repeat(length), ..sample() };
+            let bytes = cdr_encoding::to_vec::<_, BigEndian>(&sample).expect("serializable");
+            let received = received(&bytes, RepresentationIdentifier::CDR_BE);
+            assert_eq!((&received.bytes, received.order), (&bytes, ByteOrder::Big));
+            assert_eq!(received.decode::<Sample>(false).expect("decodes").body, sample);
+        }
+        let mut bytes = vec![7; 8];
+        bytes.extend([0, 0, 0, 0, 0, 0, 1, 2]);
+        bytes.extend(cdr_encoding::to_vec::<_, BigEndian>(&sample()).expect("serializable"));
+        let framed = received(&bytes, RepresentationIdentifier::CDR_BE).decode::<Sample>(true);
+        let header = framed.expect("decodes").header.expect("has a header");
+        assert_eq!(header, CycloneHeader::new(Gid([7; 16]), 258));
     }
 
     #[test]
@@ -255,9 +273,8 @@ mod tests {
         let client = Gid([7; 16]);
         for sequence in [1, 4_294_967_297, i64::from(u32::MAX)] {
             let header = Some(CycloneHeader::new(client, sequence));
-            let bytes = encode(&Framed { header, body: sample() });
-            let framed = decode(&bytes, Decoder::of_service(ServiceMapping::Cyclone));
-            let framed = framed.expect("decodes");
+            let bytes = sent(&padded(header, &cdr::body(&sample())).expect("it is short"));
+            let framed = decode(&bytes, true).expect("decodes");
             let header = framed.header.expect("has a header");
             assert_eq!((header.sequence(), header.client(client)), (sequence, client));
             assert_eq!(framed.body, sample());
@@ -271,21 +288,17 @@ mod tests {
             a: i64,
             b: i64,
         }
+        let body = cdr::body(&AddTwoInts { a: 2, b: 40 });
         let header = Some(CycloneHeader::new(Gid([9; 16]), 3));
-        let bytes = encode(&Framed { header, body: AddTwoInts { a: 2, b: 40 } });
-        let decoder = Decoder::<AddTwoInts>::of_service(ServiceMapping::Enhanced);
-        let decoded = deserialize_from_cdr_with_decoder_and_rep_id(&bytes, LE, decoder);
-        assert!(decoded.expect("never fails").0.is_err());
-
-        let bytes = encode(&AddTwoInts { a: 2, b: 40 });
-        let decoder = Decoder::<AddTwoInts>::of_service(ServiceMapping::Cyclone);
-        let decoded = deserialize_from_cdr_with_decoder_and_rep_id(&bytes, LE, decoder);
-        assert!(decoded.expect("never fails").0.is_err());
+        let bytes = sent(&padded(header, &body).expect("it is short"));
+        assert!(received(&bytes, LE).decode::<AddTwoInts>(false).is_err());
+        let bytes = sent(&padded(None, &body).expect("it is short"));
+        assert!(received(&bytes, LE).decode::<AddTwoInts>(true).is_err());
     }
 
     #[test]
     fn no_bytes_whatever_make_the_decoder_panic() {
-        let good = encode(&sample());
+        let good = cdr::body(&sample());
         let mut state = 1_u64;
         for round in 0..20_000_usize {
             let mut bytes = good.clone();
@@ -295,7 +308,10 @@ mod tests {
                 bytes[at] = (state >> 25) as u8;
             }
             bytes.truncate(bytes.len() - round % 7);
-            let _ = decode(&bytes, Decoder::plain());
+            let _ = decode(&bytes, round % 2 == 0);
+        }
+        for length in 0..20 {
+            let _ = decode(&good[..length.min(good.len())], true);
         }
     }
 }

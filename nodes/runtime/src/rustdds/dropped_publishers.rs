@@ -6,14 +6,14 @@
 
 use crate::process::lock;
 use crate::process::shutdown::Shutdown;
-use std::any::Any;
+use crate::rustdds::padded::Padded;
 use std::sync::{Arc, Mutex};
 
 /// Publishers that live until the node ends; clones share them.
 #[derive(Clone)]
 pub(crate) struct DroppedPublishers {
     shutdown: Shutdown,
-    publishers: Arc<Mutex<Vec<Box<dyn Any + Send>>>>,
+    publishers: Arc<Mutex<Vec<ros2_client::Publisher<Padded>>>>,
 }
 
 impl DroppedPublishers {
@@ -22,9 +22,9 @@ impl DroppedPublishers {
     }
 
     /// Takes a publisher that is no longer used. Drops it at once unless the node is stopping.
-    pub(crate) fn keep_while_stopping(&self, publisher: impl Any + Send) {
+    pub(crate) fn keep_while_stopping(&self, publisher: ros2_client::Publisher<Padded>) {
         if self.shutdown.is_requested() {
-            lock(&self.publishers).push(Box::new(publisher));
+            lock(&self.publishers).push(publisher);
         }
     }
 

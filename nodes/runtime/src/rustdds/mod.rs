@@ -6,10 +6,10 @@
 
 pub(crate) mod dds_threads;
 pub(crate) mod dds_watch;
-pub(crate) mod decode;
 pub(crate) mod dropped_publishers;
 pub(crate) mod endpoint_rate_limit;
 pub(crate) mod memory_bound;
 pub(crate) mod padded;
 pub(crate) mod panics;
+pub(crate) mod received;
 pub(crate) mod sockets;

@@ -4,7 +4,6 @@ use super::client_readers::ClientReaders;
 use super::{Replies, RequestInfo};
 use crate::endpoints::graph::Graph;
 use crate::process::lock;
-use cnc_msgs::interface::Service;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::Semaphore;
@@ -15,26 +14,16 @@ const FOUND_WITHIN: Duration = Duration::from_millis(500);
 const WAITING_MAX: usize = 256;
 
 /// Sends each answer as soon as its client can receive it.
-pub(super) struct Answers<S: Service> {
-    replies: Replies<S>,
+#[derive(Clone)]
+pub(super) struct Answers {
+    replies: Replies,
     graph: Arc<Graph>,
     client_readers: Arc<Mutex<ClientReaders>>,
     room: Arc<Semaphore>,
 }
 
-impl<S: Service> Clone for Answers<S> {
-    fn clone(&self) -> Self {
-        Self {
-            replies: self.replies.clone(),
-            graph: Arc::clone(&self.graph),
-            client_readers: Arc::clone(&self.client_readers),
-            room: Arc::clone(&self.room),
-        }
-    }
-}
-
-impl<S: Service + 'static> Answers<S> {
-    pub(super) fn new(replies: Replies<S>, graph: Arc<Graph>) -> Self {
+impl Answers {
+    pub(super) fn new(replies: Replies, graph: Arc<Graph>) -> Self {
         Self {
             replies,
             graph,
@@ -48,13 +37,14 @@ impl<S: Service + 'static> Answers<S> {
         lock(&self.client_readers).has_reader(to.client, &matched)
     }
 
-    /// Sends an answer now, or when the client's reader has been discovered.
-    pub(super) fn send(&self, to: RequestInfo, response: S::Response) {
+    /// Sends an answer, the CDR of a response, now or when the client's reader has been
+    /// discovered.
+    pub(super) fn send(&self, to: RequestInfo, response: Vec<u8>) {
         if self.can_receive(&to) {
-            return self.replies.send(to, response);
+            return self.replies.send(to, &response);
         }
         let Ok(place) = Arc::clone(&self.room).try_acquire_owned() else {
-            return self.replies.send(to, response);
+            return self.replies.send(to, &response);
         };
         let answers = self.clone();
         // In a task of its own: other clients do not wait for this one.
@@ -69,7 +59,7 @@ impl<S: Service + 'static> Answers<S> {
             if tokio::time::timeout(FOUND_WITHIN, found).await.is_err() {
                 lock(&answers.client_readers).give_up(to.client);
             }
-            answers.replies.send(to, response);
+            answers.replies.send(to, &response);
             drop(place);
         });
     }

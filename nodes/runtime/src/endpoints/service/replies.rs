@@ -10,10 +10,9 @@ use super::RequestInfo;
 use crate::command_line::environment::{Environment, ServiceMapping};
 use crate::endpoints::error::NodeError;
 use crate::endpoints::publisher::Drops;
-use crate::endpoints::wire::{CycloneHeader, Framed, Gid};
+use crate::endpoints::wire::{CycloneHeader, Gid, padded};
 use crate::process::lock;
 use crate::rustdds::padded::{BYTES_MAX, Padded};
-use cnc_msgs::interface::Service;
 use rustdds::dds::WriteError;
 use rustdds::no_key::DataWriterCdr;
 use rustdds::{SampleIdentity, Timestamp, WriteOptionsBuilder};
@@ -31,40 +30,35 @@ const WAITING_MAX: usize = 1000;
 /// The longest reply in one network packet, bytes, with the identity of the request.
 const IN_ONE_PIECE: usize = 1_200;
 
-type Writer<S> = DataWriterCdr<Padded<Framed<<S as Service>::Response>>>;
-type NewWriter<S> = dyn Fn() -> Result<Writer<S>, NodeError> + Send + Sync;
+type Writer = DataWriterCdr<Padded>;
+type NewWriter = dyn Fn() -> Result<Writer, NodeError> + Send + Sync;
 
 /// The replies of a service; clones share the writer.
-pub(crate) struct Replies<S: Service> {
-    shared: Arc<Shared<S>>,
+#[derive(Clone)]
+pub(crate) struct Replies {
+    shared: Arc<Shared>,
 }
 
-struct Shared<S: Service> {
+struct Shared {
     mapping: ServiceMapping,
     /// Longer replies cannot be sent.
     bytes_max: usize,
-    new_writer: Box<NewWriter<S>>,
-    state: Mutex<ReplyState<S>>,
+    new_writer: Box<NewWriter>,
+    state: Mutex<ReplyState>,
     drops: Drops,
 }
 
-struct ReplyState<S: Service> {
-    writer: Writer<S>,
+struct ReplyState {
+    writer: Writer,
     /// Replies that wait until a new writer is discovered; `None`: no reply has to wait.
-    waiting: Option<Vec<(RequestInfo, S::Response)>>,
+    waiting: Option<Vec<(RequestInfo, Padded)>>,
 }
 
-impl<S: Service> Clone for Replies<S> {
-    fn clone(&self) -> Self {
-        Self { shared: Arc::clone(&self.shared) }
-    }
-}
-
-impl<S: Service + 'static> Replies<S> {
+impl Replies {
     pub(crate) fn new(
         name: &str,
         environment: &Environment,
-        new_writer: Box<NewWriter<S>>,
+        new_writer: Box<NewWriter>,
     ) -> Result<Self, NodeError> {
         let mapping = environment.mapping;
         let bytes_max = if environment.keeps_long_replies() { BYTES_MAX } else { IN_ONE_PIECE };
@@ -78,20 +72,24 @@ impl<S: Service + 'static> Replies<S> {
         rustdds::RTPSEntity::guid(&lock(&self.shared.state).writer).into()
     }
 
-    /// Sends a reply now, or as soon as the clients know a new writer.
-    pub(super) fn send(&self, to: RequestInfo, response: S::Response) {
+    /// Sends a reply, the CDR of a response, now or as soon as the clients know a new writer.
+    pub(super) fn send(&self, to: RequestInfo, response: &[u8]) {
+        let reply = match self.shared.encode(to, response) {
+            Ok(reply) => reply,
+            Err(reason) => return self.shared.drops.add(&reason),
+        };
         let mut state = lock(&self.shared.state);
         if let Some(waiting) = &mut state.waiting {
             match waiting.len() {
                 WAITING_MAX => self.shared.drops.add("too many replies wait for a new writer"),
-                _ => waiting.push((to, response)),
+                _ => waiting.push((to, reply)),
             }
             return;
         }
-        match self.shared.write(&state.writer, to, response) {
+        match self.shared.write(&state.writer, to, reply) {
             Ok(()) => {}
-            Err(Unsent::Full(response)) => {
-                state.waiting = Some(vec![(to, response)]);
+            Err(Unsent::Full(reply)) => {
+                state.waiting = Some(vec![(to, reply)]);
                 drop(state);
                 self.replace_writer();
             }
@@ -118,8 +116,8 @@ impl<S: Service + 'static> Replies<S> {
     /// Sends the waiting replies.
     fn catch_up(&self) {
         let mut state = lock(&self.shared.state);
-        for (to, response) in state.waiting.take().unwrap_or_default() {
-            if let Err(unsent) = self.shared.write(&state.writer, to, response) {
+        for (to, reply) in state.waiting.take().unwrap_or_default() {
+            if let Err(unsent) = self.shared.write(&state.writer, to, reply) {
                 self.shared.drops.add(match &unsent {
                     Unsent::Full(_) => "the new writer is full as well",
                     Unsent::Failed(reason) => reason,
@@ -130,42 +128,40 @@ impl<S: Service + 'static> Replies<S> {
 }
 
 /// Why a reply was not sent.
-enum Unsent<R> {
+enum Unsent {
     /// Too many replies are not acknowledged.
-    Full(R),
+    Full(Padded),
     Failed(String),
 }
 
-impl<S: Service> Shared<S> {
-    fn write(
-        &self,
-        writer: &Writer<S>,
-        to: RequestInfo,
-        response: S::Response,
-    ) -> Result<(), Unsent<S::Response>> {
+impl Shared {
+    fn encode(&self, to: RequestInfo, response: &[u8]) -> Result<Padded, String> {
         let header = match self.mapping {
             ServiceMapping::Enhanced => None,
             ServiceMapping::Cyclone => Some(CycloneHeader::new(to.client, to.sequence)),
         };
+        let reply = padded(header, response)?;
+        match reply.len() {
+            len if len > self.bytes_max => Err(format!(
+                "an answer of {len} bytes cannot leave this computer under rmw_fastrtps_cpp; set \
+                 RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all nodes",
+            )),
+            _ => Ok(reply),
+        }
+    }
+
+    fn write(&self, writer: &Writer, to: RequestInfo, reply: Padded) -> Result<(), Unsent> {
         let options = WriteOptionsBuilder::new().source_timestamp(Timestamp::now());
-        let options = match header {
-            Some(_) => options,
-            None => options.related_sample_identity(SampleIdentity {
+        let options = match self.mapping {
+            ServiceMapping::Cyclone => options,
+            ServiceMapping::Enhanced => options.related_sample_identity(SampleIdentity {
                 writer_guid: rustdds::GUID::from_bytes(to.client.0),
                 sequence_number: to.sequence.into(),
             }),
         };
-        let reply = Padded::new(Framed { header, body: response }).map_err(Unsent::Failed)?;
-        if reply.bytes() > self.bytes_max {
-            return Err(Unsent::Failed(format!(
-                "an answer of {} bytes cannot leave this computer under rmw_fastrtps_cpp; set \
-                 RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all nodes",
-                reply.bytes()
-            )));
-        }
         match writer.write_with_options(reply, options.build()) {
             Ok(_) => Ok(()),
-            Err(WriteError::WouldBlock { data }) => Err(Unsent::Full(data.body.body)),
+            Err(WriteError::WouldBlock { data }) => Err(Unsent::Full(data)),
             Err(error) => Err(Unsent::Failed(error.to_string())),
         }
     }
