@@ -12,10 +12,10 @@ use cnc_msgs::wire::cnc_msgs::msg::{
     ProgrammedContour, TrafficEntry,
 };
 use kerf_tests::root;
+use rosidl::decode::decode;
+use rosidl::value::Value;
 use run_recorder::bag_reader::BagMessage;
-use run_recorder::decode::decode;
 use run_recorder::files::open_bag;
-use run_recorder::value::Value;
 use settings::Control;
 use std::collections::BTreeSet;
 

@@ -9,10 +9,11 @@ use cnc_msgs::cdr;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::interface::Message;
 use cnc_msgs::units::mm_from_m;
-use run_recorder::decode::decode;
+use rosidl::decode::decode;
+use rosidl::field_path::PathStep;
+use rosidl::schema::MessageSchema;
+use rosidl::value::{MessageValue, Value};
 use run_recorder::diff::{FieldDifference, diff};
-use run_recorder::schema::MessageSchema;
-use run_recorder::value::{MessageValue, Step, Value};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -174,7 +175,7 @@ fn value<M: Message>(schema: &MessageSchema, message: &M) -> MessageValue {
 
 /// The line and the end position of the element or event that a field belongs to.
 fn place(message: &MessageValue, found: &FieldDifference) -> DifferencePlace {
-    let [Step::Field(list), Step::Index(index), ..] = &found.path.0[..] else {
+    let [PathStep::Field(list), PathStep::Index(index), ..] = &found.path.0[..] else {
         return DifferencePlace::default();
     };
     let item = match message.get(list) {

@@ -13,11 +13,13 @@ use cnc_msgs::interface::Message;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::schema::TypeInfo;
 use cnc_msgs::wire::cnc_msgs::msg::NodeParameters;
+use rosidl::decode;
+use rosidl::encode::encode;
+use rosidl::field_path::{FieldPath, PathStep};
+use rosidl::schema::{FieldType, MessageSchema};
+use rosidl::types::{Arity, Primitive};
+use rosidl::value::{MessageValue, Value};
 use run_recorder::bag_reader::{BagChannel, BagMessage};
-use run_recorder::decode;
-use run_recorder::encode::encode;
-use run_recorder::schema::{Arity, FieldType, MessageSchema, Primitive};
-use run_recorder::value::{FieldPath, MessageValue, Step, Value};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::fmt;
@@ -254,9 +256,14 @@ impl fmt::Display for Gap {
 }
 
 /// Lists the gaps, with `[*]` for the elements of lists.
-fn compare(old: &MessageSchema, today: &MessageSchema, path: &mut Vec<Step>, gaps: &mut Vec<Gap>) {
+fn compare(
+    old: &MessageSchema,
+    today: &MessageSchema,
+    path: &mut Vec<PathStep>,
+    gaps: &mut Vec<Gap>,
+) {
     for field in &today.fields {
-        path.push(Step::Field(field.name.clone()));
+        path.push(PathStep::Field(field.name.clone()));
         match old.fields.iter().find(|known| known.name == field.name) {
             None => gaps.push(Gap::Added(FieldPath(path.clone()))),
             Some(known) if known.arity != field.arity => {
@@ -266,7 +273,7 @@ fn compare(old: &MessageSchema, today: &MessageSchema, path: &mut Vec<Step>, gap
                 (FieldType::Message(known), FieldType::Message(now)) => {
                     let is_list = field.arity != Arity::One;
                     if is_list {
-                        path.push(Step::AnyIndex);
+                        path.push(PathStep::AnyIndex);
                     }
                     compare(known, now, path, gaps);
                     if is_list {
@@ -282,7 +289,7 @@ fn compare(old: &MessageSchema, today: &MessageSchema, path: &mut Vec<Step>, gap
     let is_of_today = |name: &str| today.fields.iter().any(|field| *field.name == *name);
     let common: Vec<_> = old.fields.iter().filter(|field| is_of_today(&field.name)).collect();
     for field in old.fields.iter().filter(|field| !is_of_today(&field.name)) {
-        path.push(Step::Field(field.name.clone()));
+        path.push(PathStep::Field(field.name.clone()));
         gaps.push(Gap::Dropped(FieldPath(path.clone())));
         path.pop();
     }
@@ -290,7 +297,7 @@ fn compare(old: &MessageSchema, today: &MessageSchema, path: &mut Vec<Step>, gap
     let is_common = |name: &str| common.iter().any(|field| *field.name == *name);
     let now = today.fields.iter().filter(|field| is_common(&field.name));
     if let Some((_, moved)) = common.iter().zip(now).find(|(was, is)| was.name != is.name) {
-        path.push(Step::Field(moved.name.clone()));
+        path.push(PathStep::Field(moved.name.clone()));
         gaps.push(Gap::Changed(FieldPath(path.clone())));
         path.pop();
     }
@@ -340,10 +347,14 @@ fn zero(field_type: &FieldType, arity: Arity) -> Value {
 }
 
 /// The message without the fields that match a pattern.
-fn without(message: &MessageValue, path: &mut Vec<Step>, patterns: &[FieldPath]) -> MessageValue {
+fn without(
+    message: &MessageValue,
+    path: &mut Vec<PathStep>,
+    patterns: &[FieldPath],
+) -> MessageValue {
     let mut fields = Vec::with_capacity(message.fields.len());
     for (name, value) in &message.fields {
-        path.push(Step::Field(name.clone()));
+        path.push(PathStep::Field(name.clone()));
         let here = FieldPath(path.clone());
         if !patterns.iter().any(|pattern| pattern.matches(&here)) {
             let value = match value {
@@ -353,7 +364,7 @@ fn without(message: &MessageValue, path: &mut Vec<Step>, patterns: &[FieldPath])
                         .enumerate()
                         .map(|(index, element)| match element {
                             Value::Message(inner) => {
-                                path.push(Step::Index(index));
+                                path.push(PathStep::Index(index));
                                 let inner = without(inner, path, patterns);
                                 path.pop();
                                 Value::Message(inner)

@@ -12,9 +12,9 @@
 use cnc_msgs::interface::Message;
 use cnc_msgs::schema::lookup;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
+use rosidl::field_path::FieldPath;
+use rosidl::schema::MessageSchema;
 use run_recorder::diff::{Rules, Tolerance};
-use run_recorder::schema::MessageSchema;
-use run_recorder::value::FieldPath;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -9,6 +9,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::sync::Arc;
 
 use mcap::records::{Record, op};
+use rosidl::schema::{MessageSchema, SchemaError};
 
 use crate::bag_messages::visit_stretch;
 pub use crate::bag_messages::{BagMessage, MessageFilter, Messages, WINDOW_BYTES};
@@ -22,7 +23,6 @@ use crate::qos::{QosProfile, profiles_from_yaml};
 pub use crate::records::RECORD_SIZE_MAX;
 use crate::records::{FRAME, parse_body};
 use crate::scan::{AttachmentPlace, Stretch, read_bytes};
-use crate::schema::{MessageSchema, SchemaError};
 use crate::verify::{Facts, verify};
 
 /// The metadata record at the beginning of a run.
@@ -52,7 +52,7 @@ pub struct BagSchema {
 }
 
 impl BagSchema {
-    /// Reads the definition, for [`crate::decode::decode`].
+    /// Reads the definition, for [`rosidl::decode::decode`].
     pub fn parse(&self) -> Result<Arc<MessageSchema>, SchemaError> {
         MessageSchema::from_bytes(&self.name, &self.text)
     }

@@ -11,10 +11,10 @@ use std::io::{self, Write};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{Attachment, Compression, McapError, WriteOptions};
+use rosidl::schema::{MessageSchema, SchemaError};
 
 use crate::metadata::{BagSummary, TopicSummary, serialized_metadata};
 use crate::qos::{QosProfile, profiles_to_yaml};
-use crate::schema::{MessageSchema, SchemaError};
 
 /// Bytes of records in a chunk before it is compressed and written; rosbag2's figure.
 pub const CHUNK_SIZE: u64 = 768 * 1024;

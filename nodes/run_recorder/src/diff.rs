@@ -5,7 +5,8 @@
 
 use std::fmt;
 
-use crate::value::{FieldPath, MessageValue, Step, Value};
+use rosidl::field_path::{FieldPath, PathStep};
+use rosidl::value::{MessageValue, Value};
 
 /// How far two numbers may differ: by `absolute`, in the field's unit, or by
 /// `relative` times the larger of the two.
@@ -139,14 +140,14 @@ struct Comparison<'a> {
 impl Comparison<'_> {
     fn messages(&mut self, left: &MessageValue, right: &MessageValue) {
         for (name, value) in &left.fields {
-            self.inside(Step::Field(name.clone()), |this| match right.get(name) {
+            self.inside(PathStep::Field(name.clone()), |this| match right.get(name) {
                 Some(other) => this.values(value, other),
                 None => this.add(Difference::OnlyLeft { left: value.clone() }),
             });
         }
         for (name, value) in &right.fields {
             if left.get(name).is_none() {
-                self.inside(Step::Field(name.clone()), |this| {
+                self.inside(PathStep::Field(name.clone()), |this| {
                     this.add(Difference::OnlyRight { right: value.clone() });
                 });
             }
@@ -159,7 +160,7 @@ impl Comparison<'_> {
             (Value::List(left), Value::List(right)) => {
                 self.lengths(left.len(), right.len());
                 for (index, (left, right)) in left.iter().zip(right).enumerate() {
-                    self.inside(Step::Index(index), |this| this.values(left, right));
+                    self.inside(PathStep::Index(index), |this| this.values(left, right));
                 }
             }
             (Value::Bytes(a), Value::Bytes(b)) if a.len() != b.len() => {
@@ -206,7 +207,7 @@ impl Comparison<'_> {
         }
     }
 
-    fn inside(&mut self, step: Step, compare: impl FnOnce(&mut Self)) {
+    fn inside(&mut self, step: PathStep, compare: impl FnOnce(&mut Self)) {
         self.path.0.push(step);
         if !self.rules.ignores(&self.path) {
             compare(self);

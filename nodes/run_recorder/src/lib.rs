@@ -1,10 +1,9 @@
 //! Records every topic and both serial directions to one MCAP bag per run; reads bags too.
 //!
-//! The core writes bags ([`bag_writer`]), reads them even if damaged
-//! ([`bag_reader`]), decodes messages by the definitions inside the bag
-//! ([`decode`]), encodes them ([`encode`]) and compares them ([`diff`]). It works on
-//! anything that reads, writes and seeks. Files and the write thread come with the feature
-//! `std-fs`: `files` and `run_bag`.
+//! The core writes bags ([`bag_writer`]), reads them even if damaged ([`bag_reader`]) and
+//! compares messages ([`diff`]) that [`rosidl`] has decoded by the definitions inside the bag.
+//! It works on anything that reads, writes and seeks. Files and the write thread come with the
+//! feature `std-fs`: `files` and `run_bag`.
 
 mod bag_messages;
 mod bag_problem;
@@ -14,9 +13,7 @@ mod chunk_index;
 pub mod closing;
 #[cfg(feature = "std-fs")]
 mod compressed;
-pub mod decode;
 pub mod diff;
-pub mod encode;
 #[cfg(feature = "std-fs")]
 pub mod files;
 pub mod info;
@@ -36,11 +33,9 @@ pub mod rewrite;
 #[cfg(feature = "std-fs")]
 pub mod run_bag;
 mod scan;
-pub mod schema;
 pub mod split;
 #[cfg(feature = "std-fs")]
 pub mod stored_bags;
-pub mod value;
 mod verify;
 #[cfg(feature = "std-fs")]
 mod write_queue;

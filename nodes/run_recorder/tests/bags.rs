@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 
 use common::*;
+use rosidl::decode::decode;
+use rosidl::value::Value;
 use run_recorder::bag_reader::{Bag, BagError, MessageFilter, Problem};
 use run_recorder::bag_writer::{BagAttachment, BagWriteError, BagWriter, LIBRARY};
 use run_recorder::qos::QosProfile;
@@ -33,6 +35,22 @@ fn a_written_bag_reads_back_with_topics_messages_and_quality_of_service() {
     let of_tool: Vec<_> = messages.iter().filter(|m| m.channel_index == 1).collect();
     assert!(of_tool.iter().enumerate().all(|(i, m)| m.sequence == i as u32));
     assert!(messages.is_sorted_by_key(|m| m.log_time_ns));
+}
+
+#[test]
+fn a_message_of_a_bag_is_decoded_by_its_path() {
+    let (bytes, _) = bag_bytes(6, 3);
+    let mut bag = open(&bytes);
+    let messages = read_all(&mut bag);
+    let schema = messages[1].channel.schema.clone().unwrap().parse().unwrap();
+    let value = Value::Message(decode(&schema, &messages[1].data).unwrap());
+    assert_eq!(value.get("point.x"), Some(&Value::Float(1.0)));
+    assert_eq!(value.get("header.frame_id").unwrap().as_str(), Some("work"));
+    assert_eq!(value.get("header.nothing"), None);
+    assert_eq!(
+        value.to_string(),
+        "{header: {stamp: {sec: 1, nanosec: 0}, frame_id: \"work\"}, point: {x: 1.0, y: 0.5, z: -1.0}}"
+    );
 }
 
 #[test]

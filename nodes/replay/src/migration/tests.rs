@@ -195,9 +195,9 @@ fn fields_in_another_order_are_another_definition() {
 }
 
 /// Whether a pattern such as `events[*].direction` names a field.
-fn names_a_field(schema: &MessageSchema, steps: &[Step]) -> bool {
-    let [Step::Field(name), rest @ ..] = steps else { return false };
-    let rest = rest.strip_prefix(&[Step::AnyIndex]).unwrap_or(rest);
+fn names_a_field(schema: &MessageSchema, steps: &[PathStep]) -> bool {
+    let [PathStep::Field(name), rest @ ..] = steps else { return false };
+    let rest = rest.strip_prefix(&[PathStep::AnyIndex]).unwrap_or(rest);
     let field = schema.fields.iter().find(|field| field.name == *name);
     field.is_some_and(|field| match &field.field_type {
         _ if rest.is_empty() => true,

@@ -1,8 +1,9 @@
 //! The table of tolerances, and its coverage.
 
 use super::*;
-use run_recorder::schema::{Arity, FieldType, Primitive};
-use run_recorder::value::Step;
+use rosidl::field_path::PathStep;
+use rosidl::schema::FieldType;
+use rosidl::types::{Arity, Primitive};
 
 /// The types that are compared.
 const TYPES: [&str; 5] = [
@@ -14,12 +15,16 @@ const TYPES: [&str; 5] = [
 ];
 
 /// Every scalar field of a type, with its primitive type.
-fn leaves(schema: &MessageSchema, path: &mut Vec<Step>, found: &mut Vec<(FieldPath, Primitive)>) {
+fn leaves(
+    schema: &MessageSchema,
+    path: &mut Vec<PathStep>,
+    found: &mut Vec<(FieldPath, Primitive)>,
+) {
     for field in &schema.fields {
         let depth = path.len();
-        path.push(Step::Field(field.name.clone()));
+        path.push(PathStep::Field(field.name.clone()));
         if field.arity != Arity::One {
-            path.push(Step::Index(0));
+            path.push(PathStep::Index(0));
         }
         match &field.field_type {
             FieldType::Message(inner) => leaves(inner, path, found),

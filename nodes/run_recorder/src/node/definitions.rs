@@ -3,7 +3,9 @@
 use super::inputs::is_fetched;
 use crate::bag_writer::ChannelSpec;
 use crate::qos::{QosProfile, QosTime};
-use crate::schema::{Arity, FieldType, MessageSchema, Primitive};
+use rosidl::schema::{FieldType, MessageSchema};
+use rosidl::schema_text;
+use rosidl::types::{Arity, Primitive};
 use runtime::DiscoveredPublisher;
 use std::path::PathBuf;
 
@@ -113,34 +115,18 @@ fn installed(type_name: &str) -> Option<String> {
     let mut text = read(type_name)?;
     let package = type_name.split('/').next()?;
     let mut seen = vec![type_name.to_owned()];
-    let mut open = dependencies(package, &text);
+    let mut open = schema_text::needed(package, &text);
     while let Some(name) = open.pop() {
         if seen.contains(&name) {
             continue;
         }
         let definition = read(&name)?;
-        text += &format!("\n{}\nMSG: {name}\n{definition}", "=".repeat(80));
-        open.extend(dependencies(name.split('/').next()?, &definition));
+        schema_text::push_part(&mut text, &name, &definition);
+        open.extend(schema_text::needed(name.split('/').next()?, &definition));
         seen.push(name);
     }
     MessageSchema::parse(type_name, &text).ok()?;
     Some(text)
-}
-
-/// The types that a definition names, as `package/Type`.
-fn dependencies(package: &str, text: &str) -> Vec<String> {
-    text.lines()
-        .filter_map(|line| line.split('#').next()?.split_whitespace().next())
-        .filter_map(|field| field.split(['[', '<']).next())
-        .filter(|name| name.contains('/') || name.starts_with(|c: char| c.is_ascii_uppercase()))
-        .map(|name| match name.split_once('/') {
-            Some((package, rest)) => {
-                format!("{package}/{}", rest.rsplit('/').next().unwrap_or(rest))
-            }
-            None if name == "Header" => "std_msgs/Header".to_owned(),
-            None => format!("{package}/{name}"),
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -1,11 +1,13 @@
-//! Decodes messages by the definition inside the bag, without a Rust type.
+//! Decodes messages by their definition, without a Rust type.
 //!
 //! CDR as ROS 2 sends it: four bytes of encapsulation, either byte order,
 //! natural alignment up to 8. The bytes may be junk: nothing panics, and the
 //! allocated memory is bounded by the size of the message.
 
-use crate::schema::{Arity, Field, FieldType, MessageSchema, Primitive};
-use crate::value::{FieldPath, MessageValue, Step, Value};
+use crate::field_path::{FieldPath, PathStep};
+use crate::schema::{Field, FieldType, MessageSchema};
+use crate::types::{Arity, Primitive};
+use crate::value::{MessageValue, Value};
 
 /// Bytes that may follow the last field: padding to a multiple of four.
 const PADDING_MAX: usize = 3;
@@ -55,7 +57,7 @@ struct Cursor<'a> {
     body: &'a [u8],
     at: usize,
     is_big_endian: bool,
-    path: Vec<Step>,
+    path: Vec<PathStep>,
 }
 
 impl Cursor<'_> {
@@ -74,7 +76,7 @@ impl Cursor<'_> {
         }
         let mut fields = Vec::with_capacity(schema.fields.len());
         for field in &schema.fields {
-            self.path.push(Step::Field(field.name.clone()));
+            self.path.push(PathStep::Field(field.name.clone()));
             fields.push((field.name.clone(), self.field(field)?));
             self.path.pop();
         }
@@ -96,14 +98,14 @@ impl Cursor<'_> {
                 available: self.available(),
             });
         }
-        if field.field_type == FieldType::Primitive(Primitive::U8) {
+        if field.field_type.is_uint8() {
             let bytes = self.body[self.at..self.at + count].to_vec();
             self.at += count;
             return Ok(Value::Bytes(bytes));
         }
         let mut list = Vec::with_capacity(count);
         for index in 0..count {
-            self.path.push(Step::Index(index));
+            self.path.push(PathStep::Index(index));
             list.push(self.one(&field.field_type)?);
             self.path.pop();
         }
@@ -127,7 +129,9 @@ impl Cursor<'_> {
                     }
                 }
             }
-            Primitive::U8 => Value::Unsigned(u8::from_be_bytes(self.bytes()?).into()),
+            Primitive::U8 | Primitive::Byte | Primitive::Char => {
+                Value::Unsigned(u8::from_be_bytes(self.bytes()?).into())
+            }
             Primitive::I8 => Value::Signed(i8::from_be_bytes(self.bytes()?).into()),
             Primitive::U16 => Value::Unsigned(u16::from_be_bytes(self.bytes()?).into()),
             Primitive::I16 => Value::Signed(i16::from_be_bytes(self.bytes()?).into()),

@@ -1,13 +1,10 @@
 //! Messages are decoded by the definition in the bag, as another implementation wrote them.
 
-mod common;
-
 use byteorder::{BigEndian, LittleEndian};
-use common::*;
 use proptest::prelude::*;
-use run_recorder::decode::{DecodeError, decode};
-use run_recorder::schema::{MessageSchema, SchemaError};
-use run_recorder::value::{MessageValue, Value};
+use rosidl::decode::{DecodeError, decode};
+use rosidl::schema::{MessageSchema, SchemaError};
+use rosidl::value::{MessageValue, Value};
 use serde::Serialize;
 
 /// Every wire type, in an order that needs padding.
@@ -205,22 +202,6 @@ proptest! {
             let _ = decode(&schema, &[0, 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]);
         }
     }
-}
-
-#[test]
-fn a_message_of_a_bag_is_decoded_by_its_path() {
-    let (bytes, _) = bag_bytes(6, 3);
-    let mut bag = open(&bytes);
-    let messages = read_all(&mut bag);
-    let schema = messages[1].channel.schema.clone().unwrap().parse().unwrap();
-    let value = Value::Message(decode(&schema, &messages[1].data).unwrap());
-    assert_eq!(value.get("point.x"), Some(&Value::Float(1.0)));
-    assert_eq!(value.get("header.frame_id").unwrap().as_str(), Some("work"));
-    assert_eq!(value.get("header.nothing"), None);
-    assert_eq!(
-        value.to_string(),
-        "{header: {stamp: {sec: 1, nanosec: 0}, frame_id: \"work\"}, point: {x: 1.0, y: 0.5, z: -1.0}}"
-    );
 }
 
 #[test]

@@ -3,8 +3,10 @@
 //! Little-endian, with four bytes of encapsulation. A value has to fit its field:
 //! nothing is rounded, cut or filled in.
 
-use crate::schema::{Arity, Field, FieldType, MessageSchema, Primitive};
-use crate::value::{FieldPath, MessageValue, Step, Value};
+use crate::field_path::{FieldPath, PathStep};
+use crate::schema::{Field, FieldType, MessageSchema};
+use crate::types::{Arity, Primitive};
+use crate::value::{MessageValue, Value};
 
 /// Plain CDR, little-endian.
 const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
@@ -31,7 +33,7 @@ pub fn encode(schema: &MessageSchema, message: &MessageValue) -> Result<Vec<u8>,
 
 struct Pen {
     body: Vec<u8>,
-    path: Vec<Step>,
+    path: Vec<PathStep>,
 }
 
 impl Pen {
@@ -49,7 +51,7 @@ impl Pen {
             self.body.push(0);
         }
         for field in &schema.fields {
-            self.path.push(Step::Field(field.name.clone()));
+            self.path.push(PathStep::Field(field.name.clone()));
             let value = message.get(&field.name);
             self.field(field, value.ok_or_else(|| EncodeError::Missing { path: self.path() })?)?;
             self.path.pop();
@@ -61,7 +63,7 @@ impl Pen {
         let found = match (field.arity, value) {
             (Arity::One, _) => return self.one(&field.field_type, value),
             (_, Value::List(list)) => list.len(),
-            (_, Value::Bytes(bytes)) if is_octets(&field.field_type) => bytes.len(),
+            (_, Value::Bytes(bytes)) if field.field_type.is_uint8() => bytes.len(),
             _ => return Err(self.misfit("a list", value)),
         };
         match field.arity {
@@ -75,7 +77,7 @@ impl Pen {
             Value::Bytes(bytes) => self.body.extend(bytes),
             Value::List(list) => {
                 for (index, value) in list.iter().enumerate() {
-                    self.path.push(Step::Index(index));
+                    self.path.push(PathStep::Index(index));
                     self.one(&field.field_type, value)?;
                     self.path.pop();
                 }
@@ -111,7 +113,7 @@ impl Pen {
                 Value::Bool(value) => vec![u8::from(*value)],
                 _ => return Err(misfit()),
             },
-            P::U8 => put!(u8),
+            P::U8 | P::Byte | P::Char => put!(u8),
             P::I8 => put!(i8),
             P::U16 => put!(u16),
             P::I16 => put!(i16),
@@ -169,10 +171,6 @@ impl Pen {
             found: format!("{} {found:.80}", found.kind()),
         }
     }
-}
-
-fn is_octets(field_type: &FieldType) -> bool {
-    *field_type == FieldType::Primitive(Primitive::U8)
 }
 
 #[cfg(test)]

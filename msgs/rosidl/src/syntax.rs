@@ -1,0 +1,78 @@
+//! The lines of an interface definition.
+//!
+//! Takes what any writer of bags may have written: names of any case, indented lines, tabs.
+//! Stricter rules for files of one's own are for their reader to check, with what
+//! [`Line`] says.
+
+/// One line of a definition.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Line<'a> {
+    /// From 1.
+    pub number: usize,
+    /// The line without the space around it.
+    pub text: &'a str,
+    /// What stands before the comment, with the space around it.
+    pub code: &'a str,
+    /// What follows the number signs, if the line has any. ROS ends a line at the first one,
+    /// even inside quotes.
+    pub comment: Option<&'a str>,
+    /// The field or the constant, if the line is not empty and not only a comment.
+    pub item: Option<Result<Item<'a>, ItemError>>,
+}
+
+/// A field or a constant, not yet interpreted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Item<'a> {
+    Field {
+        type_text: &'a str,
+        name: &'a str,
+        /// Empty without a default value.
+        default: &'a str,
+    },
+    /// Not on the wire.
+    Constant { type_text: &'a str, name: &'a str, value: &'a str },
+}
+
+/// Why a line is neither a field nor a constant.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ItemError {
+    #[error("a line is a type, a space and a name")]
+    NoName,
+    #[error("{0:?} is no name")]
+    Name(String),
+}
+
+/// Reads a definition line by line.
+pub fn lines(text: &str) -> impl Iterator<Item = Line<'_>> {
+    text.lines().enumerate().map(|(index, line)| {
+        let (code, comment) = match line.split_once('#') {
+            Some((code, comment)) => (code, Some(comment.trim_start_matches('#').trim_end())),
+            None => (line, None),
+        };
+        let item = match code.trim() {
+            "" => None,
+            code => Some(item(code)),
+        };
+        Line { number: index + 1, text: line.trim(), code, comment, item }
+    })
+}
+
+fn item(code: &str) -> Result<Item<'_>, ItemError> {
+    let (type_text, rest) = code.split_once(char::is_whitespace).ok_or(ItemError::NoName)?;
+    let rest = rest.trim_start();
+    let name_end = rest.find(|c: char| c == '=' || c.is_whitespace()).unwrap_or(rest.len());
+    let (name, after) = rest.split_at(name_end);
+    if !is_name(name) {
+        return Err(ItemError::Name(name.to_owned()));
+    }
+    let after = after.trim_start();
+    Ok(match after.strip_prefix('=') {
+        Some(value) => Item::Constant { type_text, name, value: value.trim_start() },
+        None => Item::Field { type_text, name, default: after },
+    })
+}
+
+fn is_name(word: &str) -> bool {
+    word.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+        && word.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
+}
