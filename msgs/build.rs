@@ -13,8 +13,8 @@ use std::{env, fs};
 #[allow(dead_code, reason = "some of it only tests use")]
 mod generator;
 
-use generator::registry::Registry;
-use generator::{Refusal, files, rust};
+use generator::{files, rust};
+use rosidl::Refusal;
 
 #[allow(clippy::print_stdout, reason = "a build script speaks to cargo by printing")]
 fn main() -> ExitCode {
@@ -34,7 +34,7 @@ fn main() -> ExitCode {
 
 fn generate() -> Result<(), Vec<Refusal>> {
     let files = files::read_all(Path::new("."), "cnc_msgs")?;
-    let registry = Registry::from_files(&files)?;
+    let registry = generator::read(&files)?;
     write("wire.rs", &rust::wire(&registry)?)?;
     write("schemas.rs", &rust::schemas(&registry))?;
     write("every_message.rs", &rust::every_message(&registry))

@@ -7,9 +7,9 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-use super::Refusal;
-use super::name::{Kind, TypeName, check_package, check_type};
-use super::registry::InterfaceFile;
+use rosidl::Refusal;
+use rosidl::interface_file::InterfaceFile;
+use rosidl::name::{Kind, TypeName, check_package, check_type};
 
 /// Reads all files below `root`, sorted by path; refuses what does not belong.
 pub fn read_all(root: &Path, package: &str) -> Result<Vec<InterfaceFile>, Vec<Refusal>> {

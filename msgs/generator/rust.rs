@@ -2,16 +2,21 @@
 //!
 //! One struct per message, laid out as the definition is, so that serde meets
 //! the fields in the order of CDR. Field names are those of ROS, except that a
-//! Rust keyword gets an underscore behind it.
+//! Rust keyword gets an underscore after it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::model::{Base, Constant, Definition, Field, Primitive, Role, Shape};
-use super::name::{Kind, TypeName};
-use super::registry::Registry;
-use super::value::Value;
-use super::{Refusal, description, schema};
+use rosidl::definition::{BaseType, Constant, Definition, FieldDefinition, Role};
+use rosidl::name::{Kind, TypeName};
+use rosidl::registry::Registry;
+use rosidl::types::{Arity, Primitive};
+use rosidl::{Refusal, schema_text, type_hash};
+
+use super::literal::{self, Literal, LiteralType};
+
+/// Why a literal can be read: [`super::strict`] has read it before.
+const CHECKED: &str = "all values were checked before any code is written";
 
 /// The longest array that serde and `Default` are made for.
 const LONGEST_ARRAY: usize = 32;
@@ -55,9 +60,9 @@ pub fn wire(registry: &Registry) -> Result<String, Vec<Refusal>> {
 pub fn schemas(registry: &Registry) -> String {
     let mut text = String::from("&[\n");
     for definition in registry.iter() {
-        let schema = schema::text(definition, registry);
-        let hash = description::rihs01(definition, registry);
-        let description = description::json(definition, registry);
+        let schema = schema_text::of(definition, registry);
+        let hash = type_hash::rihs01(definition, registry);
+        let description = type_hash::json(definition, registry);
         line(
             &mut text,
             &format!(
@@ -86,7 +91,7 @@ pub fn every_message(registry: &Registry) -> String {
 
 fn message(out: &mut String, definition: &Definition, refusals: &mut Vec<Refusal>) {
     let name = struct_name(&definition.name);
-    let has_defaults = definition.fields.iter().any(|field| field.default.is_some());
+    let has_defaults = definition.fields.iter().any(|field| !field.default.is_empty());
     doc(out, &definition.doc, &format!("`{}`.", definition.name));
     let derived = if has_defaults { "" } else { "Default, " };
     line(
@@ -96,7 +101,7 @@ fn message(out: &mut String, definition: &Definition, refusals: &mut Vec<Refusal
         ),
     );
     for field in &definition.fields {
-        if let Shape::Array(count) = field.shape
+        if let Arity::Array(count) = field.arity
             && count > LONGEST_ARRAY
         {
             refusals.push(Refusal {
@@ -130,12 +135,12 @@ fn message(out: &mut String, definition: &Definition, refusals: &mut Vec<Refusal
     );
 }
 
-fn struct_field(out: &mut String, field: &Field) {
+fn struct_field(out: &mut String, field: &FieldDefinition) {
     let mut notes = field.doc.clone();
-    if let Base::Text { bound: Some(bound) } = field.base {
+    if let Some(bound) = field.bounds.text {
         notes.push(format!("At most {bound} bytes."));
     }
-    if let Shape::Sequence { bound: Some(bound) } = field.shape {
+    if let Some(bound) = field.bounds.elements {
         notes.push(format!("At most {bound} element{}.", if bound == 1 { "" } else { "s" }));
     }
     doc(out, &notes, "");
@@ -144,10 +149,10 @@ fn struct_field(out: &mut String, field: &Field) {
         line(out, &format!("#[serde(rename = {:?})]", field.name));
     }
     let base = base_type(&field.base);
-    let of = match field.shape {
-        Shape::Single => base,
-        Shape::Array(count) => format!("[{base}; {count}]"),
-        Shape::Sequence { .. } => {
+    let of = match field.arity {
+        Arity::One => base,
+        Arity::Array(count) => format!("[{base}; {count}]"),
+        Arity::Sequence => {
             if base == "u8" {
                 // One copy instead of a call per byte; the bytes are the same.
                 line(out, "#[serde(with = \"::serde_bytes\")]");
@@ -158,12 +163,16 @@ fn struct_field(out: &mut String, field: &Field) {
     line(out, &format!("pub {name}: {of},"));
 }
 
-fn default(out: &mut String, name: &str, fields: &[Field]) {
+fn default(out: &mut String, name: &str, fields: &[FieldDefinition]) {
     line(out, &format!("impl Default for {name} {{\nfn default() -> Self {{\nSelf {{"));
     for field in fields {
-        let value = match &field.default {
-            None => "::std::default::Default::default()".into(),
-            Some(value) => literal(value, &field.base, field.shape),
+        let value = match field.default.as_str() {
+            "" => "::std::default::Default::default()".into(),
+            text => {
+                let of = LiteralType::of_field(field).expect(CHECKED);
+                let value = literal::parse(text, of).expect(CHECKED);
+                rust_literal(&value, of)
+            }
         };
         line(out, &format!("{}: {value},", field_name(&field.name).0));
     }
@@ -172,29 +181,24 @@ fn default(out: &mut String, name: &str, fields: &[Field]) {
 
 fn constant(out: &mut String, constant: &Constant) {
     doc(out, &constant.doc, "");
-    let (of, value) = match (&constant.base, &constant.value) {
-        (Base::Primitive(primitive), value) => {
-            (primitive.rust(), literal(value, &constant.base, Shape::Single))
-        }
-        (_, Value::Text(text)) => ("&'static str", format!("{text:?}")),
-        (_, other) => unreachable!("{other:?} was parsed as a text"),
+    let of = LiteralType::parse(&constant.type_text).expect(CHECKED);
+    let (rust_type, value) = match literal::parse(&constant.value, of).expect(CHECKED) {
+        Literal::Text(text) => ("&'static str", format!("{text:?}")),
+        value => (rust_primitive(of.primitive), rust_literal(&value, of)),
     };
-    line(out, &format!("pub const {}: {of} = {value};", constant.name));
+    line(out, &format!("pub const {}: {rust_type} = {value};", constant.name));
 }
 
-fn literal(value: &Value, base: &Base, shape: Shape) -> String {
+fn rust_literal(value: &Literal, of: LiteralType) -> String {
     match value {
-        Value::Bool(value) => value.to_string(),
-        Value::Integer(value) => value.to_string(),
-        Value::Float(value) if *base == Base::Primitive(Primitive::F32) => {
-            format!("{value:?}_f32")
-        }
-        Value::Float(value) => format!("{value:?}_f64"),
-        Value::Text(text) => format!("::std::string::String::from({text:?})"),
-        Value::List(values) => {
-            let values: Vec<_> =
-                values.iter().map(|value| literal(value, base, Shape::Single)).collect();
-            let start = if matches!(shape, Shape::Array(_)) { "[" } else { "::std::vec![" };
+        Literal::Bool(value) => value.to_string(),
+        Literal::Integer(value) => value.to_string(),
+        Literal::Float(value) if of.primitive == Primitive::F32 => format!("{value:?}_f32"),
+        Literal::Float(value) => format!("{value:?}_f64"),
+        Literal::Text(text) => format!("::std::string::String::from({text:?})"),
+        Literal::List(values) => {
+            let values: Vec<_> = values.iter().map(|value| rust_literal(value, of)).collect();
+            let start = if matches!(of.arity, Arity::Array(_)) { "[" } else { "::std::vec![" };
             format!("{start}{}]", values.join(", "))
         }
     }
@@ -229,11 +233,28 @@ fn line(out: &mut String, text: &str) {
     writeln!(out, "{text}").expect("a String takes everything");
 }
 
-fn base_type(base: &Base) -> String {
+fn base_type(base: &BaseType) -> String {
     match base {
-        Base::Primitive(primitive) => primitive.rust().into(),
-        Base::Text { .. } => "::std::string::String".into(),
-        Base::Message(name) => rust_path(name, "crate"),
+        BaseType::Primitive(primitive) => rust_primitive(*primitive).into(),
+        BaseType::Message(name) => rust_path(name, "crate"),
+    }
+}
+
+/// The Rust type of a field of this type.
+fn rust_primitive(primitive: Primitive) -> &'static str {
+    match primitive {
+        Primitive::Bool => "bool",
+        Primitive::Byte | Primitive::Char | Primitive::U8 => "u8",
+        Primitive::I8 => "i8",
+        Primitive::I16 => "i16",
+        Primitive::U16 => "u16",
+        Primitive::I32 => "i32",
+        Primitive::U32 => "u32",
+        Primitive::I64 => "i64",
+        Primitive::U64 => "u64",
+        Primitive::F32 => "f32",
+        Primitive::F64 => "f64",
+        Primitive::String | Primitive::WideString => "::std::string::String",
     }
 }
 

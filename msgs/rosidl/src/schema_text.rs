@@ -3,6 +3,13 @@
 //! The definition of the type comes first; each type that it needs follows after a line of
 //! equals signs and a line `MSG: package/Type`.
 
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::definition::{Definition, Role};
+use crate::interface_file::InterfaceFile;
+use crate::name::TypeName;
+use crate::refusal::Refusal;
+use crate::registry::Registry;
 use crate::syntax::{self, Item};
 use crate::types::{Primitive, WrittenType};
 
@@ -51,6 +58,83 @@ pub fn push_part(text: &mut String, name: &str, definition: &str) {
     for piece in ["\n", RULE, "\nMSG: ", name, "\n", definition] {
         text.push_str(piece);
     }
+}
+
+/// The schema text of a type, as rosbag2 writes it.
+///
+/// The types that it names follow depth first, each once, in the order of their two-part names.
+/// Derived types, which rosbag2 cannot find, are written in the same form.
+pub fn of(definition: &Definition, registry: &Registry) -> String {
+    let mut text = String::new();
+    append(definition, registry, &mut BTreeSet::new(), &mut text);
+    text
+}
+
+fn append(
+    definition: &Definition,
+    registry: &Registry,
+    seen: &mut BTreeSet<String>,
+    text: &mut String,
+) {
+    text.push_str(&definition.text);
+    for (two_part, name) in named_in_text(definition, registry) {
+        if seen.insert(two_part.clone()) {
+            push_part(text, &two_part, "");
+            append(registry.expect(&name), registry, seen, text);
+        }
+    }
+}
+
+/// The types that the text of a definition names, by their two-part names.
+fn named_in_text(definition: &Definition, registry: &Registry) -> BTreeMap<String, TypeName> {
+    let mut names = BTreeMap::new();
+    for (field, name) in definition.references() {
+        match definition.role {
+            Role::Message | Role::Event => {
+                names.insert(name.two_part(), name.clone());
+            }
+            // The text of a service holds the fields of its parts.
+            Role::Service if field.name != "event_message" => {
+                names.extend(named_in_text(registry.expect(name), registry));
+            }
+            Role::Action if ["goal", "result", "feedback"].contains(&field.name.as_str()) => {
+                names.extend(named_in_text(registry.expect(name), registry));
+            }
+            Role::Service | Role::Action => {}
+        }
+    }
+    names
+}
+
+/// Reads a schema text back, with nothing but the name of its root.
+///
+/// `protocol` holds the definitions that services and actions need without
+/// naming them in their texts; those that the text has itself win.
+///
+/// # Errors
+/// All that is wrong in the text.
+pub fn read(
+    root: &TypeName,
+    text: &str,
+    protocol: &[InterfaceFile],
+) -> Result<Registry, Vec<Refusal>> {
+    let mut files: Vec<InterfaceFile> = Vec::new();
+    for (index, part) in parts("", text).into_iter().enumerate() {
+        let name = match index {
+            0 => root.clone(),
+            _ => TypeName::parse(part.name, root).map_err(|message| {
+                let file = format!("schema of {root}");
+                vec![Refusal { file, line: part.first_line - 1, message }]
+            })?,
+        };
+        files.push(InterfaceFile { path: format!("schema:{name}"), name, text: part.text.into() });
+    }
+    for known in protocol {
+        if files.iter().all(|file| file.name != known.name) {
+            files.push(known.clone());
+        }
+    }
+    Registry::from_files(&files)
 }
 
 /// The messages that a definition of `package` needs, as `package/Type` and in its order.

@@ -9,7 +9,7 @@ mod source;
 
 pub use source::*;
 
-use registry::InterfaceFile;
+use rosidl::interface_file::InterfaceFile;
 
 /// All interface files of this crate, its own and those in `share`.
 pub fn all_files() -> Vec<InterfaceFile> {

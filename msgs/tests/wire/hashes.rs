@@ -2,13 +2,14 @@
 //!
 //! `fixtures/hashes.txt` is written by `oracle.py` with `rosbags`.
 
-use crate::generator::description::{json, rihs01};
-use crate::generator::name::{Kind, TypeName};
 use crate::generator::protocol;
-use crate::generator::registry::{InterfaceFile, Registry};
 use cnc_msgs::interface::Message;
 use cnc_msgs::schema::{self, TypeInfo};
 use cnc_msgs::wire;
+use rosidl::interface_file::InterfaceFile;
+use rosidl::name::{Kind, TypeName};
+use rosidl::registry::Registry;
+use rosidl::type_hash::rihs01;
 
 #[test]
 fn every_type_hashes_as_rosbags_does() {
@@ -112,34 +113,6 @@ fn a_service_hashes_as_ros_says() {
     assert_eq!(
         rihs01(registry.expect(&name), &registry),
         "RIHS01_e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a"
-    );
-}
-
-#[test]
-fn the_text_that_is_hashed_has_no_defaults_and_sorts_what_it_needs() {
-    let file = |name: &str, text: &str| InterfaceFile {
-        name: TypeName::new("p", Kind::Msg, name),
-        path: format!("{name}.msg"),
-        text: text.into(),
-    };
-    let registry = Registry::from_files(&[
-        file("B", "string<=5[<=2] s\n"),
-        file("A", "uint8 X=1\nbool b true\n"),
-        file("Root", "B[2] b\nA a\n"),
-    ])
-    .expect("valid");
-    let root = registry.expect(&TypeName::new("p", Kind::Msg, "Root"));
-    assert_eq!(
-        json(root, &registry),
-        concat!(
-            r#"{"type_description": {"type_name": "p/msg/Root", "fields": ["#,
-            r#"{"name": "b", "type": {"type_id": 49, "capacity": 2, "string_capacity": 0, "nested_type_name": "p/msg/B"}}, "#,
-            r#"{"name": "a", "type": {"type_id": 1, "capacity": 0, "string_capacity": 0, "nested_type_name": "p/msg/A"}}]}, "#,
-            r#""referenced_type_descriptions": [{"type_name": "p/msg/A", "fields": ["#,
-            r#"{"name": "b", "type": {"type_id": 15, "capacity": 0, "string_capacity": 0, "nested_type_name": ""}}]}, "#,
-            r#"{"type_name": "p/msg/B", "fields": ["#,
-            r#"{"name": "s", "type": {"type_id": 117, "capacity": 2, "string_capacity": 5, "nested_type_name": ""}}]}]}"#,
-        )
     );
 }
 

@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::PathBuf;
 
-use crate::generator::files;
-use crate::generator::name::{Kind, TypeName};
-use crate::generator::registry::{InterfaceFile, Registry};
+use rosidl::interface_file::InterfaceFile;
+use rosidl::name::{Kind, TypeName};
+
+use crate::generator::{self, files};
 
 fn refusals(files: &[(Kind, &str, &str)]) -> Vec<String> {
     let files: Vec<InterfaceFile> = files
@@ -16,7 +17,7 @@ fn refusals(files: &[(Kind, &str, &str)]) -> Vec<String> {
             text: (*text).into(),
         })
         .collect();
-    match Registry::from_files(&files) {
+    match generator::read(&files) {
         Ok(_) => Vec::new(),
         Err(refusals) => refusals.iter().map(ToString::to_string).collect(),
     }

@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use rosidl::interface_file::InterfaceFile;
+use rosidl::name::Kind;
+use rosidl::registry::Registry;
+
 use crate::generator::all_files;
-use crate::generator::name::Kind;
-use crate::generator::registry::{InterfaceFile, Registry};
 
 const PACKAGE_XML: &str = include_str!("../../package.xml");
 const CMAKE_LISTS: &str = include_str!("../../CMakeLists.txt");

@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 
 use cnc_msgs::schema::{self, TypeInfo};
+use rosidl::name::{Kind, TypeName};
+use rosidl::schema_text;
+use rosidl::type_hash::rihs01;
 
-use crate::generator::description::rihs01;
-use crate::generator::name::{Kind, TypeName};
-use crate::generator::{protocol, schema as source};
+use crate::generator::protocol;
 
 fn name_of(info: &TypeInfo) -> TypeName {
     let nobody = TypeName::new("none", Kind::Msg, "None");
@@ -25,7 +26,7 @@ fn a_schema_text_alone_gives_the_hash_of_its_type() {
         // Services and actions need types that their texts do not name.
         let is_message = !info.schema_text.lines().any(|line| line == "---");
         let protocol = if is_message { Vec::new() } else { protocol() };
-        let registry = match source::parse(&name, info.schema_text, &protocol) {
+        let registry = match schema_text::read(&name, info.schema_text, &protocol) {
             Ok(registry) => registry,
             Err(refusals) => panic!("{}: {}", info.name, refusals[0]),
         };

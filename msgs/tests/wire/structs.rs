@@ -8,9 +8,11 @@ use cnc_msgs::wire::geometry_msgs::msg::Quaternion;
 use cnc_msgs::wire::rcl_interfaces::msg::ParameterValue;
 use cnc_msgs::wire::std_srvs::srv::TriggerRequest;
 
-use crate::generator::name::{Kind, TypeName};
-use crate::generator::registry::{InterfaceFile, Registry};
-use crate::generator::{Refusal, rust};
+use rosidl::Refusal;
+use rosidl::interface_file::InterfaceFile;
+use rosidl::name::{Kind, TypeName};
+
+use crate::generator::{self, rust};
 
 #[test]
 fn a_new_message_holds_the_defaults_of_its_definition() {
@@ -51,7 +53,7 @@ fn wire_of(text: &str) -> Result<String, Vec<Refusal>> {
         path: "msg/Thing.msg".into(),
         text: text.into(),
     };
-    rust::wire(&Registry::from_files(&[file])?)
+    rust::wire(&generator::read(&[file])?)
 }
 
 #[test]

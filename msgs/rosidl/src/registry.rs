@@ -5,20 +5,10 @@
 
 use std::collections::BTreeMap;
 
-use super::Refusal;
-use super::model::{Definition, Field, Role};
-use super::name::{Kind, TypeName};
-use super::syntax::{self, Section};
-
-/// A file with its place in its package.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct InterfaceFile {
-    /// The package, the folder and the file name without extension.
-    pub name: TypeName,
-    /// Path from the package folder, for messages.
-    pub path: String,
-    pub text: String,
-}
+use crate::definition::{Definition, FieldDefinition, Role};
+use crate::interface_file::{InterfaceFile, Section};
+use crate::name::{Kind, TypeName};
+use crate::refusal::Refusal;
 
 /// Definitions by their full names, in the order of those.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -27,14 +17,22 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// Reads all files and derives what belongs to them.
-    ///
-    /// A name with an underscore is taken for a derived type that is given as
-    /// text, as schemas do; [`super::files`] lets none through.
+    /// Reads all files, derives what belongs to them, and checks what their types name.
     ///
     /// # Errors
     /// Everything that is wrong, in the order of the files.
     pub fn from_files(files: &[InterfaceFile]) -> Result<Self, Vec<Refusal>> {
+        Self::read(files)?.checked()
+    }
+
+    /// Reads all files and derives what belongs to them.
+    ///
+    /// A name with an underscore is taken for a derived type that is given as text, as schema
+    /// texts do. Files of one's own have none.
+    ///
+    /// # Errors
+    /// Every line that is wrong, in the order of the files.
+    pub fn read(files: &[InterfaceFile]) -> Result<Self, Vec<Refusal>> {
         let mut registry = Self::default();
         let mut refusals = Vec::new();
         for file in files {
@@ -42,12 +40,19 @@ impl Registry {
                 refusals.extend(more);
             }
         }
-        if refusals.is_empty() {
-            refusals = registry.check();
-        }
         if refusals.is_empty() { Ok(registry) } else { Err(refusals) }
     }
 
+    /// Checks that every type that is named exists, and that none contains itself.
+    ///
+    /// # Errors
+    /// Every field whose type does not exist; if there is none, every type that contains itself.
+    pub fn checked(self) -> Result<Self, Vec<Refusal>> {
+        let refusals = self.check();
+        if refusals.is_empty() { Ok(self) } else { Err(refusals) }
+    }
+
+    /// The definition of a type.
     pub fn get(&self, name: &TypeName) -> Option<&Definition> {
         self.definitions.get(&name.to_string())
     }
@@ -69,10 +74,10 @@ impl Registry {
     fn add_file(&mut self, file: &InterfaceFile) -> Result<(), Vec<Refusal>> {
         let name = &file.name;
         let is_derived = name.name.contains('_');
-        let sections = syntax::split(&file.path, &file.text);
+        let sections = file.sections();
         match (name.kind, &sections[..]) {
             (kind, [whole]) if kind == Kind::Msg || is_derived => {
-                self.insert(syntax::parse(name.clone(), *whole)?);
+                self.insert(whole.read(name.clone())?);
             }
             (kind, [request, response]) if kind == Kind::Srv || is_derived => {
                 self.add_service(name, &file.text, *request, *response)?;
@@ -105,8 +110,8 @@ impl Registry {
         request: Section<'_>,
         response: Section<'_>,
     ) -> Result<(), Vec<Refusal>> {
-        let request = syntax::parse(name.derived("_Request"), request)?;
-        let mut response = syntax::parse(name.derived("_Response"), response)?;
+        let request = request.read(name.derived("_Request"))?;
+        let mut response = response.read(name.derived("_Response"))?;
         if response.doc.is_empty() {
             response.doc = vec![format!("The answer of `{name}`.")];
         }
@@ -114,13 +119,13 @@ impl Registry {
         let event = format!(
             "service_msgs/ServiceEventInfo info\n{of}_Request[<=1] request\n{of}_Response[<=1] response\n"
         );
-        let mut event = syntax::parse(name.derived("_Event"), derived(&request.file, &event))?;
+        let mut event = derived(&request.file, &event).read(name.derived("_Event"))?;
         event.role = Role::Event;
         let parts = ["request_message", "response_message", "event_message"];
         let fields = [&request, &response, &event]
             .iter()
             .zip(parts)
-            .map(|(part, field)| Field::derived(field, part.name.clone()))
+            .map(|(part, field)| FieldDefinition::derived(field, part.name.clone()))
             .collect();
         self.insert(Definition {
             name: name.clone(),
@@ -148,9 +153,9 @@ impl Registry {
         const GOAL_ID: &str = "unique_identifier_msgs/UUID goal_id\n";
         let name = &file.name;
         let of = &name.name;
-        let goal = syntax::parse(name.derived("_Goal"), goal)?;
-        let mut result = syntax::parse(name.derived("_Result"), result)?;
-        let mut feedback = syntax::parse(name.derived("_Feedback"), feedback)?;
+        let goal = goal.read(name.derived("_Goal"))?;
+        let mut result = result.read(name.derived("_Result"))?;
+        let mut feedback = feedback.read(name.derived("_Feedback"))?;
         for (part, what) in [(&mut result, "The result"), (&mut feedback, "The feedback")] {
             if part.doc.is_empty() {
                 part.doc = vec![format!("{what} of `{name}`.")];
@@ -174,8 +179,7 @@ impl Registry {
             )?;
         }
         let message = format!("{GOAL_ID}{of}_Feedback feedback\n");
-        let message =
-            syntax::parse(name.derived("_FeedbackMessage"), derived(&file.path, &message))?;
+        let message = derived(&file.path, &message).read(name.derived("_FeedbackMessage"))?;
 
         let fields = [
             ("goal", "_Goal"),
@@ -185,7 +189,7 @@ impl Registry {
             ("get_result_service", "_GetResult"),
             ("feedback_message", "_FeedbackMessage"),
         ]
-        .map(|(field, suffix)| Field::derived(field, name.derived(suffix)));
+        .map(|(field, suffix)| FieldDefinition::derived(field, name.derived(suffix)));
         self.insert(Definition {
             name: name.clone(),
             role: Role::Action,
@@ -223,7 +227,7 @@ impl Registry {
     /// Refuses a type that reaches itself through its fields.
     fn check_finite(&self, root: &Definition) -> Option<Refusal> {
         let mut seen = Vec::new();
-        let mut queue: Vec<(&Field, &TypeName)> = root.references().collect();
+        let mut queue: Vec<(&FieldDefinition, &TypeName)> = root.references().collect();
         let origin = queue.clone();
         while let Some((_, name)) = queue.pop() {
             if *name == root.name {

@@ -3,71 +3,93 @@
 //! Stricter than rosidl where its generators disagree with each other: no
 //! backslashes but before a quote, no infinities.
 
-use super::model::{Base, Primitive, Shape};
+use rosidl::definition::{BaseType, FieldDefinition};
+use rosidl::types::{Arity, Bounds, Primitive, WrittenType};
 
 /// A constant or a default.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Value {
+pub enum Literal {
     Bool(bool),
     Integer(i128),
     Float(f64),
     Text(String),
-    List(Vec<Value>),
+    List(Vec<Literal>),
+}
+
+/// What a literal is to be a value of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LiteralType {
+    pub primitive: Primitive,
+    pub arity: Arity,
+    pub bounds: Bounds,
+}
+
+impl LiteralType {
+    /// What a default of the field is; `None` for messages, which have no literals.
+    pub fn of_field(field: &FieldDefinition) -> Option<Self> {
+        let BaseType::Primitive(primitive) = field.base else { return None };
+        Some(Self { primitive, arity: field.arity, bounds: field.bounds })
+    }
+
+    /// What the value of a written type is; `None` for messages and for what is no type.
+    pub fn parse(type_text: &str) -> Option<Self> {
+        let WrittenType { base, arity, bounds } = WrittenType::parse(type_text).ok()?;
+        Some(Self { primitive: Primitive::named(base)?, arity, bounds })
+    }
 }
 
 /// Reads the value of a field or constant of this type.
-pub fn parse(text: &str, base: &Base, shape: Shape) -> Result<Value, String> {
-    let most = match shape {
-        Shape::Single => return parse_single(text, base),
-        Shape::Array(count) => Some(count),
-        Shape::Sequence { bound } => bound,
+pub fn parse(text: &str, of: LiteralType) -> Result<Literal, String> {
+    let most = match of.arity {
+        Arity::One => return parse_single(text, of),
+        Arity::Array(count) => Some(count),
+        Arity::Sequence => of.bounds.elements,
     };
     let inner = text.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
     let inner = inner.ok_or(format!("{text} is no list; write [first, second]"))?;
     let values = split_list(inner)?
         .into_iter()
-        .map(|element| parse_single(element.trim(), base))
+        .map(|element| parse_single(element.trim(), of))
         .collect::<Result<Vec<_>, _>>()?;
-    match (shape, most) {
-        (Shape::Array(count), _) if values.len() != count => {
+    match (of.arity, most) {
+        (Arity::Array(count), _) if values.len() != count => {
             Err(format!("{count} elements are needed, {} are there", values.len()))
         }
         (_, Some(bound)) if values.len() > bound => {
             Err(format!("at most {bound} elements are allowed, {} are there", values.len()))
         }
-        _ => Ok(Value::List(values)),
+        _ => Ok(Literal::List(values)),
     }
 }
 
-fn parse_single(text: &str, base: &Base) -> Result<Value, String> {
-    match base {
-        Base::Primitive(Primitive::Bool) => match text.to_ascii_lowercase().as_str() {
-            "true" | "1" => Ok(Value::Bool(true)),
-            "false" | "0" => Ok(Value::Bool(false)),
+fn parse_single(text: &str, of: LiteralType) -> Result<Literal, String> {
+    match of.primitive {
+        Primitive::Bool => match text.to_ascii_lowercase().as_str() {
+            "true" | "1" => Ok(Literal::Bool(true)),
+            "false" | "0" => Ok(Literal::Bool(false)),
             _ => Err(format!("{text:?} is neither true nor false")),
         },
-        Base::Primitive(Primitive::F32 | Primitive::F64) => match text.parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(Value::Float(value)),
+        Primitive::F32 | Primitive::F64 => match text.parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(Literal::Float(value)),
             _ => Err(format!("{text:?} is no finite number")),
         },
-        Base::Primitive(primitive) => {
+        Primitive::String | Primitive::WideString => {
+            let value = parse_text(text)?;
+            match of.bounds.text {
+                Some(bound) if value.len() > bound => {
+                    Err(format!("{value:?} is longer than {bound} bytes"))
+                }
+                _ => Ok(Literal::Text(value)),
+            }
+        }
+        primitive => {
             let value = parse_integer(text).ok_or(format!("{text:?} is no whole number"))?;
-            let (least, most) = integer_range(*primitive);
+            let (least, most) = integer_range(primitive);
             if value < least || value > most {
                 return Err(format!("{value} does not fit; {least} to {most} do"));
             }
-            Ok(Value::Integer(value))
+            Ok(Literal::Integer(value))
         }
-        Base::Text { bound } => {
-            let value = parse_text(text)?;
-            match bound {
-                Some(bound) if value.len() > *bound => {
-                    Err(format!("{value:?} is longer than {bound} bytes"))
-                }
-                _ => Ok(Value::Text(value)),
-            }
-        }
-        Base::Message(name) => Err(format!("{name} is a message and cannot have a value here")),
     }
 }
 
