@@ -14,7 +14,7 @@ use std::{env, fs};
 mod generator;
 
 use generator::{files, rust};
-use rosidl::Refusal;
+use rosidl::InterfaceError;
 
 #[allow(clippy::print_stdout, reason = "a build script speaks to cargo by printing")]
 fn main() -> ExitCode {
@@ -32,7 +32,7 @@ fn main() -> ExitCode {
     }
 }
 
-fn generate() -> Result<(), Vec<Refusal>> {
+fn generate() -> Result<(), Vec<InterfaceError>> {
     let files = files::read_all(Path::new("."), "cnc_msgs")?;
     let registry = generator::read(&files)?;
     write("wire.rs", &rust::wire(&registry)?)?;
@@ -40,10 +40,14 @@ fn generate() -> Result<(), Vec<Refusal>> {
     write("every_message.rs", &rust::every_message(&registry))
 }
 
-fn write(name: &str, text: &str) -> Result<(), Vec<Refusal>> {
+fn write(name: &str, text: &str) -> Result<(), Vec<InterfaceError>> {
     let folder = env::var_os("OUT_DIR").unwrap_or_default();
     let path = Path::new(&folder).join(name);
     fs::write(&path, text).map_err(|error| {
-        vec![Refusal { file: path.display().to_string(), line: 0, message: error.to_string() }]
+        vec![InterfaceError {
+            file: path.display().to_string(),
+            line: 0,
+            message: error.to_string(),
+        }]
     })
 }

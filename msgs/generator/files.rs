@@ -7,12 +7,12 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-use rosidl::Refusal;
+use rosidl::InterfaceError;
 use rosidl::interface_file::InterfaceFile;
-use rosidl::name::{Kind, TypeName, check_package, check_type};
+use rosidl::name::{InterfaceKind, TypeName, check_package, check_type};
 
 /// Reads all files below `root`, sorted by path; refuses what does not belong.
-pub fn read_all(root: &Path, package: &str) -> Result<Vec<InterfaceFile>, Vec<Refusal>> {
+pub fn read_all(root: &Path, package: &str) -> Result<Vec<InterfaceFile>, Vec<InterfaceError>> {
     let mut files = Vec::new();
     let mut refusals = Vec::new();
     read_package(root, "", package, &mut files, &mut refusals);
@@ -28,15 +28,15 @@ fn read_package(
     prefix: &str,
     package: &str,
     files: &mut Vec<InterfaceFile>,
-    refusals: &mut Vec<Refusal>,
+    refusals: &mut Vec<InterfaceError>,
 ) {
-    for kind in Kind::ALL {
+    for kind in InterfaceKind::ALL {
         let folder = format!("{prefix}{}", kind.folder());
         for entry in entries(&root.join(&folder), &folder, refusals) {
             let path = format!("{folder}/{entry}");
             match read(root, &path, package, kind, &entry) {
                 Ok(file) => files.push(file),
-                Err(message) => refusals.push(Refusal { file: path, line: 0, message }),
+                Err(message) => refusals.push(InterfaceError { file: path, line: 0, message }),
             }
         }
     }
@@ -46,7 +46,7 @@ fn read(
     root: &Path,
     path: &str,
     package: &str,
-    kind: Kind,
+    kind: InterfaceKind,
     entry: &str,
 ) -> Result<InterfaceFile, String> {
     let stem = entry.strip_suffix(kind.folder()).and_then(|stem| stem.strip_suffix('.'));
@@ -58,7 +58,7 @@ fn read(
 }
 
 /// Names in a folder, sorted; none when it does not exist. Hidden ones do not count.
-fn entries(folder: &Path, label: &str, refusals: &mut Vec<Refusal>) -> Vec<String> {
+fn entries(folder: &Path, label: &str, refusals: &mut Vec<InterfaceError>) -> Vec<String> {
     let names = fs::read_dir(folder).and_then(|entries| {
         entries
             .map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()))
@@ -72,7 +72,11 @@ fn entries(folder: &Path, label: &str, refusals: &mut Vec<Refusal>) -> Vec<Strin
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
         Err(error) => {
-            refusals.push(Refusal { file: label.into(), line: 0, message: error.to_string() });
+            refusals.push(InterfaceError {
+                file: label.into(),
+                line: 0,
+                message: error.to_string(),
+            });
             Vec::new()
         }
     }

@@ -4,7 +4,7 @@
 //! backslashes but before a quote, no infinities.
 
 use rosidl::definition::{BaseType, FieldDefinition};
-use rosidl::types::{Arity, Bounds, Primitive, WrittenType};
+use rosidl::types::{Arity, Primitive, TypeBounds, WrittenType};
 
 /// A constant or a default.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,7 +21,7 @@ pub enum Literal {
 pub struct LiteralType {
     pub primitive: Primitive,
     pub arity: Arity,
-    pub bounds: Bounds,
+    pub bounds: TypeBounds,
 }
 
 impl LiteralType {

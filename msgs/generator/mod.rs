@@ -10,7 +10,7 @@ pub mod literal;
 pub mod rust;
 pub mod strict;
 
-use rosidl::Refusal;
+use rosidl::InterfaceError;
 use rosidl::interface_file::InterfaceFile;
 use rosidl::registry::Registry;
 
@@ -19,8 +19,8 @@ use rosidl::registry::Registry;
 /// # Errors
 /// Everything that is wrong, in the order of the files. Of a line that [`strict`] refuses,
 /// nothing else is said.
-pub fn read(files: &[InterfaceFile]) -> Result<Registry, Vec<Refusal>> {
-    let mut refusals: Vec<Refusal> = files.iter().flat_map(strict::check).collect();
+pub fn read(files: &[InterfaceFile]) -> Result<Registry, Vec<InterfaceError>> {
+    let mut refusals: Vec<InterfaceError> = files.iter().flat_map(strict::check).collect();
     match Registry::read(files) {
         Ok(registry) if refusals.is_empty() => return registry.checked(),
         Ok(_) => {}
@@ -32,7 +32,8 @@ pub fn read(files: &[InterfaceFile]) -> Result<Registry, Vec<Refusal>> {
             refusals.extend(more);
         }
     }
-    let position = |refusal: &Refusal| files.iter().position(|file| file.path == refusal.file);
+    let position =
+        |refusal: &InterfaceError| files.iter().position(|file| file.path == refusal.file);
     refusals.sort_by_key(|refusal| (position(refusal), refusal.line));
     Err(refusals)
 }

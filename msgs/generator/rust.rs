@@ -7,11 +7,11 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use rosidl::definition::{BaseType, Constant, Definition, FieldDefinition, Role};
-use rosidl::name::{Kind, TypeName};
+use rosidl::definition::{BaseType, Constant, Definition, DefinitionRole, FieldDefinition};
+use rosidl::name::{InterfaceKind, TypeName};
 use rosidl::registry::Registry;
 use rosidl::types::{Arity, Primitive};
-use rosidl::{Refusal, schema_text, type_hash};
+use rosidl::{InterfaceError, schema_text, type_hash};
 
 use super::literal::{self, Literal, LiteralType};
 
@@ -25,17 +25,19 @@ const LONGEST_ARRAY: usize = 32;
 ///
 /// # Errors
 /// Definitions that have no Rust counterpart.
-pub fn wire(registry: &Registry) -> Result<String, Vec<Refusal>> {
-    let mut modules: BTreeMap<(&str, Kind), String> = BTreeMap::new();
+pub fn wire(registry: &Registry) -> Result<String, Vec<InterfaceError>> {
+    let mut modules: BTreeMap<(&str, InterfaceKind), String> = BTreeMap::new();
     let mut refusals = Vec::new();
     for definition in registry.iter() {
         let name = &definition.name;
         let out = modules.entry((&name.package, name.kind)).or_default();
         match definition.role {
-            Role::Message => message(out, definition, &mut refusals),
-            Role::Service => marker(out, definition, "Service", &["Request", "Response"]),
-            Role::Action => marker(out, definition, "Action", &["Goal", "Result", "Feedback"]),
-            Role::Event => {}
+            DefinitionRole::Message => message(out, definition, &mut refusals),
+            DefinitionRole::Service => marker(out, definition, "Service", &["Request", "Response"]),
+            DefinitionRole::Action => {
+                marker(out, definition, "Action", &["Goal", "Result", "Feedback"])
+            }
+            DefinitionRole::Event => {}
         }
     }
     if !refusals.is_empty() {
@@ -78,7 +80,9 @@ pub fn schemas(registry: &Registry) -> String {
 /// A macro that hands the names and types of all messages to another macro.
 pub fn every_message(registry: &Registry) -> String {
     let mut rows = String::new();
-    for definition in registry.iter().filter(|definition| definition.role == Role::Message) {
+    for definition in
+        registry.iter().filter(|definition| definition.role == DefinitionRole::Message)
+    {
         let path = rust_path(&definition.name, "$crate");
         line(&mut rows, &format!("{:?} => {path},", definition.name.to_string()));
     }
@@ -89,7 +93,7 @@ pub fn every_message(registry: &Registry) -> String {
     )
 }
 
-fn message(out: &mut String, definition: &Definition, refusals: &mut Vec<Refusal>) {
+fn message(out: &mut String, definition: &Definition, refusals: &mut Vec<InterfaceError>) {
     let name = struct_name(&definition.name);
     let has_defaults = definition.fields.iter().any(|field| !field.default.is_empty());
     doc(out, &definition.doc, &format!("`{}`.", definition.name));
@@ -104,7 +108,7 @@ fn message(out: &mut String, definition: &Definition, refusals: &mut Vec<Refusal
         if let Arity::Array(count) = field.arity
             && count > LONGEST_ARRAY
         {
-            refusals.push(Refusal {
+            refusals.push(InterfaceError {
                 file: definition.file.clone(),
                 line: field.line,
                 message: format!(

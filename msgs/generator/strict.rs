@@ -4,33 +4,33 @@
 //! names, columns, and values within the bounds of their types. Also refuses what readers of
 //! bags or generators of other languages treat differently.
 
-use rosidl::Refusal;
+use rosidl::InterfaceError;
 use rosidl::interface_file::{InterfaceFile, Section};
 use rosidl::name::{check_constant, check_field};
-use rosidl::syntax::{self, Item, Line};
+use rosidl::syntax::{self, LineItem, SourceLine};
 use rosidl::types::{Arity, WrittenType};
 
 use super::literal::{self, LiteralType};
 
 /// Everything in a file that is not as strict as our own files must be.
-pub fn check(file: &InterfaceFile) -> Vec<Refusal> {
+pub fn check(file: &InterfaceFile) -> Vec<InterfaceError> {
     file.sections().into_iter().flat_map(check_section).collect()
 }
 
-fn check_section(section: Section<'_>) -> Vec<Refusal> {
+fn check_section(section: Section<'_>) -> Vec<InterfaceError> {
     let mut constants = Vec::new();
     let mut refusals = Vec::new();
     for line in syntax::lines(section.text) {
         if let Err(message) = check_line(&line, &mut constants) {
             let line = section.first_line + line.number - 1;
-            refusals.push(Refusal { file: section.file.into(), line, message });
+            refusals.push(InterfaceError { file: section.file.into(), line, message });
         }
     }
     refusals
 }
 
 /// `constants` are those of the lines above.
-fn check_line<'a>(line: &Line<'a>, constants: &mut Vec<&'a str>) -> Result<(), String> {
+fn check_line<'a>(line: &SourceLine<'a>, constants: &mut Vec<&'a str>) -> Result<(), String> {
     let comment = line.comment.unwrap_or_default().trim();
     if comment.len() >= 3 && comment.chars().all(|c| c == '=') {
         return Err("a comment of = alone splits the schema".into());
@@ -44,7 +44,7 @@ fn check_line<'a>(line: &Line<'a>, constants: &mut Vec<&'a str>) -> Result<(), S
         return Err("a line has no white space but spaces and tabs".into());
     }
     match item {
-        Item::Field { type_text, name, default } => {
+        LineItem::Field { type_text, name, default } => {
             check_type(type_text)?;
             check_field(name)?;
             if let Some((before, _)) = default.split_once('=') {
@@ -53,7 +53,7 @@ fn check_line<'a>(line: &Line<'a>, constants: &mut Vec<&'a str>) -> Result<(), S
             check_default(type_text, default)
                 .map_err(|reason| format!("default of {name}: {reason}"))
         }
-        Item::Constant { type_text, name, value } => {
+        LineItem::Constant { type_text, name, value } => {
             check_type(type_text)?;
             check_constant(name)?;
             let of = LiteralType::parse(type_text).filter(|of| of.arity == Arity::One);

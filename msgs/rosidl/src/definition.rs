@@ -2,11 +2,11 @@
 //!
 //! Reads one text. Whether the types that it names exist is for the [`crate::registry`] to say.
 
+use crate::interface_error::InterfaceError;
 use crate::interface_file::Section;
 use crate::name::{TypeName, check_field};
-use crate::refusal::Refusal;
-use crate::syntax::{self, Item, ItemError};
-use crate::types::{Arity, Bounds, Primitive, WrittenType};
+use crate::syntax::{self, LineError, LineItem, SourceLine};
+use crate::types::{Arity, Primitive, TypeBounds, WrittenType};
 
 /// What one element of a field is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -21,7 +21,7 @@ pub struct FieldDefinition {
     pub name: String,
     pub base: BaseType,
     pub arity: Arity,
-    pub bounds: Bounds,
+    pub bounds: TypeBounds,
     /// What a new message holds, as written; empty where that is zero, false or empty.
     pub default: String,
     /// Comment lines.
@@ -37,7 +37,7 @@ impl FieldDefinition {
             name: name.into(),
             base: BaseType::Message(of),
             arity: Arity::One,
-            bounds: Bounds::default(),
+            bounds: TypeBounds::default(),
             default: String::new(),
             doc: Vec::new(),
             line: 0,
@@ -59,7 +59,7 @@ pub struct Constant {
 
 /// What a definition is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Role {
+pub enum DefinitionRole {
     /// Travels on the wire.
     Message,
     /// What service introspection publishes. The hash of its service needs it.
@@ -74,7 +74,7 @@ pub enum Role {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Definition {
     pub name: TypeName,
-    pub role: Role,
+    pub role: DefinitionRole,
     /// Comment lines at the head of the file.
     pub doc: Vec<String>,
     /// Never empty: ROS gives an empty message a member of one byte.
@@ -101,11 +101,11 @@ impl Section<'_> {
     ///
     /// # Errors
     /// All lines that are wrong.
-    pub(crate) fn read(self, name: TypeName) -> Result<Definition, Vec<Refusal>> {
-        let mut reader = Reader {
+    pub(crate) fn read(self, name: TypeName) -> Result<Definition, Vec<InterfaceError>> {
+        let mut reader = DefinitionReader {
             definition: Definition {
                 name,
-                role: Role::Message,
+                role: DefinitionRole::Message,
                 doc: Vec::new(),
                 fields: Vec::new(),
                 constants: Vec::new(),
@@ -119,7 +119,7 @@ impl Section<'_> {
         for line in syntax::lines(self.text) {
             let number = self.first_line + line.number - 1;
             if let Err(message) = reader.read(number, line) {
-                refusals.push(Refusal { file: self.file.into(), line: number, message });
+                refusals.push(InterfaceError { file: self.file.into(), line: number, message });
             }
         }
         if refusals.is_empty() { Ok(reader.finish()) } else { Err(refusals) }
@@ -133,15 +133,15 @@ enum LastItem {
     Constant,
 }
 
-struct Reader {
+struct DefinitionReader {
     definition: Definition,
     /// Comments that wait for the item below them.
     pending: Vec<String>,
     last: Option<LastItem>,
 }
 
-impl Reader {
-    fn read(&mut self, number: usize, line: syntax::Line<'_>) -> Result<(), String> {
+impl DefinitionReader {
+    fn read(&mut self, number: usize, line: SourceLine<'_>) -> Result<(), String> {
         if let Some(comment) = line.comment {
             let comment = comment.replace('\t', " ");
             let comment = comment.strip_prefix(' ').unwrap_or(&comment).to_owned();
@@ -156,11 +156,11 @@ impl Reader {
         let Some(item) = line.item else { return Ok(()) };
         let doc = std::mem::take(&mut self.pending);
         let item = item.map_err(|error| match error {
-            ItemError::NoName => error.to_string(),
-            ItemError::Name(name) => check_field(&name).err().unwrap_or_default(),
+            LineError::NoName => error.to_string(),
+            LineError::Name(name) => check_field(&name).err().unwrap_or_default(),
         })?;
         match item {
-            Item::Field { type_text, name, default } => {
+            LineItem::Field { type_text, name, default } => {
                 let WrittenType { base, arity, bounds } =
                     WrittenType::parse(type_text).map_err(|error| error.to_string())?;
                 let base = match Primitive::named(base) {
@@ -176,7 +176,7 @@ impl Reader {
                 self.definition.fields.push(field);
                 self.last = Some(LastItem::Field);
             }
-            Item::Constant { type_text, name, value } => {
+            LineItem::Constant { type_text, name, value } => {
                 let (type_text, name, value) = (type_text.into(), name.into(), value.into());
                 self.definition.constants.push(Constant { type_text, name, value, doc });
                 self.last = Some(LastItem::Constant);
@@ -214,7 +214,7 @@ impl Reader {
                 name: "structure_needs_at_least_one_member".into(),
                 base: BaseType::Primitive(Primitive::U8),
                 arity: Arity::One,
-                bounds: Bounds::default(),
+                bounds: TypeBounds::default(),
                 default: String::new(),
                 doc: vec!["What ROS puts into an empty message; always 0.".into()],
                 line: 0,

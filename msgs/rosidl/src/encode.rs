@@ -24,19 +24,19 @@ pub enum EncodeError {
 
 /// Encodes one message. Fields that the definition does not have are left out.
 pub fn encode(schema: &MessageSchema, message: &MessageValue) -> Result<Vec<u8>, EncodeError> {
-    let mut pen = Pen { body: Vec::new(), path: Vec::new() };
+    let mut pen = MessageEncoder { body: Vec::new(), path: Vec::new() };
     pen.message(schema, message)?;
     let mut bytes = LITTLE_ENDIAN.to_vec();
     bytes.append(&mut pen.body);
     Ok(bytes)
 }
 
-struct Pen {
+struct MessageEncoder {
     body: Vec<u8>,
     path: Vec<PathStep>,
 }
 
-impl Pen {
+impl MessageEncoder {
     fn path(&self) -> FieldPath {
         FieldPath(self.path.clone())
     }

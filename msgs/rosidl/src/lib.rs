@@ -11,9 +11,9 @@ pub mod decode;
 pub mod definition;
 pub mod encode;
 pub mod field_path;
+mod interface_error;
 pub mod interface_file;
 pub mod name;
-mod refusal;
 pub mod registry;
 pub mod schema;
 pub mod schema_text;
@@ -22,4 +22,4 @@ pub mod type_hash;
 pub mod types;
 pub mod value;
 
-pub use refusal::Refusal;
+pub use interface_error::InterfaceError;

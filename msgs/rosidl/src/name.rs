@@ -4,13 +4,13 @@ use std::fmt;
 
 /// The folder that a definition lives in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub enum InterfaceKind {
     Action,
     Msg,
     Srv,
 }
 
-impl Kind {
+impl InterfaceKind {
     pub const ALL: [Self; 3] = [Self::Msg, Self::Srv, Self::Action];
 
     /// Name of the folder, which is also the extension of its files.
@@ -27,13 +27,13 @@ impl Kind {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TypeName {
     pub package: String,
-    pub kind: Kind,
+    pub kind: InterfaceKind,
     /// `Point`, or `LoadProgram_Request` for a derived type.
     pub name: String,
 }
 
 impl TypeName {
-    pub fn new(package: &str, kind: Kind, name: &str) -> Self {
+    pub fn new(package: &str, kind: InterfaceKind, name: &str) -> Self {
         Self { package: package.into(), kind, name: name.into() }
     }
 
@@ -58,7 +58,7 @@ impl TypeName {
             [name] => (context.package.as_str(), None, name),
             [package, name] => (package, None, name),
             [package, folder, name] => {
-                let kind = Kind::ALL.into_iter().find(|kind| kind.folder() == folder);
+                let kind = InterfaceKind::ALL.into_iter().find(|kind| kind.folder() == folder);
                 (package, Some(kind.ok_or(format!("{folder} is none of msg, srv, action"))?), name)
             }
             _ => return Err(format!("{text} is no type; write package/Type")),
@@ -69,8 +69,8 @@ impl TypeName {
             None => (name, false),
         };
         check_type(stem)?;
-        let kind = kind.unwrap_or(if derived { context.kind } else { Kind::Msg });
-        if derived && kind == Kind::Msg {
+        let kind = kind.unwrap_or(if derived { context.kind } else { InterfaceKind::Msg });
+        if derived && kind == InterfaceKind::Msg {
             return Err(format!("{name} has an underscore; types are named LikeThis"));
         }
         Ok(Self::new(package, kind, name))

@@ -5,10 +5,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::definition::{Definition, FieldDefinition, Role};
+use crate::definition::{Definition, DefinitionRole, FieldDefinition};
+use crate::interface_error::InterfaceError;
 use crate::interface_file::{InterfaceFile, Section};
-use crate::name::{Kind, TypeName};
-use crate::refusal::Refusal;
+use crate::name::{InterfaceKind, TypeName};
 
 /// Definitions by their full names, in the order of those.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -21,7 +21,7 @@ impl Registry {
     ///
     /// # Errors
     /// Everything that is wrong, in the order of the files.
-    pub fn from_files(files: &[InterfaceFile]) -> Result<Self, Vec<Refusal>> {
+    pub fn from_files(files: &[InterfaceFile]) -> Result<Self, Vec<InterfaceError>> {
         Self::read(files)?.checked()
     }
 
@@ -32,7 +32,7 @@ impl Registry {
     ///
     /// # Errors
     /// Every line that is wrong, in the order of the files.
-    pub fn read(files: &[InterfaceFile]) -> Result<Self, Vec<Refusal>> {
+    pub fn read(files: &[InterfaceFile]) -> Result<Self, Vec<InterfaceError>> {
         let mut registry = Self::default();
         let mut refusals = Vec::new();
         for file in files {
@@ -47,7 +47,7 @@ impl Registry {
     ///
     /// # Errors
     /// Every field whose type does not exist; if there is none, every type that contains itself.
-    pub fn checked(self) -> Result<Self, Vec<Refusal>> {
+    pub fn checked(self) -> Result<Self, Vec<InterfaceError>> {
         let refusals = self.check();
         if refusals.is_empty() { Ok(self) } else { Err(refusals) }
     }
@@ -71,32 +71,32 @@ impl Registry {
         self.definitions.insert(definition.name.to_string(), definition);
     }
 
-    fn add_file(&mut self, file: &InterfaceFile) -> Result<(), Vec<Refusal>> {
+    fn add_file(&mut self, file: &InterfaceFile) -> Result<(), Vec<InterfaceError>> {
         let name = &file.name;
         let is_derived = name.name.contains('_');
         let sections = file.sections();
         match (name.kind, &sections[..]) {
-            (kind, [whole]) if kind == Kind::Msg || is_derived => {
+            (kind, [whole]) if kind == InterfaceKind::Msg || is_derived => {
                 self.insert(whole.read(name.clone())?);
             }
-            (kind, [request, response]) if kind == Kind::Srv || is_derived => {
+            (kind, [request, response]) if kind == InterfaceKind::Srv || is_derived => {
                 self.add_service(name, &file.text, *request, *response)?;
             }
-            (Kind::Action, [goal, result, feedback]) => {
+            (InterfaceKind::Action, [goal, result, feedback]) => {
                 self.add_action(file, *goal, *result, *feedback)?;
             }
             (kind, sections) => {
                 let wanted = match kind {
-                    Kind::Msg => 0,
-                    Kind::Srv => 1,
-                    Kind::Action => 2,
+                    InterfaceKind::Msg => 0,
+                    InterfaceKind::Srv => 1,
+                    InterfaceKind::Action => 2,
                 };
                 let message = format!(
                     "a .{} file has {wanted} lines of ---, not {}",
                     kind.folder(),
                     sections.len() - 1
                 );
-                return Err(vec![Refusal { file: file.path.clone(), line: 0, message }]);
+                return Err(vec![InterfaceError { file: file.path.clone(), line: 0, message }]);
             }
         }
         Ok(())
@@ -109,7 +109,7 @@ impl Registry {
         text: &str,
         request: Section<'_>,
         response: Section<'_>,
-    ) -> Result<(), Vec<Refusal>> {
+    ) -> Result<(), Vec<InterfaceError>> {
         let request = request.read(name.derived("_Request"))?;
         let mut response = response.read(name.derived("_Response"))?;
         if response.doc.is_empty() {
@@ -120,7 +120,7 @@ impl Registry {
             "service_msgs/ServiceEventInfo info\n{of}_Request[<=1] request\n{of}_Response[<=1] response\n"
         );
         let mut event = derived(&request.file, &event).read(name.derived("_Event"))?;
-        event.role = Role::Event;
+        event.role = DefinitionRole::Event;
         let parts = ["request_message", "response_message", "event_message"];
         let fields = [&request, &response, &event]
             .iter()
@@ -129,7 +129,7 @@ impl Registry {
             .collect();
         self.insert(Definition {
             name: name.clone(),
-            role: Role::Service,
+            role: DefinitionRole::Service,
             doc: request.doc.clone(),
             fields,
             constants: Vec::new(),
@@ -149,7 +149,7 @@ impl Registry {
         goal: Section<'_>,
         result: Section<'_>,
         feedback: Section<'_>,
-    ) -> Result<(), Vec<Refusal>> {
+    ) -> Result<(), Vec<InterfaceError>> {
         const GOAL_ID: &str = "unique_identifier_msgs/UUID goal_id\n";
         let name = &file.name;
         let of = &name.name;
@@ -192,7 +192,7 @@ impl Registry {
         .map(|(field, suffix)| FieldDefinition::derived(field, name.derived(suffix)));
         self.insert(Definition {
             name: name.clone(),
-            role: Role::Action,
+            role: DefinitionRole::Action,
             doc: goal.doc.clone(),
             fields: fields.into(),
             constants: Vec::new(),
@@ -205,12 +205,12 @@ impl Registry {
         Ok(())
     }
 
-    fn check(&self) -> Vec<Refusal> {
+    fn check(&self) -> Vec<InterfaceError> {
         let mut refusals = Vec::new();
         for definition in self.iter() {
             for (field, name) in definition.references() {
                 if self.get(name).is_none() {
-                    refusals.push(Refusal {
+                    refusals.push(InterfaceError {
                         file: definition.file.clone(),
                         line: field.line,
                         message: format!("{} is a {name}, which no file defines", field.name),
@@ -225,13 +225,13 @@ impl Registry {
     }
 
     /// Refuses a type that reaches itself through its fields.
-    fn check_finite(&self, root: &Definition) -> Option<Refusal> {
+    fn check_finite(&self, root: &Definition) -> Option<InterfaceError> {
         let mut seen = Vec::new();
         let mut queue: Vec<(&FieldDefinition, &TypeName)> = root.references().collect();
         let origin = queue.clone();
         while let Some((_, name)) = queue.pop() {
             if *name == root.name {
-                return Some(Refusal {
+                return Some(InterfaceError {
                     file: root.file.clone(),
                     line: origin.first().map_or(0, |(field, _)| field.line),
                     message: format!("{} contains itself", root.name),

@@ -6,8 +6,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::schema_text::{Part, is_rule, parts, short_name, two_part_name};
-use crate::syntax::{self, Item};
+use crate::schema_text::{SchemaPart, is_rule, parts, short_name, two_part_name};
+use crate::syntax::{self, LineItem};
 use crate::types::{Arity, Primitive, WrittenType};
 
 /// Messages nested deeper than this are refused.
@@ -87,7 +87,7 @@ impl MessageSchema {
             definitions.entry(short_name(part.name)).or_insert(part);
         }
         for (name, text) in BUILTIN {
-            let part = Part { name, first_line: 1, text };
+            let part = SchemaPart { name, first_line: 1, text };
             definitions.entry((*name).to_owned()).or_insert(part);
         }
         let mut builder = Builder { definitions, done: BTreeMap::new() };
@@ -103,7 +103,7 @@ const BUILTIN: &[(&str, &str)] = &[
 
 struct Builder<'a> {
     /// By short name. Those that nothing needs are not read.
-    definitions: BTreeMap<String, Part<'a>>,
+    definitions: BTreeMap<String, SchemaPart<'a>>,
     done: BTreeMap<String, Arc<MessageSchema>>,
 }
 
@@ -134,8 +134,8 @@ impl Builder<'_> {
         for written in syntax::lines(part.text).filter(|line| !is_rule(line.text)) {
             let line = part.first_line - 1 + written.number;
             let (type_text, name) = match written.item {
-                None | Some(Ok(Item::Constant { .. })) => continue,
-                Some(Ok(Item::Field { type_text, name, .. })) => (type_text, name),
+                None | Some(Ok(LineItem::Constant { .. })) => continue,
+                Some(Ok(LineItem::Field { type_text, name, .. })) => (type_text, name),
                 Some(Err(_)) => {
                     return Err(SchemaError::Field { line, text: shortened(written.text) });
                 }

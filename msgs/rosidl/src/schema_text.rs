@@ -5,12 +5,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::definition::{Definition, Role};
+use crate::definition::{Definition, DefinitionRole};
+use crate::interface_error::InterfaceError;
 use crate::interface_file::InterfaceFile;
 use crate::name::TypeName;
-use crate::refusal::Refusal;
 use crate::registry::Registry;
-use crate::syntax::{self, Item};
+use crate::syntax::{self, LineItem};
 use crate::types::{Primitive, WrittenType};
 
 /// The line between two definitions, as rosbag2 writes it.
@@ -19,7 +19,7 @@ const RULE: &str =
 
 /// One definition of a schema text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Part<'a> {
+pub struct SchemaPart<'a> {
     /// As the text names it: `package/Type` in most texts.
     pub name: &'a str,
     /// Line of the schema text that `text` begins on, from 1.
@@ -31,17 +31,17 @@ pub struct Part<'a> {
 /// Cuts a schema text into its definitions; the first one is that of `root`.
 ///
 /// A line of three equals signs is enough, as some writers have it.
-pub fn parts<'a>(root: &'a str, text: &'a str) -> Vec<Part<'a>> {
+pub fn parts<'a>(root: &'a str, text: &'a str) -> Vec<SchemaPart<'a>> {
     let mut parts = Vec::new();
-    let mut part = Part { name: root, first_line: 1, text: "" };
+    let mut part = SchemaPart { name: root, first_line: 1, text: "" };
     let (mut start, mut at) = (0, 0);
     let mut rule_above = None;
     for (index, line) in text.split_inclusive('\n').enumerate() {
         match (rule_above, line.trim().strip_prefix("MSG: ")) {
             (Some(end), Some(name)) => {
                 let body = &text[start..end];
-                parts.push(Part { text: body.strip_suffix('\n').unwrap_or(body), ..part });
-                part = Part { name: name.trim(), first_line: index + 2, text: "" };
+                parts.push(SchemaPart { text: body.strip_suffix('\n').unwrap_or(body), ..part });
+                part = SchemaPart { name: name.trim(), first_line: index + 2, text: "" };
                 start = at + line.len();
                 rule_above = None;
             }
@@ -49,7 +49,7 @@ pub fn parts<'a>(root: &'a str, text: &'a str) -> Vec<Part<'a>> {
         }
         at += line.len();
     }
-    parts.push(Part { text: &text[start..], ..part });
+    parts.push(SchemaPart { text: &text[start..], ..part });
     parts
 }
 
@@ -90,17 +90,19 @@ fn named_in_text(definition: &Definition, registry: &Registry) -> BTreeMap<Strin
     let mut names = BTreeMap::new();
     for (field, name) in definition.references() {
         match definition.role {
-            Role::Message | Role::Event => {
+            DefinitionRole::Message | DefinitionRole::Event => {
                 names.insert(name.two_part(), name.clone());
             }
             // The text of a service holds the fields of its parts.
-            Role::Service if field.name != "event_message" => {
+            DefinitionRole::Service if field.name != "event_message" => {
                 names.extend(named_in_text(registry.expect(name), registry));
             }
-            Role::Action if ["goal", "result", "feedback"].contains(&field.name.as_str()) => {
+            DefinitionRole::Action
+                if ["goal", "result", "feedback"].contains(&field.name.as_str()) =>
+            {
                 names.extend(named_in_text(registry.expect(name), registry));
             }
-            Role::Service | Role::Action => {}
+            DefinitionRole::Service | DefinitionRole::Action => {}
         }
     }
     names
@@ -117,14 +119,14 @@ pub fn read(
     root: &TypeName,
     text: &str,
     protocol: &[InterfaceFile],
-) -> Result<Registry, Vec<Refusal>> {
+) -> Result<Registry, Vec<InterfaceError>> {
     let mut files: Vec<InterfaceFile> = Vec::new();
     for (index, part) in parts("", text).into_iter().enumerate() {
         let name = match index {
             0 => root.clone(),
             _ => TypeName::parse(part.name, root).map_err(|message| {
                 let file = format!("schema of {root}");
-                vec![Refusal { file, line: part.first_line - 1, message }]
+                vec![InterfaceError { file, line: part.first_line - 1, message }]
             })?,
         };
         files.push(InterfaceFile { path: format!("schema:{name}"), name, text: part.text.into() });
@@ -141,8 +143,8 @@ pub fn read(
 pub fn needed(package: &str, definition: &str) -> Vec<String> {
     syntax::lines(definition)
         .filter_map(|line| match line.item?.ok()? {
-            Item::Field { type_text, .. } => Some(WrittenType::parse(type_text).ok()?.base),
-            Item::Constant { .. } => None,
+            LineItem::Field { type_text, .. } => Some(WrittenType::parse(type_text).ok()?.base),
+            LineItem::Constant { .. } => None,
         })
         .filter(|base| Primitive::named(base).is_none())
         .map(|base| two_part_name(base, package, |_| false))
@@ -194,7 +196,7 @@ mod tests {
                 let parts = parts("a/msg/A", &text);
                 let found: Vec<_> = parts.iter().map(|part| (part.name, part.text)).collect();
                 assert_eq!(found, [("a/msg/A", root), ("a/B", second), ("a/C", root)]);
-                let line_of = |part: &Part<'_>| text.lines().nth(part.first_line - 2);
+                let line_of = |part: &SchemaPart<'_>| text.lines().nth(part.first_line - 2);
                 assert_eq!(line_of(&parts[1]), Some("MSG: a/B"));
                 assert_eq!(line_of(&parts[2]), Some("MSG: a/C"));
             }

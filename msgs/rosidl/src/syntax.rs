@@ -2,11 +2,11 @@
 //!
 //! Takes what any writer of bags may have written: names of any case, indented lines, tabs.
 //! Stricter rules for files of one's own are for their reader to check, with what
-//! [`Line`] says.
+//! [`SourceLine`] says.
 
 /// One line of a definition.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Line<'a> {
+pub struct SourceLine<'a> {
     /// From 1.
     pub number: usize,
     /// The line without the space around it.
@@ -17,12 +17,12 @@ pub struct Line<'a> {
     /// even inside quotes.
     pub comment: Option<&'a str>,
     /// The field or the constant, if the line is not empty and not only a comment.
-    pub item: Option<Result<Item<'a>, ItemError>>,
+    pub item: Option<Result<LineItem<'a>, LineError>>,
 }
 
 /// A field or a constant, not yet interpreted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Item<'a> {
+pub enum LineItem<'a> {
     Field {
         type_text: &'a str,
         name: &'a str,
@@ -35,7 +35,7 @@ pub enum Item<'a> {
 
 /// Why a line is neither a field nor a constant.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum ItemError {
+pub enum LineError {
     #[error("a line is a type, a space and a name")]
     NoName,
     #[error("{0:?} is no name")]
@@ -43,7 +43,7 @@ pub enum ItemError {
 }
 
 /// Reads a definition line by line.
-pub fn lines(text: &str) -> impl Iterator<Item = Line<'_>> {
+pub fn lines(text: &str) -> impl Iterator<Item = SourceLine<'_>> {
     text.lines().enumerate().map(|(index, line)| {
         let (code, comment) = match line.split_once('#') {
             Some((code, comment)) => (code, Some(comment.trim_start_matches('#').trim_end())),
@@ -53,22 +53,22 @@ pub fn lines(text: &str) -> impl Iterator<Item = Line<'_>> {
             "" => None,
             code => Some(item(code)),
         };
-        Line { number: index + 1, text: line.trim(), code, comment, item }
+        SourceLine { number: index + 1, text: line.trim(), code, comment, item }
     })
 }
 
-fn item(code: &str) -> Result<Item<'_>, ItemError> {
-    let (type_text, rest) = code.split_once(char::is_whitespace).ok_or(ItemError::NoName)?;
+fn item(code: &str) -> Result<LineItem<'_>, LineError> {
+    let (type_text, rest) = code.split_once(char::is_whitespace).ok_or(LineError::NoName)?;
     let rest = rest.trim_start();
     let name_end = rest.find(|c: char| c == '=' || c.is_whitespace()).unwrap_or(rest.len());
     let (name, after) = rest.split_at(name_end);
     if !is_name(name) {
-        return Err(ItemError::Name(name.to_owned()));
+        return Err(LineError::Name(name.to_owned()));
     }
     let after = after.trim_start();
     Ok(match after.strip_prefix('=') {
-        Some(value) => Item::Constant { type_text, name, value: value.trim_start() },
-        None => Item::Field { type_text, name, default: after },
+        Some(value) => LineItem::Constant { type_text, name, value: value.trim_start() },
+        None => LineItem::Field { type_text, name, default: after },
     })
 }
 

@@ -101,12 +101,12 @@ fn primitive_id(primitive: Primitive, is_bounded: bool) -> usize {
 mod tests {
     use super::*;
     use crate::interface_file::InterfaceFile;
-    use crate::name::{Kind, TypeName};
+    use crate::name::{InterfaceKind, TypeName};
 
     #[test]
     fn the_text_that_is_hashed_has_no_defaults_and_sorts_what_it_needs() {
         let file = |name: &str, text: &str| InterfaceFile {
-            name: TypeName::new("p", Kind::Msg, name),
+            name: TypeName::new("p", InterfaceKind::Msg, name),
             path: format!("{name}.msg"),
             text: text.into(),
         };
@@ -116,7 +116,7 @@ mod tests {
             file("Root", "B[2] b\nA a\n"),
         ])
         .expect("valid");
-        let root = registry.expect(&TypeName::new("p", Kind::Msg, "Root"));
+        let root = registry.expect(&TypeName::new("p", InterfaceKind::Msg, "Root"));
         assert_eq!(
             json(root, &registry),
             concat!(

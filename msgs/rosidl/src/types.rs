@@ -80,7 +80,7 @@ pub enum Arity {
 
 /// The largest sizes that a type allows. They do not change the bytes on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Bounds {
+pub struct TypeBounds {
     /// Bytes of a text: the 16 in `string<=16`.
     pub text: Option<usize>,
     /// Elements of a sequence: the 3 in `Point[<=3]`.
@@ -93,7 +93,7 @@ pub struct WrittenType<'a> {
     /// The name of a primitive, or that of a message in up to three parts.
     pub base: &'a str,
     pub arity: Arity,
-    pub bounds: Bounds,
+    pub bounds: TypeBounds,
 }
 
 /// Why a text is not a type.
@@ -116,7 +116,7 @@ impl<'a> WrittenType<'a> {
             Ok(size) => Ok(size as usize),
             Err(_) => Err(TypeError::Size(text.to_owned())),
         };
-        let mut bounds = Bounds::default();
+        let mut bounds = TypeBounds::default();
         let (element, arity) = match text.strip_suffix(']') {
             None => (text, Arity::One),
             Some(open) => {

@@ -7,7 +7,7 @@ use cnc_msgs::interface::Message;
 use cnc_msgs::schema::{self, TypeInfo};
 use cnc_msgs::wire;
 use rosidl::interface_file::InterfaceFile;
-use rosidl::name::{Kind, TypeName};
+use rosidl::name::{InterfaceKind, TypeName};
 use rosidl::registry::Registry;
 use rosidl::type_hash::rihs01;
 
@@ -76,7 +76,7 @@ fn types_of_other_packages_hash_as_a_jazzy_installation_says() {
 fn an_action_and_all_that_ros_derives_from_it_hash_as_ros_says() {
     let mut files = protocol();
     files.push(InterfaceFile {
-        name: TypeName::new("example_interfaces", Kind::Action, "Fibonacci"),
+        name: TypeName::new("example_interfaces", InterfaceKind::Action, "Fibonacci"),
         path: "Fibonacci.action".into(),
         text: "int32 order\n---\nint32[] sequence\n---\nint32[] sequence\n".into(),
     });
@@ -94,7 +94,11 @@ fn an_action_and_all_that_ros_derives_from_it_hash_as_ros_says() {
         ("_GetResult_Response", "6021dc98ab9b4bbe395e48aa4de81ee5f68eb570f88358affcc648146668b24f"),
         ("_FeedbackMessage", "c1de71afd52e49a89c53d8262366884185bc0a02f78ce051c4e46b0a7fe59bb2"),
     ] {
-        let name = TypeName::new("example_interfaces", Kind::Action, &format!("Fibonacci{suffix}"));
+        let name = TypeName::new(
+            "example_interfaces",
+            InterfaceKind::Action,
+            &format!("Fibonacci{suffix}"),
+        );
         let definition = registry.get(&name).expect(suffix);
         assert_eq!(rihs01(definition, &registry), format!("RIHS01_{hash}"), "{name}");
     }
@@ -103,7 +107,7 @@ fn an_action_and_all_that_ros_derives_from_it_hash_as_ros_says() {
 #[test]
 fn a_service_hashes_as_ros_says() {
     let mut files = protocol();
-    let name = TypeName::new("example_interfaces", Kind::Srv, "AddTwoInts");
+    let name = TypeName::new("example_interfaces", InterfaceKind::Srv, "AddTwoInts");
     files.push(InterfaceFile {
         name: name.clone(),
         path: "AddTwoInts.srv".into(),

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::PathBuf;
 
 use rosidl::interface_file::InterfaceFile;
-use rosidl::name::{Kind, TypeName};
+use rosidl::name::{InterfaceKind, TypeName};
 
 use crate::generator::{self, files};
 
-fn refusals(files: &[(Kind, &str, &str)]) -> Vec<String> {
+fn refusals(files: &[(InterfaceKind, &str, &str)]) -> Vec<String> {
     let files: Vec<InterfaceFile> = files
         .iter()
         .map(|(kind, name, text)| InterfaceFile {
@@ -88,25 +88,28 @@ fn a_wrong_line_is_refused_with_file_line_and_reason() {
         ("# a\n# ====\nuint8 a", ":2: a comment of = alone splits the schema"),
         ("uint8 a\n---\nuint8 b", ": a .msg file has 0 lines of ---, not 1"),
     ] {
-        let said = refusals(&[(Kind::Msg, "Thing", text)]);
+        let said = refusals(&[(InterfaceKind::Msg, "Thing", text)]);
         assert_eq!(said, [format!("msg/Thing.msg{expected}")], "{text}");
     }
 }
 
 #[test]
 fn lines_are_counted_through_all_sections_of_a_file() {
-    let files = [(Kind::Srv, "Do", "uint8 a\n---\nbool b\nbool B\n")];
+    let files = [(InterfaceKind::Srv, "Do", "uint8 a\n---\nbool b\nbool B\n")];
     assert_eq!(refusals(&files).len(), 1);
     assert!(refusals(&files)[0].starts_with("srv/Do.srv:4: field \"B\""));
 
-    let files = [(Kind::Action, "Go", "---\nuint8 X=1\n---\n\nuint8 x y z\n")];
+    let files = [(InterfaceKind::Action, "Go", "---\nuint8 X=1\n---\n\nuint8 x y z\n")];
     assert!(refusals(&files)[0].starts_with("action/Go.action:5: default of x"));
 }
 
 #[test]
 fn a_service_or_an_action_with_the_wrong_number_of_sections_is_refused() {
     assert_eq!(
-        refusals(&[(Kind::Srv, "Do", "uint8 a\n"), (Kind::Action, "Go", "---\n")]),
+        refusals(&[
+            (InterfaceKind::Srv, "Do", "uint8 a\n"),
+            (InterfaceKind::Action, "Go", "---\n")
+        ]),
         [
             "srv/Do.srv: a .srv file has 1 lines of ---, not 0",
             "action/Go.action: a .action file has 2 lines of ---, not 1",
@@ -116,13 +119,17 @@ fn a_service_or_an_action_with_the_wrong_number_of_sections_is_refused() {
 
 #[test]
 fn all_faults_of_all_files_are_told_at_once() {
-    let files = [(Kind::Msg, "A", "uint8 X\nfloat y\n"), (Kind::Msg, "B", "bool\n")];
+    let files =
+        [(InterfaceKind::Msg, "A", "uint8 X\nfloat y\n"), (InterfaceKind::Msg, "B", "bool\n")];
     assert_eq!(refusals(&files).len(), 3);
 }
 
 #[test]
 fn types_that_contain_each_other_are_refused() {
-    let said = refusals(&[(Kind::Msg, "A", "B b\n"), (Kind::Msg, "B", "uint8 x\nA[] a\n")]);
+    let said = refusals(&[
+        (InterfaceKind::Msg, "A", "B b\n"),
+        (InterfaceKind::Msg, "B", "uint8 x\nA[] a\n"),
+    ]);
     assert_eq!(
         said,
         ["msg/A.msg:1: p/msg/A contains itself", "msg/B.msg:2: p/msg/B contains itself"]

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use rosidl::interface_file::InterfaceFile;
-use rosidl::name::Kind;
+use rosidl::name::InterfaceKind;
 use rosidl::registry::Registry;
 
 use crate::generator::all_files;
@@ -21,18 +21,18 @@ fn needed_packages() -> BTreeSet<String> {
     let own = own_files();
     let mut packages: BTreeSet<String> = own
         .iter()
-        .filter(|file| file.name.kind != Kind::Action)
+        .filter(|file| file.name.kind != InterfaceKind::Action)
         .flat_map(|file| ["", "_Request", "_Response"].map(|suffix| file.name.derived(suffix)))
         .chain(
             own.iter()
-                .filter(|file| file.name.kind == Kind::Action)
+                .filter(|file| file.name.kind == InterfaceKind::Action)
                 .flat_map(|file| ["_Goal", "_Result", "_Feedback"].map(|s| file.name.derived(s))),
         )
         .filter_map(|name| registry.get(&name))
         .flat_map(|definition| definition.references().map(|(_, name)| name.package.clone()))
         .filter(|package| package != "cnc_msgs")
         .collect();
-    if own.iter().any(|file| file.name.kind == Kind::Action) {
+    if own.iter().any(|file| file.name.kind == InterfaceKind::Action) {
         packages.insert("action_msgs".into());
     }
     packages

@@ -3,14 +3,14 @@
 use std::collections::BTreeSet;
 
 use cnc_msgs::schema::{self, TypeInfo};
-use rosidl::name::{Kind, TypeName};
+use rosidl::name::{InterfaceKind, TypeName};
 use rosidl::schema_text;
 use rosidl::type_hash::rihs01;
 
 use crate::generator::protocol;
 
 fn name_of(info: &TypeInfo) -> TypeName {
-    let nobody = TypeName::new("none", Kind::Msg, "None");
+    let nobody = TypeName::new("none", InterfaceKind::Msg, "None");
     TypeName::parse(info.name, &nobody).expect(info.name)
 }
 

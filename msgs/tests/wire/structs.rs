@@ -8,9 +8,9 @@ use cnc_msgs::wire::geometry_msgs::msg::Quaternion;
 use cnc_msgs::wire::rcl_interfaces::msg::ParameterValue;
 use cnc_msgs::wire::std_srvs::srv::TriggerRequest;
 
-use rosidl::Refusal;
+use rosidl::InterfaceError;
 use rosidl::interface_file::InterfaceFile;
-use rosidl::name::{Kind, TypeName};
+use rosidl::name::{InterfaceKind, TypeName};
 
 use crate::generator::{self, rust};
 
@@ -47,9 +47,9 @@ fn services_and_actions_name_their_parts() {
     assert_eq!(RunProgramGoal::TYPE_NAME, "cnc_msgs/action/RunProgram_Goal");
 }
 
-fn wire_of(text: &str) -> Result<String, Vec<Refusal>> {
+fn wire_of(text: &str) -> Result<String, Vec<InterfaceError>> {
     let file = InterfaceFile {
-        name: TypeName::new("p", Kind::Msg, "Thing"),
+        name: TypeName::new("p", InterfaceKind::Msg, "Thing"),
         path: "msg/Thing.msg".into(),
         text: text.into(),
     };

@@ -10,7 +10,7 @@ use cnc_msgs::interface::Message;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use run_recorder::bag_reader::{BagChannel, BagMessage};
 use run_recorder::files::{self, trim_bag};
-use run_recorder::recover::Selection;
+use run_recorder::recover::CopySelection;
 use std::path::Path;
 
 /// What is kept of a bag.
@@ -74,10 +74,10 @@ pub fn trim(bag: &Path, out: &Path, keep: &[String]) -> Result<String, String> {
         return Err(format!("{bag}: there is no topic {unknown} in it"));
     }
     let need = Need::of(recording, keep).map_err(|error| of(bag, error))?;
-    let selection = Selection {
+    let selection = CopySelection {
         topics: &|channel| need.topic(channel),
         messages: &|message| need.message(message),
-        ..Selection::ALL
+        ..CopySelection::ALL
     };
     let trimmed = trim_bag(bag, out, selection).map_err(|error| error.to_string())?;
     let after = replay(out, &Level::ALL, Options::default()).map_err(|error| of(out, error))?;

@@ -14,7 +14,7 @@ use cnc_msgs::interface::Message;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use run_recorder::bag_reader::BagMessage;
 use run_recorder::files;
-use run_recorder::recover::Selection;
+use run_recorder::recover::CopySelection;
 use run_recorder::rewrite::rewrite_bag;
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -57,7 +57,8 @@ pub fn update(bag: &Path, result: &ReplayResult, levels: &[Level]) -> Result<Str
     }
     drop(opened);
     let problem = |error: &dyn std::fmt::Display| ReplayError::Update(error.to_string());
-    let selection = Selection { instead: &|message| now.instead(message), ..Selection::ALL };
+    let selection =
+        CopySelection { instead: &|message| now.instead(message), ..CopySelection::ALL };
     let rewritten = rewrite_bag(bag, selection).map_err(|error| problem(&error))?;
     // An error of the copy names the bag, because the user does not know the copy.
     let again =

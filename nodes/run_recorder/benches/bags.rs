@@ -40,7 +40,7 @@ fn main() {
 }
 
 /// A way to write them to a folder.
-type Way = fn(&Path, &Messages);
+type WriteBag = fn(&Path, &Messages);
 /// Time, place of the topic, content.
 type Messages = Vec<(u64, usize, Vec<u8>)>;
 
@@ -55,7 +55,7 @@ fn write(folder: &Path) {
         .collect();
     let bytes: usize = messages.iter().map(|(.., data)| data.len()).sum();
     println!("{:<28} {:>10} {:>14} {:>10}", "written", "MB/s", "messages/s", "of mcap");
-    let ways: [(&str, Way); 3] = [
+    let ways: [(&str, WriteBag); 3] = [
         ("crate mcap", by_mcap),
         ("BagWriter", by_bag_writer),
         ("RunBag, through to the disk", by_run_bag),

@@ -69,18 +69,18 @@ impl MessageFilter {
 type Key = (u64, usize, u64, usize);
 
 #[derive(Debug, PartialEq, Eq)]
-struct Waiting {
+struct WaitingMessage {
     key: Key,
     message: BagMessage,
 }
 
-impl Ord for Waiting {
+impl Ord for WaitingMessage {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.key.cmp(&other.key)
     }
 }
 
-impl PartialOrd for Waiting {
+impl PartialOrd for WaitingMessage {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
@@ -93,7 +93,7 @@ pub struct Messages<'a, R> {
     filter: MessageFilter,
     /// Still to be decoded, the earliest last.
     ahead: Vec<(usize, Stretch)>,
-    waiting: BinaryHeap<Reverse<Waiting>>,
+    waiting: BinaryHeap<Reverse<WaitingMessage>>,
     waiting_bytes: usize,
     window: usize,
     last_ns: u64,
@@ -185,8 +185,8 @@ impl<'a, R: Read + Seek> Messages<'a, R> {
             if !self.filter.lets_time(header.log_time) || !self.filter.lets_topic(&channel.topic) {
                 return;
             }
-            self.waiting_bytes += size_of::<Waiting>() + data.len();
-            self.waiting.push(Reverse(Waiting {
+            self.waiting_bytes += size_of::<WaitingMessage>() + data.len();
+            self.waiting.push(Reverse(WaitingMessage {
                 key: (header.log_time, source, stretch.offset, at),
                 message: BagMessage {
                     channel_index: *index,
@@ -217,7 +217,7 @@ impl<R: Read + Seek> Iterator for Messages<'_, R> {
             return Some(Err(error));
         }
         let Reverse(first) = self.waiting.pop()?;
-        self.waiting_bytes -= size_of::<Waiting>() + first.message.data.len();
+        self.waiting_bytes -= size_of::<WaitingMessage>() + first.message.data.len();
         let now_ns = first.message.log_time_ns;
         if now_ns < self.last_ns {
             self.order_not_kept(now_ns);

@@ -14,7 +14,9 @@ use crate::bag_writer::BagWriteError;
 use crate::compressed::{is_compressed, unpack};
 use crate::metadata::{Claims, file_names, metadata_yaml};
 use crate::parts::PartFile;
-use crate::recover::{RECOVERED_FROM, RecoverError, Recovered, Selection, TRIMMED_FROM, recover};
+use crate::recover::{
+    CopySelection, RECOVERED_FROM, RecoverError, Recovered, TRIMMED_FROM, recover,
+};
 use crate::split::part_file_name;
 
 /// A bag opened from files.
@@ -267,14 +269,14 @@ pub enum RecoverFilesError {
 
 /// Copies all that can be read of the bag at `from` into a new bag directory `to`.
 pub fn recover_bag(from: &Path, to: &Path) -> Result<Recovered, RecoverFilesError> {
-    copy_bag(from, to, RECOVERED_FROM, Selection::ALL)
+    copy_bag(from, to, RECOVERED_FROM, CopySelection::ALL)
 }
 
 /// Copies a part of the bag at `from` into a new bag directory `to`.
 pub fn trim_bag(
     from: &Path,
     to: &Path,
-    selection: Selection<'_>,
+    selection: CopySelection<'_>,
 ) -> Result<Recovered, RecoverFilesError> {
     copy_bag(from, to, TRIMMED_FROM, selection)
 }
@@ -284,7 +286,7 @@ fn copy_bag(
     from: &Path,
     to: &Path,
     relation: &str,
-    selection: Selection<'_>,
+    selection: CopySelection<'_>,
 ) -> Result<Recovered, RecoverFilesError> {
     let mut bag = open_bag(from).map_err(RecoverError::from)?;
     let parent = to.parent().unwrap_or(Path::new("."));
@@ -311,7 +313,7 @@ pub(crate) fn write_copy(
     file: PartFile,
     bag: &mut FileBag,
     custom_data: &BTreeMap<String, String>,
-    selection: Selection<'_>,
+    selection: CopySelection<'_>,
 ) -> Result<Recovered, RecoverFilesError> {
     let path = directory.display().to_string();
     let io_error = |cause| RecoverFilesError::Io { path: path.clone(), cause };
@@ -380,7 +382,7 @@ mod tests {
         let file = PartFile { name, sink: Box::new(Full), sync: Box::new(|| Ok(())) };
         let mut whole = open_bag(&path).unwrap();
         let custom_data = BTreeMap::new();
-        let error = write_copy(folder.path(), file, &mut whole, &custom_data, Selection::ALL);
+        let error = write_copy(folder.path(), file, &mut whole, &custom_data, CopySelection::ALL);
         let error = error.unwrap_err().to_string();
         assert_eq!(
             error,
@@ -389,7 +391,7 @@ mod tests {
 
         let to = folder.path().join("copy");
         let in_the_way = |_: &BagChannel| fs::create_dir(to.join(METADATA_TEMPORARY)).is_ok();
-        let selection = Selection { topics: &in_the_way, ..Selection::ALL };
+        let selection = CopySelection { topics: &in_the_way, ..CopySelection::ALL };
         let error = trim_bag(&path, &to, selection).unwrap_err().to_string();
         assert!(error.contains("copy cannot be written: Is a directory"), "{error}");
         assert!(!to.exists() && path.exists());

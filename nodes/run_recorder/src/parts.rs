@@ -65,7 +65,7 @@ pub(crate) struct Parts<'a> {
     latched: LatchedMessages,
     name: String,
     sync: Box<dyn Fn() -> io::Result<()> + Send>,
-    writer: BagWriter<Counted>,
+    writer: BagWriter<CountingSink>,
     began: Instant,
     /// Of the files before.
     bytes_before: u64,
@@ -83,7 +83,7 @@ impl<'a> Parts<'a> {
         bytes: Arc<AtomicU64>,
     ) -> Result<Self, BagWriteError> {
         let PartFile { name, sink, sync } = outlet.first;
-        let writer = BagWriter::new(Counted { sink, bytes: bytes.clone() })?;
+        let writer = BagWriter::new(CountingSink { sink, bytes: bytes.clone() })?;
         let mut parts = Self {
             options,
             open_next: outlet.next,
@@ -125,7 +125,7 @@ impl<'a> Parts<'a> {
         self.flush()?;
         let part = self.closed.len() + 1;
         let PartFile { name, sink, sync } = (self.open_next)(part)?;
-        let next = self.writer.next_part(Counted { sink, bytes: self.bytes.clone() })?;
+        let next = self.writer.next_part(CountingSink { sink, bytes: self.bytes.clone() })?;
         let full = std::mem::replace(&mut self.writer, next);
         let full_name = std::mem::replace(&mut self.name, name);
         let sync_full = std::mem::replace(&mut self.sync, sync);
@@ -223,12 +223,12 @@ impl<'a> Parts<'a> {
 }
 
 /// Counts the bytes that pass.
-struct Counted {
+struct CountingSink {
     sink: Box<dyn Write + Send>,
     bytes: Arc<AtomicU64>,
 }
 
-impl Write for Counted {
+impl Write for CountingSink {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
         let written = self.sink.write(buf)?;
         self.bytes.fetch_add(written as u64, Ordering::Relaxed);

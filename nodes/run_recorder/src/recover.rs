@@ -37,7 +37,7 @@ pub struct Recovered {
 
 /// What to copy.
 #[derive(Clone, Copy)]
-pub struct Selection<'a> {
+pub struct CopySelection<'a> {
     /// Which topics.
     pub topics: &'a dyn Fn(&BagChannel) -> bool,
     /// Which messages of them.
@@ -46,13 +46,13 @@ pub struct Selection<'a> {
     pub instead: &'a dyn Fn(&BagMessage) -> Option<Vec<Vec<u8>>>,
 }
 
-impl std::fmt::Debug for Selection<'_> {
+impl std::fmt::Debug for CopySelection<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Selection").finish_non_exhaustive()
+        f.debug_struct("CopySelection").finish_non_exhaustive()
     }
 }
 
-impl Selection<'_> {
+impl CopySelection<'_> {
     /// All of it.
     pub const ALL: Self = Self { topics: &|_| true, messages: &|_| true, instead: &|_| None };
 }
@@ -67,7 +67,7 @@ pub fn recover<R: Read + Seek, W: Write>(
     sink: W,
     file_name: &str,
     custom_data: &BTreeMap<String, String>,
-    selection: Selection<'_>,
+    selection: CopySelection<'_>,
 ) -> Result<(W, Recovered), RecoverError> {
     let mut writer = BagWriter::new(sink)?;
     let mut copy_of = custom_data.clone();

@@ -10,14 +10,14 @@ const NS_PER_DAY: u64 = 86_400_000_000_000;
 
 /// How long bags are kept, and in how much space; zero: no limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Keep {
+pub struct RetentionLimits {
     /// Since its last write.
     pub days: u32,
     /// Bytes of all unmarked bags together.
     pub bytes: u64,
 }
 
-impl Keep {
+impl RetentionLimits {
     /// Whether there is a limit at all.
     pub fn is_limited(&self) -> bool {
         self.days > 0 || self.bytes > 0
@@ -48,7 +48,7 @@ pub struct StoredBag {
 
 /// The limit that a bag exceeds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Beyond {
+pub enum ExceededLimit {
     /// More days than bags are kept.
     Age(Duration),
     /// The size of all bags together, bytes.
@@ -61,14 +61,14 @@ pub struct Removal {
     pub path: PathBuf,
     /// Bytes.
     pub size: u64,
-    pub beyond: Beyond,
+    pub beyond: ExceededLimit,
 }
 
 /// The bags to remove, oldest first.
 ///
 /// The newest unmarked bag is always kept: one run above the limit is better than none, and a
 /// wrong clock makes all of them old.
-pub fn to_remove(bags: &[StoredBag], keep: Keep, now_ns: u64) -> Vec<Removal> {
+pub fn to_remove(bags: &[StoredBag], keep: RetentionLimits, now_ns: u64) -> Vec<Removal> {
     let mut counted: Vec<&StoredBag> =
         bags.iter().filter(|bag| bag.stays != Some(Stays::Marked)).collect();
     counted.sort_by(|a, b| (a.ended_ns, &a.path).cmp(&(b.ended_ns, &b.path)));
@@ -81,9 +81,9 @@ pub fn to_remove(bags: &[StoredBag], keep: Keep, now_ns: u64) -> Vec<Removal> {
         // A clock that was set back does not make bags old.
         let age_ns = now_ns.saturating_sub(bag.ended_ns);
         let beyond = if keep.days > 0 && age_ns > days_ns {
-            Beyond::Age(Duration::from_nanos(age_ns))
+            ExceededLimit::Age(Duration::from_nanos(age_ns))
         } else if keep.bytes > 0 && total > u128::from(keep.bytes) {
-            Beyond::Space(total)
+            ExceededLimit::Space(total)
         } else {
             continue;
         };
@@ -115,12 +115,12 @@ mod tests {
                 stays,
             })
             .collect();
-        to_remove(&bags, Keep { days, bytes }, NOW)
+        to_remove(&bags, RetentionLimits { days, bytes }, NOW)
             .into_iter()
             .map(|removal| {
                 let why = match removal.beyond {
-                    Beyond::Age(_) => "age",
-                    Beyond::Space(_) => "space",
+                    ExceededLimit::Age(_) => "age",
+                    ExceededLimit::Space(_) => "space",
                 };
                 (removal.path.display().to_string(), why)
             })
@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn a_clock_that_was_put_back_makes_nothing_old() {
         let bag = StoredBag { path: "a".into(), size: 1, ended_ns: NOW, stays: None };
-        assert_eq!(to_remove(&[bag], Keep { days: 1, bytes: 0 }, 5), []);
+        assert_eq!(to_remove(&[bag], RetentionLimits { days: 1, bytes: 0 }, 5), []);
     }
 
     #[test]
@@ -199,8 +199,11 @@ mod tests {
             ended_ns,
             stays: None,
         };
-        let gone =
-            to_remove(&[bag("a", 1), bag("b", 2), bag("c", 3)], Keep { days: 0, bytes: 9 }, 9);
+        let gone = to_remove(
+            &[bag("a", 1), bag("b", 2), bag("c", 3)],
+            RetentionLimits { days: 0, bytes: 9 },
+            9,
+        );
         assert_eq!(gone.len(), 2, "{gone:?}");
     }
 }

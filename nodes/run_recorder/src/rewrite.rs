@@ -14,7 +14,7 @@ use crate::files::{
     METADATA_FILE, RecoverFilesError, files_of, open_bag, part_file, read_metadata_file, write_copy,
 };
 use crate::metadata::custom_data;
-use crate::recover::{RecoverError, Selection};
+use crate::recover::{CopySelection, RecoverError};
 
 /// A new bag next to the one that it may replace; dropping it removes the new bag.
 #[derive(Debug)]
@@ -29,7 +29,10 @@ pub struct Rewritten {
 }
 
 /// Writes a new copy of a bag next to it.
-pub fn rewrite_bag(path: &Path, selection: Selection<'_>) -> Result<Rewritten, RecoverFilesError> {
+pub fn rewrite_bag(
+    path: &Path,
+    selection: CopySelection<'_>,
+) -> Result<Rewritten, RecoverFilesError> {
     let text = path.display().to_string();
     let io_error = |cause| RecoverFilesError::Io { path: text.clone(), cause };
     let refused = |why: &str| io_error(io::Error::new(io::ErrorKind::InvalidInput, why.to_owned()));

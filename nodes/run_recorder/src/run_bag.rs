@@ -20,8 +20,8 @@ use crate::files::BagDirectory;
 use crate::parts::Outlet;
 pub use crate::split::SplitLimits;
 pub use crate::write_queue::QueueLimits;
-use crate::write_queue::{Command, WriteQueue};
-use crate::write_thread::{Busy, Shared, lock, run};
+use crate::write_queue::{WriteCommand, WriteQueue};
+use crate::write_thread::{BusySince, SharedState, lock, run};
 
 /// How long a disk may take to make a directory and a file.
 const CREATE_WITHIN: Duration = Duration::from_secs(1);
@@ -114,7 +114,7 @@ pub struct RecordingStatus {
 
 /// A bag that is being recorded. Dropping it finishes it too, but reports no errors.
 pub struct RunBag {
-    shared: Arc<Shared>,
+    shared: Arc<SharedState>,
     known: Mutex<Known>,
 }
 
@@ -173,12 +173,12 @@ impl RunBag {
     }
 
     fn start(options: RunBagOptions, outlet: Outlet) -> Result<Self, RunBagError> {
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(SharedState {
             path: outlet.directory.clone(),
             queue: WriteQueue::new(options.limits),
             messages_written: AtomicU64::new(0),
             bytes_written: Arc::default(),
-            busy: Busy::default(),
+            busy: BusySince::default(),
             end: Mutex::default(),
             ended: Condvar::new(),
         });
@@ -215,7 +215,7 @@ impl RunBag {
             _ => return Err(RunBagError::TooManyTopics),
         };
         // Under the lock, so that the writer numbers channels in the same order.
-        if !self.shared.queue.put(Command::Channel(spec.clone())) {
+        if !self.shared.queue.put(WriteCommand::Channel(spec.clone())) {
             return Err(RunBagError::Closed);
         }
         known.topics.insert(spec.topic.clone());
@@ -247,7 +247,7 @@ impl RunBag {
 
     /// Puts a file into the bag: the program, the parameters, the tool table.
     pub fn attach(&self, attachment: BagAttachment) -> Result<(), RunBagError> {
-        self.put(Command::Attachment(attachment))
+        self.put(WriteCommand::Attachment(attachment))
     }
 
     /// Puts a record of keys and values into the bag.
@@ -256,12 +256,12 @@ impl RunBag {
         name: &str,
         values: BTreeMap<String, String>,
     ) -> Result<(), RunBagError> {
-        self.put(Command::Metadata(name.to_owned(), values))
+        self.put(WriteCommand::Metadata(name.to_owned(), values))
     }
 
     /// Requests a flush of all messages; the status shows when it is done, or the error.
     pub fn begin(&self) -> Result<(), RunBagError> {
-        self.put(Command::Begun)
+        self.put(WriteCommand::Begun)
     }
 
     /// Marks the bag as incomplete for a reason that only the caller knows.
@@ -305,7 +305,7 @@ impl RunBag {
         self.shared.status()
     }
 
-    fn put(&self, command: Command) -> Result<(), RunBagError> {
+    fn put(&self, command: WriteCommand) -> Result<(), RunBagError> {
         let is_in = self.shared.queue.put(command);
         is_in.then_some(()).ok_or(RunBagError::Closed)
     }

@@ -11,7 +11,7 @@ use std::time::UNIX_EPOCH;
 
 use crate::bag_writer::PRODUCT;
 use crate::files::{METADATA_FILE, METADATA_TEMPORARY, mcap_files};
-use crate::retention::{Keep, Removal, Stays, StoredBag, to_remove};
+use crate::retention::{Removal, RetentionLimits, Stays, StoredBag, to_remove};
 use crate::scan::run_of;
 use crate::split::part_file_name;
 
@@ -34,13 +34,17 @@ pub struct RemovedBags {
 ///
 /// # Errors
 /// The directory cannot be read.
-pub fn remove_old_bags(directory: &Path, keep: Keep, now_ns: u64) -> io::Result<RemovedBags> {
+pub fn remove_old_bags(
+    directory: &Path,
+    keep: RetentionLimits,
+    now_ns: u64,
+) -> io::Result<RemovedBags> {
     remove_old_bags_with(directory, keep, now_ns, remove)
 }
 
 fn remove_old_bags_with(
     directory: &Path,
-    keep: Keep,
+    keep: RetentionLimits,
     now_ns: u64,
     mut remove: impl FnMut(&Path) -> io::Result<()>,
 ) -> io::Result<RemovedBags> {
@@ -134,7 +138,7 @@ fn bag_name(path: &Path) -> Option<&str> {
 }
 
 /// The files of a folder, if it is a bag of ours.
-struct Content {
+struct BagFolder {
     name: String,
     /// Parts by number.
     parts: Vec<(usize, PathBuf)>,
@@ -156,18 +160,18 @@ fn look_at(path: &Path) -> io::Result<Option<StoredBag>> {
     } else {
         None
     };
-    let Content { size, ended_ns, .. } = content;
+    let BagFolder { size, ended_ns, .. } = content;
     Ok(Some(StoredBag { path: path.to_owned(), size, ended_ns, stays }))
 }
 
 /// Lists a folder; `None` if it is not a folder or has files that are not of a bag.
-fn content(path: &Path) -> io::Result<Option<Content>> {
+fn content(path: &Path) -> io::Result<Option<BagFolder>> {
     // Does not follow a link.
     if !fs::symlink_metadata(path)?.is_dir() {
         return Ok(None);
     }
     let Some(name) = bag_name(path) else { return Ok(None) };
-    let mut content = Content {
+    let mut content = BagFolder {
         name: name.to_owned(),
         parts: Vec::new(),
         other_files: Vec::new(),
@@ -205,7 +209,7 @@ fn part_number(bag: &str, file_name: &str) -> Option<usize> {
 }
 
 /// Whether the first file is of our recorder and has the run id of the folder's name.
-fn is_run(content: &Content) -> io::Result<bool> {
+fn is_run(content: &BagFolder) -> io::Result<bool> {
     let Some((0, first)) = content.parts.first() else { return Ok(false) };
     let mut reader = BufReader::new(crate::files::open(first)?);
     let Some((library, run)) = run_of(&mut reader)? else { return Ok(false) };
@@ -297,7 +301,7 @@ mod tests {
             bag(directory.path(), name, day as u64);
         }
         let size = find(directory.path()).unwrap()[0].size;
-        let keep = Keep { days: 0, bytes: size * 5 / 2 };
+        let keep = RetentionLimits { days: 0, bytes: size * 5 / 2 };
         let mut asked = Vec::new();
         let removal = remove_old_bags_with(directory.path(), keep, 0, |path| {
             asked.push(path.file_name().unwrap().to_str().unwrap().to_owned());
@@ -319,7 +323,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         bag(directory.path(), "a", 0);
         bag(directory.path(), "b", 1);
-        let keep = Keep { days: 1, bytes: 0 };
+        let keep = RetentionLimits { days: 1, bytes: 0 };
         let day = 86_400_000_000_000;
         let removal = remove_old_bags_with(directory.path(), keep, 9 * day, |path| {
             mark(path, "it shows the fault").unwrap();
@@ -355,7 +359,8 @@ mod tests {
         let path = directory.path().join("a");
         fs::rename(&path, aside_of(&path).unwrap()).unwrap();
         fs::remove_file(aside_of(&path).unwrap().join("metadata.yaml")).unwrap();
-        let removal = remove_old_bags(directory.path(), Keep { days: 0, bytes: 1 }, 0).unwrap();
+        let removal =
+            remove_old_bags(directory.path(), RetentionLimits { days: 0, bytes: 1 }, 0).unwrap();
         assert_eq!((removal.removed.len(), removal.stuck), (1, vec![]));
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
     }

@@ -44,7 +44,7 @@ pub(crate) fn verify<R: Read + Seek>(
 ) -> io::Result<(Facts, Vec<Problem>)> {
     let length = reader.seek(SeekFrom::End(0))?;
     reader.seek(SeekFrom::Start(0))?;
-    let mut check = Check { file: file.to_owned(), ..Check::default() };
+    let mut check = FileCheck { file: file.to_owned(), ..FileCheck::default() };
     // A file that could not be read at all is reported already.
     if length < mcap::MAGIC.len() as u64 {
         check.is_unread = true;
@@ -80,7 +80,7 @@ struct OpenChunk {
 }
 
 #[derive(Debug, Default)]
-struct Check {
+struct FileCheck {
     file: String,
     /// Offset of the current record.
     at: u64,
@@ -107,7 +107,7 @@ struct Check {
     problems: Vec<Problem>,
 }
 
-impl Check {
+impl FileCheck {
     fn record(&mut self, opcode: u8, head: &[u8; FRAME], body: &[u8]) {
         if opcode != op::MESSAGE_INDEX {
             self.close_chunk();
@@ -304,7 +304,7 @@ impl Check {
                 *self.facts.counts.entry(channel.topic.clone()).or_default() += count;
             }
         }
-        let found = Found {
+        let found = DataSection {
             chunks: &self.chunks,
             attachments: &self.attachments,
             metadata: &self.metadata,
@@ -365,7 +365,7 @@ impl Check {
 
 /// The content of a file's data section, to compare with its summary.
 #[derive(Debug)]
-pub(crate) struct Found<'a> {
+pub(crate) struct DataSection<'a> {
     chunks: &'a BTreeMap<u64, ChunkIndex>,
     attachments: &'a BTreeMap<u64, AttachmentIndex>,
     metadata: &'a BTreeMap<u64, MetadataIndex>,

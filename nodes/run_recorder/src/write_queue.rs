@@ -32,7 +32,7 @@ impl Default for QueueLimits {
 
 /// Something to write.
 #[derive(Debug)]
-pub(crate) enum Command {
+pub(crate) enum WriteCommand {
     Channel(ChannelSpec),
     Message {
         channel: ChannelIndex,
@@ -48,7 +48,7 @@ pub(crate) enum Command {
     Begun,
 }
 
-impl Command {
+impl WriteCommand {
     fn size(&self) -> usize {
         OVERHEAD
             + match self {
@@ -62,7 +62,7 @@ impl Command {
 
 #[derive(Debug, Default)]
 struct QueueState {
-    commands: VecDeque<Command>,
+    commands: VecDeque<WriteCommand>,
     /// Bytes that wait or are being written.
     bytes: usize,
     messages: usize,
@@ -76,8 +76,8 @@ struct QueueState {
 
 /// A batch for the write thread.
 #[derive(Debug, Default)]
-pub(crate) struct Batch {
-    pub(crate) commands: Vec<Command>,
+pub(crate) struct WriteBatch {
+    pub(crate) commands: Vec<WriteCommand>,
     /// The queue is closed and empty.
     pub(crate) is_last: bool,
     bytes: usize,
@@ -120,7 +120,7 @@ impl WriteQueue {
         let is_awaited = state.commands.is_empty();
         state.messages += 1;
         state.bytes += size;
-        state.commands.push_back(Command::Message {
+        state.commands.push_back(WriteCommand::Message {
             channel,
             lost_before,
             log_time_ns,
@@ -135,7 +135,7 @@ impl WriteQueue {
     }
 
     /// Queues a command that must not be lost, ignoring the limits. `false` once closed.
-    pub(crate) fn put(&self, command: Command) -> bool {
+    pub(crate) fn put(&self, command: WriteCommand) -> bool {
         let mut state = self.state();
         if state.is_closed {
             return false;
@@ -148,7 +148,7 @@ impl WriteQueue {
     }
 
     /// Takes some commands; waits at most `wait` for the first.
-    pub(crate) fn take(&self, wait: Duration) -> Batch {
+    pub(crate) fn take(&self, wait: Duration) -> WriteBatch {
         let state = self.state();
         let (mut state, _) = self
             .filled
@@ -156,17 +156,17 @@ impl WriteQueue {
             .unwrap_or_else(PoisonError::into_inner);
         let count = state.commands.len().min(BATCH);
         let commands: Vec<_> = state.commands.drain(..count).collect();
-        let is_message = |command: &&Command| matches!(command, Command::Message { .. });
-        Batch {
+        let is_message = |command: &&WriteCommand| matches!(command, WriteCommand::Message { .. });
+        WriteBatch {
             is_last: state.is_closed && state.commands.is_empty(),
-            bytes: commands.iter().map(Command::size).sum(),
+            bytes: commands.iter().map(WriteCommand::size).sum(),
             messages: commands.iter().filter(is_message).count(),
             commands,
         }
     }
 
     /// Frees the room of a batch that is written.
-    pub(crate) fn done(&self, batch: &Batch) {
+    pub(crate) fn done(&self, batch: &WriteBatch) {
         let mut state = self.state();
         state.bytes -= batch.bytes;
         state.messages -= batch.messages;

@@ -16,27 +16,27 @@ use crate::files::write_metadata_file;
 use crate::metadata::metadata_yaml_of_files;
 use crate::parts::{Finished, Outlet, Parts};
 use crate::run_bag::{RecordingStatus, RunBagOptions};
-use crate::write_queue::{Batch, Command, WriteQueue};
+use crate::write_queue::{WriteBatch, WriteCommand, WriteQueue};
 
 /// How long one message, flush or sync may take before the status reports a stall.
 const STALL: Duration = Duration::from_secs(2);
 
 /// Shared by the thread and [`crate::run_bag::RunBag`].
-pub(crate) struct Shared {
+pub(crate) struct SharedState {
     pub(crate) path: PathBuf,
     pub(crate) queue: WriteQueue,
     pub(crate) messages_written: AtomicU64,
     pub(crate) bytes_written: Arc<AtomicU64>,
-    pub(crate) busy: Busy,
-    pub(crate) end: Mutex<End>,
+    pub(crate) busy: BusySince,
+    pub(crate) end: Mutex<ThreadEnd>,
     pub(crate) ended: Condvar,
 }
 
 /// Since when the thread waits for one disk operation.
 #[derive(Default)]
-pub(crate) struct Busy(Mutex<Option<Instant>>);
+pub(crate) struct BusySince(Mutex<Option<Instant>>);
 
-impl Busy {
+impl BusySince {
     fn begin(&self) {
         *lock(&self.0) = Some(Instant::now());
     }
@@ -54,7 +54,7 @@ impl Busy {
 
 /// The state of the thread.
 #[derive(Default)]
-pub(crate) struct End {
+pub(crate) struct ThreadEnd {
     pub(crate) topics: Vec<String>,
     pub(crate) noted: Vec<String>,
     pub(crate) error: Option<String>,
@@ -63,7 +63,7 @@ pub(crate) struct End {
     pub(crate) is_finished: bool,
 }
 
-impl Shared {
+impl SharedState {
     pub(crate) fn status(&self) -> RecordingStatus {
         let lost = self.queue.lost();
         let end = lock(&self.end);
@@ -99,7 +99,7 @@ impl Shared {
     }
 }
 
-impl End {
+impl ThreadEnd {
     /// Counts by the names of their topics.
     fn by_topic(&self, counts: &BTreeMap<ChannelIndex, u64>) -> BTreeMap<String, u64> {
         let named = |(channel, count): (&ChannelIndex, &u64)| {
@@ -111,7 +111,7 @@ impl End {
 }
 
 /// The write thread.
-pub(crate) fn run(shared: &Shared, options: &RunBagOptions, outlet: Outlet) {
+pub(crate) fn run(shared: &SharedState, options: &RunBagOptions, outlet: Outlet) {
     let _over = Over(shared);
     match write_bag(shared, options, outlet) {
         Ok(()) => lock(&shared.end).is_finished = true,
@@ -132,7 +132,7 @@ pub(crate) fn run(shared: &Shared, options: &RunBagOptions, outlet: Outlet) {
 }
 
 /// Wakes the waiting callers when the thread ends, even if it panics.
-struct Over<'a>(&'a Shared);
+struct Over<'a>(&'a SharedState);
 
 impl Drop for Over<'_> {
     fn drop(&mut self) {
@@ -149,14 +149,19 @@ impl Drop for Over<'_> {
 }
 
 fn write_bag(
-    shared: &Shared,
+    shared: &SharedState,
     options: &RunBagOptions,
     outlet: Outlet,
 ) -> Result<(), BagWriteError> {
     shared.busy.begin();
     let parts = Parts::begin(options, outlet, shared.bytes_written.clone())?;
-    let mut pen =
-        Pen { shared, parts, written: 0, written_of: BTreeMap::new(), unflushed: BTreeMap::new() };
+    let mut pen = PartsWriter {
+        shared,
+        parts,
+        written: 0,
+        written_of: BTreeMap::new(),
+        unflushed: BTreeMap::new(),
+    };
     let interval = options.flush_interval;
     let mut oldest_unflushed: Option<Instant> = None;
     loop {
@@ -206,8 +211,8 @@ fn write_bag(
 }
 
 /// The writer, with the counts of messages that it may still lose.
-struct Pen<'a> {
-    shared: &'a Shared,
+struct PartsWriter<'a> {
+    shared: &'a SharedState,
     parts: Parts<'a>,
     /// Messages in all files.
     written: u64,
@@ -217,14 +222,14 @@ struct Pen<'a> {
     unflushed: BTreeMap<ChannelIndex, u64>,
 }
 
-impl Pen<'_> {
-    fn batch(&mut self, batch: &Batch) -> Result<(), BagWriteError> {
+impl PartsWriter<'_> {
+    fn batch(&mut self, batch: &WriteBatch) -> Result<(), BagWriteError> {
         for (index, command) in batch.commands.iter().enumerate() {
             // Flushed before messages: damage to messages must not lose definitions.
             self.shared.busy.begin();
             let next = batch.commands.get(index + 1);
-            let ends_definitions = matches!(command, Command::Channel(_))
-                && !matches!(next, Some(Command::Channel(_)));
+            let ends_definitions = matches!(command, WriteCommand::Channel(_))
+                && !matches!(next, Some(WriteCommand::Channel(_)));
             let written = self
                 .command(command)
                 .and_then(|()| if ends_definitions { self.flush() } else { Ok(()) });
@@ -237,10 +242,10 @@ impl Pen<'_> {
         Ok(())
     }
 
-    fn command(&mut self, command: &Command) -> Result<(), BagWriteError> {
+    fn command(&mut self, command: &WriteCommand) -> Result<(), BagWriteError> {
         match command {
-            Command::Channel(spec) => self.parts.add_channel(spec),
-            Command::Message { channel, lost_before, log_time_ns, publish_time_ns, data } => {
+            WriteCommand::Channel(spec) => self.parts.add_channel(spec),
+            WriteCommand::Message { channel, lost_before, log_time_ns, publish_time_ns, data } => {
                 if self.parts.is_full() {
                     self.flush()?;
                     self.parts.go_on(*log_time_ns)?;
@@ -252,9 +257,9 @@ impl Pen<'_> {
                 *self.unflushed.entry(*channel).or_default() += 1;
                 Ok(())
             }
-            Command::Attachment(attachment) => self.parts.attach(attachment),
-            Command::Metadata(name, values) => self.parts.write_metadata(name, values),
-            Command::Begun => {
+            WriteCommand::Attachment(attachment) => self.parts.attach(attachment),
+            WriteCommand::Metadata(name, values) => self.parts.write_metadata(name, values),
+            WriteCommand::Begun => {
                 self.flush()?;
                 lock(&self.shared.end).has_begun = true;
                 Ok(())
@@ -272,7 +277,7 @@ impl Pen<'_> {
     }
 
     /// Counts the messages of the open chunk and of the current batch as lost.
-    fn give_up(&mut self, rest: &[Command]) {
+    fn give_up(&mut self, rest: &[WriteCommand]) {
         let mut gone = 0;
         for (channel, count) in std::mem::take(&mut self.unflushed) {
             self.shared.queue.lose(channel, count);
@@ -284,8 +289,8 @@ impl Pen<'_> {
     }
 }
 
-fn lose(shared: &Shared, command: &Command) {
-    if let Command::Message { channel, .. } = command {
+fn lose(shared: &SharedState, command: &WriteCommand) {
+    if let WriteCommand::Message { channel, .. } = command {
         shared.queue.lose(*channel, 1);
     }
 }

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use run_recorder::bag_reader::{Bag, Problem};
 use run_recorder::bag_writer::LIBRARY;
 use run_recorder::info::BagInfo;
-use run_recorder::recover::{Selection, recover};
+use run_recorder::recover::{CopySelection, recover};
 
 #[test]
 fn a_bag_cut_at_any_byte_gives_everything_flushed_before() {
@@ -208,7 +208,7 @@ fn indexes_that_lie_under_sound_checksums_are_found_and_mended_by_a_copy() {
             if problems.iter().all(Problem::is_of_index) {
                 let own = BTreeMap::new();
                 let (copy, _) =
-                    recover(&mut bag, Vec::new(), "copy_0.mcap", &own, Selection::ALL).unwrap();
+                    recover(&mut bag, Vec::new(), "copy_0.mcap", &own, CopySelection::ALL).unwrap();
                 let mut copy = open(&copy);
                 copy.verify().unwrap();
                 assert!(copy.is_complete(), "{:?}", copy.problems());
@@ -278,7 +278,8 @@ fn recovering_a_broken_off_bag_makes_a_finished_one_that_says_what_is_missing() 
     let kept = read_all(&mut broken);
     assert_eq!(kept.len(), 40);
     let (copy, recovered) =
-        recover(&mut broken, Vec::new(), "copy_0.mcap", &BTreeMap::new(), Selection::ALL).unwrap();
+        recover(&mut broken, Vec::new(), "copy_0.mcap", &BTreeMap::new(), CopySelection::ALL)
+            .unwrap();
     assert_eq!(recovered.summary.message_count, 40);
     assert_eq!(recovered.left_out, []);
     let mut bag = open(&copy);
@@ -298,7 +299,7 @@ fn recovering_a_whole_bag_copies_it() {
     let mut bag = open(&bytes);
     let original = read_all(&mut bag);
     let (copy, _) =
-        recover(&mut bag, Vec::new(), "c_0.mcap", &BTreeMap::new(), Selection::ALL).unwrap();
+        recover(&mut bag, Vec::new(), "c_0.mcap", &BTreeMap::new(), CopySelection::ALL).unwrap();
     let mut copied = open(&copy);
     assert!(copied.is_complete());
     assert_eq!(read_all(&mut copied), original);

@@ -15,7 +15,7 @@ use common::*;
 use run_recorder::bag_reader::{Bag, BagMessage, Problem};
 use run_recorder::bag_writer::BagAttachment;
 use run_recorder::files::open_bag;
-use run_recorder::recover::{Recovered, Selection, recover};
+use run_recorder::recover::{CopySelection, Recovered, recover};
 use run_recorder::run_bag::{RunBag, RunBagOptions, SplitLimits};
 
 const LONG: Duration = Duration::from_secs(60);
@@ -75,7 +75,7 @@ fn chunk_ends(bytes: &[u8]) -> Vec<(usize, usize)> {
 }
 
 fn recovered(bag: &mut Bag<Cursor<Vec<u8>>>) -> (Vec<u8>, Recovered) {
-    recover(bag, Vec::new(), "saved_0.mcap", &BTreeMap::new(), Selection::ALL).unwrap()
+    recover(bag, Vec::new(), "saved_0.mcap", &BTreeMap::new(), CopySelection::ALL).unwrap()
 }
 
 /// Content without the channels, whose counts differ.

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, UNIX_EPOCH};
 
 use common::*;
-use run_recorder::retention::{Beyond, Keep, Stays};
+use run_recorder::retention::{ExceededLimit, RetentionLimits, Stays};
 use run_recorder::run_bag::{RunBag, RunBagOptions};
 use run_recorder::stored_bags::{MARK_FILE, find, mark, mark_of, remove_old_bags, unmark};
 
@@ -128,16 +128,18 @@ fn nothing_goes_but_finished_and_dead_bags_of_ours_that_nobody_marked() {
     assert_eq!(stays("run_foreign"), None);
 
     // For ever is for ever.
-    assert_eq!(remove_old_bags(here, Keep::default(), NOW).unwrap().removed, []);
-    let removal = remove_old_bags(here, Keep { days: 2, bytes: 1 }, NOW).unwrap();
+    assert_eq!(remove_old_bags(here, RetentionLimits::default(), NOW).unwrap().removed, []);
+    let removal = remove_old_bags(here, RetentionLimits { days: 2, bytes: 1 }, NOW).unwrap();
     assert_eq!(removal.stuck, []);
     let removed: Vec<_> =
         removal.removed.iter().map(|removal| (removal.path.clone(), removal.size)).collect();
     // The young bag is not expired, but there is no space for it besides the open bag.
     assert_eq!(removed[..2], [(died, died_size), (old, old_size)]);
     assert_eq!(removed[2].0, here.join("run_young"));
-    assert!(matches!(removal.removed[1].beyond, Beyond::Age(age) if age.as_secs() == 30 * 86_400));
-    assert!(matches!(removal.removed[2].beyond, Beyond::Space(_)));
+    assert!(
+        matches!(removal.removed[1].beyond, ExceededLimit::Age(age) if age.as_secs() == 30 * 86_400)
+    );
+    assert!(matches!(removal.removed[2].beyond, ExceededLimit::Space(_)));
     assert_eq!(removed.len(), 3, "{removed:?}");
     let left: Vec<_> = before
         .into_iter()
@@ -154,7 +156,7 @@ fn nothing_goes_but_finished_and_dead_bags_of_ours_that_nobody_marked() {
     assert!(open.finish(LONG).complete);
     date(&path, 60);
     bag(here, "run_newest", 0);
-    let removal = remove_old_bags(here, Keep { days: 2, bytes: 0 }, NOW).unwrap();
+    let removal = remove_old_bags(here, RetentionLimits { days: 2, bytes: 0 }, NOW).unwrap();
     assert_eq!(removal.removed.len(), 1);
     assert!(!path.exists());
 }
@@ -164,7 +166,7 @@ fn a_mark_keeps_a_bag_until_it_is_taken_off() {
     let folder = tempfile::tempdir().unwrap();
     let path = bag(folder.path(), "run_1", 30);
     bag(folder.path(), "run_2", 20);
-    let keep = Keep { days: 1, bytes: 0 };
+    let keep = RetentionLimits { days: 1, bytes: 0 };
     assert_eq!(mark_of(&path), None);
     mark(&path, "").unwrap();
     assert_eq!(mark_of(&path).as_deref(), Some(""));

@@ -14,7 +14,7 @@ use rosidl::schema::MessageSchema;
 use run_recorder::bag_reader::{Bag, BagMessage, BagSource, Problem};
 use run_recorder::bag_writer::BagAttachment;
 use run_recorder::info::BagInfo;
-use run_recorder::recover::{Selection, recover};
+use run_recorder::recover::{CopySelection, recover};
 use run_recorder::run_bag::{RunBag, RunBagOptions};
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -279,7 +279,7 @@ fn survive(files: &[Vec<u8>], judge: impl FnOnce(Vec<RecordedMessage>, bool)) ->
     judge(messages.clone(), bag.is_complete());
 
     let (copy, recovered) =
-        recover(&mut bag, Vec::new(), "copy_0.mcap", &BTreeMap::new(), Selection::ALL)
+        recover(&mut bag, Vec::new(), "copy_0.mcap", &BTreeMap::new(), CopySelection::ALL)
             .expect("what can be read can be copied");
     let mut whole = open(&[copy]).expect("a copy is a bag");
     whole.verify().expect("memory does not fail");

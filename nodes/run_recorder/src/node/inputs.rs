@@ -5,7 +5,7 @@
 
 use super::fetch::FetchedTraffic;
 use super::numbers::Numbers;
-use super::store::{OpenRun, Store, Wanted};
+use super::store::{OpenRun, RunInputs, Store};
 use super::{DISCOVERY_PERIOD, Recorder, RecorderState};
 use crate::bag_writer::BagAttachment;
 use cnc_msgs::interface::Message;
@@ -36,7 +36,7 @@ pub(super) fn is_fetched(type_name: &str) -> bool {
 
 impl Recorder {
     /// Fetches messages from before the bag was open: programs, paths, traffic.
-    pub(super) async fn fetch_inputs(&self, run: u64, wanted: Wanted) {
+    pub(super) async fn fetch_inputs(&self, run: u64, wanted: RunInputs) {
         let wanted = self.manifests(wanted).await;
         let at_ns = u64::try_from(RosTime::wall().as_nanos()).unwrap_or(0);
         let mut problems: Vec<String> = wanted.missing().collect();
@@ -91,7 +91,7 @@ impl Recorder {
 
     /// Waits for manifests that had not arrived when the run was noticed: a recorder that
     /// starts in mid-run sees the goal first.
-    async fn manifests(&self, mut wanted: Wanted) -> Wanted {
+    async fn manifests(&self, mut wanted: RunInputs) -> RunInputs {
         let end = Instant::now() + MANIFESTS_WITHIN;
         while wanted.missing().next().is_some() && Instant::now() < end {
             sleep(DISCOVERY_PERIOD).await;

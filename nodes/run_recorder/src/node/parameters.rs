@@ -1,6 +1,6 @@
 //! The parameters of the recorder.
 
-use crate::retention::Keep;
+use crate::retention::RetentionLimits;
 use crate::run_bag::SplitLimits;
 use runtime::{Declared, Handle};
 use std::path::PathBuf;
@@ -75,8 +75,8 @@ pub(super) fn split(node: &Handle) -> SplitLimits {
 }
 
 /// Which old bags are kept.
-pub(super) fn keep(node: &Handle) -> Keep {
-    Keep {
+pub(super) fn keep(node: &Handle) -> RetentionLimits {
+    RetentionLimits {
         days: u32::try_from(unsigned(node, "keep_days")).unwrap_or(u32::MAX),
         bytes: unsigned(node, "keep_gb").saturating_mul(GB),
     }

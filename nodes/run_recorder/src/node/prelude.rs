@@ -10,7 +10,7 @@ const PRELUDE_SAMPLES: usize = 4_000;
 
 /// A sample and its times, nanoseconds since the epoch.
 #[derive(Debug, Clone)]
-pub(super) struct Kept {
+pub(super) struct KeptSample {
     pub(super) publisher: [u8; 16],
     /// Its number at its publisher.
     pub(super) sequence: i64,
@@ -21,7 +21,7 @@ pub(super) struct Kept {
     pub(super) bytes: Vec<u8>,
 }
 
-impl Kept {
+impl KeptSample {
     pub(super) fn new(sample: RawSample) -> Self {
         let at = |time: RosTime| u64::try_from(time.as_nanos()).unwrap_or(0);
         let log_time_ns = at(sample.info.reception_time);
@@ -37,7 +37,7 @@ impl Kept {
 /// that a newer one has followed.
 #[derive(Debug)]
 pub(super) struct Prelude {
-    samples: VecDeque<(usize, Kept)>,
+    samples: VecDeque<(usize, KeptSample)>,
     bytes: usize,
     bytes_max: usize,
 }
@@ -52,7 +52,7 @@ impl Default for Prelude {
 
 impl Prelude {
     /// Adds the newest sample; drops the oldest ones.
-    pub(super) fn push(&mut self, topic: usize, kept: Kept) {
+    pub(super) fn push(&mut self, topic: usize, kept: KeptSample) {
         let oldest = kept.log_time_ns.saturating_sub(PRELUDE_NS);
         self.bytes += kept.bytes.len();
         self.samples.push_back((topic, kept));
@@ -72,9 +72,9 @@ impl Prelude {
     /// is the beginning of the bag; its publish time is the original one.
     pub(super) fn take_with(
         &mut self,
-        newest: Vec<(usize, Kept)>,
+        newest: Vec<(usize, KeptSample)>,
         now_ns: u64,
-    ) -> Vec<(usize, Kept)> {
+    ) -> Vec<(usize, KeptSample)> {
         let begin_ns = now_ns.saturating_sub(PRELUDE_NS);
         self.bytes = 0;
         let mut taken: Vec<_> = self.samples.drain(..).collect();
@@ -93,10 +93,10 @@ impl Prelude {
 mod tests {
     use super::*;
 
-    fn kept(log_time_ns: u64, size: usize) -> Kept {
+    fn kept(log_time_ns: u64, size: usize) -> KeptSample {
         let publish_time_ns = log_time_ns;
         let (publisher, bytes) = ([0; 16], vec![0; size]);
-        Kept { publisher, sequence: 1, missed_before: 0, log_time_ns, publish_time_ns, bytes }
+        KeptSample { publisher, sequence: 1, missed_before: 0, log_time_ns, publish_time_ns, bytes }
     }
 
     #[test]

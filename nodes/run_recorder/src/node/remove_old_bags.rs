@@ -2,7 +2,7 @@
 
 use super::Recorder;
 use super::parameters;
-use crate::retention::Beyond;
+use crate::retention::ExceededLimit;
 use crate::stored_bags::{RemovedBags, remove_old_bags};
 use runtime::{Health, HealthLevel};
 use std::io;
@@ -68,11 +68,11 @@ fn log(removal: &RemovedBags) {
     for removal in &removal.removed {
         let (path, size) = (removal.path.display(), removal.size as f64 / BYTES_PER_MB);
         match removal.beyond {
-            Beyond::Age(age) => tracing::info!(
+            ExceededLimit::Age(age) => tracing::info!(
                 "removed {path} ({size:.1} MB): it is {:.1} days old",
                 age.as_secs_f64() / 86_400.0
             ),
-            Beyond::Space(total) => tracing::info!(
+            ExceededLimit::Space(total) => tracing::info!(
                 "removed {path} ({size:.1} MB): bags took {:.1} MB",
                 total as f64 / BYTES_PER_MB
             ),

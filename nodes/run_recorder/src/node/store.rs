@@ -1,7 +1,7 @@
 //! The discovered topics, their latched samples, and the open bag.
 
 use super::numbers::Numbers;
-use super::prelude::{Kept, Prelude};
+use super::prelude::{KeptSample, Prelude};
 use super::run_id::create_bag;
 use crate::bag_writer::{ChannelIndex, ChannelSpec};
 use crate::run_bag::{RecordingStatus, RunBag, RunBagError, RunBagOptions, SplitLimits};
@@ -25,14 +25,14 @@ struct Topic {
     spec: ChannelSpec,
     is_latched: bool,
     /// Of latched topics: the newest of each publisher.
-    newest: BTreeMap<[u8; 16], Kept>,
+    newest: BTreeMap<[u8; 16], KeptSample>,
     /// The newest sample of each publisher.
-    heard: BTreeMap<[u8; 16], Heard>,
+    heard: BTreeMap<[u8; 16], NewestSample>,
 }
 
 /// The number and log time of a publisher's newest sample.
 #[derive(Debug, Clone, Copy)]
-struct Heard {
+struct NewestSample {
     sequence: i64,
     log_time_ns: u64,
 }
@@ -43,12 +43,12 @@ impl Topic {
     ///
     /// Samples come in the order of their numbers. A sample that had to be resent arrived after
     /// those that follow it, and they are logged no earlier than it.
-    fn hear(&mut self, kept: &mut Kept) {
-        let Kept { publisher, sequence, .. } = *kept;
+    fn hear(&mut self, kept: &mut KeptSample) {
+        let KeptSample { publisher, sequence, .. } = *kept;
         if self.heard.len() >= HEARD_MAX && !self.heard.contains_key(&publisher) {
             self.heard.pop_first();
         }
-        let newest = Heard { sequence, log_time_ns: kept.log_time_ns };
+        let newest = NewestSample { sequence, log_time_ns: kept.log_time_ns };
         let newest = self.heard.entry(publisher).or_insert(newest);
         let missed = sequence.saturating_sub(newest.sequence).saturating_sub(1);
         // A publisher with impossible numbers counts as missing nothing.
@@ -85,7 +85,7 @@ impl Store {
     /// Takes a sample: into the bag if one is open, and into memory if late joiners would get it or
     /// the next bag begins with it.
     pub(super) fn take(&mut self, open: Option<&mut OpenRun>, index: usize, sample: RawSample) {
-        let mut kept = Kept::new(sample);
+        let mut kept = KeptSample::new(sample);
         let publisher = kept.publisher;
         let topic = &mut self.topics[index];
         topic.hear(&mut kept);
@@ -109,8 +109,8 @@ impl Store {
     }
 
     /// The program and path that are loaded and planned now.
-    pub(super) fn wanted(&self) -> Wanted {
-        Wanted { program: self.latched(), contour: self.latched(), path: self.latched() }
+    pub(super) fn wanted(&self) -> RunInputs {
+        RunInputs { program: self.latched(), contour: self.latched(), path: self.latched() }
     }
 
     /// Whether the machine may be moving, as far as its driver knows.
@@ -139,13 +139,13 @@ fn is_traffic(type_name: &str) -> bool {
 
 /// The inputs that have to be fetched when a run begins.
 #[derive(Debug, Default)]
-pub(super) struct Wanted {
+pub(super) struct RunInputs {
     pub(super) program: Option<wire::Program>,
     pub(super) contour: Option<wire::ProgrammedContour>,
     pub(super) path: Option<wire::CompensatedPath>,
 }
 
-impl Wanted {
+impl RunInputs {
     /// Inputs that no publisher has announced.
     pub(super) fn missing(&self) -> impl Iterator<Item = String> {
         [
@@ -160,7 +160,7 @@ impl Wanted {
 }
 
 /// The `cnc_run` record of a run.
-fn described(run_id: &str, goal: [u8; 16], wanted: &Wanted) -> BTreeMap<String, String> {
+fn described(run_id: &str, goal: [u8; 16], wanted: &RunInputs) -> BTreeMap<String, String> {
     let mut run = BTreeMap::from([
         ("run_id".to_owned(), run_id.to_owned()),
         ("goal_id".to_owned(), cnc_msgs::chunk::hex(&goal)),
@@ -207,7 +207,7 @@ impl OpenRun {
         directory: &Path,
         now: RosTime,
         goal: [u8; 16],
-        wanted: &Wanted,
+        wanted: &RunInputs,
         split: SplitLimits,
         store: &mut Store,
     ) -> Result<Self, RunBagError> {
@@ -263,7 +263,7 @@ impl OpenRun {
         }
     }
 
-    fn write(&mut self, index: usize, type_name: &str, kept: Kept) {
+    fn write(&mut self, index: usize, type_name: &str, kept: KeptSample) {
         let Some(&channel) = self.channels.get(&index) else { return };
         if is_traffic(type_name) {
             match cdr::decode::<wire::ControllerTraffic>(&kept.bytes) {
@@ -413,7 +413,7 @@ mod tests {
             (one, i64::MAX, 91, 0, 91),
             (one, i64::MIN, 92, 0, 92),
         ] {
-            let mut kept = Kept {
+            let mut kept = KeptSample {
                 publisher,
                 sequence,
                 missed_before: 0,

@@ -7,7 +7,7 @@ use mcap::records::{
     AttachmentIndex, ChunkIndex, Footer, MetadataIndex, Record, Statistics, SummaryOffset, op,
 };
 
-use super::Found;
+use super::DataSection;
 use crate::records::{FRAME, parse_body};
 
 /// The part of the file after the data.
@@ -80,7 +80,7 @@ impl Summary {
     }
 
     /// Differences from the data, with the offset of the summary record.
-    pub(super) fn compare(&self, found: &Found<'_>) -> Vec<(u64, String)> {
+    pub(super) fn compare(&self, found: &DataSection<'_>) -> Vec<(u64, String)> {
         let mut wrong = Vec::new();
         let Some((_, last, _)) = self.groups.last() else { return wrong };
         let kinds = [
@@ -140,7 +140,7 @@ fn compare_index<T: PartialEq + Debug>(
     wrong
 }
 
-fn compare_statistics(stated: &Statistics, found: &Found<'_>) -> Vec<String> {
+fn compare_statistics(stated: &Statistics, found: &DataSection<'_>) -> Vec<String> {
     let count = |count: usize| u64::try_from(count).unwrap_or(u64::MAX);
     let (start, end) = found.range_ns.unwrap_or((0, 0));
     let rows = [

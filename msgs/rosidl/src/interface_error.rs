@@ -4,7 +4,7 @@ use std::fmt;
 
 /// Why a file is refused, and where.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Refusal {
+pub struct InterfaceError {
     /// Path from the package folder.
     pub file: String,
     /// Line in it, from 1; 0 when it is about the file as a whole.
@@ -13,7 +13,7 @@ pub struct Refusal {
     pub message: String,
 }
 
-impl fmt::Display for Refusal {
+impl fmt::Display for InterfaceError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.line {
             0 => write!(f, "{}: {}", self.file, self.message),
