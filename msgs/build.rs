@@ -1,4 +1,4 @@
-//! Makes Rust of the interface files; see `generator/mod.rs` for how.
+//! Generates Rust code from the interface files; see `generator/mod.rs`.
 #![allow(
     clippy::disallowed_methods,
     clippy::disallowed_types,

@@ -1,7 +1,7 @@
-//! Finds the interface files of a package and of those that it borrows from.
+//! Finds the interface files of a package and of the packages that it uses.
 //!
-//! The package's own lie in `msg`, `srv` and `action`; those of a package P
-//! that it uses lie in `share/P/msg` and so on, as an ROS installation has them.
+//! The package's own files are in `msg`, `srv` and `action`; those of a package P
+//! that it uses are in `share/P/msg` and so on, as in an ROS installation.
 
 use std::fs;
 use std::io;
@@ -11,7 +11,7 @@ use rosidl::InterfaceError;
 use rosidl::interface_file::InterfaceFile;
 use rosidl::name::{InterfaceKind, TypeName, check_package, check_type};
 
-/// Reads all files below `root`, sorted by path; refuses what does not belong.
+/// Reads all files below `root`, sorted by path; refuses files that do not belong there.
 pub fn read_all(root: &Path, package: &str) -> Result<Vec<InterfaceFile>, Vec<InterfaceError>> {
     let mut files = Vec::new();
     let mut refusals = Vec::new();
@@ -57,7 +57,7 @@ fn read(
     Ok(InterfaceFile { name: TypeName::new(package, kind, stem), path: path.into(), text })
 }
 
-/// Names in a folder, sorted; none when it does not exist. Hidden ones do not count.
+/// Names in a folder, sorted; none if it does not exist. Hidden files are skipped.
 fn entries(folder: &Path, label: &str, refusals: &mut Vec<InterfaceError>) -> Vec<String> {
     let names = fs::read_dir(folder).and_then(|entries| {
         entries

@@ -1,7 +1,7 @@
 //! Literals: constants and defaults, within the bounds of their types.
 //!
-//! Stricter than rosidl where its generators disagree with each other: no
-//! backslashes but before a quote, no infinities.
+//! Stricter than rosidl where its generators disagree with each other: a
+//! backslash only before a quote, no infinities.
 
 use rosidl::definition::{BaseType, FieldDefinition};
 use rosidl::types::{Arity, Primitive, TypeBounds, WrittenType};
@@ -16,7 +16,7 @@ pub enum Literal {
     List(Vec<Literal>),
 }
 
-/// What a literal is to be a value of.
+/// The type that a literal must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LiteralType {
     pub primitive: Primitive,
@@ -25,13 +25,13 @@ pub struct LiteralType {
 }
 
 impl LiteralType {
-    /// What a default of the field is; `None` for messages, which have no literals.
+    /// The type of a field's default; `None` for messages, which have no literals.
     pub fn of_field(field: &FieldDefinition) -> Option<Self> {
         let BaseType::Primitive(primitive) = field.base else { return None };
         Some(Self { primitive, arity: field.arity, bounds: field.bounds })
     }
 
-    /// What the value of a written type is; `None` for messages and for what is no type.
+    /// The type of the values of a written type; `None` for a message or an invalid type.
     pub fn parse(type_text: &str) -> Option<Self> {
         let WrittenType { base, arity, bounds } = WrittenType::parse(type_text).ok()?;
         Some(Self { primitive: Primitive::named(base)?, arity, bounds })

@@ -1,7 +1,7 @@
-//! Reads the interface files of this package and makes Rust, schema texts and type hashes of them.
+//! Reads the interface files of this package; generates Rust code, schema texts and type hashes.
 //!
-//! [`files`] finds the files and `rosidl` reads them; [`strict`], with [`literal`], refuses what
-//! it takes from others but not from us; [`rust`] writes the code. Everything here maps text to
+//! [`files`] finds the files and `rosidl` reads them. [`strict`], with [`literal`], has the rules
+//! that only our own files must follow. [`rust`] writes the code. Everything here maps text to
 //! text: the build script reads and writes the files, and the tests run the same modules.
 #![allow(unreachable_pub, reason = "included by the build script and by tests, which see it all")]
 
@@ -17,8 +17,7 @@ use rosidl::registry::Registry;
 /// All definitions of the files.
 ///
 /// # Errors
-/// Everything that is wrong, in the order of the files. Of a line that [`strict`] refuses,
-/// nothing else is said.
+/// All faults, in the order of the files. A line that [`strict`] refuses has no other fault.
 pub fn read(files: &[InterfaceFile]) -> Result<Registry, Vec<InterfaceError>> {
     let mut refusals: Vec<InterfaceError> = files.iter().flat_map(strict::check).collect();
     match Registry::read(files) {

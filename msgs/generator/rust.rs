@@ -15,10 +15,10 @@ use rosidl::{InterfaceError, schema_text, type_hash};
 
 use super::literal::{self, Literal, LiteralType};
 
-/// Why a literal can be read: [`super::strict`] has read it before.
+/// Why reading a literal cannot fail: [`super::strict`] has read it before.
 const CHECKED: &str = "all values were checked before any code is written";
 
-/// The longest array that serde and `Default` are made for.
+/// The longest array for which serde and `Default` have implementations.
 const LONGEST_ARRAY: usize = 32;
 
 /// The modules of all packages with their structs.
@@ -77,7 +77,7 @@ pub fn schemas(registry: &Registry) -> String {
     text
 }
 
-/// A macro that hands the names and types of all messages to another macro.
+/// A macro that passes the names and types of all messages to another macro.
 pub fn every_message(registry: &Registry) -> String {
     let mut rows = String::new();
     for definition in
@@ -271,7 +271,7 @@ fn struct_name(name: &TypeName) -> String {
     name.name.replace('_', "")
 }
 
-/// The field in Rust, and whether that is another name than in ROS.
+/// The field's name in Rust, and whether it differs from the name in ROS.
 fn field_name(name: &str) -> (String, bool) {
     const KEYWORDS: &[&str] = &[
         "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate",

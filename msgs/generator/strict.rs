@@ -1,4 +1,4 @@
-//! What this package refuses in files of its own, where `rosidl` takes it from others.
+//! What this package refuses in its own files although `rosidl` accepts it from others.
 //!
 //! Follows rosidl_adapter of Jazzy, so that what is accepted here is accepted by `colcon build`:
 //! names, columns, and values within the bounds of their types. Also refuses what readers of
@@ -12,7 +12,7 @@ use rosidl::types::{Arity, WrittenType};
 
 use super::literal::{self, LiteralType};
 
-/// Everything in a file that is not as strict as our own files must be.
+/// Everything in a file that breaks the rules for our own files.
 pub fn check(file: &InterfaceFile) -> Vec<InterfaceError> {
     file.sections().into_iter().flat_map(check_section).collect()
 }
@@ -35,7 +35,7 @@ fn check_line<'a>(line: &SourceLine<'a>, constants: &mut Vec<&'a str>) -> Result
     if comment.len() >= 3 && comment.chars().all(|c| c == '=') {
         return Err("a comment of = alone splits the schema".into());
     }
-    // What is no item is refused by `rosidl` itself.
+    // `rosidl` itself refuses a line that is not an item.
     let Some(Ok(item)) = line.item else { return Ok(()) };
     if line.code.starts_with(char::is_whitespace) {
         return Err("the line is indented; ROS wants the type in the first column".into());
@@ -69,7 +69,7 @@ fn check_line<'a>(line: &SourceLine<'a>, constants: &mut Vec<&'a str>) -> Result
 }
 
 fn check_type(text: &str) -> Result<(), String> {
-    // What is no type is refused by `rosidl` itself.
+    // `rosidl` itself refuses text that is not a type.
     let Ok(WrittenType { base, bounds, .. }) = WrittenType::parse(text) else { return Ok(()) };
     match base {
         "wstring" | "wchar" => {

@@ -14,7 +14,7 @@ pub const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
 /// Bytes that may follow the last field: padding to a multiple of four.
 const PADDING_MAX: usize = 3;
 
-/// Why some bytes are not the message they should be.
+/// Why bytes are not the expected message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CdrError {
     #[error("{type_name}: {found} bytes are too few for an encapsulation")]
@@ -35,10 +35,10 @@ pub fn body<T: Serialize>(value: &T) -> Vec<u8> {
         .expect("a struct of numbers, strings and sequences always has a CDR form")
 }
 
-/// Reads what [`body`] wrote, to its last byte.
+/// Reads what [`body`] wrote, up to the last byte.
 ///
 /// # Errors
-/// It is not a `T`, or is followed by other bytes.
+/// The bytes are not a `T`, or more bytes follow it.
 pub fn from_body<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, CdrError> {
     let type_name = std::any::type_name::<T>();
     let (value, used) = cdr_encoding::from_bytes::<T, LittleEndian>(bytes)
@@ -49,7 +49,7 @@ pub fn from_body<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, CdrError> {
     }
 }
 
-/// The message as it lies in a bag: little-endian, with its encapsulation.
+/// The message as a bag stores it: little-endian, with its encapsulation.
 pub fn encapsulated<T: Serialize>(value: &T) -> Vec<u8> {
     let mut bytes = LITTLE_ENDIAN.to_vec();
     bytes.extend(body(value));

@@ -1,9 +1,9 @@
-//! Long things in short messages: a manifest and numbered, checksummed chunks.
+//! Long values in short messages: a manifest and numbered, checksummed chunks.
 //!
 //! A message stays under [`MESSAGE_BYTES_MAX`], whatever it holds. The sender
-//! cuts once and makes any chunk at any time; the receiver collects chunks in
-//! any order, asks for what is missing, and gets the whole value only when
-//! every count and checksum agrees.
+//! cuts a value once and can build any chunk at any time. The receiver collects
+//! chunks in any order and requests the missing ones. It gets the whole value
+//! only when every count and checksum agrees.
 
 mod collect;
 
@@ -18,10 +18,10 @@ use crate::wire::cnc_msgs::msg as wire;
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
-/// No message is larger than this: peers on other DDS implementations lose more.
+/// No message is larger than this: peers with other DDS implementations lose larger ones.
 pub const MESSAGE_BYTES_MAX: usize = 60_000;
 
-/// What the body of a chunk may take; the rest is for the envelope and a service reply around it.
+/// Size limit of a chunk's body; the rest is for the envelope and a service reply around it.
 const BODY_BYTES_MAX: usize = 48_000;
 
 /// No program, contour or path is longer than this many events or elements.
@@ -49,7 +49,7 @@ pub fn crc32(bytes: &[u8]) -> u32 {
 
 /// The id of a program: the same text under the same rules is the same program.
 ///
-/// `rules` is the whole profile as it is in force.
+/// `rules` is the whole profile in force.
 pub fn program_id(rules: &str, text: &[u8]) -> String {
     let mut hasher = Sha256::new();
     hasher.update(rules.as_bytes());
@@ -66,7 +66,7 @@ pub struct ProgramChunks {
 }
 
 impl ProgramChunks {
-    /// Number of chunks; one even for an empty text, so that there is something to receive.
+    /// Number of chunks; one even for an empty text, so that the receiver gets something.
     pub fn count(&self) -> u32 {
         self.text.len().div_ceil(BODY_BYTES_MAX).max(1) as u32
     }
@@ -121,7 +121,7 @@ impl ContourChunks {
         chunks
     }
 
-    /// What its manifest says of what is in it; whose it is, and how large, is for others.
+    /// The part of its manifest that describes the content; the caller adds the rest.
     pub fn manifest(&self) -> wire::ProgrammedContour {
         wire::ProgrammedContour {
             event_count: self.contour.events.len() as u64,
@@ -133,7 +133,7 @@ impl ContourChunks {
         }
     }
 
-    /// What it is the contour of.
+    /// The id of the program that it is the contour of.
     pub fn program_id(&self) -> &str {
         &self.program_id
     }
@@ -198,7 +198,7 @@ impl PathChunks {
         let mut cuts = vec![(0, 0)];
         let (mut bytes, mut event) = (0, 0);
         for element in 0..=path.elements.len() {
-            // Events stand in the chunk of the element that they come before.
+            // An event is in the chunk of the element that follows it.
             while path.events.get(event).is_some_and(|next| next.at_element <= element) {
                 let size = EVENT_BYTES + FUNCTION_BYTES + path.events[event].action.text().len();
                 if bytes + size > BODY_BYTES_MAX {
@@ -226,7 +226,7 @@ impl PathChunks {
         chunks
     }
 
-    /// What its manifest says of what is in it; whose it is, and how large, is for others.
+    /// The part of its manifest that describes the content; the caller adds the rest.
     pub fn manifest(&self) -> wire::CompensatedPath {
         wire::CompensatedPath {
             element_count: self.path.elements.len() as u64,

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 pub struct ProgrammedContour {
     /// Where the tool is before the first event, in the work frame.
     pub start: Position,
-    /// Axes whose start value the motions rely on although the program never
-    /// named them first (an arc, an incremental move or a lead-on from an
+    /// Axes whose start value the motions rely on because the program does not
+    /// name them first (an arc, an incremental move or a lead-on from an
     /// unnamed position). A driver runs the program only from there.
     pub assumed_axes: AxisSet,
     /// All events in order of execution.
@@ -48,7 +48,7 @@ pub enum ContourEventKind {
     Plane(Plane),
     /// Where the next compensation takes its radius from.
     Radius(RadiusSource),
-    /// Compensation is switched on, or to the other side, or again; it takes
+    /// Compensation is selected, turned to the other side, or selected again; it takes
     /// effect with the next motion in the plane.
     /// `along`: the contour is entered as if a line in this direction led to it.
     Select { side: CutterSide, approach: Option<Approach>, along: Option<Direction> },
@@ -77,7 +77,7 @@ pub struct Motion {
     /// Feed rate in force, mm/min. 0 for rapids, but after a selection of compensation
     /// when no motion has had this feed yet: a corner before a rapid may be an arc.
     pub feed_mm_per_min: f64,
-    /// The axes that the block names (G1 X10 Y10: XY), whether they move or not.
+    /// The axes that the block names (G1 X10 Y10: XY), whether or not they move.
     pub axes: AxisSet,
 }
 
@@ -166,15 +166,15 @@ pub enum Action {
     Dwell { seconds: f64 },
     /// A word that only the machine understands: `M62`, `H3`.
     Auxiliary { letter: char, number: f64 },
-    /// `M0`, or `M1` when optional: motion ends, and goes on when told.
+    /// `M0`, or `M1` when optional: motion stops until the operator resumes it.
     Stop { optional: bool },
     /// `G28`, or `G30` when second: these axes go to the stored position.
     Reference { axes: AxisSet, second: bool },
     /// `G53`: a move in machine coordinates, mm; only the axes that are named.
     MachineMove { target: Position, axes: AxisSet, rapid: bool, feed_mm_per_min: f64 },
-    /// These axes are homed; where they are afterwards the machine decides.
+    /// These axes are homed; the machine decides where they are afterwards.
     Home { axes: AxisSet },
-    /// The axes come to a stop here before they go on (`G9`).
+    /// The axes stop here before the next motion (`G9`).
     ExactStop,
     /// `M2`, or `M30` when it rewinds.
     ProgramEnd { rewind: bool },

@@ -1,7 +1,7 @@
 //! Checked types to wire structs and back.
 //!
-//! A wire struct may hold anything; coming in, every number is checked here
-//! once and NaN ends here. Going out cannot fail. Units are converted by
+//! A wire struct may hold anything: every incoming number is checked here once, and
+//! NaN is rejected. Outgoing conversions cannot fail. Units are converted by
 //! [`units`](crate::units) alone.
 
 mod contour;
@@ -23,10 +23,10 @@ use crate::units::position_from_point;
 use crate::wire::cnc_msgs::msg as wire;
 use crate::wire::geometry_msgs::msg::Point;
 
-/// No coordinate is farther out than this, mm; a larger number is damage.
+/// No coordinate is farther out than this, mm; a larger number is corrupt.
 pub const COORDINATE_MM_MAX: f64 = 1e9;
 
-/// Why a message is not what it says it is.
+/// Why a message is rejected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WireError {
     #[error("{field} is {value}, not a finite number in range")]

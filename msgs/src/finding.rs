@@ -1,6 +1,6 @@
 //! What is wrong with a program, with its place and its numbers.
 //!
-//! A finding is data: rendering it is the business of whoever shows it.
+//! A finding is data; whoever shows it renders it.
 
 use crate::contour::Source;
 use crate::geometry::Position;
@@ -52,7 +52,7 @@ pub enum Code {
     SideChange,
     Restart,
     SuspiciousValue,
-    /// A path that is not what its program asks for: found by the audit of a path.
+    /// The audit found a path that is not what its program asks for.
     PathMismatch,
     /// The planner and the audit of its path disagree: a defect of Kerf.
     InternalError,
@@ -159,7 +159,7 @@ pub struct Finding {
     pub available_mm: Option<f64>,
     /// What is wrong: lower case, no full stop, values with their units.
     pub message: String,
-    /// What to do about it; empty when there is nothing to say.
+    /// What to do about it; may be empty.
     pub help: String,
 }
 
@@ -186,7 +186,7 @@ impl Finding {
         Self { severity: Severity::Warning, ..Self::error(code, source, message) }
     }
 
-    /// The same with a sentence on what to do.
+    /// The same with a sentence about what to do.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = help.into();

@@ -1,7 +1,7 @@
 //! What is common to all messages, services and actions.
 //!
-//! Traits only; the implementations are generated beside the structs in
-//! [`crate::wire`], and the schemas lie in [`crate::schema`].
+//! Traits only; the implementations are generated with the structs in
+//! [`crate::wire`], and the schemas are in [`crate::schema`].
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -13,7 +13,7 @@ pub trait Message: Serialize + DeserializeOwned + Clone + Send + Sync + 'static 
     const TYPE_NAME: &'static str;
 }
 
-/// A question and its answer.
+/// A request and its response.
 pub trait Service {
     /// What the client sends.
     type Request: Message;
@@ -23,13 +23,13 @@ pub trait Service {
     const TYPE_NAME: &'static str;
 }
 
-/// Something that takes time, tells how far it is and can be cancelled.
+/// A task that takes time, reports progress and can be canceled.
 pub trait Action {
-    /// What is to be done.
+    /// The task.
     type Goal: Message;
     /// How it ended.
     type Result: Message;
-    /// How far it is.
+    /// The progress.
     type Feedback: Message;
     /// `cnc_msgs/action/RunProgram`.
     const TYPE_NAME: &'static str;

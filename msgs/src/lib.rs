@@ -4,11 +4,11 @@
 //! [`machine`], [`finding`], [`tool_table`], [`profile`]. Cores use these
 //! and nothing else; they are in millimetres, as part programs are.
 //!
-//! [`wire`] holds what ROS 2 sends, in SI units, made of the interface files;
-//! [`interface`] what all of it has in common; [`schema`] what bags and peers
-//! want to know of it. [`convert`] goes between the two, [`units`] holds the
-//! only place where millimetres meet metres, and [`chunk`] cuts what is too long
-//! for a message.
+//! [`wire`] has the structs that ROS 2 sends, in SI units, generated from the
+//! interface files. [`interface`] has their traits, [`schema`] their schema texts
+//! and hashes. [`convert`] translates between checked types and wire structs,
+//! [`units`] is the only place where millimetres meet metres, and [`chunk`] cuts
+//! what is too long for a message.
 
 pub mod cdr;
 pub mod chunk;

@@ -1,4 +1,4 @@
-//! What is known of the machine, and what is not.
+//! What is known about the machine, and what is not.
 //!
 //! In millimetres and revolutions per minute; [`Mode::Unknown`] is an answer.
 
@@ -6,14 +6,14 @@ use crate::contour::{CutterSide, SpindleMode};
 use crate::geometry::Position;
 use serde::{Deserialize, Serialize};
 
-/// What the reason of a [`MachineState`] begins with while the driver has sent nothing yet of a
-/// run that is to be recorded.
+/// What the reason of a [`MachineState`] begins with while a run waits for its recording and
+/// the driver has sent nothing of it yet.
 pub const WAITING_FOR_RECORDER: &str = "WAITING_FOR_RECORDER";
 
 /// What the machine does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 pub enum Mode {
-    /// Not known: the link is lost or nothing was heard yet.
+    /// Not known: the link is lost, or no report has arrived yet.
     #[default]
     Unknown,
     /// No port is open.
@@ -50,7 +50,7 @@ impl Mode {
     }
 }
 
-/// How well it is noticed in a run that a line or an answer was lost or came twice. The
+/// How soon a run notices that a line or an answer was lost or came twice. The
 /// times are those of an undelayed line at the default intervals; docs/faults.md has the
 /// measured bounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
@@ -58,19 +58,19 @@ pub enum LinkWatch {
     /// Not known: no controller is connected.
     #[default]
     Unknown,
-    /// When the machine next stands still, at the latest at the end of the program.
+    /// When the machine next stands still; at the end of the program at the latest.
     Standstill,
-    /// What is lost: half a second after it shows in the receive buffer. What comes twice:
+    /// A loss: half a second after it shows in the receive buffer. A double:
     /// as [`Self::Standstill`].
     Buffer,
-    /// When the lines that were under way have been read, and half a second more.
+    /// Half a second after the lines under way have been read.
     Lines,
-    /// As [`Self::Lines`], and what is lost as [`Self::Buffer`], whichever is first.
+    /// As [`Self::Lines`]; a loss also as [`Self::Buffer`], whichever is first.
     LinesAndBuffer,
 }
 
 impl LinkWatch {
-    /// What `kerf status` says of it.
+    /// What `kerf status` says about it.
     pub const fn describe(self) -> &'static str {
         match self {
             Self::Unknown => "unknown",
@@ -82,25 +82,25 @@ impl LinkWatch {
     }
 }
 
-/// The state of the machine as last heard.
+/// The state of the machine as last reported.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct MachineState {
     pub mode: Mode,
     /// Why it is in this mode, where that is not obvious: `LINK_LOST`, `FEED_HOLD`, an alarm's text.
     pub reason: String,
-    /// Whether it may be moving without being heard: what is buffered is cut to its end.
+    /// Whether it may be moving without reporting: it cuts what is in its buffer to the end.
     pub motion_possible: bool,
-    /// Whether nothing can go on before somebody resets it.
+    /// Whether it is blocked until it is reset.
     pub needs_reset: bool,
-    /// In the machine frame, mm; `None` when nothing reliable was heard.
+    /// In the machine frame, mm; `None` without a reliable report.
     pub machine_position: Option<Position>,
     /// In the work frame, mm; `None` until the offset is known too.
     pub work_position: Option<Position>,
     pub feed_mm_per_min: f64,
     pub spindle_rpm: f64,
-    /// Which way the spindle turns, where the controller tells.
+    /// Which way the spindle turns, if the controller reports it.
     pub spindle: Option<SpindleMode>,
-    /// Coolant, where the controller tells.
+    /// Coolant, if the controller reports it.
     pub flood: bool,
     pub mist: bool,
     /// The work system in force: 1 to 6 are G54 to G59; 0 when it is not known.
@@ -109,8 +109,8 @@ pub struct MachineState {
     pub program_id: String,
     /// The revision of the path that is being run; 0 when none is.
     pub path_revision: u64,
-    /// While a run stands in a hold: the elements of its path that have been sent or
-    /// are about to be, so that only what comes after them can change; else 0.
+    /// During a hold: the elements of the path that have been sent or are about to be
+    /// sent, so that only later ones can change; else 0.
     pub settled_elements: u64,
     /// The source line that is being cut; 0 when none.
     pub line: u32,
@@ -124,7 +124,7 @@ pub struct MachineState {
     pub compensation: Option<CutterSide>,
     /// Seconds since the last status report; infinite when there was none.
     pub link_age_s: f64,
-    /// How well lost and doubled lines and answers are noticed.
+    /// How soon lost and doubled lines and answers are noticed.
     pub link_watch: LinkWatch,
     /// Feed, rapid and spindle override, percent.
     pub overrides_percent: [u8; 3],

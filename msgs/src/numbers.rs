@@ -2,10 +2,10 @@
 
 /// Decimals of a length in mm: a thousandth, as programs have it.
 const DECIMALS: usize = 3;
-/// Lengths that are equal to so many decimals are the same.
+/// Lengths that are equal to this many decimals count as the same.
 const DECIMALS_MAX: usize = 9;
 
-/// Two lengths, mm, with as many decimals as tell them apart.
+/// Two lengths, mm, with as many decimals as distinguish them.
 pub fn told_apart(a_mm: f64, b_mm: f64) -> [String; 2] {
     let written = |decimals: usize| [format!("{a_mm:.decimals$}"), format!("{b_mm:.decimals$}")];
     let differs = |[a, b]: &[String; 2]| a != b;

@@ -32,7 +32,7 @@ pub struct PathElement {
     /// The side that the tool runs on, from the lead-on to the end of the
     /// lead-off; `None` when not compensated.
     pub side: Option<CutterSide>,
-    /// Axes that a controller must be told, whether they change or not: those
+    /// Axes that are sent to the controller even if they do not change: those
     /// that the block names and, under compensation, both axes of the plane.
     pub axes: AxisSet,
     /// The block it belongs to; a generated element belongs to the next block.
@@ -83,19 +83,19 @@ pub struct PathEvent {
     pub source: Source,
 }
 
-/// What the paths that a driver holds may take in its memory, bytes.
+/// Memory limit for the paths that a driver holds, bytes.
 pub const PATHS_BYTES_MAX: u64 = 768 << 20;
-/// What the text of a function takes besides, on its way to the driver, bytes.
+/// Additional memory for the text of a function on its way to the driver, bytes.
 const FUNCTION_TEXT_BYTES: u64 = 96;
 
-/// What a path takes in the memory of a driver, bytes.
+/// Memory that a path takes in the driver, bytes.
 pub fn path_bytes(elements: u64, functions: u64) -> u64 {
     let element = size_of::<PathElement>() as u64;
     let function = size_of::<PathEvent>() as u64 + FUNCTION_TEXT_BYTES;
     elements.saturating_mul(element).saturating_add(functions.saturating_mul(function))
 }
 
-/// A path that no driver takes.
+/// A path that is too large for a driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "a path of {elements} elements and {functions} functions takes {} MB of the driver's memory; \
@@ -116,7 +116,7 @@ impl PathTooLong {
     }
 }
 
-/// Whether a driver takes a path of so many elements and functions.
+/// Checks that a driver has memory for a path of so many elements and functions.
 ///
 /// # Errors
 /// It takes more than [`PATHS_BYTES_MAX`].

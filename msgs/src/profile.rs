@@ -1,11 +1,10 @@
 //! A control profile: every rule in which controls differ.
 //!
-//! The values come from `config/controls/*.yaml`, where each is explained
-//! beside its value. A rule that a program can break is a [`Rule`]: what the
-//! control does, and how strictly a program is held to it. Keys are added as
-//! rules need them; an unknown key is an error, because a rule that nobody
-//! applies is worse than none. What the form of a file cannot say,
-//! [`Profile::check`] does.
+//! The values come from `config/controls/*.yaml`, which explains each of them.
+//! A rule that a program can break is a [`Rule`]: what the control does, and how
+//! strictly a program is held to it. An unknown key is an error, because a rule
+//! that nobody applies is worse than none. [`Profile::check`] finds values that
+//! no control could have.
 
 mod check;
 mod radius;
@@ -22,22 +21,22 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-/// What becomes of a program that breaks a rule of its control.
+/// What happens to a program that breaks a rule of its control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Strictness {
     /// It is refused.
     #[default]
     Error,
-    /// It is accepted with a warning, and the sound thing is done.
+    /// It is accepted with a warning, and run in the safe way.
     Warn,
-    /// It is accepted with a warning, and done as the control would do it,
-    /// sound or not.
+    /// It is accepted with a warning, and run as the control would run it,
+    /// safe or not.
     Emulate,
 }
 
 impl Strictness {
-    /// Of the finding about a broken rule.
+    /// The severity of the finding about a broken rule.
     pub const fn severity(self) -> Severity {
         match self {
             Self::Error => Severity::Error,
@@ -93,11 +92,11 @@ pub struct Profile {
     pub mdi: Rule<MdiMode>,
     /// Starting in the middle of a compensated contour (C19).
     pub restart: Rule<RestartMode>,
-    /// Words that a block under compensation must not hold, as they are written: `G54`.
+    /// Words that a block under compensation must not have, as written: `G54`.
     #[serde(default)]
     pub forbidden_under_compensation: ForbiddenWords,
     pub interference: InterferenceRules,
-    /// The point of the tool that the path is of.
+    /// The point of the tool that follows the path.
     #[serde(default)]
     pub output: OutputPoint,
     #[serde(default)]
@@ -167,9 +166,9 @@ pub struct CornerRules {
 pub enum RapidMode {
     /// It is compensated like a feed move.
     Compensated,
-    /// Its ends are compensated; the way between them is the machine's (A08).
+    /// Its ends are compensated; the machine chooses the way between them (A08).
     Endpoint,
-    /// It goes where it is programmed to.
+    /// It goes to its programmed end.
     Raw,
 }
 
@@ -179,10 +178,10 @@ pub enum RapidMode {
 pub struct OffPlaneRules {
     /// How many there may be; absent: any number.
     pub max_blocks: Option<u32>,
-    /// One block more; emulate: the block before ends perpendicular, which cuts
+    /// One block too many; emulate: the block before ends perpendicular, which cuts
     /// into inside corners (S63).
     pub strictness: Strictness,
-    /// The control's alarm for one block more.
+    /// The control's alarm for one block too many.
     pub alarm: Option<String>,
 }
 
@@ -213,11 +212,11 @@ pub enum Anchor {
     /// Before the generated corner (S51).
     #[default]
     BeforeCorner,
-    /// Those of blocks without any move after it, the others before it (SINUMERIK 880).
+    /// Functions of blocks without any move after the corner, the others before it (SINUMERIK 880).
     AfterCorner,
 }
 
-/// What a full circle in one block is.
+/// What a full circle in one block means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FullCircle {
@@ -273,11 +272,11 @@ pub struct ForbiddenWords {
     pub strictness: Strictness,
 }
 
-/// What is done about a contour that the tool does not fit (C18).
+/// What happens when the tool does not fit a contour (C18).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InterferenceRules {
-    /// What is done about a contour that is cut into, or that the tool does not reach.
+    /// What happens when the tool gouges a contour or does not reach it.
     #[serde(default)]
     pub react: Reaction,
     /// A lead that cuts into its contour.
@@ -285,25 +284,25 @@ pub struct InterferenceRules {
     /// A lead that only passes over the free end of what it leads onto or leaves.
     #[serde(default = "warn")]
     pub lead_nick: Strictness,
-    /// A cut between what a contour begins and what it ends with, where it closes: there some
-    /// manuals' own figures begin in an inside corner.
+    /// A cut between the beginning and the end of a contour, where it closes: some manuals'
+    /// own figures begin there in an inside corner.
     #[serde(default = "error")]
     pub at_closing: Strictness,
-    /// A cut into what an earlier contour of the program has left.
+    /// A cut into what an earlier contour of the program left.
     #[serde(default)]
     pub other_spans: OtherSpans,
-    /// Where the material begins, work coordinate along the tool, mm: a lead above this and
+    /// Where the material begins, work coordinate along the tool, mm. A lead above this and
     /// above all cuts of a contour passes over its walls.
     #[serde(default)]
     pub stock_top_mm: f64,
-    /// What the radius of an arc must be that the tool runs inside of.
+    /// The smallest radius of an arc that the tool runs inside of.
     #[serde(default = "any_arc")]
     pub inside_arc: Rule<InsideArc>,
     /// The control's alarm for a contour that the tool does not fit.
     pub alarm: Option<String>,
 }
 
-/// What is done where the tool cuts into what an earlier contour of the program has left.
+/// What happens when the tool cuts into what an earlier contour of the program left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OtherSpans {
@@ -312,18 +311,18 @@ pub enum OtherSpans {
     /// A warning: a finishing contour is meant to cut what a roughing contour left.
     #[default]
     Warn,
-    /// Contours are not compared: each may be of a part of its own.
+    /// Contours are not compared: each may belong to a different part.
     Ignore,
 }
 
-/// What is done about a contour that the tool does not fit.
+/// What happens when the tool does not fit a contour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reaction {
     /// The program is refused, with all places.
     #[default]
     Alarm,
-    /// What does not fit is left out, with warnings; what stays uncut is told.
+    /// What does not fit is left out, with warnings; what stays uncut is reported.
     Trim,
     /// A warning; the tool cuts what it cuts.
     Ignore,
@@ -342,7 +341,7 @@ impl FromStr for Reaction {
     }
 }
 
-/// No name of a [`Reaction`].
+/// Not the name of a [`Reaction`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0:?} is no reaction to interference; it is alarm, trim or ignore")]
 pub struct UnknownReaction(String);
@@ -359,17 +358,17 @@ const fn any_arc() -> Rule<InsideArc> {
     Rule { rule: InsideArc::Any, strictness: Strictness::Error }
 }
 
-/// What the radius of an arc must be that the tool runs inside of.
+/// The smallest radius of an arc that the tool runs inside of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum InsideArc {
-    /// Larger than that of the tool, so that something is left of it.
+    /// Larger than the radius of the tool, so that some of the arc is left.
     Any,
-    /// At least twice that of the nose (Okuma).
+    /// At least twice the radius of the nose (Okuma).
     TwiceTheRadius,
 }
 
-/// The point of the tool that the path is of.
+/// The point of the tool that follows the path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OutputPoint {
@@ -380,7 +379,7 @@ pub enum OutputPoint {
     Tip,
 }
 
-/// How pictures are drawn; nothing of the path depends on it.
+/// How pictures are drawn; the path does not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Display {

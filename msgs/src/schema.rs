@@ -1,22 +1,22 @@
 //! Schema text and type hash of every type in [`crate::wire`].
 //!
-//! Also of what travels only inside ROS: services and actions as a whole, and
-//! the messages that ROS derives from them.
+//! Also of services and actions as a whole, and of the messages that ROS derives
+//! from them.
 
 use crate::interface::Message;
 
-/// What a bag or a peer wants to know of a type.
+/// What a bag or a peer needs to know about a type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TypeInfo {
     /// Full name: `cnc_msgs/msg/Program`.
     pub name: &'static str,
     /// The definition and all that it needs, in the encoding `ros2msg`, as
-    /// rosbag2 writes it. Of a service or an action as a whole: its file, and
-    /// what that names.
+    /// rosbag2 writes it. For a service or an action as a whole: its file, and
+    /// the types that the file names.
     pub schema_text: &'static str,
     /// Type hash: `RIHS01_` and 64 hex digits.
     pub rihs01: &'static str,
-    /// The JSON that is hashed: the fields of the type and of those that it needs.
+    /// The JSON that is hashed: the fields of the type and of the types that it needs.
     pub description: &'static str,
 }
 

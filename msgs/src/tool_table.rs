@@ -1,6 +1,6 @@
 //! The tool table: what is in the spindle and in the offset registers.
 //!
-//! The YAML form is millimetres; a table that was read holds each number once,
+//! The YAML form is in millimetres. A table that was read has each number once,
 //! only finite values, no negative diameter, and no wear that turns the side.
 
 use serde::{Deserialize, Serialize};
@@ -77,7 +77,7 @@ pub enum ToolTableError {
 /// No tool is larger than this, mm; a larger number is a mistake of units.
 pub const SIZE_MM_MAX: f64 = 1e4;
 
-/// Whether wear takes more off a value than there is, and so turns the side.
+/// Whether wear takes off more than the value, and so turns the side.
 ///
 /// A value of 0 has no side: there wear alone is the difference to the tool
 /// that a program was made for, and may be negative (M10).

@@ -1,7 +1,7 @@
 //! Maps whose keys are all different.
 //!
 //! A map that is read from YAML keeps the last of two equal keys. In a tool
-//! table that is another tool than its owner sees first, so it is an error, at
+//! table that is not the tool that its owner sees first. So it is an error, at
 //! the place of the second key.
 
 use serde::Deserialize;
@@ -13,7 +13,7 @@ use std::str::FromStr;
 
 /// What a map can be sorted by.
 pub(crate) trait Key: FromStr + Ord + fmt::Display {
-    /// What a reader is told that has to be there.
+    /// What a reader expects, for error messages.
     const EXPECTED: &'static str;
 }
 
@@ -28,7 +28,7 @@ impl Key for String {
 /// Reads a map; for `#[serde(deserialize_with = "...")]`.
 ///
 /// # Errors
-/// A key stands there twice, or a key or value is not of its kind.
+/// A key is there twice, or a key or value has the wrong type.
 pub(crate) fn map<'de, D, K, V>(deserializer: D) -> Result<BTreeMap<K, V>, D::Error>
 where
     D: Deserializer<'de>,
@@ -93,7 +93,7 @@ impl<K: Key, V> Visitor<'_> for NewKey<'_, K, V> {
         self.visit_str(&key.to_string())
     }
 
-    /// JSON has no keys but texts.
+    /// All keys of JSON are texts.
     fn visit_str<E: Error>(self, key: &str) -> Result<K, E> {
         let Ok(key) = key.parse::<K>() else {
             return Err(E::invalid_value(Unexpected::Str(key), &self));

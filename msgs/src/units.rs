@@ -51,17 +51,17 @@ pub fn rpm_from_rad_per_s(rad_per_s: f64) -> f64 {
     on_grid(rad_per_s * 60.0 / TAU * GRID)
 }
 
-/// A length, mm, as the receiver of a message has it.
+/// A length, mm, as the receiver of a message gets it.
 pub fn received_mm(mm: f64) -> f64 {
     mm_from_m(m_from_mm(mm))
 }
 
-/// A feed, mm/min, as the receiver of a message has it.
+/// A feed, mm/min, as the receiver of a message gets it.
 pub fn received_mm_per_min(mm_per_min: f64) -> f64 {
     mm_per_min_from_m_per_s(m_per_s_from_mm_per_min(mm_per_min))
 }
 
-/// A speed, rev/min, as the receiver of a message has it.
+/// A speed, rev/min, as the receiver of a message gets it.
 pub fn received_rpm(rpm: f64) -> f64 {
     rpm_from_rad_per_s(rad_per_s_from_rpm(rpm))
 }
@@ -89,7 +89,7 @@ mod tests {
             let decimals = (state >> 60) % 8;
             let mm = ((state >> 20) as i64 % 2_000_000_000 - 1_000_000_000) as f64
                 / 10f64.powi(decimals as i32);
-            // No program states more: see the loader's limits.
+            // No program has larger values: see the loader's limits.
             if mm.abs() > 1e6 {
                 continue;
             }

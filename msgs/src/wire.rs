@@ -1,13 +1,13 @@
 //! The messages as they travel: one serde struct per ROS 2 message.
 //!
-//! Made at build time from the files in `msg`, `srv` and `action` and, for
+//! Generated at build time from the files in `msg`, `srv` and `action` and, for
 //! what other packages define, in `share`: `wire::<package>::<folder>::<Type>`,
 //! as in [`cnc_msgs::msg::MachineState`] or [`std_msgs::msg::Header`]. The
 //! request of a service is `LoadProgramRequest`; the service itself, and an
 //! action, is an empty type that names its parts.
 //!
 //! A wire struct may hold anything that fits its types. Bounds of strings and
-//! sequences are documented, not enforced; checked types are the door.
+//! sequences are documented, not enforced; the checked types enforce them.
 #![allow(
     clippy::all,
     rustdoc::bare_urls,

@@ -1,7 +1,7 @@
-//! Which commit a release build was made of, for the bags that it records.
+//! Sets the commit of a release build, for the bags that it records.
 //!
-//! Without git, or outside of a checkout, nothing is said. Debug builds say nothing either:
-//! they would be made anew at every commit.
+//! Without git, or outside of a checkout, it sets nothing. Neither does it for debug builds:
+//! every commit would rebuild them.
 
 #![allow(
     clippy::disallowed_methods,

@@ -1,6 +1,6 @@
 //! One definition: a message, or one section of a service or an action, with its comments.
 //!
-//! Reads one text. Whether the types that it names exist is for the [`crate::registry`] to say.
+//! Reads one text. The [`crate::registry`] checks that the types it names exist.
 
 use crate::interface_error::InterfaceError;
 use crate::interface_file::Section;
@@ -15,7 +15,7 @@ pub enum BaseType {
     Message(TypeName),
 }
 
-/// A field with all that its definition says of it.
+/// A field with everything that its definition says about it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldDefinition {
     pub name: String,
@@ -70,7 +70,7 @@ pub enum DefinitionRole {
     Action,
 }
 
-/// A type with all that is known of it.
+/// A type with everything known about it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Definition {
     pub name: TypeName,
@@ -126,7 +126,7 @@ impl Section<'_> {
     }
 }
 
-/// What the last item was, for comments that follow it.
+/// The kind of the last item, for comments that follow it.
 #[derive(Clone, Copy)]
 enum LastItem {
     Field,
@@ -185,7 +185,7 @@ impl DefinitionReader {
         Ok(())
     }
 
-    /// A blank line: comments above it speak of the file, if nothing came before.
+    /// A blank line: comments above it describe the file, if no item came before.
     fn end_of_block(&mut self) {
         let pending = std::mem::take(&mut self.pending);
         if self.last.is_none() && self.definition.doc.is_empty() {
@@ -193,7 +193,7 @@ impl DefinitionReader {
         }
     }
 
-    /// An indented comment goes on about the item above it.
+    /// An indented comment continues the one of the item above it.
     fn document_last(&mut self, comment: String) {
         let doc = match self.last {
             Some(LastItem::Field) => self.definition.fields.last_mut().map(|field| &mut field.doc),

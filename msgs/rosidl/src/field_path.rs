@@ -15,7 +15,7 @@ pub enum PathStep {
     AnyField,
     /// `[*]`: any one element. Only in patterns.
     AnyIndex,
-    /// `**`: any steps, none included. Only in patterns.
+    /// `**`: any number of steps, also none. Only in patterns.
     AnySteps,
 }
 

@@ -17,7 +17,7 @@ pub struct InterfaceFile {
 pub struct Section<'a> {
     /// Path of the file from the package folder.
     pub file: &'a str,
-    /// Line of the file that `text` starts on, from 1; 0 for a text that no file holds.
+    /// Line of the file that `text` starts on, from 1; 0 for text that is in no file.
     pub first_line: usize,
     pub text: &'a str,
 }

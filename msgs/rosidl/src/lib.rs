@@ -2,7 +2,7 @@
 //!
 //! [`types`] and [`syntax`] read the lines of a definition, [`definition`] all of it with its
 //! comments. A [`registry`] holds the definitions of many files, with those that ROS derives
-//! from services and actions; [`type_hash`] and [`schema_text`] are made of it.
+//! from services and actions; [`type_hash`] and [`schema_text`] are computed from it.
 //!
 //! [`schema`] lays out a message from the schema text that a bag carries. With that, [`decode`]
 //! and [`encode`] go between CDR and a [`value`], whose parts a [`field_path`] names.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// The folder that a definition lives in.
+/// The folder that a definition is in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum InterfaceKind {
     Action,

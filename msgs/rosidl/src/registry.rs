@@ -1,7 +1,7 @@
 //! All definitions together: those of the files and those that ROS derives.
 //!
-//! Knows what a service and an action become on the wire, and that every type
-//! that is named exists and none contains itself.
+//! Knows what a service and an action become on the wire. Checks that every named type
+//! exists and that none contains itself.
 
 use std::collections::BTreeMap;
 
@@ -10,14 +10,14 @@ use crate::interface_error::InterfaceError;
 use crate::interface_file::{InterfaceFile, Section};
 use crate::name::{InterfaceKind, TypeName};
 
-/// Definitions by their full names, in the order of those.
+/// Definitions, sorted by full name.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Registry {
     definitions: BTreeMap<String, Definition>,
 }
 
 impl Registry {
-    /// Reads all files, derives what belongs to them, and checks what their types name.
+    /// Reads all files, derives what belongs to them, and checks the types that they name.
     ///
     /// # Errors
     /// Everything that is wrong, in the order of the files.
@@ -27,8 +27,8 @@ impl Registry {
 
     /// Reads all files and derives what belongs to them.
     ///
-    /// A name with an underscore is taken for a derived type that is given as text, as schema
-    /// texts do. Files of one's own have none.
+    /// A name with an underscore is read as a derived type whose text is given, as schema texts
+    /// have it. Source files have none.
     ///
     /// # Errors
     /// Every line that is wrong, in the order of the files.
@@ -142,7 +142,7 @@ impl Registry {
         Ok(())
     }
 
-    /// Goal, result, feedback, what carries them, and the action as a whole.
+    /// Goal, result, feedback, the messages that carry them, and the action as a whole.
     fn add_action(
         &mut self,
         file: &InterfaceFile,
@@ -224,7 +224,7 @@ impl Registry {
         refusals
     }
 
-    /// Refuses a type that reaches itself through its fields.
+    /// Refuses a type that contains itself through its fields.
     fn check_finite(&self, root: &Definition) -> Option<InterfaceError> {
         let mut seen = Vec::new();
         let mut queue: Vec<(&FieldDefinition, &TypeName)> = root.references().collect();
@@ -246,7 +246,7 @@ impl Registry {
     }
 }
 
-/// Text that no file holds, with the file that it is derived from.
+/// Text that is in no file, with the file that it is derived from.
 fn derived<'a>(file: &'a str, text: &'a str) -> Section<'a> {
     Section { file, first_line: 0, text }
 }

@@ -1,7 +1,7 @@
 //! The layout of a message, from the schema text that a bag carries.
 //!
 //! Lists the fields in wire order, so that [`crate::decode`] can read messages without their
-//! Rust type. The text may be junk: errors in it have their line, and recursion is bounded.
+//! Rust type. The text may be junk: syntax errors state their line, and recursion is bounded.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

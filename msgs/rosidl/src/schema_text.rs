@@ -24,13 +24,13 @@ pub struct SchemaPart<'a> {
     pub name: &'a str,
     /// Line of the schema text that `text` begins on, from 1.
     pub first_line: usize,
-    /// The definition; that of a needed type is what [`push_part`] was given.
+    /// The definition, exactly as [`push_part`] wrote it.
     pub text: &'a str,
 }
 
 /// Cuts a schema text into its definitions; the first one is that of `root`.
 ///
-/// A line of three equals signs is enough, as some writers have it.
+/// A line of three equals signs is enough: some writers have shorter ones.
 pub fn parts<'a>(root: &'a str, text: &'a str) -> Vec<SchemaPart<'a>> {
     let mut parts = Vec::new();
     let mut part = SchemaPart { name: root, first_line: 1, text: "" };
@@ -108,13 +108,13 @@ fn named_in_text(definition: &Definition, registry: &Registry) -> BTreeMap<Strin
     names
 }
 
-/// Reads a schema text back, with nothing but the name of its root.
+/// Reads a schema text back; needs nothing else but the name of its root.
 ///
 /// `protocol` holds the definitions that services and actions need without
-/// naming them in their texts; those that the text has itself win.
+/// naming them in their texts; definitions in the text itself take precedence.
 ///
 /// # Errors
-/// All that is wrong in the text.
+/// All faults of the text.
 pub fn read(
     root: &TypeName,
     text: &str,
@@ -139,7 +139,7 @@ pub fn read(
     Registry::from_files(&files)
 }
 
-/// The messages that a definition of `package` needs, as `package/Type` and in its order.
+/// The messages that a definition of `package` needs, as `package/Type`, in its order.
 pub fn needed(package: &str, definition: &str) -> Vec<String> {
     syntax::lines(definition)
         .filter_map(|line| match line.item?.ok()? {
@@ -161,7 +161,7 @@ pub(crate) fn two_part_name(
         return short_name(base);
     }
     let neighbour = format!("{package}/{base}");
-    // `Header` alone is std_msgs' by tradition, unless the package has its own.
+    // `Header` alone means that of std_msgs by tradition, unless the package has its own.
     if base == "Header" && !is_defined(&neighbour) {
         return "std_msgs/Header".to_owned();
     }

@@ -1,8 +1,7 @@
 //! The lines of an interface definition.
 //!
-//! Takes what any writer of bags may have written: names of any case, indented lines, tabs.
-//! Stricter rules for files of one's own are for their reader to check, with what
-//! [`SourceLine`] says.
+//! Accepts what any writer of bags may have written: names of any case, indented lines, tabs.
+//! A reader of its own files can check stricter rules with the fields of [`SourceLine`].
 
 /// One line of a definition.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -11,9 +10,9 @@ pub struct SourceLine<'a> {
     pub number: usize,
     /// The line without the space around it.
     pub text: &'a str,
-    /// What stands before the comment, with the space around it.
+    /// The part before the comment, with the space around it.
     pub code: &'a str,
-    /// What follows the number signs, if the line has any. ROS ends a line at the first one,
+    /// The part after the number signs, if there are any. ROS ends a line at the first one,
     /// even inside quotes.
     pub comment: Option<&'a str>,
     /// The field or the constant, if the line is not empty and not only a comment.

@@ -1,7 +1,6 @@
 //! Types as interface files write them: `uint8`, `string<=16[]`, `geometry_msgs/Point[<=3]`.
 //!
-//! Knows the primitives of ROS 2 and the form of a type. Whether a message of that name
-//! exists is for its users to say.
+//! Knows the primitives of ROS 2 and the form of a type. Does not know which messages exist.
 
 /// A type that ROS builds in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +47,7 @@ impl Primitive {
         })
     }
 
-    /// The primitive with the same bytes that has a number type of its own.
+    /// The primitive with the same bytes that is a number: `uint8` for `byte` and `char`.
     pub fn on_the_wire(self) -> Self {
         match self {
             Self::Byte | Self::Char => Self::U8,
@@ -74,11 +73,11 @@ pub enum Arity {
     One,
     /// Always this many, without a count on the wire.
     Array(usize),
-    /// A count and that many.
+    /// A count, then that many elements.
     Sequence,
 }
 
-/// The largest sizes that a type allows. They do not change the bytes on the wire.
+/// The largest sizes that a type allows. They are not on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TypeBounds {
     /// Bytes of a text: the 16 in `string<=16`.
@@ -129,7 +128,7 @@ impl<'a> WrittenType<'a> {
                     Arity::Sequence
                 } else {
                     match size(length)? {
-                        // ROS has none, and they would take memory without any bytes.
+                        // ROS has no empty arrays, and they would take memory without any bytes.
                         0 => return Err(TypeError::Size(text.to_owned())),
                         length => Arity::Array(length),
                     }

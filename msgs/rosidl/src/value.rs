@@ -48,7 +48,7 @@ impl Value {
         })
     }
 
-    /// [`Value::at`] for a path that is written out; `None` also if it is none.
+    /// [`Value::at`] for a path as text; `None` also if the text is not a path.
     pub fn get(&self, path: &str) -> Option<&Value> {
         self.at(&path.parse().ok()?)
     }
@@ -80,7 +80,7 @@ impl Value {
         }
     }
 
-    /// The kind of the value, for messages.
+    /// The kind of the value, for error messages.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Bool(_) => "bool",

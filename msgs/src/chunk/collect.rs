@@ -1,4 +1,4 @@
-//! Puts chunks together again.
+//! Reassembles chunks.
 
 use super::{ITEM_COUNT_MAX, hex};
 use crate::cdr;
@@ -10,7 +10,7 @@ use crate::wire::cnc_msgs::msg as wire;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 
-/// Why chunks do not make what their manifest announced.
+/// Why chunks are not what their manifest announced.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ChunkError {
     #[error("{what} are announced: {count}; at most {max} are taken")]
@@ -33,15 +33,15 @@ pub enum ChunkError {
     Manifest(WireError),
 }
 
-/// A chunk of one of the three long things.
+/// A chunk of a program, a contour or a path.
 pub trait Chunk: Sized {
     fn index(&self) -> u32;
     fn chunk_count(&self) -> u32;
     /// What it belongs to: a program, or a program and a revision.
     fn owner(&self) -> (&str, u64);
-    /// The checksum that it states and the one that it has.
+    /// The checksum that it states, and its actual one.
     fn checksums(&self) -> (u32, u32);
-    /// The bytes that the checksums are over.
+    /// The bytes that the checksums cover.
     fn body(&self) -> Vec<u8>;
 }
 
@@ -105,10 +105,10 @@ pub struct Collector<C> {
     program_id: String,
     revision: u64,
     count: u32,
-    /// `None` when checksums say nothing.
+    /// `None` when checksums are not compared.
     sha256: Option<String>,
     chunks: BTreeMap<u32, C>,
-    /// Every chunk before this one is there.
+    /// All chunks before this one have arrived.
     next: u32,
 }
 
@@ -124,13 +124,13 @@ impl<C: Chunk> Collector<C> {
         }
     }
 
-    /// Does without the checksums: they are over the bytes that were sent, and these chunks
-    /// were of an older definition then. Whoever read them must know that they are whole.
+    /// Ignores the checksums: they cover the bytes that were sent, and these chunks had an
+    /// older definition then. The caller has to know that the chunks are complete.
     pub fn without_checksums(self) -> Self {
         Self { sha256: None, ..self }
     }
 
-    /// Takes a chunk; one that is there already changes nothing.
+    /// Takes a chunk; one that has arrived before changes nothing.
     pub fn add(&mut self, chunk: C) -> Result<(), ChunkError> {
         let index = chunk.index();
         let (program_id, revision) = chunk.owner();
@@ -198,7 +198,7 @@ fn check_count(what: &'static str, found: usize, announced: u64) -> Result<(), C
 }
 
 impl Collector<wire::ProgramChunk> {
-    /// For the program of this manifest.
+    /// A collector for the program of this manifest.
     pub fn for_program(manifest: &wire::Program) -> Result<Self, ChunkError> {
         check_announced("bytes", manifest.size, ITEM_COUNT_MAX * 100)?;
         check_announced("chunks", manifest.chunk_count.into(), manifest.size / 1000 + 1)?;
@@ -215,7 +215,7 @@ impl Collector<wire::ProgramChunk> {
 }
 
 impl Collector<wire::ContourChunk> {
-    /// For the contour of this manifest.
+    /// A collector for the contour of this manifest.
     pub fn for_contour(manifest: &wire::ProgrammedContour) -> Result<Self, ChunkError> {
         check_announced("events", manifest.event_count, ITEM_COUNT_MAX)?;
         check_announced("chunks", manifest.chunk_count.into(), manifest.event_count + 1)?;
@@ -244,7 +244,7 @@ impl Collector<wire::ContourChunk> {
     }
 }
 
-/// Puts each centre at the height of its start, bit for bit, as it was before it travelled.
+/// Sets each centre to the height of its start, bit for bit, as before sending.
 fn level_centers(contour: &mut ProgrammedContour) {
     let mut position = contour.start;
     for event in &mut contour.events {
@@ -259,7 +259,7 @@ fn level_centers(contour: &mut ProgrammedContour) {
 }
 
 impl Collector<wire::PathChunk> {
-    /// For the path of this manifest.
+    /// A collector for the path of this manifest.
     pub fn for_path(manifest: &wire::CompensatedPath) -> Result<Self, ChunkError> {
         check_announced("elements", manifest.element_count, ITEM_COUNT_MAX)?;
         check_announced("events", manifest.event_count, ITEM_COUNT_MAX)?;

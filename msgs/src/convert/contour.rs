@@ -116,9 +116,9 @@ impl From<&ContourEvent> for wire::ContourEvent {
 }
 
 impl ContourEventKind {
-    /// The event as its receiver has it: with lengths, feeds and speeds rounded.
+    /// The event as its receiver gets it: with lengths, feeds and speeds rounded.
     ///
-    /// Who judges what was received this way judges the same bits wherever it runs.
+    /// The sender can so check the same bits that every receiver checks.
     #[must_use]
     pub fn received(self) -> Self {
         match self {

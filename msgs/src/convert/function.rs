@@ -75,7 +75,7 @@ impl From<&Action> for wire::MachineFunction {
 }
 
 impl Action {
-    /// The action as its receiver has it.
+    /// The action as its receiver gets it.
     pub(super) fn received(self) -> Self {
         match self {
             Self::SpindleSpeed { rpm } => Self::SpindleSpeed { rpm: received_rpm(rpm) },

@@ -25,7 +25,7 @@ pub const fn mode_to_wire(mode: Mode) -> u8 {
     }
 }
 
-/// The mode of a constant; one that is not known is [`Mode::Unknown`].
+/// The mode of a constant; [`Mode::Unknown`] for an unknown constant.
 pub fn mode_from_wire(state: u8) -> Mode {
     const MODES: [Mode; 12] = [
         Mode::Unknown,
@@ -56,7 +56,7 @@ pub const fn link_watch_to_wire(watch: LinkWatch) -> u8 {
     }
 }
 
-/// The watch of a constant; one that is not known is [`LinkWatch::Unknown`].
+/// The watch of a constant; [`LinkWatch::Unknown`] for an unknown constant.
 pub fn link_watch_from_wire(watch: u8) -> LinkWatch {
     const WATCHES: [LinkWatch; 5] = [
         LinkWatch::Unknown,
@@ -68,7 +68,7 @@ pub fn link_watch_from_wire(watch: u8) -> LinkWatch {
     WATCHES.into_iter().find(|&known| link_watch_to_wire(known) == watch).unwrap_or_default()
 }
 
-/// The state as a message; the header says when it was heard and in which frame it is.
+/// The state as a message; the header has the time of its report and its frame.
 pub fn machine_state_to_wire(header: Header, state: &MachineState) -> wire::MachineState {
     let [feed, rapid, spindle] = state.overrides_percent.map(|percent| f64::from(percent) / 100.0);
     wire::MachineState {

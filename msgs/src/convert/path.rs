@@ -26,7 +26,7 @@ const SIDES: [(u8, Option<CutterSide>); 3] = [
     (wire::PathElement::SIDE_RIGHT, Some(CutterSide::Right)),
 ];
 
-/// What a planner says of a start under compensation.
+/// The planner's answer about a start under compensation, as a number.
 pub fn start_in_span_to_wire(start: StartInSpan) -> u8 {
     match start {
         StartInSpan::Refused => PlanStartResponse::ENTRY_OUTSIDE,
@@ -35,7 +35,7 @@ pub fn start_in_span_to_wire(start: StartInSpan) -> u8 {
     }
 }
 
-/// The same, read; of a number that is not known nothing begins under compensation.
+/// The same, read; an unknown number forbids a start under compensation.
 pub fn start_in_span_from_wire(entry: u8) -> StartInSpan {
     match entry {
         PlanStartResponse::ENTRY_STANDING => StartInSpan::Standing,

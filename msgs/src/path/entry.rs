@@ -1,8 +1,8 @@
 //! Where a run enters a path when it begins at a line of its program.
 //!
 //! Knows which element and which functions come next, and which words before them are
-//! still in force. Whether a control begins there is the planner's business, how a
-//! controller is sent for it is the driver's.
+//! still in force. The planner decides whether a control begins there; the driver decides
+//! what to send.
 
 use super::{CompensatedPath, PathEvent, Role};
 use crate::contour::{Action, CoolantMode, SpindleMode};
@@ -13,11 +13,11 @@ use serde::{Deserialize, Serialize};
 pub struct Entry {
     /// The first element that is cut.
     pub element: usize,
-    /// The first event that happens; of those before it only words stay in force.
+    /// The first event that happens; of the earlier ones only words stay in force.
     pub event: usize,
 }
 
-/// Nothing of the program is left from a line on.
+/// No element is at or after the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the program has no motion from line {line} on; its last is in line {last}")]
 pub struct PastEnd {
@@ -32,21 +32,21 @@ pub enum StartInSpan {
     /// It must not.
     #[default]
     Refused,
-    /// The tool has to stand on the path: Z lies in the plane of compensation, and coming
-    /// down along it would cut.
+    /// The tool has to stand on the path: Z is in the plane of compensation, and moving down
+    /// along Z would cut.
     Standing,
     /// The tool may come down to the path: Z is its axis, so the plunge removes only what
     /// the path removes at that point too. (Not with a cutter that is wider than its shank;
-    /// the tool table does not know of those.)
+    /// the tool table cannot describe those.)
     FromAbove,
 }
 
 impl CompensatedPath {
     /// Where a run that begins at a line enters the path: at the first element of that
-    /// line or of one after it, the corner that belongs to its block included.
+    /// line or of a later one, the corner that belongs to its block included.
     ///
     /// # Errors
-    /// No element is of that line or of one after it.
+    /// No element is of that line or of a later one.
     pub fn entry(&self, line: u32) -> Result<Entry, PastEnd> {
         let element = self.elements.iter().position(|element| element.source.line >= line);
         let Some(element) = element else {
@@ -58,7 +58,7 @@ impl CompensatedPath {
         Ok(Entry { element, event })
     }
 
-    /// Whether an element begins at an offset, so that compensation is on before it.
+    /// Whether an element begins at an offset: compensation is on before it.
     pub fn begins_in_span(&self, element: usize) -> bool {
         !matches!(self.elements[element].role, Role::None | Role::LeadOn)
     }

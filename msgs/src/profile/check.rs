@@ -1,4 +1,4 @@
-//! What the form of a profile cannot say: values and combinations that no
+//! Finds what the form of a profile cannot exclude: values and combinations that no
 //! control could have.
 
 use super::{Dialect, OutputPoint, Profile, RadiusKind, ZeroOffset};

@@ -26,7 +26,7 @@ pub struct RadiusRules {
     /// What a running program does when `set_tool` changes its offset (S46, S48).
     #[serde(default)]
     pub live_value: LiveValue,
-    /// What the length of the offset does that D names (S34).
+    /// What the length of the offset named by D does (S34).
     #[serde(default)]
     pub length_of_d: LengthOfD,
 }
@@ -47,13 +47,13 @@ pub enum RadiusKind {
     NoseRegister,
 }
 
-/// What the number that a program or register holds is.
+/// What the number in a program or register means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RadiusValue {
     #[default]
     Radius,
-    /// Of a kerf: the offset is half of it.
+    /// The width of a kerf: the offset is half of it.
     Width,
 }
 
@@ -63,7 +63,7 @@ pub enum RadiusValue {
 pub enum NegativeRadius {
     /// The tool runs on the other side.
     Flip,
-    /// There is none.
+    /// It is not allowed.
     Forbidden,
 }
 
@@ -83,7 +83,7 @@ pub enum RadiusChange {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ChangeAt {
-    /// At the intersection with the old radius; it ends at that with the new one.
+    /// At the intersection with the old radius; it ends at the intersection with the new one.
     #[default]
     Intersection,
     /// Perpendicular to the end of the block before, with the old radius (SINUMERIK 880).
@@ -94,18 +94,18 @@ pub enum ChangeAt {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LiveValue {
-    /// The one it started with.
+    /// The value that it started with.
     #[default]
     AtStart,
-    /// The new one from the next corner on, when it is set while the machine holds (S48).
+    /// The new value from the next corner on, if it is set during a hold (S48).
     WhenStopped,
 }
 
-/// What the length of the offset does that D names.
+/// What the length of the offset named by D does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LengthOfD {
-    /// Nothing: another word selects lengths, or none does.
+    /// Nothing: another word selects lengths, or no word does.
     #[default]
     Ignored,
     /// It shifts Z from the next move of Z on (S34).

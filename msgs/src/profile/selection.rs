@@ -55,7 +55,7 @@ pub enum LeadMove {
     Coordinated,
 }
 
-/// What a lead must be long.
+/// How long a lead must be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LeadLength {
@@ -130,7 +130,7 @@ pub enum OffPlaneAfterCancel {
 #[serde(deny_unknown_fields)]
 pub struct SideChangeRules {
     pub rule: SideChange,
-    /// A change that there is none of, or where the offsets do not meet.
+    /// A change on a control that has none, or where the offsets do not meet.
     #[serde(default)]
     pub strictness: Strictness,
     /// The control's alarm where the offsets do not meet.
@@ -142,12 +142,12 @@ pub struct SideChangeRules {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SideChange {
-    /// The old contour ends and the new one begins as the words say, straight
-    /// without one (S39).
+    /// The old contour ends and the new one begins as the words say; without a word,
+    /// straight (S39).
     Relink,
     /// At the intersection of both offsets (O02), no move between.
     Intersection,
-    /// There is none.
+    /// It is not allowed.
     Forbidden,
 }
 
@@ -155,7 +155,7 @@ pub enum SideChange {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reselect {
-    /// Nothing, unless a word of the approach stands beside it (S35 to S37).
+    /// Nothing, unless the block also has a word of the approach (S35 to S37).
     Ignore,
     Forbidden,
 }

@@ -11,14 +11,14 @@ use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 use cnc_msgs::wire::sensor_msgs::msg::CompressedImage;
 use serde_json::Value;
 
-/// What our structs make of a row.
+/// A row, encoded and decoded with our structs.
 struct Encoded {
     body: Vec<u8>,
     /// The message, decoded again, as JSON.
     decoded: Value,
     /// A new message as JSON.
     default: Value,
-    /// The first length at which a cut-off message was taken for a whole one.
+    /// The first length at which a cut-off message was accepted as a whole one.
     accepted_cut: Option<usize>,
 }
 
@@ -47,7 +47,7 @@ macro_rules! encoders {
 
 const ENCODERS: &[(&str, Encode)] = cnc_msgs::for_every_message!(encoders);
 
-/// The rows of the fixture: type, value, and what our structs make of it.
+/// The rows of the fixture: type, value, and the value encoded.
 fn rows() -> Vec<(String, Value, Encoded)> {
     let rows: Vec<Value> =
         serde_json::from_str(include_str!("../fixtures/messages.json")).expect("valid JSON");

@@ -1,5 +1,5 @@
-//! The contract on the wire: what the interface files say is what is sent,
-//! hashed and written into bags, and what ROS 2 says of the same files.
+//! The contract on the wire: what is sent, hashed and written into bags is what the
+//! interface files say, and what ROS 2 says about the same files.
 
 mod cdr;
 mod generator;

@@ -1,4 +1,4 @@
-//! What the generator says of files that are wrong: the build fails with these lines.
+//! What the generator says about wrong files: the build fails with these lines.
 
 use std::fs;
 use std::path::PathBuf;

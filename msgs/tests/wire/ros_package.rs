@@ -1,4 +1,4 @@
-//! The files that make an ROS 2 package of this folder agree with the interfaces in it.
+//! The ROS 2 package files of this folder agree with the interfaces in it.
 
 use std::collections::BTreeSet;
 
@@ -15,7 +15,7 @@ fn own_files() -> Vec<InterfaceFile> {
     all_files().into_iter().filter(|file| file.name.package == "cnc_msgs").collect()
 }
 
-/// Packages that our definitions need, those that rosidl adds for actions too.
+/// Packages that our definitions need, including those that rosidl adds for actions.
 fn needed_packages() -> BTreeSet<String> {
     let registry = Registry::from_files(&all_files()).expect("built with them");
     let own = own_files();
@@ -47,7 +47,7 @@ fn elements(xml: &str, tag: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// What stands between the brackets of `rosidl_generate_interfaces`.
+/// The arguments of `rosidl_generate_interfaces`.
 fn generate_call() -> Vec<String> {
     let (_, rest) = CMAKE_LISTS.split_once("rosidl_generate_interfaces(").expect("the call");
     let (arguments, _) = rest.split_once(')').expect("closed");

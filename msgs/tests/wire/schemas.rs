@@ -14,7 +14,7 @@ fn name_of(info: &TypeInfo) -> TypeName {
     TypeName::parse(info.name, &nobody).expect(info.name)
 }
 
-/// Names behind `MSG:`, in order.
+/// Names after `MSG:`, in order.
 fn dependencies(text: &str) -> Vec<&str> {
     text.lines().filter_map(|line| line.strip_prefix("MSG: ")).collect()
 }

@@ -1,4 +1,4 @@
-//! What the generator makes of definitions, seen from a user of the structs.
+//! What the generator makes of definitions, as a user of the structs sees it.
 
 use cnc_msgs::interface::{Action, Message, Service};
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal};

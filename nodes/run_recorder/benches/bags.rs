@@ -130,7 +130,7 @@ fn by_run_bag(folder: &Path, messages: &Messages) {
     let indices: Vec<_> =
         channels().iter().map(|spec| bag.add_channel(spec).expect("a topic")).collect();
     for (time, topic, data) in messages {
-        // A recorder does not wait; a bench of what its disk takes does.
+        // A recorder does not wait; this bench does, to measure the disk.
         while !bag.has_room() {
             std::thread::sleep(Duration::from_micros(200));
         }

@@ -1,4 +1,4 @@
-//! Writes a bag directory of known content, for readers that are not ours: see `tests/oracle.py`.
+//! Writes a bag directory of known content, for other bag readers: see `tests/oracle.py`.
 //!
 //! `cargo run -p run_recorder --example write_bag -- DIR [COUNT]` makes
 //! `DIR/oracle` with COUNT messages (default 1000) on two topics and a silent
@@ -98,7 +98,7 @@ fn write(directory: &str, name: &str, split: SplitLimits, count: u64) -> Result<
         } else {
             (tool, point_message(i as i32, [i as f64, 0.5, -1.0]))
         };
-        // Unlike a recorder this program waits, so that nothing is lost on a slow disk.
+        // Unlike a recorder, this program waits, so that nothing is lost on a slow disk.
         while i % 1000 == 0 && bag.status().bytes_waiting > 1 << 20 {
             std::thread::sleep(Duration::from_millis(1));
         }

@@ -68,7 +68,7 @@ impl Rules {
 /// How one field differs.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Difference {
-    /// Numbers further apart than allowed, `by` their distance; NaN where one is none.
+    /// Numbers further apart than allowed, with their distance; NaN if one of them is NaN.
     Number { left: Value, right: Value, by: f64 },
     /// Other values.
     Value { left: Value, right: Value },

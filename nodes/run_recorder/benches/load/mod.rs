@@ -89,7 +89,7 @@ pub(crate) fn argument(name: &str) -> Option<u64> {
     words.next().map(|word| word.parse().unwrap_or_else(|_| panic!("{name} takes a number")))
 }
 
-/// Whether each bench is only to show that it works.
+/// Whether each bench only has to show that it works.
 pub(crate) fn is_test() -> bool {
     std::env::args().any(|word| word == "--test")
 }
