@@ -82,12 +82,15 @@ fn a_bag_has_begun_when_the_disk_has_taken_what_it_begins_with() {
     let parent = tempfile::tempdir().unwrap();
     let begun = |name: &str, room: usize| {
         let directory = parent.path().join(name);
-        let bag = bag_on(&directory, room, Arc::default(), QueueLimits::default());
+        // The disk fails only once everything is queued: a bag that has failed is closed.
+        let gate = Arc::default();
+        let closed = lock(&gate);
+        let bag = bag_on(&directory, room, gate.clone(), QueueLimits::default());
         let channel = bag.add_channel(&spec("/a")).unwrap();
         assert!(bag.write(channel, 1, 1, vec![0, 1, 0, 0, 7]));
         assert!(!bag.status().has_begun);
-        // One that has failed already is closed.
-        let _ = bag.begin();
+        bag.begin().unwrap();
+        drop(closed);
         let end = Instant::now() + LONG;
         while !bag.status().has_begun && bag.status().error.is_none() {
             assert!(Instant::now() < end, "neither begun nor failed");
