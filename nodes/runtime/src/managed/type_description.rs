@@ -8,6 +8,7 @@ use crate::endpoints::node::Handle;
 use cnc_msgs::schema::{self, TypeInfo};
 use cnc_msgs::wire::type_description_interfaces::msg as wire;
 use cnc_msgs::wire::type_description_interfaces::srv;
+use rosidl::schema_text::{self, SchemaPart};
 use serde::Deserialize;
 use std::future::ready;
 
@@ -81,26 +82,19 @@ fn individual(Individual { type_name, fields }: Individual) -> wire::IndividualT
     wire::IndividualTypeDescription { type_name, fields: fields.collect() }
 }
 
-/// The files of a type and of those that it names, as its schema has them.
+/// The files of a type and of those that it names, as they stand in its schema.
 fn sources(info: &TypeInfo) -> Vec<wire::TypeSource> {
-    let separator = format!("\n{}\nMSG: ", "=".repeat(80));
-    let mut parts = info.schema_text.split(separator.as_str());
-    let encoding = info.name.split('/').nth(1).unwrap_or_default();
-    let root = wire::TypeSource {
-        type_name: info.name.to_owned(),
-        encoding: encoding.to_owned(),
-        raw_file_contents: parts.next().unwrap_or_default().to_owned(),
+    let folder = info.name.split('/').nth(1).unwrap_or_default();
+    let parts = schema_text::parts(info.name, info.schema_text).into_iter().enumerate();
+    let source = |(index, part): (usize, SchemaPart<'_>)| {
+        let (type_name, encoding) = match part.name.split_once('/') {
+            Some((package, name)) if index > 0 => (format!("{package}/msg/{name}"), "msg"),
+            _ => (part.name.to_owned(), folder),
+        };
+        let raw_file_contents = part.text.to_owned();
+        wire::TypeSource { type_name, encoding: encoding.to_owned(), raw_file_contents }
     };
-    let named = parts.filter_map(|part| {
-        let (two_part, text) = part.split_once('\n')?;
-        let (package, name) = two_part.split_once('/')?;
-        Some(wire::TypeSource {
-            type_name: format!("{package}/msg/{name}"),
-            encoding: "msg".to_owned(),
-            raw_file_contents: text.to_owned(),
-        })
-    });
-    std::iter::once(root).chain(named).collect()
+    parts.map(source).collect()
 }
 
 #[cfg(test)]
