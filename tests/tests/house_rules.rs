@@ -118,6 +118,45 @@ fn a_folder_imports_only_the_folders_before_it() {
     }
 }
 
+/// The folders of the driver, and what of the driver each may import besides its own files.
+const DRIVER: [(&str, &[&str]); 5] = [
+    ("context", &["answer", "output"]),
+    ("connect", &["answer", "output", "next", "context"]),
+    ("manual", &["answer", "output", "next", "context"]),
+    ("run", &["answer", "output", "next", "context"]),
+    // A stop takes over what is left of a run.
+    ("stop", &["answer", "output", "next", "context", "run"]),
+];
+
+#[test]
+fn a_phase_of_the_driver_imports_no_other() {
+    let driver = root().join("nodes/axis_driver/src/driver");
+    let mut wrong = Vec::new();
+    for path in files(".rs") {
+        let Ok(inside) = path.strip_prefix(&driver) else { continue };
+        let first = inside.components().next().expect("a file in the folder").as_os_str();
+        let folder = first.to_string_lossy().trim_end_matches(".rs").to_owned();
+        let Some((_, allowed)) = DRIVER.iter().find(|(name, _)| *name == folder) else { continue };
+        let is_root_of_folder = inside.components().count() == 1;
+        let text = std::fs::read_to_string(&path).expect("sources are UTF-8");
+        for line in text.lines().filter(|line| line.starts_with("use ")) {
+            let target = match is_root_of_folder {
+                true => line.strip_prefix("use super::"),
+                false => line.strip_prefix("use crate::driver::"),
+            };
+            let Some(target) = target.or_else(|| line.strip_prefix("use crate::driver::")) else {
+                continue;
+            };
+            let end = target.find(|next: char| !next.is_alphanumeric() && next != '_');
+            let target = &target[..end.unwrap_or(target.len())];
+            if target != folder && !allowed.contains(&target) {
+                wrong.push(format!("{}: {line}", inside.display()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "phases that import each other: {wrong:#?}");
+}
+
 #[test]
 fn an_import_of_a_later_folder_is_found() {
     let seeds = [
