@@ -5,7 +5,7 @@ use super::wire::{Trouble, Writer};
 use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 
-/// Fails unless the machine is held, stands in the reported line, gets nothing
+/// Fails unless the machine is held in the reported line, gets nothing
 /// more, and is idle when the operator has reset it; returns what was said.
 #[track_caller]
 fn stops_for_good(cell: &Cell, trouble: Trouble, error_code: u16, says: &str) -> String {

@@ -3,7 +3,7 @@
 It has the part of rclpy's interface that the programs in the documentation use, with the
 signatures of Jazzy, above the library in `../../ros2`. It is no rclpy: what it proves is
 that a program is complete, calls what exists with arguments of the right types, and does
-with the nodes what its page says. Callbacks run while somebody spins, as there.
+with the nodes what its page says. Callbacks run during a spin, as in rclpy.
 """
 
 import signal

@@ -1,4 +1,4 @@
-"""What `rclpy.init` leaves behind: whether it was called, and with which arguments."""
+"""The state of `rclpy.init`: whether it was called, and with which arguments."""
 
 import os
 

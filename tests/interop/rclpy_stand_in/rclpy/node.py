@@ -25,7 +25,7 @@ class Node:
         """Runs a callback that is due; false when none is."""
         for source in self._sources:
             if source.work():
-                # The next spin begins behind it, so that none is left out.
+                # The next spin begins after it, so that none is skipped.
                 self._sources.remove(source)
                 self._sources.append(source)
                 return True
