@@ -21,7 +21,7 @@ const ROLE: &str = "KERF_TEST_COMMANDS";
 pub(crate) struct Commander {
     process: Process,
     orders: ChildStdin,
-    told: Arc<Mutex<Vec<String>>>,
+    output: Arc<Mutex<Vec<String>>>,
 }
 
 impl Commander {
@@ -34,14 +34,14 @@ impl Commander {
         let mut process = inside.spawn().expect("a commander");
         let orders = process.stdin.take().expect("piped");
         let out = BufReader::new(process.stdout.take().expect("piped"));
-        let told = Arc::<Mutex<Vec<String>>>::default();
-        let lines = Arc::clone(&told);
+        let output = Arc::<Mutex<Vec<String>>>::default();
+        let lines = Arc::clone(&output);
         std::thread::spawn(move || {
             for line in out.lines().map_while(Result::ok) {
                 lines.lock().expect("no panic").push(line);
             }
         });
-        Self { process: Process(process), orders, told }
+        Self { process: Process(process), orders, output }
     }
 
     pub(crate) fn output(&self) -> Vec<String> {
