@@ -3,15 +3,15 @@
 //! Follows the newest programmed contour, keeps the tool table, and plans again when either
 //! changes. [`plan`](crate::plan) decides what the path is.
 
-mod block;
 pub mod disagreement;
 mod health;
 mod input;
 mod lifecycle;
 mod live_offset;
+mod mdi;
 mod preview;
 mod report;
-mod run_start;
+mod restart;
 pub mod threads;
 mod tool_file;
 
@@ -103,20 +103,20 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
         let answer = match shared.node.require_active() {
             Ok(()) => {
                 let tools = shared.state().tools.clone();
-                let (answer, disagreement) = block::plan(&request, &tools);
+                let (answer, disagreement) = mdi::plan(&request, &tools);
                 if let Some(disagreement) = disagreement {
-                    shared.keep(block::NAME, None, disagreement);
+                    shared.keep(mdi::NAME, None, disagreement);
                 }
                 answer
             }
-            Err(why) => block::refuse(why),
+            Err(why) => mdi::refuse(why),
         };
         std::future::ready(answer)
     })?;
     let shared = Arc::clone(&planner);
     node.service::<PlanStart, _, _>("plan_start", move |request, _| {
         let newest = shared.state().live.newest.clone();
-        std::future::ready(run_start::plan(newest.as_ref(), &request))
+        std::future::ready(restart::plan(newest.as_ref(), &request))
     })?;
     let shared = Arc::clone(&planner);
     node.service::<GetTools, _, _>("get_tools", move |_, _| {

@@ -6,11 +6,11 @@
 
 mod compensate;
 mod emitter;
-mod joints;
 mod other_spans;
 mod output;
 pub(crate) mod plan;
 mod rules;
+mod span_breaks;
 mod span_writer;
 mod spans;
 mod tool_tip;
@@ -63,7 +63,7 @@ struct Active<'a> {
     /// A cancel that waits for its move.
     cancel: Option<(Approach, Source)>,
     behind: Option<WallBehind>,
-    between: rules::Between,
+    between: rules::BlocksBetween,
     /// A new radius word waits for the next block in the plane (S43).
     radius_changes: Option<Source>,
     /// A new value is in force after this many more blocks (S47).

@@ -4,10 +4,10 @@
 //! Each rule is one function with the values of the profile that it obeys. `walk` decides what
 //! happens to the program afterwards.
 
-mod between;
+mod blocks_between;
 mod findings;
 
-pub(crate) use between::Between;
+pub(crate) use blocks_between::BlocksBetween;
 pub(crate) use findings::*;
 
 use crate::geometry::element::Element;

@@ -84,7 +84,7 @@ impl<'a> Walk<'a> {
         let excess = between.excess(source, self.profile);
         let is_too_much = excess.is_some();
         self.report.findings.extend(excess);
-        active.between = rules::Between::after(source);
+        active.between = rules::BlocksBetween::after(source);
         is_too_much
     }
 
@@ -129,7 +129,7 @@ impl<'a> Walk<'a> {
             relink: None,
             cancel: None,
             behind: link.flatten(),
-            between: rules::Between::after(source),
+            between: rules::BlocksBetween::after(source),
             radius_changes: None,
             value_waits: None,
             corner_arc: None,

@@ -8,13 +8,13 @@ use cnc_msgs::profile::Profile;
 
 /// Blocks without motion in the plane between two that have it (S59, S61).
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Between {
+pub(crate) struct BlocksBetween {
     own: Source,
     last: Source,
     count: u32,
 }
 
-impl Between {
+impl BlocksBetween {
     /// After a block with motion in the plane.
     pub(crate) fn after(source: Source) -> Self {
         Self { own: source, last: source, count: 0 }
