@@ -1,7 +1,10 @@
 //! Rules that a compiler does not check.
 
+use compensation_planner::{Planning, judge};
 use kerf_tests::layers::upward_imports;
 use kerf_tests::{files, root};
+use program_loader::render::render;
+use program_loader::{LoadOptions, load};
 
 /// Crates with folders in an order: each folder imports only those before it.
 const LAYERS: [(&str, &[&str]); 2] = [
@@ -188,5 +191,53 @@ fn an_import_of_a_later_folder_is_found() {
         write(file, text);
         let found = upward_imports(folder.path(), &order);
         assert!(found.iter().any(|it| it.contains(expected)), "{file}, {text}: {found:?}");
+    }
+}
+
+/// A text file of the repository, by its path from the root.
+fn page(path: &str) -> String {
+    std::fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+#[test]
+fn the_finding_in_the_readme_is_what_kerf_plan_prints() {
+    let program = page("tests/readme/groove.ngc");
+    let tools = settings::tool_table_from_yaml(&page("tests/readme/tools.yaml"), "tools.yaml")
+        .expect("a tool table");
+    let profile = settings::load_profile("rs274").expect("a shipped profile");
+    let loaded = load(program.as_bytes(), &profile, &LoadOptions::default());
+    assert!(loaded.findings.is_empty(), "{:?}", loaded.findings);
+    let plan = judge(&loaded.contour, &profile, &tools, Planning::default()).plan;
+    let drawn = render("groove.ngc", &program, &plan.findings, false);
+    let block = format!("```text\n{drawn}```");
+    assert!(page("README.md").contains(&block), "README.md has another block than\n{block}");
+}
+
+#[test]
+fn what_the_quality_declaration_names_exists() {
+    let (declaration, ci) = (page("QUALITY_DECLARATION.md"), page(".ci/run"));
+    let mut missing = Vec::new();
+    // Every other piece between backticks is a name; code blocks have none of a path.
+    for name in declaration.split('`').skip(1).step_by(2) {
+        let is_path = name.contains('/') && !name.contains(' ') && !name.contains('\n');
+        let is_file = [".md", ".toml", ".lock"].iter().any(|ending| name.ends_with(ending))
+            || name.starts_with("LICENSE");
+        if (is_path || is_file) && !root().join(name).exists() {
+            missing.push(name);
+        }
+    }
+    // Steps are the last column of the table of tests, and `Step "..."`.
+    let rows = declaration.lines().filter(|line| line.starts_with("| ") && line.contains('`'));
+    let cells = rows.filter_map(|row| row.trim_end_matches(" |").rsplit("| ").next());
+    let quoted = declaration.split("tep \"").skip(1).filter_map(|rest| rest.split('"').next());
+    for step in cells.skip(1).flat_map(|cell| cell.split(", ")).chain(quoted) {
+        if step != "none" && !ci.contains(&format!("step \"{step}")) {
+            missing.push(step);
+        }
+    }
+    assert!(missing.is_empty(), "not there: {missing:#?}");
+    for held in ["unsafe_code = \"deny\"", "license = \"MIT OR Apache-2.0\"", "version = \"0.1.0\""]
+    {
+        assert!(page("Cargo.toml").contains(held), "Cargo.toml has no {held}");
     }
 }
