@@ -5,7 +5,7 @@
 //! mode draws without moving, so that the whole of it takes seconds.
 
 use axis_driver::driver::RunOutcome;
-use axis_driver::encoder::{Board, Encoder, EncoderConfig, PREAMBLE, Step};
+use axis_driver::encoder::{Board, Encoder, EncoderConfig, EncoderStep, PREAMBLE};
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
@@ -219,7 +219,7 @@ impl DrawingBoard {
         let mut lines = Vec::new();
         self.say(PREAMBLE);
         while let Some(step) = encoder.next_step() {
-            let Ok(Step::Line(line)) = step else { panic!("{step:?}") };
+            let Ok(EncoderStep::Line(line)) = step else { panic!("{step:?}") };
             let points = self.say(&line.text);
             if line.element == Some(1) {
                 drawn.extend(points);

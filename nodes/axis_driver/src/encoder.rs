@@ -49,7 +49,7 @@ pub struct EncodedLine {
 
 /// What comes next.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Step {
+pub enum EncoderStep {
     Line(EncodedLine),
     /// grbl has no tool change: motion ends, the tool is changed by hand, and the
     /// program goes on when that is confirmed. The spindle was stopped before.
@@ -105,7 +105,7 @@ pub struct Encoder {
     next_element: usize,
     next_event: usize,
     modal: Modal,
-    pending: VecDeque<Step>,
+    pending: VecDeque<EncoderStep>,
     /// What is left of a helix of very many turns.
     rest: Option<RestOfArc>,
     start_axes: AxisSet,
@@ -165,13 +165,13 @@ impl Encoder {
         self.start_axes
     }
 
-    /// Whether a [`Step::CheckStart`] is among the next steps.
+    /// Whether a [`EncoderStep::CheckStart`] is among the next steps.
     pub fn checks_start(&self) -> bool {
-        self.pending.contains(&Step::CheckStart)
+        self.pending.contains(&EncoderStep::CheckStart)
     }
 
     /// The next step; `None` at the end. After an error nothing useful follows.
-    pub fn next_step(&mut self) -> Option<Result<Step, EncodeError>> {
+    pub fn next_step(&mut self) -> Option<Result<EncoderStep, EncodeError>> {
         loop {
             if let Some(step) = self.pending.pop_front() {
                 return Some(Ok(step));
@@ -342,7 +342,7 @@ impl Encoder {
         if bytes > max {
             return Err(EncodeProblem::LineLength { text: line.text, bytes, max });
         }
-        self.pending.push_back(Step::Line(line));
+        self.pending.push_back(EncoderStep::Line(line));
         Ok(())
     }
 }

@@ -3,7 +3,7 @@
 //! If the lines are the same, the recorded answers for one path are valid for the other.
 
 use super::compare::DifferencePlace;
-use axis_driver::encoder::{Encoder, EncoderConfig, Step};
+use axis_driver::encoder::{Encoder, EncoderConfig, EncoderStep};
 use cnc_msgs::path::CompensatedPath;
 use std::sync::Arc;
 
@@ -51,16 +51,16 @@ impl Iterator for Lines {
     fn next(&mut self) -> Option<Self::Item> {
         let step = self.0.as_mut()?.next_step()?;
         Some(match step {
-            Ok(Step::Line(line)) => (line.text, line.source_line),
-            Ok(Step::ToolChange { tool, source_line }) => {
+            Ok(EncoderStep::Line(line)) => (line.text, line.source_line),
+            Ok(EncoderStep::ToolChange { tool, source_line }) => {
                 (format!("tool change to T{tool}"), source_line)
             }
-            Ok(Step::ControllerChange { tool, source_line }) => {
+            Ok(EncoderStep::ControllerChange { tool, source_line }) => {
                 (format!("tool change to T{tool} by the controller"), source_line)
             }
-            Ok(Step::Home { text, source_line, .. }) => (text, source_line),
-            Ok(Step::CheckStart) => ("check of the start".to_owned(), 0),
-            Ok(Step::CheckReturn { .. }) => ("check of the way back".to_owned(), 0),
+            Ok(EncoderStep::Home { text, source_line, .. }) => (text, source_line),
+            Ok(EncoderStep::CheckStart) => ("check of the start".to_owned(), 0),
+            Ok(EncoderStep::CheckReturn { .. }) => ("check of the way back".to_owned(), 0),
             Err(error) => {
                 self.0 = None;
                 (error.to_string(), 0)

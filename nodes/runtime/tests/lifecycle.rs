@@ -14,7 +14,9 @@ use cnc_msgs::wire::rcl_interfaces::srv::{
 use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest, TriggerResponse};
 use common::{PATIENCE, domain, namespace, soon, start_with};
 use runtime::parameters::Declared;
-use runtime::{Client, Handle, Health, Managed, Qos, ServiceMapping, Session, Step, Trouble};
+use runtime::{
+    Client, Handle, Health, Managed, Qos, ServiceMapping, Session, TransitionResult, Trouble,
+};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -28,7 +30,7 @@ struct Worker {
 }
 
 impl Worker {
-    fn step(&self, name: &str) -> Step {
+    fn step(&self, name: &str) -> TransitionResult {
         tracing::info!("step {name}");
         match name {
             _ if self.failing == name => Err(Trouble::failure("there is no wood")),
@@ -39,25 +41,25 @@ impl Worker {
 }
 
 impl Managed for Worker {
-    async fn configure(&self) -> Step {
+    async fn configure(&self) -> TransitionResult {
         self.step("configure")
     }
 
-    async fn activate(&self) -> Step {
+    async fn activate(&self) -> TransitionResult {
         self.step("activate")
     }
 
-    async fn deactivate(&self) -> Step {
+    async fn deactivate(&self) -> TransitionResult {
         // A request for the state meanwhile sees the transitional state.
         tokio::time::sleep(Duration::from_millis(600)).await;
         self.step("deactivate")
     }
 
-    async fn cleanup(&self) -> Step {
+    async fn cleanup(&self) -> TransitionResult {
         self.step("cleanup")
     }
 
-    async fn shutdown(&self) -> Step {
+    async fn shutdown(&self) -> TransitionResult {
         self.step("shutdown")
     }
 

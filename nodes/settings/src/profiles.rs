@@ -109,7 +109,8 @@ mod tests {
     #[test]
     fn every_profile_that_comes_along_loads_and_has_the_name_of_its_file() {
         for control in Control::ALL {
-            let profile = control.profile().expect(control.name());
+            let name = control.name();
+            let profile = control.profile().expect(name);
             assert_eq!(profile.name, control.name());
         }
     }

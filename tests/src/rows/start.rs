@@ -1,7 +1,7 @@
 //! What comes of starting a case at a line: what the planner says, and what the driver sends.
 
 use super::observe::{element, finding};
-use axis_driver::encoder::{EncoderConfig, Step, start_at};
+use axis_driver::encoder::{EncoderConfig, EncoderStep, start_at};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::profile::Profile;
@@ -59,12 +59,12 @@ fn sent(
     let mut is_cutting = false;
     while !is_cutting && let Some(step) = encoder.next_step() {
         lines.push(match step.map_err(|problem| problem.to_string())? {
-            Step::Line(line) => {
+            EncoderStep::Line(line) => {
                 is_cutting = line.element.is_some();
                 line.text
             }
-            Step::ToolChange { tool, .. } => format!("(put in T{tool})"),
-            Step::CheckStart => "(is the tool there?)".into(),
+            EncoderStep::ToolChange { tool, .. } => format!("(put in T{tool})"),
+            EncoderStep::CheckStart => "(is the tool there?)".into(),
             other => panic!("{other:?} at a start in the middle"),
         });
     }

@@ -27,7 +27,7 @@ const SAMPLE_CHARS: usize = 40;
 /// is open, until when, and which soft reset waits for the outcome.
 #[derive(Debug)]
 pub(super) struct Connecting {
-    step: Step,
+    step: ConnectStep,
     until: Duration,
     restarts: u32,
     garbage: usize,
@@ -37,7 +37,7 @@ pub(super) struct Connecting {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Step {
+enum ConnectStep {
     Listening,
     AwaitingBanner,
     /// It has restarted by itself: lines that were on their way are still answered.
@@ -48,13 +48,13 @@ enum Step {
 }
 
 impl Connecting {
-    fn new(step: Step, until: Duration, reply: Option<u64>) -> Self {
+    fn new(step: ConnectStep, until: Duration, reply: Option<u64>) -> Self {
         Self { step, until, restarts: 0, garbage: 0, sample: String::new(), reply }
     }
 
     /// Listens at a port that was just opened.
     pub(super) fn listen(context: &Context) -> Self {
-        Self::new(Step::Listening, context.now + LISTEN, None)
+        Self::new(ConnectStep::Listening, context.now + LISTEN, None)
     }
 
     /// Resets the controller, then asks for everything again.
@@ -62,13 +62,13 @@ impl Connecting {
         context.link.send_reset(context.now);
         context.hold = None;
         context.drop_overrides("the controller is being reset");
-        Self::new(Step::AwaitingBanner, context.now + ANSWER, reply)
+        Self::new(ConnectStep::AwaitingBanner, context.now + ANSWER, reply)
     }
 
     /// Asks for everything again after a restart that the driver did not ask for.
     pub(super) fn after_restart(context: &mut Context) -> Self {
         context.link.distrust();
-        Self::new(Step::PassingOver, context.now + CROSSING, None)
+        Self::new(ConnectStep::PassingOver, context.now + CROSSING, None)
     }
 
     pub(super) fn until(&self) -> Duration {
@@ -77,14 +77,14 @@ impl Connecting {
 
     /// Whether a reset was sent and its start message has not come.
     pub(super) fn is_resetting(&self) -> bool {
-        self.step == Step::AwaitingBanner
+        self.step == ConnectStep::AwaitingBanner
     }
 
     /// Whether the settings were answered, the unit of reports among them.
     pub(super) fn has_settings(&self) -> bool {
         match self.step {
-            Step::Asking(query) => query > SETTINGS_QUERY,
-            Step::AwaitingStatus => true,
+            ConnectStep::Asking(query) => query > SETTINGS_QUERY,
+            ConnectStep::AwaitingStatus => true,
             _ => false,
         }
     }
@@ -96,11 +96,11 @@ impl Connecting {
 
     pub(super) fn describe(&self) -> String {
         match self.step {
-            Step::Listening => "listening".into(),
-            Step::AwaitingBanner => "waiting for the controller to start".into(),
-            Step::PassingOver => "waiting for answers to lines of before".into(),
-            Step::Asking(query) => format!("asking {}", QUERIES[query]),
-            Step::AwaitingStatus => "waiting for a report".into(),
+            ConnectStep::Listening => "listening".into(),
+            ConnectStep::AwaitingBanner => "waiting for the controller to start".into(),
+            ConnectStep::PassingOver => "waiting for answers to lines of before".into(),
+            ConnectStep::Asking(query) => format!("asking {}", QUERIES[query]),
+            ConnectStep::AwaitingStatus => "waiting for a report".into(),
         }
     }
 
@@ -114,8 +114,8 @@ impl Connecting {
     /// Takes a status report, which is in the machine model already.
     pub(super) fn on_status(&mut self, context: &mut Context) -> Option<Next> {
         match self.step {
-            Step::Listening => {}
-            Step::AwaitingStatus => return Some(self.finish(context)),
+            ConnectStep::Listening => {}
+            ConnectStep::AwaitingStatus => return Some(self.finish(context)),
             _ => return None,
         }
         if context.machine.is_state(&ControllerState::Other("Starting".into())) {
@@ -156,7 +156,7 @@ impl Connecting {
 
     pub(super) fn on_banner(&mut self, context: &mut Context, text: &str) -> Option<Next> {
         match self.step {
-            Step::Listening => {
+            ConnectStep::Listening => {
                 // The machine may have been moving when its controller restarted.
                 context.machine.is_homed = false;
                 let text = format!(
@@ -166,14 +166,16 @@ impl Connecting {
                 context.log(LogLevel::Warn, text);
                 self.settle(context);
             }
-            Step::AwaitingBanner => self.begin_queries(context),
-            Step::PassingOver => *self = Self::after_restart(context),
-            Step::Asking(_) | Step::AwaitingStatus if self.restarts < RESTARTS_MAX => {
+            ConnectStep::AwaitingBanner => self.begin_queries(context),
+            ConnectStep::PassingOver => *self = Self::after_restart(context),
+            ConnectStep::Asking(_) | ConnectStep::AwaitingStatus
+                if self.restarts < RESTARTS_MAX =>
+            {
                 self.restarts += 1;
                 context.log(LogLevel::Warn, format!("the controller restarted again: {text}"));
                 self.begin_queries(context);
             }
-            Step::Asking(_) | Step::AwaitingStatus => {
+            ConnectStep::Asking(_) | ConnectStep::AwaitingStatus => {
                 let message = "the controller restarts again and again: check its supply";
                 return Some(self.fail(context, error_code::RESTARTED, message.into()));
             }
@@ -183,11 +185,11 @@ impl Connecting {
 
     pub(super) fn on_fault(&mut self, context: &mut Context, fault: &LinkFault) -> Option<Next> {
         match (fault, self.step) {
-            (LinkFault::Damaged { text }, Step::Listening | Step::AwaitingBanner) => {
+            (LinkFault::Damaged { text }, ConnectStep::Listening | ConnectStep::AwaitingBanner) => {
                 self.hear_garbage(text);
                 None
             }
-            (_, Step::Asking(_) | Step::AwaitingStatus) => {
+            (_, ConnectStep::Asking(_) | ConnectStep::AwaitingStatus) => {
                 Some(self.fail(context, error_code::PROTOCOL, fault.to_string()))
             }
             _ => None,
@@ -195,30 +197,30 @@ impl Connecting {
     }
 
     pub(super) fn on_timeout(&mut self, context: &mut Context) -> Option<Next> {
-        if self.step == Step::PassingOver {
+        if self.step == ConnectStep::PassingOver {
             self.begin_queries(context);
             return None;
         }
         let waited = match self.step {
-            Step::Listening => LISTEN,
+            ConnectStep::Listening => LISTEN,
             _ => ANSWER,
         };
         let waited = waited.as_secs_f64();
         let message = match (self.step, self.garbage) {
-            (Step::Asking(query), _) => {
+            (ConnectStep::Asking(query), _) => {
                 format!("the controller did not answer {} within {waited} s", QUERIES[query])
             }
-            (Step::AwaitingStatus, _) => {
+            (ConnectStep::AwaitingStatus, _) => {
                 format!("the controller answers, but did not report what it does within {waited} s")
             }
             (_, 1..) => format!(
                 "what answers is no controller of the grbl family: {} lines such as {:?} in {waited} s; check baud rate and port",
                 self.garbage, self.sample
             ),
-            (Step::Listening, 0) => {
+            (ConnectStep::Listening, 0) => {
                 format!("nothing answered within {waited} s; check port, cable and supply")
             }
-            (Step::AwaitingBanner | Step::PassingOver, 0) => {
+            (ConnectStep::AwaitingBanner | ConnectStep::PassingOver, 0) => {
                 format!("no start message came within {waited} s of a reset")
             }
         };

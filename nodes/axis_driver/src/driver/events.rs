@@ -5,7 +5,7 @@ use super::context::Origin;
 use super::manual::{ManualEnd, Task};
 use super::next::Next;
 use super::output::LogLevel;
-use super::run::exit::Verdict;
+use super::run::exit::RunVerdict;
 use super::{Driver, Phase};
 use crate::codes::{self, error_code};
 use crate::link::{LinkEvent, LinkFault};
@@ -123,7 +123,7 @@ impl Driver {
             Some((line, element)) => job.place_of_line(line, element),
             None => job.place(),
         };
-        self.end_run(Verdict::aborted(error_code::ALARM, format!("{text}, at {place}")), next);
+        self.end_run(RunVerdict::aborted(error_code::ALARM, format!("{text}, at {place}")), next);
     }
 
     /// The controller has restarted.
@@ -142,7 +142,7 @@ impl Driver {
                 );
                 context.machine.is_homed = false;
                 context.machine.lost_its_place = true;
-                self.end_run(Verdict::aborted(error_code::RESTARTED, message), Next::Ready);
+                self.end_run(RunVerdict::aborted(error_code::RESTARTED, message), Next::Ready);
                 self.begin_after_restart();
             }
             Phase::Manual(_) => {
@@ -213,7 +213,7 @@ impl Driver {
             Phase::Stopping(_) => {}
             Phase::Running(_) => {
                 self.context.log(LogLevel::Error, text.clone());
-                self.stop_run(Verdict::aborted(error_code::PROTOCOL, text));
+                self.stop_run(RunVerdict::aborted(error_code::PROTOCOL, text));
             }
             Phase::Manual(operation) => {
                 // What moves is brought to a stop; the count is settled by the reset.
@@ -242,7 +242,7 @@ impl Driver {
         let next = Next::adrift(format!("LINK_LOST: {TEXT}; soft_reset to go on"));
         match &self.phase {
             Phase::Running(_) | Phase::Stopping(_) => {
-                self.end_run(Verdict::aborted(error_code::LINK_LOST, TEXT), next);
+                self.end_run(RunVerdict::aborted(error_code::LINK_LOST, TEXT), next);
                 // It may still arrive; if the link comes back it is looked for.
                 self.context.send_hold();
             }

@@ -36,7 +36,7 @@ pub(super) struct ManualOperation {
     /// Lines to be sent, each when the one before is answered.
     lines: VecDeque<String>,
     kind: LineKind,
-    step: Step,
+    step: ManualStep,
     until: Option<Duration>,
     /// Why it is to end before it is done.
     stop: Option<Refusal>,
@@ -80,7 +80,7 @@ pub(super) enum Task {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Step {
+enum ManualStep {
     /// A line is under way.
     Asked,
     /// All is answered; the axes move until the machine reports that it stands.
@@ -119,7 +119,7 @@ impl ManualOperation {
             _ => Some(context.now + ANSWER),
         };
         let lines = lines.into();
-        let (step, stop, refused) = (Step::Asked, None, None);
+        let (step, stop, refused) = (ManualStep::Asked, None, None);
         let mut operation = Self { id, task, lines, kind, step, until, stop, refused };
         // A hold that is still looked for was meant for what went before.
         context.hold = None;
@@ -192,7 +192,7 @@ impl ManualOperation {
             return None;
         }
         // What it has done shows in the next report; whoever asked can rely on it then.
-        self.step = Step::Answered { reports: 0 };
+        self.step = ManualStep::Answered { reports: 0 };
         match &self.task {
             Task::Home => {
                 context.machine.is_homed = true;
@@ -216,7 +216,7 @@ impl ManualOperation {
             // What is left of the move is dropped.
             return Some(ManualEnd::refused(stop, Next::Ready).with_reset());
         }
-        let Step::Answered { reports } = &mut self.step else { return None };
+        let ManualStep::Answered { reports } = &mut self.step else { return None };
         let is_over = match self.task {
             Task::Jog { .. } | Task::Probe { .. } => context.machine.mode() == Mode::Idle,
             _ => true,
@@ -251,7 +251,7 @@ impl ManualOperation {
         }
         self.until = Some(context.now + STANDSTILL);
         match (&self.task, self.step) {
-            (Task::Jog { .. }, Step::Answered { .. }) => {
+            (Task::Jog { .. }, ManualStep::Answered { .. }) => {
                 context.link.send_realtime(realtime::JOG_CANCEL);
             }
             (Task::Probe { .. }, _) => context.link.send_realtime(realtime::FEED_HOLD),

@@ -8,7 +8,7 @@
 use super::answer::{Answer, Refusal, done, refused};
 use super::output::{Output, RunOutcome, RunResult};
 use super::run::Run;
-use super::run::exit::Verdict;
+use super::run::exit::RunVerdict;
 use super::run::progress::miss_record;
 use super::run::tool_change::{NO_CHANGE, ToolChange};
 use super::{Driver, Phase};
@@ -76,12 +76,12 @@ impl Driver {
         let has_moved = frame.is_empty() && machine.shift() != shift;
         self.phase = Phase::Running(run);
         if is_canceled {
-            return self.stop_run(Verdict::canceled("canceled while the tool was changed"));
+            return self.stop_run(RunVerdict::canceled("canceled while the tool was changed"));
         }
         if has_moved {
             let text = "a reset while the tool was changed has dropped G92: the work frame has \
                         moved; set it again, then start at the first line after the tool change";
-            self.stop_run(Verdict::aborted(error_code::START_POSITION, text));
+            self.stop_run(RunVerdict::aborted(error_code::START_POSITION, text));
         }
     }
 
@@ -130,7 +130,7 @@ impl Driver {
                 let refusal = Refusal::new(error_code::CANCELED, "canceled");
                 operation.stop(&mut self.context, refusal);
             }
-            Phase::Running(_) => self.stop_run(Verdict::canceled("canceled")),
+            Phase::Running(_) => self.stop_run(RunVerdict::canceled("canceled")),
             _ => {}
         }
         Some(done("what is done by hand and the run are being stopped"))

@@ -8,7 +8,7 @@
 use super::context::place::{Belief, Circumstances, show};
 use super::context::{Context, Origin};
 use super::output::LogLevel;
-use super::run::exit::Verdict;
+use super::run::exit::RunVerdict;
 use super::{Driver, Phase};
 use crate::codes::error_code;
 use crate::link::LineKind;
@@ -171,7 +171,7 @@ impl Driver {
             // It goes on moving, from a wrong zero.
             Phase::Running(_) if moves_on => {
                 let text = self.doubt_place(sign);
-                self.stop_run(Verdict::aborted(error_code::RESTARTED, text));
+                self.stop_run(RunVerdict::aborted(error_code::RESTARTED, text));
                 return false;
             }
             Phase::Running(_) | Phase::Manual(_) | Phase::Adrift { .. } | Phase::Ready => {}

@@ -6,7 +6,7 @@ use super::manual::Order;
 use super::manual::configure::{Configuration, configure};
 use super::manual::lines::{JogRequest, OffsetRequest, ProbeRequest};
 use super::run::Run;
-use super::run::exit::Verdict;
+use super::run::exit::RunVerdict;
 use super::run::proof::{Check, Proof};
 use super::run::replan::ReplanRequest;
 use super::run::request::RunRequest;
@@ -81,7 +81,7 @@ impl Driver {
             self.context.reply(check.id, Err(Refusal::new(error_code::CANCELED, text)));
         }
         if self.phase.job().is_some_and(|job| is_meant(job.id)) {
-            self.stop_run(Verdict::canceled("canceled"));
+            self.stop_run(RunVerdict::canceled("canceled"));
             return done("the run is being stopped");
         }
         match (&mut self.phase, check) {

@@ -12,7 +12,7 @@ use super::context::{Context, Origin};
 use super::next::Next;
 use super::output::{LogLevel, RunOutcome};
 use super::run::Run;
-use super::run::exit::Verdict;
+use super::run::exit::RunVerdict;
 use super::run::job::Job;
 use super::run::replan::{self, ReplanRequest};
 use crate::codes::error_code;
@@ -30,8 +30,8 @@ const OLD_REPORTS: Duration = Duration::from_millis(30);
 #[derive(Debug)]
 pub(super) struct Stopping {
     pub(super) job: Job,
-    verdict: Verdict,
-    step: Step,
+    verdict: RunVerdict,
+    step: StopStep,
     /// The soft reset that asked for it.
     reply: Option<u64>,
     /// A request for another path, which can no longer be followed and is still to be
@@ -52,7 +52,7 @@ pub(super) struct Ended {
 }
 
 #[derive(Debug)]
-enum Step {
+enum StopStep {
     Holding {
         since: Duration,
         reports: u32,
@@ -69,29 +69,29 @@ enum Step {
 
 impl Stopping {
     /// Stops a run that has begun: with a hold, or with a reset where a hold has no effect.
-    pub(super) fn begin(context: &mut Context, run: Run, verdict: Verdict) -> Self {
+    pub(super) fn begin(context: &mut Context, run: Run, verdict: RunVerdict) -> Self {
         // Homing does not react to a hold, and in check mode nothing moves.
         let is_reset = run.job.is_check() || run.is_homing() && context.link.unanswered() > 0;
         context.hold = None;
         let step = if is_reset {
             context.link.send_reset(context.now);
-            Step::Resetting { until: context.now + ANSWER }
+            StopStep::Resetting { until: context.now + ANSWER }
         } else {
             context.link.send_realtime(realtime::FEED_HOLD);
-            Step::Holding { since: context.now, reports: 0, idle_reports: 0 }
+            StopStep::Holding { since: context.now, reports: 0, idle_reports: 0 }
         };
         Self::new(run, verdict, step, None)
     }
 
     /// Resets at once, in the middle of a run.
     pub(super) fn reset(context: &mut Context, run: Run, reply: u64) -> Self {
-        let verdict = Verdict::aborted(error_code::SOFT_RESET, "stopped by a soft reset");
-        let step = Step::Resetting { until: context.now + ANSWER };
+        let verdict = RunVerdict::aborted(error_code::SOFT_RESET, "stopped by a soft reset");
+        let step = StopStep::Resetting { until: context.now + ANSWER };
         send_reset(context);
         Self::new(run, verdict, step, Some(reply))
     }
 
-    fn new(run: Run, verdict: Verdict, step: Step, reply: Option<u64>) -> Self {
+    fn new(run: Run, verdict: RunVerdict, step: StopStep, reply: Option<u64>) -> Self {
         let Run { job, rest, .. } = run;
         let rest = rest.map(|rest| rest.id);
         Self { job, verdict, step, reply, rest, shift_before: [0.0; 3] }
@@ -99,7 +99,7 @@ impl Stopping {
 
     /// Resets at once, in the middle of the stop.
     pub(super) fn reset_now(&mut self, context: &mut Context, reply: u64) {
-        self.step = Step::Resetting { until: context.now + ANSWER };
+        self.step = StopStep::Resetting { until: context.now + ANSWER };
         if let Some(earlier) = self.reply.replace(reply) {
             let text = "interrupted by a soft reset";
             context.reply(earlier, Err(Refusal::new(error_code::SOFT_RESET, text)));
@@ -109,8 +109,8 @@ impl Stopping {
 
     pub(super) fn until(&self) -> Duration {
         match self.step {
-            Step::Holding { since, .. } => since + STANDSTILL,
-            Step::Resetting { until } | Step::Reporting { until } => until,
+            StopStep::Holding { since, .. } => since + STANDSTILL,
+            StopStep::Resetting { until } | StopStep::Reporting { until } => until,
         }
     }
 
@@ -120,15 +120,15 @@ impl Stopping {
         state.path_revision = self.job.request.revision;
         state.settled_elements = 0;
         state.reason = match self.step {
-            Step::Holding { .. } => format!("STOPPING: {}", self.verdict.message),
-            Step::Resetting { .. } | Step::Reporting { .. } => {
+            StopStep::Holding { .. } => format!("STOPPING: {}", self.verdict.message),
+            StopStep::Resetting { .. } | StopStep::Reporting { .. } => {
                 format!("RESETTING: {}", self.verdict.message)
             }
         };
     }
 
     pub(super) fn is_resetting(&self) -> bool {
-        matches!(self.step, Step::Resetting { .. } | Step::Reporting { .. })
+        matches!(self.step, StopStep::Resetting { .. } | StopStep::Reporting { .. })
     }
 
     /// Whether it is being stopped for something that the operator has to settle.
@@ -136,7 +136,7 @@ impl Stopping {
         self.verdict.needs_operator()
     }
 
-    pub(super) fn verdict(&self) -> &Verdict {
+    pub(super) fn verdict(&self) -> &RunVerdict {
         &self.verdict
     }
 
@@ -180,10 +180,10 @@ impl Stopping {
         let state = machine.status.as_ref().map(|status| status.state.clone())?;
         let (is_held, is_moving) = (machine.is_held(), machine.is_moving());
         let (since, reports, idle_reports) = match &mut self.step {
-            Step::Holding { since, reports, idle_reports } => (*since, reports, idle_reports),
-            Step::Resetting { .. } => return None,
-            Step::Reporting { .. } if context.link.unanswered() > 0 => return None,
-            Step::Reporting { .. } => return Some(self.finish(context)),
+            StopStep::Holding { since, reports, idle_reports } => (*since, reports, idle_reports),
+            StopStep::Resetting { .. } => return None,
+            StopStep::Reporting { .. } if context.link.unanswered() > 0 => return None,
+            StopStep::Reporting { .. } => return Some(self.finish(context)),
         };
         if context.now < since + OLD_REPORTS {
             return None;
@@ -204,7 +204,7 @@ impl Stopping {
             return Some(Next::adrift(format!("{}; soft_reset to go on", self.verdict.message)));
         }
         if stands {
-            self.step = Step::Resetting { until: context.now + ANSWER };
+            self.step = StopStep::Resetting { until: context.now + ANSWER };
             context.link.send_reset(context.now);
             return None;
         }

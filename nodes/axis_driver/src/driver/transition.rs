@@ -7,7 +7,7 @@ use super::connect::Connecting;
 use super::manual::{ManualEnd, ManualOperation, Order};
 use super::next::Next;
 use super::output::{LogLevel, Output, RunOutcome, RunResult};
-use super::run::exit::{Exit, Verdict};
+use super::run::exit::{Exit, RunVerdict};
 use super::stop::{Ended, Stopping};
 use super::{Driver, Phase};
 use crate::codes::error_code;
@@ -51,7 +51,7 @@ impl Driver {
         let next = Next::Closed { reason: reason.clone() };
         match &self.phase {
             Phase::Running(_) | Phase::Stopping(_) => {
-                self.end_run(Verdict::aborted(code, reason.clone()), next);
+                self.end_run(RunVerdict::aborted(code, reason.clone()), next);
             }
             Phase::Manual(_) => {
                 self.end_manual(ManualEnd::refused(Refusal::new(code, reason.clone()), next));
@@ -114,7 +114,7 @@ impl Driver {
 
     /// Stops sending and brings the machine to a standstill; the run ends when it stands.
     /// What stops it first is the reason.
-    pub(super) fn stop_run(&mut self, verdict: Verdict) {
+    pub(super) fn stop_run(&mut self, verdict: RunVerdict) {
         match std::mem::replace(&mut self.phase, Phase::Ready) {
             Phase::Running(run) if run.has_begun() => {
                 let stopping = Stopping::begin(&mut self.context, *run, verdict);
@@ -154,7 +154,7 @@ impl Driver {
     }
 
     /// Ends the run and reports it: to the command itself when it was not accepted yet.
-    pub(super) fn end_run(&mut self, verdict: Verdict, next: Next) {
+    pub(super) fn end_run(&mut self, verdict: RunVerdict, next: Next) {
         let Ended { job, reply, rest } = match std::mem::replace(&mut self.phase, next.into()) {
             Phase::Running(run) if run.is_proving() => {
                 return self.context.reply(run.job.id, Err(verdict.refusal()));
@@ -183,7 +183,7 @@ impl Driver {
             // Whoever hears of the end finds the state of it.
             self.publish();
         }
-        let Verdict { outcome, error_code, message } = verdict;
+        let RunVerdict { outcome, error_code, message } = verdict;
         let id = job.id;
         let result = RunResult { id, outcome, error_code, message, last_line, blamed_line };
         self.context.outputs.push_back(Output::RunFinished(result));

@@ -2,7 +2,7 @@
 
 use super::context::commander::OnCommanderLoss;
 use super::output::LogLevel;
-use super::run::exit::Verdict;
+use super::run::exit::RunVerdict;
 use super::{Driver, Phase};
 use crate::codes::error_code;
 use std::time::Duration;
@@ -27,7 +27,7 @@ impl Driver {
         match (self.context.config.on_commander_loss, &self.phase) {
             (OnCommanderLoss::Continue, _) => {}
             (OnCommanderLoss::HoldThenAbort, Phase::Running(_)) => {
-                self.stop_run(Verdict::aborted(error_code::COMMANDER_LOST, text));
+                self.stop_run(RunVerdict::aborted(error_code::COMMANDER_LOST, text));
             }
             _ => self.hold_unattended(&text),
         }
@@ -47,7 +47,7 @@ impl Driver {
         match &mut self.phase {
             // Nothing was sent yet, and nobody waits for it any more.
             Phase::Running(run) if !run.has_begun() => {
-                self.stop_run(Verdict::aborted(error_code::COMMANDER_LOST, text));
+                self.stop_run(RunVerdict::aborted(error_code::COMMANDER_LOST, text));
             }
             Phase::Running(run) => run.hold(&mut self.context, text),
             // A hold ends a jog; homing does not react to it.

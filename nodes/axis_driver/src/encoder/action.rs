@@ -1,7 +1,9 @@
 //! All that is not motion of the contour, as grbl says it or cannot.
 
 use super::words::{to_grid, write_word};
-use super::{EncodeProblem, EncodedLine, Encoder, HeldSpeed, Homing, Modal, Step, spindle_word};
+use super::{
+    EncodeProblem, EncodedLine, Encoder, EncoderStep, HeldSpeed, Homing, Modal, spindle_word,
+};
 use crate::link::LineKind;
 use cnc_msgs::contour::{Action, CoolantMode, Source};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
@@ -39,10 +41,10 @@ impl Encoder {
                     // It may measure the tool and set its length.
                     self.modal.forget(AxisSet::from_bits(0b100), "M6");
                     self.push_action(format!("M6T{tool}"), LineKind::Slow, true, source)?;
-                    self.pending.push_back(Step::ControllerChange { tool, source_line });
+                    self.pending.push_back(EncoderStep::ControllerChange { tool, source_line });
                     return Ok(());
                 }
-                self.pending.push_back(Step::ToolChange { tool, source_line });
+                self.pending.push_back(EncoderStep::ToolChange { tool, source_line });
                 Ok(())
             }
             Action::ToolLength { offset, length_mm } => {
@@ -127,7 +129,7 @@ impl Encoder {
         };
         for text in lines {
             let source_line = source.line;
-            self.pending.push_back(Step::Home { text, axes, source_line });
+            self.pending.push_back(EncoderStep::Home { text, axes, source_line });
         }
         let work_system = self.modal.work_system.max(1);
         let tool_length = std::mem::take(&mut self.modal.tool_length);
@@ -234,7 +236,7 @@ impl Encoder {
         self.push_action(text, LineKind::Motion, false, source)?;
         // Whether it got there is looked at before anything is cut.
         self.start_axes = given;
-        self.pending.push_back(Step::CheckStart);
+        self.pending.push_back(EncoderStep::CheckStart);
         Ok(())
     }
 
@@ -262,7 +264,7 @@ impl Encoder {
         for (index, event) in actions.iter().enumerate() {
             self.encode_action(event)?;
             if Some(index) == last {
-                self.pending.push_back(Step::CheckStart);
+                self.pending.push_back(EncoderStep::CheckStart);
             }
         }
         self.push_speed()?;

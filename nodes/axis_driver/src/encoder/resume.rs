@@ -3,7 +3,7 @@
 
 use super::action::word_after;
 use super::config::Board;
-use super::{EncodeProblem, Encoder, Step};
+use super::{EncodeProblem, Encoder, EncoderStep};
 use crate::link::LineKind;
 use cnc_msgs::contour::{Action, CoolantMode, Source};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
@@ -111,7 +111,7 @@ impl Encoder {
         }
         // It stands where the program has left it.
         (self.modal.unknown, self.modal.unknown_since) = (unknown, since);
-        self.pending.push_back(Step::CheckReturn { stood });
+        self.pending.push_back(EncoderStep::CheckReturn { stood });
         Ok(())
     }
 

@@ -32,7 +32,10 @@ fn path(start: Position, elements: Vec<PathElement>) -> CompensatedPath {
     CompensatedPath { start, elements, ..Default::default() }
 }
 
-fn steps_with(path: CompensatedPath, config: EncoderConfig) -> Result<Vec<Step>, EncodeError> {
+fn steps_with(
+    path: CompensatedPath,
+    config: EncoderConfig,
+) -> Result<Vec<EncoderStep>, EncodeError> {
     let mut encoder = Encoder::new(sync::Arc::new(path), config);
     std::iter::from_fn(|| encoder.next_step()).collect()
 }
@@ -42,14 +45,14 @@ fn encode(path: CompensatedPath) -> Vec<String> {
     steps.iter().map(text_of).collect()
 }
 
-fn text_of(step: &Step) -> String {
+fn text_of(step: &EncoderStep) -> String {
     match step {
-        Step::Line(line) => line.text.clone(),
-        Step::ToolChange { tool, .. } => format!("(T{tool})"),
-        Step::CheckStart => "(start)".into(),
-        Step::ControllerChange { tool, .. } => format!("(T{tool} by the controller)"),
-        Step::CheckReturn { .. } => "(return)".into(),
-        Step::Home { text, .. } => format!("({text})"),
+        EncoderStep::Line(line) => line.text.clone(),
+        EncoderStep::ToolChange { tool, .. } => format!("(T{tool})"),
+        EncoderStep::CheckStart => "(start)".into(),
+        EncoderStep::ControllerChange { tool, .. } => format!("(T{tool} by the controller)"),
+        EncoderStep::CheckReturn { .. } => "(return)".into(),
+        EncoderStep::Home { text, .. } => format!("({text})"),
     }
 }
 
@@ -183,7 +186,7 @@ fn a_speed_goes_in_the_line_of_the_next_move_and_alone_only_before_something_els
     // Without a laser the firmware waits there until the spindle has its speed.
     let kinds = |is_laser| -> Vec<_> {
         let lines = steps(is_laser).into_iter().filter_map(|step| match step {
-            Step::Line(line) if line.element.is_some() => Some(line.kind),
+            EncoderStep::Line(line) if line.element.is_some() => Some(line.kind),
             _ => None,
         });
         lines.collect()
@@ -201,7 +204,7 @@ fn lines_that_read_the_eeprom_go_alone() {
     ]);
     let steps = steps_with(path, EncoderConfig::default()).unwrap();
     let alone: Vec<bool> =
-        steps.iter().map(|step| matches!(step, Step::Line(line) if line.is_alone)).collect();
+        steps.iter().map(|step| matches!(step, EncoderStep::Line(line) if line.is_alone)).collect();
     assert_eq!(alone, [true, true, false, false]);
 }
 

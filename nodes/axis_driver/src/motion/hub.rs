@@ -40,14 +40,14 @@ pub(super) struct Hub {
     pub(super) zero_wall_ns: i64,
     next_own_id: AtomicU64,
     is_closed: AtomicBool,
-    state: Mutex<State>,
+    state: Mutex<HubState>,
     /// Something waits for the face, or it is another.
     pub(super) news: Condvar,
     unchecked: SyncSender<Unchecked>,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct HubState {
     ring: Ring,
     memory: Memory,
     paths: Paths,
@@ -112,7 +112,7 @@ impl Hub {
         Ok(hub)
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, HubState> {
         // Nothing in it is left half done by a panic.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -306,7 +306,7 @@ impl Hub {
             let waited = self.news.wait_timeout(state, patience);
             state = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
-        let State { ring, face, .. } = &mut *state;
+        let HubState { ring, face, .. } = &mut *state;
         let queue = face.as_mut()?;
         let events = queue.events.drain(..).collect();
         let mut bytes = 0;
@@ -322,7 +322,7 @@ impl Hub {
     }
 }
 
-impl State {
+impl HubState {
     /// Lets the face hear something; what no face will hear is returned. A face that has left
     /// so much unread that an answer or a result would have to be dropped is given up: the next
     /// one hears all ends.

@@ -7,8 +7,8 @@
 use super::Driver;
 use crate::driver::Command;
 use cnc_msgs::machine::{MachineState, Mode};
-use runtime::lifecycle::State;
-use runtime::{Health, Managed, Step, Trouble};
+use runtime::lifecycle::LifecycleState;
+use runtime::{Health, Managed, TransitionResult, Trouble};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::oneshot;
@@ -31,7 +31,7 @@ pub(super) struct Shell {
 impl Managed for Shell {
     /// Opens the port and waits until the controller has told what it is, or until it is
     /// known that it cannot: then the port is tried again and again.
-    async fn configure(&self) -> Step {
+    async fn configure(&self) -> TransitionResult {
         if !self.has_port {
             // A driver without a port still proves paths.
             tracing::warn!("no port is set: give one with -p axis_driver:port:=/dev/ttyUSB0");
@@ -46,7 +46,7 @@ impl Managed for Shell {
         Ok(())
     }
 
-    async fn activate(&self) -> Step {
+    async fn activate(&self) -> TransitionResult {
         let reply = self.driver.ask(Command::Activate, REPLY_WITHIN).await;
         if reply.is_err() {
             // It may be taken up yet: what others hear is that it was not.
@@ -56,7 +56,7 @@ impl Managed for Shell {
     }
 
     /// Holds, waits until the machine stands, and ends the goal.
-    async fn deactivate(&self) -> Step {
+    async fn deactivate(&self) -> TransitionResult {
         let reply = self.driver.ask(Command::Deactivate, STOP_WITHIN).await;
         let message = reply.map_err(Trouble::failure)?;
         match self.driver.state.borrow().motion_possible {
@@ -66,7 +66,7 @@ impl Managed for Shell {
         Ok(())
     }
 
-    async fn cleanup(&self) -> Step {
+    async fn cleanup(&self) -> TransitionResult {
         let states = self.driver.state.subscribe();
         self.driver.motion.close();
         let is_closed = |state: &MachineState| matches!(state.mode, Mode::Disconnected);
@@ -78,7 +78,7 @@ impl Managed for Shell {
     }
 
     /// Brings the machine to a stop, if there is one, and closes the port.
-    async fn shutdown(&self) -> Step {
+    async fn shutdown(&self) -> TransitionResult {
         let (sender, ready) = oneshot::channel();
         self.driver.waiting().leave = Some(sender);
         drop(self.driver.begin(Command::Shutdown));
@@ -91,8 +91,8 @@ impl Managed for Shell {
     }
 
     /// The driver is in another process, and has gone on meanwhile.
-    async fn go_on(&self, state: State) -> Step {
-        if state == State::Active
+    async fn go_on(&self, state: LifecycleState) -> TransitionResult {
+        if state == LifecycleState::Active
             && let Err(refusal) = self.driver.ask(Command::Activate, REPLY_WITHIN).await
         {
             // Nothing is stopped for that: machine_state says if it begins nothing.

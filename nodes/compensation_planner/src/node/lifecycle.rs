@@ -6,11 +6,11 @@
 use super::tool_file::ToolFile;
 use super::{Live, Planner};
 use cnc_msgs::tool_table::ToolTable;
-use runtime::{Health, Managed, Step, Trouble};
+use runtime::{Health, Managed, TransitionResult, Trouble};
 use std::sync::PoisonError;
 
 impl Managed for Planner {
-    async fn configure(&self) -> Step {
+    async fn configure(&self) -> TransitionResult {
         let file: String = self.node.parameter("tool_table");
         let (file, tools) = match file.as_str() {
             "" => (None, ToolTable::default()),
@@ -30,7 +30,7 @@ impl Managed for Planner {
         Ok(())
     }
 
-    async fn activate(&self) -> Step {
+    async fn activate(&self) -> TransitionResult {
         // The new state holds only after this returns; planning checks it then.
         let (mut states, replan) = (self.node.lifecycle_changes(), self.replan.clone());
         self.node.spawn("planning on activation", async move {
@@ -41,13 +41,13 @@ impl Managed for Planner {
         Ok(())
     }
 
-    async fn deactivate(&self) -> Step {
+    async fn deactivate(&self) -> TransitionResult {
         // A plan that has begun is finished.
         drop(self.work.write().await);
         Ok(())
     }
 
-    async fn cleanup(&self) -> Step {
+    async fn cleanup(&self) -> TransitionResult {
         // The contour stays. It is planned again with the table that is read next, so that nobody
         // runs an old path for lack of a new one.
         let mut state = self.state();

@@ -39,7 +39,7 @@ pub fn near(a: Position, b: Position, tolerance: f64) -> bool {
 
 /// A random contour: headings turn by these angles, lengths and arcs by these numbers.
 #[derive(Debug, Clone)]
-pub struct Step {
+pub struct RandomStep {
     pub turn: f64,
     pub length: f64,
     /// Curvature times length, 0 for a line.
@@ -48,7 +48,7 @@ pub struct Step {
     pub aux: u8,
 }
 
-pub fn step() -> impl Strategy<Value = Step> {
+pub fn step() -> impl Strategy<Value = RandomStep> {
     let turn = prop_oneof![
         4 => -3.1..3.1_f64,
         2 => Just(0.0),
@@ -58,7 +58,7 @@ pub fn step() -> impl Strategy<Value = Step> {
     let length = prop_oneof![5 => 0.5..60.0_f64, 1 => Just(1e-5), 1 => Just(0.0), 1 => 1e-4..0.01_f64, 1 => Just(1e3)];
     let bend = prop_oneof![3 => Just(0.0), 2 => -6.0..6.0_f64, 1 => Just(1e-2), 1 => Just(TAU), 1 => Just(-TAU)];
     let rise = prop_oneof![6 => Just(0.0), 1 => -5.0..5.0_f64];
-    (turn, length, bend, rise, 0..6_u8).prop_map(|(turn, length, bend, rise, aux)| Step {
+    (turn, length, bend, rise, 0..6_u8).prop_map(|(turn, length, bend, rise, aux)| RandomStep {
         turn,
         length,
         bend,
@@ -68,7 +68,7 @@ pub fn step() -> impl Strategy<Value = Step> {
 }
 
 pub fn random_contour(
-    steps: &[Step],
+    steps: &[RandomStep],
     side: CutterSide,
     corner: OutsideCorner,
 ) -> ProgrammedContour {

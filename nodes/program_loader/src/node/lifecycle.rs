@@ -4,21 +4,21 @@
 //! published in every state.
 
 use super::{Loader, LoaderState};
-use runtime::{Health, Managed, Step, Trouble};
+use runtime::{Health, Managed, TransitionResult, Trouble};
 
 impl Managed for Loader {
-    async fn configure(&self) -> Step {
+    async fn configure(&self) -> TransitionResult {
         // An invalid default profile is found now, not with the first program.
         settings::load_profile(&self.control).map(drop).map_err(Trouble::failure)
     }
 
-    async fn deactivate(&self) -> Step {
+    async fn deactivate(&self) -> TransitionResult {
         // A load in progress is completed.
         drop(self.work.lock().await);
         Ok(())
     }
 
-    async fn cleanup(&self) -> Step {
+    async fn cleanup(&self) -> TransitionResult {
         *self.state() = LoaderState::default();
         Ok(())
     }

@@ -4,14 +4,14 @@
 //! subscribes in every state, so that one activated during a run has the earlier messages.
 
 use super::Recorder;
-use runtime::{Health, Managed, Step, Trouble};
+use runtime::{Health, Managed, TransitionResult, Trouble};
 use std::sync::Arc;
 
 /// Wraps the recorder, whose tasks need it shared.
 pub(super) struct Shell(pub(super) Arc<Recorder>);
 
 impl Managed for Shell {
-    async fn configure(&self) -> Step {
+    async fn configure(&self) -> TransitionResult {
         // An error in making bags should show before the first run.
         let directory = self.0.directory.clone();
         let shown = directory.display().to_string();
@@ -24,7 +24,7 @@ impl Managed for Shell {
         Ok(())
     }
 
-    async fn activate(&self) -> Step {
+    async fn activate(&self) -> TransitionResult {
         let (recorder, mut states) = (Arc::clone(&self.0), self.0.node.lifecycle_changes());
         // A run that is active already is recorded from here on.
         self.0.node.spawn("recording on activation", async move {
@@ -37,12 +37,12 @@ impl Managed for Shell {
         Ok(())
     }
 
-    async fn deactivate(&self) -> Step {
+    async fn deactivate(&self) -> TransitionResult {
         self.close("the recorder was deactivated in the run").await;
         Ok(())
     }
 
-    async fn shutdown(&self) -> Step {
+    async fn shutdown(&self) -> TransitionResult {
         self.close("the recorder was stopped in the run").await;
         Ok(())
     }

@@ -19,7 +19,7 @@ use crate::endpoints::service::{
 use crate::endpoints::subscription::{Reader, Subscription};
 use crate::endpoints::wire::{dds_type, service_topics, service_types};
 use crate::parameters::live::LiveParameters;
-use crate::process::lifecycle_states::State;
+use crate::process::lifecycle_states::LifecycleState;
 use crate::process::lock;
 use crate::process::memory::Memory;
 use crate::process::shutdown::Shutdown;
@@ -57,7 +57,7 @@ pub(crate) struct Inner {
     pub(crate) parameters: Arc<LiveParameters>,
     pub(crate) clock: Arc<Clock>,
     /// `None` while the node is not managed.
-    pub(crate) lifecycle: tokio::sync::watch::Sender<Option<State>>,
+    pub(crate) lifecycle: tokio::sync::watch::Sender<Option<LifecycleState>>,
     pub(crate) shutdown: Shutdown,
     /// Why the DDS layer does not serve this node any more; `None` while it does.
     pub(crate) deaf: tokio::sync::watch::Sender<Option<String>>,

@@ -12,7 +12,7 @@
 mod services;
 
 pub use crate::parameters::common::AUTOSTART;
-pub use crate::process::lifecycle_states::State;
+pub use crate::process::lifecycle_states::LifecycleState;
 
 use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
@@ -29,7 +29,7 @@ use tokio::sync::{Mutex, watch};
 const KEPT_STATE: &str = "lifecycle";
 
 /// The outcome of a step: done, or why not.
-pub type Step = Result<(), Trouble>;
+pub type TransitionResult = Result<(), Trouble>;
 
 /// Why a step was not done.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -54,33 +54,33 @@ impl Trouble {
 /// One step runs at a time. A step that panics stops the node.
 pub trait Managed: Send + Sync + 'static {
     /// Opens the resources of the node, without using them yet.
-    fn configure(&self) -> impl Future<Output = Step> + Send {
+    fn configure(&self) -> impl Future<Output = TransitionResult> + Send {
         ready(Ok(()))
     }
 
     /// Starts to serve requests.
-    fn activate(&self) -> impl Future<Output = Step> + Send {
+    fn activate(&self) -> impl Future<Output = TransitionResult> + Send {
         ready(Ok(()))
     }
 
     /// Ends running work and accepts no more.
-    fn deactivate(&self) -> impl Future<Output = Step> + Send {
+    fn deactivate(&self) -> impl Future<Output = TransitionResult> + Send {
         ready(Ok(()))
     }
 
     /// Releases what `configure` opened.
-    fn cleanup(&self) -> impl Future<Output = Step> + Send {
+    fn cleanup(&self) -> impl Future<Output = TransitionResult> + Send {
         ready(Ok(()))
     }
 
     /// Ends everything, from any state; the process ends afterwards.
-    fn shutdown(&self) -> impl Future<Output = Step> + Send {
+    fn shutdown(&self) -> impl Future<Output = TransitionResult> + Send {
         ready(Ok(()))
     }
 
     /// Continues in the state of the previous process; see [`crate::Memory`].
     /// What the state needs exists already.
-    fn go_on(&self, state: State) -> impl Future<Output = Step> + Send {
+    fn go_on(&self, state: LifecycleState) -> impl Future<Output = TransitionResult> + Send {
         let _ = state;
         ready(Ok(()))
     }
@@ -92,27 +92,27 @@ pub trait Managed: Send + Sync + 'static {
 }
 
 impl<M: Managed> Managed for Arc<M> {
-    fn configure(&self) -> impl Future<Output = Step> + Send {
+    fn configure(&self) -> impl Future<Output = TransitionResult> + Send {
         (**self).configure()
     }
 
-    fn activate(&self) -> impl Future<Output = Step> + Send {
+    fn activate(&self) -> impl Future<Output = TransitionResult> + Send {
         (**self).activate()
     }
 
-    fn deactivate(&self) -> impl Future<Output = Step> + Send {
+    fn deactivate(&self) -> impl Future<Output = TransitionResult> + Send {
         (**self).deactivate()
     }
 
-    fn cleanup(&self) -> impl Future<Output = Step> + Send {
+    fn cleanup(&self) -> impl Future<Output = TransitionResult> + Send {
         (**self).cleanup()
     }
 
-    fn shutdown(&self) -> impl Future<Output = Step> + Send {
+    fn shutdown(&self) -> impl Future<Output = TransitionResult> + Send {
         (**self).shutdown()
     }
 
-    fn go_on(&self, state: State) -> impl Future<Output = Step> + Send {
+    fn go_on(&self, state: LifecycleState) -> impl Future<Output = TransitionResult> + Send {
         (**self).go_on(state)
     }
 
@@ -123,12 +123,12 @@ impl<M: Managed> Managed for Arc<M> {
 
 impl Handle {
     /// The node's state; `None` when it is not managed.
-    pub fn lifecycle_state(&self) -> Option<State> {
+    pub fn lifecycle_state(&self) -> Option<LifecycleState> {
         *self.inner.lifecycle.borrow()
     }
 
     /// Receives every later change of the node's state.
-    pub fn lifecycle_changes(&self) -> watch::Receiver<Option<State>> {
+    pub fn lifecycle_changes(&self) -> watch::Receiver<Option<LifecycleState>> {
         self.inner.lifecycle.subscribe()
     }
 
@@ -138,13 +138,15 @@ impl Handle {
     /// It is managed and not active; with what to do about that.
     pub fn require_active(&self) -> Result<(), String> {
         match self.lifecycle_state() {
-            None | Some(State::Active) => Ok(()),
+            None | Some(LifecycleState::Active) => Ok(()),
             Some(state) => {
                 let (node, full) = (self.names().node(), self.names().fully_qualified());
                 let label = state.label();
                 let help = match state {
-                    State::Unconfigured => format!("lifecycle set {full} configure, then activate"),
-                    State::Inactive => format!("lifecycle set {full} activate"),
+                    LifecycleState::Unconfigured => {
+                        format!("lifecycle set {full} configure, then activate")
+                    }
+                    LifecycleState::Inactive => format!("lifecycle set {full} activate"),
                     _ => return Err(format!("{node} is {label}, not active")),
                 };
                 Err(format!("{node} is {label}, not active: {help}"))
@@ -154,9 +156,9 @@ impl Handle {
 }
 
 /// A node that waits to be activated does nothing, but looks as if it ran.
-fn health(state: State) -> Health {
+fn health(state: LifecycleState) -> Health {
     let level = match state {
-        State::Active => HealthLevel::Ok,
+        LifecycleState::Active => HealthLevel::Ok,
         _ => HealthLevel::Warn,
     };
     let message = state.label().to_owned();
@@ -196,7 +198,7 @@ pub(crate) async fn live<M: Managed>(node: &Handle, managed: M) -> NodeResult {
 
 impl<M: Managed> Lifecycle<M> {
     fn offer(node: &Handle, managed: M) -> Result<Arc<Self>, NodeError> {
-        node.inner.lifecycle.send_replace(Some(State::Unconfigured));
+        node.inner.lifecycle.send_replace(Some(LifecycleState::Unconfigured));
         let events = services::events(node)?;
         let lifecycle =
             Arc::new(Self { node: node.clone(), managed, events, step: Mutex::new(()) });
@@ -216,7 +218,7 @@ impl<M: Managed> Lifecycle<M> {
             let _alone = self.step.lock().await;
             self.node.inner.lifecycle.send_replace(Some(state));
             tracing::info!("{}, as before", state.label());
-            if state == State::Finalized {
+            if state == LifecycleState::Finalized {
                 self.node.shutdown().request("it was shut down");
                 return Ok(());
             }
@@ -249,7 +251,7 @@ impl<M: Managed> Lifecycle<M> {
     async fn finalize(&self) {
         let _alone = self.step.lock().await;
         let state = self.state();
-        if state == State::Finalized {
+        if state == LifecycleState::Finalized {
             return;
         }
         if let Ok(transition) = requested(state, 0, "shutdown") {
@@ -260,19 +262,19 @@ impl<M: Managed> Lifecycle<M> {
         if let Err(trouble) = self.managed.shutdown().await {
             tracing::error!("shutdown: {trouble}");
         }
-        if state != State::ErrorProcessing {
+        if state != LifecycleState::ErrorProcessing {
             self.take(ended(state, Outcome::Error));
         }
-        self.take(ended(State::ErrorProcessing, Outcome::Failure));
+        self.take(ended(LifecycleState::ErrorProcessing, Outcome::Failure));
     }
 
     async fn go(&self, transition: Transition) -> Result<(), String> {
         self.take(transition);
         let went = match transition.goal {
-            State::Configuring => self.managed.configure().await,
-            State::Activating => self.managed.activate().await,
-            State::Deactivating => self.managed.deactivate().await,
-            State::CleaningUp => self.managed.cleanup().await,
+            LifecycleState::Configuring => self.managed.configure().await,
+            LifecycleState::Activating => self.managed.activate().await,
+            LifecycleState::Deactivating => self.managed.deactivate().await,
+            LifecycleState::CleaningUp => self.managed.cleanup().await,
             _ => self.managed.shutdown().await,
         };
         let outcome = match &went {
@@ -284,19 +286,19 @@ impl<M: Managed> Lifecycle<M> {
             tracing::error!("{} failed: {trouble}", transition.label);
         }
         self.take(ended(transition.goal, outcome));
-        if self.state() == State::ErrorProcessing {
+        if self.state() == LifecycleState::ErrorProcessing {
             // Only a new process recovers from a step that is half done.
-            self.take(ended(State::ErrorProcessing, Outcome::Failure));
+            self.take(ended(LifecycleState::ErrorProcessing, Outcome::Failure));
             self.node.shutdown().fail(&format!("{} failed", transition.label));
         }
-        if self.state() == State::Finalized {
+        if self.state() == LifecycleState::Finalized {
             self.node.shutdown().request("it was shut down");
         }
         went.map_err(|trouble| trouble.to_string())
     }
 
     /// The last lasting state of the previous process.
-    fn state_before(&self) -> Option<State> {
+    fn state_before(&self) -> Option<LifecycleState> {
         let kept = self.node.memory()?.get(KEPT_STATE)?;
         let [id] = kept.as_slice() else { return None };
         lifecycle_states::STATES
@@ -304,8 +306,8 @@ impl<M: Managed> Lifecycle<M> {
             .find(|state| state.id() == *id && !state.is_transitional())
     }
 
-    fn state(&self) -> State {
-        self.node.lifecycle_state().unwrap_or(State::Unknown)
+    fn state(&self) -> LifecycleState {
+        self.node.lifecycle_state().unwrap_or(LifecycleState::Unknown)
     }
 
     fn take(&self, transition: Transition) {
@@ -315,7 +317,7 @@ impl<M: Managed> Lifecycle<M> {
         }
         let kept = match transition.goal {
             // If the process ends during this transition, the next one does not activate the node.
-            State::Deactivating => Some(State::Inactive),
+            LifecycleState::Deactivating => Some(LifecycleState::Inactive),
             state => (!state.is_transitional()).then_some(state),
         };
         if let (Some(memory), Some(state)) = (self.node.memory(), kept) {

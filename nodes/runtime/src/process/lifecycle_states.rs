@@ -3,7 +3,7 @@
 //! Pure. Numbers, labels and their order are those of `lifecycle_msgs` and of the
 //! state machine that `rcl_lifecycle` builds, so that tools print the same.
 
-use State::{
+use LifecycleState::{
     Activating, Active, CleaningUp, Configuring, Deactivating, ErrorProcessing, Finalized,
     Inactive, ShuttingDown, Unconfigured, Unknown,
 };
@@ -11,7 +11,7 @@ use State::{
 /// The state of a node. The first five are lasting; the others are transitional.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-pub enum State {
+pub enum LifecycleState {
     Unknown = 0,
     Unconfigured = 1,
     Inactive = 2,
@@ -26,7 +26,7 @@ pub enum State {
 }
 
 /// All states, in the order in which tools list them.
-pub(crate) const STATES: [State; 11] = [
+pub(crate) const STATES: [LifecycleState; 11] = [
     Unknown,
     Unconfigured,
     Inactive,
@@ -40,7 +40,7 @@ pub(crate) const STATES: [State; 11] = [
     ErrorProcessing,
 ];
 
-impl State {
+impl LifecycleState {
     /// As in `lifecycle_msgs/msg/State`.
     pub fn id(self) -> u8 {
         self as u8
@@ -74,8 +74,8 @@ impl State {
 pub(crate) struct Transition {
     pub(crate) id: u8,
     pub(crate) label: &'static str,
-    pub(crate) start: State,
-    pub(crate) goal: State,
+    pub(crate) start: LifecycleState,
+    pub(crate) goal: LifecycleState,
 }
 
 /// The outcome of a transition's step.
@@ -98,7 +98,12 @@ impl Outcome {
     }
 }
 
-const fn transition(id: u8, label: &'static str, start: State, goal: State) -> Transition {
+const fn transition(
+    id: u8,
+    label: &'static str,
+    start: LifecycleState,
+    goal: LifecycleState,
+) -> Transition {
     Transition { id, label, start, goal }
 }
 
@@ -132,7 +137,7 @@ pub(crate) const TRANSITIONS: [Transition; 25] = [
 ];
 
 /// The transitions that lead away from a state.
-pub(crate) fn transitions_from(state: State) -> impl Iterator<Item = &'static Transition> {
+pub(crate) fn transitions_from(state: LifecycleState) -> impl Iterator<Item = &'static Transition> {
     TRANSITIONS.iter().filter(move |transition| transition.start == state)
 }
 
@@ -142,7 +147,7 @@ pub(crate) fn transitions_from(state: State) -> impl Iterator<Item = &'static Tr
 ///
 /// # Errors
 /// There is none from here; with those that there are.
-pub(crate) fn requested(state: State, id: u8, label: &str) -> Result<Transition, String> {
+pub(crate) fn requested(state: LifecycleState, id: u8, label: &str) -> Result<Transition, String> {
     let is_meant = |transition: &&Transition| match label {
         "" => transition.id == id,
         label => transition.label == label,
@@ -164,7 +169,7 @@ pub(crate) fn requested(state: State, id: u8, label: &str) -> Result<Transition,
 ///
 /// # Panics
 /// The state is not transitional: nothing is under transition.
-pub(crate) fn ended(state: State, outcome: Outcome) -> Transition {
+pub(crate) fn ended(state: LifecycleState, outcome: Outcome) -> Transition {
     let transition = transitions_from(state).find(|transition| transition.label == outcome.label());
     *transition.unwrap_or_else(|| panic!("nothing is under transition in {}", state.label()))
 }

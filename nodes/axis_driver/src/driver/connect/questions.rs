@@ -1,6 +1,6 @@
 //! What a controller that has just started is asked, and what follows from its answers.
 
-use super::{Connecting, Step};
+use super::{ConnectStep, Connecting};
 use crate::codes;
 use crate::driver::context::config::ANSWER;
 use crate::driver::context::place::PlaceWatch;
@@ -16,13 +16,13 @@ impl Connecting {
     /// Asks everything of a controller that has just started.
     pub(in crate::driver) fn begin_queries(&mut self, context: &mut Context) {
         let Self { restarts, reply, .. } = *self;
-        *self = Self { restarts, ..Self::new(Step::Asking(0), context.now, reply) };
+        *self = Self { restarts, ..Self::new(ConnectStep::Asking(0), context.now, reply) };
         self.ask(context, 0);
     }
 
     fn ask(&mut self, context: &mut Context, query: usize) {
         context.link.send_line(QUERIES[query], LineKind::Slow, Origin::Query(query));
-        self.step = Step::Asking(query);
+        self.step = ConnectStep::Asking(query);
         self.until = context.now + ANSWER;
     }
 
@@ -60,7 +60,7 @@ impl Connecting {
         }
         context.machine.work_out_offset();
         // Whoever waits for this can rely on the state then.
-        self.step = Step::AwaitingStatus;
+        self.step = ConnectStep::AwaitingStatus;
         self.until = context.now + ANSWER;
         // An alarm that is announced while connecting leaves the answers in order.
         context.link.trust();

@@ -7,7 +7,7 @@ use crate::driver::output::RunOutcome;
 
 /// How a run ended, or will have ended when the machine stands.
 #[derive(Debug, Clone)]
-pub(in crate::driver) struct Verdict {
+pub(in crate::driver) struct RunVerdict {
     pub(in crate::driver) outcome: RunOutcome,
     pub(in crate::driver) error_code: u16,
     pub(in crate::driver) message: String,
@@ -17,12 +17,12 @@ pub(in crate::driver) struct Verdict {
 #[derive(Debug)]
 pub(in crate::driver) enum Exit {
     /// It is over.
-    Over { verdict: Verdict, next: Next },
+    Over { verdict: RunVerdict, next: Next },
     /// The machine is brought to a standstill first.
-    Stop(Verdict),
+    Stop(RunVerdict),
 }
 
-impl Verdict {
+impl RunVerdict {
     pub(in crate::driver) fn aborted(error_code: u16, message: impl Into<String>) -> Self {
         Self { outcome: RunOutcome::Aborted, error_code, message: message.into() }
     }
@@ -53,7 +53,7 @@ impl Verdict {
     }
 }
 
-impl From<Refusal> for Verdict {
+impl From<Refusal> for RunVerdict {
     fn from(refusal: Refusal) -> Self {
         Self::aborted(refusal.error_code, refusal.message)
     }
@@ -61,12 +61,12 @@ impl From<Refusal> for Verdict {
 
 impl Exit {
     /// Over, and the driver waits for commands.
-    pub(in crate::driver) fn over(verdict: Verdict) -> Self {
+    pub(in crate::driver) fn over(verdict: RunVerdict) -> Self {
         Self::Over { verdict, next: Next::Ready }
     }
 
     /// Stops the run as aborted.
     pub(in crate::driver) fn abort(error_code: u16, message: impl Into<String>) -> Self {
-        Self::Stop(Verdict::aborted(error_code, message))
+        Self::Stop(RunVerdict::aborted(error_code, message))
     }
 }

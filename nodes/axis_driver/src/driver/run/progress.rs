@@ -1,6 +1,6 @@
 //! How a run goes on: with time, with answers, with reports, to its end.
 
-use super::exit::{Exit, Verdict};
+use super::exit::{Exit, RunVerdict};
 use super::proof::Proven;
 use super::tool_change::ToolChange;
 use super::{Run, Stage, Then};
@@ -37,7 +37,7 @@ impl Run {
                 Proven::NotYet => None,
                 Proven::Not(problem) => {
                     let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());
-                    Some(Exit::over(Verdict::aborted(code, text)))
+                    Some(Exit::over(RunVerdict::aborted(code, text)))
                 }
                 Proven::Whole { lines, seconds } => self.begin(context, lines, seconds),
             },
@@ -66,7 +66,7 @@ impl Run {
         let mode = context.machine.mode();
         if mode != Mode::Idle {
             let text = format!("the machine is no longer idle but in {}", mode.name());
-            return Some(Exit::over(Verdict::aborted(error_code::BUSY, text)));
+            return Some(Exit::over(RunVerdict::aborted(error_code::BUSY, text)));
         }
         self.total_s = seconds;
         if !self.job.is_in_tool_change {
@@ -199,7 +199,7 @@ impl Run {
                 let text = "the controller is in alarm";
                 let next = Next::adrift(format!("{text}; soft_reset to go on"));
                 return Some(Exit::Over {
-                    verdict: Verdict::aborted(error_code::ALARM, text),
+                    verdict: RunVerdict::aborted(error_code::ALARM, text),
                     next,
                 });
             }
@@ -265,7 +265,7 @@ impl Run {
         if self.job.is_check() {
             // The mode is left by a reset.
             let text = "the controller has read every line; nothing moved";
-            return Exit::Stop(Verdict::succeeded(text));
+            return Exit::Stop(RunVerdict::succeeded(text));
         }
         let events = &self.job.request.path.events;
         // The end of the program selects the first work system; tool lengths stay.
@@ -281,7 +281,7 @@ impl Run {
             let last = Output::Progress { line, fraction: 1.0, time_left_s: 0.0 };
             context.outputs.push_back(last);
         }
-        Exit::over(Verdict::succeeded("done"))
+        Exit::over(RunVerdict::succeeded("done"))
     }
 
     fn report_progress(&mut self, context: &mut Context) {
@@ -323,7 +323,7 @@ pub(in crate::driver) fn miss_record(context: &mut Context, reason: &str) -> Opt
 
 fn refuse_unrecorded(reason: &str) -> Exit {
     let text = format!("this run is not recorded, and require_recording is set: {reason}");
-    Exit::over(Verdict::aborted(error_code::NOT_RECORDING, text))
+    Exit::over(RunVerdict::aborted(error_code::NOT_RECORDING, text))
 }
 
 /// The work system that a line of ours selects.

@@ -8,7 +8,7 @@ use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
 use crate::driver::context::config::LINES_PER_SLICE;
 use crate::driver::output::{Output, RunOutcome, RunResult};
-use crate::encoder::{EncodeError, Encoder, Step};
+use crate::encoder::{EncodeError, Encoder, EncoderStep};
 use crate::estimate::{Estimate, Rates};
 use cnc_msgs::path::CompensatedPath;
 use std::sync::Arc;
@@ -45,13 +45,13 @@ impl Proof {
     pub(in crate::driver) fn step(&mut self, path: &CompensatedPath) -> Proven {
         for _ in 0..LINES_PER_SLICE {
             match self.encoder.next_step() {
-                Some(Ok(Step::Line(_))) => self.lines += 1,
+                Some(Ok(EncoderStep::Line(_))) => self.lines += 1,
                 Some(Ok(
-                    Step::ToolChange { .. }
-                    | Step::Home { .. }
-                    | Step::ControllerChange { .. }
-                    | Step::CheckStart
-                    | Step::CheckReturn { .. },
+                    EncoderStep::ToolChange { .. }
+                    | EncoderStep::Home { .. }
+                    | EncoderStep::ControllerChange { .. }
+                    | EncoderStep::CheckStart
+                    | EncoderStep::CheckReturn { .. },
                 )) => {}
                 Some(Err(problem)) => return Proven::Not(problem),
                 None => {

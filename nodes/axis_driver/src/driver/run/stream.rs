@@ -5,7 +5,7 @@ use super::exit::Exit;
 use super::{Pending, Run, Stage, Then};
 use crate::codes::error_code;
 use crate::driver::context::{Context, Origin};
-use crate::encoder::{EncodedLine, SYNC, Step};
+use crate::encoder::{EncodedLine, EncoderStep, SYNC};
 use crate::link::LineKind;
 use crate::report::ControllerState;
 
@@ -27,11 +27,11 @@ impl Run {
             if self.next.is_none() && matches!(self.stage, Stage::Streaming) {
                 let resumed = self.next_block.take();
                 let step = match resumed {
-                    Some(line) => Some(Ok(Step::Line(line))),
+                    Some(line) => Some(Ok(EncoderStep::Line(line))),
                     None => self.encoder.next_step(),
                 };
                 let then = match step {
-                    Some(Ok(Step::Line(line))) => {
+                    Some(Ok(EncoderStep::Line(line))) => {
                         let block = BlockOfLine::of(&line);
                         let last = self.block.replace(block);
                         match last {
@@ -49,27 +49,27 @@ impl Run {
                     }
                     // Nothing moves in check mode, and nobody changes a tool.
                     Some(Ok(
-                        Step::Home { .. }
-                        | Step::ToolChange { .. }
-                        | Step::ControllerChange { .. }
-                        | Step::CheckStart,
+                        EncoderStep::Home { .. }
+                        | EncoderStep::ToolChange { .. }
+                        | EncoderStep::ControllerChange { .. }
+                        | EncoderStep::CheckStart,
                     )) if is_check => {
                         continue;
                     }
-                    Some(Ok(Step::Home { text, axes, source_line })) => {
+                    Some(Ok(EncoderStep::Home { text, axes, source_line })) => {
                         Then::Home { text, axes, source_line }
                     }
-                    Some(Ok(Step::ToolChange { tool, source_line })) => {
+                    Some(Ok(EncoderStep::ToolChange { tool, source_line })) => {
                         // Whoever confirms it has seen the machine stand.
                         self.block = None;
                         Then::ToolChange { tool, source_line }
                     }
-                    Some(Ok(Step::ControllerChange { tool, source_line })) => {
+                    Some(Ok(EncoderStep::ControllerChange { tool, source_line })) => {
                         self.block = None;
                         Then::ControllerChange { tool, source_line }
                     }
-                    Some(Ok(Step::CheckStart)) => Then::CheckStart,
-                    Some(Ok(Step::CheckReturn { stood })) => Then::CheckReturn { stood },
+                    Some(Ok(EncoderStep::CheckStart)) => Then::CheckStart,
+                    Some(Ok(EncoderStep::CheckReturn { stood })) => Then::CheckReturn { stood },
                     None => Then::End,
                     Some(Err(problem)) => {
                         let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());

@@ -4,7 +4,7 @@
 //! that were in force there, and from nowhere else. What the operator does in between is
 //! in `driver/paused.rs`.
 
-use super::exit::{Exit, Verdict};
+use super::exit::{Exit, RunVerdict};
 use super::{Run, Stage, Then};
 use crate::codes::error_code;
 use crate::driver::answer::{Answer, Refusal, done, refused};
@@ -32,7 +32,7 @@ pub(in crate::driver) struct ToolChange {
 
 /// How the run gets back to where it stopped.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Way {
+enum ToolReturn {
     There,
     /// The place, and where the tool is.
     Back(Position, Position),
@@ -88,8 +88,8 @@ impl Run {
         if let Some(objection) = objection {
             return refused(error_code::TOOL, objection);
         }
-        let way = match way_back(change, at) {
-            Ok(Way::Back(stood, at)) if !returns => {
+        let way = match tool_return(change, at) {
+            Ok(ToolReturn::Back(stood, at)) if !returns => {
                 let text = format!(
                     "the run stopped at {} in the machine frame and the tool is at {}: jog it there \
                      in the machine frame and confirm again, or set tool_change_return",
@@ -102,17 +102,19 @@ impl Run {
             Err(refusal) => return Some(Err(refusal)),
         };
         let pushed = match way {
-            Way::There if !change.is_touched => Ok(()),
-            Way::There => self.encoder.go_on_after_change(None),
-            Way::Back(stood, at) => self.encoder.go_on_after_change(Some((stood, at))),
+            ToolReturn::There if !change.is_touched => Ok(()),
+            ToolReturn::There => self.encoder.go_on_after_change(None),
+            ToolReturn::Back(stood, at) => self.encoder.go_on_after_change(Some((stood, at))),
         };
         if let Err(problem) = pushed {
             return refused(error_code::NOT_ENCODABLE, problem.to_string());
         }
         self.go_on();
         done(match way {
-            Way::There => "the run goes on",
-            Way::Back(..) => "the tool goes back to where the run stopped, and the run goes on",
+            ToolReturn::There => "the run goes on",
+            ToolReturn::Back(..) => {
+                "the tool goes back to where the run stopped, and the run goes on"
+            }
         })
     }
 
@@ -128,7 +130,7 @@ impl Run {
             "the way back after the tool change ended at {at} and not at {} in the machine frame",
             show(stood)
         );
-        Some(Exit::over(Verdict::aborted(error_code::START_POSITION, text)))
+        Some(Exit::over(RunVerdict::aborted(error_code::START_POSITION, text)))
     }
 }
 
@@ -163,12 +165,12 @@ fn is_at(at: Position, stood: Position) -> bool {
     (0..3).all(|axis| (at[axis] - stood[axis]).abs() <= RETURN_TOLERANCE_MM)
 }
 
-fn way_back(change: ToolChange, at: Option<Position>) -> Result<Way, Refusal> {
+fn tool_return(change: ToolChange, at: Option<Position>) -> Result<ToolReturn, Refusal> {
     match (change.stood_at, at) {
-        (Some(stood), Some(at)) if is_at(at, stood) => Ok(Way::There),
-        (Some(stood), Some(at)) => Ok(Way::Back(stood, at)),
+        (Some(stood), Some(at)) if is_at(at, stood) => Ok(ToolReturn::There),
+        (Some(stood), Some(at)) => Ok(ToolReturn::Back(stood, at)),
         // This driver cannot have moved it: a jog needs the position too.
-        _ if !change.is_touched => Ok(Way::There),
+        _ if !change.is_touched => Ok(ToolReturn::There),
         _ => {
             let text = "where the tool is is not known, so neither is whether it stands where the \
                         run stopped: cancel, and start at the first line after the tool change";
@@ -188,15 +190,15 @@ mod tests {
         let place = [10.0, -20.0, 5.0];
         let lifted = [10.0, -20.0, 25.0];
         for (change, at, wanted) in [
-            (change(Some(place), true), Some([10.01, -20.0, 5.0]), Some(Way::There)),
-            (change(Some(place), true), Some(lifted), Some(Way::Back(place, lifted))),
+            (change(Some(place), true), Some([10.01, -20.0, 5.0]), Some(ToolReturn::There)),
+            (change(Some(place), true), Some(lifted), Some(ToolReturn::Back(place, lifted))),
             // A hand wheel that the controller has of its own.
-            (change(Some(place), false), Some(lifted), Some(Way::Back(place, lifted))),
-            (change(None, false), None, Some(Way::There)),
+            (change(Some(place), false), Some(lifted), Some(ToolReturn::Back(place, lifted))),
+            (change(None, false), None, Some(ToolReturn::There)),
             (change(Some(place), true), None, None),
             (change(None, true), Some(place), None),
         ] {
-            assert_eq!(way_back(change, at).ok(), wanted, "{change:?} {at:?}");
+            assert_eq!(tool_return(change, at).ok(), wanted, "{change:?} {at:?}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The end of a stop: the controller has restarted, and is asked what it has kept.
 
-use super::{Step, Stopping};
+use super::{StopStep, Stopping};
 use crate::driver::context::config::ANSWER;
 use crate::driver::context::queries::{QUERIES, WORDS_QUERY};
 use crate::driver::context::{Context, Origin};
@@ -12,7 +12,7 @@ impl Stopping {
     /// The start message came: the machine stands and has forgotten the program. Asks for
     /// the words in force and the offsets.
     pub(in crate::driver) fn on_banner(&mut self, context: &mut Context) {
-        self.step = Step::Reporting { until: context.now + ANSWER };
+        self.step = StopStep::Reporting { until: context.now + ANSWER };
         // Which offsets it has kept depends on the controller.
         self.shift_before = context.machine.shift();
         let query = WORDS_QUERY;

@@ -34,7 +34,7 @@ const LINES: [&str; 22] = [
 ];
 
 #[derive(Debug, Clone)]
-enum Step {
+enum FuzzStep {
     Line(usize),
     Fragment(Vec<u8>),
     Command(usize),
@@ -43,14 +43,14 @@ enum Step {
     Close,
 }
 
-fn step() -> impl Strategy<Value = Step> {
+fn step() -> impl Strategy<Value = FuzzStep> {
     prop_oneof![
-        8 => (0..LINES.len()).prop_map(Step::Line),
-        1 => prop::collection::vec(any::<u8>(), 0..40).prop_map(Step::Fragment),
-        4 => (0usize..24).prop_map(Step::Command),
-        4 => (0u64..3000).prop_map(Step::Wait),
-        1 => Just(Step::Open),
-        1 => Just(Step::Close),
+        8 => (0..LINES.len()).prop_map(FuzzStep::Line),
+        1 => prop::collection::vec(any::<u8>(), 0..40).prop_map(FuzzStep::Fragment),
+        4 => (0usize..24).prop_map(FuzzStep::Command),
+        4 => (0u64..3000).prop_map(FuzzStep::Wait),
+        1 => Just(FuzzStep::Open),
+        1 => Just(FuzzStep::Close),
     ]
 }
 
@@ -130,15 +130,15 @@ proptest! {
         }
         for (id, step) in (0..).zip(steps) {
             inputs.push(match step {
-                Step::Line(line) => Input::Received(format!("{}\r\n", LINES[line]).into_bytes()),
-                Step::Fragment(bytes) => Input::Received(bytes),
-                Step::Command(index) => Input::Command { id, command: command(index, &path) },
-                Step::Wait(milliseconds) => {
+                FuzzStep::Line(line) => Input::Received(format!("{}\r\n", LINES[line]).into_bytes()),
+                FuzzStep::Fragment(bytes) => Input::Received(bytes),
+                FuzzStep::Command(index) => Input::Command { id, command: command(index, &path) },
+                FuzzStep::Wait(milliseconds) => {
                     now += Duration::from_millis(milliseconds);
                     Input::Timer
                 }
-                Step::Open => Input::PortOpened,
-                Step::Close => Input::PortClosed { reason: "gone".into() },
+                FuzzStep::Open => Input::PortOpened,
+                FuzzStep::Close => Input::PortClosed { reason: "gone".into() },
             });
         }
         for input in inputs {

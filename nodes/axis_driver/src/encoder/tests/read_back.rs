@@ -161,7 +161,7 @@ proptest! {
         let mut reader = Reader::default();
         let mut drawn = vec![0.0; path.elements.len()];
         for step in steps {
-            let Step::Line(line) = step else { panic!() };
+            let EncoderStep::Line(line) = step else { panic!() };
             prop_assert!(line.text.len() <= 79);
             prop_assert!(line.text.bytes().all(|b| b.is_ascii_graphic() && !b"!?~".contains(&b)));
             let index = line.element.unwrap();

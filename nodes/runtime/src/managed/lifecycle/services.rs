@@ -6,7 +6,9 @@ use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
 use crate::endpoints::publisher::Publisher;
 use crate::endpoints::qos::Qos;
-use crate::process::lifecycle_states::{STATES, State, TRANSITIONS, Transition, transitions_from};
+use crate::process::lifecycle_states::{
+    LifecycleState, STATES, TRANSITIONS, Transition, transitions_from,
+};
 use crate::process::time::RosTime;
 use cnc_msgs::wire::lifecycle_msgs::msg as wire;
 use cnc_msgs::wire::lifecycle_msgs::srv;
@@ -66,11 +68,11 @@ pub(super) fn event(now: RosTime, transition: Transition) -> wire::TransitionEve
     wire::TransitionEvent { timestamp, transition, start_state, goal_state }
 }
 
-fn now(node: &Handle) -> State {
-    node.lifecycle_state().unwrap_or(State::Unknown)
+fn now(node: &Handle) -> LifecycleState {
+    node.lifecycle_state().unwrap_or(LifecycleState::Unknown)
 }
 
-fn state(state: State) -> wire::State {
+fn state(state: LifecycleState) -> wire::State {
     wire::State { id: state.id(), label: state.label().to_owned() }
 }
 
