@@ -54,6 +54,8 @@ impl Cell {
             let log = std::fs::read_to_string(self.log()).unwrap_or_default();
             log.contains("part.ngc is loaded").then_some(())
         });
+        // The loader logs it just before it answers: the command has the answer after this.
+        std::thread::sleep(Duration::from_secs(2));
     }
 }
 
@@ -96,8 +98,6 @@ fn a_loader_that_comes_back_without_the_program_ends_a_load() {
     let mut loader = cell.loader();
     let loading = cell.load();
     cell.until_loaded();
-    // The command has seen that it is loaded, and asks for it.
-    std::thread::sleep(Duration::from_secs(2));
     assert_eq!(loader.0.try_wait().expect("our child"), None, "it answers and lives");
     kill_at_once(Pid::from_child(&loader.0));
     let killed = Instant::now();
