@@ -148,7 +148,7 @@ fn a_bag_that_says_it_is_of_a_program_must_hold_it() {
             }
         }
     };
-    after(other, Form::OURS, &[]).expect(2).says(&["program 0123456789abcdef, and holds nothing"]);
+    after(other, Form::OURS, &[]).expect(2).says(&["program 0123456789abcdef, but holds nothing"]);
 }
 
 #[test]

@@ -14,14 +14,18 @@ fn out_is_never_written_over_a_file() {
     let bag = folder.file("over.mcap", &bytes);
     let here = folder.path().display().to_string();
     // The bag itself.
-    replay(&bag, &["--out", &here]).expect(2).says(&["over.mcap is there already"]);
+    replay(&bag, &["--out", &here])
+        .expect(2)
+        .says(&["over.mcap already exists and is not overwritten"]);
     assert!(fs::read(&bag).expect("it is still there") == bytes);
     // What was written before.
     let out = folder.path().join("out").display().to_string();
     replay(&bag, &["--out", &out]).expect(0);
     let written = fs::read(folder.path().join("out/over.mcap")).expect("it was written");
     replay(&golden(BAG), &["--out", &out]).expect(0);
-    replay(&bag, &["--out", &out]).expect(2).says(&["out/over.mcap is there already"]);
+    replay(&bag, &["--out", &out])
+        .expect(2)
+        .says(&["out/over.mcap already exists and is not overwritten"]);
     assert!(fs::read(folder.path().join("out/over.mcap")).expect("it stays") == written);
 }
 

@@ -111,7 +111,7 @@ fn no_page_is_written_over_a_bag() {
     let bag = folder.file("bag.mcap", &bytes);
     report(&bag, &bag)
         .expect(2)
-        .says(&["bag.mcap is an input of this command; nothing is written"]);
+        .says(&["bag.mcap is an input of this command and is not overwritten"]);
     crate::replay(&bag, &["--html", &bag.display().to_string()]).expect(2);
     assert!(std::fs::read(&bag).expect("it is still there") == bytes);
 }
