@@ -2,8 +2,7 @@
 //!
 //! An existing file is replaced only if Kerf wrote it, or if it is empty, as `mktemp` makes it. It
 //! is never an input of the command, a device, a pipe, a bag, or the command's standard output.
-//! This is checked before the work, so that no user waits for a refusal, and again just before the
-//! file is replaced.
+//! Kerf checks this twice: before it computes anything, and just before it replaces the file.
 
 use crate::exit::Failure;
 use rustix::fs::{CWD, RenameFlags, Stat, fstat, renameat_with, stat};

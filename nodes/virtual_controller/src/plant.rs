@@ -9,7 +9,7 @@ use crate::axes::{AXES, Vector};
 use crate::settings::Settings;
 use crate::tolerances::{NEGLIGIBLE_SHARE, SWITCH_MM};
 
-/// Distance from a switch to the end stop behind it, mm.
+/// Distance from a limit switch to the end of travel, mm.
 const END_STOP_MM: f64 = 0.5;
 
 /// Pins and positions.

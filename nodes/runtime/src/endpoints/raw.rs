@@ -11,10 +11,10 @@ use crate::endpoints::qos::Qos;
 use crate::endpoints::subscription::SampleInfo;
 use crate::endpoints::wire::{Gid, ros_type};
 use crate::process::time::RosTime;
-use crate::rustdds::padded::{BYTES_MAX, padding};
+use crate::rustdds::padded::Padded;
 use futures::StreamExt;
 use rustdds::dds::CreateError;
-use rustdds::no_key::{DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter};
+use rustdds::no_key::{DataWriterCdr, Decode, DefaultDecoder, DeserializerAdapter};
 use rustdds::no_key::{DeserializedCacheChange, SimpleDataReader};
 use rustdds::policy::{Durability, Reliability};
 use rustdds::{RepresentationIdentifier, Timestamp};
@@ -56,7 +56,7 @@ pub struct RawSubscription {
 
 /// A publisher of bytes.
 pub struct RawPublisher {
-    writer: DataWriter<Payload, Verbatim>,
+    writer: DataWriterCdr<Padded>,
     drops: Drops,
 }
 
@@ -131,7 +131,7 @@ impl Handle {
         let failed = |reason: CreateError| failed(&name, &reason);
         let publisher = self.participant().create_publisher(&qos.policies()).map_err(failed)?;
         let writer = self.ros_endpoint(&name, type_name, qos, |dds| {
-            publisher.create_datawriter_no_key(dds, None).map_err(failed)
+            publisher.create_datawriter_no_key_cdr(dds, None).map_err(failed)
         })?;
         Ok(RawPublisher { writer, drops: Drops::new(name) })
     }
@@ -171,20 +171,11 @@ impl RawPublisher {
             self.drops.add("only little-endian CDR can be published as it is");
             return false;
         };
-        if payload.len() > BYTES_MAX {
-            self.drops.add("longer than a message may be");
-            return false;
-        }
-        let mut bytes = payload.to_vec();
-        bytes.resize(bytes.len() + padding(bytes.len()), 0);
-        let payload = Payload { encoding: [0, 1], bytes };
-        match self.writer.write(payload, Some(Timestamp::now())) {
-            Ok(()) => true,
-            Err(error) => {
-                self.drops.add(&error.to_string());
-                false
-            }
-        }
+        let sent = Padded::new(&[], payload).and_then(|payload| {
+            let written = self.writer.write(payload, Some(Timestamp::now()));
+            written.map_err(|error| error.to_string())
+        });
+        sent.map_err(|reason| self.drops.add(&reason)).is_ok()
     }
 
     /// The endpoint's own address.
@@ -227,7 +218,7 @@ struct Payload {
     bytes: Vec<u8>,
 }
 
-/// Reads and writes [`Payload`].
+/// Reads [`Payload`].
 struct Verbatim;
 
 #[derive(Clone)]
@@ -276,18 +267,6 @@ impl<'de> Decode<'de, Payload> for VerbatimDecoder {
         encoding: RepresentationIdentifier,
     ) -> Result<Payload, Infallible> {
         Ok(Payload { encoding: encoding.to_bytes(), bytes: bytes.to_vec() })
-    }
-}
-
-impl SerializerAdapter<Payload> for Verbatim {
-    type Error = Infallible;
-
-    fn output_encoding() -> RepresentationIdentifier {
-        RepresentationIdentifier::CDR_LE
-    }
-
-    fn to_bytes(value: &Payload) -> Result<rustdds::bytes::Bytes, Infallible> {
-        Ok(rustdds::bytes::Bytes::copy_from_slice(&value.bytes))
     }
 }
 

@@ -13,7 +13,7 @@ use serde::{Serialize, Serializer};
 pub(crate) const BYTES_MAX: usize = 64_000;
 
 /// The padding after so many bytes, to a multiple of four.
-pub(crate) fn padding(bytes: usize) -> usize {
+fn padding(bytes: usize) -> usize {
     bytes.wrapping_neg() % 4
 }
 
