@@ -15,7 +15,7 @@ mod span_writer;
 mod spans;
 mod tool_tip;
 
-use crate::check::lead::WallBehind;
+use crate::check::lead::PreviousWall;
 use crate::geometry::frame::{element, height};
 use crate::geometry::tolerance::LENGTH_MM;
 use crate::span::{Item, ItemKind, Span};
@@ -62,7 +62,8 @@ struct Active<'a> {
     relink: Option<(Selection, Approach)>,
     /// A cancel that waits for its move.
     cancel: Option<(Approach, Source)>,
-    behind: Option<WallBehind>,
+    /// Of the span before, if a link leads from it.
+    previous_wall: Option<PreviousWall>,
     between: rules::BlocksBetween,
     /// A new radius word waits for the next block in the plane (S43).
     radius_changes: Option<Source>,
@@ -104,7 +105,7 @@ pub(crate) struct Walk<'a> {
     spindle_tool: Option<u32>,
     lengths: Lengths,
     /// Offsets whose length is not applied; each has been reported.
-    told_lengths: BTreeSet<u32>,
+    reported_lengths: BTreeSet<u32>,
     /// The block of the last refused change of tool.
     refused_tool: Option<Source>,
     /// The block of the last lead-off.
@@ -133,7 +134,7 @@ impl<'a> Walk<'a> {
             radius_value_mm: None,
             spindle_tool: None,
             lengths: Lengths::default(),
-            told_lengths: BTreeSet::new(),
+            reported_lengths: BTreeSet::new(),
             refused_tool: None,
             led_off_in: None,
             programmed: contour.start,
@@ -378,7 +379,7 @@ impl<'a> Walk<'a> {
         }
         if normal != 2 {
             if let Some((number, length_mm)) = selected
-                && self.told_lengths.insert(number)
+                && self.reported_lengths.insert(number)
             {
                 let finding = rules::length_of_d(source, number, length_mm, normal);
                 self.report.findings.push(finding);
@@ -468,8 +469,8 @@ impl<'a> Walk<'a> {
             } else if let Some((selection, exit)) = active.relink {
                 let lead = self.lead(start, motion, source, exit);
                 active.span.exit_corner = self.corner;
-                let behind = self.close(*active, Exit::Link(lead));
-                self.open(selection, start, motion, source, Some(behind), false);
+                let wall = self.close(*active, Exit::Link(lead));
+                self.open(selection, start, motion, source, Some(wall), false);
             }
             return;
         }

@@ -125,14 +125,14 @@ proptest! {
             prop_assert!(at >= last && at <= path.elements.len(), "{event:?} after {last}");
             last = at;
             // Not between two generated elements of one corner; before them only what stands
-            // before the block that they belong to, behind them only what stands in it.
+            // before the block that they belong to, after them only what stands in it.
             if let Some(corner) = generated(path, at) {
                 prop_assert!(event.source.line < corner.line, "{event:?} before {corner:?}");
             }
             let before = at.checked_sub(1).and_then(|before| generated(path, before));
             if let Some(corner) = before {
                 prop_assert!(generated(path, at) != Some(corner), "{event:?} in {corner:?}");
-                prop_assert!(event.source.line >= corner.line, "{event:?} behind {corner:?}");
+                prop_assert!(event.source.line >= corner.line, "{event:?} after {corner:?}");
             }
         }
     }

@@ -67,10 +67,10 @@ fn very_many_coincident_points_are_one_point() {
         let plain = plan(&text, &sinumerik(), &tool(5.0));
         let many = timed(&repeated(&text, 3, MANY), 5.0);
         // The control looks over a few blocks that go nowhere, not over all of these.
-        let mut told = codes(&many);
-        assert!(told.contains(&Code::OffPlaneBlocks), "{}", findings(&many));
-        told.retain(|&code| code != Code::OffPlaneBlocks);
-        assert_eq!(told, codes(&plain), "{side}");
+        let mut reported = codes(&many);
+        assert!(reported.contains(&Code::OffPlaneBlocks), "{}", findings(&many));
+        reported.retain(|&code| code != Code::OffPlaneBlocks);
+        assert_eq!(reported, codes(&plain), "{side}");
         let ends = |plan: &Plan| -> Vec<_> {
             let elements = if plan.accepted() { &plan.path.elements } else { &plan.refused };
             elements.iter().map(|element| element.end).collect()
@@ -165,7 +165,7 @@ fn coordinates_of_a_million_metres_are_planned_or_refused_at_a_place() {
 }
 
 #[test]
-fn a_contour_that_never_closes_and_never_ends_is_told() {
+fn a_contour_that_never_closes_and_never_ends_is_reported() {
     // A zigzag outwards, compensation still on at its end.
     let mut text = "G0 X0 Y20\nG41 D1 G456 G1 X0 Y0 F100\n".to_string();
     for index in 1..5000 {
@@ -181,7 +181,7 @@ fn a_contour_that_never_closes_and_never_ends_is_told() {
 }
 
 #[test]
-fn a_contour_that_crosses_itself_as_programmed_is_told_where() {
+fn a_contour_that_crosses_itself_as_programmed_is_reported_with_its_place() {
     // An eight: the tool that runs on the outside of one half is inside of the other.
     let eight = "
         G0 X25 Y-40

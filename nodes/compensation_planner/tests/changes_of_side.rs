@@ -90,17 +90,17 @@ fn nearest(plan: &Plan, points: &[[f64; 2]]) -> f64 {
 fn no_change_of_side_cuts_without_a_word() {
     let profile = profile("nct");
     let tools = tool(RADIUS_MM);
-    let (mut told, mut refused) = (0, 0);
+    let (mut reported, mut refused) = (0, 0);
     for turn in (-170..=170).step_by(10) {
         for [bend, next_bend] in [[0.0, 1.0], [1.0, 0.0], [1.0, -1.0], [1.0, 1.0], [0.0, 0.0]] {
             for side in [1.0, -1.0] {
                 let bends = [bend, next_bend].map(|it: f64| side * it * PI / 3.0 / 40.0);
                 let (before, joint, heading) = leg([0.0, 0.0], 0.0, bends[0]);
                 let heading = heading + f64::from(turn).to_radians();
-                let (behind, _, _) = leg(joint, heading, bends[1]);
+                let (after, _, _) = leg(joint, heading, bends[1]);
                 let text = format!(
                     "G0 X0 Y20\nG41 D1 G1 X0 Y0 F100\n{}\nG42 {}\nG40 G1 X300 Y300\nM30",
-                    before.block, behind.block
+                    before.block, after.block
                 );
                 let contour = contour(&text, &profile);
                 let Verdict { plan, disagreement, .. } =
@@ -110,23 +110,27 @@ fn no_change_of_side_cuts_without_a_word() {
                     refused += 1;
                     continue;
                 }
-                let near = nearest(&plan, &before.points).min(nearest(&plan, &behind.points));
+                let near = nearest(&plan, &before.points).min(nearest(&plan, &after.points));
                 let alone = compensation_planner::plan(&contour, &profile, &tools);
-                let is_told = alone.findings.iter().any(|it| it.code == Code::LinkGouge);
-                assert!(is_told || near > RADIUS_MM - 0.06, "{near} {text}\n{}", findings(&plan));
+                let is_reported = alone.findings.iter().any(|it| it.code == Code::LinkGouge);
+                assert!(
+                    is_reported || near > RADIUS_MM - 0.06,
+                    "{near} {text}\n{}",
+                    findings(&plan)
+                );
                 // The audit sees it by itself.
                 let audited = path_audit::audit(&contour, &plan.path, &profile, &tools);
                 let is_seen = audited.findings.iter().any(|it| it.code == Code::LinkGouge);
-                assert_eq!(is_seen, is_told, "{text}\n{:?}", audited.findings);
-                told += u32::from(is_told);
+                assert_eq!(is_seen, is_reported, "{text}\n{:?}", audited.findings);
+                reported += u32::from(is_reported);
             }
         }
     }
-    assert!(told > 100, "{told} are told, {refused} are refused");
+    assert!(reported > 100, "{reported} are reported, {refused} are refused");
 }
 
 #[test]
-fn a_tangent_joint_between_two_sides_is_told_with_its_depth() {
+fn a_tangent_joint_between_two_sides_is_reported_with_its_depth() {
     let text = "G0 X-40 Y30\nG41 D1 G1 X-40 Y0 F100\nX0\nG42 G3 X0 Y60 I0 J30\nG40 G1 X0 Y90\nM30";
     let profile = profile("nct");
     let contour = contour(text, &profile);
@@ -156,14 +160,14 @@ fn what_an_arc_is_lengthened_by_belongs_to_the_change_of_side() {
 /// accepted tolerance, with the block that continues it: both contours end where these offsets
 /// meet.
 #[test]
-fn a_short_block_beside_a_change_of_side_counts_with_its_neighbour() {
+fn a_short_block_next_to_a_change_of_side_counts_with_its_neighbour() {
     let nct = profile("nct");
-    for [before, behind] in [
+    for [before, after] in [
         ["G1 X40 Y0", "G42 G1 X39.984 Y0.012\nG1 X-0.536 Y34.666"],
         ["G1 X40 Y0\nG1 X40.016 Y-0.0013", "G42 G1 X80.536 Y34.666"],
         ["G1 X40 Y0\nG1 X40.016 Y-0.0013", "G42 G1 X40 Y0.0107\nG1 X-0.536 Y34.666"],
     ] {
-        let text = format!("G0 X0 Y20\nG41 D1 G1 X0 Y0 F100\n{before}\n{behind}\nG40 G1 Y70\nM30");
+        let text = format!("G0 X0 Y20\nG41 D1 G1 X0 Y0 F100\n{before}\n{after}\nG40 G1 Y70\nM30");
         let contour = contour(&text, &nct);
         let Verdict { plan, disagreement, .. } =
             judge(&contour, &nct, &tool(1.0), Planning::default());

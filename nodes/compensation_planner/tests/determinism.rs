@@ -13,7 +13,7 @@ use support::random::{config, elements, free, in_modes, near, random_contour, ru
 use support::*;
 
 /// All that is known of a plan, with every bit of its numbers.
-fn told(contour: &ProgrammedContour) -> String {
+fn printed(contour: &ProgrammedContour) -> String {
     format!("{:?}", plan_certified(contour, &free(), &ToolTable::default()))
 }
 
@@ -36,9 +36,9 @@ proptest! {
     ) {
         let mut contour = random_contour(&steps, side, corner);
         set_radius(&mut contour, radius);
-        let first = told(&contour);
+        let first = printed(&contour);
         let others = std::thread::scope(|scope| {
-            [(); 2].map(|()| scope.spawn(|| told(&contour))).map(|thread| thread.join().unwrap())
+            [(); 2].map(|()| scope.spawn(|| printed(&contour))).map(|thread| thread.join().unwrap())
         });
         prop_assert_eq!([&first, &first], [&others[0], &others[1]]);
     }

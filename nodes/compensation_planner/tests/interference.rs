@@ -86,7 +86,7 @@ fn what_leads_away_from_a_closed_circle_bounds_nothing() {
 }
 
 #[test]
-fn a_roughing_pass_that_cuts_what_a_finishing_pass_leaves_is_told() {
+fn a_roughing_pass_that_cuts_what_a_finishing_pass_leaves_is_reported() {
     let text = "
         N1 G0 X0 Y20
         N2 G41 D1 G456 G1 X0 Y0 F100
@@ -342,7 +342,7 @@ fn a_loop_at_the_end_of_a_contour_hides_no_gouge_before_it() {
 }
 
 #[test]
-fn a_loop_at_the_start_of_a_contour_hides_no_gouge_behind_it() {
+fn a_loop_at_the_start_of_a_contour_hides_no_gouge_after_it() {
     let slot = "X0\nY-10\nX-20\nY-40\nX40\nY-10\nX8\nY0\nX60\nG40 X60 Y30";
     let start = "G0 X-30 Y-20\nG41 D1 G1 X-30 Y0 F500\nX-30.001";
     let plan = plan(&format!("{start}\n{slot}"), &rs274(), &tool(5.0));

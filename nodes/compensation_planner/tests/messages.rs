@@ -7,7 +7,7 @@ use cnc_msgs::tool_table::{Offset, ToolTable};
 use support::*;
 
 #[test]
-fn a_tool_that_hardly_does_not_fit_is_told_from_one_that_does() {
+fn a_tool_that_hardly_does_not_fit_differs_in_its_message_from_one_that_does() {
     // Between lines of 60 degrees: up to 8.660254 mm.
     let text = "G0 X-40 Y30\nG41 D1 G1 X-15 Y25.980762\nX-5 Y0\nX5\nX15 Y25.980762\nG40 X40 Y30";
     let limit = finding(&plan(text, &sinumerik(), &tool(20.0)), Code::Unreachable)

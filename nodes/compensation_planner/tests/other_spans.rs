@@ -43,7 +43,7 @@ fn bore(x: f64, y: f64, radius: f64, z: f64) -> String {
 }
 
 #[test]
-fn a_contour_that_cuts_into_an_earlier_one_is_told() {
+fn a_contour_that_cuts_into_an_earlier_one_is_reported() {
     // Two bores whose walls are 1.4 mm into each other.
     let text = bore(0.0, 0.0, 20.0, -2.0) + &bore(38.6, 0.0, 20.0, -2.0);
     let plan = judged(&text);
@@ -59,7 +59,7 @@ fn a_contour_that_cuts_into_an_earlier_one_is_told() {
 }
 
 #[test]
-fn contours_that_only_touch_are_not_told() {
+fn contours_that_only_touch_are_not_reported() {
     for apart in [40.0, 40.1, 60.0] {
         let plan = judged(&(bore(0.0, 0.0, 20.0, -2.0) + &bore(apart, 0.0, 20.0, -2.0)));
         assert_eq!(findings(&plan), "", "{apart}");
@@ -131,14 +131,19 @@ fn a_work_coordinate_system_that_changes_within_a_contour_counts_from_the_next()
 }
 
 #[test]
-fn of_contours_that_all_cut_into_each_other_a_hundred_are_told() {
+fn of_contours_that_all_cut_into_each_other_a_hundred_are_reported() {
     let mut text = String::new();
     for step in 0..130 {
         let _ = write!(text, "{}", bore(f64::from(step), 0.0, 20.0, -2.0));
     }
     let plan = judged(&text);
     assert!(plan.accepted());
-    let told: Vec<_> = plan.findings.iter().filter(|it| it.code == Code::CutsOtherSpan).collect();
-    assert_eq!(told.len(), 100);
-    assert!(told[99].message.ends_with("not compared with earlier ones"), "{}", told[99].message);
+    let reported: Vec<_> =
+        plan.findings.iter().filter(|it| it.code == Code::CutsOtherSpan).collect();
+    assert_eq!(reported.len(), 100);
+    assert!(
+        reported[99].message.ends_with("not compared with earlier ones"),
+        "{}",
+        reported[99].message
+    );
 }

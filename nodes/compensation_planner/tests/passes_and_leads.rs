@@ -80,7 +80,7 @@ fn arcs_that_lead_to_a_circle_and_away_from_it_bound_nothing() {
 #[test]
 fn a_contour_that_closes_within_a_line_is_closed() {
     // The posted blocks before and after the beginning are one line to 1e-4 mm, which passes the
-    // beginning by; the end of the overlap is 5e-5 mm beside the first block.
+    // beginning by; the end of the overlap is 5e-5 mm off the first block.
     let plan = of_rs274(
         "F600\nG0 X98.2608 Y61.0233\nG41.1 D10 G1 X109.5245 Y70.9445\nG1 X38.7691 Y151.2740\n\
          G1 X-47.7313 Y144.6142\nG1 X-137.3187 Y50.1976\nG1 X-125.4162 Y-92.4945\n\
@@ -94,7 +94,7 @@ fn a_contour_that_closes_within_a_line_is_closed() {
 #[test]
 fn a_full_circle_between_arcs_is_cut_whatever_its_decimals() {
     // Where posted coordinates leave the joints off tangent by 1e-7 rad, the tool leaves the
-    // circle a hair before where it came onto it, or a hair behind.
+    // circle a hair before where it came onto it, or a hair after.
     for text in [
         "F600\nG0 X-10.215609 Y20.359677\nG41.1 D10 G1 X-6.807122 Y4.726948\n\
          G3 X0.333333 Y0.142857 I5.862273 J1.278183\nG3 X0.333333 Y0.142857 I-4.260607 J19.540912\n\
@@ -140,7 +140,7 @@ fn an_arc_after_quarters_of_a_circle_is_reached_whatever_their_decimals() {
 
 #[test]
 fn an_arc_after_a_circle_that_goes_on_is_reached_whatever_its_decimals() {
-    // Four decimals: the circle and the half radian after it are one, and end 1e-5 mm beside
+    // Four decimals: the circle and the half radian after it are one, and end 1e-5 mm off
     // the start of the arc that leads away.
     let text = "F600\nG0 X-0.8423 Y-22.6303\nG42.1 D10 G1 X-4.2508 Y-6.9976\n\
                 G2 X0.3333 Y0.1429 I5.8623 J1.2782\nG2 X0.3333 Y0.1429 I4.2606 J-19.5410\n\
@@ -256,7 +256,7 @@ fn a_negative_radius_is_the_positive_one_on_the_other_side() {
 }
 
 #[test]
-fn what_an_entry_skips_of_a_curve_is_told() {
+fn what_an_entry_skips_of_a_curve_is_reported() {
     // Along a curve of 40 mm in chords, entered along its tangent or from its inside.
     let curve = |start: &str| {
         let mut text = format!("F100\nG0 {start}\nG41.1 D6 G1 X40 Y0");

@@ -306,7 +306,7 @@ fn curves_in_chords(
 fn a_few_straights_before_a_sharp_corner_are_no_curve() {
     let lead = "G0 X0 Y30\nG41 D1 G456 G1 X0 Y10";
     let leave = "X60\nG40 G456 X60 Y30";
-    // Behind an arc, and bent by 5 degrees.
+    // After an arc, and bent by 5 degrees.
     for (text, radius, fits) in [
         (format!("{lead}\nX5\nG2 X10 Y5 I0 J-5\nG1 Y1\n{leave}"), 5.0, 4.0),
         (format!("{lead}\nX10\nX10.174 Y2\nY0\n{leave}"), 6.0, 2.0),
@@ -317,7 +317,7 @@ fn a_few_straights_before_a_sharp_corner_are_no_curve() {
 }
 
 #[test]
-fn a_piece_of_1e_5_mm_behind_an_arc_is_no_finding() {
+fn a_piece_of_1e_5_mm_after_an_arc_is_no_finding() {
     let text = "G0 X30 Y-9\nG42 D1 G456 G1 X9 Y-9\nG3 X0 Y0 I-9 J0
         G1 X-0.0000127 Y0.00000000016\nG1 X-10 Y0.000254\nG40 G456 X-10 Y20";
     for radius in [0.001, 0.1, 1.0, 5.0] {
@@ -326,7 +326,7 @@ fn a_piece_of_1e_5_mm_behind_an_arc_is_no_finding() {
 }
 
 #[test]
-fn a_last_chord_beside_the_line_before_it_is_no_feature() {
+fn a_last_chord_next_to_the_line_before_it_is_no_feature() {
     // Each ends in a chord that is shorter than what the noise of its direction takes.
     for (angle, corner, curvatures, steps) in [
         (-2.553549811592904, 1.814895, (0.0092835719, -0.0010861), (0.0462090768, 0.73803032)),

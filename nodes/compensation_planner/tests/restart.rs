@@ -50,8 +50,8 @@ fn m28_where_it_is_forbidden_the_nearest_line_is_the_last_outside_of_compensatio
         (10, None),
     ] {
         let refused = starts(TWO, &masso, line).err();
-        let told = refused.as_ref().map(|no| (no.nearest.line, no.finding.help.as_str()));
-        assert_eq!(told, wanted, "line {line}");
+        let refusal = refused.as_ref().map(|no| (no.nearest.line, no.finding.help.as_str()));
+        assert_eq!(refusal, wanted, "line {line}");
         let is_restart = |no: &NoStart| no.finding.code == Code::Restart && no.finding.is_error();
         assert!(refused.is_none_or(|no| is_restart(&no)), "line {line}");
     }
@@ -125,7 +125,7 @@ fn in_a_plane_that_holds_z_the_tool_has_to_stand_on_the_path() {
 }
 
 #[test]
-fn nothing_begins_behind_the_last_motion() {
+fn nothing_begins_after_the_last_motion() {
     let refused = starts(TWO, &rs274(), 11).expect_err("it is past the end");
     assert_eq!(
         refused.finding.message,

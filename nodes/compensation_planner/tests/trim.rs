@@ -162,7 +162,7 @@ proptest! {
 
     /// A pocket is what the tool sweeps, the fillets of its sharp corners, and what is uncut.
     #[test]
-    fn p3_what_is_not_cut_is_told(
+    fn p3_what_is_not_cut_is_reported(
         corners in prop::collection::vec((5.0..60.0_f64, -1.0..1.0_f64), 3..24),
         radius in 0.1..12.0_f64,
     ) {

@@ -35,7 +35,7 @@ proptest! {
 
     /// All corners are rounded, so that everything that stays in them is reported.
     #[test]
-    fn p3_a_tool_too_large_cuts_what_it_gets_to_and_the_rest_is_told(
+    fn p3_a_tool_too_large_cuts_what_it_gets_to_and_the_rest_is_reported(
         shape in shapes(),
         more in 0.02..3.0_f64,
     ) {
@@ -53,7 +53,7 @@ proptest! {
         let swept = offsets(&outline(&plan.path), -shape.signed(radius));
         prop_assert_eq!(swept.len(), 1);
         let missing = (shape.polyline().area() - swept[0].area()).abs();
-        let told: f64 = plan.uncut.iter().map(|region| region.area_mm2).sum();
-        prop_assert!((missing - told).abs() < 1e-4, "R {radius}: {missing} mm², and {told} are told");
+        let reported: f64 = plan.uncut.iter().map(|region| region.area_mm2).sum();
+        prop_assert!((missing - reported).abs() < 1e-4, "R {radius}: {missing} mm², and {reported} are reported");
     }
 }

@@ -98,7 +98,7 @@ fn check_alike(got: &[PathElement], expected: &[PathElement]) -> Result<(), Test
     Ok(())
 }
 
-fn behind(elements: &[PathElement], line: u32) -> Vec<PathElement> {
+fn after_line(elements: &[PathElement], line: u32) -> Vec<PathElement> {
     elements.iter().skip_while(|element| element.source.line <= line).copied().collect()
 }
 
@@ -178,7 +178,7 @@ proptest! {
         // Until the block that changes, as it ran; after it, as the whole with the new value.
         check_alike(&up_to(got, rest.from_line - 1), &up_to(&running.elements, rest.from_line - 1))?;
         let whole = plan_of(&contour, &profile, &new).path;
-        check_alike(&behind(got, rest.from_line), &behind(&whole.elements, rest.from_line))?;
+        check_alike(&after_line(got, rest.from_line), &after_line(&whole.elements, rest.from_line))?;
     }
 }
 

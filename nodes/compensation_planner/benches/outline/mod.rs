@@ -149,12 +149,12 @@ impl Outline {
     /// With D1, a lead-on and a lead-off of 20 mm perpendicular to the ends.
     pub(crate) fn programmed(&self) -> ProgrammedContour {
         let (first, last) = (self.segments[0], self.segments[self.count() - 1]);
-        let behind =
+        let last_start =
             if self.count() > 1 { self.segments[self.count() - 2].end } else { self.start };
         let sign = if self.side == CutterSide::Left { 20.0 } else { -20.0 };
         let aside = |at: Point, along: Point| [at[0] - along[1] * sign, at[1] + along[0] * sign];
         let from = aside(self.start, unit(self.start, first.end));
-        let to = aside(last.end, unit(behind, last.end));
+        let to = aside(last.end, unit(last_start, last.end));
 
         let mut events = Vec::with_capacity(self.count() + 6);
         let mut line = 1;

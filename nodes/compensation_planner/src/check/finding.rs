@@ -277,8 +277,8 @@ pub(crate) fn too_many_spans(span: &Span<'_>) -> Finding {
 pub(crate) fn not_trimmed(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -> Finding {
     let mut finding = self::cut(span, runs, cut, profile);
     finding.severity = Severity::Error;
-    let tells_so = "; what does not fit is left out";
-    finding.message = finding.message.replace(tells_so, "; leaving blocks out does not help");
+    let left_out = "; what does not fit is left out";
+    finding.message = finding.message.replace(left_out, "; leaving blocks out does not help");
     finding
 }
 

@@ -74,7 +74,7 @@ pub(crate) struct Joined<'a> {
 /// something was consumed, mm.
 pub(crate) fn cuts(walls: &Walls<'_>, joined: &Joined<'_>, tolerance: f64, gouge_mm: f64) -> Cuts {
     let (found, is_complete) = all_cuts(walls, joined, [gouge_mm, gouge_mm + tolerance]);
-    Cuts { cuts: deepest_of_each_place(found), is_complete }
+    Cuts { cuts: deepest_of_each_group(found), is_complete }
 }
 
 /// For each place whether the tool cuts into a wall of the same pass from there.
@@ -263,40 +263,40 @@ fn is_retraced(walls: &Walls<'_>, on: usize, into: usize, near: Nearest) -> bool
         && followed.tangent_at(at).dot(&walls.element(into).tangent_at(near.on_wall)) > 0.0
 }
 
-/// Merges cuts between neighbours into one place, also where the tool cuts a pair of walls from
+/// Merges cuts between neighbours into one group, also where the tool cuts a pair of walls from
 /// both.
-fn deepest_of_each_place(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
+fn deepest_of_each_group(mut found: Vec<(usize, Cut)>) -> Vec<Cut> {
     found.sort_by_key(|(path, cut)| (*path, cut.into));
-    let mut places: Vec<Place> = Vec::new();
+    let mut groups: Vec<CutGroup> = Vec::new();
     for (path, cut) in found {
-        let open = places.iter_mut().rev().take(8).find(|place| place.continues(path, &cut));
+        let open = groups.iter_mut().rev().take(8).find(|group| group.continues(path, &cut));
         match open {
-            Some(place) => place.take(path, cut),
-            None => places.push(Place::new(path, cut)),
+            Some(group) => group.take(path, cut),
+            None => groups.push(CutGroup::new(path, cut)),
         }
     }
-    places.sort_by(|a, b| {
+    groups.sort_by(|a, b| {
         a.deepest.distance_mm.total_cmp(&b.deepest.distance_mm).then(a.on.0.cmp(&b.on.0))
     });
-    let mut kept: Vec<Place> = Vec::new();
-    for place in places {
+    let mut kept: Vec<CutGroup> = Vec::new();
+    for group in groups {
         // A warning must not hide an error.
-        let is_other_side = |other: &Place| {
-            other.deepest.kind() == place.deepest.kind()
-                && (overlap(place.on, other.into) && overlap(place.into, other.on)
-                    || overlap(place.on, other.on) && overlap(place.into, other.into))
+        let is_other_side = |other: &CutGroup| {
+            other.deepest.kind() == group.deepest.kind()
+                && (overlap(group.on, other.into) && overlap(group.into, other.on)
+                    || overlap(group.on, other.on) && overlap(group.into, other.into))
         };
         if kept.len() < 1000 && !kept.iter().any(is_other_side) {
-            kept.push(place);
+            kept.push(group);
         }
     }
-    kept.sort_by_key(|place| (place.on.0.max(place.into.0), place.on.0));
-    kept.into_iter().map(|place| place.deepest).collect()
+    kept.sort_by_key(|group| (group.on.0.max(group.into.0), group.on.0));
+    kept.into_iter().map(|group| group.deepest).collect()
 }
 
 /// Cuts that hang together.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct CutGroup {
     last_move: usize,
     /// The first and last run that the tool follows, and the first and last that it cuts.
     on: (usize, usize),
@@ -304,7 +304,7 @@ struct Place {
     deepest: Cut,
 }
 
-impl Place {
+impl CutGroup {
     fn new(path: usize, cut: Cut) -> Self {
         Self { last_move: path, on: (cut.on, cut.on), into: (cut.into, cut.into), deepest: cut }
     }

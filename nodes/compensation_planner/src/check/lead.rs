@@ -19,9 +19,9 @@ use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::Profile;
 use std::ops::ControlFlow;
 
-/// The wall that a link leaves behind, and the tool path along it, for the check of the next span.
+/// The wall that a link leaves, and the tool path along it, for the check of the next span.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct WallBehind {
+pub(crate) struct PreviousWall {
     pub wall: Element,
     pub path: Option<Element>,
     pub source: Source,
@@ -289,16 +289,16 @@ impl Check<'_> {
         span: &Span<'_>,
         runs: &[Run],
         path: &LeadPath,
-        behind: Option<WallBehind>,
+        previous_wall: Option<PreviousWall>,
     ) {
         let lead = &span.entry.lead;
         let code = if span.entry.is_link { Code::LinkGouge } else { Code::LeadGouge };
         let free_end = FreeEnd::first(self.walls).filter(|_| !span.entry.is_link);
         self.span(code, (span, runs), (path, span.d_mm, free_end), lead);
-        if let Some(behind) = behind {
-            let near = nearest(path.straight.0, path.straight.1, &behind.wall);
-            if near.distance < behind.d_mm.abs() - GOUGE_MM {
-                self.report(Code::LinkGouge, near, behind.d_mm, lead, behind.source);
+        if let Some(previous) = previous_wall {
+            let near = nearest(path.straight.0, path.straight.1, &previous.wall);
+            if near.distance < previous.d_mm.abs() - GOUGE_MM {
+                self.report(Code::LinkGouge, near, previous.d_mm, lead, previous.source);
             }
         }
     }
@@ -315,7 +315,7 @@ impl Check<'_> {
         &mut self,
         span: &Span<'_>,
         path: Option<Element>,
-        from: WallBehind,
+        from: PreviousWall,
     ) {
         let to = &span.legs[0];
         let pairs = [
@@ -361,15 +361,15 @@ impl Check<'_> {
     }
 
     /// What the check of the next span needs of a link at the end of this one.
-    pub(crate) fn wall_behind(
+    pub(crate) fn last_wall(
         &self,
         span: &Span<'_>,
         runs: &[Run],
         path: Option<Element>,
-    ) -> Option<WallBehind> {
+    ) -> Option<PreviousWall> {
         let last = runs.last()?;
         let source = span.legs[last.legs.end - 1].source;
-        Some(WallBehind { wall: last.element, path, source, d_mm: span.d_out_mm })
+        Some(PreviousWall { wall: last.element, path, source, d_mm: span.d_out_mm })
     }
 
     fn span(

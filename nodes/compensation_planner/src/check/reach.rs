@@ -324,14 +324,14 @@ fn is_passed_by(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f6
     links[gap.from..gap.to].iter().filter(|link| matches!(link.role, Role::Run(_))).all(|link| {
         let radius = link.d_in_mm.abs();
         [link.element.start(), link.element.end()].into_iter().all(|point| {
-            let beside = |path: &Element| {
+            let is_clear = |path: &Element| {
                 let along = path.along_from_start(point, 0.0);
                 let off = (path.project(point) - point).norm();
                 !(0.0..=path.length()).contains(&along)
                     || (off - radius).abs() <= tolerance.max(LENGTH_MM)
             };
             (point - stand).norm() >= radius - tolerance.max(LENGTH_MM)
-                && lengthened.iter().flatten().all(beside)
+                && lengthened.iter().flatten().all(is_clear)
         })
     })
 }
@@ -399,15 +399,15 @@ fn programmed_corner(
     [from, to]: [Vec2; 2],
     tolerance: f64,
 ) -> Option<Vec2> {
-    let beside = |line: &Element, end: Vec2, point: Vec2| {
+    let end_beyond = |line: &Element, end: Vec2, point: Vec2| {
         let foot = line.project(point);
         let is_beyond = !(0.0..=line.length()).contains(&line.along_from_start(point, 0.0));
         if line.is_line() && is_beyond && (foot - point).norm() <= tolerance { foot } else { end }
     };
     let (a, b) = match (before, after) {
         (Some(a), Some(b)) => (a, b),
-        (Some(a), None) => return Some(beside(&a, a.end(), to)),
-        (None, Some(b)) => return Some(beside(&b, b.start(), from)),
+        (Some(a), None) => return Some(end_beyond(&a, a.end(), to)),
+        (None, Some(b)) => return Some(end_beyond(&b, b.start(), from)),
         (None, None) => return None,
     };
     let near = (a.end() + b.start()) / 2.0;

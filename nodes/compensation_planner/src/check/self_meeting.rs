@@ -18,7 +18,7 @@ const FEW: (usize, usize) = (4, 100);
 
 /// A place on a run, mm from its start.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
-pub(crate) struct Place {
+pub(crate) struct PlaceOnRun {
     pub run: usize,
     pub along: f64,
 }
@@ -26,8 +26,8 @@ pub(crate) struct Place {
 /// The contour is at a place that it has passed before.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SelfMeeting {
-    pub early: Place,
-    pub late: Place,
+    pub early: PlaceOnRun,
+    pub late: PlaceOnRun,
     /// Whether the later run ends there.
     pub is_return: bool,
 }
@@ -56,7 +56,7 @@ pub(crate) fn meetings_of_copies(
     }
     for (index, run) in runs.iter().enumerate().filter(|(index, _)| copies.is_first(*index)) {
         for along in [0.0, run.element.length()] {
-            let place = Place { run: index, along };
+            let place = PlaceOnRun { run: index, along };
             partners[index]
                 .push((index, SelfMeeting { early: place, late: place, is_return: false }));
         }
@@ -81,7 +81,7 @@ fn between(runs: &[Run], meeting: &SelfMeeting, early: usize, late: usize) -> Op
     let is_joint = early + 1 == late
         && meeting.late.along <= LENGTH_MM
         && meeting.early.along >= length(early) - LENGTH_MM;
-    let place = |run: usize, along: f64| Place { run, along };
+    let place = |run: usize, along: f64| PlaceOnRun { run, along };
     (!is_joint).then(|| SelfMeeting {
         early: place(early, meeting.early.along),
         late: place(late, meeting.late.along),
@@ -111,8 +111,8 @@ fn places(
     let mut found: Vec<SelfMeeting> = Vec::new();
     for (index, run) in runs.iter().enumerate().filter(|(index, _)| counts(*index)) {
         if run.element.is_closed() || run.element.goes_around() {
-            let late = Place { run: index, along: run.element.length() };
-            let early = Place { run: index, along: 0.0 };
+            let late = PlaceOnRun { run: index, along: run.element.length() };
+            let early = PlaceOnRun { run: index, along: 0.0 };
             found.push(SelfMeeting { early, late, is_return: true });
         }
     }
@@ -154,11 +154,11 @@ fn meet(
         let length = b.length();
         let along = if is_end_of_late { length } else { b.along_from_start(point, LENGTH_MM) };
         found.push(SelfMeeting {
-            early: Place {
+            early: PlaceOnRun {
                 run: early,
                 along: a.along_from_start(point, LENGTH_MM).clamp(0.0, a.length()),
             },
-            late: Place { run: late, along: along.clamp(0.0, length) },
+            late: PlaceOnRun { run: late, along: along.clamp(0.0, length) },
             is_return: is_end_of_late,
         });
     };

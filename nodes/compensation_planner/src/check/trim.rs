@@ -71,11 +71,11 @@ fn with_consumed(joined: &Joined<'_>, tolerance: f64) -> (Vec<Placed>, Vec<Cross
             let Some(ahead) = ahead else { return };
             (place.start, place.trim_in) = (ahead.start(), 0.0);
             if let Some(last) = all.last_mut() {
-                let behind = &links[last.link];
-                if let Some(element) = behind.element.offset(behind.d_out_mm) {
+                let before = &links[last.link];
+                if let Some(element) = before.element.offset(before.d_out_mm) {
                     (last.end, last.trim_out) = (element.end(), 0.0);
                     let meeting = (last.link + 1 == place.link && !link.is_smooth)
-                        .then(|| joint(behind, &element, link, &ahead, true, tolerance))
+                        .then(|| joint(before, &element, link, &ahead, true, tolerance))
                         .flatten();
                     if let Some(meeting) = meeting {
                         if link.is_lengthened {

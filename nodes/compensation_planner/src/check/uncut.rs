@@ -63,15 +63,15 @@ impl UncutRegion {
 pub(crate) fn regions(
     joined: &Joined<'_>,
     runs: &[Run],
-    cut_behind: &[usize],
+    cut_after: &[usize],
     tolerance: f64,
 ) -> Vec<UncutRegion> {
     let Joined { links, placed, corners } = *joined;
-    let mut behind: Vec<Option<usize>> = cut_behind.iter().copied().map(Some).collect();
-    behind.extend(left_out(links, placed, tolerance));
-    behind.sort_unstable();
-    behind.dedup();
-    let regions = behind.into_iter().map(|at| region(corners.span, runs, (links, placed), at));
+    let mut places: Vec<Option<usize>> = cut_after.iter().copied().map(Some).collect();
+    places.extend(left_out(links, placed, tolerance));
+    places.sort_unstable();
+    places.dedup();
+    let regions = places.into_iter().map(|at| region(corners.span, runs, (links, placed), at));
     // The noise of coordinates does not count.
     let is_deep = |region: &UncutRegion| {
         let [x, y, z] = std::array::from_fn(|axis| region.widest(axis));

@@ -6,7 +6,7 @@
 //! beyond the crossing (M12), except for a tool that runs along the same tail.
 
 use crate::check::retraced_runs::RetracedRuns;
-use crate::check::self_meeting::{Place, SelfMeeting, meetings, meetings_of_copies};
+use crate::check::self_meeting::{PlaceOnRun, SelfMeeting, meetings, meetings_of_copies};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, MERGE_MM};
 use crate::geometry::tree::{Bounds, Chains, NO_CHAIN, Tree};
@@ -47,8 +47,8 @@ pub(crate) struct Layout {
 struct Pass {
     runs: Range<usize>,
     /// Where the walls begin and end; `None`: there is no tail.
-    begin: Option<Place>,
-    end: Option<Place>,
+    begin: Option<PlaceOnRun>,
+    end: Option<PlaceOnRun>,
 }
 
 impl<'a> Walls<'a> {
@@ -177,8 +177,8 @@ impl<'a> Walls<'a> {
     fn is_whole(&self, run: usize) -> bool {
         let Some(pass) = self.layout.passes.get(self.pass(run)) else { return false };
         let length = self.runs[run].element.length();
-        pass.begin.is_none_or(|begin| begin <= Place { run, along: 0.0 })
-            && pass.end.is_none_or(|end| end >= Place { run, along: length })
+        pass.begin.is_none_or(|begin| begin <= PlaceOnRun { run, along: 0.0 })
+            && pass.end.is_none_or(|end| end >= PlaceOnRun { run, along: length })
     }
 
     /// Whether a cut into a run counts.
@@ -227,7 +227,7 @@ impl<'a> Walls<'a> {
     /// start. A tail bounds only what runs along it.
     pub(crate) fn seen_from(&self, on: Option<(usize, f64)>, run: usize) -> Option<Element> {
         let number = self.pass(run);
-        let on = on.map(|(run, along)| Place { run, along });
+        let on = on.map(|(run, along)| PlaceOnRun { run, along });
         let on = on.filter(|on| self.pass(on.run) == number);
         let pass = self.layout.passes.get(number)?;
         let mut element = self.runs.get(run)?.element;
@@ -296,17 +296,18 @@ fn passes(runs: &[Run], meetings: &[SelfMeeting]) -> Vec<Pass> {
         // The piece that leads to the first loop and the one that leads away from the last may
         // cross each other: that is no wall.
         let leads_on = meetings.iter().filter(|meeting| meeting.late <= last.late);
-        front.begin = leads_on.map(|meeting| meeting.early).reduce(Place::first);
+        front.begin = leads_on.map(|meeting| meeting.early).reduce(PlaceOnRun::first);
         if back.runs.start > last.late.run {
             let leads_off = meetings.iter().filter(|meeting| meeting.early >= first.early);
-            let behind = Place { run: back.runs.start, along: 0.0 };
-            back.end = leads_off.map(|meeting| meeting.late).chain([behind]).reduce(Place::last);
+            let start = PlaceOnRun { run: back.runs.start, along: 0.0 };
+            back.end =
+                leads_off.map(|meeting| meeting.late).chain([start]).reduce(PlaceOnRun::last);
         }
     }
     passes
 }
 
-impl Place {
+impl PlaceOnRun {
     fn first(self, other: Self) -> Self {
         if other < self { other } else { self }
     }

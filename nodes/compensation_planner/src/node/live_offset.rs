@@ -44,7 +44,7 @@ pub(super) struct Live {
 }
 
 impl Live {
-    fn hear(&mut self, state: &MachineState) {
+    fn update(&mut self, state: &MachineState) {
         (self.revision, self.settled) = (state.path_revision, state.settled_elements);
         self.is_held = state.state == MachineState::STATE_HOLD;
         let is_meant = |plan: &&RunningPlan| {
@@ -64,7 +64,7 @@ pub(super) fn follow(node: &Handle, planner: &Arc<Planner>) -> Result<(), NodeEr
         loop {
             let (first, _) = states.next().await;
             let newest = states.drain().pop().map_or(first, |(newest, _)| newest);
-            planner.state().live.hear(&newest);
+            planner.state().live.update(&newest);
         }
     });
     Ok(())

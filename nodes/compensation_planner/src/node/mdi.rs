@@ -72,10 +72,10 @@ pub(super) fn plan(
 }
 
 fn contour(request: &PlanBlockRequest) -> Result<ProgrammedContour, String> {
-    let told = |error: cnc_msgs::chunk::ChunkError| error.to_string();
-    let mut collector = Collector::for_contour(&request.contour).map_err(told)?;
+    let message = |error: cnc_msgs::chunk::ChunkError| error.to_string();
+    let mut collector = Collector::for_contour(&request.contour).map_err(message)?;
     for chunk in &request.chunks {
-        collector.add(chunk.clone()).map_err(told)?;
+        collector.add(chunk.clone()).map_err(message)?;
     }
-    collector.finish(&request.contour).map_err(told)
+    collector.finish(&request.contour).map_err(message)
 }

@@ -61,20 +61,20 @@ impl ToolFile {
     }
 
     fn replace(&self, text: &str, permissions: fs::Permissions) -> io::Result<()> {
-        let mut beside = self.path.clone().into_os_string();
-        beside.push(format!(".{}.new", std::process::id()));
-        let beside = PathBuf::from(beside);
+        let mut new_file = self.path.clone().into_os_string();
+        new_file.push(format!(".{}.new", std::process::id()));
+        let new_file = PathBuf::from(new_file);
         let written = (|| {
             let mut file =
-                OpenOptions::new().write(true).create(true).truncate(true).open(&beside)?;
+                OpenOptions::new().write(true).create(true).truncate(true).open(&new_file)?;
             file.write_all(text.as_bytes())?;
             file.set_permissions(permissions)?;
             file.sync_all()?;
-            fs::rename(&beside, &self.path)
+            fs::rename(&new_file, &self.path)
         })();
         if let Err(error) = written {
             // It may not exist.
-            let _ = fs::remove_file(&beside);
+            let _ = fs::remove_file(&new_file);
             return Err(error);
         }
         // Renaming is durable once the folder is synced; it is already in force.
@@ -115,11 +115,7 @@ mod tests {
         assert_eq!(text, "tools:\n  1: {diameter_mm: 10.0, wear_diameter_mm: -0.6} # HSS\n");
         assert_eq!(fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o640);
         assert!(fs::symlink_metadata(&link).expect("there").is_symlink());
-        assert_eq!(
-            fs::read_dir(folder.path()).expect("there").count(),
-            2,
-            "nothing is left beside"
-        );
+        assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 2, "no other file is left");
         // A row that is another one too needs a new file, and the answer says so.
         let alias = "tools:\n  2: &a {diameter_mm: 10.0}\n  1: *a # as T2\n";
         fs::write(&path, alias).expect("written");

@@ -165,7 +165,7 @@ fn is_short(before: &ChainLink, link: &ChainLink, short_mm: f64) -> bool {
     // Nearly tangent circles may meet far away: then the tool goes around the corner.
     let is_near = |trim: f64| trim.abs() <= 2.0 * short_mm;
     offsets
-        .and_then(|(behind, ahead)| meet_across(&behind, &ahead))
+        .and_then(|(before, next)| meet_across(&before, &next))
         .is_some_and(|meeting| is_near(meeting.trim_a) && is_near(meeting.trim_b))
 }
 
@@ -188,10 +188,10 @@ pub(crate) fn join(links: &[ChainLink], slack: f64) -> Vec<Placed> {
             };
             let last = &links[top.link];
             let is_neighbour = top.link + 1 == index;
-            let behind = last.element.offset(last.d_out_mm);
-            let meeting = behind.and_then(|behind| {
-                joint(last, &behind, link, &ahead, is_neighbour, slack)
-                    .map(|meeting| (meeting, length(last, &behind)))
+            let ending = last.element.offset(last.d_out_mm);
+            let meeting = ending.and_then(|ending| {
+                joint(last, &ending, link, &ahead, is_neighbour, slack)
+                    .map(|meeting| (meeting, length(last, &ending)))
             });
             let Some((meeting, top_room)) = meeting else {
                 if is_smaller(last, link) {
@@ -294,24 +294,24 @@ fn is_smaller(a: &ChainLink, b: &ChainLink) -> bool {
 /// Where the tool leaves one link for the next that is placed.
 pub(crate) fn joint(
     a: &ChainLink,
-    behind: &Element,
+    ending: &Element,
     b: &ChainLink,
     ahead: &Element,
     is_neighbour: bool,
     slack: f64,
 ) -> Option<Meeting> {
     if a.d_out_mm * b.d_in_mm < 0.0 {
-        return meet_across(behind, ahead);
+        return meet_across(ending, ahead);
     }
     if !is_neighbour {
-        return meet(behind, ahead, slack);
+        return meet(ending, ahead, slack);
     }
     if b.is_smooth {
         let around_corner =
             matches!(a.role, Role::Corner { .. }) || matches!(b.role, Role::Corner { .. });
         let point = if around_corner {
             // The corner has the exact normals of both; its own point is the run's.
-            if matches!(a.role, Role::Corner { .. }) { ahead.start() } else { behind.end() }
+            if matches!(a.role, Role::Corner { .. }) { ahead.start() } else { ending.end() }
         } else {
             line_corner(
                 b.element.start(),
@@ -323,7 +323,7 @@ pub(crate) fn joint(
         return Some(Meeting { point, trim_a: 0.0, trim_b: 0.0 });
     }
     if b.is_lengthened {
-        return meet_across(behind, ahead);
+        return meet_across(ending, ahead);
     }
     if let (Element::Line(before), Element::Line(after)) = (&a.element, &b.element) {
         let cosine = 1.0 + before.tangent.dot(&after.tangent);
@@ -333,7 +333,7 @@ pub(crate) fn joint(
             return Some(Meeting { point, trim_a: trim, trim_b: trim });
         }
     }
-    let meeting = meet(behind, ahead, LENGTH_MM);
+    let meeting = meet(ending, ahead, LENGTH_MM);
     if !is_hardly_bent(a, b) {
         return bent(a, b, meeting);
     }

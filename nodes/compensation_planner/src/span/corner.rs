@@ -187,11 +187,13 @@ fn intersection(corner: &Arc, before: &Element, after: &Element, d_mm: f64) -> O
         let longer = (point - corner.center).dot(&t_before);
         return Some(Lines::meeting(point, longer, longer));
     }
-    let (behind, ahead) = (before.offset(d_mm)?, after.offset(d_mm)?);
-    let candidates = crossings(&behind, &ahead, LENGTH_MM);
+    let (before_offset, after_offset) = (before.offset(d_mm)?, after.offset(d_mm)?);
+    let candidates = crossings(&before_offset, &after_offset, LENGTH_MM);
     let longer = candidates.points().iter().map(|&point| {
-        let before_longer = lengthened(&behind, -behind.back_from_end(point, LENGTH_MM));
-        let after_longer = lengthened(&ahead, -ahead.along_from_start(point, LENGTH_MM));
+        let before_longer =
+            lengthened(&before_offset, -before_offset.back_from_end(point, LENGTH_MM));
+        let after_longer =
+            lengthened(&after_offset, -after_offset.along_from_start(point, LENGTH_MM));
         Lines::meeting(point, before_longer, after_longer)
     });
     let most = d_mm.abs() / REVERSAL.sqrt();

@@ -38,12 +38,12 @@ impl Refusal {
 
 /// A row of the tool table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Row {
+pub enum ToolTableRow {
     Tool(u32),
     Offset(u32),
 }
 
-impl std::fmt::Display for Row {
+impl std::fmt::Display for ToolTableRow {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Tool(number) => write!(f, "T{number}"),
@@ -56,7 +56,7 @@ impl std::fmt::Display for Row {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
     pub tools: ToolTable,
-    pub row: Row,
+    pub row: ToolTableRow,
     /// Whether the table had no such row.
     pub is_new: bool,
     /// Keys of the row as in the tool file, with their new values.
@@ -88,8 +88,8 @@ pub fn change(tools: &ToolTable, request: &SetToolRequest) -> Result<Change, Ref
         return Err(Refusal::invalid(text));
     }
     let row = match (request.tool_number, request.offset_number) {
-        (tool, 0) if tool > 0 => Row::Tool(tool),
-        (0, offset) if offset > 0 => Row::Offset(offset),
+        (tool, 0) if tool > 0 => ToolTableRow::Tool(tool),
+        (0, offset) if offset > 0 => ToolTableRow::Offset(offset),
         (0, 0) => return Err(Refusal::invalid("name a tool or an offset, by a number above 0")),
         (tool, offset) => {
             let text = format!("T{tool} and D{offset} are named: change one at a time");
@@ -97,14 +97,14 @@ pub fn change(tools: &ToolTable, request: &SetToolRequest) -> Result<Change, Ref
         }
     };
     let fields = match row {
-        Row::Tool(_) => [
+        ToolTableRow::Tool(_) => [
             (W::DIAMETER, "diameter_mm", request.diameter),
             (W::WEAR_DIAMETER, "wear_diameter_mm", request.wear_diameter),
             (W::LENGTH, "length_mm", request.length),
             (W::NOSE_RADIUS, "nose_radius_mm", request.nose_radius),
         ],
         // An offset register holds radii.
-        Row::Offset(_) => [
+        ToolTableRow::Offset(_) => [
             (W::DIAMETER, "radius_mm", request.diameter / 2.0),
             (W::WEAR_DIAMETER, "wear_mm", request.wear_diameter / 2.0),
             (W::LENGTH, "length_mm", request.length),
@@ -135,12 +135,12 @@ pub fn change(tools: &ToolTable, request: &SetToolRequest) -> Result<Change, Ref
         values.push(("tip_direction", f64::from(request.tip_direction)));
     }
     let is_new = match row {
-        Row::Tool(number) => !tools.tools.contains_key(&number),
-        Row::Offset(number) => !tools.offsets.contains_key(&number),
+        ToolTableRow::Tool(number) => !tools.tools.contains_key(&number),
+        ToolTableRow::Offset(number) => !tools.offsets.contains_key(&number),
     };
     if is_new && !sets(W::DIAMETER) && !sets(W::NOSE_RADIUS) {
         let mut text = format!("there is no {row}; to add it, set its diameter or nose radius too");
-        if let Row::Offset(number) = row
+        if let ToolTableRow::Offset(number) = row
             && tools.tools.contains_key(&number)
         {
             text += &format!(" (programs that say D{number} get T{number} until then)");
@@ -155,11 +155,11 @@ pub fn change(tools: &ToolTable, request: &SetToolRequest) -> Result<Change, Ref
     Ok(Change { tools, row, is_new, values })
 }
 
-fn set(tools: &mut ToolTable, row: Row, key: &str, value: f64) {
+fn set(tools: &mut ToolTable, row: ToolTableRow, key: &str, value: f64) {
     // Only whole numbers from 0 to 255 get here.
     let tip = value as u8;
     match row {
-        Row::Tool(number) => {
+        ToolTableRow::Tool(number) => {
             let tool = tools.tools.entry(number).or_default();
             match key {
                 "diameter_mm" => tool.diameter_mm = value,
@@ -169,7 +169,7 @@ fn set(tools: &mut ToolTable, row: Row, key: &str, value: f64) {
                 _ => tool.tip_direction = tip,
             }
         }
-        Row::Offset(number) => {
+        ToolTableRow::Offset(number) => {
             let offset = tools.offsets.entry(number).or_default();
             match key {
                 "radius_mm" => offset.radius_mm = value,

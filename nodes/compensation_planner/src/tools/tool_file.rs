@@ -4,7 +4,7 @@
 //! (docs/decisions/tool-file-editing.md). The caller reads the result again before it writes the
 //! file. If that is not the intended table, only [`whole`] is left.
 
-use crate::tools::set_tool::{Change, Row};
+use crate::tools::set_tool::{Change, ToolTableRow};
 use cnc_msgs::tool_table::ToolTable;
 use std::fmt::Write as _;
 use yaml_edit::{Mapping, YamlFile};
@@ -12,8 +12,8 @@ use yaml_edit::{Mapping, YamlFile};
 /// The text with the changed row. `None` if the row has no place in it, or a comment would be lost.
 pub fn edited(text: &str, change: &Change) -> Option<String> {
     let (section, number) = match change.row {
-        Row::Tool(number) => ("tools", number),
-        Row::Offset(number) => ("offsets", number),
+        ToolTableRow::Tool(number) => ("tools", number),
+        ToolTableRow::Offset(number) => ("offsets", number),
     };
     let file: YamlFile = text.parse().ok()?;
     let root = file.document()?.as_mapping()?;

@@ -6,7 +6,7 @@
 use crate::check::certificate::{Certificate, Subject};
 use crate::check::finding;
 use crate::check::interference::{self, Cut, Cuts, Joined};
-use crate::check::lead::{self, WallBehind};
+use crate::check::lead::{self, PreviousWall};
 use crate::check::reach::{self, is_any_unreachable, unreachable};
 use crate::check::trim::trim;
 use crate::check::uncut::{self, UncutRegion};
@@ -164,17 +164,17 @@ pub(crate) fn solve(
 }
 
 impl Solution {
-    /// Writes the span. `behind` is the wall that a link at its start leaves; returns the wall that
-    /// a link at its end leaves.
+    /// Writes the span. `previous_wall` is the wall that a link at its start leaves; returns the
+    /// wall that a link at its end leaves.
     pub(crate) fn put_out(
         &mut self,
         span: &Span<'_>,
         exit: &Exit,
-        behind: Option<WallBehind>,
+        previous_wall: Option<PreviousWall>,
         profile: &Profile,
         out: &mut Emitter,
         report: &mut SpanReport,
-    ) -> Option<WallBehind> {
+    ) -> Option<PreviousWall> {
         let Self { runs, links, placed, layout, is_identity, report: own, leads } = self;
         report.extend(std::mem::take(own));
         let findings = &mut report.findings;
@@ -209,17 +209,17 @@ impl Solution {
         if span.entry.from.is_none()
             && let Some(path) = lead::LeadPath::on(&joined, lead_start)
         {
-            check.lead_on(span, runs, &path, behind);
+            check.lead_on(span, runs, &path, previous_wall);
             // A link begins with the offset of the span before.
-            let from_mm = behind.map_or(f64::INFINITY, |behind| behind.d_mm.abs());
+            let from_mm = previous_wall.map_or(f64::INFINITY, |wall| wall.d_mm.abs());
             leads[0] = Some((span.d_mm.abs().min(from_mm), path));
         }
         let path_of = |run: usize| {
             let place = placed.iter().find(|place| links[place.link].role == LinkRole::Run(run))?;
             interference::lengthened(&links[place.link], place)
         };
-        if let (Some(behind), Some(_)) = (behind, span.entry.from) {
-            check.change_of_side(span, path_of(0), behind);
+        if let (Some(wall), Some(_)) = (previous_wall, span.entry.from) {
+            check.change_of_side(span, path_of(0), wall);
         }
         for (at_end, other_side) in [(false, span.entry.from), (true, span.next)] {
             let run = if at_end { runs.len() - 1 } else { 0 };
@@ -245,7 +245,7 @@ impl Solution {
             }
         }
         out.side = None;
-        check.wall_behind(span, runs, runs.len().checked_sub(1).and_then(path_of))
+        check.last_wall(span, runs, runs.len().checked_sub(1).and_then(path_of))
     }
 }
 

@@ -28,7 +28,7 @@ pub(crate) struct Emitter {
     pub path: CompensatedPath,
     pub position: Position,
     /// Axes that the controller has already been sent, so that repeating them has no effect.
-    told: AxisSet,
+    sent: AxisSet,
     /// The last feed of any element.
     pub last_feed_mm_per_min: Option<f64>,
     /// Lines whose elements end in an exact stop, in order.
@@ -43,7 +43,7 @@ impl Emitter {
         Self {
             path,
             position: start,
-            told: AxisSet::NONE,
+            sent: AxisSet::NONE,
             last_feed_mm_per_min: None,
             exact_stops: Vec::new(),
             side: None,
@@ -66,7 +66,7 @@ impl Emitter {
             | Action::MachineMove { .. }
             | Action::WorkOffset { .. }
             | Action::ToolLength { .. }
-            | Action::ChangeTool { .. } => self.told = AxisSet::NONE,
+            | Action::ChangeTool { .. } => self.sent = AxisSet::NONE,
             _ => {}
         }
         self.path.events.push(PathEvent { at_element: self.path.elements.len(), action, source });
@@ -148,14 +148,14 @@ impl Emitter {
     fn push_unless(&mut self, stays: bool, shape: Shape, end: Position, label: Label) {
         if stays {
             let is_programmed = matches!(label.role, Role::None | Role::OffPlane);
-            let says_nothing = !is_programmed || label.axes.without(self.told).is_empty();
+            let says_nothing = !is_programmed || label.axes.without(self.sent).is_empty();
             if says_nothing {
                 return;
             }
         }
         let moved =
             (0..3).filter(|&axis| end[axis] != self.position[axis]).fold(label.axes, AxisSet::with);
-        self.told = self.told.union(label.axes);
+        self.sent = self.sent.union(label.axes);
         if label.feed_mm_per_min.is_some() {
             self.last_feed_mm_per_min = label.feed_mm_per_min;
         }

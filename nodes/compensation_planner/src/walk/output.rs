@@ -4,7 +4,7 @@
 //! them, until there are enough to solve together. How many that is depends on the program alone,
 //! and so does the result.
 
-use crate::check::lead::WallBehind;
+use crate::check::lead::PreviousWall;
 use crate::span::{ItemKind, Span};
 use crate::walk::compensate::{Exit, Solution, SpanReport, empty_span, solve};
 use crate::walk::emitter::Emitter;
@@ -43,7 +43,7 @@ enum Order<'a> {
 struct Job<'a> {
     span: Span<'a>,
     exit: Exit,
-    behind: Option<WallBehind>,
+    previous_wall: Option<PreviousWall>,
     /// The findings before it was complete.
     said: Vec<Finding>,
 }
@@ -81,18 +81,18 @@ impl<'a> Output<'a> {
         self.order(Order::StopExactlyIn(source));
     }
 
-    /// A span; returns the wall that it leaves behind, unless it ends with a lead-off.
+    /// A span; returns the wall at its end, unless it ends with a lead-off.
     pub(super) fn span(
         &mut self,
         span: Span<'a>,
         exit: Exit,
-        behind: Option<WallBehind>,
+        previous_wall: Option<PreviousWall>,
         report: &mut SpanReport,
-    ) -> Option<WallBehind> {
+    ) -> Option<PreviousWall> {
         let said = std::mem::take(&mut report.findings);
         let waits = matches!(exit, Exit::LeadOff(_));
         self.weight += span.legs.len();
-        self.waiting.push(Order::Span(Box::new(Job { span, exit, behind, said })));
+        self.waiting.push(Order::Span(Box::new(Job { span, exit, previous_wall, said })));
         if waits && self.weight < WAITING_MAX {
             return None;
         }
@@ -121,46 +121,46 @@ impl<'a> Output<'a> {
         self.waiting.push(order);
     }
 
-    /// Writes everything that waits; returns the wall that the last span leaves behind.
-    fn put_out_waiting(&mut self, report: &mut SpanReport) -> Option<WallBehind> {
+    /// Writes everything that waits; returns the wall at the end of the last span.
+    fn put_out_waiting(&mut self, report: &mut SpanReport) -> Option<PreviousWall> {
         self.weight = 0;
         let mut orders = std::mem::take(&mut self.waiting);
         let mut solutions = self.solutions(&mut orders).into_iter();
         // Findings since the last span was complete come after the findings of that span.
         let said = std::mem::take(&mut report.findings);
-        let mut behind = None;
+        let mut last_wall = None;
         for order in orders {
             match order {
                 Order::Span(job) => {
                     let solution = solutions.next().flatten();
-                    behind = self.put_out_span(*job, solution, report);
+                    last_wall = self.put_out_span(*job, solution, report);
                 }
                 order => self.put_out(order),
             }
         }
         report.findings.extend(said);
-        behind
+        last_wall
     }
 
     /// The tool paths of all spans among these orders; `None` for a span without a contour.
     fn solutions(&self, orders: &mut [Order<'_>]) -> Vec<Option<Solution>> {
-        type Place<'a, 'b> = Mutex<(&'a mut Job<'b>, Option<Solution>)>;
+        type Slot<'a, 'b> = Mutex<(&'a mut Job<'b>, Option<Solution>)>;
         let jobs = orders.iter_mut().filter_map(|order| match order {
             Order::Span(job) => Some(job.as_mut()),
             _ => None,
         });
-        let places: Vec<Place<'_, '_>> = jobs.map(|job| Mutex::new((job, None))).collect();
+        let slots: Vec<Slot<'_, '_>> = jobs.map(|job| Mutex::new((job, None))).collect();
         let (profile, certifies) = (self.profile, self.planning.certifies);
-        self.planning.workers.run(places.len(), &|index| {
-            let mut place = places[index].lock().unwrap_or_else(PoisonError::into_inner);
-            let (job, solution) = &mut *place;
+        self.planning.workers.run(slots.len(), &|index| {
+            let mut slot = slots[index].lock().unwrap_or_else(PoisonError::into_inner);
+            let (job, solution) = &mut *slot;
             if !job.span.legs.is_empty() {
                 *solution = Some(solve(&mut job.span, &job.exit, profile, certifies));
             }
         });
         let solution =
-            |place: Place<'_, '_>| place.into_inner().unwrap_or_else(PoisonError::into_inner).1;
-        places.into_iter().map(solution).collect()
+            |slot: Slot<'_, '_>| slot.into_inner().unwrap_or_else(PoisonError::into_inner).1;
+        slots.into_iter().map(solution).collect()
     }
 
     /// Writes an order that is no span.
@@ -183,8 +183,8 @@ impl<'a> Output<'a> {
         job: Job<'a>,
         solution: Option<Solution>,
         report: &mut SpanReport,
-    ) -> Option<WallBehind> {
-        let Job { span, exit, behind, said } = job;
+    ) -> Option<PreviousWall> {
+        let Job { span, exit, previous_wall, said } = job;
         report.findings.extend(said);
         let found = report.findings.len();
         let before = self.emitter.path.elements.len();
@@ -194,7 +194,8 @@ impl<'a> Output<'a> {
             self.without_contour(&span, &exit, report);
             return None;
         };
-        let rest = solution.put_out(&span, &exit, behind, self.profile, &mut self.emitter, report);
+        let rest =
+            solution.put_out(&span, &exit, previous_wall, self.profile, &mut self.emitter, report);
         let elements = &self.emitter.path.elements[before..];
         let is_contour = |role| matches!(role, Role::Contour | Role::Corner | Role::OffPlane);
         let inside = |element: &cnc_msgs::path::PathElement| is_contour(element.role);

@@ -94,7 +94,7 @@ impl<'a> Walk<'a> {
             if !(is_line(next) && is_line(before)) {
                 self.report.findings.push(rules::no_intersection(selected, self.profile));
             }
-            active.behind = self.close(*one_side, Exit::Link(lead));
+            active.previous_wall = self.close(*one_side, Exit::Link(lead));
             return;
         };
         let Change { before, next, meeting, at_change: [at_end, at_start] } = change;
@@ -107,7 +107,7 @@ impl<'a> Walk<'a> {
         one_side.span.next = Some(next);
         one_side.span.at_change[1] = Some(at_end);
         active.span.at_change[0] = Some(at_start);
-        active.behind = self.close(*one_side, Exit::None);
+        active.previous_wall = self.close(*one_side, Exit::None);
         active.span.entry.from = Some(before);
     }
 
@@ -135,8 +135,8 @@ impl<'a> Walk<'a> {
             source: active.span.entry.lead.source,
         };
         let lead = Lead { motion: here, source, start, approach: Approach::Normal, along: None };
-        let behind = self.close(*active, Exit::Link(lead));
-        self.open(selection, start, &here, source, Some(behind), false);
+        let wall = self.close(*active, Exit::Link(lead));
+        self.open(selection, start, &here, source, Some(wall), false);
         self.opened()
     }
 
@@ -155,8 +155,8 @@ impl<'a> Walk<'a> {
             source: active.radius_changes.unwrap_or(source),
         };
         let lead = Lead { motion: *motion, source, start, approach: Approach::Normal, along: None };
-        let behind = self.close(*active, Exit::Link(lead));
-        self.open(selection, start, motion, source, Some(behind), true);
+        let wall = self.close(*active, Exit::Link(lead));
+        self.open(selection, start, motion, source, Some(wall), true);
     }
 
     /// Runs a rapid as programmed: the tool leaves the offset and enters it again.
@@ -201,18 +201,18 @@ impl Change {
         let befores = widths.map(|straight_mm| last_runs(before, straight_mm));
         let nexts = widths.map(|straight_mm| first_runs(next, straight_mm));
         let short_mm = profile.corner.short_block_mm;
-        let behind = |run: &Run| OtherSide { element: run.element, d_mm: before.d_out_mm };
-        let ahead = |run: &Run| OtherSide { element: run.element, d_mm: next.d_mm };
+        let ending = |run: &Run| OtherSide { element: run.element, d_mm: before.d_out_mm };
+        let starting = |run: &Run| OtherSide { element: run.element, d_mm: next.d_mm };
         let mut first = None;
         for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             let (last_run, first_run) = (befores[a].last()?, nexts[b].first()?);
-            let (behind, ahead) = (behind(last_run), ahead(first_run));
-            let Some(meeting) = meeting(&behind, &ahead) else { continue };
+            let (before, next) = (ending(last_run), starting(first_run));
+            let Some(meeting) = meeting(&before, &next) else { continue };
             let at = |run: &Run, straight_mm| AtChange { legs: run.legs.clone(), straight_mm };
             let at_change = [at(last_run, widths[a]), at(first_run, widths[b])];
-            let change = Self { before: behind, next: ahead, meeting, at_change };
-            if is_all_reached(Some(&behind), &nexts[b], None, (short_mm, tolerance))
-                && is_all_reached(None, &befores[a], Some(&ahead), (short_mm, tolerance))
+            let change = Self { before, next, meeting, at_change };
+            if is_all_reached(Some(&before), &nexts[b], None, (short_mm, tolerance))
+                && is_all_reached(None, &befores[a], Some(&next), (short_mm, tolerance))
             {
                 return Some(change);
             }
@@ -221,7 +221,7 @@ impl Change {
         // A run that is dropped as noise after the change counts as little before it.
         let (exact, [_, second]) = (first?, nexts[0].first_chunk()?);
         let at = after_noise(&exact.before, &nexts[0], (short_mm, tolerance));
-        let second = ahead(second);
+        let second = starting(second);
         match meeting(&exact.before, &second) {
             Some(meeting) if at.is_some_and(|at| (at - meeting.point).norm() <= LENGTH_MM) => {
                 Some(Self { next: second, meeting, ..exact })
@@ -262,9 +262,9 @@ fn is_all_reached(
 
 /// Where the offsets on both sides of the tool meet, if something is left of each.
 fn meeting(before: &OtherSide, next: &OtherSide) -> Option<Meeting> {
-    let (behind, ahead) = (before.element.offset(before.d_mm)?, next.element.offset(next.d_mm)?);
-    let meeting = meet_across(&behind, &ahead)?;
-    let is_left =
-        meeting.trim_a < behind.length() - LENGTH_MM && meeting.trim_b < ahead.length() - LENGTH_MM;
+    let (ending, starting) = (before.element.offset(before.d_mm)?, next.element.offset(next.d_mm)?);
+    let meeting = meet_across(&ending, &starting)?;
+    let is_left = meeting.trim_a < ending.length() - LENGTH_MM
+        && meeting.trim_b < starting.length() - LENGTH_MM;
     (is_left && before.d_mm * next.d_mm < 0.0).then_some(meeting)
 }

@@ -3,7 +3,7 @@
 //! `walk` decides when; `compensate` makes the geometry of a closed span.
 
 use super::{Active, Selection, Walk, WalkState};
-use crate::check::lead::WallBehind;
+use crate::check::lead::PreviousWall;
 use crate::geometry::element::Element;
 use crate::geometry::frame::{height, in_plane};
 use crate::geometry::tolerance::RADIUS_MM;
@@ -95,7 +95,7 @@ impl<'a> Walk<'a> {
         start: Position,
         motion: &Motion,
         source: Source,
-        link: Option<Option<WallBehind>>,
+        link: Option<Option<PreviousWall>>,
         is_joined: bool,
     ) {
         let approach = selection.approach.unwrap_or(self.profile.select.default);
@@ -128,7 +128,7 @@ impl<'a> Walk<'a> {
             side: selection.side,
             relink: None,
             cancel: None,
-            behind: link.flatten(),
+            previous_wall: link.flatten(),
             between: rules::BlocksBetween::after(source),
             radius_changes: None,
             value_waits: None,
@@ -139,10 +139,10 @@ impl<'a> Walk<'a> {
     }
 
     /// Hands over a gathered span; returns the wall that a link leaves.
-    pub(super) fn close(&mut self, mut active: Active<'a>, exit: Exit) -> Option<WallBehind> {
+    pub(super) fn close(&mut self, mut active: Active<'a>, exit: Exit) -> Option<PreviousWall> {
         self.settle(&mut active);
-        let Active { span, behind, .. } = active;
-        self.out.span(span, exit, behind, &mut self.report)
+        let Active { span, previous_wall, .. } = active;
+        self.out.span(span, exit, previous_wall, &mut self.report)
     }
 
     /// The radius in force with the sign of the side, mm; 0 when unknown.

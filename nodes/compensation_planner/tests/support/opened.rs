@@ -42,9 +42,9 @@ impl Opened {
             return None;
         }
         let middle = (at(longest).pos() + at(longest + 1).pos()).scale(0.5);
-        let behind = (longest + 1..=longest + count).map(at);
-        let behind = behind.map(|vertex| ([vertex.x, vertex.y], vertex.bulge));
-        let vertices = std::iter::once(([middle.x, middle.y], 0.0)).chain(behind).collect();
+        let corners = (longest + 1..=longest + count).map(at);
+        let corners = corners.map(|vertex| ([vertex.x, vertex.y], vertex.bulge));
+        let vertices = std::iter::once(([middle.x, middle.y], 0.0)).chain(corners).collect();
         Some(Self { vertices, clearance_mm, is_left })
     }
 

@@ -7,7 +7,7 @@ use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use compensation_planner::{Plan, tessellate};
 
 /// Corners of a closed contour of straight and bent edges about the origin, from the
-/// middle of its first edge on, each with the bulge of the edge behind it.
+/// middle of its first edge on, each with the bulge of the edge after it.
 pub fn vertices(corners: &[(f64, f64)], bends: &[f64]) -> Vec<([f64; 2], f64)> {
     let count = corners.len();
     let corner = |index: usize| {
@@ -19,8 +19,8 @@ pub fn vertices(corners: &[(f64, f64)], bends: &[f64]) -> Vec<([f64; 2], f64)> {
     let middle = [(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0];
     let bend = |index: usize| Some(bends[index % bends.len()]).filter(|bend| bend.abs() >= 0.1);
     let bulge = |index: usize| if index >= count { 0.0 } else { bend(index + 1).unwrap_or(0.0) };
-    let behind = (1..=count).map(|index| (corner(index), bulge(index)));
-    std::iter::once((middle, 0.0)).chain(behind).collect()
+    let others = (1..=count).map(|index| (corner(index), bulge(index)));
+    std::iter::once((middle, 0.0)).chain(others).collect()
 }
 
 /// The contour as a program that enters it where it begins.
