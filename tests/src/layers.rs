@@ -7,8 +7,8 @@ use std::path::Path;
 
 /// Everything that breaks the order in `src`, one line each.
 ///
-/// `order` names the folders of `src`, the lowest first; `a.rs` belongs to the folder `a`. Other
-/// files next to the folders may import everything, and no folder may import them.
+/// `order` names the folders of `src`, the lowest first; `a.rs` belongs to the folder `a`, or stands
+/// for it. Other files next to the folders may import everything, and no folder may import them.
 pub fn upward_imports(src: &Path, order: &[&str]) -> Vec<String> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(src).expect("a folder of sources") {
@@ -37,7 +37,9 @@ pub fn upward_imports(src: &Path, order: &[&str]) -> Vec<String> {
                 found.push(format!("{}: {wrong}", inside.display()));
             }
         };
-        walk(&folder, &mut look);
+        if folder.is_dir() {
+            walk(&folder, &mut look);
+        }
         let root_of_folder = src.join(format!("{room}.rs"));
         if root_of_folder.exists() {
             look(&root_of_folder);

@@ -7,12 +7,16 @@ use program_loader::render::render;
 use program_loader::{LoadOptions, load};
 
 /// Crates with folders in an order: each folder imports only those before it.
-const LAYERS: [(&str, &[&str]); 2] = [
+const LAYERS: [(&str, &[&str]); 3] = [
     (
         "nodes/runtime/src",
         &["process", "parameters", "command_line", "rustdds", "endpoints", "managed"],
     ),
     ("nodes/compensation_planner/src", &["geometry", "span", "check", "walk", "tools", "node"]),
+    (
+        "nodes/path_audit/src",
+        &["geometry", "report", "blocks", "events", "offsets", "walls", "clearance"],
+    ),
 ];
 
 #[test]
@@ -169,8 +173,9 @@ fn an_import_of_a_later_folder_is_found() {
         ("a/x.rs", "fn f() {\n    crate::root::run();\n}", "crate::root"),
         ("a/x.rs", "use super::super::b::y;", "super::super::b"),
         ("a/x.rs", "mod tests {\n    use super::super::super::b::y;\n}", "super::super::super"),
-        ("c/mod.rs", "//! C.", "c/ has no place"),
+        ("d/mod.rs", "//! D.", "d/ has no place"),
         ("b/mod.rs", "mod y;", "b/ does not say"),
+        ("c.rs", "//! C.\nuse crate::root;", "c.rs: crate::root"),
     ];
     for (file, text, expected) in seeds {
         let folder = tempfile::tempdir().expect("a folder");
@@ -184,7 +189,8 @@ fn an_import_of_a_later_folder_is_found() {
         write("b/mod.rs", "//! B.\nmod y;");
         write("b/y.rs", "use crate::{a::x::X, b};\nuse super::super::a::x;");
         write("root.rs", "use crate::b;");
-        let order = ["a", "b"];
+        write("c.rs", "//! C, one file.\nuse crate::b::y;");
+        let order = ["a", "b", "c"];
         assert_eq!(upward_imports(folder.path(), &order), ["b/y.rs: use super::super::a::x;"]);
         write("b/y.rs", "use crate::{a::x::X, b};");
         assert!(upward_imports(folder.path(), &order).is_empty());

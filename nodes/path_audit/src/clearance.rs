@@ -1,15 +1,20 @@
 //! Measures how near the path comes to the walls of its pass: the exact distance, everywhere.
+//!
+//! `leads` has what a lead may pass over.
 
-use crate::distance_bounds;
-use crate::passes::Passes;
-use crate::pieces::{Chains, Pieces};
-use crate::planar::{Near, Piece, Point, cross, nearest};
-use crate::program::{Kind, NONE};
+mod leads;
+
+use crate::blocks::chains::Chains;
+use crate::blocks::program::{BlockKind, NONE};
+use crate::blocks::spans::Span;
+use crate::blocks::tool_path::ToolPath;
+use crate::geometry::distance_bounds;
+use crate::geometry::pieces::Pieces;
+use crate::geometry::planar::{Near, Piece, Point, cross, nearest};
+use crate::geometry::strip_tree::{self, StripTree};
 use crate::report::{self, Cut, Report};
-use crate::retraced_legs::RetracedLegs;
-use crate::spans::Span;
-use crate::strip_tree::{self, StripTree};
-use crate::tool_path::ToolPath;
+use crate::walls::passes::Passes;
+use crate::walls::retraced_legs::RetracedLegs;
 use cnc_msgs::finding::{Code, Severity};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::Role;
@@ -129,20 +134,19 @@ pub(crate) fn check(
 /// it, both lengthened as they are.
 pub(crate) fn check_change_of_side(
     tool_path: &ToolPath<'_>,
-    (before, behind): (&Chains<'_>, &Chains<'_>),
+    (before, after): (&Chains<'_>, &Chains<'_>),
     report: &mut Report<'_>,
 ) {
     let is_contour = |element: &usize| tool_path.roles[*element] == Role::Contour;
     let last = before.span.elements.clone().rev().find(is_contour);
-    let first = behind.span.elements.clone().find(is_contour);
-    let legs = [before.blocks().last().copied(), behind.blocks().first().copied()];
-    let (Some(last), Some(first), [Some(leg_before), Some(leg_behind)]) = (last, first, legs)
-    else {
+    let first = after.span.elements.clone().find(is_contour);
+    let legs = [before.blocks().last().copied(), after.blocks().first().copied()];
+    let (Some(last), Some(first), [Some(leg_before), Some(leg_after)]) = (last, first, legs) else {
         return;
     };
     let pairs = [
-        (last, leg_before, leg_behind, tool_path.program.offset(leg_before).d_out),
-        (first, leg_behind, leg_before, tool_path.program.offset(leg_behind).d_in),
+        (last, leg_before, leg_after, tool_path.program.offset(leg_before).d_out),
+        (first, leg_after, leg_before, tool_path.program.offset(leg_after).d_in),
     ];
     for (element, on, into, d_mm) in pairs {
         let near = nearest(&tool_path.piece(element), &tool_path.leg(into));
@@ -307,8 +311,8 @@ impl Search<'_> {
         let on = tool.on as usize;
         if !self.passes.is_whole(leg) {
             let foot = foot(&self.walls.piece(on), piece, piece.nearest(near.on_b));
-            let beside = (!is_lead).then_some((on, foot));
-            let Some(wall) = self.passes.wall(beside, leg, &whole) else { return };
+            let foot = (!is_lead).then_some((on, foot));
+            let Some(wall) = self.passes.wall(foot, leg, &whole) else { return };
             near = nearest(piece, &wall);
             if near.distance >= limit {
                 return;
@@ -356,7 +360,7 @@ impl Search<'_> {
         let kind = tool_path.program.blocks[block as usize].kind;
         let code = match element.role {
             Role::Link => Code::LinkGouge,
-            _ if kind == Kind::Link => Code::LinkGouge,
+            _ if kind == BlockKind::Link => Code::LinkGouge,
             _ if found.is_nick => Code::LeadNick,
             Role::LeadOn | Role::LeadOff => Code::LeadGouge,
             _ if found.is_lead && self.at_change_of_side(found.on) != (false, false) => {

@@ -1,8 +1,8 @@
 //! Checks that everything that is not motion happens once, in order, and between the right blocks.
 
-use crate::program::NONE;
+use crate::blocks::program::NONE;
+use crate::blocks::tool_path::ToolPath;
 use crate::report::{self, Report};
-use crate::tool_path::ToolPath;
 use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind};
 use cnc_msgs::path::{PathElement, PathEvent, Role};
 use cnc_msgs::profile::{LengthOfD, Profile};

@@ -3,43 +3,31 @@
 //! It shares no code with the planner, which depends on it. Both use `cnc_msgs`: the vocabulary of
 //! contours and paths, and how a radius is resolved.
 //!
-//! The order of the work: `program` reads what each motion means for compensation, `align` gives
-//! every element its block, and `events` compares what is not motion. `offsets` proves that the
-//! elements of a contour run at their radius along their blocks (`element_offset`: one element,
-//! `sharp_corner`: what a sharp corner takes away). `passes` finds what bounds the tool, and
-//! `clearance` measures the exact distance of the path from it (`leads`: what a lead may pass
-//! over).
+//! The order of the work, each folder using only those before it: `geometry` has lines and arcs,
+//! and `report` collects what is found. `blocks` reads the contour and gives every element of the
+//! path its block; `events` compares what is not motion. `offsets` proves that the elements of a
+//! contour run at their radius along their blocks. `walls` finds what bounds the tool, and
+//! `clearance` measures the exact distance of the path from it.
 //!
-//! A path has millions of pieces, so `pieces` keeps them in flat arrays. Cheap tests come before
-//! exact distances (`planar`): `strip_tree` finds the pieces that are near, `direction_ranges`
-//! those that cannot meet, and `distance_bounds` settles most of the rest. `retraced_legs` finds
-//! the walls that a contour cuts more than once.
+//! A path has millions of pieces, so `geometry::pieces` keeps them in flat arrays. Cheap tests come
+//! before exact distances (`planar`): `strip_tree` finds the pieces that are near,
+//! `direction_ranges` those that cannot meet, and `distance_bounds` settles most of the rest.
 //!
 //! A path may leave blocks out within the tolerance that the profile accepts.
 
-mod align;
+mod blocks;
 mod clearance;
-mod direction_ranges;
-mod distance_bounds;
-mod element_offset;
 mod events;
-mod leads;
+mod geometry;
 mod offsets;
-mod passes;
-mod pieces;
-mod planar;
-mod program;
 mod report;
-mod retraced_legs;
-mod sharp_corner;
-mod spans;
-mod strip_tree;
-mod tool_path;
+mod walls;
 
-use crate::pieces::Chains;
+use crate::blocks::chains::Chains;
+use crate::blocks::spans::{Span, Spans};
+use crate::blocks::tool_path::ToolPath;
+use crate::blocks::{align, program};
 use crate::report::Report;
-use crate::spans::{Span, Spans};
-use crate::tool_path::ToolPath;
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::Shape;

@@ -2,20 +2,23 @@
 //! order.
 //!
 //! `element_offset` checks one element against its leg; this file knows what comes before and
-//! after. Blocks that the path leaves out must be noise: as near to their lengthened neighbours as
-//! the profile accepts.
+//! after, and `sharp_corner` what a sharp corner takes away. Blocks that the path leaves out must be
+//! noise: as near to their lengthened neighbours as the profile accepts.
 
-use crate::element_offset::{
+mod element_offset;
+mod sharp_corner;
+
+use crate::blocks::chains::Chains;
+use crate::blocks::program::{BlockKind, NONE};
+use crate::blocks::spans::Span;
+use crate::blocks::tool_path::ToolPath;
+use crate::geometry::planar::{Piece, Point, cross};
+use crate::offsets::element_offset::{
     ElementOnLeg, MERGE_MM, PLACE_MM, check_element, check_joint, check_reach, has_short_neighbour,
     meets_lead, off_circle, runs_on, unevenness,
 };
-use crate::pieces::Chains;
-use crate::planar::{Piece, Point, cross};
-use crate::program::{Kind, NONE};
+use crate::offsets::sharp_corner::is_corner_of_curves;
 use crate::report::{self, Report};
-use crate::sharp_corner::is_corner_of_curves;
-use crate::spans::Span;
-use crate::tool_path::ToolPath;
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{Reaction, SelectTarget};
 
@@ -105,7 +108,7 @@ impl Check<'_> {
             d_out: offset.d_out,
             is_open: self.has_corner,
             is_loose: false,
-            is_behind_merged: false,
+            is_after_merged: false,
             uneven_mm: self
                 .uneven(tool_path, self.next, report)
                 .max(self.uneven_before(tool_path, report)),
@@ -123,7 +126,7 @@ impl Check<'_> {
                 if runs_on || !left_out.is_empty() {
                     (before.is_loose, now.is_loose) = (true, true);
                 }
-                now.is_behind_merged = before.is_loose && !before.piece.is_line();
+                now.is_after_merged = before.is_loose && !before.piece.is_line();
                 self.left_out(tool_path, left_out, (Some(&before), Some(&now)), report);
                 if !self.has_corner && !runs_on {
                     opens = check_joint(tool_path, &before, &now, report);
@@ -220,7 +223,7 @@ impl Check<'_> {
         let block = tool_path.block_of[element];
         let kind = tool_path.program.blocks[block as usize].kind;
         let offset = self.span.offset(tool_path, self.legs, block);
-        let d_mm = if kind == Kind::Leg { offset.d_in } else { offset.d_out };
+        let d_mm = if kind == BlockKind::Leg { offset.d_in } else { offset.d_out };
         let radius_mm = d_mm.abs();
         let vertex = tool_path.program.ends(block).0;
         let place_mm = if self.is_between_lost(tool_path) {
@@ -254,9 +257,9 @@ impl Check<'_> {
                 return;
             }
             // A piece of the next arc, lengthened to where its functions run.
-            let beside = off_circle(&piece, &tool_path.leg(block), d_mm);
-            if kind != Kind::Leg || beside > place_mm {
-                let found = if off <= radius_mm { radius_mm - off.min(beside) } else { off };
+            let off_own = off_circle(&piece, &tool_path.leg(block), d_mm);
+            if kind != BlockKind::Leg || off_own > place_mm {
+                let found = if off <= radius_mm { radius_mm - off.min(off_own) } else { off };
                 report.push_shape(report::wrong_offset(path_element, radius_mm, found));
                 return;
             }

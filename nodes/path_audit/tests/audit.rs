@@ -300,8 +300,8 @@ fn other_root(
     let length = axis[0].hypot(axis[1]);
     let axis = [axis[0] / length, axis[1] / length];
     let out = [at[0] - origin[0], at[1] - origin[1]];
-    let beside = axis[0] * out[1] - axis[1] * out[0];
-    Some([at[0] + 2.0 * beside * axis[1], at[1] - 2.0 * beside * axis[0]])
+    let across = axis[0] * out[1] - axis[1] * out[0];
+    Some([at[0] + 2.0 * across * axis[1], at[1] - 2.0 * across * axis[0]])
 }
 
 proptest! {

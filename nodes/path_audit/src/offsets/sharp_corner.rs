@@ -3,7 +3,7 @@
 //! The path leaves such chords out as it would leave out a piece of an arc. They are no missed
 //! feature.
 
-use crate::planar::{Piece, Point, cross, unit};
+use crate::geometry::planar::{Piece, Point, cross, unit};
 
 /// Chords of a curve bend less than this, rad, and are less than [`CHORD_MM`] off it.
 const CHORD_TURN_RAD: f64 = 0.12;
@@ -57,12 +57,12 @@ pub(crate) fn is_corner_of_curves(
     let Some(corner) = corner else { return false };
     let before = thinned(points[..=corner].iter().rev().copied());
     let after = thinned(points[corner..].iter().copied());
-    let (Some(behind), Some(ahead)) = (first_chord(&before), first_chord(&after)) else {
+    let (Some(backward), Some(forward)) = (first_chord(&before), first_chord(&after)) else {
         return false;
     };
     // Both directions lead away from the corner.
-    let turn = cross(-behind, ahead) * d_mm.signum();
-    (turn > CHORD_TURN_RAD || behind.dot(&ahead) > 0.0 && turn > 0.0)
+    let turn = cross(-backward, forward) * d_mm.signum();
+    (turn > CHORD_TURN_RAD || backward.dot(&forward) > 0.0 && turn > 0.0)
         && is_curve(&before)
         && is_curve(&after)
 }

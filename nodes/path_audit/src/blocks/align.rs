@@ -3,10 +3,10 @@
 //! Elements come in the order of their blocks. What a block may become depends on its kind. Free
 //! moves, and moves out of the plane, must be as programmed.
 
-use crate::planar::{Piece, cross, flat};
-use crate::program::{Block, Kind, NONE};
+use crate::blocks::program::{Block, BlockKind, NONE};
+use crate::blocks::tool_path::ToolPath;
+use crate::geometry::planar::{Piece, cross, flat};
 use crate::report::{self, Report};
-use crate::tool_path::ToolPath;
 use cnc_msgs::contour::{Motion, MotionClass};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, Role};
@@ -60,7 +60,7 @@ pub(crate) fn align(tool_path: &mut ToolPath<'_>, report: &mut Report<'_>) -> bo
         if is_own(block.kind, element.role) {
             block.element = index as u32;
             next = found + 1;
-        } else if block.kind == Kind::Leg && element.role == Role::Link {
+        } else if block.kind == BlockKind::Leg && element.role == Role::Link {
             block.begins = true;
         }
     }
@@ -72,22 +72,22 @@ pub(crate) fn align(tool_path: &mut ToolPath<'_>, report: &mut Report<'_>) -> bo
 }
 
 /// Whether an element is the block's own motion; no other element of the block can follow it.
-fn is_own(kind: Kind, role: Role) -> bool {
+fn is_own(kind: BlockKind, role: Role) -> bool {
     match kind {
-        Kind::Leg => role == Role::Contour,
+        BlockKind::Leg => role == Role::Contour,
         _ => role != Role::Corner,
     }
 }
 
-fn may_be(kind: Kind, role: Role) -> bool {
+fn may_be(kind: BlockKind, role: Role) -> bool {
     match kind {
-        Kind::Free => role == Role::None,
-        Kind::LeadOn => role == Role::LeadOn,
-        Kind::Leg => matches!(role, Role::Contour | Role::Corner | Role::Link),
-        Kind::OffPlane => role == Role::OffPlane,
-        Kind::LeadOff => matches!(role, Role::Corner | Role::LeadOff),
-        Kind::Link => matches!(role, Role::Corner | Role::Link),
-        Kind::Still => false,
+        BlockKind::Free => role == Role::None,
+        BlockKind::LeadOn => role == Role::LeadOn,
+        BlockKind::Leg => matches!(role, Role::Contour | Role::Corner | Role::Link),
+        BlockKind::OffPlane => role == Role::OffPlane,
+        BlockKind::LeadOff => matches!(role, Role::Corner | Role::LeadOff),
+        BlockKind::Link => matches!(role, Role::Corner | Role::Link),
+        BlockKind::Still => false,
     }
 }
 
@@ -119,7 +119,7 @@ fn find(
 
 /// Whether an element is far from a block; only for blocks that share a line.
 fn fits(tool_path: &ToolPath<'_>, index: usize, element: &PathElement, block: u32) -> bool {
-    const BESIDE_MM: f64 = 1e-2;
+    const OFFSET_MM: f64 = 1e-2;
     let motion = tool_path.program.motion(block);
     let plane = tool_path.program.offset(block).plane;
     match element.role {
@@ -129,14 +129,14 @@ fn fits(tool_path: &ToolPath<'_>, index: usize, element: &PathElement, block: u3
             let leg = tool_path.leg(block);
             let d_out = tool_path.program.offset(block).d_out;
             let end = flat(plane, element.end);
-            let beside = leg.nearest(end) - end;
+            let from_leg = leg.nearest(end) - end;
             match (&leg.round, &element.shape) {
                 (None, Shape::Line) => {
                     let along = leg.along(end);
                     let off = cross(leg.tangent(leg.from), end - leg.from) - d_out;
-                    off.abs() <= BESIDE_MM && along <= leg.length() + BESIDE_MM
+                    off.abs() <= OFFSET_MM && along <= leg.length() + OFFSET_MM
                 }
-                (Some(_), Shape::Arc(_)) => (beside.norm() - d_out.abs()).abs() <= BESIDE_MM,
+                (Some(_), Shape::Arc(_)) => (from_leg.norm() - d_out.abs()).abs() <= OFFSET_MM,
                 _ => false,
             }
         }
@@ -144,7 +144,7 @@ fn fits(tool_path: &ToolPath<'_>, index: usize, element: &PathElement, block: u3
             let from = flat(plane, tool_path.position_before(index));
             let at = Piece::line(from, from).nearest(tool_path.program.ends(block).0);
             let vertex = tool_path.program.ends(block).0;
-            (at - vertex).norm() <= tool_path.program.offset(block).d_in.abs() * 2.0 + BESIDE_MM
+            (at - vertex).norm() <= tool_path.program.offset(block).d_in.abs() * 2.0 + OFFSET_MM
         }
         Role::LeadOn | Role::LeadOff | Role::Link => true,
     }
@@ -158,13 +158,13 @@ fn check_skipped(tool_path: &ToolPath<'_>, block: u32, here: Position, report: &
     }
     let motion = tool_path.program.motion(block);
     let does_nothing = match kind {
-        Kind::Free | Kind::LeadOff => near(motion.end, here) && !turns(motion),
-        Kind::OffPlane => {
+        BlockKind::Free | BlockKind::LeadOff => near(motion.end, here) && !turns(motion),
+        BlockKind::OffPlane => {
             let w = tool_path.program.offset(block).plane.axes()[2];
             (motion.end[w] - here[w]).abs() <= SAME_MM
         }
         // A lead may be too short to be a move. `offsets` checks what is left of a contour.
-        Kind::LeadOn | Kind::Link | Kind::Leg | Kind::Still => true,
+        BlockKind::LeadOn | BlockKind::Link | BlockKind::Leg | BlockKind::Still => true,
     };
     if !does_nothing {
         report.push(report::dropped(tool_path.program.source(block), motion));

@@ -3,10 +3,10 @@
 //! Where all directions lie within [`RANGE_RAD`], every step advances along the middle direction by
 //! most of its length. So two places are as far apart as a part of the path between them.
 
-use crate::pieces::Pieces;
+use crate::geometry::pieces::Pieces;
 #[cfg(test)]
-use crate::planar::Piece;
-use crate::planar::{Point, cross, left};
+use crate::geometry::planar::Piece;
+use crate::geometry::planar::{Point, cross, left};
 
 /// A range covers at most 60°, rad; and its cosine.
 const RANGE_RAD: f64 = std::f64::consts::FRAC_PI_3;

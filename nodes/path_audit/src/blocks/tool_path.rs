@@ -2,8 +2,8 @@
 //!
 //! If the path is that of the theoretical tip of a turning tool, the centre is computed here.
 
-use crate::planar::{Piece, Point, flat};
-use crate::program::{Kind, NONE, Program};
+use crate::blocks::program::{BlockKind, NONE, Program};
+use crate::geometry::planar::{Piece, Point, flat};
 use cnc_msgs::geometry::{Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, Role};
 
@@ -60,7 +60,7 @@ impl ToolPath<'_> {
         let block = self.block_of[element];
         let offset = self.program.offset(block);
         let own = self.path.elements[element].role == Role::Contour
-            || self.program.blocks[block as usize].kind == Kind::LeadOn;
+            || self.program.blocks[block as usize].kind == BlockKind::LeadOn;
         let (tip, d_mm) =
             if own { (offset.tip, offset.d_out) } else { (offset.tip_in, offset.d_in) };
         Point::from(TIPS[usize::from(tip.min(9))]) * d_mm.abs()

@@ -1,9 +1,9 @@
 //! Rules for leads: a lead that passes above the cuts cuts nothing, and before a free end of the
 //! contour there is only air.
 
+use crate::blocks::program::{BlockKind, NONE};
 use crate::clearance::{GOUGE_MM, Search, Tool};
-use crate::planar::{Near, Piece, Point, cross};
-use crate::program::{Kind, NONE};
+use crate::geometry::planar::{Near, Piece, Point, cross};
 use cnc_msgs::path::Role;
 
 /// How much a contour may bend from its lead and still have a free end there, as a curve made of
@@ -167,11 +167,11 @@ impl Search<'_> {
         if left >= length {
             return Some((nearest_mm, Some(piece), None));
         }
-        let (before, behind) = match leads_on {
+        let (before, after) = match leads_on {
             true => (piece.part(0.0, left), piece.part(left, length)),
             false => (piece.part(length - left, length), piece.part(0.0, length - left)),
         };
-        Some((nearest_mm, Some(before), Some(behind)))
+        Some((nearest_mm, Some(before), Some(after)))
     }
 
     /// Whether an element is a corner between a lead and the contour: it is judged with the lead,
@@ -181,6 +181,6 @@ impl Search<'_> {
         self.tool_path.roles[element] == Role::Corner
             && self.span.elements.start <= element
             && (block == self.legs[0]
-                || self.tool_path.program.blocks[block as usize].kind != Kind::Leg)
+                || self.tool_path.program.blocks[block as usize].kind != BlockKind::Leg)
     }
 }

@@ -1,10 +1,10 @@
 //! Checks one element against its own leg: distance, direction, where it begins and ends, and the
 //! joint with the element before it.
 
-use crate::pieces::Chains;
-use crate::planar::{Piece, Point, carriers_cross, cross};
+use crate::blocks::chains::Chains;
+use crate::blocks::tool_path::ToolPath;
+use crate::geometry::planar::{Piece, Point, carriers_cross, cross};
 use crate::report::{self, Report};
-use crate::tool_path::ToolPath;
 use std::f64::consts::TAU;
 
 /// How far an element may be off its place, mm: some times the longest element that the planner
@@ -35,7 +35,7 @@ pub(crate) struct ElementOnLeg {
     /// It is merged with a neighbour, or the path leaves out legs next to it.
     pub is_loose: bool,
     /// It begins after a merged arc, so it may miss its own start.
-    pub is_behind_merged: bool,
+    pub is_after_merged: bool,
     /// How far off its circle its arc, or the one before it, is programmed to end, mm.
     pub uneven_mm: f64,
 }
@@ -113,14 +113,14 @@ pub(crate) fn check_element(
     if is_short && off > place_mm {
         // Accepted where its ends are at the right distance from the leg: it belongs to a
         // neighbour.
-        let beside = |point: Point| match &piece.round {
+        let off_leg = |point: Point| match &piece.round {
             None => (cross(piece.tangent(piece.from), point - piece.from) + d_in).abs(),
             Some(round) => {
                 let distance = (point - round.center).norm();
                 ((distance - round.radius).abs() - d_in.abs()).abs()
             }
         };
-        if beside(leg.from).max(beside(leg.to)) <= place_mm {
+        if off_leg(leg.from).max(off_leg(leg.to)) <= place_mm {
             return;
         }
     }
@@ -132,7 +132,7 @@ pub(crate) fn check_element(
         return;
     }
     if off > place_mm
-        && (on_leg.is_behind_merged || has_short_neighbour(tool_path, on_leg.leg_index, chains))
+        && (on_leg.is_after_merged || has_short_neighbour(tool_path, on_leg.leg_index, chains))
     {
         // A leg as short as that is merged with its neighbour; an element after a merged arc may
         // miss its start.
@@ -180,10 +180,10 @@ pub(crate) fn has_short_neighbour(
 /// How far off a line is, and how far from its leg it runs.
 fn off_line(piece: &Piece, leg: &Piece, d_mm: f64) -> (f64, f64) {
     let (along_leg, along) = (leg.tangent(leg.from), piece.tangent(piece.from));
-    let beside_leg = |point: Point| cross(along_leg, point - leg.from) - d_mm;
-    let beside = |point: Point| cross(along, point - piece.from) + d_mm;
-    let (a, b) = (beside_leg(piece.from), beside_leg(piece.to));
-    let (c, d) = (beside(leg.from), beside(leg.to));
+    let off_leg = |point: Point| cross(along_leg, point - leg.from) - d_mm;
+    let off_path = |point: Point| cross(along, point - piece.from) + d_mm;
+    let (a, b) = (off_leg(piece.from), off_leg(piece.to));
+    let (c, d) = (off_path(leg.from), off_path(leg.to));
     let worst = if a.abs() > b.abs() { a } else { b };
     let off = worst.abs().min(c.abs().max(d.abs()));
     (off, d_mm.abs() + worst * d_mm.signum())
@@ -281,7 +281,7 @@ pub(crate) fn check_reach(
         return;
     }
     let (end, due) = if is_first { (piece.from, leg.from) } else { (piece.to, leg.to) };
-    let behind = match &leg.round {
+    let ahead_mm = match &leg.round {
         // A line whose offset changes is not parallel to its leg.
         None if on_leg.d_in != on_leg.d_out => (end - due).dot(&leg.tangent(due)),
         None => (end - due).dot(&piece.tangent(end)),
@@ -290,7 +290,7 @@ pub(crate) fn check_reach(
             cross(a, b).atan2(a.dot(&b)) * round.sweep.signum() * round.radius
         }
     };
-    let missing = if is_first { behind } else { -behind };
+    let missing = if is_first { ahead_mm } else { -ahead_mm };
     if missing <= place_mm {
         return;
     }
@@ -382,9 +382,9 @@ fn nearer_joint(a: &ElementOnLeg, b: &ElementOnLeg, short_mm: f64) -> Option<f64
     if turn.abs() <= STRAIGHT_RAD {
         return None;
     }
-    let (behind, ahead) = (a.leg.offset(a.d_out)?, b.leg.offset(b.d_in)?);
+    let (before, after) = (a.leg.offset(a.d_out)?, b.leg.offset(b.d_in)?);
     let at = b.piece.from;
-    let sine = |root: Point| cross(behind.tangent(root), ahead.tangent(root)).abs();
+    let sine = |root: Point| cross(before.tangent(root), after.tangent(root)).abs();
     // What both lose at a joint. The smaller loss wins: inside both get shorter, outside both get
     // longer by no more than a short block. A hair beyond the joint of a full circle is not a whole
     // turn.
@@ -393,10 +393,10 @@ fn nearer_joint(a: &ElementOnLeg, b: &ElementOnLeg, short_mm: f64) -> Option<f64
         if lost > around - PLACE_MM { lost - around } else { lost }
     };
     let lost = |root: Point| {
-        let of_a = of(&behind, behind.length() - behind.along(root));
-        (of_a, of(&ahead, ahead.along(root)))
+        let of_a = of(&before, before.length() - before.along(root));
+        (of_a, of(&after, after.along(root)))
     };
-    let mut roots = carriers_cross(&behind, &ahead)
+    let mut roots = carriers_cross(&before, &after)
         .into_iter()
         .flatten()
         .filter(|&root| (at - root).norm() > SHORT_MM && sine(root) > STRAIGHT_RAD)

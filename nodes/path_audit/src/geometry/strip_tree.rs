@@ -3,10 +3,10 @@
 //! A node stands for consecutive pieces: the chord between their ends and their greatest distance
 //! from it. The nodes of a level follow each other, so a tree is one vector of widths.
 
-use crate::direction_ranges::DirectionRange;
-use crate::distance_bounds;
-use crate::pieces::Pieces;
-use crate::planar::{Point, on_segment};
+use crate::geometry::direction_ranges::DirectionRange;
+use crate::geometry::distance_bounds;
+use crate::geometry::pieces::Pieces;
+use crate::geometry::planar::{Point, on_segment};
 use std::ops::Range;
 
 /// Pieces in a node of the lowest level.

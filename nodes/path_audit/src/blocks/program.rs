@@ -3,7 +3,7 @@
 //! A second, smaller reading than the planner's: it separates leads, legs and free moves, and knows
 //! the offset of each leg. It judges nothing; `align` compares it with a path.
 
-use crate::planar::{Point, flat};
+use crate::geometry::planar::{Point, flat};
 use cnc_msgs::contour::{
     Action, ContourEventKind, CutterSide, Motion, MotionClass, ProgrammedContour, RadiusSource,
     Source,
@@ -22,8 +22,9 @@ pub(crate) const NONE: u32 = u32::MAX;
 /// Shorter moves count as none, mm.
 const STILL_MM: f64 = 1e-9;
 
+/// What a motion means for compensation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum BlockKind {
     /// Not compensated.
     Free,
     LeadOn,
@@ -48,7 +49,7 @@ pub(crate) struct Block {
     pub element: u32,
     /// Index of its offset.
     pub offset: u32,
-    pub kind: Kind,
+    pub kind: BlockKind,
     /// A contour begins with it although no move leads to it.
     pub begins: bool,
     /// How far the path may be off it, mm: the slack of merging and of the accepted tolerance.
@@ -303,7 +304,7 @@ impl Reader<'_> {
         motion: &Motion,
         source: Source,
         shifts_z: bool,
-    ) -> (Kind, bool) {
+    ) -> (BlockKind, bool) {
         let [u, v, w] = self.plane.axes();
         let moved = (motion.end[u] - start[u]).abs().max((motion.end[v] - start[v]).abs());
         let turns =
@@ -312,15 +313,15 @@ impl Reader<'_> {
         let names = motion.axes.contains(u) || motion.axes.contains(v);
         let rises = shifts_z || motion.end[w] != start[w];
         match self.state {
-            CompensationState::Off => (Kind::Free, false),
+            CompensationState::Off => (BlockKind::Free, false),
             CompensationState::Selected { side, is_along } => {
                 if (!shifts && !names) || self.is_too_fast(motion, self.profile.select.lead) {
-                    return (Kind::Free, false);
+                    return (BlockKind::Free, false);
                 }
                 self.open(side, source);
                 self.offset.is_joined =
                     is_along || self.profile.select.target == SelectTarget::NormalEntry;
-                (Kind::LeadOn, false)
+                (BlockKind::LeadOn, false)
             }
             CompensationState::Active { side, cancels, relinks, changes } => {
                 let rules = self.profile;
@@ -329,14 +330,14 @@ impl Reader<'_> {
                 if leads && (shifts || (names && !rises)) {
                     let Some(new) = relinks.filter(|_| !cancels) else {
                         self.state = CompensationState::Off;
-                        return (Kind::LeadOff, false);
+                        return (BlockKind::LeadOff, false);
                     };
                     self.open(new, source);
                     self.offset.is_joined = false;
-                    return (Kind::Link, false);
+                    return (BlockKind::Link, false);
                 }
                 if moved <= 0.0 && !turns {
-                    return (if rises { Kind::OffPlane } else { Kind::Still }, false);
+                    return (if rises { BlockKind::OffPlane } else { BlockKind::Still }, false);
                 }
                 if motion.class != MotionClass::Feed && self.profile.rapid.rule == RapidMode::Raw {
                     let side = relinks.unwrap_or(side);
@@ -344,7 +345,7 @@ impl Reader<'_> {
                         true => CompensationState::Off,
                         false => CompensationState::Selected { side, is_along: false },
                     };
-                    return (Kind::LeadOff, false);
+                    return (BlockKind::LeadOff, false);
                 }
                 if let Some(new) = changes {
                     self.change_side(new, source);
@@ -354,10 +355,10 @@ impl Reader<'_> {
                 if self.radius_changes && is_perpendicular && is_line && self.legs > 0 {
                     self.open(side, source);
                     self.offset.is_joined = true;
-                    return (Kind::Link, false);
+                    return (BlockKind::Link, false);
                 }
                 self.leg(is_line, source);
-                (Kind::Leg, changes.is_some())
+                (BlockKind::Leg, changes.is_some())
             }
         }
     }

@@ -3,11 +3,11 @@
 //! A pass ends where the contour returns to a point that it has already passed. A tail is the piece
 //! from a free end of a pass to the first place where the pass meets itself.
 
-use crate::distance_bounds;
-use crate::pieces::Pieces;
-use crate::planar::{Piece, Point, cross, crossings, unit};
-use crate::retraced_legs::RetracedLegs;
-use crate::strip_tree::{self, StripTree};
+use crate::geometry::distance_bounds;
+use crate::geometry::pieces::Pieces;
+use crate::geometry::planar::{Piece, Point, cross, crossings, unit};
+use crate::geometry::strip_tree::{self, StripTree};
+use crate::walls::retraced_legs::RetracedLegs;
 use std::ops::Range;
 
 /// Places so near each other count as one, mm.
@@ -24,23 +24,23 @@ const FEW: (usize, usize) = (4, 100);
 
 /// A place on a leg, mm from its start.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
-struct Place {
+struct PlaceOnLeg {
     leg: usize,
     along: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Meeting {
-    early: Place,
-    late: Place,
+    early: PlaceOnLeg,
+    late: PlaceOnLeg,
     is_return: bool,
 }
 
 #[derive(Debug)]
 struct Pass {
     legs: Range<usize>,
-    begin: Option<Place>,
-    end: Option<Place>,
+    begin: Option<PlaceOnLeg>,
+    end: Option<PlaceOnLeg>,
 }
 
 #[derive(Debug)]
@@ -72,7 +72,7 @@ impl Passes {
         meetings.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
         let mut passes: Vec<Pass> = Vec::new();
         // Where the first loop closes, and where the last loop ends.
-        let mut loops: Option<(Place, Place)> = None;
+        let mut loops: Option<(PlaceOnLeg, PlaceOnLeg)> = None;
         let mut start = 0;
         for meeting in meetings.iter().filter(|meeting| meeting.is_return) {
             if meeting.early.leg >= start && meeting.late.leg >= start {
@@ -133,7 +133,7 @@ impl Passes {
     ) -> Option<Piece> {
         let number = self.pass(leg);
         let pass = self.passes.get(number)?;
-        let on = on.map(|(leg, along)| Place { leg, along });
+        let on = on.map(|(leg, along)| PlaceOnLeg { leg, along });
         let on = on.filter(|on| self.pass(on.leg) == number);
         let (mut from, mut to) = (0.0, piece.length());
         if let Some(end) = pass.end
@@ -178,15 +178,17 @@ impl Passes {
 
 /// The tails before the first loop and after the last. They may cross each other; they end only
 /// where they meet a loop.
-fn free_ends(passes: &mut [Pass], meetings: &[Meeting], first: Place, last: Place) {
-    let least = |a: Place, b: Place| if b < a { b } else { a };
-    let most = |a: Place, b: Place| if b > a { b } else { a };
-    let before_end = meetings.iter().filter(|meeting| meeting.late <= last);
-    passes[0].begin = before_end.map(|meeting| meeting.early).reduce(least);
-    let Some(behind) = passes.last_mut().filter(|pass| pass.legs.start > last.leg) else { return };
-    let behind_begin = meetings.iter().filter(|meeting| meeting.early >= first);
-    let start = Place { leg: behind.legs.start, along: 0.0 };
-    behind.end = behind_begin.map(|meeting| meeting.late).chain([start]).reduce(most);
+fn free_ends(passes: &mut [Pass], meetings: &[Meeting], first: PlaceOnLeg, last: PlaceOnLeg) {
+    let least = |a: PlaceOnLeg, b: PlaceOnLeg| if b < a { b } else { a };
+    let most = |a: PlaceOnLeg, b: PlaceOnLeg| if b > a { b } else { a };
+    let leads_on = meetings.iter().filter(|meeting| meeting.late <= last);
+    passes[0].begin = leads_on.map(|meeting| meeting.early).reduce(least);
+    let Some(last_pass) = passes.last_mut().filter(|pass| pass.legs.start > last.leg) else {
+        return;
+    };
+    let leads_off = meetings.iter().filter(|meeting| meeting.early >= first);
+    let start = PlaceOnLeg { leg: last_pass.legs.start, along: 0.0 };
+    last_pass.end = leads_off.map(|meeting| meeting.late).chain([start]).reduce(most);
 }
 
 /// Finds the meetings that count. A leg begins where the one before it ends; that counts only if it
@@ -205,8 +207,8 @@ fn meetings(
         }
         let piece = legs.piece(leg);
         if piece.length() > MERGE_MM {
-            let late = Place { leg, along: piece.length() };
-            found.push(Meeting { early: Place { leg, along: 0.0 }, late, is_return: true });
+            let late = PlaceOnLeg { leg, along: piece.length() };
+            found.push(Meeting { early: PlaceOnLeg { leg, along: 0.0 }, late, is_return: true });
         }
     }
     let most = most.0 * legs.count() + most.1;
@@ -225,9 +227,9 @@ fn meetings(
 
 /// The meetings of all copies: of each leg with those before it, the first and the last of them.
 fn of_all(legs: &Pieces, copies: &RetracedLegs, of_firsts: &[Meeting]) -> Vec<Meeting> {
-    let mut meetings: Vec<Vec<(Place, Place)>> = vec![Vec::new(); legs.count()];
+    let mut meetings: Vec<Vec<(PlaceOnLeg, PlaceOnLeg)>> = vec![Vec::new(); legs.count()];
     for leg in (0..legs.count()).filter(|leg| copies.is_first(*leg)) {
-        let place = |along: f64| Place { leg, along };
+        let place = |along: f64| PlaceOnLeg { leg, along };
         let length = legs.piece(leg).length();
         meetings[leg].extend([0.0, length].map(|along| (place(along), place(along))));
     }
@@ -249,8 +251,8 @@ fn of_all(legs: &Pieces, copies: &RetracedLegs, of_firsts: &[Meeting]) -> Vec<Me
                     && other.along >= legs.piece(before).length() - MEET_MM;
                 if !is_joint {
                     let is_return = own.along >= length - MEET_MM && !runs_on(legs, leg);
-                    let early = Place { leg: before, ..other };
-                    found.push(Meeting { early, late: Place { leg, ..own }, is_return });
+                    let early = PlaceOnLeg { leg: before, ..other };
+                    found.push(Meeting { early, late: PlaceOnLeg { leg, ..own }, is_return });
                 }
             }
         }
@@ -280,7 +282,7 @@ impl Sums {
     fn is_wide(&self, legs: &Pieces, meeting: &Meeting) -> bool {
         /// The rounding of long sums hides short loops.
         const SHORT: usize = 50;
-        let (Place { leg: early, along: begin }, Place { leg: late, along: end }) =
+        let (PlaceOnLeg { leg: early, along: begin }, PlaceOnLeg { leg: late, along: end }) =
             (meeting.early, meeting.late);
         if early == late {
             return true;
@@ -385,7 +387,7 @@ fn meet(legs: &Pieces, (early, late): (usize, usize), is_joined: bool, found: &m
         if (is_joined && (point - a1).norm() <= 2.0 * MEET_MM) || !near(&a) || !near(&b) {
             return;
         }
-        let place = |leg: usize, piece: &Piece| Place {
+        let place = |leg: usize, piece: &Piece| PlaceOnLeg {
             leg,
             along: piece.along(point).clamp(0.0, piece.length()),
         };

@@ -1,8 +1,8 @@
 //! Finds legs that lie on each other: a contour that is cut at several depths retraces its own
 //! walls, and each wall is checked once.
 
-use crate::pieces::Pieces;
-use crate::planar::{Piece, Point};
+use crate::geometry::pieces::Pieces;
+use crate::geometry::planar::{Piece, Point};
 use std::collections::BTreeMap;
 use std::ops::Range;
 

@@ -1,7 +1,7 @@
 //! Groups blocks and elements into spans: what lies between a lead-on and the next lead-off.
 
-use crate::program::{Kind, NONE, Offset};
-use crate::tool_path::ToolPath;
+use crate::blocks::program::{BlockKind, NONE, Offset};
+use crate::blocks::tool_path::ToolPath;
 use cnc_msgs::path::Role;
 use std::ops::Range;
 
@@ -52,22 +52,22 @@ impl Spans {
                 to_side: false,
             };
             match block.kind {
-                Kind::Free => {}
-                Kind::LeadOn => {
+                BlockKind::Free => {}
+                BlockKind::LeadOn => {
                     self.spans.extend(open.take());
                     open = Some(new(self.legs.len(), false));
                 }
-                Kind::LeadOff | Kind::Link => {
+                BlockKind::LeadOff | BlockKind::Link => {
                     if let Some(mut span) = open.take() {
                         span.blocks.end = number + 1;
                         self.spans.push(span);
                     }
-                    if block.kind == Kind::Link {
+                    if block.kind == BlockKind::Link {
                         open = Some(new(self.legs.len(), false));
                     }
                 }
-                Kind::Leg | Kind::OffPlane | Kind::Still => {
-                    if block.begins && block.kind == Kind::Leg {
+                BlockKind::Leg | BlockKind::OffPlane | BlockKind::Still => {
+                    if block.begins && block.kind == BlockKind::Leg {
                         if let Some(mut span) = open.take() {
                             span.to_side = true;
                             self.spans.push(span);
@@ -76,7 +76,7 @@ impl Spans {
                     }
                     let Some(span) = &mut open else { continue };
                     span.blocks.end = number + 1;
-                    if block.kind == Kind::Leg {
+                    if block.kind == BlockKind::Leg {
                         self.legs.push(number);
                         span.legs.end = self.legs.len();
                     }
@@ -101,7 +101,7 @@ impl Spans {
                 Role::LeadOn => span.lead_on = Some(index),
                 Role::LeadOff => span.lead_off = Some(index),
                 // A link block is the last of one span and the first of the next.
-                Role::Link if tool_path.program.blocks[block as usize].kind == Kind::Link => {
+                Role::Link if tool_path.program.blocks[block as usize].kind == BlockKind::Link => {
                     span.lead_off = Some(index);
                     if let Some(next) = self.spans.get_mut(current + 1) {
                         next.lead_on = Some(index);
@@ -132,7 +132,7 @@ impl Span {
         legs: &[u32],
         block: u32,
     ) -> &'a Offset {
-        let is_leg = tool_path.program.blocks[block as usize].kind == Kind::Leg;
+        let is_leg = tool_path.program.blocks[block as usize].kind == BlockKind::Leg;
         let last = legs[self.legs.end - 1];
         tool_path.program.offset(if is_leg { block } else { last })
     }

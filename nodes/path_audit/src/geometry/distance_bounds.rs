@@ -3,10 +3,10 @@
 //! Each test is a lower bound of the exact distance. It may fail to see that two pieces are apart,
 //! but it never calls near pieces apart. `planar::nearest` decides the rest.
 
-use crate::pieces::Bow;
+use crate::geometry::pieces::Bow;
 #[cfg(test)]
-use crate::planar::{Piece, Round, nearest};
-use crate::planar::{Point, cross, on_segment};
+use crate::geometry::planar::{Piece, Round, nearest};
+use crate::geometry::planar::{Point, cross, on_segment};
 
 type Chord = (Point, Point);
 
@@ -93,10 +93,10 @@ pub(crate) fn are_pieces_apart(
     }
     let bulge = |bow: Option<&Bow>| bow.map_or(0.0, |bow| bow.bulge);
     let (mut off_a, mut off_b) = (bulge(of_a), bulge(of_b));
-    if of_b.is_some_and(|bow| is_behind(b, bow, a, off_a)) {
+    if of_b.is_some_and(|bow| is_on_flat_side(b, bow, a, off_a)) {
         off_b = of_b.map_or(0.0, |bow| bow.uneven);
     }
-    if of_a.is_some_and(|bow| is_behind(a, bow, b, bulge(of_b))) {
+    if of_a.is_some_and(|bow| is_on_flat_side(a, bow, b, bulge(of_b))) {
         off_a = of_a.map_or(0.0, |bow| bow.uneven);
     }
     are_chords_apart(a, b, limit + off_a + off_b)
@@ -109,7 +109,7 @@ pub(crate) fn are_pieces_apart(
 
 /// Whether everything within `bulge` of a chord lies on the flat side of an arc. From there the
 /// arc's own chord is its nearest part.
-fn is_behind(chord: Chord, bow: &Bow, other: Chord, bulge: f64) -> bool {
+fn is_on_flat_side(chord: Chord, bow: &Bow, other: Chord, bulge: f64) -> bool {
     if bow.round.sweep.abs() > std::f64::consts::PI {
         return false;
     }
@@ -198,11 +198,11 @@ mod tests {
         for case in 0..200_000 {
             let a = numbers.piece();
             // As a tool runs along its walls.
-            let beside = a.offset(numbers.between(-2.0, 2.0)).filter(|_| case % 2 == 0);
+            let parallel = a.offset(numbers.between(-2.0, 2.0)).filter(|_| case % 2 == 0);
             // Or around their ends.
             let around = a.round.filter(|_| case % 5 == 0);
             let around = around.map(|round| Piece::line(round.center, numbers.point()));
-            let b = beside.or(around).unwrap_or_else(|| numbers.piece());
+            let b = parallel.or(around).unwrap_or_else(|| numbers.piece());
             let exact = nearest(&a, &b).distance;
             let limit = match case % 3 {
                 0 => exact + numbers.between(-1e-3, 1e-3),
