@@ -23,7 +23,7 @@ const CONTACT_MM: f64 = 1e-4;
 pub fn contact(span: &Span, index: usize, slack_mm: f64) -> Vec<(f64, f64)> {
     let element = &span.elements[index];
     let radius_mm = tool(element, slack_mm);
-    let way = element.shape.beside(span.side * radius_mm);
+    let way = element.shape.offset(span.side * radius_mm);
     let limit = radius_mm - NOISE_MM - slack_mm.max(0.0);
     let mut near: Vec<(f64, f64)> = bounding(span, element)
         .filter(|wall| !way.is_far_from(&wall.shape, radius_mm))
@@ -161,7 +161,7 @@ fn joint(
     let (one, other) = (&span.elements[before], &span.elements[after]);
     let radius_mm = tool(other, slack_mm);
     let slack_mm = slack_mm.max(0.0);
-    let way = |element: &Element| element.shape.beside(span.side * radius_mm);
+    let way = |element: &Element| element.shape.offset(span.side * radius_mm);
     let (from, to) = (way(one).at(leaves), way(other).at(begins));
     let (ahead, next) = (one.shape.direction(1.0), other.shape.direction(0.0));
     let turn = ahead.cross(next) * span.side;
@@ -203,7 +203,7 @@ fn joint(
 fn corner(span: &Span, one: &Element, other: &Element, radius_mm: f64) -> Option<Vec<Piece>> {
     let left = span.side * radius_mm;
     let vertex = other.shape.start();
-    let (from, to) = (one.shape.beside(left).end(), other.shape.beside(left).start());
+    let (from, to) = (one.shape.offset(left).end(), other.shape.offset(left).start());
     let (ahead, next) = (one.shape.direction(1.0), other.shape.direction(0.0));
     // The tool on the left turns right around an outside corner.
     let around = Piece::arc(from, to, vertex, span.side < 0.0);

@@ -2,7 +2,7 @@
 //! program of that seed.
 #![allow(clippy::print_stdout, reason = "what was counted is what this command is for")]
 
-use kerf_checker::judge::{Kind, judge};
+use kerf_checker::judge::{WrongKind, judge};
 use kerf_checker::{draw, product, profiles, tally};
 use std::process::ExitCode;
 
@@ -23,12 +23,12 @@ fn main() -> ExitCode {
                 println!("{line}");
             }
             for kind in [
-                Kind::SilentCut,
-                Kind::NotFollowed,
-                Kind::FalseGouge,
-                Kind::FalseUnreachable,
-                Kind::FalseLeadGouge,
-                Kind::InternalError,
+                WrongKind::SilentCut,
+                WrongKind::NotFollowed,
+                WrongKind::FalseGouge,
+                WrongKind::FalseUnreachable,
+                WrongKind::FalseLeadGouge,
+                WrongKind::InternalError,
             ] {
                 println!("{kind:?}: {}", tally.wrong_of(kind).count());
             }

@@ -194,7 +194,7 @@ impl Piece {
     /// The path of the centre of a tool at this distance on its left; negative on its
     /// right. Inside an arc that is smaller than the tool the path lies beyond the centre.
     #[must_use]
-    pub fn beside(&self, left: f64) -> Self {
+    pub fn offset(&self, left: f64) -> Self {
         match *self {
             Self::Line { start, end } => {
                 let aside = (end - start).unit().left() * left;

@@ -1,6 +1,6 @@
 //! Many programs, and the count of what became of them.
 
-use crate::judge::{Kind, NotJudged, Outcome, Wrong, judge};
+use crate::judge::{Judgement, NotJudged, Wrong, WrongKind, judge};
 use crate::program::{CONTROLS, Program};
 use crate::{draw, product, profiles};
 use settings::Control;
@@ -12,7 +12,7 @@ use std::ops::Range;
 #[derive(Debug, Clone, Default)]
 pub struct Tally {
     /// By control and outcome.
-    pub outcomes: BTreeMap<(Control, Outcome), u64>,
+    pub outcomes: BTreeMap<(Control, Judgement), u64>,
     /// Programs in which something was drawn.
     pub features: BTreeMap<&'static str, u64>,
     /// Refusals by a rule, by the code of the finding.
@@ -42,7 +42,7 @@ fn run_alone(seeds: Range<u64>) -> Tally {
         let program = draw::program(seed);
         let verdict = product(&program, &profiles);
         let (outcome, wrong) = judge(&program, &verdict);
-        if outcome == Outcome::RefusedByRule
+        if outcome == Judgement::RefusedByRule
             && let Some(finding) = verdict.findings.iter().find(|finding| finding.is_error())
         {
             *tally.rules.entry((program.control, finding.code.name())).or_default() += 1;
@@ -53,7 +53,7 @@ fn run_alone(seeds: Range<u64>) -> Tally {
 }
 
 impl Tally {
-    fn count(&mut self, program: &Program, outcome: Outcome, wrong: Vec<Wrong>) {
+    fn count(&mut self, program: &Program, outcome: Judgement, wrong: Vec<Wrong>) {
         *self.outcomes.entry((program.control, outcome)).or_default() += 1;
         for feature in &program.features {
             *self.features.entry(feature).or_default() += 1;
@@ -77,17 +77,17 @@ impl Tally {
     }
 
     /// How many programs of a control had this outcome.
-    pub fn of(&self, control: Control, outcome: Outcome) -> u64 {
+    pub fn of(&self, control: Control, outcome: Judgement) -> u64 {
         self.outcomes.get(&(control, outcome)).copied().unwrap_or(0)
     }
 
     /// How many programs had this outcome.
-    pub fn all(&self, outcome: Outcome) -> u64 {
+    pub fn all(&self, outcome: Judgement) -> u64 {
         CONTROLS.into_iter().map(|control| self.of(control, outcome)).sum()
     }
 
     /// The programs with something of a kind that is wrong.
-    pub fn wrong_of(&self, kind: Kind) -> impl Iterator<Item = u64> + '_ {
+    pub fn wrong_of(&self, kind: WrongKind) -> impl Iterator<Item = u64> + '_ {
         let is_of = move |(_, wrong): &&(u64, Vec<Wrong>)| wrong.iter().any(|it| it.kind == kind);
         self.wrong.iter().filter(is_of).map(|(seed, _)| *seed)
     }
@@ -106,14 +106,14 @@ impl Tally {
     /// As a table in Markdown.
     pub fn table(&self) -> String {
         let columns = [
-            ("accepted", Outcome::Accepted),
-            ("refused, does not fit", Outcome::Refused),
-            ("refused by a rule", Outcome::RefusedByRule),
-            ("not judged: tolerance", Outcome::NotJudged(NotJudged::Tolerance)),
-            ("not judged: unknown", Outcome::NotJudged(NotJudged::Unknown)),
-            ("not judged: lead", Outcome::NotJudged(NotJudged::Lead)),
-            ("not judged: change", Outcome::NotJudged(NotJudged::Change)),
-            ("wrong", Outcome::Wrong),
+            ("accepted", Judgement::Accepted),
+            ("refused, does not fit", Judgement::Refused),
+            ("refused by a rule", Judgement::RefusedByRule),
+            ("not judged: tolerance", Judgement::NotJudged(NotJudged::Tolerance)),
+            ("not judged: unknown", Judgement::NotJudged(NotJudged::Unknown)),
+            ("not judged: lead", Judgement::NotJudged(NotJudged::Lead)),
+            ("not judged: change", Judgement::NotJudged(NotJudged::Change)),
+            ("wrong", Judgement::Wrong),
         ];
         let mut table = String::from("| profile |");
         // Writing to a string cannot fail.

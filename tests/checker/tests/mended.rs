@@ -1,6 +1,6 @@
 //! Seeds whose verdict was wrong once, by what was mended.
 
-use kerf_checker::judge::{Outcome, judge};
+use kerf_checker::judge::{Judgement, judge};
 use kerf_checker::{draw, product, profiles};
 
 /// What was wrong, the seeds, and whether their programs are accepted now.
@@ -78,7 +78,7 @@ fn a_verdict_that_was_wrong_is_right() {
             let verdict = product(&program, &profiles);
             let (outcome, wrong) = judge(&program, &verdict);
             assert_eq!(wrong, [], "{what}: seed {seed}\n{}", program.text);
-            assert_eq!(outcome == Outcome::Accepted, *is_accepted, "{what}: seed {seed}");
+            assert_eq!(outcome == Judgement::Accepted, *is_accepted, "{what}: seed {seed}");
         }
     }
 }

@@ -4,7 +4,7 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::path::Role as PathRole;
 use cnc_msgs::profile::Profile;
 use kerf_checker::fit::{Fit, fits};
-use kerf_checker::judge::{Kind, Outcome, ProductResult, judge};
+use kerf_checker::judge::{Judgement, ProductResult, WrongKind, judge};
 use kerf_checker::piece::{Piece, point};
 use kerf_checker::program::{Corner, End, Program, Role};
 use kerf_checker::{draw, product, profiles};
@@ -19,13 +19,13 @@ fn accepted(profiles: &[Profile]) -> Vec<(Program, ProductResult)> {
     });
     let is_right = |(program, verdict): &(Program, ProductResult)| {
         let plain = program.spans.len() == 1 && !program.spans[0].changes_tool();
-        plain && judge(program, verdict).0 == Outcome::Accepted
+        plain && judge(program, verdict).0 == Judgement::Accepted
     };
     judged.filter(is_right).collect()
 }
 
 /// The kinds of what is wrong.
-fn kinds(program: &Program, verdict: &ProductResult) -> Vec<Kind> {
+fn kinds(program: &Program, verdict: &ProductResult) -> Vec<WrongKind> {
     judge(program, verdict).1.into_iter().map(|wrong| wrong.kind).collect()
 }
 
@@ -120,7 +120,7 @@ fn a_corner_that_is_cut_by_a_hundredth_is_found() {
         let cut = at + (foot - at).unit() * 0.01;
         (elements[joint - 1].end[u], elements[joint - 1].end[v]) = (cut.u, cut.v);
         verdict.findings.clear();
-        found.count(kinds(&program, &verdict).contains(&Kind::SilentCut));
+        found.count(kinds(&program, &verdict).contains(&WrongKind::SilentCut));
     }
     found.check(100, 95);
 }
@@ -136,7 +136,7 @@ fn a_finding_that_is_missing_is_found() {
         };
         if verdict.findings.iter().any(tells) {
             verdict.findings.clear();
-            found.count(kinds(&program, &verdict).contains(&Kind::SilentCut));
+            found.count(kinds(&program, &verdict).contains(&WrongKind::SilentCut));
         }
     }
     found.check(100, 100);
@@ -177,7 +177,7 @@ fn a_refusal_of_what_fits_is_a_false_alarm() {
         let finding = verdict.findings.first().map_or_else(Default::default, |it| it.source);
         let source = cnc_msgs::contour::Source { line, ..finding };
         verdict.findings = vec![Finding::error(Code::Gouge, source, "a false alarm")];
-        found.count(kinds(&program, &verdict) == [Kind::FalseGouge]);
+        found.count(kinds(&program, &verdict) == [WrongKind::FalseGouge]);
     }
     found.check(200, 100);
 }

@@ -3,7 +3,7 @@
 //! `KERF_CHECKER_PROGRAMS=1000000` draws so many programs, `KERF_CHECKER_SEED=7` begins at
 //! another seed. Build with `--release` for many.
 
-use kerf_checker::judge::{Kind, Outcome};
+use kerf_checker::judge::{Judgement, WrongKind};
 use kerf_checker::program::CONTROLS;
 use kerf_checker::tally;
 
@@ -24,7 +24,7 @@ fn no_program_is_cut_silently_and_no_fitting_tool_is_refused() {
     let tally = tally::run(first..first + count);
     let lines = tally.lines();
     // One in the first million is known.
-    let silent: Vec<u64> = [Kind::SilentCut, Kind::NotFollowed]
+    let silent: Vec<u64> = [WrongKind::SilentCut, WrongKind::NotFollowed]
         .iter()
         .flat_map(|kind| tally.wrong_of(*kind))
         .collect();
@@ -41,8 +41,8 @@ fn no_program_is_cut_silently_and_no_fitting_tool_is_refused() {
     for control in CONTROLS {
         let of = |outcome| tally.of(control, outcome);
         let drawn = count / CONTROLS.len() as u64;
-        assert!(of(Outcome::Accepted) * 8 > drawn, "{control}:\n{}", tally.table());
-        assert!(of(Outcome::Refused) * 12 > drawn, "{control}:\n{}", tally.table());
+        assert!(of(Judgement::Accepted) * 8 > drawn, "{control}:\n{}", tally.table());
+        assert!(of(Judgement::Refused) * 12 > drawn, "{control}:\n{}", tally.table());
     }
     for feature in [
         "D words",
