@@ -81,7 +81,7 @@ fn check_type(text: &str) -> Result<(), String> {
         _ => {}
     }
     if bounds.text == Some(0) || bounds.elements == Some(0) {
-        return Err(format!("the size in {text} is no whole number above 0"));
+        return Err(format!("the size in {text} is not a whole number above 0"));
     }
     Ok(())
 }

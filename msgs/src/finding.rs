@@ -17,44 +17,158 @@ pub enum Severity {
 }
 
 /// What is wrong. A closed list: scripts and other nodes branch on it.
+///
+/// Of each code the first paragraph says what it means, the second what to do. `docs/findings.md`
+/// is made of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Code {
+    /// The text cannot be read as blocks: a comment is not closed, or a word has no letter.
+    ///
+    /// Correct the marked text.
     Syntax,
+    /// The control has no such word.
+    ///
+    /// Delete the word, or choose the control that the program was written for (`--control`).
     UnknownWord,
+    /// Two words of one block exclude each other.
+    ///
+    /// Delete one of them, or write two blocks.
     ModalConflict,
+    /// A word lacks another one that it needs: a dwell its time, a move its feed rate, an arc its
+    /// centre.
+    ///
+    /// Write the missing word into this block, or into one before it.
     MissingWord,
+    /// A number cannot be read, or the word cannot have that value.
+    ///
+    /// Write the number as the help line says.
     BadNumber,
+    /// The start, the end and the centre of an arc do not fit together, or the arc is too small for
+    /// the tool.
+    ///
+    /// Check the end and the centre. Where the radii differ by little, post more decimals.
     ArcRadius,
+    /// Something is larger than Kerf accepts: the program, a block, a coordinate, or the number of
+    /// findings.
+    ///
+    /// Split the program, the block or the contour. Where a list of findings ends, correct those
+    /// first.
     Limit,
+    /// The program asks for something that Kerf does not do, although the control may.
+    ///
+    /// Write it as the help line says, or post the program without it.
     Unsupported,
+    /// The control does not allow this word or move while G41 or G42 is on.
+    ///
+    /// Cancel with G40 and a straight move before it, and select again after it.
     ForbiddenUnderCompensation,
+    /// The arc or the compensation is in another plane than the control compensates in.
+    ///
+    /// Select the plane with G17, G18 or G19 before G41 or G42.
     Plane,
+    /// The block names axes that are not there, or moves from a position that is not known.
+    ///
+    /// Post the program for the axes of the machine. After homing, move each axis with G90 first.
     Axes,
+    /// The compensation has no radius, or one that the control does not accept here.
+    ///
+    /// Name the tool, the offset or the radius before G41 or G42, as the help line says.
     RadiusSource,
+    /// The tool table lacks a tool or an offset of the program, or the job does not expect that
+    /// tool.
+    ///
+    /// Add it to the tool table, or correct its number in the program.
     UnknownTool,
+    /// The lead-on or the lead-off is not a straight move.
+    ///
+    /// Put a straight move in the plane between the contour and the arc or rapid.
     LeadType,
+    /// The lead-on or the lead-off is shorter than the control needs.
+    ///
+    /// Make it longer than the radius of the tool, or use a smaller tool.
     LeadLength,
+    /// The move after G40 lacks an axis of the plane, or leaves the plane too early.
+    ///
+    /// Write both axes of the plane into that block. Retract only after it.
     Cancel,
+    /// The program ends while compensation is on.
+    ///
+    /// End the contour with G40 and a straight move in the plane.
     NotCancelled,
+    /// Compensation is selected, and no move follows that it acts on.
+    ///
+    /// Program a move in the plane after the selection, or delete the selection.
     NeverActive,
+    /// More blocks without motion in the plane follow each other than the control looks across.
+    ///
+    /// Put M functions into blocks that move in the plane, or cancel the compensation before them.
     OffPlaneBlocks,
+    /// A full circle is in one block, which the control does not accept under compensation.
+    ///
+    /// Write the circle as two arcs.
     FullCircle,
+    /// The tool path of an arc becomes longer than a full circle, because its neighbours meet it
+    /// late.
+    ///
+    /// Write the arc as two.
     ArcOver360,
+    /// The tool does not fit where the program wants it: into a slot, a fillet or an inside corner.
+    ///
+    /// Use a tool of at most the radius that the help line names. If none fits, check G41 against
+    /// G42.
     Unreachable,
+    /// The tool comes nearer than its radius to a wall of the same pass, and cuts into the part.
+    ///
+    /// Use a smaller tool, or change the contour.
     Gouge,
+    /// The tool cuts into a wall that another pass of the same contour leaves.
+    ///
+    /// Check whether that is meant, as in finishing after roughing. Otherwise use a smaller tool.
     CutsOtherPass,
+    /// The tool cuts into what an earlier contour of the program leaves.
+    ///
+    /// Check whether that is meant. The profile key `interference.other_spans` decides what
+    /// follows.
     CutsOtherSpan,
+    /// The lead-on or the lead-off cuts into the contour.
+    ///
+    /// Lead from the side of the tool, at a right angle to the contour, or with a longer lead.
     LeadGouge,
+    /// The lead-on or the lead-off passes over the free end of the block that it leads to or from.
+    ///
+    /// Lead at a right angle to the contour. If nothing but air is at that end, leave it.
     LeadNick,
+    /// The move from one contour to the next cuts into one of them.
+    ///
+    /// Cancel with G40 between the contours, or retract before the move.
     LinkGouge,
+    /// The lead meets the contour in an inside corner, and a part of the first or last blocks stays
+    /// uncut.
+    ///
+    /// Lead on in the direction of the first block, and off in the direction of the last.
     Uncut,
+    /// The side changes, or compensation is selected again, where the control does not accept it.
+    ///
+    /// Cancel with G40 and a lead-off, then select again with a lead-on.
     SideChange,
+    /// A run cannot start at this line, because the control does not start inside a compensated
+    /// contour.
+    ///
+    /// Start at the line that the help line names, or before it.
     Restart,
+    /// A value is allowed, but is often a mistake: a dwell in milliseconds, a radius that counts
+    /// twice.
+    ///
+    /// Check the value. If it is meant, leave it.
     SuspiciousValue,
     /// The audit found a path that is not what its program asks for.
+    ///
+    /// Do not run the path. Report it with the program, the tool table and the control.
     PathMismatch,
     /// The planner and the audit of its path disagree: a defect of Kerf.
+    ///
+    /// Send the file that the help line names to the developers. It holds all inputs.
     InternalError,
 }
 

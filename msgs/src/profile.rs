@@ -343,7 +343,7 @@ impl FromStr for Reaction {
 
 /// Not the name of a [`Reaction`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} is no reaction to interference; it is alarm, trim or ignore")]
+#[error("{0:?} is not a reaction to interference; use alarm, trim or ignore")]
 pub struct UnknownReaction(String);
 
 const fn error() -> Strictness {

@@ -35,7 +35,8 @@ pub fn resolve(
             Code::RadiusSource,
             at,
             format!(
-                "the compensation radius is {radius_mm:.3} mm, and {} takes none below 0",
+                "the compensation radius is {radius_mm:.3} mm, and {} does not accept a negative \
+                 radius",
                 profile.name
             ),
         )
@@ -216,7 +217,7 @@ fn worn(
     );
     Err(Box::new(
         Finding::error(Code::RadiusSource, at, message)
-            .help("correct the wear in the tool table; wear alone never turns the side"),
+            .help("correct the wear in the tool table; wear alone never changes the side"),
     ))
 }
 

@@ -56,14 +56,15 @@ pub enum ToolTableError {
     NegativeDiameter { tool: u32, value_mm: f64 },
     #[error("nose radius of T{tool} is {value_mm} mm; a nose radius is never negative")]
     NegativeNoseRadius { tool: u32, value_mm: f64 },
-    #[error("tip direction of {row} is {value}; 0 to 9 exist")]
+    #[error("tip direction of {row} is {value}; it must be 0 to 9")]
     TipDirection { row: String, value: u8 },
-    #[error("{what} of {row} is {value_mm} mm; at most {max_mm} mm is taken")]
+    #[error("{what} of {row} is {value_mm} mm; at most {max_mm} mm is accepted")]
     TooLarge { row: String, what: &'static str, value_mm: f64, max_mm: f64 },
     #[error("{row} is in the table twice; leave out one of them")]
     Twice { row: String },
     #[error(
-        "{wear} of {row} is {wear_mm} mm, more than its {what} of {value_mm} mm; wear alone never turns the side"
+        "{wear} of {row} is {wear_mm} mm, more than its {what} of {value_mm} mm; wear alone never \
+         changes the side"
     )]
     WearTurnsSide {
         row: String,

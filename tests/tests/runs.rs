@@ -325,7 +325,7 @@ fn m28_behind_a_retract_the_tool_stays_up_and_is_never_taken_back_into_the_part(
     let mut line = homed(DriverConfig::default());
     let refusal = line.ask(request(&with_retract(), 5)).unwrap_err();
     assert_eq!(refusal.error_code, error_code::START_LINE);
-    assert!(refusal.message.contains("Z has not been given since G53"), "{refusal}");
+    assert!(refusal.message.contains("a position of Z that is not known since G53"), "{refusal}");
 }
 
 #[test]

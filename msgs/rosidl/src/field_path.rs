@@ -104,7 +104,7 @@ impl FromStr for FieldPath {
                     name
                 }
                 None if steps.is_empty() => rest,
-                _ => return Err(error(at, "a field needs one point before it, the first none")),
+                _ => return Err(error(at, "write one point before each field except the first")),
             };
             let end = name.find(['.', '[']).unwrap_or(name.len());
             steps.push(match &name[..end] {

@@ -61,7 +61,7 @@ impl TypeName {
                 let kind = InterfaceKind::ALL.into_iter().find(|kind| kind.folder() == folder);
                 (package, Some(kind.ok_or(format!("{folder} is none of msg, srv, action"))?), name)
             }
-            _ => return Err(format!("{text} is no type; write package/Type")),
+            _ => return Err(format!("{text} is not a type; write package/Type")),
         };
         check_package(package)?;
         let (stem, derived) = match name.split_once('_') {

@@ -37,7 +37,7 @@ pub enum LineItem<'a> {
 pub enum LineError {
     #[error("a line is a type, a space and a name")]
     NoName,
-    #[error("{0:?} is no name")]
+    #[error("{0:?} is not a name")]
     Name(String),
 }
 

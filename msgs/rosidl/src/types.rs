@@ -100,11 +100,11 @@ pub struct WrittenType<'a> {
 pub enum TypeError {
     #[error("{0} closes a bracket it never opened")]
     Bracket(String),
-    #[error("the size in {0} is no whole number above 0")]
+    #[error("the size in {0} is not a whole number above 0")]
     Size(String),
     #[error("only string can be bounded by <=, not {0}")]
     Bound(String),
-    #[error("{0} is no type; write package/Type")]
+    #[error("{0} is not a type; write package/Type")]
     Name(String),
 }
 

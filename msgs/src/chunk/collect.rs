@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 /// Why chunks are not what their manifest announced.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ChunkError {
-    #[error("{what} are announced: {count}; at most {max} are taken")]
+    #[error("{count} {what} are announced; at most {max} are accepted")]
     TooMany { what: &'static str, count: u64, max: u64 },
     #[error("chunk {index} is of {found}, not of {wanted}")]
     Foreign { index: u32, found: String, wanted: String },

@@ -29,14 +29,17 @@ impl Profile {
         }
         let stock_top = self.interference.stock_top_mm;
         if !stock_top.is_finite() {
-            return refuse(&["interference", "stock_top_mm"], format!("{stock_top} is no height"));
+            return refuse(
+                &["interference", "stock_top_mm"],
+                format!("{stock_top} is not a height"),
+            );
         }
         let planes = &self.language.planes.rule;
         if planes.is_empty() {
             return refuse(&["language", "planes"], "at least one plane is needed".into());
         }
         if (1..planes.len()).any(|index| planes[..index].contains(&planes[index])) {
-            return refuse(&["language", "planes"], "a plane stands there twice".into());
+            return refuse(&["language", "planes"], "a plane is listed twice".into());
         }
         if self.language.dominant_axes.rule.is_empty() {
             return refuse(
@@ -54,21 +57,21 @@ impl Profile {
         if !(0.0..=10.0).contains(&short) {
             return refuse(
                 &["corner", "short_block_mm"],
-                format!("{short} mm; 0 to 10 mm is possible"),
+                format!("{short} mm; 0 to 10 mm is needed"),
             );
         }
         let latency = self.radius.value_latency_blocks;
         if latency > 100 {
             return refuse(
                 &["radius", "value_latency_blocks"],
-                format!("{latency} blocks; at most 100"),
+                format!("{latency} blocks; at most 100 are possible"),
             );
         }
         let source = self.radius.source.rule;
         if self.d0 != ZeroOffset::None && source != RadiusKind::DRegister {
             return refuse(
                 &["d0"],
-                "D0 means something only where radius.source is d_register; write none".into(),
+                "D0 has a meaning only where radius.source is d_register; set it to none".into(),
             );
         }
         let dialect = self.language.dialect;
@@ -96,7 +99,7 @@ impl Profile {
         if numbers.windows(2).any(|pair| pair[0] == pair[1]) {
             return refuse(
                 &["corner", "words"],
-                "one G number stands twice among corner.words and select.words".into(),
+                "one G number is used twice in corner.words and select.words".into(),
             );
         }
         if self.output == OutputPoint::Tip

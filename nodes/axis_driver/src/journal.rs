@@ -101,7 +101,7 @@ pub enum ReplayError {
     Command { sequence: u64, problem: CommandError },
     #[error("entry {sequence}: the checkpoint is not understood: {problem}")]
     Checkpoint { sequence: u64, problem: serde_json::Error },
-    #[error("the record begins with entry {sequence}, neither the first nor a checkpoint")]
+    #[error("the record begins with entry {sequence}, which is neither the first nor a checkpoint")]
     Beginning { sequence: u64 },
 }
 
@@ -269,7 +269,7 @@ mod tests {
         let problem = replay(&middle, &|_, _| None, DriverConfig::default()).unwrap_err();
         assert_eq!(
             problem.to_string(),
-            "the record begins with entry 4, neither the first nor a checkpoint"
+            "the record begins with entry 4, which is neither the first nor a checkpoint"
         );
         let gap = [entry(1, EntryKind::Opened, ""), entry(3, EntryKind::Timer, "")];
         let problem = replay(&gap, &|_, _| None, DriverConfig::default()).unwrap_err();
@@ -282,7 +282,7 @@ mod tests {
         let problem = replay(&run, &|_, _| None, DriverConfig::default()).unwrap_err();
         assert_eq!(
             problem.to_string(),
-            "entry 1: the path of program p, revision 2, is not at hand"
+            "entry 1: the path of program p, revision 2, is not available"
         );
     }
 }

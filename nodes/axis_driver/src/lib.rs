@@ -7,7 +7,7 @@
 //! them again. All of that is a function of inputs and of the time that comes with
 //! them. `serial` (feature `node`) is the shell with the port, the threads and the
 //! clock; nothing in all of that knows ROS. `motion` is the process around it, and `node`
-//! its ROS face, another process; [`protocol`] is what they say to each other.
+//! its ROS side, another process; [`protocol`] is what they say to each other.
 //!
 //! None of this is a safety function; an emergency stop is wired.
 

@@ -1,7 +1,7 @@
 //! The motion process: it owns the serial line, the driver and its journal.
 //!
 //! It speaks no DDS, opens no connection but the one to the controller, and reads no file that
-//! a peer names. Its ROS face is a child process, which may die, hang or be stopped: then it is
+//! a peer names. Its ROS side is a child process, which may die, hang or be stopped: then it is
 //! started again, and goes on where the last one was, while the line is served. A local
 //! operator can stop the machine and read its state over a socket with a name, without ROS.
 
@@ -143,7 +143,7 @@ fn supervise(hub: &Arc<Hub>, words: &[String], signals: &AtomicUsize) -> u8 {
         if let Some(since) = stopping
             && since.elapsed() > FACE_ENDS_WITHIN
         {
-            tracing::error!("the ROS face did not end within {} s", FACE_ENDS_WITHIN.as_secs());
+            tracing::error!("the ROS side did not end within {} s", FACE_ENDS_WITHIN.as_secs());
             face.kill();
             return if shut_down(hub, since + ALL_ENDS_WITHIN) { 1 } else { 130 };
         }

@@ -64,7 +64,7 @@ const IDS_UNSEEN_MAX: u64 = 1_000;
 const REPLY_WITHIN: Duration = Duration::from_secs(10);
 
 /// Runs the node until it is told to stop: the motion process, which starts this executable
-/// once more for its ROS face. `program` are the words that make it this node.
+/// once more for its ROS side. `program` are the words that make it this node.
 pub fn main(program: &[&str], args: Vec<String>) -> ExitCode {
     if std::env::var_os(FACE_VARIABLE).is_some() {
         // Also one that is stopped; where this cannot be, the end of the connection ends it.
@@ -355,7 +355,8 @@ impl Driver {
         let asked = {
             let mut waiting = self.waiting();
             if waiting.stops != stops.over_ros {
-                let message = "somebody stopped the machine before it began: ask again".into();
+                let message =
+                    "somebody stopped the machine before the command began: send it again".into();
                 return Err(Refusal { error_code: crate::codes::error_code::CANCELED, message });
             }
             self.hand_over(&mut waiting, id, order.into(), Some(stops.local))
@@ -405,7 +406,9 @@ impl Driver {
                 paths.begin(&planned);
                 tracing::info!("{message}");
             }
-            Err(refusal) => tracing::warn!("revision {revision} is not taken: {}", refusal.message),
+            Err(refusal) => {
+                tracing::warn!("revision {revision} is not accepted: {}", refusal.message)
+            }
         }
     }
 

@@ -1,4 +1,4 @@
-//! What the motion process and its ROS face say to each other.
+//! What the motion process and its ROS side say to each other.
 //!
 //! Frames on a local socket: four bytes of length, little-endian, then one message in CDR.
 //! Both ends are of one build, since the motion process starts the face from its own file;
@@ -22,7 +22,7 @@ pub const FRAME_BYTES_MAX: usize = 1 << 20;
 /// Bytes of the length before each message.
 const LENGTH_BYTES: usize = 4;
 
-/// From the ROS face.
+/// From the ROS side.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum ToMotion {
     /// The first message.
@@ -56,7 +56,7 @@ pub enum ToMotion {
     Published { sequence: u64 },
 }
 
-/// To the ROS face.
+/// To the ROS side.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum ToFace {
     /// Answers [`ToMotion::Hello`].
@@ -147,11 +147,11 @@ pub struct Answer {
 /// Why bytes are not messages of this protocol. The connection is of no more use.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ProtocolError {
-    #[error("a message of {bytes} bytes is announced; {FRAME_BYTES_MAX} is the most")]
+    #[error("a message of {bytes} bytes is announced; at most {FRAME_BYTES_MAX} are accepted")]
     TooLong { bytes: usize },
     #[error("a message is not understood: {0}")]
     Content(#[from] cdr::CdrError),
-    #[error("the other end speaks version {found}, not {VERSION}")]
+    #[error("the other process has protocol version {found}, not {VERSION}")]
     Version { found: u16 },
 }
 

@@ -18,7 +18,7 @@ pub fn objection(
         return None;
     }
     let Some(now) = now else {
-        return Some("the tool table was not heard: is the planner running?".into());
+        return Some("no tool table was received: is the planner running?".into());
     };
     let Some(present) = now.tools.get(&tool) else {
         return Some(format!(
@@ -26,9 +26,7 @@ pub fn objection(
         ));
     };
     let Some(planned) = planned else {
-        return Some(
-            "the tool table that the path was made with was not heard: cancel and run again".into(),
-        );
+        return Some("the tool table of this path was not received: cancel and run again".into());
     };
     // What the path did not know it does not use.
     let before = planned.tools.get(&tool)?;

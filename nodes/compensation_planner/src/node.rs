@@ -62,7 +62,7 @@ pub fn parameters() -> Vec<Declared> {
         Declared::new(
             "report_directory",
             disagreement::FOLDER,
-            "where a program is kept on which the planner and its audit disagree, for a report",
+            "folder for bug reports: programs on which the planner and its audit disagree",
         )
         .read_only(),
         Declared::new("preview_chord_error_mm", 0.05, "how far the preview may be from an arc")

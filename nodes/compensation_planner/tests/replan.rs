@@ -89,5 +89,5 @@ fn a_rest_that_cannot_change_leaves_the_program_as_it_is() {
     let program = LoadedProgram { profile: &profile, ..program };
     let text =
         replan(program, &before, &tool(8.0), &running, 2).expect_err("not this control").message;
-    assert_eq!(text, "masso takes a new value with the next run");
+    assert_eq!(text, "masso uses a new value from the next run on");
 }

@@ -190,7 +190,7 @@ fn is_refusal(shape: &Opened, running: &[PathElement], settled: usize, why: &str
     let is_left = shape.vertices.iter().skip(sent).any(|edge| edge.1 == 0.0);
     match why {
         "no straight block is left in which the radius could change"
-        | "the change does not touch what is left of the program" => !is_left,
+        | "the change does not affect the rest of the program" => !is_left,
         _ => why.starts_with("line "),
     }
 }

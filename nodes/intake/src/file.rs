@@ -30,11 +30,11 @@ pub enum ReadError {
     TooLarge { bytes: u64, most: u64 },
     #[error("it grew while it was read; at most {most} bytes are read")]
     Grew { most: u64 },
-    #[error("it could not be read within {} s; is its drive there?", .0.as_secs())]
+    #[error("it could not be read within {} s; check its drive", .0.as_secs())]
     Late(Duration),
     #[error(
         "it was not read: {READING_MAX} other files are still being read, from slow drives or from \
-         ones that do not answer; try again when they are done, or look for their drives"
+         ones that do not answer; try again when they are done, or check those drives"
     )]
     Busy,
     #[error("it was replaced while it was opened; try again")]

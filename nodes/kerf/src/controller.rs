@@ -12,7 +12,7 @@ use std::io::{IsTerminal, Write};
 /// Commands for the controller itself.
 #[derive(Debug, Subcommand)]
 pub(crate) enum ControllerCommand {
-    /// Show which setting would improve the watch over the serial line, and write it after
+    /// Show which setting would let the driver watch the serial line better, and write it after
     /// confirmation; other settings are not touched
     Configure(ConfigureArgs),
 }

@@ -37,16 +37,18 @@ pub(crate) struct JogArgs {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Frame {
-    /// The present position
+    /// The current position
     Relative,
+    /// The zero of the work frame
     Work,
+    /// The zero of the machine
     Machine,
 }
 
 /// What `kerf probe` takes.
 #[derive(Debug, Args)]
 pub(crate) struct ProbeArgs {
-    /// Longest move, in millimetres from the present position: Z-20
+    /// Longest move, in millimetres from the current position: Z-20
     #[arg(required = true, value_parser = word)]
     axes: Vec<(usize, f64)>,
     /// Feed along the path
@@ -63,7 +65,7 @@ pub(crate) struct ProbeArgs {
 /// What `kerf zero` takes.
 #[derive(Debug, Args)]
 pub(crate) struct ZeroArgs {
-    /// Coordinates of the present tool position, in millimetres: X0 Y0
+    /// Coordinates of the current tool position, in millimetres: X0 Y0
     #[arg(required = true, value_parser = word)]
     axes: Vec<(usize, f64)>,
     /// G54 to G59, or G92 for the shift on top of them

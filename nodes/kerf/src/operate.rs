@@ -149,7 +149,7 @@ where
         .worker_threads(2)
         .enable_all()
         .build()
-        .map_err(|error| Failure::usage(format_args!("no threads: {error}")))?;
+        .map_err(|error| Failure::usage(format_args!("cannot start threads: {error}")))?;
     executor.block_on(async {
         let session = client_session(ros_args)?;
         let outcome = exchange(session.handle()).await;

@@ -300,7 +300,7 @@ fn audit_text(audit: &Audit) -> String {
     )
 }
 
-/// `lines 3 to 12, tool left, radius 5.000 mm: good up to 20.851 mm (N40)`
+/// `lines 3 to 12, tool on the left, radius 5.000 mm: good up to radius 20.851 mm (N40)`
 fn certificate_text(certificate: &Certificate, fits: bool) -> String {
     let side = match certificate.side {
         CutterSide::Left => "left",
@@ -322,29 +322,33 @@ fn certificate_text(certificate: &Certificate, fits: bool) -> String {
     }
     // Truncated, not rounded: the printed radius fits.
     let cut = |radius_mm: f64| (radius_mm * 1e3).floor() / 1e3;
+    let up_to = |radius_mm: f64| match cut(radius_mm) {
+        none if none <= 0.0 => "for no tool".to_owned(),
+        radius_mm => format!("up to radius {radius_mm:.3} mm"),
+    };
     let good = if fits && certificate.valid_to_mm < certificate.radius_mm {
         // Compared exactly with the posted coordinates, the tool loses some short elements.
         format!(
-            "good within the accepted tolerance; to the last digit only up to {:.3} mm ({})",
-            cut(certificate.valid_to_mm),
+            "good within the accepted tolerance; to the last digit only {} ({})",
+            up_to(certificate.valid_to_mm),
             limits.join(", ")
         )
     } else if certificate.valid_to_mm.is_finite() {
         format!(
-            "good for tools up to {:.3} mm ({}), with these leads up to {:.3} mm",
-            cut(certificate.valid_to_mm),
+            "good {} ({}), with these leads {}",
+            up_to(certificate.valid_to_mm),
             limits.join(", "),
-            cut(certificate.leads_valid_to_mm)
+            up_to(certificate.leads_valid_to_mm)
         )
     } else if certificate.leads_valid_to_mm.is_finite() {
-        let leads = cut(certificate.leads_valid_to_mm);
-        format!("good for any tool, with these leads up to {leads:.3} mm")
+        format!("good for any tool, with these leads {}", up_to(certificate.leads_valid_to_mm))
     } else {
         "good for any tool".into()
     };
     format!(
-        "lines {} to {}, tool on the {side}, radius {:.3} mm: {good}",
-        certificate.first_line, certificate.last_line, certificate.radius_mm
+        "{}, tool on the {side}, radius {:.3} mm: {good}",
+        lines(certificate.first_line, certificate.last_line),
+        certificate.radius_mm
     )
 }
 
@@ -356,15 +360,15 @@ fn uncut_text(uncut: &[UncutRegion]) -> String {
     let total: f64 = largest.iter().map(|region| region.area_mm2).sum();
     let mut text = format!("\n  {total:.3} mm2 stay uncut in {}", plural(uncut.len(), "place"));
     for region in largest.iter().take(SHOWN) {
-        let (first, last) = (region.first.line, region.last.line);
-        let lines = if first == last {
-            format!("line {first}")
-        } else {
-            format!("lines {first} to {last}")
-        };
+        let lines = lines(region.first.line, region.last.line);
         text += &format!("\n    {lines}: {:.3} mm2", region.area_mm2);
     }
     text
+}
+
+/// `line 3`, `lines 3 to 12`.
+fn lines(first: u32, last: u32) -> String {
+    if first == last { format!("line {first}") } else { format!("lines {first} to {last}") }
 }
 
 /// `1 error`, `2 errors`.

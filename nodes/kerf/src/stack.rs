@@ -18,7 +18,7 @@ use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
 /// How long a child may take to exit before it is killed: longer than the driver needs to stop the
-/// machine in any state of its ROS face.
+/// machine in any state of its ROS side.
 const STOP_TIME_MAX: Duration = Duration::from_secs(40);
 /// How often the children are checked.
 const LOOK_EVERY: Duration = Duration::from_millis(50);

@@ -151,7 +151,7 @@ fn m28_without_a_home_the_tool_has_to_stand_where_a_run_from_the_middle_begins()
     kill_process(planner, Signal::STOP).expect("it is there");
     let refused = machine.kerf(&["run", "--start-line", "6"]);
     kill_process(planner, Signal::CONT).expect("it is there");
-    refused.expect(4).says(&["the planner does not say whether a run begins at line 6"]);
+    refused.expect(4).says(&["the planner did not answer whether a run can begin at line 6"]);
     machine.kerf(&["jog", "X8", "Y20", "Z-1", "--from", "work"]).expect(0);
     machine.kerf(&["run", "--start-line", "6"]).expect(0).says(&["done"]);
     machine.kerf(&["jog", "X0", "Y40", "Z-1", "--from", "work"]).expect(0);

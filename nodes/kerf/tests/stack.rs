@@ -182,7 +182,7 @@ fn a_controller_that_dies_is_never_idle_until_it_is_back() {
 #[test]
 fn nodes_leave_when_kerf_up_is_killed() {
     let mut machine = Machine::virtual_one(1);
-    // Four nodes, the ROS face of the driver, and the controller.
+    // Four nodes, the ROS side of the driver, and the controller.
     assert_eq!(machine.nodes().len(), 6, "{:?}", machine.nodes());
     machine.kill();
     machine.until_gone();

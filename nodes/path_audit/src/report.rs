@@ -41,7 +41,8 @@ impl<'a> Report<'a> {
         if is_error && self.errors > FINDINGS_MAX {
             self.is_cut_off = true;
             let message = format!(
-                "from here on there is more wrong with the path; {FINDINGS_MAX} places are listed"
+                "the path is wrong at more places from here on; only the first {FINDINGS_MAX} are \
+                 listed"
             );
             self.findings.push(Finding::error(Code::Limit, finding.source, message));
         } else {
@@ -326,10 +327,12 @@ pub(crate) fn left_out(
 ) -> Finding {
     let blocks = match legs {
         1 => block_name(source),
-        _ => format!("{legs} blocks about {}", block_name(source)),
+        _ => format!("{legs} blocks around {}", block_name(source)),
     };
     let message = match profile.interference.react {
-        Reaction::Trim => format!("the path leaves out {blocks}, {off_mm:.4} mm beside it"),
+        Reaction::Trim => {
+            format!("the path leaves out {blocks} and passes at a distance of {off_mm:.4} mm")
+        }
         Reaction::Alarm | Reaction::Ignore => format!(
             "the path leaves out {blocks} and goes straight on, {off_mm:.4} mm off; at most {} mm \
              are accepted",

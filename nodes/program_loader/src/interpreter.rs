@@ -319,9 +319,11 @@ impl<'r> Interpreter<'r> {
             return Some(number);
         }
         if !value.is_nan() {
-            let message =
-                format!("{} is not a number of its kind", scene.quote(self.request.word(letter)));
-            let help = "write a whole number of at most eight digits, not negative";
+            let message = format!(
+                "{} is not a whole number of at most eight digits",
+                scene.quote(self.request.word(letter))
+            );
+            let help = "write a whole number from 0 to 99999999";
             self.report(scene, letter, Code::BadNumber, message, help);
         }
         None

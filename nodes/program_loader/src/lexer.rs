@@ -78,7 +78,7 @@ impl Lexer<'_> {
             }
             return self.rest(
                 Code::Unsupported,
-                "O words are not understood",
+                "O words are not supported",
                 "delete program numbers; write subroutines and loops out, or post without them",
             );
         }
@@ -160,15 +160,16 @@ impl Lexer<'_> {
                 format!("`{quote}` has no number"),
                 "every word is a letter and a number, like X12.5; comments go in ( )",
             ),
-            NumberError::Malformed => {
-                (format!("`{quote}` is not a number"), "write it with one sign and one point")
-            }
+            NumberError::Malformed => (
+                format!("`{quote}` is not a number"),
+                "write it with at most one sign and one decimal point",
+            ),
             NumberError::Exponent => (
                 format!("`{quote}` has an exponent"),
                 "write the number out: 100000 instead of 1e5",
             ),
             NumberError::TooLarge => {
-                (format!("`{quote}` is larger than any number"), "look for a missing point")
+                (format!("`{quote}` is too large"), "look for a missing decimal point")
             }
         };
         self.add(letter, f64::NAN, start);
@@ -215,7 +216,12 @@ impl Lexer<'_> {
         let quote = self.line.quote(start, self.at);
         if is_first {
             let message = format!("`{quote}` is not a block number");
-            self.report(Code::BadNumber, start, message, "N takes whole numbers of eight digits");
+            self.report(
+                Code::BadNumber,
+                start,
+                message,
+                "write N with a whole number of at most eight digits",
+            );
         } else {
             let message = format!("block number {quote} is not at the beginning of its block");
             let help = "begin a new line with it; the words before it make a block of their own";
@@ -341,7 +347,7 @@ impl Lexer<'_> {
             self.at = start;
             return self.rest(
                 Code::Unsupported,
-                "parameters and assignments are not understood",
+                "parameters and assignments are not supported",
                 "post the program with plain numbers",
             );
         }

@@ -175,15 +175,17 @@ fn refuse_whole(text: &[u8], line_count: u32) -> Option<Finding> {
     let nowhere = Source::default();
     if text.len() > limits::PROGRAM_BYTES_MAX {
         let message = format!(
-            "the program has {} bytes; {} are the limit",
+            "the program has {} bytes; at most {} are accepted",
             text.len(),
             limits::PROGRAM_BYTES_MAX
         );
         return Some(Finding::error(Code::Limit, nowhere, message).help("split the program"));
     }
     if line_count > limits::LINES_MAX {
-        let message =
-            format!("the program has {line_count} lines; {} are the limit", limits::LINES_MAX);
+        let message = format!(
+            "the program has {line_count} lines; at most {} are accepted",
+            limits::LINES_MAX
+        );
         return Some(Finding::error(Code::Limit, nowhere, message).help("split the program"));
     }
     if text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF") {
@@ -288,7 +290,7 @@ impl Reader<'_> {
             (1, false) => "there is no block to run".to_owned(),
             (lines, _) => format!("{lines} lines are not a single block"),
         };
-        let help = "give one block, without a line end; longer things are programs";
+        let help = "give one block, without a line end; load a longer text as a program";
         self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
     }
 
@@ -356,7 +358,7 @@ impl Reader<'_> {
     #[cold]
     fn too_long(&mut self, line: Line<'_>) {
         let message = format!(
-            "the line has {} bytes; {} are the limit",
+            "the line has {} bytes; at most {} are accepted",
             line.text.len(),
             limits::LINE_BYTES_MAX
         );

@@ -276,7 +276,10 @@ impl Loader {
         };
         let start = position_from_point(&request.start);
         if !start.iter().all(|value| value.is_finite()) {
-            return refused(W::PROGRAM_REFUSED, "the start is not a position".into());
+            return refused(
+                W::PROGRAM_REFUSED,
+                "start has a coordinate that is not a finite number".into(),
+            );
         }
         let options = LoadOptions { start, is_single_block: true, ..self.options };
         let loaded = load(request.text.as_bytes(), &profile, &options);
@@ -346,7 +349,8 @@ impl Loader {
             [false, false, false] if !request.name.is_empty() => Ok((Vec::new(), named(""))),
             _ => refuse(
                 W::INVALID_REQUEST,
-                "say exactly one of path, text and upload_id (or only a name, for an empty program)",
+                "set exactly one of path, text and upload_id (or only a name, for an empty \
+                 program)",
             ),
         }
     }

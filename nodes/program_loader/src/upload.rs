@@ -21,7 +21,7 @@ pub enum UploadError {
     Index { index: u32, count: u32 },
     #[error("chunk_count is {count}, but earlier chunks of this upload said {earlier}")]
     CountChanged { count: u32, earlier: u32 },
-    #[error("chunk {index} holds {bytes} bytes; at most {CHUNK_BYTES_MAX} are taken")]
+    #[error("chunk {index} holds {bytes} bytes; at most {CHUNK_BYTES_MAX} are accepted")]
     ChunkTooLarge { index: u32, bytes: usize },
     #[error(
         "{count} chunks of up to {CHUNK_BYTES_MAX} bytes are announced; a program may have at most {PROGRAM_BYTES_MAX} bytes"

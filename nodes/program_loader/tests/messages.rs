@@ -38,7 +38,7 @@ fn a_refused_cycle_is_one_finding_with_its_words_and_the_blocks_after_it() {
         let text = format!("G0 X0 Z5\n{cycle}\nX5 Z2.5\nZ2.5\nG80\nZ2.5\nG0 Z5\n");
         let text = if control == "osp_lathe" { text.replace("G80\n", "") } else { text };
         let word = cycle.split(' ').next().unwrap_or_default();
-        check(control, &text, &[&format!("2: {word} is not done here")]);
+        check(control, &text, &[&format!("2: {word} is not supported")]);
     }
     check("nct", "G0 X0\nG77 U5 X1", &["2: nct has no word G77"]);
     // Without a rejected word the letter is a finding by itself.

@@ -48,7 +48,7 @@ impl States {
             }
             _ => None,
         });
-        // The ROS face itself publishes that the driver is not reachable.
+        // The ROS side itself publishes that the driver is not reachable.
         let recorded = recording.states.iter();
         let recorded = recorded.filter(|recorded| !recorded.state.reason.starts_with(MOTION_LOST));
         let published = recorded.map(|recorded| Published {

@@ -98,7 +98,7 @@ pub(crate) fn visit_chunk(
     mut visit: impl FnMut(u8, &[u8], usize),
 ) -> Result<(), String> {
     let Record::Chunk { header, data } = parse_body(op::CHUNK, body)? else {
-        return Err("it is no chunk".to_owned());
+        return Err("it is not a chunk".to_owned());
     };
     if header.uncompressed_size > RECORD_SIZE_MAX {
         return Err(format!(

@@ -104,7 +104,7 @@ pub fn unmark(bag: &Path) -> io::Result<bool> {
 
 fn must_be_bag(bag: &Path) -> io::Result<()> {
     let no_bag =
-        || io::Error::new(io::ErrorKind::InvalidInput, "it is no folder with an .mcap file");
+        || io::Error::new(io::ErrorKind::InvalidInput, "it is not a folder with an .mcap file");
     if !bag.is_dir() {
         return Err(no_bag());
     }
@@ -251,7 +251,7 @@ fn remove_aside(path: &Path, aside: &Path) -> io::Result<()> {
 }
 
 fn changed() -> io::Error {
-    io::Error::other("it changed while it was looked at")
+    io::Error::other("it changed while it was being examined")
 }
 
 fn check_removable(path: &Path) -> io::Result<()> {

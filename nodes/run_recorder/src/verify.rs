@@ -127,7 +127,7 @@ impl FileCheck {
                 self.wrong_data = Some((self.at, why));
             }
             if body.len() != 4 {
-                self.wrong("the end of the data is longer than it is".to_owned());
+                self.wrong("the record that ends the data has the wrong length".to_owned());
             }
             self.is_summary = true;
             self.summary.start = self.at + (FRAME + body.len()) as u64;
@@ -135,7 +135,7 @@ impl FileCheck {
         }
         if let Record::Footer(footer) = &parsed {
             if !self.is_summary {
-                self.wrong("the record that ends the data is not before it".to_owned());
+                self.wrong("the record that ends the data is missing before it".to_owned());
             }
             self.crc.update(head);
             self.crc.update(&body[..body.len().min(16)]);
@@ -190,14 +190,20 @@ impl FileCheck {
     fn schema(&mut self, id: u16, schema: (String, String, Vec<u8>)) {
         let known = self.schemas.entry(id).or_insert_with(|| schema.clone());
         if *known != schema {
-            self.lost(format!("the definition {} is another one than before", schema.0));
+            self.lost(format!(
+                "the definition {} differs from an earlier one of the same id",
+                schema.0
+            ));
         }
     }
 
     fn channel(&mut self, channel: Channel) {
         let known = self.channels.entry(channel.id).or_insert_with(|| channel.clone());
         if *known != channel {
-            self.lost(format!("the topic {} is another one than before", channel.topic));
+            self.lost(format!(
+                "the topic {} differs from an earlier one of the same id",
+                channel.topic
+            ));
         }
     }
 

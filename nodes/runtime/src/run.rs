@@ -97,7 +97,7 @@ where
     let executor = match executor {
         Ok(executor) => executor,
         Err(error) => {
-            complain(name, &format!("no threads: {error}"));
+            complain(name, &format!("cannot start threads: {error}"));
             return ExitCode::FAILURE;
         }
     };
@@ -188,7 +188,7 @@ where
         // The panic itself is in the log already.
         Some(Err(_)) => false,
         None => {
-            tracing::error!("did not stop within {} s; it is cut off", END_WITHIN.as_secs());
+            tracing::error!("did not stop within {} s; it is ended by force", END_WITHIN.as_secs());
             false
         }
     };

@@ -35,7 +35,7 @@ impl Driver {
         if let Phase::Running(run) = &mut self.phase {
             run.set_held();
         }
-        done("what an opened door does was sent: machine_state shows DOOR; resume goes on")
+        done("door hold was sent: machine_state shows DOOR; resume to go on")
     }
 
     pub(super) fn resume(&mut self) -> Answer {
@@ -57,10 +57,11 @@ impl Driver {
             let was_held = run.is_held();
             run.release();
             self.context.hold = None;
-            let text = "the controller waits for a tool: confirm_tool_change goes on";
+            let text = "the controller waits for a tool: confirm_tool_change to go on";
             return match was_held {
                 true => done(
-                    "the hold has ended; the controller waits for a tool: confirm_tool_change goes on",
+                    "the hold has ended; the controller waits for a tool: confirm_tool_change to \
+                     go on",
                 ),
                 false => refused(error_code::NOTHING_TO_DO, text),
             };
@@ -80,11 +81,11 @@ impl Driver {
                 return done("the run goes on with the next block");
             }
             Phase::Running(run) if run.is_changing_tool() => {
-                let text = "a tool is being changed: confirm_tool_change goes on";
+                let text = "a tool is being changed: confirm_tool_change to go on";
                 return refused(error_code::NOTHING_TO_DO, text);
             }
             Phase::Ready | Phase::Running(_) => {
-                return refused(error_code::NOTHING_TO_DO, "the machine does not hold");
+                return refused(error_code::NOTHING_TO_DO, "the machine is not in a hold");
             }
             _ => return self.obstacle().map(Err),
         }

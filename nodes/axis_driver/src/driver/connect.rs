@@ -132,12 +132,12 @@ impl Connecting {
         }
         let reason = match context.machine.needs_acknowledgement {
             true => {
-                "LINK_LOST: the line is back and the machine was still moving: it was held \
-                 and keeps what it has; look where the tool is, then soft_reset"
+                "LINK_LOST: the line is back and the machine was still moving; feed hold sent, \
+                 commands stay buffered; check the tool position, then soft_reset"
             }
             false => {
-                "DRIVER_RESTARTED: the machine was not idle when the port was opened; it was \
-                 held and keeps what it has; soft_reset to take it over"
+                "DRIVER_RESTARTED: the machine was not idle when the port was opened; feed hold \
+                 sent, commands stay buffered; soft_reset to take it over"
             }
         };
         context.log(LogLevel::Warn, reason);
@@ -214,14 +214,15 @@ impl Connecting {
                 format!("the controller answers, but did not report what it does within {waited} s")
             }
             (_, 1..) => format!(
-                "what answers is no controller of the grbl family: {} lines such as {:?} in {waited} s; check baud rate and port",
+                "the device that answers is not a grbl-class controller: {} lines such as {:?} in \
+                 {waited} s; check baud rate and port",
                 self.garbage, self.sample
             ),
             (ConnectStep::Listening, 0) => {
                 format!("nothing answered within {waited} s; check port, cable and supply")
             }
             (ConnectStep::AwaitingBanner | ConnectStep::PassingOver, 0) => {
-                format!("no start message came within {waited} s of a reset")
+                format!("no start message came within {waited} s after a reset")
             }
         };
         Some(self.fail(context, error_code::NO_ANSWER, message))

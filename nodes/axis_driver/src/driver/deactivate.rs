@@ -64,7 +64,7 @@ impl Driver {
 
     pub(super) fn deactivate(&mut self, id: u64) -> Answer {
         if self.leaving.is_some() {
-            return refused(error_code::BUSY, "the driver is being stopped already");
+            return refused(error_code::BUSY, "the driver is already being stopped");
         }
         self.is_active = false;
         self.leave(id, Wish::Deactivate);
@@ -73,7 +73,7 @@ impl Driver {
 
     pub(super) fn shut_down(&mut self, id: u64) -> Answer {
         if self.is_shutting_down() {
-            return refused(error_code::BUSY, "the driver is shutting down already");
+            return refused(error_code::BUSY, "the driver is already shutting down");
         }
         if let Some(Leaving { id, .. }) = self.leaving.take() {
             let refusal = Wish::Shutdown.refusal("interrupted because");

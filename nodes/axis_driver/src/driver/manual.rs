@@ -263,7 +263,7 @@ impl ManualOperation {
         let text = match (self.is_homing(), self.stop.is_some()) {
             (true, _) => "the axes did not find their switches in time; the controller was reset",
             (_, true) => "the controller did not come to a standstill; motion may continue",
-            _ => "no answer in time; soft_reset to go on",
+            _ => "the controller did not answer in time; soft_reset to go on",
         };
         context.log(LogLevel::Error, text);
         let end = ManualEnd::refused(Refusal::new(error_code::NO_ANSWER, text), Next::adrift(text));

@@ -133,7 +133,7 @@ impl Driver {
             Phase::Running(_) => self.stop_run(RunVerdict::canceled("canceled")),
             _ => {}
         }
-        Some(done("what is done by hand and the run are being stopped"))
+        Some(done("the manual operation and the run are being stopped"))
     }
 
     /// Takes what the recorder says of the run that is under way or paused.

@@ -45,7 +45,7 @@ impl Driver {
         let emptied = self.emptied_buffers(&report);
         let jump = match belief {
             Belief::Jumped { from, to } => Some(format!(
-                "the machine position went from {} to {}, where the axes cannot have gone",
+                "the machine position went from {} to {}, farther than the axes can have moved",
                 show(from),
                 show(to)
             )),
@@ -113,7 +113,7 @@ impl Driver {
         if !fell_back {
             return;
         }
-        let sign = "the words in force are those of a start".to_owned();
+        let sign = "the G words in force are those after a start".to_owned();
         match self.phase {
             // One damaged line says it too. What still moves is held.
             Phase::Running(_) | Phase::Stopping(_) => {
@@ -185,7 +185,7 @@ impl Driver {
     /// Takes the position for wrong while a run is under way; gives the reason.
     fn doubt_place(&mut self, sign: String) -> String {
         self.context.machine.is_homed = false;
-        let text = format!("{sign}: the controller has started anew or lost its place; home");
+        let text = format!("{sign}: the controller has restarted or lost its position; home");
         self.context.log(LogLevel::Error, text.clone());
         text
     }
@@ -210,6 +210,6 @@ impl Context {
         let before = self.machine.status.as_ref()?;
         let is_news = report.state == ControllerState::Alarm
             && !matches!(before.state, ControllerState::Alarm | ControllerState::Sleep);
-        is_news.then(|| "it is in alarm and has announced none".to_owned())
+        is_news.then(|| "it is in alarm without an ALARM message".to_owned())
     }
 }

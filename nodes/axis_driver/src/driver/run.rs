@@ -224,7 +224,7 @@ impl Run {
     /// Does the same while nothing moves, so that no feed hold is sent.
     pub(super) fn set_hold_reason(&mut self, reason: &str) {
         self.is_held = true;
-        self.hold_reason = Some(format!("{reason}; resume goes on"));
+        self.hold_reason = Some(format!("{reason}; resume to go on"));
     }
 
     pub(super) fn go_on(&mut self) {
@@ -261,7 +261,7 @@ impl Run {
             }
             Stage::BlockEnd(block) if state.mode == Mode::Idle => {
                 state.mode = Mode::Hold;
-                state.reason = format!("SINGLE_BLOCK: resume goes on ({block})");
+                state.reason = format!("SINGLE_BLOCK: resume to go on ({block})");
             }
             Stage::Homing { source_line, .. } => {
                 state.mode = Mode::Home;

@@ -101,11 +101,12 @@ impl Driver {
         self.context.is_single_block = is_on;
         done(match (is_on, &self.phase) {
             (true, Phase::Running(_) | Phase::Stopping(_)) => {
-                "single block is on: what has been sent is cut first, then every block waits"
+                "single block is on: blocks that were sent already are cut first, then the \
+                 machine stops after every block"
             }
-            (true, _) => "single block is on: every block waits for a resume",
+            (true, _) => "single block is on: the machine stops after every block until resume",
             (false, Phase::Running(run)) if run.is_at_block_end() => {
-                "single block is off: resume goes on"
+                "single block is off: resume to go on"
             }
             (false, _) => "single block is off",
         })
@@ -177,7 +178,7 @@ impl Driver {
                 None
             }
             (Phase::Ready, mode) => {
-                let text = format!("the machine is not in alarm but in {}", mode.name());
+                let text = format!("the machine is not in alarm; it is in {}", mode.name());
                 refused(error_code::NOTHING_TO_DO, text)
             }
             _ => self.obstacle().map(Err),
@@ -233,7 +234,9 @@ impl Driver {
             Phase::Ready => match self.context.machine.mode() {
                 Mode::Idle => None,
                 Mode::Alarm => refuse(error_code::ALARM, self.compose().reason),
-                Mode::Unknown => refuse(error_code::CONNECTING, "no status was heard yet".into()),
+                Mode::Unknown => {
+                    refuse(error_code::CONNECTING, "no status report has been received yet".into())
+                }
                 mode => refuse(error_code::BUSY, format!("the machine is in {}", mode.name())),
             },
         }

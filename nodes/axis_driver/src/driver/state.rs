@@ -80,11 +80,11 @@ impl Driver {
             Mode::Alarm => "ALARM: locked; home or unlock".into(),
             Mode::Hold => match link.oldest() {
                 Some(Origin::Program { text, source_line, .. }) if text == "M0" => {
-                    format!("PROGRAM_STOP: resume goes on (line {source_line})")
+                    format!("PROGRAM_STOP: resume to go on (line {source_line})")
                 }
                 _ => "FEED_HOLD".into(),
             },
-            Mode::Unknown => "no status was heard yet".into(),
+            Mode::Unknown => "no status report has been received yet".into(),
             _ if !self.is_active => INACTIVE.into(),
             _ => String::new(),
         };

@@ -224,7 +224,7 @@ impl Stopping {
     /// The machine does not stand in time, or the controller does not restart.
     pub(super) fn on_timeout(&mut self, context: &mut Context) -> Next {
         let (code, text) = match self.is_resetting() {
-            true => (error_code::NO_ANSWER, "the controller did not start anew after the reset"),
+            true => (error_code::NO_ANSWER, "the controller did not restart after the reset"),
             false => (
                 error_code::LINK_LOST,
                 "the controller did not come to a standstill; motion may continue",

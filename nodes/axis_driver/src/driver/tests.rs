@@ -212,7 +212,10 @@ fn a_path_that_cannot_be_encoded_moves_nothing() {
     bench.until("an answer", |bench| !bench.replies.is_empty());
     let (code, message) = refusal(bench.replies[0].1.clone());
     assert_eq!(code, error_code::NOT_ENCODABLE);
-    assert!(message.starts_with("line 30: X1000000000 is not within 10000"), "{message}");
+    assert!(
+        message.starts_with("line 30: X1000000000 is not between -10000 and 10000 mm"),
+        "{message}"
+    );
     assert!(bench.sent[before..].iter().all(|byte| *byte == b'?'));
     assert_eq!(bench.finished, None);
 }

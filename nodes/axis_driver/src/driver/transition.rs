@@ -23,7 +23,7 @@ impl Driver {
 
     pub(super) fn on_port_opened(&mut self) {
         if self.is_open() {
-            self.on_port_closed("the port was opened anew");
+            self.on_port_closed("the port was opened again");
         }
         self.context.link = Link::new(self.context.config.link(), self.context.now);
         self.context.machine.on_port();

@@ -15,34 +15,38 @@ pub struct EncodeError {
 /// What is wrong; lengths in mm.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EncodeProblem {
-    #[error("{letter}{value} is not within {max} either side of zero, the most that is sent")]
+    #[error("{letter}{value} is not between -{max} and {max} mm, the limit of position_mm_max")]
     Position { letter: char, value: f64, max: f64 },
-    #[error("the feed rate {value} mm/min is not above 0.0001 and within {max} mm/min")]
+    #[error("the feed rate {value} mm/min is not between 0.0001 and {max} mm/min")]
     Feed { value: f64, max: f64 },
-    #[error("the spindle speed {value} rpm is not within 0 and {max} rpm")]
+    #[error("the spindle speed {value} rpm is not between 0 and {max} rpm")]
     SpindleSpeed { value: f64, max: f64 },
-    #[error("the dwell of {value} s is not within 0 and {max} s")]
+    #[error("the dwell of {value} s is not between 0 and {max} s")]
     Dwell { value: f64, max: f64 },
     #[error("a rapid along an arc cannot be sent: give the arc a feed rate")]
     RapidArc,
     #[error("the arc from {start:?} to {end:?} about {center:?} cannot be drawn")]
     Arc { start: Position, end: Position, center: Position },
     #[error(
-        "the arc from {start:?} to {end:?} about {center:?} would have to be sent as {count:.0} lines, and {max:.0} are the most: split it into shorter arcs"
+        "the arc from {start:?} to {end:?} about {center:?} would be sent as {count:.0} lines; at \
+         most {max:.0} are sent: split it into shorter arcs"
     )]
     ArcLines { start: Position, end: Position, center: Position, count: f64, max: f64 },
     #[error(
         "{letter}{value} is at {in_machine} mm in the machine frame, where the controller's 32 bit numbers are {step} mm apart: move the work offset nearer to the machine zero"
     )]
     Resolution { letter: char, value: f64, in_machine: f64, step: f64 },
-    #[error("an arc starts where {axes} has not been given since {since}: move {axes} there first")]
+    #[error(
+        "the arc starts at a position of {axes} that is not known since {since}: move {axes} \
+         before it"
+    )]
     UnknownStart { axes: String, since: String },
     #[error("work system {system} does not exist: 1 to 6 are G54 to G59")]
     WorkOffset { system: u8 },
     #[error("this controller has no {word}")]
     Unsupported { word: String },
-    #[error("{word} stands after the end of the program in line {end}")]
+    #[error("{word} comes after the end of the program in line {end}")]
     AfterEnd { word: String, end: u32 },
-    #[error("the line {text:?} has {bytes} bytes, the controller takes {max}")]
+    #[error("the line {text:?} has {bytes} bytes; the controller accepts {max}")]
     LineLength { text: String, bytes: usize, max: usize },
 }

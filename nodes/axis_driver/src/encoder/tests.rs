@@ -226,11 +226,11 @@ fn what_grbl_cannot_do_is_refused_with_its_line() {
         ),
         (
             Action::SpindleSpeed { rpm: -1.0 },
-            "line 7: the spindle speed -1 rpm is not within 0 and 200000 rpm",
+            "line 7: the spindle speed -1 rpm is not between 0 and 200000 rpm",
         ),
         (
             Action::Dwell { seconds: f64::NAN },
-            "line 7: the dwell of NaN s is not within 0 and 86400 s",
+            "line 7: the dwell of NaN s is not between 0 and 86400 s",
         ),
         (
             Action::WorkOffset { system: 7 },
@@ -238,7 +238,7 @@ fn what_grbl_cannot_do_is_refused_with_its_line() {
         ),
         (
             Action::ToolLength { offset: Some(1), length_mm: 1e6 },
-            "line 7: Z1000000 is not within 10000 either side of zero, the most that is sent",
+            "line 7: Z1000000 is not between -10000 and 10000 mm, the limit of position_mm_max",
         ),
     ] {
         assert_eq!(problem(actions(&[action])), wanted);
@@ -250,11 +250,11 @@ fn motion_that_cannot_be_is_refused_with_its_line_and_numbers() {
     let line = |end, feed| path([0.0; 3], vec![element(Shape::Line, end, feed, 12)]);
     assert_eq!(
         problem(line([f64::NAN, 0.0, 0.0], None)),
-        "line 12: XNaN is not within 10000 either side of zero, the most that is sent"
+        "line 12: XNaN is not between -10000 and 10000 mm, the limit of position_mm_max"
     );
     assert_eq!(
         problem(line([1.0, 0.0, 0.0], Some(0.0))),
-        "line 12: the feed rate 0 mm/min is not above 0.0001 and within 60000 mm/min"
+        "line 12: the feed rate 0 mm/min is not between 0.0001 and 60000 mm/min"
     );
     assert!(problem(line([1.0, 0.0, 0.0], Some(f64::INFINITY))).contains("feed rate inf"));
     let shape = arc([0.0, 5.0, 0.0], Plane::Xy, true, 0);
@@ -268,7 +268,7 @@ fn motion_that_cannot_be_is_refused_with_its_line_and_numbers() {
     let refused = steps_with(long, config).unwrap_err().to_string();
     assert_eq!(
         refused,
-        "line 12: the line \"G0X-123.4567Y-123.4567\" has 22 bytes, the controller takes 10"
+        "line 12: the line \"G0X-123.4567Y-123.4567\" has 22 bytes; the controller accepts 10"
     );
 }
 
@@ -276,7 +276,7 @@ fn motion_that_cannot_be_is_refused_with_its_line_and_numbers() {
 fn nothing_follows_the_end_of_the_program() {
     let mut path = actions(&[Action::ProgramEnd { rewind: false }]);
     path.elements = vec![element(Shape::Line, [1.0, 0.0, 0.0], None, 9)];
-    assert_eq!(problem(path), "line 9: motion stands after the end of the program in line 7");
+    assert_eq!(problem(path), "line 9: motion comes after the end of the program in line 7");
 }
 
 #[test]

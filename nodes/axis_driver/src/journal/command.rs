@@ -250,6 +250,6 @@ pub enum CommandError {
     Json(#[from] serde_json::Error),
     #[error("the path of a single block is not whole: {0}")]
     Path(String),
-    #[error("the path of program {program_id}, revision {revision}, is not at hand")]
+    #[error("the path of program {program_id}, revision {revision}, is not available")]
     UnknownPath { program_id: String, revision: u64 },
 }

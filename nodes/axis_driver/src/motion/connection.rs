@@ -1,4 +1,4 @@
-//! One connection to a ROS face: what it says is done, what it is to hear is written.
+//! One connection to a ROS side: what it says is done, what it is to hear is written.
 
 use super::hub::{Hub, News, log, ns};
 use super::memory::{Collected, PathRefusal, refusal};
@@ -46,11 +46,11 @@ enum Broken {
 pub(super) fn serve(hub: &Arc<Hub>, stream: UnixStream, is_first: bool) -> io::Result<Arc<Pulse>> {
     let pulse = Arc::new(Pulse::default());
     let (shared, hub) = (Arc::clone(&pulse), Arc::clone(hub));
-    std::thread::Builder::new().name("ROS face".into()).spawn(move || {
+    std::thread::Builder::new().name("ROS side".into()).spawn(move || {
         if let Err(error) = converse(&hub, &stream, is_first, &shared)
             && !hub.is_closed()
         {
-            tracing::warn!("the connection to the ROS face ended: {error}");
+            tracing::warn!("the connection to the ROS side ended: {error}");
         }
         // The writer notices it by that.
         let _ = stream.shutdown(std::net::Shutdown::Both);
@@ -75,7 +75,7 @@ fn converse(
     let (number, first) = hub.greet();
     let (answers, waiting) = sync_channel(ANSWERS_MAX);
     let (shared, out) = (Arc::clone(hub), stream.try_clone()?);
-    let writer = std::thread::Builder::new().name("to the ROS face".into()).spawn(move || {
+    let writer = std::thread::Builder::new().name("to the ROS side".into()).spawn(move || {
         let written = speak(&shared, &out, number, is_first, first, &waiting);
         let _ = out.shutdown(std::net::Shutdown::Both);
         written
@@ -133,7 +133,7 @@ fn listen(
             ToMotion::Keep { key, value } => {
                 let value = value.map(serde_bytes::ByteBuf::into_vec);
                 if let Err(error) = hub.memory(|memory| memory.keep(key, value)) {
-                    tracing::error!("the ROS face cannot keep {error}");
+                    tracing::error!("the ROS side cannot keep {error}");
                 }
             }
             ToMotion::Published { sequence } => {
@@ -146,7 +146,7 @@ fn listen(
 
 fn full(taken: Result<(), crate::serial::Full>) {
     if let Err(error) = taken {
-        tracing::error!("the ROS face: {error}");
+        tracing::error!("the ROS side: {error}");
     }
 }
 
@@ -258,7 +258,7 @@ impl<'a> Messages<'a> {
     /// The next one; `None` at the end.
     fn next(&mut self) -> Result<Option<ToMotion>, Broken> {
         loop {
-            let taken = read("a message of the ROS face", || self.deframer.take());
+            let taken = read("a message of the ROS side", || self.deframer.take());
             if let Some(message) = taken.map_err(io::Error::other)?? {
                 return Ok(Some(message));
             }

@@ -1,4 +1,4 @@
-//! The ROS face as a child process: started, watched, started again.
+//! The ROS side as a child process: started, watched, started again.
 
 use super::connection::{Pulse, serve};
 use super::hub::Hub;
@@ -119,7 +119,7 @@ impl Face {
         if !running.is_ready && running.pulse.is_ready.load(Ordering::Relaxed) {
             running.is_ready = true;
             if std::mem::replace(&mut self.is_missed, false) {
-                tracing::info!("the ROS face is at work again");
+                tracing::info!("the ROS side is at work again");
                 hub.order(&DriverCommand::RosFace { is_there: true });
             }
             self.was_ready = true;
@@ -133,7 +133,8 @@ impl Face {
             let _ = running.process.kill();
             running.is_killed = true;
             tracing::error!(
-                "the ROS face (process {}) hangs and is killed; the line is served on",
+                "the ROS side (process {}) does not respond and is killed; the serial line stays \
+                 connected",
                 running.process.id()
             );
         }
@@ -155,7 +156,7 @@ impl Face {
             self.pause = PAUSE;
         }
         tracing::error!(
-            "the ROS face ended ({status}) and is started again; the line is served on"
+            "the ROS side ended ({status}) and is started again; the serial line stays connected"
         );
         self.start_at = Instant::now() + self.pause;
         self.pause = (self.pause * 2).min(PAUSE_MAX);
@@ -166,7 +167,7 @@ impl Face {
         match self.spawn(hub) {
             Ok(running) => self.running = Some(running),
             Err(error) => {
-                tracing::error!("the ROS face cannot be started: {error}");
+                tracing::error!("the ROS side cannot be started: {error}");
                 self.start_at = Instant::now() + self.pause;
                 self.pause = (self.pause * 2).min(PAUSE_MAX);
             }

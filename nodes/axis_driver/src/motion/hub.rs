@@ -194,12 +194,15 @@ impl Hub {
         let refusal = match command {
             Ok((id, _)) if id >= OWN_IDS => {
                 drop(state);
-                return tracing::error!("a command of the ROS face has id {id}, which is not its");
+                return tracing::error!(
+                    "a command of the ROS side has id {id}, which does not belong to it"
+                );
             }
             Ok((id, command)) => {
                 state.memory.note(id, &command);
                 if local_stops.is_some_and(|known| known != state.local_stops) {
-                    let text = "somebody stopped the machine before it began: ask again";
+                    let text =
+                        "somebody stopped the machine before the command began: send it again";
                     refuse(id, crate::codes::error_code::CANCELED, text.into())
                 } else if self.serial.command(id, command).is_err() {
                     let text = "too many commands wait for the driver";
@@ -211,7 +214,7 @@ impl Hub {
             Err(error) => {
                 let Some(id) = id_of(json) else {
                     drop(state);
-                    return tracing::error!("a command of the ROS face has no id: {error}");
+                    return tracing::error!("a command of the ROS side has no id: {error}");
                 };
                 refuse(id, crate::codes::error_code::NO_ANSWER, error)
             }
@@ -245,8 +248,8 @@ impl Hub {
         let Err(error) = self.unchecked.try_send(job) else { return Ok(()) };
         let (TrySendError::Full(job) | TrySendError::Disconnected(job)) = error;
         self.paths(|paths| paths.forget(job.collected.bytes()));
-        let text = "a path that came before is still being checked, and another waits: send it \
-                    again later";
+        let text =
+            "an earlier path is still being checked, and another one waits: send it again later";
         Err(refusal(&job.collected.manifest, &text))
     }
 
@@ -337,7 +340,7 @@ impl HubState {
             return VecDeque::new();
         }
         let message =
-            format!("the ROS face has not taken {EVENTS_MAX} answers and results; it is replaced");
+            format!("the ROS side has not taken {EVENTS_MAX} answers and results; it is replaced");
         let mut unheard = self.face.take().map(|queue| queue.events).unwrap_or_default();
         // The caller logs it, when it holds no lock.
         let output = Output::Log { level: LogLevel::Error, message };

@@ -9,7 +9,7 @@ use std::any::Any;
 pub(super) fn read<R>(what: &str, work: impl FnOnce() -> R) -> Result<R, String> {
     runtime::catch(work).map_err(|panic| {
         let text = format!("{what} cannot be read, because of a defect in Kerf: {}", said(&*panic));
-        tracing::error!("{text}; the line is served on");
+        tracing::error!("{text}; the serial line stays connected");
         text
     })
 }

@@ -68,7 +68,7 @@ async fn go_on(driver: &Arc<Driver>, unfinished: Unfinished<RunProgram>) {
             (id, _) => {
                 // It may be taken up yet, and nobody would know of it.
                 let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
-                return offer.reject("the driver had not taken it up when its ROS side ended");
+                return offer.reject("the driver had not begun it when its ROS side ended");
             }
         },
     };
@@ -149,7 +149,7 @@ async fn begin(
     }
     let Planned { program_id, revision, .. } = planned.clone();
     if program_id == MDI {
-        let message = format!("{MDI} is what a block by hand is called, not a program");
+        let message = format!("{MDI} is the id of blocks entered by hand, not of a program");
         return Err(Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message });
     }
     let (start_line, check_only) = (goal.start_line, goal.check_only);

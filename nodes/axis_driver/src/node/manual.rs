@@ -202,7 +202,7 @@ async fn go_on<M: Move>(driver: &Arc<Driver>, unfinished: Unfinished<M>) {
             } else {
                 // It may be taken up yet, and nobody would know of it.
                 let _ = driver.ask(Command::CancelRun { run: Some(id) }, CANCEL_WITHIN).await;
-                return offer.reject("the driver had not taken it up when its ROS side ended");
+                return offer.reject("the driver had not begun it when its ROS side ended");
             }
         }
     };
@@ -319,7 +319,7 @@ fn overrides(request: &SetOverridesRequest) -> Result<Overrides, Refusal> {
         match percent {
             // The range makes it fit.
             0.0..=255.0 => Ok(Some(percent as u8)),
-            _ => invalid(format!("the {name} override {ratio} is not within 0.1 and 2")),
+            _ => invalid(format!("the {name} override {ratio} is not between 0.1 and 2")),
         }
     };
     if request.which > 0b111 {
@@ -357,7 +357,7 @@ fn axes_and_place(bits: u8, point: &Point) -> Result<(AxisSet, Position), Refusa
 fn finite(name: &str, value: f64) -> Result<f64, Refusal> {
     match value.is_finite() {
         true => Ok(value),
-        false => invalid(format!("{name} is {value}, which is no number")),
+        false => invalid(format!("{name} is {value}, which is not a number")),
     }
 }
 

@@ -75,7 +75,7 @@ async fn execute(driver: &Driver, advisers: &Advisers, request: &ExecuteMdiReque
         return refuse(error_code::BUSY, format!("the machine is not idle: {reason}"));
     }
     let Some(start) = state.work_position else {
-        return refuse(error_code::START_POSITION, "where the tool is is not known yet");
+        return refuse(error_code::START_POSITION, "the position of the tool is not known yet");
     };
     let (path, warnings) = advise(advisers, request, start).await?;
     let is_still = path.elements.is_empty() && path.events.is_empty();

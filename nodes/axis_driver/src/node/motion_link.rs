@@ -1,4 +1,4 @@
-//! The way from the ROS face to the motion process, and back.
+//! The way from the ROS side to the motion process, and back.
 //!
 //! The socket is this process's standard input. When it ends, so does the process: a face
 //! without a driver is of no use to anybody. Nothing is decided here.
@@ -91,10 +91,10 @@ impl MotionLink {
             }
         }
         let Some((welcome, at)) = welcome else {
-            return Err(io::Error::other("the motion process does not say who it is"));
+            return Err(io::Error::other("the motion process did not identify itself"));
         };
         if welcome.version != VERSION {
-            let text = format!("the motion process speaks version {}", welcome.version);
+            let text = format!("the motion process has protocol version {}", welcome.version);
             return Err(io::Error::other(text));
         }
         incoming.stream.set_read_timeout(None)?;
@@ -138,7 +138,7 @@ impl MotionLink {
         for message in messages {
             match frame(message) {
                 Ok(frame) => bytes.extend(frame),
-                Err(error) => return tracing::error!("nothing for the motion process: {error}"),
+                Err(error) => return tracing::error!("cannot send to the motion process: {error}"),
             }
         }
         let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);

@@ -224,7 +224,7 @@ impl Paths {
 
     fn take(&self, planned: Planned) {
         tracing::info!(
-            "path of {} (revision {}) is here: {} elements",
+            "received the path of {} (revision {}): {} elements",
             planned.program_id,
             planned.revision,
             planned.element_count

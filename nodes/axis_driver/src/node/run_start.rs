@@ -32,7 +32,9 @@ pub(super) async fn ask(
     let refusal = |message| Refusal { error_code: error_code::START_LINE, message };
     let question = PlanStartRequest { program_id, revision, line };
     let answer = planner.call_within(question, ASK_WITHIN).await.map_err(|error| {
-        refusal(format!("the planner does not say whether a run begins at line {line}: {error}"))
+        refusal(format!(
+            "the planner did not answer whether a run can begin at line {line}: {error}"
+        ))
     })?;
     if !answer.success {
         return Err(refusal(answer.message));

@@ -95,8 +95,7 @@ impl Traffic {
         };
         if first < oldest {
             response.error_code = W::TOO_OLD;
-            response.message =
-                format!("entry {first} is not kept any more; the oldest is {oldest}");
+            response.message = format!("entry {first} is no longer kept; the oldest is {oldest}");
             return response;
         }
         response.success = true;

@@ -15,7 +15,7 @@ const CONTROLS_MAX: usize = 256;
 
 /// The driver has more commands than it can take; try again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("{CONTROLS_MAX} commands wait already")]
+#[error("{CONTROLS_MAX} commands are already waiting: try again")]
 pub struct Full;
 
 #[derive(Debug)]

@@ -130,7 +130,8 @@ pub(crate) fn more_unreachable(
 ) -> Finding {
     let source = span.legs[runs[next.longest].legs.start].source;
     let message = format!(
-        "from here on there is more that the tool does not reach; {listed} places are listed"
+        "from here on there are more places that the tool does not reach; only the first {listed} \
+         are listed"
     );
     let mut finding = Finding::error(Code::Limit, source, message)
         .help("use a smaller tool, or check that the compensation is on the right side");

@@ -80,12 +80,12 @@ impl Planner {
             let live = running.clone().map(|running| (running, *settled));
             (live, state.tools.clone(), state.tools_revision, *revision > 0, *is_held)
         };
-        let keeps = |why: &str| format!("; the program that runs keeps its values: {why}");
+        let keeps = |why: &str| format!("; the running program keeps its values: {why}");
         let Some((running, settled)) = live else {
             return if is_running { keeps("this planner did not plan it") } else { String::new() };
         };
         if settled == 0 && is_held {
-            return keeps("all of it has been sent to the controller already");
+            return keeps("all of its blocks were sent to the controller already");
         }
         if settled == 0 {
             return keeps("the machine is not in a hold");
@@ -124,10 +124,10 @@ impl Planner {
         let end = Instant::now() + TAKEN_WITHIN;
         while Instant::now() < end {
             if self.state().live.revision == revision {
-                return format!("; in force in the program that runs, from line {from_line} on");
+                return format!("; in force in the running program, from line {from_line} on");
             }
             std::thread::sleep(LOOK);
         }
-        keeps("the driver did not take the rest of the path")
+        keeps("the driver did not accept the rest of the path")
     }
 }

@@ -66,7 +66,7 @@ pub fn replan(
     let LoadedProgram { contour, profile, .. } = program;
     let rules = &profile.radius;
     if rules.live_value != LiveValue::WhenStopped || rules.value_is != RadiusValue::Radius {
-        return Err(format!("{} takes a new value with the next run", profile.name).into());
+        return Err(format!("{} uses a new value from the next run on", profile.name).into());
     }
     let (at, from_line) = next_straight(contour, running, settled)
         .ok_or("no straight block is left in which the radius could change")?;
@@ -87,11 +87,11 @@ pub fn replan(
         return Err(message_and_help(finding).into());
     }
     if plan.path == *running {
-        return Err("the change does not touch what is left of the program".into());
+        return Err("the change does not affect the rest of the program".into());
     }
     let sent = running.elements.get(..settled).filter(|sent| begins_as(&plan.path, sent));
     let Some(sent) = sent else {
-        return Err("what has been sent would be cut otherwise".into());
+        return Err("blocks that were sent already would be cut differently".into());
     };
     plan.path.elements[..settled].copy_from_slice(sent);
     let Verdict { plan, disagreement, .. } = prove(plan, &changed, profile, &tools);

@@ -84,7 +84,7 @@ pub fn change(tools: &ToolTable, request: &SetToolRequest) -> Result<Change, Ref
         W::DIAMETER | W::WEAR_DIAMETER | W::LENGTH | W::NOSE_RADIUS | W::TIP_DIRECTION;
     let sets = |bit| request.mask & bit != 0;
     if request.mask == 0 || request.mask & !KNOWN != 0 {
-        let text = format!("mask is {}: it is a sum of 1, 2, 4, 8 and 16", request.mask);
+        let text = format!("mask is {}; it must be a sum of 1, 2, 4, 8 and 16", request.mask);
         return Err(Refusal::invalid(text));
     }
     let row = match (request.tool_number, request.offset_number) {
@@ -124,7 +124,8 @@ pub fn change(tools: &ToolTable, request: &SetToolRequest) -> Result<Change, Ref
         }
         if value_m.abs() * 1e3 > SIZE_MM_MAX {
             let text = format!(
-                "{key} of {row} would be {} mm; at most {SIZE_MM_MAX} mm is taken: the request is in metres",
+                "{key} of {row} would be {} mm; at most {SIZE_MM_MAX} mm is accepted; the request \
+                 is in metres",
                 value_m * 1e3
             );
             return Err(Refusal::invalid(text));
@@ -143,7 +144,7 @@ pub fn change(tools: &ToolTable, request: &SetToolRequest) -> Result<Change, Ref
         if let ToolTableRow::Offset(number) = row
             && tools.tools.contains_key(&number)
         {
-            text += &format!(" (programs that say D{number} get T{number} until then)");
+            text += &format!(" (until then, D{number} in a program means T{number})");
         }
         return Err(Refusal::new(SetToolResponse::UNKNOWN_TOOL, text));
     }

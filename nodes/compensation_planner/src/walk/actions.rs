@@ -126,7 +126,7 @@ impl Walk<'_> {
                 let mut finding = radius::unknown(format!("H{number}"), self.tools, source);
                 if self.tools.tools.is_empty() {
                     finding.severity = Severity::Warning;
-                    finding.message += "; a length of 0 is taken";
+                    finding.message += "; a length of 0 is used";
                 }
                 self.report.findings.push(finding);
                 0.0

@@ -114,7 +114,7 @@ impl Rules<'_> {
     fn lead_type(self, lead: &Lead, strictness: Strictness, name: &str) {
         let what = match (lead.motion.shape, lead.motion.class) {
             (Shape::Arc(_), _) => "an arc",
-            (_, MotionClass::NonCoordinated) => "a move whose axes go by themselves",
+            (_, MotionClass::NonCoordinated) => "a rapid whose axes move independently",
             _ => return,
         };
         let needed = match self.profile.select.lead {
@@ -147,7 +147,8 @@ impl Rules<'_> {
                 Finding::error(
                     Code::Unsupported,
                     source,
-                    "under compensation a move must follow a line or an arc; here each axis goes by itself",
+                    "under compensation a move must follow a line or an arc; here each axis moves \
+                     independently",
                 )
                 .help("use a feed move, or cancel the compensation before"),
             );

@@ -398,7 +398,7 @@ impl<'a> Scanner<'a> {
         self.cost.depth = self.cost.depth.max(depth);
         if depth > self.limits.depth {
             let most = self.limits.depth;
-            return self.refuse(format_args!("more than {most} lists and maps within each other"));
+            return self.refuse(format_args!("lists and maps are nested more than {most} deep"));
         }
         Ok(())
     }
@@ -407,7 +407,7 @@ impl<'a> Scanner<'a> {
         self.cost.aliases += 1;
         if self.cost.aliases > self.limits.aliases {
             return match self.limits.aliases {
-                0 => self.refuse("aliases (*) and directives (%) are not read here"),
+                0 => self.refuse("aliases (*) and directives (%) are not supported here"),
                 most => self.refuse(format_args!("more than {most} aliases (*) or directives (%)")),
             };
         }

@@ -46,7 +46,10 @@ fn bad_programs() -> Vec<BadProgram> {
             "long.ngc",
             &long,
             1,
-            &["error[limit]: the line has 10000004 bytes; 4096 are the limit", "long.ngc:1:1"],
+            &[
+                "error[limit]: the line has 10000004 bytes; at most 4096 are accepted",
+                "long.ngc:1:1",
+            ],
         ),
         row(
             "nan.ngc",

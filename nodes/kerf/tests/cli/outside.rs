@@ -76,7 +76,7 @@ fn yaml_beyond_any_real_file_is_refused_before_it_is_parsed() {
         ("--tools", "deep.yaml", "deep.yaml:1:50: more than 48 lists and maps"),
         ("--control", "./wide.yaml", "8000000 bytes; at most 4194304"),
         ("--tools", "wide.yaml", "8000000 bytes; at most 4194304"),
-        ("--tools", "tokens.yaml", "lists and maps within each other"),
+        ("--tools", "tokens.yaml", "lists and maps are nested"),
     ] {
         said(&folder, &["plan", "ok.ngc", flag, file]).expect(2).says(&[says]);
     }
@@ -286,7 +286,7 @@ fn a_stack_refuses_parameters_that_no_node_has() {
         ),
         (
             &["up", "--config", "key.yaml"],
-            "key.yaml:3: parameter \"frame_idd\" is of no node; did you mean \"frame_id\"?",
+            "key.yaml:3: parameter \"frame_idd\" belongs to no node; did you mean \"frame_id\"?",
         ),
         (
             &["node", "axis_driver", "--ros-args", "--params-file", "node.yaml"],

@@ -1,4 +1,4 @@
-//! The ROS face of the driver dies, hangs or is stopped while the machine moves: the line is
+//! The ROS side of the driver dies, hangs or is stopped while the machine moves: the line is
 //! served, and the next face continues where the last one was. The motion process uses no
 //! DDS, and can be stopped from its own computer without any.
 

@@ -51,7 +51,7 @@ fn stop_and_continue_until_deaf(id: Pid) {
     }
 }
 
-/// The process of a node that uses DDS: for the driver its ROS face.
+/// The process of a node that uses DDS: for the driver its ROS side.
 fn dds_process(machine: &Machine, name: &str) -> Option<Pid> {
     let name = format!(" {name} ");
     let is_wanted = |line: &str| {
@@ -110,7 +110,11 @@ fn a_node_that_was_stopped_and_continued_is_replaced_by_one_that_receives() {
     }
     until_loadable(&machine);
     let log = machine.log();
-    assert_eq!(log.matches("this process is deaf and ends with status 70").count(), 4, "{log}");
+    assert_eq!(
+        log.matches("this process receives nothing any more and ends with status 70").count(),
+        4,
+        "{log}"
+    );
     assert_eq!(log.matches("ended (exit status: 70)").count(), 4, "{log}");
 }
 

@@ -97,7 +97,7 @@ fn a_run_survives(test: &str, fate: Signal) {
     std::thread::sleep(Duration::from_secs(1));
 
     // The ROS side of the driver.
-    let driver = machine.face().expect("a ROS face");
+    let driver = machine.face().expect("a ROS side");
     let before = resident_mb(driver);
     let recorder = machine.node("run_recorder");
     for pid in [listener.pid(), recorder] {

@@ -92,7 +92,7 @@ type Lie = (&'static str, fn(&mut Plan));
 const LIES: [Lie; 14] = [
     ("1000000000; at most 50000000 are taken", |plan| plan.manifest.element_count = 1_000_000_000),
     ("18446744073709551615; at most 50000000", |plan| plan.manifest.event_count = u64::MAX),
-    ("chunks are announced: 4294967295", |plan| plan.manifest.chunk_count = u32::MAX),
+    ("4294967295 chunks are announced", |plan| plan.manifest.chunk_count = u32::MAX),
     ("answered without chunk 1", |plan| drop(plan.chunks.remove(1))),
     ("revision 1, not of", |plan| plan.chunks[2].revision = 1),
     ("is of another revision", |plan| plan.chunks[2].program_id = "another".into()),
@@ -196,10 +196,14 @@ fn a_path_that_is_not_whole_is_not_taken_and_the_next_one_is() {
             }
         }
         let _honest = announce(honest(revision + 1));
-        let here = format!("(revision {}) is here: {ELEMENTS} elements", revision + 1);
+        let here = format!("(revision {}): {ELEMENTS} elements", revision + 1);
         until(&here, || said().contains(&here).then_some(()));
         assert_eq!(said().lines().filter(|line| line.contains(&gid)).count(), 1, "{}", said());
-        assert!(!said().contains(&format!("(revision {revision}) is here")), "{}", said());
+        assert!(
+            !said().contains(&format!("(revision {revision}): {ELEMENTS} elements")),
+            "{}",
+            said()
+        );
     }
     assert!(!said().contains("panicked"), "{}", said());
 }

@@ -225,7 +225,7 @@ impl Machine {
         self.nodes_named(name, false)[0]
     }
 
-    /// The process of the driver's ROS face.
+    /// The process of the driver's ROS side.
     pub(crate) fn face(&self) -> Option<Pid> {
         self.nodes_named("axis_driver", true).first().copied()
     }

@@ -127,7 +127,7 @@ pub(crate) fn check_element(
     if off.is_infinite() {
         report.push_shape(report::wrong_place(
             element,
-            "has another shape than the block, or turns the other way",
+            "has a different shape, or turns the other way",
         ));
         return;
     }

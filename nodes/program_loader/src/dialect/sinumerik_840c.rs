@@ -61,7 +61,7 @@ fn g(tenths: u16) -> GWord {
         540 | 550 | 560 | 570 => GWord::WorkOffset((tenths / 10 - 53) as u8),
         580 | 590 => GWord::Refused(OFFSETS),
         600 | 620 | 640 => GWord::Accepted(Group::Path, Letters::NONE),
-        630 => GWord::RefusedMotion("tapping without a spindle encoder is not done"),
+        630 => GWord::RefusedMotion("tapping without a spindle encoder is not supported"),
         700 => GWord::Units(Units::Inch),
         710 => GWord::Units(Units::Millimetre),
         740 => GWord::Refused("home the machine with the home action before the program"),

@@ -191,7 +191,7 @@ impl Interpreter<'_> {
         let offset = if self.request.present.contains(b'H') {
             let Some(offset) = self.take_number(scene, b'H') else { return };
             if offset == 0 {
-                let message = "G43 H0 means another thing on every control".to_owned();
+                let message = "G43 H0 has a different meaning on each control".to_owned();
                 let help = "write G49 to cancel the length offset, or H with the number of a tool";
                 return self.report(scene, b'H', Code::BadNumber, message, help);
             }

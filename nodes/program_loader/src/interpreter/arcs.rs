@@ -107,7 +107,7 @@ impl Interpreter<'_> {
             if !self.request.has_refused_word {
                 let message = format!("the arc needs {} and {}", names[0], names[1]);
                 let help = if is_absolute {
-                    "under G90.1 both coordinates of the centre must be there"
+                    "write both coordinates of the centre: G90.1 is in force"
                 } else {
                     "write the distance from the start to the centre"
                 };
@@ -163,8 +163,8 @@ impl Interpreter<'_> {
                 {
                     let [radius, needed] = told_apart(radius_mm, half_chord_mm);
                     format!(
-                        "radius {radius} mm does not reach: start and end are {:.3} mm apart, \
-                         which takes {needed} mm",
+                        "radius {radius} mm is too small: start and end are {:.3} mm apart, \
+                         so at least {needed} mm is needed",
                         2.0 * half_chord_mm
                     )
                 },
@@ -172,7 +172,7 @@ impl Interpreter<'_> {
                 Some((half_chord_mm, radius_mm)),
             ),
             ArcTrouble::NoChord => (
-                "an arc with a radius must end elsewhere than it starts".to_owned(),
+                "an arc that is given by its radius cannot end where it starts".to_owned(),
                 "program a full circle with its centre: I, J or K",
                 None,
             ),

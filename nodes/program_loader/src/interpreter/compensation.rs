@@ -225,13 +225,13 @@ impl Interpreter<'_> {
         let axes = self.modal.compensation.axes.unwrap_or([u, v]);
         let message = match self.modal.compensation.rounding_axes {
             _ if axes != [u, v] => format!(
-                "compensation has the axes {}, and the plane {} has {}",
+                "compensation uses the axes {}, but the plane {} has {}",
                 name(axes),
                 self.modal.plane.name(),
                 name([u, v])
             ),
             Some(rounding) if rounding != axes => format!(
-                "compensation has the axes {}, and corner rounding {}",
+                "compensation uses the axes {}, but corner rounding uses {}",
                 name(axes),
                 name(rounding)
             ),
@@ -366,7 +366,7 @@ impl Interpreter<'_> {
             }
             Some(0) if self.rules.d0 != ZeroOffset::None => {
                 self.cancel(self.request.approach);
-                let message = format!("{} selects nothing while D0 is in force", scene.quote(at));
+                let message = format!("{} has no effect while D0 is in force", scene.quote(at));
                 scene.findings.push(
                     Finding::warning(Code::NeverActive, scene.source_of(at), message)
                         .help("the next D that is not 0 selects compensation"),

@@ -17,7 +17,7 @@ impl Interpreter<'_> {
         {
             let words = (scene.quote(at), scene.quote(motion));
             let message =
-                format!("both {} and {} take the axis words of this block", words.0, words.1);
+                format!("{} and {} both use the axis words of this block", words.0, words.1);
             let help = "write two blocks";
             self.report_at(scene, motion, Code::ModalConflict, message, help);
         }
@@ -73,7 +73,7 @@ impl Interpreter<'_> {
         };
         if distance == Distance::Incremental {
             self.axes.poison(end.named);
-            let message = "G53 takes machine coordinates, which G91 cannot have".to_owned();
+            let message = "G53 needs absolute coordinates, and G91 is in force".to_owned();
             return self.report_at(
                 scene,
                 at,

@@ -288,7 +288,7 @@ impl Interpreter<'_> {
         }
         if !self.modal.feed_is_poisoned {
             self.modal.feed_is_poisoned = true;
-            let message = "a move at feed, but no feed has been programmed".to_owned();
+            let message = "this move needs a feed rate, and none has been programmed".to_owned();
             let help = "write F with mm/min (inch/min under G20) into this block or before it";
             let known = !self.request.is_damaged;
             self.report_block(scene, Code::MissingWord, message, help);

@@ -98,8 +98,10 @@ impl Interpreter<'_> {
         let planes = [Plane::Xy, Plane::Zx, Plane::Yz];
         let plane = planes.into_iter().find(|plane| axes.starts_with(&plane.axes()[..2]));
         if plane.is_none() {
-            let message =
-                format!("{} names no plane of this machine: X Y, Z X or Y Z", scene.quote(at));
+            let message = format!(
+                "{} does not name a plane of this machine: X Y, Z X or Y Z",
+                scene.quote(at)
+            );
             let help = "write G17, G18 or G19, or the axes in that order";
             self.report_at(scene, at, Code::Plane, message, help);
         }

@@ -95,7 +95,7 @@ impl Request {
                 scene.line.number
             ),
             Elsewhere::Refused(help) => {
-                format!("delete {word}, which is not done without compensation either; {help}")
+                format!("delete {word}, which is not supported without compensation either; {help}")
             }
             Elsewhere::Unknown => {
                 format!("delete {word}, which {} does not have", scene.rules.control)
@@ -134,7 +134,7 @@ impl Request {
 
     #[cold]
     pub(super) fn not_done(&mut self, scene: &mut Scene<'_>, at: usize, help: &str) {
-        let message = format!("{} is not done here", scene.quote(at));
+        let message = format!("{} is not supported", scene.quote(at));
         self.refuse(scene, at, Code::Unsupported, message, help);
     }
 

@@ -282,7 +282,7 @@ impl Request {
             }
             Some(STOP_READING_AHEAD) => {}
             Some(_) => {
-                let message = format!("{} is not done here", scene.quote(at));
+                let message = format!("{} is not supported", scene.quote(at));
                 let help = CALCULATIONS;
                 self.has_refused_code = true;
                 self.refuse(scene, at, Code::Unsupported, message, help);

@@ -168,13 +168,13 @@ impl Lexer<'_> {
                 Ok(number) => {
                     self.at = number.end;
                     if matches!(self.next_byte(), Some(b'+' | b'-' | b'*' | b'/')) {
-                        return Err(self.mistake(start, "calculations are not done here"));
+                        return Err(self.mistake(start, "calculations are not supported"));
                     }
                     Ok(Item { what: ItemValue::Number(number.value), start, end: number.end })
                 }
                 Err(_) => Err(self.mistake(start, "this is not a number")),
             },
-            Some(b'$') => Err(self.mistake(start, "variables are not known here")),
+            Some(b'$') => Err(self.mistake(start, "variables are not supported")),
             _ => Err(self.mistake(start, "an axis or a number is missing here")),
         }
     }
@@ -254,8 +254,8 @@ impl Lexer<'_> {
                 self.number(b'P', &arguments[0])
             }
             _ => Err(wrong(format!(
-                "{name} is not done here; known are MoveLinear, MoveRapid, MoveCw, MoveCcw, Home, \
-                 Dwell, CutterCompensationSetAxes and CutterCompensationSetRadius"
+                "{name} is not supported; the calls are MoveLinear, MoveRapid, MoveCw, MoveCcw, \
+                 Home, Dwell, CutterCompensationSetAxes and CutterCompensationSetRadius"
             ))),
         }
     }

@@ -17,9 +17,9 @@ impl Managed for Shell {
         let shown = directory.display().to_string();
         // A disk that hangs blocks this step, not the node.
         let made = tokio::task::spawn_blocking(move || std::fs::create_dir_all(directory)).await;
-        made.map_err(std::io::Error::other)
-            .flatten()
-            .map_err(|error| Trouble::failure(format!("bags cannot go to {shown}: {error}")))?;
+        made.map_err(std::io::Error::other).flatten().map_err(|error| {
+            Trouble::failure(format!("cannot make the folder for bags {shown}: {error}"))
+        })?;
         self.0.spawn_removal_of_old_bags();
         Ok(())
     }

@@ -48,7 +48,7 @@ impl Recorder {
 
 fn health(stuck: &[String]) -> Health {
     let (level, message) = match stuck {
-        [] => (HealthLevel::Ok, "none is left that is not kept".to_owned()),
+        [] => (HealthLevel::Ok, "no bag is due for removal".to_owned()),
         [only] => (HealthLevel::Warn, only.clone()),
         [first, others @ ..] => (HealthLevel::Warn, format!("{first}; and {} more", others.len())),
     };
@@ -57,11 +57,11 @@ fn health(stuck: &[String]) -> Health {
 }
 
 fn not_removed((path, why): &(PathBuf, String)) -> String {
-    format!("{} is not kept any more and cannot be removed: {why}", path.display())
+    format!("{} is due for removal, but cannot be removed: {why}", path.display())
 }
 
 fn not_listed(directory: &Path, error: &io::Error) -> String {
-    format!("old bags in {} are not looked for: {error}", directory.display())
+    format!("cannot look for old bags in {}: {error}", directory.display())
 }
 
 fn log(removal: &RemovedBags) {
@@ -91,9 +91,9 @@ mod tests {
     fn what_is_left_of_old_bags_is_a_warning() {
         let bag = |name: &str| not_removed(&(name.into(), "permission denied".to_owned()));
         let listing = not_listed(Path::new("bags"), &io::ErrorKind::PermissionDenied.into());
-        let one = "a is not kept any more and cannot be removed: permission denied";
+        let one = "a is due for removal, but cannot be removed: permission denied";
         let table = [
-            (vec![], HealthLevel::Ok, "none is left that is not kept".to_owned()),
+            (vec![], HealthLevel::Ok, "no bag is due for removal".to_owned()),
             (vec![bag("a")], HealthLevel::Warn, one.to_owned()),
             (vec![bag("a"), bag("b"), bag("c")], HealthLevel::Warn, format!("{one}; and 2 more")),
             (vec![listing.clone()], HealthLevel::Warn, listing),

@@ -90,7 +90,8 @@ impl Summary {
         ];
         for (what, differences) in kinds {
             for (at, place) in differences {
-                let why = format!("the index of the {what} at byte {place} is not what is there");
+                let why =
+                    format!("the index of the {what} at byte {place} does not match what is there");
                 wrong.push((at.unwrap_or(*last), why));
             }
         }
@@ -99,7 +100,7 @@ impl Summary {
             wrong.extend(differences.into_iter().map(|why| (*at, why)));
         }
         if self.statistics.len() > 1 {
-            wrong.push((*last, "the counts of the file are there twice".to_owned()));
+            wrong.push((*last, "the statistics of the file are there twice".to_owned()));
         }
         for (at, offset) in &self.offsets {
             let is_there = self.groups.iter().any(|(kind, start, end)| {

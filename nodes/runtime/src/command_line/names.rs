@@ -189,8 +189,8 @@ fn fault(absolute: &str) -> Option<String> {
         }
         if let Some(other) = token.chars().find(|c| !c.is_ascii_alphanumeric() && *c != '_') {
             return Some(match other {
-                '{' | '}' => "of substitutions there are {node}, {ns} and {namespace}".to_owned(),
-                '~' => "~ stands only at the beginning, before a slash".to_owned(),
+                '{' | '}' => "the substitutions are {node}, {ns} and {namespace}".to_owned(),
+                '~' => "~ may only be at the beginning, before a slash".to_owned(),
                 _ => format!("{other:?} is neither a letter, a digit, an underscore nor a slash"),
             });
         }

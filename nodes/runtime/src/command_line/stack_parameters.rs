@@ -142,9 +142,10 @@ mod tests {
         let table = [
             (
                 section("/**", "frame_idd"),
-                Err("f.yaml:3: parameter \"frame_idd\" is of no node; did you mean \"frame_id\"?"),
+                Err("f.yaml:3: parameter \"frame_idd\" belongs to no node; did you mean \
+                     \"frame_id\"?"),
             ),
-            (section("/**", "speed"), Err("parameter \"speed\" is of no node")),
+            (section("/**", "speed"), Err("parameter \"speed\" belongs to no node")),
             (section("/**", "frame_id"), Ok(0)),
             (section("/**", "port"), Ok(0)),
             (

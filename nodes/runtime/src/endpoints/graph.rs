@@ -136,15 +136,15 @@ impl Graph {
             }
             Event::RemoteReaderQosIncompatible { remote_reader, requested_qos, .. } => {
                 tracing::warn!(
-                    "subscriber {} asks for more than this node's publisher offers and gets \
-                     nothing: {requested_qos:?}",
+                    "subscriber {} gets no messages: its QoS asks for more than this publisher \
+                     offers: {requested_qos:?}",
                     Gid::from(remote_reader)
                 );
             }
             Event::RemoteWriterQosIncompatible { remote_writer, offered_qos, .. } => {
                 tracing::warn!(
-                    "publisher {} offers less than this node's subscription asks for and is \
-                     not heard: {offered_qos:?}",
+                    "publisher {} is not received: its QoS offers less than this subscription \
+                     asks for: {offered_qos:?}",
                     Gid::from(remote_writer)
                 );
             }

@@ -50,7 +50,10 @@ fn level_of(number: u32) -> Result<Option<LogLevel>, String> {
     let known = [Debug, Info, Warn, Error, Fatal];
     let found = known.into_iter().find(|level| u32::from(number_of(*level)) == number);
     found.map(Some).ok_or_else(|| {
-        format!("{number} is no level: 0 inherits one, 10 is debug, 20 info, 30 warn, 40 error, 50 fatal")
+        format!(
+            "{number} is not a level: 0 inherits one, 10 is debug, 20 info, 30 warn, 40 error, \
+             50 fatal"
+        )
     })
 }
 

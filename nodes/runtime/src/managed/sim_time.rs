@@ -19,7 +19,7 @@ impl Handle {
                     clock.set(RosTime::from(&messages.next().await.0.clock));
                 }
             }),
-            Err(error) => tracing::error!("time stands still: {error}"),
+            Err(error) => tracing::error!("simulated time cannot be followed: {error}"),
         }
     }
 }

@@ -143,12 +143,12 @@ impl Declared {
         match self.range {
             Some(Range::Double { from, to }) => {
                 if let Some(bad) = doubles.iter().find(|number| !(from..=to).contains(*number)) {
-                    return Err(format!("{bad} is not within {from} and {to}"));
+                    return Err(format!("{bad} is not between {from} and {to}"));
                 }
             }
             Some(Range::Integer { from, to }) => {
                 if let Some(bad) = integers.iter().find(|number| !(from..=to).contains(*number)) {
-                    return Err(format!("{bad} is not within {from} and {to}"));
+                    return Err(format!("{bad} is not between {from} and {to}"));
                 }
             }
             None => {}
@@ -157,7 +157,7 @@ impl Declared {
             ParameterValue::String(text)
                 if !self.choices.is_empty() && !self.choices.contains(text) =>
             {
-                Err(format!("\"{text}\" is none of {}", self.choices.join(", ")))
+                Err(format!("\"{text}\" is not one of {}", self.choices.join(", ")))
             }
             _ => Ok(()),
         }

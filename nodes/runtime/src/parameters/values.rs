@@ -18,7 +18,7 @@ pub enum ParameterError {
     #[error("{origin}parameter \"{name}\" is called \"{now}\" now")]
     Renamed { origin: Origin, name: String, now: String },
     #[error(
-        "{origin}parameter \"{name}\" is of no node{}",
+        "{origin}parameter \"{name}\" belongs to no node{}",
         meant.as_ref().map(|meant| format!("; did you mean \"{meant}\"?")).unwrap_or_default()
     )]
     OfNoNode { origin: Origin, name: String, meant: Option<String> },

@@ -179,7 +179,9 @@ fn watch_threads(
         let known = deaf.borrow().clone();
         if let Some(reason) = known.or(verdict) {
             if let Some(EndOfProcess { logger, when_deaf: true, .. }) = end {
-                let text = format!("{reason}; this process is deaf and ends with status {DEAF}");
+                let text = format!(
+                    "{reason}; this process receives nothing any more and ends with status {DEAF}"
+                );
                 panic_guard::exit_now(DEAF, logger, &text);
             }
             deaf.send_if_modified(|known| {
@@ -264,7 +266,7 @@ impl Checks {
         }
         self.probing.is_overdue(probes, 1).then(|| {
             format!(
-                "the DDS layer has taken nothing for {FAILED_CHECKS_MAX} checks, {} ms apart",
+                "the DDS layer has accepted nothing for {FAILED_CHECKS_MAX} checks, {} ms apart",
                 CHECK_PERIOD.as_millis()
             )
         })

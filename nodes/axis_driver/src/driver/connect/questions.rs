@@ -93,7 +93,7 @@ impl Connecting {
         if context.machine.needs_acknowledgement {
             return Next::adrift(
                 "LINK_LOST: the controller was out of reach while the machine was \
-                 moving, and is back; look where the tool is, then soft_reset",
+                 moving, and is back; check the tool position, then soft_reset",
             );
         }
         if needs_reset {

@@ -26,7 +26,7 @@ impl Machine {
                 "the reports of the controller have not shown a work offset yet ($10={mask}): try \
                  again; if that lasts, $10=3 (grbl, FluidNC) or $10=511 (grblHAL) has reports show it"
             ),
-            _ => "where the tool is is not known yet".into(),
+            _ => "the position of the tool is not known yet".into(),
         }
     }
 
@@ -41,7 +41,7 @@ impl Machine {
             _ if is_open => "the safety door is open: close it, then resume",
             Some(RETRACTING) => "the machine is still stopping for the safety door: try again",
             None | Some(0) => return None,
-            Some(_) => "the machine goes on already: spindle and coolant are coming back",
+            Some(_) => "the machine is resuming already: spindle and coolant are coming back",
         };
         Some(Refusal::new(error_code::BUSY, text))
     }

@@ -162,7 +162,8 @@ impl Context {
         let named = [("feed", wanted.feed), ("spindle", wanted.spindle)];
         for (name, percent) in named {
             if let Some(percent) = percent.filter(|percent| !PERCENT.contains(percent)) {
-                let text = format!("the {name} override of {percent} % is not within 10 and 200 %");
+                let text =
+                    format!("the {name} override of {percent} % is not between 10 and 200 %");
                 return refused(error_code::INVALID_REQUEST, text);
             }
         }
@@ -171,8 +172,8 @@ impl Context {
             return refused(error_code::INVALID_REQUEST, text);
         }
         if wanted == Overrides::default() {
-            let text =
-                "nothing is named: which has bit 0 for feed, bit 1 for rapid, bit 2 for spindle";
+            let text = "no override is named: which has bit 0 for feed, bit 1 for rapid, bit 2 for \
+                        spindle";
             return refused(error_code::INVALID_REQUEST, text);
         }
         let until = self.now + WITHIN;
@@ -188,7 +189,8 @@ impl Context {
         };
         if watch.requests.len() >= REQUESTS_MAX {
             self.overrides = Some(watch);
-            let text = format!("{REQUESTS_MAX} requests for overrides wait for a report already");
+            let text =
+                format!("{REQUESTS_MAX} override requests already wait for a report: try again");
             return refused(error_code::BUSY, text);
         }
         // The bytes of the round that is under way count first.
@@ -250,8 +252,8 @@ impl Context {
     pub(in crate::driver) fn on_overrides_timeout(&mut self) {
         let Some(watch) = self.overrides.take() else { return };
         let text = format!(
-            "the controller was asked for {} and reports {} after {} s; it takes no overrides \
-             while it homes or is locked, nor where the program has switched them off",
+            "the controller was asked for {} and reports {} after {} s; it accepts none while it \
+             homes or is locked, or after the program has switched them off",
             watch.wanted.describe(),
             describe(self.machine.overrides_percent),
             WITHIN.as_secs()

@@ -1,6 +1,6 @@
 //! Watches whether the driver can be reached over ROS.
 //!
-//! The ROS face of the driver is a process of its own, which is restarted when it ends.
+//! The ROS side of the driver is a process of its own, which is restarted when it ends.
 //! Meanwhile the line is served, and a parameter decides whether the machine holds.
 
 use super::Context;
@@ -28,7 +28,7 @@ impl OnRosLoss {
         [("as_commander", Self::AsCommander), ("finish", Self::Finish), ("hold", Self::Hold)];
 }
 
-/// The first word of the reason when a lost ROS face has caused the hold.
+/// The first word of the reason when a lost ROS side has caused the hold.
 pub const ROS_LOST: &str = "ROS_LOST";
 
 /// The driver cannot be reached over ROS.
@@ -40,7 +40,7 @@ pub(in crate::driver) struct RosLoss {
 }
 
 impl Context {
-    /// The ROS face has come or gone.
+    /// The ROS side has come or gone.
     pub(in crate::driver) fn hear_ros_face(&mut self, is_there: bool) -> Answer {
         match (is_there, self.ros_loss) {
             (false, None) => {
@@ -76,6 +76,6 @@ impl Context {
             loss.is_answered = true;
         }
         let patience = self.config.ros_loss_timeout_ms;
-        format!("{ROS_LOST}: nobody can be reached over ROS for {patience} ms")
+        format!("{ROS_LOST}: no ROS node has been reachable for {patience} ms")
     }
 }

@@ -64,7 +64,9 @@ pub(in crate::driver) fn configure(
     };
     let Some(change) = change(firmware, mask, context.config.encoder.line_numbers) else {
         let why = match firmware.traits().no_field_because {
-            "" => format!("with ${REPORT_MASK}={mask} reports have all that is used"),
+            "" => {
+                format!("with ${REPORT_MASK}={mask} reports have all fields that the driver uses")
+            }
             why => why.to_owned(),
         };
         let text = format!("nothing to write: {why}");
@@ -89,7 +91,7 @@ pub(in crate::driver) fn judge_mask(
         read => {
             let read = read.map_or("nothing".to_owned(), |mask| format!("${REPORT_MASK}={mask}"));
             let text = format!(
-                "the controller took ${REPORT_MASK}={wanted} and reports {read}: its settings \
+                "the controller accepted ${REPORT_MASK}={wanted}, but reports {read}: its settings \
                  may be write-protected"
             );
             Err(Refusal::new(error_code::CONTROLLER_ERROR, text))

@@ -148,7 +148,7 @@ impl Order {
             (G92, false) => (format!("G21G92{words}"), "G92".into()),
             (G92, true) => {
                 return invalid(
-                    "G92 shifts to where the tool is; it has no origin in the machine frame",
+                    "G92 is set at the tool position; it has no origin in the machine frame",
                 );
             }
             _ => {
@@ -159,7 +159,7 @@ impl Order {
         };
         let done = match is_origin {
             true => format!("the origin of {name} is {words} in the machine frame"),
-            false => format!("the place of the tool is {words} in {name}"),
+            false => format!("the tool is now at {words} in {name}"),
         };
         let lines = [line, OFFSETS.to_owned()];
         Ok(Self::new(Task::SetWorkOffset { done }, LineKind::Slow, lines))
@@ -177,7 +177,7 @@ fn move_words(
     let max = context.config.encoder.feed_mm_per_min_max;
     if !(feed_mm_per_min <= max && to_grid(feed_mm_per_min) > 0) {
         let text = format!(
-            "the feed rate {feed_mm_per_min} mm/min is not above 0.0001 and within {max} mm/min"
+            "the feed rate {feed_mm_per_min} mm/min is not between 0.0001 and {max} mm/min"
         );
         return Err(Refusal::new(error_code::INVALID_REQUEST, text));
     }
@@ -192,7 +192,7 @@ fn axis_words(context: &Context, axes: AxisSet, position: Position) -> Result<St
     for axis in (0..3).filter(|axis| axes.contains(*axis)) {
         let (letter, value) = (AXIS_LETTERS[axis], position[axis]);
         if value.is_nan() || value.abs() > max {
-            return invalid(format!("{letter}{value} is not within {max} mm either side of zero"));
+            return invalid(format!("{letter}{value} is not between -{max} and {max} mm"));
         }
         write_word(&mut words, letter, to_grid(value));
     }

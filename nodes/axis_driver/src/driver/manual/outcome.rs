@@ -21,7 +21,7 @@ impl ManualOperation {
         }
         match &self.task {
             Task::Home | Task::Unlock if is_alarm => {
-                let text = "the controller took it and is still in alarm";
+                let text = "the controller accepted the command, but is still in alarm";
                 Err(Refusal::new(error_code::ALARM, text))
             }
             Task::Home => Ok("homed".into()),
@@ -52,7 +52,7 @@ impl ManualOperation {
             }
             Task::Probe { heard: Some((_, true)), .. } => Ok("done".into()),
             Task::Probe { heard: Some((_, false)), may_miss: true } => {
-                Ok("nothing was found on the way".into())
+                Ok("the probe touched nothing on the way".into())
             }
             Task::Probe { .. } => {
                 let text = "the controller did not say where the probe touched";

@@ -65,7 +65,7 @@ impl Run {
     fn begin(&mut self, context: &mut Context, lines: usize, seconds: f64) -> Option<Exit> {
         let mode = context.machine.mode();
         if mode != Mode::Idle {
-            let text = format!("the machine is no longer idle but in {}", mode.name());
+            let text = format!("the machine is no longer idle; it is in {}", mode.name());
             return Some(Exit::over(RunVerdict::aborted(error_code::BUSY, text)));
         }
         self.total_s = seconds;
@@ -314,7 +314,7 @@ impl Run {
 /// reason that this gives, and whoever resumes goes on without; else the part is worth more
 /// than its record.
 pub(in crate::driver) fn miss_record(context: &mut Context, reason: &str) -> Option<String> {
-    let text = format!("the record of this run is not whole: {reason}");
+    let text = format!("the recording of this run is not complete: {reason}");
     let is_required = context.config.require_recording;
     let hold_reason = is_required.then(|| format!("{RECORD_NOT_WHOLE}: {text}"));
     context.log(LogLevel::Warn, text);

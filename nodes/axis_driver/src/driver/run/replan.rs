@@ -62,7 +62,7 @@ impl Run {
             return refused(error_code::BUSY, NOT_IN_A_HOLD);
         }
         let Some(encoder) = self.encoder.going_on_with(Arc::clone(&request.path)) else {
-            let text = "the new path differs from what has been sent";
+            let text = "the new path differs in blocks that were sent already";
             return refused(error_code::START_POSITION, text);
         };
         let first = encoder.next_element();
@@ -116,9 +116,9 @@ impl ReplanRequest {
 }
 
 /// Why another path is refused for the moment.
-pub(in crate::driver) const NOT_IN_A_HOLD: &str = "the machine does not stand in a hold";
+pub(in crate::driver) const NOT_IN_A_HOLD: &str = "the machine is not in a hold";
 
 /// For a rest that was still being proved when the machine went on or was stopped.
 pub(in crate::driver) fn no_longer_stands() -> Refusal {
-    Refusal::new(error_code::BUSY, "the machine no longer stands in a hold")
+    Refusal::new(error_code::BUSY, "the machine is no longer in a hold")
 }

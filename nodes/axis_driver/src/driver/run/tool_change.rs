@@ -172,8 +172,8 @@ fn tool_return(change: ToolChange, at: Option<Position>) -> Result<ToolReturn, R
         // This driver cannot have moved it: a jog needs the position too.
         _ if !change.is_touched => Ok(ToolReturn::There),
         _ => {
-            let text = "where the tool is is not known, so neither is whether it stands where the \
-                        run stopped: cancel, and start at the first line after the tool change";
+            let text = "the position of the tool is not known, so it may not be where the run \
+                        stopped: cancel, and start at the first line after the tool change";
             Err(Refusal::new(error_code::START_POSITION, text))
         }
     }

@@ -45,7 +45,7 @@ fn s10_in_single_block_every_block_is_a_stop_point_generated_ones_too() {
         (5, 40.0, left, "line 5, corner"),
     ] {
         let found = stop(&mut bench);
-        assert_eq!(found, (line, x, side, format!("SINGLE_BLOCK: resume goes on ({text})")));
+        assert_eq!(found, (line, x, side, format!("SINGLE_BLOCK: resume to go on ({text})")));
         // Nothing goes on by itself, and nothing more is under way.
         bench.wait(3_000);
         assert_eq!(stop(&mut bench), found);
@@ -87,7 +87,7 @@ fn single_block_can_be_switched_in_the_middle_of_a_run() {
     assert_eq!(stop(&mut bench).0, first + 1);
     // Off does not resume.
     let text = bench.ask(Command::SetSingleBlock(false)).unwrap();
-    assert!(text.contains("resume goes on"), "{text}");
+    assert!(text.contains("resume to go on"), "{text}");
     bench.wait(3_000);
     assert_eq!(stop(&mut bench).0, first + 1);
     bench.ask(Command::Resume).unwrap();

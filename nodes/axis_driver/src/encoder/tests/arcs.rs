@@ -167,7 +167,7 @@ fn an_arc_from_where_the_program_does_not_know_is_refused() {
     unknown.elements = vec![turn];
     assert_eq!(
         problem(unknown.clone()),
-        "line 9: an arc starts where XY has not been given since G55: move XY there first"
+        "line 9: the arc starts at a position of XY that is not known since G55: move XY before it"
     );
     unknown.elements = vec![both, turn];
     assert_eq!(encode(unknown), ["G55", "G1X0Y0F100", "G2Y10J5"]);

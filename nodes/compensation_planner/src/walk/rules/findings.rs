@@ -94,7 +94,9 @@ pub(crate) fn cancelled_with_the_end(source: Source, profile: &Profile) -> Optio
 pub(crate) fn rapid(source: Source, profile: &Profile) -> Option<Finding> {
     let what = match profile.rapid.rule {
         RapidMode::Compensated => return None,
-        RapidMode::Endpoint => "its ends are compensated, the way between them is the machine's",
+        RapidMode::Endpoint => {
+            "only its ends are compensated, and each axis moves independently between them"
+        }
         RapidMode::Raw => "it goes to the programmed point, and compensation begins anew after it",
     };
     Some(
@@ -204,7 +206,7 @@ pub(crate) fn corner_arc(
 
 /// An offset that keeps its direction.
 pub(crate) fn no_held_direction(source: Source) -> Finding {
-    Finding::error(Code::Unsupported, source, "an offset that keeps its direction is not done here")
+    Finding::error(Code::Unsupported, source, "an offset that keeps its direction is not supported")
         .help("end the contour with G40 and begin the next with G41")
 }
 
