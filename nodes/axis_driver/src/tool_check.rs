@@ -86,8 +86,8 @@ mod tests {
             (3, Some(&planned), Some(&entered), None),
             (3, Some(&planned), Some(&planned), Some("T3 is not in the tool table")),
             (2, Some(&planned), Some(&worn), Some("diameter 8.0000 mm, now 7.9000 mm")),
-            (2, Some(&planned), None, Some("not heard")),
-            (2, None, Some(&planned), Some("not heard")),
+            (2, Some(&planned), None, Some("received")),
+            (2, None, Some(&planned), Some("received")),
             (2, Some(&with_offset(4.0)), Some(&with_offset(4.0)), None),
             (
                 2,

@@ -167,7 +167,7 @@ fn to_text(name: &str, results: &[ControlResult], pairs: &[Pair]) -> String {
         let more = shown.count().saturating_sub(SHOWN_MAX);
         if more > 0 {
             text += &format!(
-                "{:width$}  and {more} more: kerf plan --control {}\n",
+                "{:width$}  and {more} more, shown by `kerf plan --control {}`\n",
                 "", result.profile.name
             );
         }

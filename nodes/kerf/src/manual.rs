@@ -93,7 +93,7 @@ pub(crate) struct OverrideArgs {
 
 fn rapid(text: &str) -> Result<u8, String> {
     let percent = text.parse().ok().filter(|percent| [25, 50, 100].contains(percent));
-    percent.ok_or_else(|| "25, 50 or 100".into())
+    percent.ok_or_else(|| "write 25, 50 or 100".into())
 }
 
 fn word(text: &str) -> Result<(usize, f64), String> {
@@ -102,7 +102,7 @@ fn word(text: &str) -> Result<(usize, f64), String> {
     let axis = AXIS_LETTERS.iter().position(|known| Some(*known) == letter);
     match (axis, letters.as_str().parse::<f64>()) {
         (Some(axis), Ok(value)) if value.is_finite() => Ok((axis, value)),
-        _ => Err("an axis and a number: X10, Y-2.5".into()),
+        _ => Err("write an axis and a number, such as X10 or Y-2.5".into()),
     }
 }
 

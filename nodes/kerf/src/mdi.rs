@@ -68,7 +68,11 @@ fn row(text: &str) -> Result<(char, u32), String> {
     let letter = letters.next().map(|letter| letter.to_ascii_uppercase());
     match (letter, letters.as_str().parse()) {
         (Some(letter @ ('T' | 'D')), Ok(number)) => Ok((letter, number)),
-        _ => Err("T and the number of a tool, or D and the number of an offset register".into()),
+        _ => {
+            Err("write T and the number of a tool (T1), or D and the number of an offset register \
+                  (D1)"
+                .into())
+        }
     }
 }
 

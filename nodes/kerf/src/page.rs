@@ -95,7 +95,7 @@ impl Sheet {
             label: format!("{} line {}", finding.code.name(), finding.source.line),
             text: match finding.help.as_str() {
                 "" => finding.message.clone(),
-                help => format!("{}\n{help}", finding.message),
+                help => format!("{}\nhelp: {help}", finding.message),
             },
             line: finding.source.line,
             at: finding.position.map(|position| view.project(position)),

@@ -28,7 +28,8 @@ pub(crate) fn run(ros_args: &[String]) -> Outcome {
             Failure::new(
                 Status::NoAnswer,
                 format!(
-                    "no such node answered within {} s: no node publishes {}",
+                    "no such node answered within {} s: no node publishes {} (is the driver \
+                     running, in this ROS_DOMAIN_ID and namespace?)",
                     LATCHED_WITHIN.as_secs(),
                     states.topic()
                 ),

@@ -103,7 +103,7 @@ fn jogs_zeros_overrides_and_probes_are_typed() {
     machine.kerf(&["jog", "X12.5", "Y-3", "--feed", "3000"]).expect(0).says(&["X12.500 Y-3.000"]);
     machine.kerf(&["jog", "X1", "--from", "work"]).expect(0).says(&["X1.000 Y-3.000"]);
     machine.kerf(&["zero", "X10", "--system", "G55"]).expect(0).says(&["X10 in G55"]);
-    machine.kerf(&["jog", "X1e9"]).expect(4).says(&["not within 10000 mm"]);
+    machine.kerf(&["jog", "X1e9"]).expect(4).says(&["not between -10000 and 10000 mm"]);
     machine.kerf(&["jog", "X1", "X2"]).expect(2).says(&["X occurs twice"]);
     machine.kerf(&["jog", "A1"]).expect(2).says(&["an axis and a number"]);
     machine.kerf(&["zero", "X0", "--system", "G60"]).expect(2).says(&["G54 to G59, or G92"]);

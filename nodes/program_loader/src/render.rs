@@ -97,7 +97,18 @@ fn draw(renderer: &Renderer, name: &str, lines: &[(u32, &str)], finding: &Findin
     if !finding.help.is_empty() {
         group = group.element(Level::HELP.message(printable(&finding.help)));
     }
-    renderer.render(&[group])
+    let drawn = renderer.render(&[group]);
+    match found.is_ok_and(|_| drawn.contains(":::")) {
+        true => drawn.lines().filter(|line| !is_empty_origin(line)).collect::<Vec<_>>().join("\n"),
+        false => drawn,
+    }
+}
+
+/// The `:::` of another file, which the library writes above a snippet whose place came first.
+fn is_empty_origin(line: &str) -> bool {
+    // Colours are of digits between these.
+    let is_blank = |byte: u8| byte.is_ascii_digit() || b" \x1b[;m".contains(&byte);
+    line.matches(":::").count() == 1 && line.replace(":::", "").bytes().all(is_blank)
 }
 
 /// The label after the carets: closest point, needed and available space, related block.

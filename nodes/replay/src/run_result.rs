@@ -13,7 +13,7 @@ use std::io::{Read, Seek};
 /// The status topic of the goals of `run_program`; compared with the end of a topic's name.
 pub const STATUS_TOPIC: &str = "run_program/_action/status";
 /// Bags from before the topic `run_result` have no reason.
-const NO_REASON: &str = "the bag is older than the topic run_result and does not say why";
+const NO_REASON: &str = "the reason is not in the bag, which is older than the topic run_result";
 
 /// How the run ended for which the bag was recorded; `None` if the bag does not say.
 pub fn of_bag<R: Read + Seek>(bag: &mut Bag<R>) -> Option<RunEnd> {
@@ -117,7 +117,7 @@ mod tests {
             (
                 vec![before],
                 &aborted,
-                "aborted: the bag is older than the topic run_result and does not say why",
+                "aborted: the reason is not in the bag, which is older than the topic run_result",
             ),
             (vec![], &[status(2, GoalStatus::STATUS_SUCCEEDED)], "succeeded"),
             (vec![], &[status(2, GoalStatus::STATUS_EXECUTING)], "nothing"),

@@ -7,13 +7,13 @@ use std::io;
 /// Why a bag cannot be read at all.
 #[derive(Debug, thiserror::Error)]
 pub enum BagError {
-    #[error("{path} is not there")]
+    #[error("{path} does not exist")]
     Missing { path: String },
     #[error("{path} is neither a bag directory nor an .mcap file")]
     NoPath { path: String },
     #[error("{directory} holds no .mcap file, so it is not a bag")]
     EmptyDirectory { directory: String },
-    #[error("{directory}/metadata.yaml names {file}, which is not there")]
+    #[error("{directory}/metadata.yaml names {file}, which does not exist")]
     MissingFile { directory: String, file: String },
     #[error("{directory}/metadata.yaml cannot be read, and no .mcap file is next to it: {why}")]
     Metadata { directory: String, why: String },
@@ -36,7 +36,7 @@ pub enum Problem {
     NoMetadataFile,
     #[error("{directory}/metadata.yaml cannot be read, so all files next to it are: {why}")]
     MetadataFile { directory: String, why: String },
-    #[error("{directory}/metadata.yaml names {file}, which is not there")]
+    #[error("{directory}/metadata.yaml names {file}, which does not exist")]
     FileMissing { directory: String, file: String },
     #[error("{directory}/metadata.yaml does not name {file}, which is read all the same")]
     FileNotListed { directory: String, file: String },

@@ -28,7 +28,7 @@ fn what_is_not_a_bag_directory_says_what_is_missing() {
     assert!(matches!(error(path), BagError::EmptyDirectory { .. }));
     fs::write(path.join("metadata.yaml"), LISTS_RUN_0).unwrap();
     let missing = error(path).to_string();
-    assert!(missing.contains("names run_0.mcap, which is not there"), "{missing}");
+    assert!(missing.contains("names run_0.mcap, which does not exist"), "{missing}");
     fs::write(path.join("run_0.mcap"), "").unwrap();
     assert!(matches!(error(path), BagError::ZeroLength { .. }));
     fs::write(path.join("run_0.mcap"), "G1 X5\n").unwrap();

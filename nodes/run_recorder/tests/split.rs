@@ -259,7 +259,7 @@ fn a_file_that_is_missing_or_not_listed_is_reported_by_its_name() {
     let mut bag = open_bag(&split).unwrap();
     let problems: Vec<_> = bag.problems().iter().map(ToString::to_string).collect();
     assert!(
-        problems.iter().any(|it| it.contains("names r_1.mcap, which is not there")),
+        problems.iter().any(|it| it.contains("names r_1.mcap, which does not exist")),
         "{problems:?}"
     );
     let is_part = |it: &String| it.contains("part 2 of a bag, where part 1");

@@ -36,7 +36,7 @@ async fn parameters_can_be_read_described_and_set_over_either_mapping() {
         let response = set.call(srv::SetParametersRequest { parameters }).await.expect("answer");
         let results: Vec<bool> = response.results.iter().map(|result| result.successful).collect();
         assert_eq!(results, [true, false, false]);
-        assert!(response.results[1].reason.contains("not within 1 and 100"));
+        assert!(response.results[1].reason.contains("not between 1 and 100"));
         assert!(response.results[2].reason.contains("read-only"));
         soon("the change", changes.changed()).await.expect("the node lives");
         assert_eq!(node.handle().parameter::<f64>("rate_hz"), 20.0);

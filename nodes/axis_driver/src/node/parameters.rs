@@ -49,13 +49,15 @@ pub(crate) fn declared() -> Vec<Declared> {
         Declared::new(
             "busy_poll_interval_ms",
             integer(config.busy_poll_interval_ms),
-            "the same while lines are under way; never more than a tenth of what the line carries; 0: poll_interval_ms",
+            "time between two status requests while lines are under way, ms; they take at most a \
+             tenth of the serial line; 0: as poll_interval_ms",
         )
         .integer_within(0, 1_000),
         Declared::new(
             "line_check_interval_ms",
             integer(config.line_check_interval_ms),
-            "time between two checks ($G) among the lines of a run, which notice lost and doubled lines and answers, ms; 0: none",
+            "time between two checks ($G) among the lines of a run, which find lost and doubled \
+             lines and answers, ms; 0: none",
         )
         .integer_within(0, 10_000),
         Declared::new(
@@ -89,24 +91,28 @@ pub(crate) fn declared() -> Vec<Declared> {
         Declared::new(
             "tool_change",
             "driver",
-            "who waits for a tool: driver, on any firmware; controller, the M6 of grblHAL with its $341 or an automatic changer",
+            "who waits at a tool change: driver (any firmware) or controller (M6 of grblHAL with \
+             $341, or an automatic changer)",
         )
         .one_of(&["driver", "controller"]),
         Declared::new(
             "tool_change_return",
             config.tool_change_return,
-            "whether the tool goes back to where the run stopped when a tool change is confirmed elsewhere, Z last if it is above; else that is refused",
+            "whether the tool returns to where the run stopped when a tool change is confirmed \
+             elsewhere (Z last if it is above); otherwise the confirmation is refused",
         ),
         Declared::new(
             "on_commander_loss",
             "hold",
-            "what is done when commander_heartbeat stays away in a run: continue, hold or hold_then_abort",
+            "what to do when commander_heartbeat stops during a run: continue, hold or \
+             hold_then_abort",
         )
         .one_of(&OnCommanderLoss::WORDS.map(|(word, _)| word)),
         Declared::new(
             "commander_timeout_ms",
             integer(config.commander_timeout_ms),
-            "after this long a commander that gave signs of life counts as lost, ms",
+            "time without commander_heartbeat after which a commander that sent it counts as \
+             lost, ms",
         )
         .integer_within(100, 60_000),
         Declared::new(
@@ -118,13 +124,14 @@ pub(crate) fn declared() -> Vec<Declared> {
         Declared::new(
             "on_ros_loss",
             "as_commander",
-            "what is done while the ROS side of the driver is restarted: as_commander, finish or hold",
+            "what to do while the ROS side of the driver is restarted: as_commander, finish or \
+             hold",
         )
         .one_of(&OnRosLoss::WORDS.map(|(word, _)| word)),
         Declared::new(
             "ros_loss_timeout_ms",
             integer(config.ros_loss_timeout_ms),
-            "after this long without ROS the machine holds, with on_ros_loss hold, ms",
+            "time without ROS after which the machine holds, with on_ros_loss: hold, ms",
         )
         .integer_within(100, 600_000),
         Declared::new(
@@ -135,7 +142,8 @@ pub(crate) fn declared() -> Vec<Declared> {
         Declared::new(
             "approach",
             "none",
-            "how a run that begins in the middle gets there: none, the tool has to be there; lift, by way of approach_z_mm",
+            "how the tool gets to the start of a run that begins in the middle: none (it has to \
+             be there) or lift (by way of approach_z_mm)",
         )
         .one_of(&["none", "lift"]),
         Declared::new(
@@ -145,7 +153,7 @@ pub(crate) fn declared() -> Vec<Declared> {
         )
         .within(-100_000.0, 100_000.0),
         Declared::new("optional_stop", encoder.optional_stop, "whether M1 stops as M0 does"),
-        Declared::new("frame_prefix", "", "goes before machine, work and tool0 in frame names"),
+        Declared::new("frame_prefix", "", "prefix of the frame names machine, work and tool0"),
     ]
     .into_iter()
     .map(Declared::read_only)

@@ -338,7 +338,7 @@ mod tests {
         let says = |newest: &Newest, tool, is_by_hand| {
             newest.objection(tool, is_by_hand).unwrap_or_else(|| "taken".into())
         };
-        assert!(says(&newest, 2, true).contains("the tool table was not heard"));
+        assert!(says(&newest, 2, true).contains("no tool table was received"));
         newest.hear_table(1, table(2, 8.0));
         assert_eq!(says(&newest, 2, true), "taken");
         assert!(says(&newest, 3, true).contains("T3 is not in the tool table"));

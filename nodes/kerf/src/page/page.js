@@ -77,7 +77,8 @@ function grid(box) {
       if (vertical) { pen.moveTo(sx, 0); pen.lineTo(sx, box.height); } else { pen.moveTo(0, sy); pen.lineTo(box.width, sy); }
       pen.stroke();
       const value = (vertical || sheet.down ? at : -at) || 0;
-      if (vertical) pen.fillText(value.toFixed(digits), sx + 3, box.height - 4); else pen.fillText(value.toFixed(digits), 3, sy - 3);
+      if (vertical) pen.fillText(value.toFixed(digits), sx + 3, box.height - 4);
+      else if (sy - 14 > by("layers").offsetTop + by("layers").offsetHeight) pen.fillText(value.toFixed(digits), 3, sy - 3);
     }
   }
   pen.fillText(sheet.axes, box.width - pen.measureText(sheet.axes).width - 8, 48);
@@ -277,14 +278,17 @@ function goTo(at) {
   draw();
 }
 
-// ---- the lists: only the rows that can be seen exist
+// ---- the lists: of long ones only the rows that can be seen exist
 
 const ROW = 20, list = by("list");
+// So many messages at most are shown with all their lines; in longer lists each has one line.
+const WRAPPED_MAX = 500;
 let tab = "program", rows = [], at = -1, allReports = false;
+const isWrapped = () => (tab === "findings" || tab === "differences") && rows.length <= WRAPPED_MAX;
 
 function contents(name) {
   if (name === "program") return sheet.program.map((text, index) => ({ head: index + 1, text, line: index + 1 }));
-  if (name === "findings") return sheet.pins.map((pin) => ({ head: pin.line ? `line ${pin.line}` : "", text: pin.text, kind: pin.kind, line: pin.line, go: pin.at }));
+  if (name === "findings") return sheet.pins.map((pin) => ({ head: pin.line ? pin.label : pin.label.replace(/,? line 0$/, ""), text: pin.text, kind: pin.kind, line: pin.line, go: pin.at }));
   if (name === "differences") return sheet.differences.map(([head, text]) => ({ head, text, kind: "bad" }));
   if (!run) return [];
   const isReport = (text) => text.startsWith("<") || text === "?";
@@ -293,15 +297,18 @@ function contents(name) {
 }
 
 function renderRows() {
-  const first = Math.max(0, Math.floor(list.scrollTop / ROW) - 10), last = Math.min(rows.length, first + Math.ceil(list.clientHeight / ROW) + 20);
+  const whole = isWrapped();
+  const first = whole ? 0 : Math.max(0, Math.floor(list.scrollTop / ROW) - 10);
+  const last = whole ? rows.length : Math.min(rows.length, first + Math.ceil(list.clientHeight / ROW) + 20);
   const box = by("list-rows");
+  box.className = whole ? "wrapped" : "";
   box.style.top = `${first * ROW}px`;
   box.replaceChildren(...rows.slice(first, last).map((row, offset) => {
     const element = document.createElement("div"), head = document.createElement("b");
     element.className = `row ${row.kind || ""} ${first + offset === at ? "at" : ""}`;
     element.title = row.text;
     head.textContent = row.head;
-    element.append(head, row.text.split("\n")[0]);
+    element.append(head, whole ? row.text : row.text.split("\n")[0]);
     element.addEventListener("click", () => pick(first + offset));
     return element;
   }));
@@ -309,6 +316,11 @@ function renderRows() {
 
 function reveal(index) {
   at = index;
+  if (isWrapped()) {
+    renderRows();
+    by("list-rows").children[index]?.scrollIntoView({ block: "nearest" });
+    return;
+  }
   const y = index * ROW;
   if (y < list.scrollTop || y > list.scrollTop + list.clientHeight - ROW) list.scrollTop = y - list.clientHeight / 2;
   renderRows();
@@ -337,12 +349,14 @@ function choose(name) {
   at = -1;
   rows = contents(name);
   list.scrollTop = 0;
-  by("list-space").style.height = `${rows.length * ROW}px`;
+  by("list-space").style.height = isWrapped() ? 0 : `${rows.length * ROW}px`;
   const names = [["program", sheet.program.length], ["findings", sheet.pins.length], ["differences", sheet.differences.length]];
   if (run) names.push(["dialogue", run.dialogue.length]);
   by("tabs").replaceChildren(...names.filter(([name, count]) => count || name === "program").map(([key, count]) => {
     const button = document.createElement("button");
-    button.textContent = key === "program" ? key : `${key} ${count}`;
+    // A finding is about a program; what a run met are alarms.
+    const word = key === "findings" && sheet.pins.every((pin) => pin.kind === "alarm") ? "alarms" : key;
+    button.textContent = key === "program" ? key : `${word} ${count}`;
     button.id = `tab-${key}`;
     button.setAttribute("aria-selected", key === name);
     button.addEventListener("click", () => choose(key));
@@ -406,7 +420,11 @@ function drawChart() {
   ink.strokeStyle = "#7b2fbf";
   ink.lineWidth = 1.5;
   ink.beginPath();
-  run.states.forEach((state, index) => { if (index) ink.lineTo(x(state.t), y(state.feed)); else ink.moveTo(x(state.t), y(state.feed)); });
+  // A feed holds until the next state: a slope would show a feed that was never reported.
+  run.states.forEach((state, index) => {
+    if (index) { ink.lineTo(x(state.t), y(run.states[index - 1].feed)); ink.lineTo(x(state.t), y(state.feed)); }
+    else ink.moveTo(x(state.t), y(state.feed));
+  });
   ink.stroke();
   ink.restore();
   ink.fillStyle = "#6b727c";

@@ -250,12 +250,12 @@ fn alarms(
         if is_alarm && !before && is_meant {
             let block = usize::try_from(state.line).ok().and_then(|line| line.checked_sub(1));
             let block = block.and_then(|index| program.get(index));
-            let block = block.map_or(String::new(), |text| format!(": {}", text.trim()));
+            let block = block.map_or(String::new(), |text| format!(" ({})", text.trim()));
             let mode = mode_from_wire(state.state).name();
             pins.push(Pin {
                 kind: PinKind::Alarm,
                 label: format!("{mode} line {}", state.line),
-                text: format!("{mode}: {} at line {}{block}", state.reason, state.line),
+                text: format!("{mode} at line {}{block}: {}", state.line, state.reason),
                 line: state.line,
                 at,
             });

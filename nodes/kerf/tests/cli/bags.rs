@@ -95,7 +95,7 @@ fn a_file_that_is_not_an_mcap_bag_ends_with_2_and_its_name() {
         ("bag.db3", no_mcap),
         ("pictures", "pictures/photo.mcap is not an MCAP file"),
         ("no_bag", "no_bag holds no .mcap file"),
-        ("astray", "astray/metadata.yaml names passwd, which is not there"),
+        ("astray", "astray/metadata.yaml names passwd, which does not exist"),
     ] {
         said(&folder, &["bag", "info", path]).expect(2).says(&[says]);
         said(&folder, &["bag", "recover", path, "out"]).expect(2).says(&[says]);

@@ -248,7 +248,7 @@ fn a_file_that_is_not_a_bag_is_refused_with_its_name_and_the_reason() {
     folder.file("empty.mcap", "");
     folder.file("cut.mcap", b"\x89MCAP0\r\n");
     for (path, says) in [
-        ("none", "none is not there"),
+        ("none", "none does not exist"),
         ("empty", "empty holds no .mcap file"),
         ("text.txt", "text.txt is not an MCAP file"),
         ("empty.mcap", "empty.mcap is empty (0 bytes)"),

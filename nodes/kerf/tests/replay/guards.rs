@@ -129,7 +129,7 @@ fn an_error_names_the_bag_however_it_is_called() {
     bag.write(&folder.path().join("b"), Form::OURS);
     for (bag, says) in [
         ("b", "b: the loader cannot be replayed: /program/chunks has no message"),
-        ("a", "kerf: a is not there"),
+        ("a", "kerf: a does not exist"),
     ] {
         let mut command = kerf();
         command.args(["replay", "whole", bag, "--level", "loader"]).current_dir(folder.path());

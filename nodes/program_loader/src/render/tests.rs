@@ -79,7 +79,6 @@ fn tabs_umlauts_and_columns_after_the_end_keep_the_carets_in_place() {
             error[syntax]: far after the end
              --> bracket.mpf:1:900
               |
-             ::: 
             1 |  G1 (über 漢) X--5
               |                   ^
 
@@ -102,7 +101,6 @@ fn long_lines_are_cut_around_the_finding() {
             error[bad_number]: `X--5` is not a number
              --> bracket.mpf:1:901
               |
-             ::: 
             1 | ... G1 G1 G1 G1 G1 G1 G1 G1 G1 G1 G1 G1 G1 X--5 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 M8 ...
               |                                            ^^^^
         "#]],

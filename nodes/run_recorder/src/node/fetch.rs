@@ -89,7 +89,7 @@ impl Sources {
         let mut fetched = FetchedTraffic::default();
         if !self.traffic.has_server() {
             // At a shutdown the driver may have stopped already: do not wait for it.
-            fetched.problem = Some("the driver is not there any more".into());
+            fetched.problem = Some("the driver no longer answers".into());
             return fetched;
         }
         let ranges = match (seen.first(), seen.last()) {

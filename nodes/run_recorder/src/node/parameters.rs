@@ -18,8 +18,12 @@ const KEEP_GB_MAX: i64 = 1_000_000;
 /// The node's parameters.
 pub(super) fn declared() -> Vec<Declared> {
     vec![
-        Declared::new("directory", "kerf-bags", "where the bags go, one directory a run")
-            .read_only(),
+        Declared::new(
+            "directory",
+            "kerf-bags",
+            "folder for bags; each run gets a directory of its own",
+        )
+        .read_only(),
         Declared::new(
             "extra_topics",
             ["/tf", "/tf_static", "/rosout", "/diagnostics", "/parameter_events"]
@@ -37,25 +41,21 @@ pub(super) fn declared() -> Vec<Declared> {
         Declared::new(
             "split_size_mb",
             0,
-            "size at which a bag goes on in another file, MB; 0: never; from the next run on",
+            "size at which a bag continues in another file, MB; 0: never; from the next run on",
         )
         .integer_within(0, SPLIT_SIZE_MB_MAX),
         Declared::new(
             "split_duration_s",
             0,
-            "time after which a bag goes on in another file, s; 0: never; from the next run on",
+            "time after which a bag continues in another file, s; 0: never; from the next run on",
         )
         .integer_within(0, SPLIT_DURATION_S_MAX),
-        Declared::new(
-            "keep_days",
-            0,
-            "days for which bags are kept that are not marked, d; 0: for ever",
-        )
-        .integer_within(0, KEEP_DAYS_MAX),
+        Declared::new("keep_days", 0, "days for which unmarked bags are kept; 0: for ever")
+            .integer_within(0, KEEP_DAYS_MAX),
         Declared::new(
             "keep_gb",
             0,
-            "space that bags may take that are not marked, GB; the oldest go; 0: any",
+            "space that unmarked bags may take, GB; the oldest are removed; 0: no limit",
         )
         .integer_within(0, KEEP_GB_MAX),
     ]

@@ -68,6 +68,6 @@ mod tests {
         live.set_guard(Box::new(|_| Err("not while the machine runs".to_owned())));
         assert_eq!(live.set(&feed(0.5)), Err("not while the machine runs".to_owned()));
         assert_eq!(live.get("limits.feed"), Some(1.5.into()));
-        assert!(live.set(&feed(9.0)).expect_err("range").contains("not within"));
+        assert!(live.set(&feed(9.0)).expect_err("range").contains("not between"));
     }
 }

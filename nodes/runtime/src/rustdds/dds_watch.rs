@@ -321,7 +321,7 @@ mod tests {
     fn a_request_that_is_not_taken_is_deafness_too() {
         let (look, reason) = looks(|_| ThreadState::Idle, |look| look.min(9)).expect("deaf");
         assert_eq!(look, 9 + u64::from(FAILED_CHECKS_MAX) + 1);
-        assert!(reason.contains("taken nothing"), "{reason}");
+        assert!(reason.contains("accepted nothing"), "{reason}");
     }
 
     #[test]

@@ -80,7 +80,7 @@ fn the_end_of_the_lead_off_is_no_longer_compensated() {
 fn single_block_can_be_switched_in_the_middle_of_a_run() {
     let mut bench = Bench::running(straight(60));
     let text = bench.ask(Command::SetSingleBlock(true)).unwrap();
-    assert!(text.contains("what has been sent is cut first"), "{text}");
+    assert!(text.contains("blocks that were sent already are cut first"), "{text}");
     let (first, x, ..) = stop(&mut bench);
     assert!(first > 3 && x == 10.0 * f64::from(first), "{first} at X{x}");
     bench.ask(Command::Resume).unwrap();

@@ -73,7 +73,7 @@ fn a_port_that_answers_garbage_is_named_and_unknown() {
     }
     let state = bench.state();
     assert_eq!(state.mode, Mode::Unknown);
-    assert!(state.reason.contains("no controller of the grbl family"), "{}", state.reason);
+    assert!(state.reason.contains("is not a grbl-class controller"), "{}", state.reason);
     assert!(state.reason.contains("check baud rate"), "{}", state.reason);
 }
 

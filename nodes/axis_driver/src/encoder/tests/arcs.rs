@@ -83,7 +83,7 @@ fn an_arc_that_would_take_too_many_lines_is_refused_with_their_number() {
     let spiral = element(shape, [120.0, 0.0, -10.0], Some(300.0), 4);
     let said = problem(path([100.0, 0.0, 0.0], vec![spiral]));
     assert!(said.starts_with("line 4: the arc from [100.0, 0.0, 0.0]"), "{said}");
-    assert!(said.contains("lines, and 100000 are the most: split it"), "{said}");
+    assert!(said.contains("lines; at most 100000 are sent: split it"), "{said}");
 }
 
 #[test]
