@@ -310,27 +310,23 @@ impl Frame {
         }
     }
 
-    /// Lines at round coordinates, about ten across, with their numbers.
+    /// Lines at round coordinates, about ten across, with their numbers: below the title and above
+    /// the legend.
     fn grid(&self, svg: &mut String, view: View) {
         let step = round_step(self.size[0].max(self.size[1]) / 10.0);
+        let min = [self.min[0], self.min[1] + 2.2 * self.text];
+        let size = [self.size[0], self.size[1] - 4.6 * self.text];
         for axis in 0..2 {
-            let first = (self.min[axis] / step).ceil() as i64;
-            let last = ((self.min[axis] + self.size[axis]) / step).floor() as i64;
+            let first = (min[axis] / step).ceil() as i64;
+            let last = ((min[axis] + size[axis]) / step).floor() as i64;
             for index in first..=last {
                 let at = index as f64 * step;
                 let class = if index == 0 { "axis" } else { "grid" };
                 let value = if axis == 0 || view.is_mirrored { at } else { -at } + 0.0;
                 let (line, x, y) = if axis == 0 {
-                    let top = self.min[1] + 2.2 * self.text;
-                    let height = self.size[1] - 4.6 * self.text;
-                    (format!("M{at:.6} {top:.6}v{height:.6}"), at, top + height)
+                    (format!("M{at:.6} {:.6}v{:.6}", min[1], size[1]), at, min[1] + size[1])
                 } else {
-                    let start = self.min[0];
-                    (
-                        format!("M{start:.6} {at:.6}h{:.6}", self.size[0]),
-                        start,
-                        at - 0.2 * self.text,
-                    )
+                    (format!("M{:.6} {at:.6}h{:.6}", min[0], size[0]), min[0], at - 0.2 * self.text)
                 };
                 let _ = writeln!(
                     svg,

@@ -124,7 +124,7 @@ fn a_bag_is_marked_and_info_says_so() {
     assert!(!info().contains("kept:"));
     said(&folder, &["bag", "mark", "run", "--unmark"]).expect(0).says(&["was not marked"]);
     for none in ["gone", "run/run_0.mcap", "."] {
-        said(&folder, &["bag", "mark", none]).expect(2).says(&["no folder with an .mcap file"]);
+        said(&folder, &["bag", "mark", none]).expect(2).says(&["not a folder with an .mcap file"]);
     }
     said(&folder, &["bag", "mark", "run", "--unmark", "--because", "x"]).expect(2);
 }

@@ -72,8 +72,12 @@ fn yaml_beyond_any_real_file_is_refused_before_it_is_parsed() {
     folder.file("wide.yaml", "? ".repeat(4_000_000));
     folder.file("tokens.yaml", "? ".repeat(1_000_000));
     for (flag, file, says) in [
-        ("--control", "./deep.yaml", "./deep.yaml:1:50: more than 48 lists and maps"),
-        ("--tools", "deep.yaml", "deep.yaml:1:50: more than 48 lists and maps"),
+        (
+            "--control",
+            "./deep.yaml",
+            "./deep.yaml:1:50: lists and maps are nested more than 48 deep",
+        ),
+        ("--tools", "deep.yaml", "deep.yaml:1:50: lists and maps are nested more than 48 deep"),
         ("--control", "./wide.yaml", "8000000 bytes; at most 4194304"),
         ("--tools", "wide.yaml", "8000000 bytes; at most 4194304"),
         ("--tools", "tokens.yaml", "lists and maps are nested"),
