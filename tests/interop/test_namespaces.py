@@ -21,7 +21,7 @@ def cell():
     left.stop(), right.stop()
 
 
-def test_what_one_machine_is_told_the_other_does_not_hear(cell):
+def test_a_command_to_one_machine_does_not_reach_the_other(cell):
     left, right = cell
     with left.node() as here, right.node() as there:
         received = [there.subscription('cnc_msgs/msg/Program', 'program', LATCHED),

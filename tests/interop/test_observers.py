@@ -75,7 +75,7 @@ def test_who_looks_at_the_log_later_sees_what_was_said_before(machine, node):
     assert line.stamp.sec > 0 and line.file and line.line
 
 
-def test_every_command_is_told_with_its_sender_and_its_answer(node):
+def test_every_command_is_published_with_its_sender_and_its_answer(node):
     commands = node.subscription('cnc_msgs/msg/Command', 'command_log', Qos(depth=100))
     settle(node, 'axis_driver')
     client = node.client('std_srvs/srv/Trigger', 'confirm_tool_change')

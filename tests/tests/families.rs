@@ -64,10 +64,10 @@ fn each_family_is_recognised_by_its_output() {
         (Firmware::FluidNc, firmware::Firmware::FluidNc, 15, 128, 127),
     ] {
         let line = connected(firmware);
-        let told = line.settings.clone().unwrap();
-        assert_eq!(told.firmware, family);
+        let settings = line.settings.clone().unwrap();
+        assert_eq!(settings.firmware, family);
         assert_eq!(
-            (told.planner_blocks, told.receive_bytes, told.window),
+            (settings.planner_blocks, settings.receive_bytes, settings.window),
             (planner_blocks, receive_bytes, window),
             "{firmware:?}"
         );

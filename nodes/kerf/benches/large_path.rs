@@ -84,16 +84,16 @@ fn main() {
         std::thread::sleep(Duration::from_millis(500));
         kill_process(pid, Signal::STOP).expect("it is there");
     });
-    let beside = load_and_plan(&machine, elements + 1);
+    let with_subscriber = load_and_plan(&machine, elements + 1);
     stopping.join().expect("it only waits");
-    println!("\nwith a stopped subscriber: {:.1} s", beside.as_secs_f64());
+    println!("\nwith a stopped subscriber: {:.1} s", with_subscriber.as_secs_f64());
     memory("with it");
     // The last chunk has gone out on the topic; nobody received it.
     std::thread::sleep(Duration::from_millis(elements as u64 / 30));
     memory("after the topic");
     let _ = listener.kill();
     let _ = listener.wait();
-    let slower = beside.as_secs_f64() / alone.as_secs_f64();
+    let slower = with_subscriber.as_secs_f64() / alone.as_secs_f64();
     assert!(arguments.is_test() || slower < SLOWER_MAX, "{slower:.2} times as long");
 }
 

@@ -155,7 +155,7 @@ fn until(events: &Receiver<Event>, within: Duration, is_it: impl Fn(&Event) -> b
 fn sent(entries: &[Entry]) -> (usize, Sent) {
     let (mut lines, mut line) = (Sent::new(), Vec::new());
     let (mut under_way, mut window) = (VecDeque::new(), 0);
-    let mut heard = Vec::new();
+    let mut received = Vec::new();
     for entry in entries {
         match entry.kind {
             EntryKind::Tx => {
@@ -174,12 +174,12 @@ fn sent(entries: &[Entry]) -> (usize, Sent) {
             }
             EntryKind::Rx => {
                 for &byte in &entry.data {
-                    heard.push(byte);
+                    received.push(byte);
                     if byte == b'\n' {
-                        if heard == b"ok\r\n" {
+                        if received == b"ok\r\n" {
                             under_way.pop_front();
                         }
-                        heard.clear();
+                        received.clear();
                     }
                 }
             }

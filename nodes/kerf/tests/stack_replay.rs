@@ -151,7 +151,7 @@ fn what_is_missing_or_cannot_be_played_is_named() {
     replayed(&[&none]).expect(2).says(&["cnc_msgs/msg/Program ", &none]);
 
     // What the controller says in the middle of the run.
-    for (heard, says) in [
+    for (received, says) in [
         ("ALARM:1\r\n", "the bag holds an ALARM:1 at line "),
         ("error:20\r\n", "the bag holds an error:20 of the controller at line "),
         ("<Door:0|MPos:0,0,0|FS:0,0>\r\n", "the bag holds an opened door at line "),
@@ -163,7 +163,7 @@ fn what_is_missing_or_cannot_be_played_is_named() {
         let altered = altered(&folder, |bag| {
             bag.change(|traffic: &mut ControllerTraffic| {
                 for entry in traffic.entries.iter_mut().filter(|entry| report(entry)) {
-                    entry.data = heard.into();
+                    entry.data = received.into();
                 }
                 true
             });

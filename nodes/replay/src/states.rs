@@ -267,8 +267,8 @@ fn jump_ns(batches: &[Batch]) -> i64 {
     /// Transport takes less than this.
     const JUMP_NS: u64 = 1_000_000_000;
     let first = batches.iter().find(|batch| batch.is_live());
-    let behind_ns = first.map_or(0, |batch| batch.logged_ns.saturating_sub(batch.newest_ns));
-    if behind_ns.unsigned_abs() > JUMP_NS { behind_ns } else { 0 }
+    let delay_ns = first.map_or(0, |batch| batch.logged_ns.saturating_sub(batch.newest_ns));
+    if delay_ns.unsigned_abs() > JUMP_NS { delay_ns } else { 0 }
 }
 
 /// `HOLD "FEED_HOLD"`.

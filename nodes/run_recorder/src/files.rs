@@ -113,7 +113,7 @@ pub(crate) fn files_of(directory: &Path) -> Result<(Vec<PathBuf>, Vec<Problem>),
     }
     if !files.is_empty() {
         // Other files in the directory; if no named file exists, all may be meant.
-        there.retain(|file| !files.contains(file) && is_part_beside(file, &files));
+        there.retain(|file| !files.contains(file) && is_other_part(file, &files));
     }
     if files.is_empty() && there.is_empty() {
         return Err(BagError::MissingFile { directory: name, file: missing.swap_remove(0) });
@@ -132,7 +132,7 @@ pub(crate) fn files_of(directory: &Path) -> Result<(Vec<PathBuf>, Vec<Problem>),
 }
 
 /// Whether the name of a file is that of another part of the same bag.
-fn is_part_beside(file: &Path, files: &[PathBuf]) -> bool {
+fn is_other_part(file: &Path, files: &[PathBuf]) -> bool {
     let bag_of = |path: &Path| {
         let stem = path.file_stem()?.to_str()?.to_owned();
         let (bag, number) = stem.rsplit_once('_')?;

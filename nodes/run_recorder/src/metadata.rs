@@ -207,8 +207,8 @@ impl Claims {
             }
             let names = files.iter().flat_map(|it| it.counts.keys());
             let names: std::collections::BTreeSet<_> = names.collect();
-            let is_told = |name: &str| topics.iter().any(|it| it.topic_metadata.name == name);
-            for name in names.into_iter().filter(|name| !is_told(name)) {
+            let is_listed = |name: &str| topics.iter().any(|it| it.topic_metadata.name == name);
+            for name in names.into_iter().filter(|name| !is_listed(name)) {
                 compare(&format!("messages on {name}"), Some(0), count_of(name));
             }
         }

@@ -130,11 +130,11 @@ fn a_finding_that_is_missing_is_found() {
     let profiles = profiles();
     let mut found = Found::default();
     for (program, mut verdict) in accepted(&profiles) {
-        let tells = |it: &Finding| {
+        let is_deep = |it: &Finding| {
             matches!(it.code, Code::Gouge | Code::LeadGouge | Code::LeadNick)
                 && it.depth_mm.is_some_and(|depth_mm| depth_mm > 0.01)
         };
-        if verdict.findings.iter().any(tells) {
+        if verdict.findings.iter().any(is_deep) {
             verdict.findings.clear();
             found.count(kinds(&program, &verdict).contains(&WrongKind::SilentCut));
         }

@@ -17,9 +17,9 @@ pub(crate) struct Traits {
     /// Bytes that the receive buffer holds.
     pub(crate) size: usize,
     /// What `[OPT:]` reports of it.
-    pub(crate) told: Option<u16>,
+    pub(crate) reported_size: Option<u16>,
     /// Whether reports have the free buffer space.
-    pub(crate) tells_free: bool,
+    pub(crate) reports_free: bool,
     /// How long a block takes.
     pub(crate) block: Duration,
     /// It looks at its buffer this often.
@@ -194,7 +194,7 @@ impl Controller {
             (false, _) => "Run",
         };
         let mut text = format!("<{state}|MPos:0.000,0.000,0.000");
-        if self.traits.tells_free {
+        if self.traits.reports_free {
             let blocks = PLANNER_BLOCKS - self.planned;
             text += &format!("|Bf:{blocks},{}", self.traits.size - self.buffer.len());
         }
@@ -243,15 +243,15 @@ impl Traits {
         let ms = Duration::from_millis;
         let size = *random.of(&[80, 127, 128, 254, 1023]);
         // grbl reports its capacity, grblHAL one more, FluidNC nothing.
-        let told = match random.below(3) {
+        let reported_size = match random.below(3) {
             0 if size >= 127 => None,
             1 => Some(size as u16 + 1),
             _ => Some(size as u16),
         };
         Self {
             size,
-            told,
-            tells_free: random.once_in(2),
+            reported_size,
+            reports_free: random.once_in(2),
             block: ms(*random.of(&[0, 1, 5, 20, 60])),
             turn: ms(*random.of(&[0, 0, 1, 7, 20])),
             reports_every: random.once_in(6).then(|| ms(*random.of(&[50, 200, 333]))),

@@ -45,7 +45,7 @@ struct Bench {
     now: Duration,
     is_open: bool,
     /// When the last bytes of a report came.
-    heard_at: Duration,
+    received_at: Duration,
     next_id: u64,
     succeeded: u64,
     story: Vec<String>,
@@ -71,7 +71,7 @@ pub(crate) fn check(random: &mut Random) -> Goals {
         paths: vec![Arc::new(path()), Arc::new(straight(40, 0.3))],
         now: Duration::ZERO,
         is_open: false,
-        heard_at: Duration::ZERO,
+        received_at: Duration::ZERO,
         next_id: 1,
         succeeded: 0,
         story: vec![format!("{firmware:?} {config:?}")],
@@ -151,8 +151,8 @@ impl Bench {
         let mode = self.driver.state(self.now).mode;
         if !self.is_open {
             assert!(matches!(mode, Mode::Disconnected | Mode::Unknown), "{mode:?} without a port");
-        } else if self.now > self.heard_at + SILENCE {
-            assert_ne!(mode, Mode::Idle, "nothing was received since {:?}", self.heard_at);
+        } else if self.now > self.received_at + SILENCE {
+            assert_ne!(mode, Mode::Idle, "nothing was received since {:?}", self.received_at);
         }
     }
 
@@ -163,7 +163,7 @@ impl Bench {
     fn open(&mut self, is_open: bool) {
         self.record(format!("open {is_open}"));
         self.is_open = is_open;
-        self.heard_at = self.now;
+        self.received_at = self.now;
         self.handle(match is_open {
             true => Input::PortOpened,
             false => Input::PortClosed { reason: "unplugged".into() },
@@ -180,7 +180,7 @@ impl Bench {
         self.controller.transmit(self.now, &mut bytes);
         if self.is_open && !bytes.is_empty() {
             if bytes.contains(&b'>') {
-                self.heard_at = self.now;
+                self.received_at = self.now;
             }
             self.handle(Input::Received(bytes));
         }

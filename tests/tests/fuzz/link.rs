@@ -113,7 +113,7 @@ pub(crate) fn check(random: &mut Random) -> Early {
         wants_resume: false,
         shown: format!("{traits:?} {config:?} {latency:?} {damage:?}"),
     };
-    bench.link.set_receive_bytes(traits.told);
+    bench.link.set_receive_bytes(traits.reported_size);
     let longest = *random.of(&[12, 25, 70]);
     let window = bench.link.window();
     let end = match damage {
@@ -133,8 +133,8 @@ pub(crate) fn check(random: &mut Random) -> Early {
     let was_noticed = bench.noticed.is_some();
     bench.drain(random);
     let is_early_possible = matches!(damage, Some((_, Damage::LostAnswer)))
-        && traits.tells_free
-        && traits.told.is_some()
+        && traits.reports_free
+        && traits.reported_size.is_some()
         && traits.reports_every.is_none()
         // Requests and reports are in step, since nothing was in transit for a while.
         && bench.first == 0
@@ -149,7 +149,7 @@ pub(crate) fn check(random: &mut Random) -> Early {
 }
 
 fn config(traits: &Traits, random: &mut Random) -> LinkConfig {
-    let configured = match traits.told {
+    let configured = match traits.reported_size {
         // A controller must not report a larger buffer than it has.
         None => random.once_in(2).then(|| 20 + random.below(traits.size - 19) as u16),
         Some(_) => random.once_in(4).then(|| 20 + random.below(2000) as u16),
@@ -197,9 +197,9 @@ impl Bench {
         let mut said = self.controller.take_output();
         self.spoil_back(&mut said, random);
         self.back.push(self.now, &said);
-        let heard = self.back.take(self.now);
-        if !heard.is_empty() {
-            self.link.receive(self.now, &heard);
+        let received = self.back.take(self.now);
+        if !received.is_empty() {
+            self.link.receive(self.now, &received);
         }
         self.link.handle_time(self.now);
         while let Some(event) = self.link.poll_event() {

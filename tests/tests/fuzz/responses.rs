@@ -215,8 +215,8 @@ fn receive(bytes: &[u8], random: &mut Random) -> Received {
             link.send_line("G1X1", LineKind::Silent, ());
         }
         let line = rest.iter().position(|byte| *byte == b'\n').map_or(rest.len(), |at| at + 1);
-        let (piece, behind) = rest.split_at(line.min(1 + random.below(64)));
-        rest = behind;
+        let (piece, after) = rest.split_at(line.min(1 + random.below(64)));
+        rest = after;
         link.receive(now, piece);
         while let Some(event) = link.poll_event() {
             match event {

@@ -43,7 +43,7 @@ impl Books {
         if let (Some(first), Some(last)) = (first, last) {
             books.missing = last - first + 1 - entries.len() as u64;
         }
-        let (mut sent, mut heard) = (Vec::new(), Vec::new());
+        let (mut sent, mut received) = (Vec::new(), Vec::new());
         let mut at = [0, 0];
         for entry in entries.into_values() {
             books.bytes += ENTRY_BYTES + entry.data.len();
@@ -57,7 +57,7 @@ impl Books {
                     });
                 }
                 TrafficEntry::KIND_RECEIVED => {
-                    each_line(&mut heard, entry.data.into_iter(), |line| match line.trim() {
+                    each_line(&mut received, entry.data.into_iter(), |line| match line.trim() {
                         "ok" => books.oks += 1,
                         line if line.starts_with("error:") => books.errors += 1,
                         _ => {}

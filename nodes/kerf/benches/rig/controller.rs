@@ -41,12 +41,12 @@ impl InThread {
         let folder = tempfile::tempdir().expect("a folder for the report");
         let report = Some(folder.path().join(REPORT));
         let (stop, stopped) = stop_pair().expect("a pipe");
-        let (tell, port) = sync_channel(1);
+        let (port_sender, port) = sync_channel(1);
         let serving = move || {
             let options = ServeOptions { report, ..ServeOptions::new(build) };
             let ready = |path: &Path| {
                 // Only the first call is waited for.
-                let _ = tell.try_send(path.to_owned());
+                let _ = port_sender.try_send(path.to_owned());
                 Ok(())
             };
             serve(options, &stopped, ready).expect("a pseudo-terminal");

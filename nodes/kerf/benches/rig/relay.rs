@@ -28,7 +28,7 @@ pub(crate) struct Hold {
     /// When it was read from the driver.
     pub(crate) at: Instant,
     /// How long the bytes written before it still take on the line.
-    pub(crate) behind: Duration,
+    pub(crate) queued: Duration,
     /// The number of these bytes, a partly sent one included.
     pub(crate) bytes: usize,
 }
@@ -58,7 +58,7 @@ impl Relay {
             .expect("it need not wait");
         let controller = open(controller, flags, Mode::empty()).expect("the controller's port");
         make_raw(&controller);
-        let (tell, holds) = channel();
+        let (sender, holds) = channel();
         let is_over = Arc::new(AtomicBool::new(false));
         let over = Arc::clone(&is_over);
         let ends = Ends {
@@ -66,7 +66,7 @@ impl Relay {
             _slave: slave,
             controller,
             line: Busy { byte: Duration::from_secs(10) / baud, until: Instant::now() },
-            tell,
+            hold_sender: sender,
         };
         let thread = std::thread::Builder::new().name("relay".into());
         let thread = thread.spawn(move || ends.run(&over)).expect("a thread");
@@ -104,9 +104,9 @@ impl Busy {
     }
 
     fn hold(&self, now: Instant) -> Hold {
-        let behind = self.until.saturating_duration_since(now);
-        let bytes = behind.as_nanos().div_ceil(self.byte.as_nanos());
-        Hold { at: now, behind, bytes: usize::try_from(bytes).expect("a line holds little") }
+        let queued = self.until.saturating_duration_since(now);
+        let bytes = queued.as_nanos().div_ceil(self.byte.as_nanos());
+        Hold { at: now, queued, bytes: usize::try_from(bytes).expect("a line holds little") }
     }
 }
 
@@ -115,7 +115,7 @@ struct Ends {
     _slave: OwnedFd,
     controller: OwnedFd,
     line: Busy,
-    tell: Sender<Hold>,
+    hold_sender: Sender<Hold>,
 }
 
 impl Ends {
@@ -137,7 +137,7 @@ impl Ends {
             if let Some(at) = hold {
                 self.line.write(now, at);
                 // The receiver is gone: the bench is done.
-                let _ = self.tell.send(self.line.hold(now));
+                let _ = self.hold_sender.send(self.line.hold(now));
             }
             self.line.write(now, count - hold.unwrap_or(0));
             write(&self.controller, bytes);

@@ -200,8 +200,8 @@ fn what_does_not_fit_is_trimmed_on_demand() {
     };
     plan(&[], 1);
     plan(&["--interference", "ignore"], 0);
-    let told = plan(&["--interference", "trim"], 0);
-    assert!(told.out.contains("stay uncut in 1 place"), "{}", told.out);
+    let trimmed = plan(&["--interference", "trim"], 0);
+    assert!(trimmed.out.contains("stay uncut in 1 place"), "{}", trimmed.out);
     let report = plan(&["--interference", "trim", "--json", "--svg", "slot.svg"], 0);
     let report: Value = serde_json::from_str(&report.out).unwrap();
     let region = &report["uncut"][0];
@@ -215,13 +215,13 @@ fn what_does_not_fit_is_trimmed_on_demand() {
     let picture = std::fs::read_to_string(folder.path().join("slot.svg")).unwrap();
     assert!(picture.contains("class=\"uncut\""), "{picture}");
     // The last word of the legend is within the picture.
-    let behind = |what: &str| picture.split_once(what).expect(what).1;
+    let after = |what: &str| picture.split_once(what).expect(what).1;
     let number = |text: &str| text.split(['"', ' ']).next().and_then(|word| word.parse().ok());
     let view: Vec<f64> =
-        behind("viewBox=\"").split(['"', ' ']).take(4).map(|n| n.parse().unwrap()).collect();
+        after("viewBox=\"").split(['"', ' ']).take(4).map(|n| n.parse().unwrap()).collect();
     let word = picture.rsplit_once(">uncut</text>").expect("the legend").0;
     let at: f64 = number(word.rsplit_once("<text x=\"").expect("its place").1).expect("a number");
-    let line: f64 = number(behind("font:").split("px").next().unwrap()).expect("a number");
+    let line: f64 = number(after("font:").split("px").next().unwrap()).expect("a number");
     assert!(at + 5.0 * 0.55 * line < view[0] + view[2], "{at} {line} {view:?}");
     plan(&["--interference", "maybe"], 2);
 }

@@ -23,8 +23,8 @@ fn stops_for_good(cell: &Cell, trouble: Trouble, error_code: u16, says: &str) ->
     assert_eq!(held.line, result.last_line, "{trouble:?}");
     cell.refuses_to_run("soft_reset");
     assert!(cell.commander.press("resume").is_err(), "{trouble:?}");
-    let told = cell.sent_after_hold(moment);
-    assert_eq!(told, "", "{trouble:?}: nothing but a hold");
+    let sent = cell.sent_after_hold(moment);
+    assert_eq!(sent, "", "{trouble:?}: nothing but a hold");
     // It may have reached its end before; it is never reported as ready.
     let states = cell.commander.states_since(moment.states);
     let idle =
@@ -54,8 +54,8 @@ fn a_cancel_holds_and_resets_when_the_machine_is_at_rest() {
     let passed = cell.wire.passed_since(moment.wire);
     let reset = passed.iter().position(|it| it.from == Writer::Driver && it.said.contains(&0x18));
     let before = passed[..reset.expect("a reset")].iter().rev();
-    let mut reports = before.filter(|it| it.heard.starts_with(b"<"));
-    assert!(reports.next().expect("a report").heard.starts_with(b"<Hold:0"));
+    let mut reports = before.filter(|it| it.arrived.starts_with(b"<"));
+    assert!(reports.next().expect("a report").arrived.starts_with(b"<Hold:0"));
     cell.runs_again();
 }
 
@@ -115,7 +115,7 @@ fn damage_from_the_controller_ends_the_run_in_a_hold() {
     stops_for_good(&cell, Trouble::HalveOk, PROTOCOL, "damaged");
     stops_for_good(&cell, Trouble::BeheadReport, PROTOCOL, "damaged");
     let bytes = b"\xf0\x9f\x00o\xffk\xfe~\x18!Grbl$X\r\n".to_vec();
-    stops_for_good(&cell, Trouble::Say { behind: "", bytes }, PROTOCOL, "damaged");
+    stops_for_good(&cell, Trouble::Say { after: "", bytes }, PROTOCOL, "damaged");
     cell.runs_again();
 }
 

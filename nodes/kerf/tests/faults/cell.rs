@@ -210,10 +210,10 @@ impl Cell {
     /// What the driver has written since then, after the first feed hold.
     #[track_caller]
     pub(crate) fn sent_after_hold(&self, moment: Moment) -> String {
-        let told = self.sent_since(moment);
+        let sent = self.sent_since(moment);
         // A hold that does not show in time is sent again.
-        let behind = told.split_once('!').map(|(_, behind)| behind.trim_start_matches('!'));
-        behind.unwrap_or_else(|| panic!("no hold in {told:?}")).to_owned()
+        let after = sent.split_once('!').map(|(_, after)| after.trim_start_matches('!'));
+        after.unwrap_or_else(|| panic!("no hold in {sent:?}")).to_owned()
     }
 
     /// The states since then, each mode once.
@@ -229,8 +229,8 @@ impl Cell {
     pub(crate) fn place(&self) -> [f64; 2] {
         let passed = self.wire.passed_since(0).into_iter().rev();
         let mut reports = passed
-            .filter(|passed| passed.from == Writer::Controller && passed.heard.starts_with(b"<"));
-        let report = reports.next().expect("a report was received").heard;
+            .filter(|passed| passed.from == Writer::Controller && passed.arrived.starts_with(b"<"));
+        let report = reports.next().expect("a report was received").arrived;
         let report = String::from_utf8_lossy(&report).into_owned();
         let place = report.split_once("MPos:").expect("a position").1;
         let mut axes = place.split([',', '|', '>']).map(|axis| axis.parse::<f64>());
@@ -251,8 +251,8 @@ impl Cell {
     /// Fails unless this names a line of the program and shows its text.
     #[track_caller]
     pub(crate) fn names_its_block(&self, message: &str) {
-        let behind = message.split_once("line ").map(|(_, behind)| behind);
-        let number = behind.and_then(|text| text.split(|c: char| !c.is_ascii_digit()).next());
+        let after = message.split_once("line ").map(|(_, after)| after);
+        let number = after.and_then(|text| text.split(|c: char| !c.is_ascii_digit()).next());
         let line = number.and_then(|number| number.parse::<usize>().ok());
         let text = self.program.text();
         let block = line.and_then(|line| text.lines().nth(line - 1));

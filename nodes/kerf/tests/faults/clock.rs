@@ -111,8 +111,8 @@ fn a_run_continues_when_the_wall_clock_jumps_by_hours() {
     assert!(modes.iter().all(|mode| ["RUN", "IDLE"].contains(mode)), "{modes:?}");
     let ages = cell.commander.states_since(moment.states).into_iter().map(|it| it.link_age);
     assert!(ages.into_iter().all(|age| (0.0..LATE as f64).contains(&age)));
-    let told = cell.sent_since(moment);
-    assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
+    let sent = cell.sent_since(moment);
+    assert!(!sent.contains(['!', '~']) && !sent.contains("\\x18"), "{sent}");
     // Its record is whole, and is reproduced.
     let bag = cell.machine.until_bags(1).remove(0);
     let bag = bag.to_str().expect("UTF-8");

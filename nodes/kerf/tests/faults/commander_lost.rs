@@ -81,8 +81,8 @@ fn goes_on(cell: &Cell, moment: Moment) {
     // 80 lines a second.
     cell.commander.until("the run to continue", |state| state.line > line + 200);
     assert_eq!(cell.modes_since(moment), ["RUN"]);
-    let told = cell.sent_since(moment);
-    assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
+    let sent = cell.sent_since(moment);
+    assert!(!sent.contains(['!', '~']) && !sent.contains("\\x18"), "{sent}");
     cell.commander.cancel();
     cell.until_ready();
 }

@@ -41,9 +41,9 @@ fn a_controller_that_starts_anew_in_a_run_has_to_be_homed() {
     let passed = cell.wire.passed_since(moment.wire);
     let is_banner = |said: &[u8]| said.starts_with(b"Grbl ");
     let banner = passed.iter().position(|it| it.from == Writer::Controller && is_banner(&it.said));
-    let behind = moment.wire + banner.expect("a start message");
-    let told = cell.wire.sent_since(behind);
-    let (crossed, questions) = told.split_at(told.find("$I").expect("a question"));
+    let after_banner = moment.wire + banner.expect("a start message");
+    let sent = cell.wire.sent_since(after_banner);
+    let (crossed, questions) = sent.split_at(sent.find("$I").expect("a question"));
     assert_eq!(questions, "$I\\n$$\\n$G\\n$#\\n");
     let lines = crossed.matches("\\n").count();
     assert!(lines <= CROSSING_LINES_MAX, "{crossed}");
@@ -65,8 +65,8 @@ fn a_controller_without_switches_that_starts_anew_in_a_run_waits_for_the_operato
     let waits = cell.commander.until("a machine that waits", |state| state.needs_reset);
     assert!(waits.reason.contains("soft_reset") && !waits.is_homed, "{waits:?}");
     cell.refuses_to_run("soft_reset");
-    let told = cell.sent_since(moment);
-    assert!(told.ends_with("$I\\n$$\\n$G\\n$#\\n") && !told.contains(['!', '~']), "{told}");
+    let sent = cell.sent_since(moment);
+    assert!(sent.ends_with("$I\\n$$\\n$G\\n$#\\n") && !sent.contains(['!', '~']), "{sent}");
     cell.commander.press("soft_reset").expect("the operator has looked");
     cell.runs_again();
 }
@@ -78,7 +78,7 @@ fn an_answer_that_crosses_with_a_start_message_is_of_an_earlier_life() {
     let run = cell.run_into_the_midst();
     let moment = cell.moment();
     let bytes = b"error:9\r\n".to_vec();
-    cell.wire.trouble(Trouble::Say { behind: "Grbl ", bytes });
+    cell.wire.trouble(Trouble::Say { after: "Grbl ", bytes });
     cell.controller.inject("reset");
     let result = cell.result(run);
     assert_eq!(result.error_code, RunProgramResult::RESTARTED, "{result:?}");

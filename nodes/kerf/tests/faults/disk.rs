@@ -63,8 +63,8 @@ fn a_run_continues_when_the_disk_of_the_recorder_is_full() {
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_SUCCEEDED, "{result:?}");
     assert_eq!(cell.place(), [-100.0, -80.0], "the end of the program");
-    let told = cell.sent_since(moment);
-    assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
+    let sent = cell.sent_since(moment);
+    assert!(!sent.contains(['!', '~']) && !sent.contains("\\x18"), "{sent}");
     // The recording is not reported as complete afterwards.
     let last = until("the end of the record", || {
         cell.commander.recording().filter(|recording| !recording.is_recording)
@@ -143,6 +143,6 @@ fn where_a_record_is_required_no_run_begins_without_a_recorder() {
     kill_at_once(cell.machine.node("run_recorder"));
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_SUCCEEDED, "{result:?}");
-    let told = cell.sent_since(moment);
-    assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
+    let sent = cell.sent_since(moment);
+    assert!(!sent.contains(['!', '~']) && !sent.contains("\\x18"), "{sent}");
 }

@@ -56,10 +56,10 @@ fn deactivating_the_driver_in_a_run_holds_first_and_then_refuses() {
     assert!(driver.set("deactivate"));
     // It is answered when the machine is at rest and the goal has ended.
     assert_eq!(driver.state(), "inactive");
-    let told = cell.sent_since(moment);
-    let behind = cell.sent_after_hold(moment);
-    let reset = behind.find("\\x18").unwrap_or_else(|| panic!("no reset in {told:?}"));
-    assert!(!behind[..reset].contains(['X', 'Y', '~']), "no line after the hold: {told:?}");
+    let sent = cell.sent_since(moment);
+    let after_hold = cell.sent_after_hold(moment);
+    let reset = after_hold.find("\\x18").unwrap_or_else(|| panic!("no reset in {sent:?}"));
+    assert!(!after_hold[..reset].contains(['X', 'Y', '~']), "no line after the hold: {sent:?}");
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_ABORTED, "{result:?}");
     assert_eq!(result.error_code, RunProgramResult::NOT_ACTIVE, "{result:?}");

@@ -21,8 +21,8 @@ fn a_run_continues_to_its_end_when_loader_planner_and_recorder_die() {
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_SUCCEEDED, "{result:?}");
     assert!(result.last_line > died.line, "{result:?}");
     assert_eq!(cell.place(), [-100.0, -88.0], "the end of the program");
-    let told = cell.sent_since(moment);
-    assert!(!told.contains(['!', '~']) && !told.contains("\\x18"), "{told}");
+    let sent = cell.sent_since(moment);
+    assert!(!sent.contains(['!', '~']) && !sent.contains("\\x18"), "{sent}");
     assert_eq!(cell.modes_since(moment)[0], "RUN");
     for name in nodes {
         until(name, || cell.machine.log().contains(&format!("{name} ended")).then_some(()));

@@ -49,7 +49,7 @@ fn listen_if_told_to() {
     let (domain, namespace) = role.split_once(' ').expect("two words");
     let listener = Stranger::join_as("listener", domain, namespace);
     let client = listener.inside(|node| {
-        macro_rules! hear {
+        macro_rules! subscribe {
             ($($kind:ty: $topic:literal),*) => {
                 $({
                     let mut messages =
@@ -62,7 +62,7 @@ fn listen_if_told_to() {
                 })*
             };
         }
-        hear!(
+        subscribe!(
             MachineState: "machine_state",
             ControllerTraffic: "controller_traffic",
             JointState: "joint_states",

@@ -33,14 +33,14 @@ struct Storm {
     topic: &'static str,
     messages: Vec<Vec<u8>>,
     /// Whether a node that cannot use it says so.
-    is_told: bool,
+    is_logged: bool,
 }
 
 fn storms() -> Vec<Storm> {
     let nan = Point { x: f64::NAN, y: 0.0, z: 0.0 };
     let string = [&[0, 1, 0, 0], &u32::MAX.to_le_bytes()[..], b"a text of 4 GB"].concat();
-    let storm = |topic, messages: Vec<Vec<u8>>| Storm { topic, messages, is_told: true };
-    let quiet = |topic, messages| Storm { topic, messages, is_told: false };
+    let storm = |topic, messages: Vec<Vec<u8>>| Storm { topic, messages, is_logged: true };
+    let quiet = |topic, messages| Storm { topic, messages, is_logged: false };
     let billion = CompensatedPath {
         program_id: "billion".into(),
         revision: 1,
@@ -98,12 +98,12 @@ impl Watch<'_> {
         let (mark, end) = (self.commander.mark(), Instant::now() + TIMEOUT);
         let mut sent = 0;
         // States of the driver itself: its endpoint is not ours.
-        let told = || {
+        let received = || {
             let states = self.commander.states_since(mark);
             states.iter().filter(|state| state.link_age > 0.0).count()
         };
-        while sent < STORM || told() < STATES {
-            assert!(Instant::now() < end, "{what}: {sent} sent, {} states received", told());
+        while sent < STORM || received() < STATES {
+            assert!(Instant::now() < end, "{what}: {sent} sent, {} states received", received());
             sent += send();
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -146,7 +146,7 @@ fn a_storm_on_any_topic_leaves_the_machine_its_state_and_one_line_in_the_log() {
             let batch = messages.by_ref().take(A_MILLISECOND as usize);
             batch.filter(|message| publisher.publish(message)).count() as u64
         });
-        if storm.is_told {
+        if storm.is_logged {
             senders.push((storm.topic, publisher.gid()));
         }
     }

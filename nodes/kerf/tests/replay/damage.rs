@@ -210,8 +210,8 @@ fn damage_outside_of_the_messages_is_reported_by_info_and_by_replay() {
             assert!([1, 2].contains(&said.status), "kind {kind} at {at}: {}", said.out);
             assert!(!said.out.contains("complete:    yes"), "kind {kind} at {at}: {}", said.out);
             let ran = replay(&path, &["--level", "loader"]);
-            let is_told = ran.status == 2 || ran.out.contains("remark: bag:");
-            assert!(is_told, "kind {kind} at {at}: {}{}", ran.out, ran.err);
+            let is_reported = ran.status == 2 || ran.out.contains("remark: bag:");
+            assert!(is_reported, "kind {kind} at {at}: {}{}", ran.out, ran.err);
             kinds.insert(kind);
         }
         at += 9 + length;

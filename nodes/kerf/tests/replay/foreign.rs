@@ -150,7 +150,7 @@ fn a_topic_with_two_channels_is_of_one_machine() {
     let count = bag.topics.len();
     // A restarted recorder announces its topics again.
     for mut topic in bag.topics.clone() {
-        topic.metadata.insert("told".into(), "again".into());
+        topic.metadata.insert("announced".into(), "again".into());
         bag.topics.push(topic);
     }
     let half = bag.messages.len() / 2;

@@ -14,8 +14,8 @@ fn report(bag: &Path, page: &Path) -> Ran {
 /// What a page shows.
 fn data(page: &Path) -> Value {
     let html = std::fs::read_to_string(page).expect("a page");
-    let (_, behind) = html.split_once("id=\"data\">").expect("the data");
-    let (data, _) = behind.split_once("</script>").expect("its end");
+    let (_, after) = html.split_once("id=\"data\">").expect("the data");
+    let (data, _) = after.split_once("</script>").expect("its end");
     serde_json::from_str(data).expect("JSON")
 }
 

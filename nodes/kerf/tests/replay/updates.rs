@@ -93,15 +93,15 @@ fn what_is_blessed_is_shown_and_reproduced_and_inputs_stay() {
             records
         };
         assert_eq!(without_counts(&before), without_counts(&after), "{what}");
-        let heard = |bag: &TestBag| -> Vec<wire::TrafficEntry> {
+        let received = |bag: &TestBag| -> Vec<wire::TrafficEntry> {
             let entries =
                 bag.all::<wire::ControllerTraffic>().into_iter().flat_map(|it| it.entries);
-            let heard = entries.filter(|it| it.kind != wire::TrafficEntry::KIND_TRANSMITTED);
-            let mut heard: Vec<_> = heard.collect();
-            heard.sort_by_key(|it| it.sequence);
-            heard
+            let entries = entries.filter(|it| it.kind != wire::TrafficEntry::KIND_TRANSMITTED);
+            let mut entries: Vec<_> = entries.collect();
+            entries.sort_by_key(|it| it.sequence);
+            entries
         };
-        assert!(heard(&before) == heard(&after), "{what}: the received bytes differ");
+        assert!(received(&before) == received(&after), "{what}: the received bytes differ");
         // Both files say the same, and once more there is nothing to do.
         let kept = content(&path);
         let yaml = String::from_utf8(kept["metadata.yaml"].clone()).expect("a text");
@@ -181,8 +181,8 @@ fn what_cannot_be_blessed_stays_as_it_was() {
         let before = content(&path);
         replay(&path, &["--update"]).expect(2).says(says);
         assert!(content(&path) == before, "a file is another one");
-        let beside = std::fs::read_dir(folder.path()).expect("a folder").count();
-        assert_eq!(beside, 1, "nothing is left next to the bag");
+        let files = std::fs::read_dir(folder.path()).expect("a folder").count();
+        assert_eq!(files, 1, "nothing is left next to the bag");
     }
 }
 

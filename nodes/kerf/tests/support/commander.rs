@@ -22,7 +22,7 @@ const BUTTONS: [&str; 5] = ["feed_hold", "resume", "soft_reset", "unlock", "conf
 
 /// All received messages, in order.
 #[derive(Debug, Default)]
-struct Heard {
+struct Received {
     states: Vec<MachineState>,
     recordings: Vec<Recording>,
     commands: Vec<Command>,
@@ -34,7 +34,7 @@ struct Heard {
 pub(crate) struct Commander {
     executor: tokio::runtime::Runtime,
     session: Option<Session>,
-    heard: Arc<Mutex<Heard>>,
+    received: Arc<Mutex<Received>>,
     buttons: BTreeMap<&'static str, Client<Trigger>>,
     runs: ActionClient<RunProgram>,
     homes: ActionClient<Home>,
@@ -76,14 +76,14 @@ impl Commander {
                 .expect("a domain and a namespace");
         let session = Session::start(configuration).expect("a node of our own");
         let node = session.handle().clone();
-        let heard = Arc::<Mutex<Heard>>::default();
-        listen(&node, &heard);
+        let received = Arc::<Mutex<Received>>::default();
+        listen(&node, &received);
         let buttons = BUTTONS.map(|name| (name, node.client::<Trigger>(name).expect("a client")));
         let runs = node.action_client("run_program").expect("a client");
         let homes = node.action_client("home").expect("a client");
         drop(inside);
         let buttons = BTreeMap::from(buttons);
-        Self { executor, session: Some(session), heard, buttons, runs, homes }
+        Self { executor, session: Some(session), received, buttons, runs, homes }
     }
 
     pub(crate) fn node(&self) -> &Handle {
@@ -95,40 +95,40 @@ impl Commander {
         self.executor.block_on(work)
     }
 
-    fn heard(&self) -> MutexGuard<'_, Heard> {
-        self.heard.lock().unwrap_or_else(PoisonError::into_inner)
+    fn received(&self) -> MutexGuard<'_, Received> {
+        self.received.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// States from here on are younger than this.
     pub(crate) fn mark(&self) -> usize {
-        self.heard().states.len()
+        self.received().states.len()
     }
 
     /// The states since then.
     pub(crate) fn states_since(&self, mark: usize) -> Vec<MachineState> {
-        self.heard().states[mark..].to_vec()
+        self.received().states[mark..].to_vec()
     }
 
     /// What is said of the machine now.
     pub(crate) fn state(&self) -> MachineState {
-        self.heard().states.last().expect("a state was received").clone()
+        self.received().states.last().expect("a state was received").clone()
     }
 
     /// Waits until the newest state is such a one.
     #[track_caller]
     pub(crate) fn until(&self, what: &str, is_so: impl Fn(&MachineState) -> bool) -> MachineState {
-        let last = || self.heard().states.last().cloned();
-        let mut told = None;
+        let last = || self.received().states.last().cloned();
+        let mut newest = None;
         let end = Instant::now() + TIMEOUT;
         while Instant::now() < end {
-            told = last();
-            if let Some(state) = told.as_ref().filter(|state| is_so(state)) {
+            newest = last();
+            if let Some(state) = newest.as_ref().filter(|state| is_so(state)) {
                 return state.clone();
             }
             std::thread::sleep(Duration::from_millis(5));
         }
-        let told = told.map(|state| describe(&state));
-        panic!("{what}: not within {} s; the last was {told:?}", TIMEOUT.as_secs());
+        let newest = newest.map(|state| describe(&state));
+        panic!("{what}: not within {} s; the last was {newest:?}", TIMEOUT.as_secs());
     }
 
     /// Waits for this mode.
@@ -148,8 +148,8 @@ impl Commander {
     pub(crate) fn until_part_health(&self, part: &str, level: u8, words: &str) {
         let name = format!("axis_driver: {part}");
         let newest = || -> Option<DiagnosticStatus> {
-            let heard = self.heard();
-            let mut all = heard.findings.iter().rev().flat_map(|array| &array.status);
+            let received = self.received();
+            let mut all = received.findings.iter().rev().flat_map(|array| &array.status);
             all.find(|status| status.name.ends_with(&name)).cloned()
         };
         let is_so = |it: &DiagnosticStatus| it.level == level && it.message.contains(words);
@@ -162,7 +162,7 @@ impl Commander {
 
     /// What the recorder says now.
     pub(crate) fn recording(&self) -> Option<Recording> {
-        self.heard().recordings.last().cloned()
+        self.received().recordings.last().cloned()
     }
 
     /// Presses a button; the error is why the driver refuses.
@@ -185,7 +185,7 @@ impl Commander {
 
     /// Begins a run of what is loaded; the error is why the driver refuses.
     pub(crate) fn run(&self) -> Result<Running, String> {
-        let known = self.heard().commands.len();
+        let known = self.received().commands.len();
         match self.wait(self.runs.send_goal(RunProgramGoal::default())) {
             Ok(goal) => Ok(Running {
                 goal: goal.id(),
@@ -195,8 +195,8 @@ impl Commander {
                 }),
             }),
             Err(GoalError::Rejected { .. }) => Err(until("the reason", || {
-                let heard = self.heard();
-                let mut refused = heard.commands[known..].iter().filter(|command| {
+                let received = self.received();
+                let mut refused = received.commands[known..].iter().filter(|command| {
                     command.endpoint.ends_with("run_program") && !command.success
                 });
                 refused.next_back().map(|command| command.message.clone())
@@ -214,8 +214,8 @@ impl Commander {
     pub(crate) fn result(&self, run: Running) -> Result<RunProgramResult, String> {
         let result = self.wait(run.result).expect("the task only waits")?;
         let said = until("the end of the run on run_result", || {
-            let heard = self.heard();
-            heard.results.iter().find(|it| it.goal_id.uuid == run.goal.0).cloned()
+            let received = self.received();
+            received.results.iter().find(|it| it.goal_id.uuid == run.goal.0).cloned()
         });
         let RunResult { outcome, error_code, message, last_line, .. } = said;
         assert_eq!(RunProgramResult { outcome, error_code, message, last_line }, result);
@@ -251,15 +251,15 @@ impl std::fmt::Debug for Commander {
     }
 }
 
-fn listen(node: &Handle, heard: &Arc<Mutex<Heard>>) {
+fn listen(node: &Handle, received: &Arc<Mutex<Received>>) {
     macro_rules! keep {
         ($topic:literal, $qos:expr, $list:ident) => {
             let mut messages = node.subscription($topic, $qos.with_depth(1000)).expect($topic);
-            let heard = Arc::clone(heard);
+            let received = Arc::clone(received);
             node.spawn($topic, async move {
                 loop {
                     let (message, _) = messages.next().await;
-                    heard.lock().unwrap_or_else(PoisonError::into_inner).$list.push(message);
+                    received.lock().unwrap_or_else(PoisonError::into_inner).$list.push(message);
                 }
             });
         };

@@ -36,7 +36,7 @@ pub(crate) struct Passed {
     /// What was written.
     pub(crate) said: Vec<u8>,
     /// What of it arrived.
-    pub(crate) heard: Vec<u8>,
+    pub(crate) arrived: Vec<u8>,
 }
 
 /// What is to become of the cable.
@@ -134,7 +134,7 @@ impl Wire {
     pub(crate) fn received_since(&self, mark: usize) -> String {
         let passed = self.passed_since(mark).into_iter();
         let bytes =
-            passed.filter(|passed| passed.from == Writer::Controller).flat_map(|it| it.heard);
+            passed.filter(|passed| passed.from == Writer::Controller).flat_map(|it| it.arrived);
         String::from_utf8_lossy(&bytes.collect::<Vec<_>>()).into_owned()
     }
 

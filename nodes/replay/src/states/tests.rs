@@ -60,8 +60,8 @@ fn runs_received_to_their_end() -> Vec<(String, States)> {
     let mut runs = golden_runs();
     runs.retain(|(_, States { published, made, span, .. })| {
         let is_made = made.last().is_some_and(|it| it.at_ns + LATE_NS <= span.last_received_ns);
-        let is_told = published.iter().all(|it| it.report_ns <= span.end_ns);
-        is_made && is_told
+        let is_published = published.iter().all(|it| it.report_ns <= span.end_ns);
+        is_made && is_published
     });
     assert!(runs.len() >= 10, "{} golden runs are left", runs.len());
     runs

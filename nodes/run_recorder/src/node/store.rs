@@ -18,7 +18,7 @@ use std::path::Path;
 /// Publishers of a latched topic whose newest sample is kept, at most.
 const PUBLISHERS_MAX: usize = 32;
 /// Publishers of a topic whose newest number is known, at most.
-const HEARD_MAX: usize = 256;
+const SAMPLES_MAX: usize = 256;
 
 #[derive(Debug)]
 struct Topic {
@@ -27,7 +27,7 @@ struct Topic {
     /// Of latched topics: the newest of each publisher.
     newest: BTreeMap<[u8; 16], KeptSample>,
     /// The newest sample of each publisher.
-    heard: BTreeMap<[u8; 16], NewestSample>,
+    samples: BTreeMap<[u8; 16], NewestSample>,
 }
 
 /// The number and log time of a publisher's newest sample.
@@ -43,13 +43,13 @@ impl Topic {
     ///
     /// Samples come in the order of their numbers. A sample that had to be resent arrived after
     /// those that follow it, and they are logged no earlier than it.
-    fn hear(&mut self, kept: &mut KeptSample) {
+    fn order(&mut self, kept: &mut KeptSample) {
         let KeptSample { publisher, sequence, .. } = *kept;
-        if self.heard.len() >= HEARD_MAX && !self.heard.contains_key(&publisher) {
-            self.heard.pop_first();
+        if self.samples.len() >= SAMPLES_MAX && !self.samples.contains_key(&publisher) {
+            self.samples.pop_first();
         }
         let newest = NewestSample { sequence, log_time_ns: kept.log_time_ns };
-        let newest = self.heard.entry(publisher).or_insert(newest);
+        let newest = self.samples.entry(publisher).or_insert(newest);
         let missed = sequence.saturating_sub(newest.sequence).saturating_sub(1);
         // A publisher with impossible numbers counts as missing nothing.
         kept.missed_before = u32::try_from(missed).unwrap_or(0);
@@ -77,7 +77,7 @@ impl Store {
             spec,
             is_latched,
             newest: BTreeMap::new(),
-            heard: BTreeMap::new(),
+            samples: BTreeMap::new(),
         });
         self.topics.len() - 1
     }
@@ -88,7 +88,7 @@ impl Store {
         let mut kept = KeptSample::new(sample);
         let publisher = kept.publisher;
         let topic = &mut self.topics[index];
-        topic.hear(&mut kept);
+        topic.order(&mut kept);
         let mut followed = None;
         if topic.is_latched {
             if topic.newest.len() >= PUBLISHERS_MAX && !topic.newest.contains_key(&publisher) {
@@ -421,7 +421,7 @@ mod tests {
                 publish_time_ns: 0,
                 bytes: Vec::new(),
             };
-            store.topics[index].hear(&mut kept);
+            store.topics[index].order(&mut kept);
             let found = (kept.missed_before, kept.log_time_ns);
             assert_eq!(found, (missed, logged), "{publisher:?} {sequence}");
         }

@@ -191,28 +191,28 @@ impl Ends {
         let fits = |trouble: &Trouble| match trouble {
             Trouble::LoseOk | Trouble::DoubleOk | Trouble::HalveOk => is_ok,
             Trouble::BeheadReport => is_report,
-            Trouble::Say { behind, .. } => said.starts_with(behind.as_bytes()),
+            Trouble::Say { after, .. } => said.starts_with(after.as_bytes()),
             _ => false,
         };
-        let mut heard = said.clone();
+        let mut arrived = said.clone();
         // What was asked for first happens first.
         let first = line.troubles.iter().position(Trouble::is_to_driver);
         if let Some(index) = first.filter(|index| fits(&line.troubles[*index]))
             && let Some(trouble) = line.troubles.remove(index)
         {
             match trouble {
-                Trouble::LoseOk => heard.clear(),
-                Trouble::DoubleOk => heard.extend_from_slice(&said),
-                Trouble::Say { bytes, .. } => heard.extend(bytes),
+                Trouble::LoseOk => arrived.clear(),
+                Trouble::DoubleOk => arrived.extend_from_slice(&said),
+                Trouble::Say { bytes, .. } => arrived.extend(bytes),
                 // A letter of an answer, the beginning of a report.
-                _ => drop(heard.remove(0)),
+                _ => drop(arrived.remove(0)),
             }
         }
         if line.is_mute || self.boots_until.is_some() || self.port.is_none() {
-            heard.clear();
+            arrived.clear();
         }
-        self.to_driver.extend_from_slice(&heard);
-        line.log.push(Passed { from: Writer::Controller, said, heard });
+        self.to_driver.extend_from_slice(&arrived);
+        line.log.push(Passed { from: Writer::Controller, said, arrived });
     }
 
     fn read_driver(&mut self) {
@@ -221,7 +221,7 @@ impl Ends {
         if said.is_empty() {
             return;
         }
-        let mut heard = Vec::new();
+        let mut arrived = Vec::new();
         let mut is_pulled = false;
         for &byte in &said {
             let is_lost = self.is_lost(byte, &mut is_pulled);
@@ -229,12 +229,12 @@ impl Ends {
                 break;
             }
             if !is_lost && self.boots_until.is_none() {
-                heard.push(byte);
+                arrived.push(byte);
             }
         }
-        self.to_controller.extend_from_slice(&heard);
+        self.to_controller.extend_from_slice(&arrived);
         let mut line = self.line.lock().unwrap_or_else(PoisonError::into_inner);
-        line.log.push(Passed { from: Writer::Driver, said, heard });
+        line.log.push(Passed { from: Writer::Driver, said, arrived });
         drop(line);
         if is_pulled {
             self.pull();

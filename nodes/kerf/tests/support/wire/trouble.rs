@@ -13,7 +13,7 @@ pub(crate) enum Trouble {
     BeheadReport,
     /// After the next line of the controller that begins so, these bytes arrive, which it
     /// never said.
-    Say { behind: &'static str, bytes: Vec<u8> },
+    Say { after: &'static str, bytes: Vec<u8> },
     /// The next line of motion is not ended.
     LoseLineEnd,
     /// The next line of motion arrives without its first letter.
