@@ -47,7 +47,7 @@ pub fn manual(control: Control) -> Option<(char, u32)> {
 /// One rule of a control.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Row {
+pub struct RuleRow {
     /// `S06`.
     pub id: String,
     /// What it asks, in one line.
@@ -135,16 +135,16 @@ const fn tolerance() -> f64 {
 ///
 /// # Panics
 /// There is no file, or it has not the form of rows.
-pub fn of(control: &str) -> Vec<Row> {
+pub fn of(control: &str) -> Vec<RuleRow> {
     let is_of_control = |path: &PathBuf| {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         name.strip_prefix(control).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
             && path.parent().is_some_and(|folder| folder.ends_with("tests/controls"))
     };
-    let mut rows: Vec<Row> = Vec::new();
+    let mut rows: Vec<RuleRow> = Vec::new();
     for path in files(".yaml").iter().filter(|path| is_of_control(path)) {
         let text = std::fs::read_to_string(path).expect("rows are a file");
-        let more: Vec<Row> = serde_yaml::from_str(&text)
+        let more: Vec<RuleRow> = serde_yaml::from_str(&text)
             .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         rows.extend(more);
     }

@@ -7,7 +7,7 @@
 use kerf_tests::root;
 use kerf_tests::rows::compare::{count_numbers, lax_numbers, matches};
 use kerf_tests::rows::observe::observe;
-use kerf_tests::rows::{IN_ORDER, Row, controls, manual, of};
+use kerf_tests::rows::{IN_ORDER, RuleRow, controls, manual, of};
 use libtest_mimic::{Arguments, Failed, Trial};
 use serde_json::json;
 use settings::Control;
@@ -29,7 +29,7 @@ fn main() -> ExitCode {
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
-fn holds(row: &Row, control: &str) -> Result<(), Failed> {
+fn holds(row: &RuleRow, control: &str) -> Result<(), Failed> {
     let mut failures = String::new();
     let mut numbers = 0;
     for case in &row.cases {
@@ -91,9 +91,9 @@ fn every_rule_has_its_row() -> Result<(), Failed> {
 
 /// How many rules hold, and which fall short.
 fn tally() -> String {
-    let rows: Vec<Row> = controls().flat_map(of).collect();
+    let rows: Vec<RuleRow> = controls().flat_map(of).collect();
     // The worked programs are no rules.
-    let is_rule = |row: &&Row| !row.id.starts_with('W');
+    let is_rule = |row: &&RuleRow| !row.id.starts_with('W');
     let short: Vec<&str> = (rows.iter().filter(is_rule))
         .filter(|row| row.falls_short.is_some())
         .map(|row| row.id.as_str())

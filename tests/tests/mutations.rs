@@ -7,7 +7,7 @@
 use kerf_tests::root;
 use kerf_tests::rows::compare::matches;
 use kerf_tests::rows::observe::{merge, observe};
-use kerf_tests::rows::{Case, Row, controls, of};
+use kerf_tests::rows::{Case, RuleRow, controls, of};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -19,7 +19,7 @@ const OWNERS: [&str; 4] = ["M12", "S72", "W1", "W2"];
 type Mutate = fn(&Case) -> Vec<Case>;
 
 /// All rows with their control.
-fn rows() -> Vec<(&'static str, Row)> {
+fn rows() -> Vec<(&'static str, RuleRow)> {
     controls().flat_map(|control| of(control).into_iter().map(move |row| (control, row))).collect()
 }
 
@@ -33,7 +33,7 @@ fn inputs(control: &str, case: &Case) -> String {
 }
 
 /// How many rows have each input.
-fn shares(rows: &[(&'static str, Row)]) -> BTreeMap<String, BTreeSet<String>> {
+fn shares(rows: &[(&'static str, RuleRow)]) -> BTreeMap<String, BTreeSet<String>> {
     let mut shares: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for (control, row) in rows {
         for case in &row.cases {

@@ -1,6 +1,6 @@
 //! The generator of the build script, for tests.
 #![allow(dead_code, reason = "some of it only the build script uses")]
-#![allow(unreachable_pub, reason = "seen by the tests beside it")]
+#![allow(unreachable_pub, reason = "seen by the tests next to it")]
 
 use std::path::Path;
 

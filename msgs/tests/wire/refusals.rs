@@ -118,7 +118,7 @@ fn a_service_or_an_action_with_the_wrong_number_of_sections_is_refused() {
 }
 
 #[test]
-fn all_faults_of_all_files_are_told_at_once() {
+fn all_faults_of_all_files_are_reported_at_once() {
     let files =
         [(InterfaceKind::Msg, "A", "uint8 X\nfloat y\n"), (InterfaceKind::Msg, "B", "bool\n")];
     assert_eq!(refusals(&files).len(), 3);

@@ -144,7 +144,7 @@ impl Driver {
     }
 
     /// When the last report came through the port that is open.
-    pub fn heard_at(&self) -> Option<Duration> {
+    pub fn last_report_at(&self) -> Option<Duration> {
         self.context.link.last_status_at().filter(|_| self.is_open())
     }
 

@@ -21,7 +21,7 @@ use arc_lines::RestOfArc;
 use cnc_msgs::contour::{Source, SpindleMode};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
-use firmware_arc::{Place, last_place};
+use firmware_arc::{DrawingFrame, last_place};
 use std::collections::VecDeque;
 use std::sync;
 use words::{to_grid, write_word};
@@ -293,17 +293,17 @@ impl Encoder {
     }
 
     /// Where the lines are drawn that come now.
-    fn place(&self) -> Place {
+    fn drawing_frame(&self) -> DrawingFrame {
         let Board { arc_tolerance_mm, work_offsets, .. } = self.config.board;
         let system = usize::from(self.modal.work_system.clamp(1, 6)) - 1;
         let mut offset_mm = work_offsets[system];
         offset_mm[2] += self.modal.tool_length_mm;
-        Place { offset_mm, tolerance_mm: arc_tolerance_mm }
+        DrawingFrame { offset_mm, tolerance_mm: arc_tolerance_mm }
     }
 
     /// Refuses a coordinate that the controller cannot tell from those beside it.
     fn refuse_coarse(&self, axis: usize, value: f64) -> Result<(), EncodeProblem> {
-        let in_machine = value + self.place().offset_mm[axis];
+        let in_machine = value + self.drawing_frame().offset_mm[axis];
         let step = f64::from(last_place(in_machine as f32));
         if step <= STEP_MM_MAX {
             return Ok(());

@@ -122,33 +122,33 @@ impl<T> Link<T> {
         self.units = units;
     }
 
-    /// Takes the size of the receive buffer that `[OPT:]` told, bytes; FluidNC tells none.
+    /// Takes the size of the receive buffer that `[OPT:]` reports, bytes; FluidNC reports none.
     pub fn set_receive_bytes(&mut self, bytes: Option<u16>) {
-        let told = bytes.filter(|bytes| *bytes > RECEIVE_BYTES_SPARE);
-        let sizes = [self.config.receive_buffer_bytes, told];
+        let reported = bytes.filter(|bytes| *bytes > RECEIVE_BYTES_SPARE);
+        let sizes = [self.config.receive_buffer_bytes, reported];
         self.receive_bytes = sizes.into_iter().flatten().min().unwrap_or(RECEIVE_BYTES_DEFAULT);
-        self.buffer.set_told(told);
+        self.buffer.set_size(reported);
     }
 
     /// The most bytes that may be unanswered: the receive buffer less one, what it had
     /// free when nothing was under way, or what the wire carries within the hold latency,
     /// whichever is least.
     pub fn window(&self) -> usize {
-        let told = self.receive_bytes.saturating_sub(RECEIVE_BYTES_SPARE);
-        let buffer = u64::from(self.buffer.free_at_rest().unwrap_or(told).min(told));
+        let reported = self.receive_bytes.saturating_sub(RECEIVE_BYTES_SPARE);
+        let buffer = u64::from(self.buffer.free_at_rest().unwrap_or(reported).min(reported));
         let bits = u64::from(self.config.hold_latency_ms_max) * u64::from(self.config.baud) / 1000;
         usize::try_from(buffer.min(bits / BITS_PER_BYTE)).unwrap_or(usize::MAX)
     }
 
     /// Whether a line of this many bytes, without its end, may be sent now. A line
-    /// longer than the window goes when nothing else is under way, and none behind a check that
+    /// longer than the window goes when nothing else is under way, and none after a check that
     /// would end the passing over of lines, until all before it are answered.
     pub fn has_room(&self, text_bytes: usize) -> bool {
         let fits = self.in_flight.is_empty() || self.in_flight_bytes + text_bytes < self.window();
         fits && !(self.check.must_be_first() && self.in_flight.iter().skip(1).any(Sent::is_check))
     }
 
-    /// The size of the receive buffer, as told or believed, bytes.
+    /// The size of the receive buffer, as reported or believed, bytes.
     pub fn receive_bytes(&self) -> u16 {
         self.receive_bytes
     }
@@ -173,9 +173,9 @@ impl<T> Link<T> {
         self.in_flight.front().map(|sent| sent.kind)
     }
 
-    /// Whether the controller has told the size of its receive buffer: what it reports of it
+    /// Whether the controller has reported the size of its receive buffer: what it reports of it
     /// can be compared then.
-    pub fn tells_its_size(&self) -> bool {
+    pub fn knows_its_size(&self) -> bool {
         self.buffer.has_size()
     }
 
@@ -275,7 +275,7 @@ impl<T> Link<T> {
                 true => realtime::FULL_STATUS,
                 false => realtime::STATUS,
             });
-            // The lines that wait for the port go behind it.
+            // The lines that wait for the port go after it.
             let waiting = self.lines.len();
             let sent = self.in_flight_bytes.saturating_sub(waiting);
             self.buffer.on_request(sent, waiting, is_alone);

@@ -95,7 +95,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         // The face before may have given away ids that the driver has not seen.
         next_id: AtomicU64::new(welcome.next_id + IDS_UNSEEN_MAX),
         first_unseen_id: welcome.next_id,
-        state: watch::Sender::new(not_heard(has_port)),
+        state: watch::Sender::new(initial_state(has_port)),
         progress: watch::Sender::new(Progress::default()),
         hardware: watch::Sender::default(),
         waiting: Mutex::new(Waiting::new(welcome.next_id)),
@@ -168,7 +168,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
 }
 
 /// The state before the driver has said anything.
-fn not_heard(has_port: bool) -> MachineState {
+fn initial_state(has_port: bool) -> MachineState {
     let (mode, reason) = match has_port {
         true => (Mode::Unknown, "the driver starts"),
         false => (Mode::Disconnected, "no port is set"),
@@ -259,8 +259,8 @@ impl Driver {
     fn publish_again(&self, viewers: &Viewers) {
         let (now, state) = (self.node.now(), self.state_now());
         // Of what was never heard the age is infinite.
-        let heard = Duration::try_from_secs_f64(state.link_age_s).map(|age| now.before(age));
-        viewers.publish(heard.unwrap_or(now), &state);
+        let received = Duration::try_from_secs_f64(state.link_age_s).map(|age| now.before(age));
+        viewers.publish(received.unwrap_or(now), &state);
     }
 
     /// Takes what happened before this face was there. The state has not changed since, so it
@@ -447,7 +447,7 @@ impl Driver {
 }
 
 /// A reply as services say it.
-fn told(reply: Reply) -> (bool, u16, String) {
+fn reply_fields(reply: Reply) -> (bool, u16, String) {
     match reply {
         Ok(message) => (true, 0, message),
         Err(Refusal { error_code, message }) => (false, error_code, message),

@@ -111,7 +111,8 @@ pub struct Welcome {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Vital {
     /// When the last report came, ns on the driver's clock.
-    pub heard_ns: Option<u64>,
+    #[serde(rename = "heard_ns")]
+    pub last_report_ns: Option<u64>,
     /// What was given up because nobody took it.
     pub events_dropped: u64,
     pub entries_dropped: u64,
@@ -259,7 +260,7 @@ mod tests {
                 output: Output::Log { level: LogLevel::Warn, message: "äöü".into() },
             },
             ToFace::Entries(vec![entry(1, EntryKind::Rx, b"ok\r\n"), entry(2, EntryKind::Tx, b"")]),
-            ToFace::Vital(Vital { heard_ns: Some(8), local_stops: 1, ..Vital::default() }),
+            ToFace::Vital(Vital { last_report_ns: Some(8), local_stops: 1, ..Vital::default() }),
             ToFace::PathRefused { program_id: "p".into(), revision: 1, message: "gap".into() },
         ]
     }

@@ -102,8 +102,8 @@ impl Serial {
     /// Seconds since the last report, infinite when there was none through this port.
     pub fn link_age_s(&self) -> f64 {
         let now = self.epoch.elapsed();
-        let heard_at = self.counters.heard_at();
-        heard_at.map_or(f64::INFINITY, |at| now.saturating_sub(at).as_secs_f64())
+        let last_report_at = self.counters.last_report_at();
+        last_report_at.map_or(f64::INFINITY, |at| now.saturating_sub(at).as_secs_f64())
     }
 
     /// How often the thread that owns the driver has come round: at least once a second.

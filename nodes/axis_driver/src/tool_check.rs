@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tool_as_planned_is_taken_and_any_other_is_told_with_its_numbers() {
+    fn a_tool_as_planned_is_taken_and_any_other_is_reported_with_its_numbers() {
         let planned = table(&[(1, 10.0, 0.0), (2, 8.0, 0.0)]);
         let with_offset = |radius_mm| ToolTable {
             offsets: [(2, Offset { radius_mm, ..Offset::default() })].into(),
@@ -96,10 +96,10 @@ mod tests {
                 Some("offset radius 4.0000 mm, now 3.5000 mm"),
             ),
         ] {
-            let told = objection(tool, before, now);
+            let objected = objection(tool, before, now);
             match wanted {
-                None => assert_eq!(told, None),
-                Some(part) => assert!(told.clone().unwrap().contains(part), "{told:?}"),
+                None => assert_eq!(objected, None),
+                Some(part) => assert!(objected.clone().unwrap().contains(part), "{objected:?}"),
             }
         }
     }

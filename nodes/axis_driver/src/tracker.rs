@@ -30,7 +30,7 @@ pub struct Tracker {
     /// Where the run began, for axes that the path does not give before these elements.
     began: Option<(Position, [usize; 3])>,
     /// What the controller said last, until the position is looked at.
-    told: Option<usize>,
+    reported: Option<usize>,
 }
 
 impl Tracker {
@@ -44,7 +44,7 @@ impl Tracker {
             element: first_element,
             part: 0.0,
             began: None,
-            told: None,
+            reported: None,
         }
     }
 
@@ -118,7 +118,7 @@ impl Tracker {
         if let Some(element) = (self.element..=highest).find(is_it) {
             self.go_to(element, 0.0);
             // No other can be meant by the position.
-            self.told = Some(element);
+            self.reported = Some(element);
         }
     }
 
@@ -145,7 +145,7 @@ impl Tracker {
             self.go_to(lowest, 0.0);
         }
         let highest = next.or(self.answered.back().copied()).unwrap_or(self.element);
-        let highest = self.told.take().map_or(highest, |told| told.max(self.element));
+        let highest = self.reported.take().map_or(highest, |reported| reported.max(self.element));
         let Some(position) = position else { return };
         let mut best: Option<(f64, usize, f64)> = None;
         for index in self.element..=highest.min(path.elements.len().saturating_sub(1)) {
@@ -207,7 +207,7 @@ fn nearest(
             let off_circle =
                 (position[a] - arc.center[a]).hypot(position[b] - arc.center[b]) - radius;
             let mut best = (f64::INFINITY, 1.0, length);
-            // The same angle comes once a turn; behind the start it is the start.
+            // The same angle comes once a turn; after the start it is the start.
             let mut candidates = vec![0.0, total];
             candidates.extend((0..=arc.turns).map(|turn| turned + TAU * f64::from(turn)));
             for swept in candidates.into_iter().filter(|swept| *swept <= total) {

@@ -278,7 +278,7 @@ fn an_unplugged_cable_in_a_run_is_unknown_and_nothing_resumes_when_it_is_back() 
 }
 
 #[test]
-fn a_port_that_does_not_exist_is_named_and_tried_again_only_as_told() {
+fn a_port_that_does_not_exist_is_named_and_tried_again_only_as_configured() {
     let mut shell = Shell::new("/dev/this-port-does-not-exist", Reopen::WhenTold);
     let wanted = "cannot open /dev/this-port-does-not-exist: No such file or directory";
     shell.until("a reason", |shell| shell.state.reason.starts_with(wanted));

@@ -1,6 +1,6 @@
 //! `kerf bag`: inspects and repairs bags.
 
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::output_file::OutputFile;
 use crate::replay_command::{failure, report_page};
 use clap::Subcommand;
@@ -61,7 +61,7 @@ pub(crate) enum BagCommand {
 }
 
 /// Runs one of the subcommands.
-pub(crate) fn run(command: &BagCommand) -> Outcome {
+pub(crate) fn run(command: &BagCommand) -> CommandResult {
     match command {
         BagCommand::Info { bag: path, json } => {
             let mut bag = open_bag(path).map_err(Failure::usage)?;
@@ -119,7 +119,7 @@ pub(crate) fn run(command: &BagCommand) -> Outcome {
 }
 
 /// Fails with the first damaged record.
-fn must_be_undamaged(bag: &FileBag) -> Outcome {
+fn must_be_undamaged(bag: &FileBag) -> CommandResult {
     match bag.problems().iter().find(|problem| problem.is_damage()) {
         Some(problem) => Err(Failure::usage(problem)),
         None => Ok(()),

@@ -1,6 +1,6 @@
 //! `kerf check`: compares how each control reads one program. No ROS.
 
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::files;
 use crate::plan::{Planned, plural, position};
 use crate::plan_json;
@@ -68,7 +68,7 @@ struct Pair {
 }
 
 /// Plans under every profile and prints the differences; fails if no control accepts.
-pub(crate) fn run(args: &CheckArgs) -> Outcome {
+pub(crate) fn run(args: &CheckArgs) -> CommandResult {
     let text = files::read_program(&args.file)?;
     let tools = files::tool_table(args.tools.as_deref())?;
     let mut names: Vec<String> = Vec::new();

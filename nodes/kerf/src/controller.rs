@@ -1,7 +1,7 @@
 //! `kerf controller configure`: settings of the controller that improve the watch over the link.
 //! The driver decides which; this command shows them, and asks before writing.
 
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::operate::{said, with_node};
 use clap::{Args, Subcommand};
 use cnc_msgs::wire::cnc_msgs::srv::{
@@ -26,7 +26,7 @@ pub(crate) struct ConfigureArgs {
 }
 
 /// `kerf controller`
-pub(crate) fn run(command: &ControllerCommand, ros_args: &[String]) -> Outcome {
+pub(crate) fn run(command: &ControllerCommand, ros_args: &[String]) -> CommandResult {
     let ControllerCommand::Configure(args) = command;
     with_node(ros_args, async |node| {
         let client = node.client::<ConfigureController>("configure_controller")?;

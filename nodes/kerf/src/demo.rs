@@ -4,7 +4,7 @@
 //! the SINUMERIK contour with G41, runs it through the action, waits for its bag, stops everything
 //! and replays the bag. It uses the same commands as a user.
 
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::output_file::OutputFile;
 use crate::plan::Planned;
 use crate::stack::{Stack, remove_dead_link, wait_for_file};
@@ -39,7 +39,7 @@ pub(crate) struct DemoArgs {
 }
 
 /// Runs the demo and prints three lines at the end.
-pub(crate) fn run(args: &DemoArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn run(args: &DemoArgs, ros_args: &[String]) -> CommandResult {
     let out = prepare(&args.out)?;
     let executor = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)

@@ -57,10 +57,10 @@ impl Failure {
 }
 
 /// The result of a subcommand.
-pub(crate) type Outcome = Result<(), Failure>;
+pub(crate) type CommandResult = Result<(), Failure>;
 
 /// Prints what has not been printed, and returns the exit code.
-pub(crate) fn conclude(outcome: Outcome) -> ExitCode {
+pub(crate) fn conclude(outcome: CommandResult) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

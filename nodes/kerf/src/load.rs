@@ -2,7 +2,7 @@
 //!
 //! While it waits, [`Loader`] checks whether the loader still has the program.
 
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::files;
 use crate::operate::with_node;
 use crate::terminal::show_findings;
@@ -44,7 +44,7 @@ pub(crate) struct LoadArgs {
 }
 
 /// `kerf load`
-pub(crate) fn load(args: &LoadArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn load(args: &LoadArgs, ros_args: &[String]) -> CommandResult {
     with_node(ros_args, async |node| {
         load_file(node, &args.file, &args.control, &args.interference).await.map(|_| ())
     })

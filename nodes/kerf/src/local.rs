@@ -3,7 +3,7 @@
 //! On the machine's own computer the driver's motion process listens on a local socket. ROS is
 //! tried first, because it reaches every computer; if it does not answer soon, the socket is used.
 
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::operate::with_node;
 use axis_driver::motion::{OperatorError, ask_operator};
 use axis_driver::protocol::{Answer, Wish};
@@ -24,10 +24,10 @@ pub(crate) fn over_ros_or_locally<F>(
     ros_args: &[String],
     wish: Wish,
     over_ros: F,
-    show: impl FnOnce(Answer) -> Outcome,
-) -> Outcome
+    show: impl FnOnce(Answer) -> CommandResult,
+) -> CommandResult
 where
-    F: AsyncFnOnce(&Handle) -> Outcome,
+    F: AsyncFnOnce(&Handle) -> CommandResult,
 {
     let mut answer = None;
     let mut is_joined = false;
@@ -90,7 +90,7 @@ fn ask_locally(ros_args: &[String], wish: Wish) -> Result<Answer, Failure> {
 }
 
 /// Prints the driver's answer; a refusal is a failure.
-pub(crate) fn say(answer: Answer) -> Outcome {
+pub(crate) fn say(answer: Answer) -> CommandResult {
     match answer.result {
         Ok(message) => {
             println!("{message}");

@@ -31,7 +31,7 @@ mod status;
 mod up;
 
 use clap::{Parser, Subcommand};
-use exit::{Failure, Outcome, conclude};
+use exit::{CommandResult, Failure, conclude};
 use operate::Button;
 use std::process::ExitCode;
 
@@ -137,7 +137,7 @@ fn renamed_flag(args: &[String]) -> Option<String> {
         .next()
 }
 
-fn run(command: Command, ros_args: &[String]) -> Outcome {
+fn run(command: Command, ros_args: &[String]) -> CommandResult {
     match command {
         Command::Demo(args) => demo::run(&args, ros_args),
         Command::Up(args) => up::run(&args, ros_args),

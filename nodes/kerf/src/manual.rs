@@ -2,7 +2,7 @@
 //! Millimetres and percent. The driver decides; this command shows its answer.
 
 use crate::ctrl_c::CtrlC;
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::operate::{
     begin, canceled, reconnect, said, unless_dds_fails, with_lasting_node, with_node,
 };
@@ -169,7 +169,7 @@ async fn follow<A: Action + 'static>(
     Ok(result)
 }
 
-fn ended(success: bool, error_code: u16, message: String) -> Outcome {
+fn ended(success: bool, error_code: u16, message: String) -> CommandResult {
     match success {
         true => said(true, message),
         false => said(false, format!("{message} (error {error_code})")),
@@ -177,7 +177,7 @@ fn ended(success: bool, error_code: u16, message: String) -> Outcome {
 }
 
 /// `kerf home`
-pub(crate) fn home(ros_args: &[String]) -> Outcome {
+pub(crate) fn home(ros_args: &[String]) -> CommandResult {
     with_lasting_node(ros_args, async |node| {
         let result = follow::<Home>(node, "home", HomeGoal::default()).await?;
         ended(result.success, result.error_code, result.message)
@@ -185,7 +185,7 @@ pub(crate) fn home(ros_args: &[String]) -> Outcome {
 }
 
 /// `kerf jog`
-pub(crate) fn jog(args: &JogArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn jog(args: &JogArgs, ros_args: &[String]) -> CommandResult {
     let (axes, target) = axes_and_point(&args.axes)?;
     let frame = match args.from {
         Frame::Relative => JogGoal::FRAME_RELATIVE,
@@ -206,7 +206,7 @@ pub(crate) fn jog(args: &JogArgs, ros_args: &[String]) -> Outcome {
 }
 
 /// `kerf probe`
-pub(crate) fn probe(args: &ProbeArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn probe(args: &ProbeArgs, ros_args: &[String]) -> CommandResult {
     let (axes, distance) = axes_and_point(&args.axes)?;
     let goal = ProbeGoal {
         axes,
@@ -230,7 +230,7 @@ pub(crate) fn probe(args: &ProbeArgs, ros_args: &[String]) -> Outcome {
 }
 
 /// `kerf zero`
-pub(crate) fn zero(args: &ZeroArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn zero(args: &ZeroArgs, ros_args: &[String]) -> CommandResult {
     let (axes, position) = axes_and_point(&args.axes)?;
     let request =
         SetWorkOffsetRequest { system: args.system, axes, position, is_origin: args.origin };
@@ -242,7 +242,7 @@ pub(crate) fn zero(args: &ZeroArgs, ros_args: &[String]) -> Outcome {
 }
 
 /// `kerf override`
-pub(crate) fn set_overrides(args: &OverrideArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn set_overrides(args: &OverrideArgs, ros_args: &[String]) -> CommandResult {
     let of = |percent: Option<u8>| f64::from(percent.unwrap_or(0)) / 100.0;
     let which = [args.feed, args.rapid, args.spindle].into_iter().zip([1, 2, 4]);
     let request = SetOverridesRequest {

@@ -2,7 +2,7 @@
 //! mode. The nodes decide; these commands show their answers.
 
 use crate::ctrl_c::CtrlC;
-use crate::exit::Outcome;
+use crate::exit::CommandResult;
 use crate::operate::{said, with_node};
 use clap::{Args, ValueEnum};
 use cnc_msgs::units::m_from_mm;
@@ -77,7 +77,7 @@ fn row(text: &str) -> Result<(char, u32), String> {
 }
 
 /// `kerf mdi`
-pub(crate) fn mdi(args: &MdiArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn mdi(args: &MdiArgs, ros_args: &[String]) -> CommandResult {
     with_node(ros_args, async |node| {
         let client = node.client::<ExecuteMdi>("execute_mdi")?;
         let request = ExecuteMdiRequest { text: args.block.clone(), control: args.control.clone() };
@@ -102,7 +102,7 @@ pub(crate) fn mdi(args: &MdiArgs, ros_args: &[String]) -> Outcome {
 }
 
 /// `kerf single-block`
-pub(crate) fn single_block(args: &SingleBlockArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn single_block(args: &SingleBlockArgs, ros_args: &[String]) -> CommandResult {
     with_node(ros_args, async |node| {
         let client = node.client::<SetBool>("single_block")?;
         let request = SetBoolRequest { data: matches!(args.switch, Switch::On) };
@@ -112,7 +112,7 @@ pub(crate) fn single_block(args: &SingleBlockArgs, ros_args: &[String]) -> Outco
 }
 
 /// `kerf tool`
-pub(crate) fn tool(args: &ToolArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn tool(args: &ToolArgs, ros_args: &[String]) -> CommandResult {
     with_node(ros_args, async |node| {
         let client = node.client::<SetTool>("set_tool")?;
         let answer = client.call_within(request(args), PLAN_WITHIN).await?;

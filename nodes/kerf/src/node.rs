@@ -1,6 +1,6 @@
 //! `kerf node NAME`: one node in this process.
 
-use crate::exit::{Failure, Outcome, Status, conclude};
+use crate::exit::{CommandResult, Failure, Status, conclude};
 use crate::stack::{Stack, leave_with_parent};
 use clap::Args;
 use std::process::ExitCode;
@@ -69,7 +69,7 @@ pub(crate) fn run(args: &NodeArgs, ros_args: Vec<String>) -> ExitCode {
 
 /// Keeps one node running, as `kerf up` keeps all: for supervisors that would also restart a node
 /// that was shut down on purpose, and that cannot detect a node that stops responding.
-fn watch(name: &'static str, args: &[String]) -> Outcome {
+fn watch(name: &'static str, args: &[String]) -> CommandResult {
     let executor = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()

@@ -4,7 +4,7 @@
 //! Each call starts one short-lived node. It shows what the nodes answer and decides nothing.
 
 use crate::ctrl_c::CtrlC;
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::load::load_file;
 use crate::local;
 use axis_driver::protocol::Wish;
@@ -106,9 +106,9 @@ impl From<NodeError> for Failure {
 }
 
 /// Runs one exchange with a node of this command, and shuts the node down.
-pub(crate) fn with_node<F>(ros_args: &[String], exchange: F) -> Outcome
+pub(crate) fn with_node<F>(ros_args: &[String], exchange: F) -> CommandResult
 where
-    F: AsyncFnOnce(&Handle) -> Outcome,
+    F: AsyncFnOnce(&Handle) -> CommandResult,
 {
     with_lasting_node(ros_args, async |node| unless_dds_fails(node, exchange(node)).await)
 }
@@ -141,9 +141,9 @@ pub(crate) fn reconnect(failed: &Handle, reason: &str) -> Result<Session, Failur
 }
 
 /// As [`with_node`], for an exchange that reconnects by itself.
-pub(crate) fn with_lasting_node<F>(ros_args: &[String], exchange: F) -> Outcome
+pub(crate) fn with_lasting_node<F>(ros_args: &[String], exchange: F) -> CommandResult
 where
-    F: AsyncFnOnce(&Handle) -> Outcome,
+    F: AsyncFnOnce(&Handle) -> CommandResult,
 {
     let executor = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
@@ -165,7 +165,7 @@ pub(crate) fn client_session(ros_args: &[String]) -> Result<Session, Failure> {
 }
 
 /// `kerf run`
-pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> CommandResult {
     with_lasting_node(ros_args, async |node| {
         let program_id = match &args.file {
             Some(file) => {
@@ -183,7 +183,7 @@ pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> Outcome {
 }
 
 /// `kerf hold`, `resume`, `confirm`, `unlock`, `reset`, `door-hold`, `sleep`
-pub(crate) fn press(button: Button, ros_args: &[String]) -> Outcome {
+pub(crate) fn press(button: Button, ros_args: &[String]) -> CommandResult {
     let over_ros = async |node: &Handle| {
         let client = node.client::<Trigger>(button.service())?;
         let answer = client.call(TriggerRequest::default()).await?;
@@ -196,7 +196,7 @@ pub(crate) fn press(button: Button, ros_args: &[String]) -> Outcome {
 }
 
 /// `kerf abort`
-pub(crate) fn abort(ros_args: &[String]) -> Outcome {
+pub(crate) fn abort(ros_args: &[String]) -> CommandResult {
     let over_ros = async |node: &Handle| {
         let client: ActionClient<RunProgram> = node.action_client("run_program")?;
         let answer = client.cancel_all().await?;
@@ -265,7 +265,7 @@ pub(crate) async fn canceled(
 }
 
 /// Prints a node's answer; a refusal is a failure.
-pub(crate) fn said(success: bool, message: String) -> Outcome {
+pub(crate) fn said(success: bool, message: String) -> CommandResult {
     match success {
         true => {
             println!("{message}");

@@ -1,6 +1,6 @@
 //! `kerf plan`: reads a program; prints whether it is accepted, and its path. No ROS.
 
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::output_file::OutputFile;
 use crate::page::{Layer, Page, Sheet};
 use crate::picture::view::View;
@@ -63,7 +63,7 @@ pub(crate) struct PlanArgs {
 }
 
 /// Loads and plans, prints the result; fails if the program is refused.
-pub(crate) fn run(args: &PlanArgs) -> Outcome {
+pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let inputs = files::inputs([Some(args.file.as_path()), args.tools.as_deref()], &args.control);
     let [svg, html] = OutputFile::claim_both([args.svg.as_deref(), args.html.as_deref()], &inputs)?;
     let text = files::read_program(&args.file)?;

@@ -1,6 +1,6 @@
 //! `kerf replay`: runs today's cores on recorded inputs. The crate `replay` does the work.
 
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::output_file::OutputFile;
 use crate::page::{Page, of_recording};
 use crate::plan::keep_for_report;
@@ -88,7 +88,7 @@ impl From<LevelArgument> for Level {
 }
 
 /// Replays each bag and reports.
-pub(crate) fn run(args: &ReplayArgs) -> Outcome {
+pub(crate) fn run(args: &ReplayArgs) -> CommandResult {
     if args.tolerances {
         print!("{}", tolerances::table());
         return Ok(());

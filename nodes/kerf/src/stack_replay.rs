@@ -39,7 +39,7 @@ use replay::ReplayError;
 use replay::compare::Comparison;
 use replay::output::name_of;
 use replay::recording::Recording;
-use run::Run;
+use run::RunHistory;
 use run_recorder::files::open_bag;
 use same::RecordedRun;
 use script::Script;
@@ -71,7 +71,7 @@ pub(crate) fn replay(
     out: Option<&Path>,
     comparison: &mut Comparison,
 ) -> Result<(), ReplayError> {
-    let run = Run::of(recording)?;
+    let run = RunHistory::of(recording)?;
     let missing = |what| ReplayError::Incomplete { what, of: "the run".into() };
     if run.lines().is_empty() && !run.goal.check_only {
         return Err(missing("a single line to the controller"));
@@ -137,7 +137,7 @@ pub(crate) fn replay(
         Played::Ran { bag, missed } => {
             let mut bag = open_bag(&bag)?;
             let again = Recording::read(&mut bag)?;
-            let now = Run::of(&again)?;
+            let now = RunHistory::of(&again)?;
             let was = RecordedRun { recording, run: &run };
             same::compare(was, RecordedRun { recording: &again, run: &now }, comparison);
             same::missed(&missed, comparison);

@@ -1,6 +1,6 @@
 //! `kerf status`: the state of the machine, as the driver reports it.
 
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::local::over_ros_or_locally;
 use axis_driver::protocol::Wish;
 use cnc_msgs::convert::{link_watch_from_wire, machine_state_to_wire, mode_from_wire};
@@ -19,7 +19,7 @@ const LATCHED_WITHIN: Duration = Duration::from_secs(5);
 const STATE_SETTLES: Duration = Duration::from_millis(500);
 
 /// `kerf status`
-pub(crate) fn run(ros_args: &[String]) -> Outcome {
+pub(crate) fn run(ros_args: &[String]) -> CommandResult {
     let over_ros = async |node: &Handle| {
         let mut states: Subscription<MachineState> =
             node.subscription("machine_state", Qos::LATCHED)?;

@@ -1,6 +1,6 @@
 //! `kerf up`: runs every node, supervised, until Ctrl-C.
 
-use crate::exit::{Failure, Outcome, Status};
+use crate::exit::{CommandResult, Failure, Status};
 use crate::node::parameters_of;
 use crate::stack::{Stack, remove_dead_link, wait_for_file};
 use clap::Args;
@@ -63,7 +63,7 @@ fn time_factor(text: &str) -> Result<f64, String> {
 }
 
 /// Starts the nodes, restarts those that fail, stops all in order.
-pub(crate) fn run(args: &UpArgs, ros_args: &[String]) -> Outcome {
+pub(crate) fn run(args: &UpArgs, ros_args: &[String]) -> CommandResult {
     let executor = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .enable_all()
@@ -72,7 +72,7 @@ pub(crate) fn run(args: &UpArgs, ros_args: &[String]) -> Outcome {
     executor.block_on(supervise(args, ros_args))
 }
 
-async fn supervise(args: &UpArgs, ros_args: &[String]) -> Outcome {
+async fn supervise(args: &UpArgs, ros_args: &[String]) -> CommandResult {
     let mut node_args = ros_args.to_vec();
     if let Some(config) = &args.config {
         // One error for a missing file, instead of one from every node.

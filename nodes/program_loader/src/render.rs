@@ -6,7 +6,7 @@
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Finding, Severity};
-use cnc_msgs::numbers::told_apart;
+use cnc_msgs::numbers::with_enough_digits;
 use intake::text::one_line;
 
 /// Characters of a line that are shown around a finding.
@@ -120,7 +120,7 @@ fn label(finding: &Finding) -> String {
     if let (Some(needed), Some(available)) = (finding.needed_mm, finding.available_mm)
         && finding.position.is_some()
     {
-        let [needed, available] = told_apart(needed, available);
+        let [needed, available] = with_enough_digits(needed, available);
         label += &format!("; {needed} mm needed, {available} mm there");
     }
     if let Some(other) = finding.other.filter(|other| other.line > 0) {

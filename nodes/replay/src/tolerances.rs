@@ -35,7 +35,7 @@ pub enum Rule {
 
 /// Fields of a type, how they are compared, and why.
 #[derive(Debug, Clone, Copy)]
-pub struct Row {
+pub struct ToleranceRow {
     /// `*` for every type.
     pub type_name: &'static str,
     /// A pattern for [`FieldPath`].
@@ -57,16 +57,16 @@ const fn row(
     fields: &'static str,
     rule: Rule,
     reason: &'static str,
-) -> Row {
-    Row { type_name, fields, rule, reason }
+) -> ToleranceRow {
+    ToleranceRow { type_name, fields, rule, reason }
 }
 
-const fn length(type_name: &'static str, fields: &'static str) -> Row {
+const fn length(type_name: &'static str, fields: &'static str) -> ToleranceRow {
     row(type_name, fields, LENGTH, LENGTH_WHY)
 }
 
 /// The table; the first row that matches a field counts.
-pub const ROWS: &[Row] = &[
+pub const ROWS: &[ToleranceRow] = &[
     row("*", "**.stamp.**", Rule::Ignored, "when it was published: the clock of that day"),
     row("*", "header.frame_id", Rule::Given, "a parameter of the node, not a result of its core"),
     row("*", "program_id", Rule::Given, "names the program that goes into the core"),
@@ -183,7 +183,7 @@ const FUNCTION: Rule = Rule::Within(1e-9, "m, s, m/s or rad/s");
 const FUNCTION_WHY: &str = "as its kind says: a nanometre, a nanosecond; a controller is sent no \
                             more than three decimals";
 
-impl Row {
+impl ToleranceRow {
     fn is_of(&self, type_name: &str) -> bool {
         self.type_name == "*" || self.type_name == type_name
     }

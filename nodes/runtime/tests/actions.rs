@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Fibonacci, Order, PATIENCE, Partial, Sequence, domain, soon, start};
-use runtime::action::{CancelAnswer, GoalError, Outcome};
+use runtime::action::{CancelAnswer, GoalError, GoalOutcome};
 use runtime::{Handle, Qos};
 use std::time::Duration;
 
@@ -31,7 +31,7 @@ fn serve(handle: &Handle) {
                     -13 => drop(goal),
                     order if order < 0 => {
                         goal.cancel_requested().await;
-                        goal.end(Outcome::Canceled, Sequence { sequence });
+                        goal.end(GoalOutcome::Canceled, Sequence { sequence });
                     }
                     order => {
                         while sequence.len() <= order as usize {
@@ -39,7 +39,7 @@ fn serve(handle: &Handle) {
                             sequence.push(next);
                             goal.feedback(Partial { sequence: sequence.clone() });
                         }
-                        goal.end(Outcome::Succeeded, Sequence { sequence });
+                        goal.end(GoalOutcome::Succeeded, Sequence { sequence });
                     }
                 }
             });
@@ -61,7 +61,7 @@ async fn a_goal_publishes_progress_and_its_result_is_available_late() {
     let expected = Sequence { sequence: vec![0, 1, 1, 2, 3, 5] };
     for _ in 0..2 {
         let ended = goal.result(PATIENCE).await.expect("a result");
-        assert_eq!(ended, (Outcome::Succeeded, expected.clone()));
+        assert_eq!(ended, (GoalOutcome::Succeeded, expected.clone()));
         tokio::time::sleep(Duration::from_millis(300)).await;
     }
     assert_eq!(goal.cancel().await, Ok(CancelAnswer::AlreadyEnded));
@@ -87,12 +87,12 @@ async fn a_goal_can_be_canceled_and_a_second_one_is_rejected_meanwhile() {
     assert_eq!(endless.cancel().await, Ok(CancelAnswer::Canceling(1)));
     for result in waiting {
         let (outcome, _) = soon("a result", result).await.expect("no panic").expect("a result");
-        assert_eq!(outcome, Outcome::Canceled);
+        assert_eq!(outcome, GoalOutcome::Canceled);
     }
 
     let endless = client.send_goal(Order { order: -1 }).await.expect("accepted");
     assert_eq!(client.cancel_all().await, Ok(CancelAnswer::Canceling(1)));
-    assert_eq!(endless.result(PATIENCE).await.expect("a result").0, Outcome::Canceled);
+    assert_eq!(endless.result(PATIENCE).await.expect("a result").0, GoalOutcome::Canceled);
     assert_eq!(client.cancel_all().await, Ok(CancelAnswer::Canceling(0)));
     drop((endless, client));
     server.stop().await;
@@ -107,7 +107,7 @@ async fn a_goal_that_its_node_gives_up_is_aborted() {
     assert!(soon("a server", client.wait_for_server(PATIENCE)).await);
     let goal = client.send_goal(Order { order: -13 }).await.expect("accepted");
     let ended = goal.result(PATIENCE).await.expect("a result");
-    assert_eq!(ended, (Outcome::Aborted, Sequence::default()));
+    assert_eq!(ended, (GoalOutcome::Aborted, Sequence::default()));
     drop((goal, client));
     server.stop().await;
     asker.stop().await;
@@ -151,7 +151,7 @@ async fn a_client_that_dies_leaves_its_goal_running_and_others_can_cancel_it() {
         }
     }
     let goal = client.send_goal(Order { order: 1 }).await.expect("the server is free again");
-    assert_eq!(goal.result(PATIENCE).await.expect("a result").0, Outcome::Succeeded);
+    assert_eq!(goal.result(PATIENCE).await.expect("a result").0, GoalOutcome::Succeeded);
     drop((goal, client, statuses));
     server.stop().await;
     second.stop().await;

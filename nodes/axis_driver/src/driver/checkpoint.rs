@@ -25,8 +25,8 @@ struct Checkpoint {
     hold: Option<HoldWatch>,
     #[serde(default)]
     overrides: Option<OverrideWatch>,
-    #[serde(default)]
-    commander_heard: Option<Duration>,
+    #[serde(default, rename = "commander_heard")]
+    commander_seen: Option<Duration>,
     #[serde(default)]
     is_single_block: bool,
     #[serde(default = "active")]
@@ -49,7 +49,8 @@ struct CheckpointRef<'a> {
     machine: &'a Machine,
     hold: Option<&'a HoldWatch>,
     overrides: Option<&'a OverrideWatch>,
-    commander_heard: Option<Duration>,
+    #[serde(rename = "commander_heard")]
+    commander_seen: Option<Duration>,
     is_single_block: bool,
     is_active: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -73,7 +74,7 @@ impl Driver {
             machine: &context.machine,
             hold: context.hold.as_ref(),
             overrides: context.overrides.as_ref(),
-            commander_heard: context.commander_heard,
+            commander_seen: context.commander_seen,
             is_single_block: context.is_single_block,
             is_active: self.is_active,
             ros_loss: context.ros_loss,
@@ -91,7 +92,7 @@ impl Driver {
             machine,
             hold,
             overrides,
-            commander_heard,
+            commander_seen,
             is_single_block,
             is_active,
             ros_loss,
@@ -103,7 +104,7 @@ impl Driver {
             machine,
             hold,
             overrides,
-            commander_heard,
+            commander_seen,
             ros_loss,
             is_single_block,
             outputs: VecDeque::new(),

@@ -127,8 +127,8 @@ impl Driver {
                 Command::Configure { write } => self.configure(id, write),
                 Command::DoorHold => self.door_hold(),
                 Command::Sleep => self.sleep(id),
-                Command::Heartbeat => self.context.hear_commander(),
-                Command::Recorder { is_whole, reason } => self.hear_recorder(is_whole, &reason),
+                Command::Heartbeat => self.context.on_heartbeat(),
+                Command::Recorder { is_whole, reason } => self.on_recorder(is_whole, &reason),
                 Command::ConfirmToolChange { objection } => self.confirm_tool_change(objection),
                 Command::Replan(request) => self.replan(id, request),
                 Command::ExecuteMdi { path } => self.run_program(id, RunRequest::mdi(path)),
@@ -136,7 +136,7 @@ impl Driver {
                 Command::Activate => self.activate(),
                 Command::Deactivate => self.deactivate(id),
                 Command::Shutdown => self.shut_down(id),
-                Command::RosFace { is_there } => self.context.hear_ros_face(is_there),
+                Command::RosFace { is_there } => self.context.on_ros_face(is_there),
             }
         };
         if let Some(result) = answer {

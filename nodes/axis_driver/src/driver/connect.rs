@@ -104,7 +104,7 @@ impl Connecting {
         }
     }
 
-    pub(super) fn hear_garbage(&mut self, text: &str) {
+    pub(super) fn on_garbage(&mut self, text: &str) {
         self.garbage += 1;
         if self.sample.is_empty() {
             self.sample = text.chars().take(SAMPLE_CHARS).collect();
@@ -186,7 +186,7 @@ impl Connecting {
     pub(super) fn on_fault(&mut self, context: &mut Context, fault: &LinkFault) -> Option<Next> {
         match (fault, self.step) {
             (LinkFault::Damaged { text }, ConnectStep::Listening | ConnectStep::AwaitingBanner) => {
-                self.hear_garbage(text);
+                self.on_garbage(text);
                 None
             }
             (_, ConnectStep::Asking(_) | ConnectStep::AwaitingStatus) => {

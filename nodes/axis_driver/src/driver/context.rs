@@ -59,7 +59,7 @@ pub(super) struct Context {
     /// Overrides that have not shown in a report yet.
     pub(super) overrides: Option<OverrideWatch>,
     /// When a commander gave its last sign of life.
-    pub(super) commander_heard: Option<Duration>,
+    pub(super) commander_seen: Option<Duration>,
     /// No peer can reach the driver over ROS.
     pub(super) ros_loss: Option<RosLoss>,
     /// The machine stops after every block and waits for a resume.
@@ -77,7 +77,7 @@ impl Context {
             machine: Machine::default(),
             hold: None,
             overrides: None,
-            commander_heard: None,
+            commander_seen: None,
             ros_loss: None,
             is_single_block: false,
             outputs: VecDeque::new(),
@@ -102,7 +102,7 @@ impl Context {
             planner_blocks: machine.planner_blocks(),
             receive_bytes: self.link.receive_bytes(),
             window: self.link.window(),
-            settings: machine.told.iter().map(|(n, value)| (*n, value.clone())).collect(),
+            settings: machine.reported.iter().map(|(n, value)| (*n, value.clone())).collect(),
             offsets: machine.offsets.clone(),
         };
         self.outputs.push_back(Output::Settings(settings));

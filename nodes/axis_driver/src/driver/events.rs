@@ -29,7 +29,7 @@ impl Driver {
                 context.drop_overrides("the controller has restarted");
                 self.on_banner(&text);
             }
-            LinkEvent::Status { report, since } => self.hear_status(*report, since),
+            LinkEvent::Status { report, since } => self.take_report(*report, since),
             LinkEvent::Message(message) => self.on_message(message),
             LinkEvent::Setting { number, value } => context.machine.on_setting(number, &value),
             LinkEvent::NamedSetting { .. } => {}
@@ -47,10 +47,10 @@ impl Driver {
             Message::Text(text) => {
                 self.context.log(LogLevel::Info, format!("controller: {text}"));
                 if is_lock_notice(&text) {
-                    self.hear_lock_notice(&text);
+                    self.on_lock_notice(&text);
                 }
             }
-            Message::ParserState(words) => self.hear_words(&words),
+            Message::ParserState(words) => self.on_parser_state(&words),
             Message::Probe { position, has_touched } => {
                 if let Phase::Manual(operation) = &mut self.phase {
                     operation.on_probe(position, has_touched);
@@ -191,7 +191,7 @@ impl Driver {
             return self.on_damaged_banner(text);
         }
         if let Phase::Connecting(connecting) = &mut self.phase {
-            connecting.hear_garbage(text);
+            connecting.on_garbage(text);
         }
         self.context.log(LogLevel::Info, format!("controller: {text}"));
     }

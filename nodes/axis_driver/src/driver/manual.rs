@@ -75,7 +75,7 @@ pub(super) enum Task {
     /// Until something is found, here in the machine frame, mm.
     Probe {
         may_miss: bool,
-        heard: Option<(Position, bool)>,
+        touch: Option<(Position, bool)>,
     },
 }
 
@@ -239,8 +239,8 @@ impl ManualOperation {
 
     /// Takes what the controller reports about a probe.
     pub(super) fn on_probe(&mut self, position: Position, found: bool) {
-        if let Task::Probe { heard, .. } = &mut self.task {
-            *heard = Some((position, found));
+        if let Task::Probe { touch, .. } = &mut self.task {
+            *touch = Some((position, found));
         }
     }
 

@@ -7,7 +7,7 @@
 
 use super::answer::{Answer, Refusal, done, refused};
 use super::output::{Output, RunOutcome, RunResult};
-use super::run::Run;
+use super::run::ProgramRun;
 use super::run::exit::RunVerdict;
 use super::run::progress::miss_record;
 use super::run::tool_change::{NO_CHANGE, ToolChange};
@@ -19,7 +19,7 @@ use cnc_msgs::machine::{MachineState, Mode};
 /// Owns the run that is paused, and what changed in its frame meanwhile.
 #[derive(Debug)]
 pub(super) struct Paused {
-    pub(super) run: Box<Run>,
+    pub(super) run: Box<ProgramRun>,
     /// It was canceled; it ends when the manual operation has ended.
     is_canceled: bool,
     /// The shift of G92 before.
@@ -137,7 +137,7 @@ impl Driver {
     }
 
     /// Takes what the recorder says of the run that is under way or paused.
-    pub(super) fn hear_recorder(&mut self, is_whole: bool, reason: &str) -> Answer {
+    pub(super) fn on_recorder(&mut self, is_whole: bool, reason: &str) -> Answer {
         let context = &mut self.context;
         match (&mut self.paused, &mut self.phase) {
             (Some(paused), _) if !is_whole => {
@@ -146,7 +146,7 @@ impl Driver {
                 }
             }
             (_, Phase::Running(run)) => {
-                let exit = run.hear_recorder(context, is_whole, reason);
+                let exit = run.on_recorder(context, is_whole, reason);
                 self.leave_run(exit);
             }
             (_, Phase::Stopping(stopping)) if !is_whole && stopping.job.request.is_recorded() => {

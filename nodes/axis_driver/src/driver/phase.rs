@@ -3,7 +3,7 @@
 use super::connect::Connecting;
 use super::manual::ManualOperation;
 use super::next::Next;
-use super::run::Run;
+use super::run::ProgramRun;
 use super::run::job::Job;
 use super::stop::Stopping;
 use std::time::Duration;
@@ -22,7 +22,7 @@ pub(super) enum Phase {
     /// A manual operation is under way.
     Manual(Box<ManualOperation>),
     /// A run is under way.
-    Running(Box<Run>),
+    Running(Box<ProgramRun>),
     /// A run is being brought to a standstill.
     Stopping(Box<Stopping>),
 }

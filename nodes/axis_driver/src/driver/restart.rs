@@ -23,7 +23,7 @@ const PAUSE: Duration = Duration::from_millis(10);
 
 impl Driver {
     /// Takes a report, unless its position cannot be true; then another is asked for.
-    pub(super) fn hear_status(&mut self, mut report: StatusReport, since: Duration) {
+    pub(super) fn take_report(&mut self, mut report: StatusReport, since: Duration) {
         self.context.machine.has_just_started = false;
         if !self.context.takes_units(&report) {
             return self.context.link.ask_status(self.context.now);
@@ -53,7 +53,7 @@ impl Driver {
         };
         if let Some(sign) = jump.clone().or(alarm).or(emptied) {
             let moves_on = jump.is_some() && report.is_moving();
-            if self.hear_sign(sign, moves_on) {
+            if self.on_sign(sign, moves_on) {
                 return;
             }
         }
@@ -89,15 +89,15 @@ impl Driver {
         // FluidNC takes lines out of what it reports while it dwells.
         let is_program = matches!(self.context.link.oldest(), Some(Origin::Program { .. }))
             && self.context.link.oldest_kind() == Some(LineKind::Motion)
-            && self.context.link.tells_its_size();
+            && self.context.link.knows_its_size();
         let lines = self.context.link.unanswered();
         let Phase::Running(run) = &mut self.phase else { return None };
-        let is_sure = run.hear_empty_buffers(is_program && is_empty && lines >= LINES_LOST_MIN);
+        let is_sure = run.on_empty_buffers(is_program && is_empty && lines >= LINES_LOST_MIN);
         is_sure.then(|| format!("its buffers are empty and {lines} lines have no answer"))
     }
 
     /// The words in force have fallen back: F is zero only after a start.
-    pub(super) fn hear_words(&mut self, words: &str) {
+    pub(super) fn on_parser_state(&mut self, words: &str) {
         let words = ModalWords::read(words);
         let before = self.context.machine.words.replace(words);
         if self.phase.is_unsettled() {
@@ -118,14 +118,14 @@ impl Driver {
             // One damaged line says it too. What still moves is held.
             Phase::Running(_) | Phase::Stopping(_) => {
                 let moves_on = self.context.machine.is_moving();
-                self.hear_sign(sign, moves_on);
+                self.on_sign(sign, moves_on);
             }
             _ => self.on_hidden_restart(sign),
         }
     }
 
     /// A notice that only a start gives, right after its start message.
-    pub(super) fn hear_lock_notice(&mut self, text: &str) {
+    pub(super) fn on_lock_notice(&mut self, text: &str) {
         if !std::mem::take(&mut self.context.machine.has_just_started) {
             self.on_hidden_restart(format!("its start message was not heard, but [MSG:{text}]"));
         }
@@ -159,7 +159,7 @@ impl Driver {
 
     /// A report shows that the controller has restarted. True if everything is asked for
     /// again, so that the report no longer counts.
-    fn hear_sign(&mut self, sign: String, moves_on: bool) -> bool {
+    fn on_sign(&mut self, sign: String, moves_on: bool) -> bool {
         match &self.phase {
             Phase::Closed { .. } | Phase::Connecting(_) => return false,
             Phase::Stopping(stopping) if stopping.is_resetting() => return false,

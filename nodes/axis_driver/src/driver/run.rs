@@ -34,7 +34,7 @@ use tool_change::ToolChange;
 /// Owns a path on its way to the machine: the encoder, the line that waits for room, and
 /// the stage that the run is in.
 #[derive(Debug)]
-pub(super) struct Run {
+pub(super) struct ProgramRun {
     pub(super) job: Job,
     first_element: usize,
     pub(super) encoder: Encoder,
@@ -133,7 +133,7 @@ enum Then {
     },
 }
 
-impl Run {
+impl ProgramRun {
     pub(super) fn new(
         id: u64,
         request: RunRequest,

@@ -5,7 +5,7 @@ use super::context::overrides::Overrides;
 use super::manual::Order;
 use super::manual::configure::{Configuration, configure};
 use super::manual::lines::{JogRequest, OffsetRequest, ProbeRequest};
-use super::run::Run;
+use super::run::ProgramRun;
 use super::run::exit::RunVerdict;
 use super::run::proof::{Check, Proof};
 use super::run::replan::ReplanRequest;
@@ -50,7 +50,7 @@ impl Driver {
             self.check = Some(Check { id, path: request.path, proof });
             return None;
         }
-        let mut run = Run::new(id, request, encoder, first_element, proof, machine);
+        let mut run = ProgramRun::new(id, request, encoder, first_element, proof, machine);
         run.job.is_in_tool_change = is_in_change;
         // If this cannot be known yet, it is looked at again after the first words.
         if !is_in_change && let Err(refusal) = run.check_start_early(machine) {

@@ -12,7 +12,7 @@ impl Driver {
     /// What is known of the machine now.
     pub fn state(&self, now: Duration) -> MachineState {
         let mut state = self.compose();
-        state.link_age_s = match self.heard_at() {
+        state.link_age_s = match self.last_report_at() {
             Some(at) => now.saturating_sub(at).as_secs_f64(),
             None => f64::INFINITY,
         };

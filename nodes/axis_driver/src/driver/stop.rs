@@ -11,7 +11,7 @@ use super::context::config::{ANSWER, REPORTS_PER_HOLD, STANDSTILL};
 use super::context::{Context, Origin};
 use super::next::Next;
 use super::output::{LogLevel, RunOutcome};
-use super::run::Run;
+use super::run::ProgramRun;
 use super::run::exit::RunVerdict;
 use super::run::job::Job;
 use super::run::replan::{self, ReplanRequest};
@@ -69,7 +69,7 @@ enum StopStep {
 
 impl Stopping {
     /// Stops a run that has begun: with a hold, or with a reset where a hold has no effect.
-    pub(super) fn begin(context: &mut Context, run: Run, verdict: RunVerdict) -> Self {
+    pub(super) fn begin(context: &mut Context, run: ProgramRun, verdict: RunVerdict) -> Self {
         // Homing does not react to a hold, and in check mode nothing moves.
         let is_reset = run.job.is_check() || run.is_homing() && context.link.unanswered() > 0;
         context.hold = None;
@@ -84,15 +84,15 @@ impl Stopping {
     }
 
     /// Resets at once, in the middle of a run.
-    pub(super) fn reset(context: &mut Context, run: Run, reply: u64) -> Self {
+    pub(super) fn reset(context: &mut Context, run: ProgramRun, reply: u64) -> Self {
         let verdict = RunVerdict::aborted(error_code::SOFT_RESET, "stopped by a soft reset");
         let step = StopStep::Resetting { until: context.now + ANSWER };
         send_reset(context);
         Self::new(run, verdict, step, Some(reply))
     }
 
-    fn new(run: Run, verdict: RunVerdict, step: StopStep, reply: Option<u64>) -> Self {
-        let Run { job, rest, .. } = run;
+    fn new(run: ProgramRun, verdict: RunVerdict, step: StopStep, reply: Option<u64>) -> Self {
+        let ProgramRun { job, rest, .. } = run;
         let rest = rest.map(|rest| rest.id);
         Self { job, verdict, step, reply, rest, shift_before: [0.0; 3] }
     }

@@ -8,7 +8,7 @@
 //! pieces, or into lines. A helix of very many turns is looked at part by part, so that the
 //! serial line never waits for all of it.
 
-use super::firmware_arc::{ArcWords, Place, PlannedArc, deviation};
+use super::firmware_arc::{ArcWords, DrawingFrame, PlannedArc, deviation};
 use super::words::{GRID_PER_MM, to_grid};
 use cnc_msgs::geometry::{Arc, Position};
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
@@ -77,9 +77,14 @@ impl Part {
 
     /// The first of so many parts that none takes long to look at. `None` when the arc cannot be
     /// drawn.
-    pub(super) fn first(start: Position, end: Position, arc: &Arc, place: &Place) -> Option<Self> {
+    pub(super) fn first(
+        start: Position,
+        end: Position,
+        arc: &Arc,
+        frame: &DrawingFrame,
+    ) -> Option<Self> {
         let polar = Polar::new(start, end, arc)?;
-        let parts = (polar.chords(place) / CHORDS_PER_PART).ceil().max(1.0);
+        let parts = (polar.chords(frame) / CHORDS_PER_PART).ceil().max(1.0);
         Some(if polar.is_smooth() { Self { number: 0, of: parts as u32 } } else { Self::WHOLE })
     }
 
@@ -115,7 +120,7 @@ pub(super) fn pieces(
     start: Position,
     end: Position,
     arc: &Arc,
-    place: &Place,
+    frame: &DrawingFrame,
     part: Part,
 ) -> Result<Vec<Piece>, Undrawable> {
     let polar = Polar::new(start, end, arc).ok_or(Undrawable::Shape)?;
@@ -129,7 +134,7 @@ pub(super) fn pieces(
     let least = (sweep / SWEEP_MAX).ceil().max(1.0) as u32;
     (0..=HALVINGS_MAX)
         .map(|halvings| polar.arcs(part, least << halvings))
-        .find(|arcs| polar.are_drawn(part, arcs, place))
+        .find(|arcs| polar.are_drawn(part, arcs, frame))
         .map_or_else(|| polar.lines(part), Ok)
 }
 
@@ -178,8 +183,8 @@ impl<'a> Polar<'a> {
     }
 
     /// How many chords the firmware draws of it, about.
-    fn chords(&self, place: &Place) -> f64 {
-        let (radius, tolerance) = (self.start_radius, place.tolerance_mm);
+    fn chords(&self, frame: &DrawingFrame) -> f64 {
+        let (radius, tolerance) = (self.start_radius, frame.tolerance_mm);
         let chords = 0.5 * self.sweep * radius / (tolerance * (2.0 * radius - tolerance)).sqrt();
         let least = (self.sweep / SWEEP_MAX).ceil().max(1.0);
         // No number where the circle is no larger than the tolerance.
@@ -209,9 +214,9 @@ impl<'a> Polar<'a> {
     }
 
     /// Whether the firmware draws these of a part as they are meant.
-    fn are_drawn(&self, part: Part, arcs: &[Piece], place: &Place) -> bool {
+    fn are_drawn(&self, part: Part, arcs: &[Piece], frame: &DrawingFrame) -> bool {
         let [a, b, _] = self.arc.plane.axes();
-        let most = DRAWN_MM_MAX + CHORD_TOLERANCES * place.tolerance_mm;
+        let most = DRAWN_MM_MAX + CHORD_TOLERANCES * frame.tolerance_mm;
         let center = self.arc.center;
         let sweep = self.sweep / f64::from(part.of) / arcs.len() as f64;
         let mut start = self.start_of(part);
@@ -226,7 +231,7 @@ impl<'a> Polar<'a> {
                 offset: [a, b].map(|axis| to_grid(center[axis]) - to_grid(start[axis])),
             };
             start = end;
-            deviation(&words, &planned, place).is_some_and(|off| off <= most)
+            deviation(&words, &planned, frame).is_some_and(|off| off <= most)
         })
     }
 

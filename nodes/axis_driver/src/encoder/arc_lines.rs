@@ -39,7 +39,7 @@ impl Encoder {
             });
         }
         let end = element.end;
-        let first = Part::first(start, end, arc, &self.place());
+        let first = Part::first(start, end, arc, &self.drawing_frame());
         let part = first.ok_or(EncodeProblem::Arc { start, end, center: arc.center })?;
         self.encode_arc_part(RestOfArc { element: index, part, from: start })
     }
@@ -50,7 +50,7 @@ impl Encoder {
         let (element, start) = (self.path.elements[index], self.path.start_of(index));
         let Shape::Arc(arc) = element.shape else { return Ok(()) };
         let (end, center) = (element.end, arc.center);
-        let pieces = arc::pieces(start, end, &arc, &self.place(), part);
+        let pieces = arc::pieces(start, end, &arc, &self.drawing_frame(), part);
         let pieces = pieces.map_err(|why| match why {
             Undrawable::Shape => EncodeProblem::Arc { start, end, center },
             Undrawable::Lines { count, max } => {

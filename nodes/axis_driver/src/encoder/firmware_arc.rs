@@ -42,9 +42,9 @@ pub(super) struct PlannedArc {
     pub(super) center: [f64; 2],
 }
 
-/// Where the line is drawn.
+/// The frame and the tolerance that the firmware draws with.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct DrawingFrame {
     /// Machine = work + this, mm.
     pub(super) offset_mm: Position,
     /// `$12`, mm.
@@ -53,9 +53,13 @@ pub(super) struct Place {
 
 /// How far what is drawn is off what was planned, mm; `None` when the firmware refuses the
 /// arc, or when it hangs on the last place of a number which way round it goes.
-pub(super) fn deviation(words: &ArcWords, planned: &PlannedArc, place: &Place) -> Option<f64> {
+pub(super) fn deviation(
+    words: &ArcWords,
+    planned: &PlannedArc,
+    frame: &DrawingFrame,
+) -> Option<f64> {
     let [a, b, normal] = words.plane.axes();
-    let machine = |steps: [i64; 3], axis: usize| read(steps[axis]) + place.offset_mm[axis] as f32;
+    let machine = |steps: [i64; 3], axis: usize| read(steps[axis]) + frame.offset_mm[axis] as f32;
     let from = [machine(words.start, a), machine(words.start, b)];
     let to = [machine(words.end, a), machine(words.end, b)];
     let offset = words.offset.map(read);
@@ -85,7 +89,7 @@ pub(super) fn deviation(words: &ArcWords, planned: &PlannedArc, place: &Place) -
         _ => turned,
     };
     // ...and the chords.
-    let tolerance = place.tolerance_mm as f32;
+    let tolerance = frame.tolerance_mm as f32;
     let count = (0.5 * sweep * radius).abs() / (tolerance * (2.0 * radius - tolerance)).sqrt();
     // No number where the circle is no larger than the tolerance.
     let count = if count.is_nan() { 0 } else { (count as u32).min(u32::from(u16::MAX)) };
@@ -100,9 +104,9 @@ pub(super) fn deviation(words: &ArcWords, planned: &PlannedArc, place: &Place) -
     let mut farthest = 0f64;
     let mut see = |at: [f32; 2], height: f32, wanted: [f64; 3]| {
         let off = [
-            f64::from(at[0]) - place.offset_mm[a] - wanted[0],
-            f64::from(at[1]) - place.offset_mm[b] - wanted[1],
-            f64::from(height) - place.offset_mm[normal] - wanted[2],
+            f64::from(at[0]) - frame.offset_mm[a] - wanted[0],
+            f64::from(at[1]) - frame.offset_mm[b] - wanted[1],
+            f64::from(height) - frame.offset_mm[normal] - wanted[2],
         ];
         farthest = farthest.max(off.iter().map(|part| part * part).sum::<f64>().sqrt());
     };
@@ -233,8 +237,8 @@ mod tests {
             end: steps(planned.end),
             offset: [-start[0], -start[1]],
         };
-        let place = Place { offset_mm: [offset, -offset, 0.0], tolerance_mm: 0.002 };
-        deviation(&words, &planned, &place)
+        let frame = DrawingFrame { offset_mm: [offset, -offset, 0.0], tolerance_mm: 0.002 };
+        deviation(&words, &planned, &frame)
     }
 
     #[test]

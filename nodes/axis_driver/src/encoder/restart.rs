@@ -78,8 +78,8 @@ pub fn start_at(
     let source_place = path.elements[index].source;
     // Before the first motion the tool is wherever the path expects it, as for the whole.
     let place = match index {
-        0 => Place::default(),
-        _ => Place::before(&path, index, encoder.next_event),
+        0 => KnownPlace::default(),
+        _ => KnownPlace::before(&path, index, encoder.next_event),
     };
     if is_in_span && !place.unknown.is_empty() {
         // From elsewhere the first element would leave the path.
@@ -117,7 +117,7 @@ pub fn start_at(
 
 /// What the program has said of the place where an element begins.
 #[derive(Debug)]
-struct Place {
+struct KnownPlace {
     /// Axes that it has left somewhere else, or in another frame, since...
     unknown: AxisSet,
     /// ...this word.
@@ -126,14 +126,14 @@ struct Place {
     untouched: AxisSet,
 }
 
-impl Default for Place {
+impl Default for KnownPlace {
     fn default() -> Self {
         let since = "the beginning of the program".into();
         Self { unknown: AxisSet::NONE, since, untouched: AxisSet::NONE }
     }
 }
 
-impl Place {
+impl KnownPlace {
     /// Follows elements and events up to an element and its events.
     fn before(path: &CompensatedPath, index: usize, events: usize) -> Self {
         let untouched = AxisSet::ALL.without(path.assumed_axes);
@@ -144,7 +144,7 @@ impl Place {
                 && event.at_element <= number
             {
                 next_event += 1;
-                place.hear(&event.action);
+                place.follow(&event.action);
             }
             if number < index {
                 let start = path.start_of(number);
@@ -158,7 +158,7 @@ impl Place {
     }
 
     /// Takes what moves the axes, or their frame, otherwise.
-    fn hear(&mut self, action: &Action) {
+    fn follow(&mut self, action: &Action) {
         let all_if_none = |axes: AxisSet| if axes.is_empty() { AxisSet::ALL } else { axes };
         let moved = match action {
             Action::MachineMove { axes, .. } => *axes,

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_behind_a_gap_are_right_and_the_newest_checkpoint_is_known() {
+    fn numbers_after_a_gap_are_right_and_the_newest_checkpoint_is_known() {
         let mut ring = Ring::default();
         let checkpoint = Entry { kind: EntryKind::Checkpoint, ..entry(7, BLOCK_BYTES * 2) };
         let entries = [entry(1, 3), entry(2, 0), checkpoint, entry(8, 5), entry(20, 1)];

@@ -45,8 +45,9 @@ pub(super) struct Counted {
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub(super) struct Buffer {
-    /// The size that `[OPT:]` told, bytes.
-    told: Option<u16>,
+    /// The size that `[OPT:]` reports, bytes.
+    #[serde(rename = "told")]
+    reported: Option<u16>,
     /// Free bytes while nothing was under way, as two reports in a row agreed.
     free_at_rest: Option<u16>,
     /// The same of one report.
@@ -68,12 +69,12 @@ impl Buffer {
     /// The controller starts over; its buffer is as large as it was, and nobody knows which
     /// requests it will answer.
     pub(super) fn restart(&mut self) {
-        let Self { told, free_at_rest, .. } = *self;
-        *self = Self { told, free_at_rest, ..Self::default() };
+        let Self { reported, free_at_rest, .. } = *self;
+        *self = Self { reported, free_at_rest, ..Self::default() };
     }
 
-    pub(super) fn set_told(&mut self, bytes: Option<u16>) {
-        *self = Self { told: bytes, ..Self::default() };
+    pub(super) fn set_size(&mut self, bytes: Option<u16>) {
+        *self = Self { reported: bytes, ..Self::default() };
     }
 
     /// The most that was ever free, where reports agree on it.
@@ -83,13 +84,13 @@ impl Buffer {
 
     /// Whether the controller has reported a size: only then is a lost answer looked for.
     pub(super) fn has_size(&self) -> bool {
-        self.told.is_some()
+        self.reported.is_some()
     }
 
-    /// A request goes out behind so many unanswered bytes, and before so many. `is_alone`
+    /// A request goes out after so many unanswered bytes, and before so many. `is_alone`
     /// when the report to the last one has come, and so soon that it can be no other.
-    pub(super) fn on_request(&mut self, sent_before: usize, behind: usize, is_alone: bool) {
-        let is_quiet = sent_before + behind == 0 && !self.has_sent_since_request && is_alone;
+    pub(super) fn on_request(&mut self, sent_before: usize, sent_after: usize, is_alone: bool) {
+        let is_quiet = sent_before + sent_after == 0 && !self.has_sent_since_request && is_alone;
         self.quiet_requests = if is_quiet { self.quiet_requests.saturating_add(1) } else { 0 };
         if self.quiet_requests >= QUIET_REQUESTS {
             self.requests.clear();
@@ -100,7 +101,7 @@ impl Buffer {
             self.is_in_step = false;
         }
         self.requests.push_back(sent_before);
-        self.has_sent_since_request = behind > 0;
+        self.has_sent_since_request = sent_after > 0;
     }
 
     pub(super) fn on_line_sent(&mut self) {
@@ -150,7 +151,7 @@ impl Buffer {
         counted: Counted,
         sent_before: usize,
     ) -> Option<LinkFault> {
-        let is_comparable = self.told.is_some()
+        let is_comparable = self.reported.is_some()
             && self.free_at_rest.is_some()
             && self.distrusted == 0
             && self.is_in_step

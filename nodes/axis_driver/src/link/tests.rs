@@ -68,9 +68,9 @@ fn the_window_is_the_receive_buffer_less_one_or_the_latency() {
 }
 
 #[test]
-fn a_configured_buffer_is_never_more_than_the_controller_tells() {
+fn a_configured_buffer_is_never_more_than_the_controller_reports() {
     let latency = LinkConfig { hold_latency_ms_max: 1000, ..CONFIG };
-    for (configured, told, window) in [
+    for (configured, reported, window) in [
         (None, None, 127),
         // FluidNC, as its owner knows it.
         (Some(256), None, 255),
@@ -83,8 +83,8 @@ fn a_configured_buffer_is_never_more_than_the_controller_tells() {
     ] {
         let config = LinkConfig { receive_buffer_bytes: configured, ..latency };
         let mut link: Link<u32> = Link::new(config, ms(0));
-        link.set_receive_bytes(told);
-        assert_eq!(link.window(), window, "{configured:?} {told:?}");
+        link.set_receive_bytes(reported);
+        assert_eq!(link.window(), window, "{configured:?} {reported:?}");
     }
 }
 
@@ -389,7 +389,7 @@ fn a_dwell_or_a_spindle_that_is_never_answered_is_a_lost_answer_in_the_end() {
 }
 
 #[test]
-fn behind_a_check_nothing_is_sent_before_its_turn_where_it_would_end_the_passing_over() {
+fn after_a_check_nothing_is_sent_before_its_turn_where_it_would_end_the_passing_over() {
     for passes_over in [false, true] {
         let mut link = Link::new(LinkConfig { line_check_interval_ms: 200, ..CONFIG }, ms(0));
         link.receive(ms(0), b"\r\nGrblHAL 1.1f ['$' for help]\r\n");

@@ -96,9 +96,9 @@ fn listen(
     pulse: &Pulse,
     answers: &SyncSender<ToFace>,
 ) -> Result<(), Broken> {
-    let tell = |refusal: PathRefusal| {
+    let refuse = |refusal: PathRefusal| {
         let PathRefusal { program_id, revision, message } = refusal;
-        // One who sends more paths than it hears answers for gets none.
+        // One who sends more paths than it reads answers for gets none.
         let _ = answers.try_send(ToFace::PathRefused { program_id, revision, message });
     };
     while let Some(message) = messages.next()? {
@@ -112,21 +112,21 @@ fn listen(
             ToMotion::PathBegin { manifest } => {
                 let manifest = content("the manifest of a path", || cdr::decode(&manifest))?;
                 if let Err(refusal) = hub.paths(|paths| paths.begin(manifest)) {
-                    tell(refusal);
+                    refuse(refusal);
                 }
             }
             ToMotion::PathChunk { chunk } => {
                 let bytes = chunk.len();
                 let chunk = content("a chunk of a path", || cdr::decode(&chunk))?;
                 if let Err(refusal) = hub.paths(|paths| paths.add(chunk, bytes)) {
-                    tell(refusal);
+                    refuse(refusal);
                 }
             }
             ToMotion::PathEnd => {
                 if let Some(collected) = hub.paths(super::memory::Paths::end) {
                     let job = Unchecked { collected, answers: answers.clone() };
                     if let Err(refusal) = hub.check(job) {
-                        tell(refusal);
+                        refuse(refusal);
                     }
                 }
             }
@@ -294,14 +294,14 @@ mod tests {
             1 => panic!("no such plane"),
             _ => Ok(Arc::default()),
         });
-        let (answers, heard) = sync_channel(ANSWERS_MAX);
+        let (answers, received) = sync_channel(ANSWERS_MAX);
         send(&hub, 1, &answers).expect("there is room");
-        let Ok(ToFace::PathRefused { message, .. }) = heard.recv_timeout(SOON) else {
+        let Ok(ToFace::PathRefused { message, .. }) = received.recv_timeout(SOON) else {
             panic!("a refusal is missing");
         };
         assert!(message.ends_with("a defect in Kerf: no such plane"), "{message}");
         send(&hub, 2, &answers).expect("there is room");
-        let taken = heard.recv_timeout(SOON);
+        let taken = received.recv_timeout(SOON);
         assert!(matches!(taken, Ok(ToFace::PathTaken { revision: 2, .. })), "{taken:?}");
     }
 
@@ -313,7 +313,7 @@ mod tests {
             drop(CHECKING.lock().expect("no panic"));
             Ok(Arc::default())
         });
-        let (answers, heard) = sync_channel(ANSWERS_MAX);
+        let (answers, received) = sync_channel(ANSWERS_MAX);
         let refused: Vec<_> =
             (1..=10).filter_map(|revision| send(&hub, revision, &answers).err()).collect();
         // The worker may have taken the first one before the second came, or not.
@@ -321,7 +321,7 @@ mod tests {
         assert!(refused[0].message.contains("is still being checked"), "{}", refused[0].message);
         drop(held_up);
         for _ in refused.len()..10 {
-            let taken = heard.recv_timeout(SOON);
+            let taken = received.recv_timeout(SOON);
             assert!(matches!(taken, Ok(ToFace::PathTaken { .. })), "{taken:?}");
         }
     }

@@ -131,12 +131,12 @@ impl Hub {
             }
             return;
         }
-        state.memory.hear(&event);
-        let unheard = state.tell(event);
+        state.memory.remember(&event);
+        let unsent = state.send(event);
         drop(state);
         self.news.notify_all();
         // There is nobody else to log it.
-        unheard.iter().for_each(|event| log(&event.output));
+        unsent.iter().for_each(|event| log(&event.output));
     }
 
     fn take_entries(&self, batch: &[Entry]) {
@@ -219,10 +219,10 @@ impl Hub {
                 refuse(id, crate::codes::error_code::NO_ANSWER, error)
             }
         };
-        let unheard = state.tell(refusal);
+        let unsent = state.send(refusal);
         drop(state);
         self.news.notify_all();
-        unheard.iter().for_each(|event| log(&event.output));
+        unsent.iter().for_each(|event| log(&event.output));
     }
 
     /// Reads a command. No lock is held meanwhile: a defect is logged, which may take its time.
@@ -272,13 +272,13 @@ impl Hub {
     /// The face has gone; what it did not take is returned.
     pub(super) fn forget(&self, number: u64) -> VecDeque<Event> {
         let mut state = self.state();
-        let unheard = state.face.take_if(|queue| queue.number == number);
+        let unsent = state.face.take_if(|queue| queue.number == number);
         drop(state);
         self.news.notify_all();
-        unheard.map_or_else(VecDeque::new, |queue| queue.events)
+        unsent.map_or_else(VecDeque::new, |queue| queue.events)
     }
 
-    /// Whether there is a face that hears.
+    /// Whether there is a face that listens.
     pub(super) fn has_face(&self) -> bool {
         self.state().face.is_some()
     }
@@ -286,10 +286,10 @@ impl Hub {
     pub(super) fn vital(&self) -> Vital {
         let dropped = self.serial.dropped();
         let age = Duration::try_from_secs_f64(self.serial.link_age_s()).ok();
-        let heard = age.map(|age| self.serial.epoch().elapsed().saturating_sub(age));
+        let last_report = age.map(|age| self.serial.epoch().elapsed().saturating_sub(age));
         let state = self.state();
         Vital {
-            heard_ns: heard.map(ns),
+            last_report_ns: last_report.map(ns),
             events_dropped: dropped.events + state.unread_dropped,
             entries_dropped: dropped.entries,
             local_stops: state.local_stops,
@@ -326,10 +326,10 @@ impl Hub {
 }
 
 impl HubState {
-    /// Lets the face hear something; what no face will hear is returned. A face that has left
+    /// Sends something to the face; returns what no face will get. A face that has left
     /// so much unread that an answer or a result would have to be dropped is given up: the next
-    /// one hears all ends.
-    fn tell(&mut self, event: Event) -> VecDeque<Event> {
+    /// one gets all ends.
+    fn send(&mut self, event: Event) -> VecDeque<Event> {
         let Some(queue) = &mut self.face else { return [event].into() };
         queue.events.push_back(event);
         if queue.events.len() <= EVENTS_MAX {
@@ -341,11 +341,11 @@ impl HubState {
         }
         let message =
             format!("the ROS side has not taken {EVENTS_MAX} answers and results; it is replaced");
-        let mut unheard = self.face.take().map(|queue| queue.events).unwrap_or_default();
+        let mut unsent = self.face.take().map(|queue| queue.events).unwrap_or_default();
         // The caller logs it, when it holds no lock.
         let output = Output::Log { level: LogLevel::Error, message };
-        unheard.extend(unheard.back().map(|last| Event { at: last.at, output }));
-        unheard
+        unsent.extend(unsent.back().map(|last| Event { at: last.at, output }));
+        unsent
     }
 }
 

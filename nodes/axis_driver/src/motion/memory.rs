@@ -97,7 +97,7 @@ impl Memory {
     }
 
     /// Remembers what of an event matters later.
-    pub(super) fn hear(&mut self, event: &Event) {
+    pub(super) fn remember(&mut self, event: &Event) {
         match &event.output {
             Output::State(state) => self.state = Some((event.at, state.clone())),
             Output::Settings(settings) => self.settings = Some((event.at, settings.clone())),
@@ -125,11 +125,11 @@ impl Memory {
         self.state.as_ref().map(|(_, state)| state)
     }
 
-    /// What a new face hears first, oldest first.
+    /// What a new face gets first, oldest first.
     pub(super) fn events(&self) -> Vec<Event> {
         let settings = self.settings.iter();
-        let settings =
-            settings.map(|(at, told)| Event { at: *at, output: Output::Settings(told.clone()) });
+        let settings = settings
+            .map(|(at, settings)| Event { at: *at, output: Output::Settings(settings.clone()) });
         let state = self.state.iter();
         let state =
             state.map(|(at, state)| Event { at: *at, output: Output::State(state.clone()) });
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_face_hears_the_newest_state_and_how_everything_ended() {
+    fn a_new_face_gets_the_newest_state_and_how_everything_ended() {
         let mut memory = Memory::default();
         let end = Output::RunFinished(RunResult {
             id: 3,
@@ -332,7 +332,7 @@ mod tests {
         let reply = |id| Output::Reply { id, result: Ok("done".into()) };
         memory.note(3, &Command::Home);
         memory.note(2, &Command::Heartbeat);
-        for heard in [
+        for event in [
             event(1, state(Mode::Idle)),
             // Of what has no end nobody asks later.
             event(1, reply(2)),
@@ -341,7 +341,7 @@ mod tests {
             event(4, state(Mode::Run)),
             event(5, end.clone()),
         ] {
-            memory.hear(&heard);
+            memory.remember(&event);
         }
         let expected = [event(2, reply(3)), event(5, end), event(4, state(Mode::Run))];
         assert_eq!(memory.events(), expected);
@@ -364,7 +364,7 @@ mod tests {
         for id in 0..1000 {
             let refusal = Refusal { error_code: 1, message: String::new() };
             memory.note(id, &Command::Home);
-            memory.hear(&event(id, Output::Reply { id, result: Err(refusal) }));
+            memory.remember(&event(id, Output::Reply { id, result: Err(refusal) }));
         }
         assert_eq!(memory.events().len(), ENDS_MAX);
     }

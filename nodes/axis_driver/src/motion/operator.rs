@@ -147,12 +147,12 @@ pub(super) fn listen(hub: &Arc<Hub>, configuration: &Configuration) -> io::Resul
 
 /// The next operator; where one cannot be accepted the thread pauses, and says so once.
 fn accepted<A>(mut accept: impl FnMut() -> io::Result<(UnixStream, A)>) -> UnixStream {
-    let mut is_told = false;
+    let mut is_logged = false;
     loop {
         match accept() {
             Ok((stream, _)) => return stream,
             Err(error) => {
-                if !std::mem::replace(&mut is_told, true) {
+                if !std::mem::replace(&mut is_logged, true) {
                     tracing::error!("a local operator cannot be accepted: {error}");
                 }
                 std::thread::sleep(ACCEPT_PAUSE);
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn an_operator_that_speaks_in_drops_is_not_heard_for_longer() {
+    fn an_operator_that_speaks_in_drops_gets_no_more_time() {
         let (mut ours, mut theirs) = UnixStream::pair().expect("a pair");
         let dripping = std::thread::spawn(move || {
             let request = OperatorRequest { version: VERSION, wish: Wish::State };
@@ -307,8 +307,8 @@ mod tests {
             }
         });
         let began = Instant::now();
-        let heard = receive::<OperatorRequest>(&mut ours, began + Duration::from_millis(250));
-        assert!(matches!(heard, Err(Trouble::Io(_))), "{heard:?}");
+        let received = receive::<OperatorRequest>(&mut ours, began + Duration::from_millis(250));
+        assert!(matches!(received, Err(Trouble::Io(_))), "{received:?}");
         drop(ours);
         dripping.join().expect("no panic");
     }

@@ -14,7 +14,7 @@ use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramFeedback, RunProgra
 use cnc_msgs::wire::cnc_msgs::msg::RunResult as RunResultMessage;
 use cnc_msgs::wire::cnc_msgs::srv::PlanStart;
 use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
-use runtime::action::{Goal, GoalOffer, Outcome, Unfinished};
+use runtime::action::{Goal, GoalOffer, GoalOutcome, Unfinished};
 use runtime::commands::Answer;
 use runtime::{Client, Handle, NodeError};
 use std::sync::Arc;
@@ -175,12 +175,12 @@ async fn follow(
             message: "the driver stopped; motion may continue".into(),
             ..RunProgramResult::default()
         };
-        return end(driver, goal, Outcome::Aborted, result);
+        return end(driver, goal, GoalOutcome::Aborted, result);
     };
     let (outcome, code) = match result.outcome {
-        RunOutcome::Succeeded => (Outcome::Succeeded, RunProgramResult::OUTCOME_SUCCEEDED),
-        RunOutcome::Canceled => (Outcome::Canceled, RunProgramResult::OUTCOME_CANCELED),
-        RunOutcome::Aborted => (Outcome::Aborted, RunProgramResult::OUTCOME_ABORTED),
+        RunOutcome::Succeeded => (GoalOutcome::Succeeded, RunProgramResult::OUTCOME_SUCCEEDED),
+        RunOutcome::Canceled => (GoalOutcome::Canceled, RunProgramResult::OUTCOME_CANCELED),
+        RunOutcome::Aborted => (GoalOutcome::Aborted, RunProgramResult::OUTCOME_ABORTED),
     };
     goal.feedback(feedback(driver));
     let program_id = driver.state.borrow().program_id.clone();
@@ -197,7 +197,7 @@ async fn follow(
 }
 
 /// Ends a goal. The result of a run is on `run_result` too, for those who did not send the goal.
-fn end(driver: &Driver, goal: Goal<RunProgram>, outcome: Outcome, result: RunProgramResult) {
+fn end(driver: &Driver, goal: Goal<RunProgram>, outcome: GoalOutcome, result: RunProgramResult) {
     if !goal.goal().check_only {
         let RunProgramResult { outcome, error_code, message, last_line } = result.clone();
         driver.run_results.publish(RunResultMessage {

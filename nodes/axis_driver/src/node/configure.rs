@@ -1,6 +1,6 @@
 //! `configure_controller`: what of the controller's settings improves the watch over the link.
 
-use super::{Driver, REPLY_WITHIN, told};
+use super::{Driver, REPLY_WITHIN, reply_fields};
 use crate::driver::Command;
 use cnc_msgs::interface::Service;
 use cnc_msgs::wire::cnc_msgs::srv::{ConfigureController, ConfigureControllerResponse};
@@ -18,7 +18,8 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
             let driver = Arc::clone(&driver);
             async move {
                 let command = Command::Configure { write: request.write };
-                let (success, error_code, message) = told(driver.ask(command, REPLY_WITHIN).await);
+                let (success, error_code, message) =
+                    reply_fields(driver.ask(command, REPLY_WITHIN).await);
                 let answer = Answer { success, error_code, message: &message };
                 let of = ConfigureController::TYPE_NAME;
                 driver.commands.record(NAME, of, &info, &request, answer);

@@ -88,12 +88,12 @@ pub(super) fn follow(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
     Ok(())
 }
 
-/// What was told of the bags of a goal.
+/// What was reported of the bags of a goal.
 #[derive(Debug, Default)]
 struct Bags {
     /// The first bag of the goal.
     first: String,
-    told: Option<(String, bool, bool)>,
+    reported: Option<(String, bool, bool)>,
 }
 
 impl Bags {
@@ -110,10 +110,10 @@ impl Bags {
         }
         let is_whole = recording.is_recording && recording.complete;
         let news = Some((recording.run_id.clone(), recording.is_recording, is_whole));
-        if self.told == news {
+        if self.reported == news {
             return None;
         }
-        self.told = news;
+        self.reported = news;
         (is_whole || recording.run_id == self.first).then_some(is_whole)
     }
 }
@@ -135,8 +135,8 @@ mod tests {
         let mut bags = Bags::default();
         let mut news = |run_id: &str, is_recording, complete| {
             let run_id = run_id.to_owned();
-            let told = Recording { run_id, is_recording, complete, ..Recording::default() };
-            bags.news(&told, |run_id| run_id.ends_with("_a"))
+            let recording = Recording { run_id, is_recording, complete, ..Recording::default() };
+            bags.news(&recording, |run_id| run_id.ends_with("_a"))
         };
         assert_eq!(news("1_b", true, true), None, "of another goal");
         assert_eq!(news("1_a", true, true), Some(true));
@@ -165,14 +165,14 @@ mod tests {
     #[test]
     fn a_record_that_is_closed_too_early_has_a_reason() {
         let gone = "the recorder is not recording any more";
-        for (is_recording, told, expected) in [
+        for (is_recording, text, expected) in [
             (true, "", ""),
             (true, "the disk is full", "the disk is full"),
             (false, "run_recorder is inactive", "run_recorder is inactive"),
             (false, "", gone),
         ] {
-            let told = Recording { is_recording, reason: told.into(), ..Recording::default() };
-            assert_eq!(reason(told), expected);
+            let recording = Recording { is_recording, reason: text.into(), ..Recording::default() };
+            assert_eq!(reason(recording), expected);
         }
     }
 }

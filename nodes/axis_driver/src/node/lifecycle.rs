@@ -14,7 +14,7 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 
 /// How long what a controller says of itself may take; it is not waited for longer.
-const HEARD_WITHIN: Duration = Duration::from_secs(5);
+const IDENTIFIED_WITHIN: Duration = Duration::from_secs(5);
 /// How long the port may take to close.
 const CLOSE_WITHIN: Duration = Duration::from_secs(2);
 /// How long bringing the machine to a stop may take; the core gives up before.
@@ -29,7 +29,7 @@ pub(super) struct Shell {
 }
 
 impl Managed for Shell {
-    /// Opens the port and waits until the controller has told what it is, or until it is
+    /// Opens the port and waits until the controller is identified, or until it is
     /// known that it cannot: then the port is tried again and again.
     async fn configure(&self) -> TransitionResult {
         if !self.has_port {
@@ -39,8 +39,8 @@ impl Managed for Shell {
         }
         let states = self.driver.state.subscribe();
         self.driver.motion.open();
-        let is_told = |state: &MachineState| state.mode != Mode::Unknown;
-        if !changes_to(states, HEARD_WITHIN, is_told).await {
+        let is_identified = |state: &MachineState| state.mode != Mode::Unknown;
+        if !changes_to(states, IDENTIFIED_WITHIN, is_identified).await {
             tracing::warn!("the controller has not been identified; see machine_state");
         }
         Ok(())

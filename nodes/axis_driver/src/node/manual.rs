@@ -4,7 +4,7 @@
 //! the machine the core judges.
 
 use super::actions::{CANCEL_WITHIN, FEEDBACK_PERIOD, answer, ended};
-use super::{Asked, Driver, REPLY_WITHIN, told};
+use super::{Asked, Driver, REPLY_WITHIN, reply_fields};
 use crate::codes::error_code;
 use crate::driver::{
     Command, JogFrame, JogRequest, MoveResult, OffsetRequest, Overrides, ProbeRequest, Refusal,
@@ -23,7 +23,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
     SetWorkOffsetResponse,
 };
 use cnc_msgs::wire::geometry_msgs::msg::Point;
-use runtime::action::{Goal, GoalOffer, Outcome, Unfinished};
+use runtime::action::{Goal, GoalOffer, GoalOutcome, Unfinished};
 use runtime::commands::Answer;
 use runtime::{Handle, NodeResult, RequestInfo};
 use std::sync::Arc;
@@ -45,7 +45,7 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
             if !driver.is_of_before(id) {
                 let message = "homing had not begun when the driver's ROS side ended".into();
                 let error_code = error_code::NO_ANSWER;
-                goal.end(Outcome::Aborted, HomeResult { success: false, error_code, message });
+                goal.end(GoalOutcome::Aborted, HomeResult { success: false, error_code, message });
                 continue;
             }
             let asked = Asked { id, reply: driver.waiting().replies.wait(id) };
@@ -99,9 +99,11 @@ async fn follow_home(driver: &Driver, goal: Goal<Home>, asked: Asked) {
     };
     driver.commands.record("home", Home::TYPE_NAME, &goal.info(), goal.goal(), answer(&reply));
     let (outcome, result) = match reply {
-        Ok(message) => (Outcome::Succeeded, HomeResult { success: true, error_code: 0, message }),
+        Ok(message) => {
+            (GoalOutcome::Succeeded, HomeResult { success: true, error_code: 0, message })
+        }
         Err(Refusal { error_code, message }) => (
-            if is_canceling { Outcome::Canceled } else { Outcome::Aborted },
+            if is_canceling { GoalOutcome::Canceled } else { GoalOutcome::Aborted },
             HomeResult { success: false, error_code, message },
         ),
     };
@@ -264,10 +266,10 @@ async fn follow<M: Move>(
         found: false,
     });
     let outcome = match result.outcome {
-        RunOutcome::Succeeded => Outcome::Succeeded,
+        RunOutcome::Succeeded => GoalOutcome::Succeeded,
         // Only what somebody canceled can end so.
-        RunOutcome::Canceled if is_canceling => Outcome::Canceled,
-        RunOutcome::Canceled | RunOutcome::Aborted => Outcome::Aborted,
+        RunOutcome::Canceled if is_canceling => GoalOutcome::Canceled,
+        RunOutcome::Canceled | RunOutcome::Aborted => GoalOutcome::Aborted,
     };
     goal.end(outcome, M::result(result));
 }
@@ -279,7 +281,7 @@ fn offer_services(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
         move |request, info: RequestInfo| {
             let driver = Arc::clone(&shared);
             async move {
-                let (success, error_code, message) = told(match overrides(&request) {
+                let (success, error_code, message) = reply_fields(match overrides(&request) {
                     Ok(wanted) => driver.ask(Command::SetOverrides(wanted), REPLY_WITHIN).await,
                     Err(refusal) => Err(refusal),
                 });
@@ -296,7 +298,7 @@ fn offer_services(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
         move |request, info: RequestInfo| {
             let driver = Arc::clone(&shared);
             async move {
-                let (success, error_code, message) = told(match offset(&request) {
+                let (success, error_code, message) = reply_fields(match offset(&request) {
                     Ok(request) => driver.ask(Command::SetWorkOffset(request), REPLY_WITHIN).await,
                     Err(refusal) => Err(refusal),
                 });

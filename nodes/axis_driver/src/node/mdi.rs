@@ -5,7 +5,7 @@
 //! they answer from standstill to standstill, or nothing at all.
 
 use super::actions::{CANCEL_WITHIN, PROVE_WITHIN};
-use super::{Driver, Reply, told};
+use super::{Driver, Reply, reply_fields};
 use crate::codes::error_code;
 use crate::driver::{Command, Refusal, RunOutcome};
 use cnc_msgs::chunk::Collector;
@@ -45,7 +45,7 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
             let (driver, advisers) = (Arc::clone(&driver), Arc::clone(&advisers));
             async move {
                 let (success, error_code, message) =
-                    told(execute(&driver, &advisers, &request).await);
+                    reply_fields(execute(&driver, &advisers, &request).await);
                 let answer = Answer { success, error_code, message: &message };
                 driver.commands.record(
                     "execute_mdi",

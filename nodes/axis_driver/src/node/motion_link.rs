@@ -31,13 +31,13 @@ const MOTION_GONE: i32 = 1;
 /// The connection.
 pub(super) struct MotionLink {
     out: Mutex<UnixStream>,
-    heard: Mutex<Heard>,
+    newest: Mutex<Newest>,
     epoch: Instant,
 }
 
 /// What the motion process said last.
 #[derive(Debug, Clone, Copy)]
-struct Heard {
+struct Newest {
     vital: Vital,
     at: Instant,
 }
@@ -99,8 +99,8 @@ impl MotionLink {
         }
         incoming.stream.set_read_timeout(None)?;
         let epoch = at.checked_sub(Duration::from_nanos(welcome.now_ns)).unwrap_or(at);
-        let heard = Mutex::new(Heard { vital, at });
-        let link = Arc::new(Self { out: Mutex::new(out), heard, epoch });
+        let newest = Mutex::new(Newest { vital, at });
+        let link = Arc::new(Self { out: Mutex::new(out), newest, epoch });
         Ok((link, incoming, Before { welcome, kept, events }))
     }
 
@@ -111,13 +111,13 @@ impl MotionLink {
                 Ok(message) => message,
                 Err(error) => gone(&error),
             };
-            self.heard().at = Instant::now();
+            self.newest().at = Instant::now();
             match message {
                 ToFace::Event { at_ns, output } => {
                     hand_on(FromMotion::Event(Event { at: Duration::from_nanos(at_ns), output }));
                 }
                 ToFace::Entries(entries) => hand_on(FromMotion::Entries(entries)),
-                ToFace::Vital(vital) => self.heard().vital = vital,
+                ToFace::Vital(vital) => self.newest().vital = vital,
                 ToFace::PathTaken { program_id, revision } => {
                     hand_on(FromMotion::Path { program_id, revision, taken: Ok(()) });
                 }
@@ -129,8 +129,8 @@ impl MotionLink {
         }
     }
 
-    fn heard(&self) -> MutexGuard<'_, Heard> {
-        self.heard.lock().unwrap_or_else(PoisonError::into_inner)
+    fn newest(&self) -> MutexGuard<'_, Newest> {
+        self.newest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn send(&self, messages: &[ToMotion]) {
@@ -200,23 +200,23 @@ impl MotionLink {
     /// Seconds since the last report of the controller, infinite when there was none through
     /// the port that is open.
     pub(super) fn link_age_s(&self) -> f64 {
-        let heard = self.heard().vital.heard_ns;
-        heard.map_or(f64::INFINITY, |at| self.age(Duration::from_nanos(at)).as_secs_f64())
+        let at = self.newest().vital.last_report_ns;
+        at.map_or(f64::INFINITY, |at| self.age(Duration::from_nanos(at)).as_secs_f64())
     }
 
     /// How long the motion process has said nothing; it speaks ten times a second.
     pub(super) fn silence(&self) -> Duration {
-        self.heard().at.elapsed()
+        self.newest().at.elapsed()
     }
 
     /// How often a local operator has stopped the machine.
     pub(super) fn local_stops(&self) -> u64 {
-        self.heard().vital.local_stops
+        self.newest().vital.local_stops
     }
 
     /// What nobody took in time.
     pub(super) fn dropped(&self) -> Dropped {
-        let Vital { events_dropped: events, entries_dropped: entries, .. } = self.heard().vital;
+        let Vital { events_dropped: events, entries_dropped: entries, .. } = self.newest().vital;
         Dropped { events, entries }
     }
 }
@@ -279,7 +279,7 @@ mod tests {
         let output = Output::State(MachineState::default());
         for message in [
             ToFace::Welcome(welcome),
-            ToFace::Vital(Vital { heard_ns: Some(second(97)), ..Vital::default() }),
+            ToFace::Vital(Vital { last_report_ns: Some(second(97)), ..Vital::default() }),
             ToFace::Event { at_ns: second(40), output },
             ToFace::Restored,
         ] {

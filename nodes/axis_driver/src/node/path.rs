@@ -93,7 +93,7 @@ struct Newest {
 }
 
 impl Newest {
-    fn hear_table(&mut self, revision: u64, table: ToolTable) {
+    fn on_tool_table(&mut self, revision: u64, table: ToolTable) {
         let is_meant = |planned: &Planned| planned.tool_table_revision == revision;
         if self.planned_tools.is_none() && self.planned.as_ref().is_some_and(is_meant) {
             self.planned_tools = Some(table.clone());
@@ -191,7 +191,7 @@ impl Paths {
             loop {
                 let (table, info) = tables.next().await;
                 match ToolTable::try_from(&table) {
-                    Ok(tools) => shared.newest().hear_table(table.revision, tools),
+                    Ok(tools) => shared.newest().on_tool_table(table.revision, tools),
                     Err(error) if complaints.are_due(info.publisher, Instant::now()) => {
                         tracing::error!("invalid tool table from {}: {error}", info.publisher);
                     }
@@ -339,7 +339,7 @@ mod tests {
             newest.objection(tool, is_by_hand).unwrap_or_else(|| "taken".into())
         };
         assert!(says(&newest, 2, true).contains("no tool table was received"));
-        newest.hear_table(1, table(2, 8.0));
+        newest.on_tool_table(1, table(2, 8.0));
         assert_eq!(says(&newest, 2, true), "taken");
         assert!(says(&newest, 3, true).contains("T3 is not in the tool table"));
         assert_eq!(says(&newest, 0, true), "taken", "an empty spindle is in no table");
@@ -350,7 +350,7 @@ mod tests {
     #[test]
     fn a_tool_by_hand_is_not_compared_with_the_program_that_ran_before() {
         let mut newest = Newest { running_tools: Some(table(2, 8.0)), ..Newest::default() };
-        newest.hear_table(2, table(2, 7.9));
+        newest.on_tool_table(2, table(2, 7.9));
         assert_eq!(newest.objection(2, true), None);
         let run = newest.objection(2, false).expect("another tool than was planned with");
         assert!(run.contains("diameter 8.0000 mm, now 7.9000 mm"), "{run}");

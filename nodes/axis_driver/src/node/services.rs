@@ -2,7 +2,7 @@
 
 use super::edges::Edges;
 use super::path::Paths;
-use super::{Driver, REPLY_WITHIN, Reply, told};
+use super::{Driver, REPLY_WITHIN, Reply, reply_fields};
 use crate::driver::{Command, MDI, STILL_STOPPING};
 use cnc_msgs::interface::{Message, Service};
 use cnc_msgs::wire::std_msgs::msg::Bool;
@@ -34,7 +34,8 @@ pub(super) fn offer_tool_change(node: &Handle, driver: &Arc<Driver>, paths: &Pat
             };
             let objection = paths.objection(wanted, is_by_hand);
             let command = Command::ConfirmToolChange { objection };
-            let (success, error_code, message) = told(driver.ask(command, REPLY_WITHIN).await);
+            let (success, error_code, message) =
+                reply_fields(driver.ask(command, REPLY_WITHIN).await);
             let answer = Answer { success, error_code, message: &message };
             driver.commands.record(NAME, Trigger::TYPE_NAME, &info, &request, answer);
             TriggerResponse { success, message }
@@ -59,7 +60,8 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
             // Now, not when a task finds a processor: a hold may not wait for that.
             let asked = driver.begin(command.clone());
             async move {
-                let (success, error_code, message) = told(driver.answer(asked, REPLY_WITHIN).await);
+                let (success, error_code, message) =
+                    reply_fields(driver.answer(asked, REPLY_WITHIN).await);
                 let answer = Answer { success, error_code, message: &message };
                 driver.commands.record(name, Trigger::TYPE_NAME, &info, &request, answer);
                 TriggerResponse { success, message }
@@ -70,7 +72,7 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
     node.concurrent_service::<Trigger, _, _>("resume", move |request, info: RequestInfo| {
         let driver = Arc::clone(&shared);
         async move {
-            let (success, error_code, message) = told(resume(&driver).await);
+            let (success, error_code, message) = reply_fields(resume(&driver).await);
             let answer = Answer { success, error_code, message: &message };
             driver.commands.record("resume", Trigger::TYPE_NAME, &info, &request, answer);
             TriggerResponse { success, message }
@@ -81,7 +83,7 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
         let driver = Arc::clone(&shared);
         async move {
             let reply = driver.ask(Command::SetSingleBlock(request.data), REPLY_WITHIN).await;
-            let (success, error_code, message) = told(reply);
+            let (success, error_code, message) = reply_fields(reply);
             let answer = Answer { success, error_code, message: &message };
             driver.commands.record("single_block", SetBool::TYPE_NAME, &info, &request, answer);
             SetBoolResponse { success, message }
@@ -126,7 +128,7 @@ async fn hold_by_topic(driver: Arc<Driver>, mut holds: Subscription<Bool>) {
             // It did not hold: the next wish counts.
             edges.rises(info.publisher, false);
         }
-        let (success, error_code, message) = told(reply);
+        let (success, error_code, message) = reply_fields(reply);
         let answer = Answer { success, error_code, message: &message };
         driver.commands.record("feed_hold", Bool::TYPE_NAME, &info, &hold, answer);
         wish = gather(&mut holds, &mut edges).await;

@@ -46,22 +46,22 @@ impl Viewers {
     }
 
     /// Publishes what the controller said of itself.
-    pub(super) fn publish_settings(&self, stamp: RosTime, told: &ControllerSettings) {
+    pub(super) fn publish_settings(&self, stamp: RosTime, settings: &ControllerSettings) {
         let seconds = |bytes: usize| bytes as f64 * 10.0 / f64::from(self.baud.max(1));
         self.settings.publish(ControllerSettingsMessage {
             stamp: stamp.into(),
-            firmware: told.firmware.traits().name.into(),
-            version: told.version.clone(),
-            options: told.options.clone(),
-            planner_blocks: told.planner_blocks.into(),
-            receive_buffer_size: told.receive_bytes.into(),
-            window: u32::try_from(told.window).unwrap_or(u32::MAX),
-            hold_latency: seconds(told.window),
-            settings: told
+            firmware: settings.firmware.traits().name.into(),
+            version: settings.version.clone(),
+            options: settings.options.clone(),
+            planner_blocks: settings.planner_blocks.into(),
+            receive_buffer_size: settings.receive_bytes.into(),
+            window: u32::try_from(settings.window).unwrap_or(u32::MAX),
+            hold_latency: seconds(settings.window),
+            settings: settings
                 .settings
                 .iter()
                 .map(|(number, value)| {
-                    let known = setting_name(told.firmware, *number);
+                    let known = setting_name(settings.firmware, *number);
                     let (name, unit) = known.unwrap_or_default();
                     ControllerSetting {
                         number: (*number).into(),
@@ -71,7 +71,7 @@ impl Viewers {
                     }
                 })
                 .collect(),
-            offsets: told
+            offsets: settings
                 .offsets
                 .iter()
                 .map(|offset| WorkOffset {

@@ -35,7 +35,7 @@ pub(super) struct Counters {
     events: AtomicU64,
     entries: AtomicU64,
     /// When the last report came, ns since the epoch, plus one; 0 for never.
-    heard: AtomicU64,
+    last_report: AtomicU64,
     /// How often the thread that owns the driver has come round.
     turns: AtomicU64,
 }
@@ -50,8 +50,8 @@ impl Counters {
         self.turns.load(Ordering::Relaxed)
     }
 
-    pub(super) fn heard_at(&self) -> Option<Duration> {
-        self.heard.load(Ordering::Relaxed).checked_sub(1).map(Duration::from_nanos)
+    pub(super) fn last_report_at(&self) -> Option<Duration> {
+        self.last_report.load(Ordering::Relaxed).checked_sub(1).map(Duration::from_nanos)
     }
 
     pub(super) fn read(&self) -> Dropped {
@@ -125,10 +125,10 @@ impl Outbox {
     }
 
     /// When the last report came; a report that changes nothing is no event.
-    pub(super) fn hear(&self, at: Option<Duration>) {
+    pub(super) fn set_last_report(&self, at: Option<Duration>) {
         // 584 years fit.
         let ns = at.map_or(0, |at| u64::try_from(at.as_nanos()).unwrap_or(u64::MAX - 1) + 1);
-        self.counters.heard.store(ns, Ordering::Relaxed);
+        self.counters.last_report.store(ns, Ordering::Relaxed);
     }
 
     /// Keeps an entry for a moment. Each that is handed out alone wakes whoever records, while
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn entries_are_handed_out_together_and_before_the_events_they_led_to() {
-        let (events, _heard) = sync_channel(4);
+        let (events, _received) = sync_channel(4);
         let (journal, recorder) = sync_channel(256);
         let mut outbox = Outbox::new(events, journal, Arc::default());
         let handed_out = || recorder.try_iter().count();

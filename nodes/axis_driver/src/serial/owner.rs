@@ -135,7 +135,7 @@ impl Owner {
                 self.reopen = None;
                 // A port that was tried in vain is not tried any more.
                 if self.port.take().is_some() || was_wanted {
-                    self.tell_closed("closed as asked".into());
+                    self.report_closed("closed as asked".into());
                 }
             }
             Control::Command { id, command } => self.handle(Input::Command { id, command }),
@@ -155,7 +155,7 @@ impl Owner {
             }
             Err(reason) => {
                 self.schedule_reopen();
-                self.tell_closed(reason);
+                self.report_closed(reason);
             }
         }
     }
@@ -163,7 +163,7 @@ impl Owner {
     fn lose_port(&mut self, reason: &str) {
         self.port = None;
         self.schedule_reopen();
-        self.tell_closed(format!("{}: {reason}", self.config.path));
+        self.report_closed(format!("{}: {reason}", self.config.path));
     }
 
     fn schedule_reopen(&mut self) {
@@ -179,7 +179,7 @@ impl Owner {
     }
 
     /// Tells the driver once for each reason.
-    fn tell_closed(&mut self, reason: String) {
+    fn report_closed(&mut self, reason: String) {
         if self.last_reason != reason {
             self.last_reason.clone_from(&reason);
             self.handle(Input::PortClosed { reason });
@@ -200,7 +200,7 @@ impl Owner {
         let mut entries = vec![self.journal.input(now, &input)];
         let mut events = Vec::new();
         self.driver.handle(now, input);
-        self.outbox.hear(self.driver.heard_at());
+        self.outbox.set_last_report(self.driver.last_report_at());
         let mut failure = None;
         let mut is_over = false;
         while let Some(output) = self.driver.poll_output() {
@@ -229,7 +229,7 @@ impl Owner {
             self.wants_open = false;
             self.reopen = None;
             if self.port.take().is_some() {
-                self.tell_closed("closed: the driver was shut down".into());
+                self.report_closed("closed: the driver was shut down".into());
             }
         }
     }

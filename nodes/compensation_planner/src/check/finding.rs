@@ -10,7 +10,7 @@ use crate::span::{Lead, Run, Span};
 use cnc_msgs::contour::{Approach, Source};
 use cnc_msgs::finding::{Code, Finding, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
-use cnc_msgs::numbers::told_apart;
+use cnc_msgs::numbers::with_enough_digits;
 use cnc_msgs::profile::{OtherSpans, Profile, Reaction, Strictness};
 
 /// `block N40`, or the line if the block has no number.
@@ -65,7 +65,7 @@ pub(crate) fn unreachable(
     } else {
         format!("{} to {}", block_name(first), block_name(last))
     };
-    let [radius, limit] = told_apart(radius_mm, limit_mm);
+    let [radius, limit] = with_enough_digits(radius_mm, limit_mm);
     let mut finding = Finding::error(
         Code::Unreachable,
         leg.source,

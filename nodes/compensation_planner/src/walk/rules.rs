@@ -16,7 +16,7 @@ use crate::span::Lead;
 use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Shape};
-use cnc_msgs::numbers::told_apart;
+use cnc_msgs::numbers::with_enough_digits;
 use cnc_msgs::profile::{
     CancelAxes, FullCircle, LeadLength, LeadMove, Permission, Profile, RapidMode, Rule, Strictness,
 };
@@ -89,7 +89,7 @@ impl Rules<'_> {
         {
             // The resolution of programs: the next longer length that three decimals can show.
             let enough_mm = (radius_mm * 1e3).floor() / 1e3 + 1e-3;
-            let [length, radius] = told_apart(length_mm, radius_mm);
+            let [length, radius] = with_enough_digits(length_mm, radius_mm);
             let mut finding = of(
                 rule.strictness,
                 Code::LeadLength,

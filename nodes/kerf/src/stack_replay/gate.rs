@@ -8,7 +8,7 @@
 //! Sans-IO: a [`Device`] for the line, and a [`Gate`] for the side that gives the commands. Knows
 //! the place; the conductor decides when to arm it.
 
-use super::place::{Approach, NEAR_MM, Place, Watch, distance_mm};
+use super::place::{Approach, NEAR_MM, Watch, WatchPlace, distance_mm};
 use super::track::Track;
 use axis_driver::link::realtime::{FEED_HOLD, SAFETY_DOOR, SOFT_RESET};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -87,7 +87,7 @@ impl Gate {
     }
 
     fn stop_has_come(&self) {
-        let stops = |watch: &Watch| matches!(watch.place, Place::StopsAt(_));
+        let stops = |watch: &Watch| matches!(watch.place, WatchPlace::StopsAt(_));
         if self.lock().watch.as_ref().is_some_and(stops) {
             self.release();
         }
@@ -181,10 +181,10 @@ impl GatedController {
         }
         let braking_mm = self.braking_mm(speed_mm_per_min) + 2.0 * NEAR_MM;
         machine.is_due = match watch.place {
-            Place::Passes(place) => watch.is_far_enough(along_mm).unwrap_or_else(|| {
+            WatchPlace::Passes(place) => watch.is_far_enough(along_mm).unwrap_or_else(|| {
                 watch.is_answered(answers) && approach.is_there(distance_mm(position, place))
             }),
-            Place::StopsAt(place) => match along_mm {
+            WatchPlace::StopsAt(place) => match along_mm {
                 // It cannot stop there yet.
                 Some(along_mm)
                     if watch.is_far_enough(Some(along_mm + braking_mm)) == Some(false) =>
@@ -277,7 +277,7 @@ mod tests {
         (gated, gate)
     }
 
-    fn watch(place: Place, along_mm: Option<f64>, answers: u64) -> Watch {
+    fn watch(place: WatchPlace, along_mm: Option<f64>, answers: u64) -> Watch {
         Watch { place, track: Arc::new(there_and_back()), along_mm, answers, state: 3 }
     }
 
@@ -300,7 +300,7 @@ mod tests {
         gated.receive(at(1), b"G1X20F600\nX40\n");
         assert_eq!(gate.machine().answers, 2);
         gate.begin(Some(Arc::new(there_and_back())));
-        gate.arm(watch(Place::StopsAt([30.0, 0.0, 0.0]), Some(30.0), 2));
+        gate.arm(watch(WatchPlace::StopsAt([30.0, 0.0, 0.0]), Some(30.0), 2));
         gated.advance(at(20));
         assert!(gate.machine().is_due, "{:?}", gate.machine());
         let output = report(&mut gated, at(40));
@@ -324,7 +324,7 @@ mod tests {
     fn time_stops_at_a_passed_place_and_continues_after_a_release() {
         let (mut gated, gate) = machine();
         let at = Duration::from_secs;
-        gate.arm(watch(Place::Passes([10.0, 0.2, 0.0]), None, 1));
+        gate.arm(watch(WatchPlace::Passes([10.0, 0.2, 0.0]), None, 1));
         gated.receive(at(1), b"G1X20F600\n");
         gated.advance(at(60));
         let seen = gate.machine();
@@ -337,7 +337,7 @@ mod tests {
 
     #[test]
     fn time_stops_at_the_second_passage_of_a_place() {
-        for place in [Place::StopsAt([30.0, 0.0, 0.0]), Place::Passes([30.0, 0.0, 0.0])] {
+        for place in [WatchPlace::StopsAt([30.0, 0.0, 0.0]), WatchPlace::Passes([30.0, 0.0, 0.0])] {
             let (mut gated, gate) = machine();
             gate.begin(Some(Arc::new(there_and_back())));
             gate.arm(watch(place, Some(50.0), 0));
@@ -352,10 +352,10 @@ mod tests {
     #[test]
     fn a_place_that_is_not_passed_or_passed_too_early_does_not_stop_time() {
         for (place, along_mm, answers) in [
-            (Place::Passes([10.0, 5.0, 0.0]), None, 1),
-            (Place::Passes([10.0, 0.0, 0.0]), None, 9),
-            (Place::StopsAt([10.0, 5.0, 0.0]), None, 1),
-            (Place::StopsAt([10.0, 0.0, 0.0]), Some(55.0), 1),
+            (WatchPlace::Passes([10.0, 5.0, 0.0]), None, 1),
+            (WatchPlace::Passes([10.0, 0.0, 0.0]), None, 9),
+            (WatchPlace::StopsAt([10.0, 5.0, 0.0]), None, 1),
+            (WatchPlace::StopsAt([10.0, 0.0, 0.0]), Some(55.0), 1),
         ] {
             let (mut gated, gate) = machine();
             gate.begin(Some(Arc::new(there_and_back())));

@@ -2,7 +2,7 @@
 //!
 //! From what the driver recorded about it after connecting. Pure: returns a controller.
 
-use super::run::Run;
+use super::run::RunHistory;
 use super::script::start_in_machine;
 use cnc_msgs::units::position_from_point;
 use cnc_msgs::wire::cnc_msgs::msg::{ControllerSettings, WorkOffset};
@@ -29,7 +29,10 @@ const ENTERED_AT: Duration = Duration::from_millis(1);
 ///
 /// # Errors
 /// The bag lacks the start position, or a shift was in force that a reset clears.
-pub(super) fn likeness(recording: &Recording, run: &Run<'_>) -> Result<Likeness, ReplayError> {
+pub(super) fn likeness(
+    recording: &Recording,
+    run: &RunHistory<'_>,
+) -> Result<Likeness, ReplayError> {
     let mut notes = Vec::new();
     let recorded = recording.settings.clone().unwrap_or_else(|| {
         notes.push(

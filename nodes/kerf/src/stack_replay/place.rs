@@ -19,7 +19,7 @@ pub(super) const SLACK_ANSWERS: u64 = 2;
 
 /// A place of a moving machine.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Place {
+pub(super) enum WatchPlace {
     /// The machine stops here when it is held now.
     StopsAt(Position),
     /// The machine passes here.
@@ -29,7 +29,7 @@ pub(super) enum Place {
 /// The place at which the gate waits for a moving machine.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Watch {
-    pub(super) place: Place,
+    pub(super) place: WatchPlace,
     /// The path that it is on.
     pub(super) track: Arc<Track>,
     /// Distance of the place along the path, mm; `None`: the place is, or the machine was, off the
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn a_machine_is_far_enough_by_its_distance_or_else_by_its_answers() {
         let watch = |along_mm| Watch {
-            place: Place::Passes([0.0; 3]),
+            place: WatchPlace::Passes([0.0; 3]),
             track: Arc::default(),
             along_mm,
             answers: 9,

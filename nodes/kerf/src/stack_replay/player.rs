@@ -12,7 +12,7 @@ use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramResult};
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 use cnc_msgs::wire::cnc_msgs::srv::{SetOverrides, SetOverridesRequest, SetTool};
 use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolRequest, Trigger, TriggerRequest};
-use runtime::action::{GoalError, GoalHandle, Outcome};
+use runtime::action::{GoalError, GoalHandle, GoalOutcome};
 use runtime::{Client, Handle, Subscription};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -25,7 +25,7 @@ const STILL: Duration = Duration::from_secs(60);
 /// How long planning the rest of a run may take.
 const PLAN_WITHIN: Duration = Duration::from_secs(300);
 /// How long the driver may take to report the state of a machine whose time stands still.
-const TOLD_WITHIN: Duration = Duration::from_secs(20);
+const REPORTED_WITHIN: Duration = Duration::from_secs(20);
 /// How often the position of the machine is checked.
 const LOOK: Duration = Duration::from_millis(5);
 
@@ -90,7 +90,7 @@ pub(super) struct Player<'a> {
 }
 
 /// The end of a run, in its own task.
-pub(super) type Ending = JoinHandle<Result<(Outcome, RunProgramResult), GoalError>>;
+pub(super) type Ending = JoinHandle<Result<(GoalOutcome, RunProgramResult), GoalError>>;
 
 impl<'a> Player<'a> {
     pub(super) fn new(node: &'a Handle, gate: &'a Gate, seen: Seen) -> Self {
@@ -116,14 +116,14 @@ impl<'a> Player<'a> {
                 }
                 // Time stands still: give the driver time to learn where the machine is.
                 let old = self.seen.count();
-                let is_told = async {
+                let is_reported = async {
                     while self.seen.count() < old + 2
                         || self.seen.last().is_none_or(|it| it.state != watch.state)
                     {
                         sleep(LOOK).await;
                     }
                 };
-                if timeout(TOLD_WITHIN, is_told).await.is_err() {
+                if timeout(REPORTED_WITHIN, is_reported).await.is_err() {
                     eprintln!("kerf: {what}: the driver reports another state of the machine");
                 }
             }
@@ -148,7 +148,7 @@ impl<'a> Player<'a> {
                 }
             };
             // If the driver accepted but sent nothing, the comparison will find it.
-            let _ = timeout(TOLD_WITHIN, has_come).await;
+            let _ = timeout(REPORTED_WITHIN, has_come).await;
         }
         gate.release();
         if let Err(Failure { status: Status::NodeRefused, message }) = &given {

@@ -36,9 +36,9 @@ pub(super) enum Happened {
     Closed(String),
 }
 
-/// One run.
+/// What happened in one run.
 #[derive(Debug)]
-pub(super) struct Run<'a> {
+pub(super) struct RunHistory<'a> {
     pub(super) goal: RunRequest,
     pub(super) began_ns: i64,
     /// After the goal, in order.
@@ -52,7 +52,7 @@ pub(super) struct Run<'a> {
     pub(super) is_single_block: bool,
 }
 
-impl<'a> Run<'a> {
+impl<'a> RunHistory<'a> {
     /// The run of a bag.
     ///
     /// # Errors

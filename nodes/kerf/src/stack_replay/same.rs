@@ -12,7 +12,7 @@
 //! Pure.
 
 use super::place::{NEAR_MM, distance_mm};
-use super::run::{Happened, Run};
+use super::run::{Happened, RunHistory};
 use super::script::{Cue, machine_position};
 use axis_driver::driver::Command;
 use cnc_msgs::chunk::{ContourChunks, PathChunks};
@@ -34,7 +34,7 @@ const LINES_AFTER_STOP_MAX: usize = 3;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RecordedRun<'a> {
     pub(super) recording: &'a Recording,
-    pub(super) run: &'a Run<'a>,
+    pub(super) run: &'a RunHistory<'a>,
 }
 
 /// Compares two runs.
@@ -165,7 +165,7 @@ fn lines_difference(was: &[&str], now: &[&str], stopped: bool) -> Option<(usize,
 
 /// The states of a run without repetitions, and without the state at rest before it, which may have
 /// been published before the bag was opened.
-fn states(run: &Run<'_>) -> Vec<u8> {
+fn states(run: &RunHistory<'_>) -> Vec<u8> {
     // During a reset nothing is known, for less than the time between two states.
     let states = run.states.iter().map(|(_, state)| state.state);
     let states = states.filter(|state| *state != MachineState::STATE_UNKNOWN);

@@ -3,8 +3,8 @@
 //! Each command is due where the stack was when it came, see `place`. What cannot be played is
 //! rejected by name before anything is started. Pure.
 
-use super::place::{Place, Position, SLACK_ANSWERS, Stand, Watch};
-use super::run::{Event, Happened, Run};
+use super::place::{Position, SLACK_ANSWERS, Stand, Watch, WatchPlace};
+use super::run::{Event, Happened, RunHistory};
 use super::track::{REPORT_MM, Track};
 use axis_driver::driver::{COMMANDER_LOST, Command, Overrides};
 use axis_driver::encoder::PREAMBLE;
@@ -80,8 +80,8 @@ impl When {
         match self {
             Self::Moving(Watch { place, along_mm, answers, .. }) => {
                 let place = match place {
-                    Place::StopsAt(place) => format!("to stop at {}", xyz(*place)),
-                    Place::Passes(place) => format!("at {}", xyz(*place)),
+                    WatchPlace::StopsAt(place) => format!("to stop at {}", xyz(*place)),
+                    WatchPlace::Passes(place) => format!("at {}", xyz(*place)),
                 };
                 let along =
                     along_mm.map_or(String::new(), |mm| format!(", {mm:.3} mm along its path"));
@@ -99,7 +99,7 @@ impl When {
 impl Cue {
     /// Whether the machine is stopped at the place.
     pub(super) fn stops(&self) -> bool {
-        matches!(&self.when, When::Moving(watch) if matches!(watch.place, Place::StopsAt(_)))
+        matches!(&self.when, When::Moving(watch) if matches!(watch.place, WatchPlace::StopsAt(_)))
     }
 }
 
@@ -114,7 +114,7 @@ pub(super) struct Script {
 ///
 /// # Errors
 /// Something happened that the stack level does not play; the error names it.
-pub(super) fn script(recording: &Recording, run: &Run<'_>) -> Result<Script, ReplayError> {
+pub(super) fn script(recording: &Recording, run: &RunHistory<'_>) -> Result<Script, ReplayError> {
     let end_ns = run.ended_ns().unwrap_or(i64::MAX);
     let mut asked = Vec::new();
     for (index, event) in run.events.iter().enumerate() {
@@ -160,7 +160,7 @@ pub(super) fn script(recording: &Recording, run: &Run<'_>) -> Result<Script, Rep
     let track = Arc::clone(&progress.track);
     let mut cues: Vec<Cue> = Vec::new();
     for (stamp_ns, index, act) in asked {
-        let is_behind_motion = cues.last().is_some_and(|it| matches!(it.when, When::Moving(_)));
+        let is_after_motion = cues.last().is_some_and(|it| matches!(it.when, When::Moving(_)));
         let Some(state) = run.state_at(stamp_ns) else { continue };
         let stops = matches!(act, Act::FeedHold | Act::DoorHold | Act::Cancel | Act::CancelGoal);
         let (before, after) = run.events.split_at(index.min(run.events.len()));
@@ -177,7 +177,7 @@ pub(super) fn script(recording: &Recording, run: &Run<'_>) -> Result<Script, Rep
                 state: state.state,
                 tool_wanted: state.tool_wanted,
                 // At a stop, one more or one less answer may have been in transit.
-                answers: answers(before).saturating_sub(if is_behind_motion {
+                answers: answers(before).saturating_sub(if is_after_motion {
                     SLACK_ANSWERS
                 } else {
                     0
@@ -204,7 +204,7 @@ struct PathProgress {
 }
 
 impl PathProgress {
-    fn begin(run: &Run<'_>) -> Result<Self, ReplayError> {
+    fn begin(run: &RunHistory<'_>) -> Result<Self, ReplayError> {
         let start = start_in_machine(run)?;
         let known = run.states.iter().find(|(_, state)| state.position_known);
         let offset = known.map_or([0.0; 3], |(_, state)| {
@@ -217,25 +217,25 @@ impl PathProgress {
 
     /// The distance of a command's place along the path. For a stop off the path, with the tool
     /// lifted, it becomes the last reported place of the machine.
-    fn place(&self, run: &Run<'_>, place: &mut Place, reported_ns: i64) -> Option<f64> {
-        let (Place::StopsAt(position) | Place::Passes(position)) = *place;
+    fn place(&self, run: &RunHistory<'_>, place: &mut WatchPlace, reported_ns: i64) -> Option<f64> {
+        let (WatchPlace::StopsAt(position) | WatchPlace::Passes(position)) = *place;
         let along_mm = match place {
-            Place::StopsAt(_) => self.on(run, position, reported_ns),
-            Place::Passes(_) => self.along_mm,
+            WatchPlace::StopsAt(_) => self.on(run, position, reported_ns),
+            WatchPlace::Passes(_) => self.along_mm,
         };
         if along_mm.is_none() && self.along_mm.is_some() {
-            *place = Place::Passes(position);
+            *place = WatchPlace::Passes(position);
         }
         along_mm.or(self.along_mm)
     }
 
     /// The distance along the path of a place that was reported at this time.
-    fn on(&self, run: &Run<'_>, place: Position, reported_ns: i64) -> Option<f64> {
+    fn on(&self, run: &RunHistory<'_>, place: Position, reported_ns: i64) -> Option<f64> {
         self.track.follow(self.known_mm, place, REPORT_MM, run.line_after(reported_ns))
     }
 
     /// Processes the events up to now.
-    fn follow(&mut self, run: &Run<'_>, events: &[Event]) {
+    fn follow(&mut self, run: &RunHistory<'_>, events: &[Event]) {
         for event in events.get(self.seen..).unwrap_or_default() {
             if let Happened::Asked(Command::Replan(rest)) = &event.what {
                 self.track = Arc::new(Track::new(self.start, &rest.path, self.offset));
@@ -276,7 +276,12 @@ fn answers(events: &[Event]) -> u64 {
 }
 
 /// Where to wait for the machine, and when that was reported; `None` if it stood still.
-fn place(before: &[Event], after: &[Event], stops: bool, offset: Position) -> Option<(Place, i64)> {
+fn place(
+    before: &[Event],
+    after: &[Event],
+    stops: bool,
+    offset: Position,
+) -> Option<(WatchPlace, i64)> {
     let mut reports = before.iter().rev().filter(|event| report(event).is_some());
     let last = reports.next()?;
     if report(last).is_none_or(stands) {
@@ -287,8 +292,8 @@ fn place(before: &[Event], after: &[Event], stops: bool, offset: Position) -> Op
     let stop = stop.next().filter(|_| stops);
     let stop = stop.and_then(|event| Some((position(report(event)?, offset)?, event.stamp_ns)));
     Some(match stop {
-        Some((stop, reported_ns)) => (Place::StopsAt(stop), reported_ns),
-        None => (Place::Passes(passed), last.stamp_ns),
+        Some((stop, reported_ns)) => (WatchPlace::StopsAt(stop), reported_ns),
+        None => (WatchPlace::Passes(passed), last.stamp_ns),
     })
 }
 
@@ -334,7 +339,7 @@ fn act(command: &Command) -> Option<Act> {
 }
 
 /// What the stack level cannot play, in words.
-fn unplayable(run: &Run<'_>, index: usize) -> Option<String> {
+fn unplayable(run: &RunHistory<'_>, index: usize) -> Option<String> {
     let before = &run.events[..index];
     let asked = |wanted: fn(&Command) -> bool| {
         before.iter().any(|it| matches!(&it.what, Happened::Asked(asked) if wanted(asked)))
@@ -408,7 +413,7 @@ fn is_asked_to_stop(before: &[Event]) -> bool {
 }
 
 /// Where the machine was when the goal came, mm.
-pub(super) fn start_in_machine(run: &Run<'_>) -> Result<Position, ReplayError> {
+pub(super) fn start_in_machine(run: &RunHistory<'_>) -> Result<Position, ReplayError> {
     let known = run.states.iter().find(|(_, state)| state.position_known);
     let (_, known) = known.ok_or_else(|| ReplayError::Incomplete {
         what: "a position of the machine",

@@ -13,7 +13,7 @@ use crate::limits::{
 use cnc_msgs::contour::MotionClass;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{Arc, AxisSet, Shape};
-use cnc_msgs::numbers::told_apart;
+use cnc_msgs::numbers::with_enough_digits;
 
 impl Interpreter<'_> {
     pub(super) fn arc(&mut self, scene: &mut Scene<'_>, clockwise: bool) {
@@ -148,8 +148,8 @@ impl Interpreter<'_> {
             ),
             ArcTrouble::Mismatch { start_mm, end_mm, allowed_mm } => (
                 {
-                    let [off, allowed] = told_apart((start_mm - end_mm).abs(), allowed_mm);
-                    let [start, end] = told_apart(start_mm, end_mm);
+                    let [off, allowed] = with_enough_digits((start_mm - end_mm).abs(), allowed_mm);
+                    let [start, end] = with_enough_digits(start_mm, end_mm);
                     format!(
                         "the radii of the arc differ by {off} mm: {start} mm at its start, \
                          {end} mm at its end; {allowed} mm is allowed"
@@ -161,7 +161,7 @@ impl Interpreter<'_> {
             ),
             ArcTrouble::TooShort { radius_mm, half_chord_mm } => (
                 {
-                    let [radius, needed] = told_apart(radius_mm, half_chord_mm);
+                    let [radius, needed] = with_enough_digits(radius_mm, half_chord_mm);
                     format!(
                         "radius {radius} mm is too small: start and end are {:.3} mm apart, \
                          so at least {needed} mm is needed",

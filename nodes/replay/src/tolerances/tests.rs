@@ -42,7 +42,7 @@ fn leaves_of(type_name: &'static str) -> Vec<(FieldPath, Primitive)> {
 
 /// The row that decides about a field: its index in the table.
 fn row_of(type_name: &str, path: &FieldPath) -> usize {
-    let fits = |row: &Row| row.is_of(type_name) && row.pattern().matches(path);
+    let fits = |row: &ToleranceRow| row.is_of(type_name) && row.pattern().matches(path);
     ROWS.iter().position(fits).expect("the last row fits everything")
 }
 

@@ -18,7 +18,7 @@ use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
 use crate::endpoints::publisher::Publisher;
 use crate::managed::diagnostics::{Health, HealthLevel};
-use crate::process::lifecycle_states::{self, Outcome, Transition, ended, requested};
+use crate::process::lifecycle_states::{self, Transition, TransitionOutcome, ended, requested};
 use crate::process::shutdown::NodeResult;
 use cnc_msgs::wire::lifecycle_msgs::msg as wire;
 use std::future::{Future, ready};
@@ -263,9 +263,9 @@ impl<M: Managed> Lifecycle<M> {
             tracing::error!("shutdown: {trouble}");
         }
         if state != LifecycleState::ErrorProcessing {
-            self.take(ended(state, Outcome::Error));
+            self.take(ended(state, TransitionOutcome::Error));
         }
-        self.take(ended(LifecycleState::ErrorProcessing, Outcome::Failure));
+        self.take(ended(LifecycleState::ErrorProcessing, TransitionOutcome::Failure));
     }
 
     async fn go(&self, transition: Transition) -> Result<(), String> {
@@ -278,9 +278,9 @@ impl<M: Managed> Lifecycle<M> {
             _ => self.managed.shutdown().await,
         };
         let outcome = match &went {
-            Ok(()) => Outcome::Success,
-            Err(Trouble::Failure(_)) => Outcome::Failure,
-            Err(Trouble::Error(_)) => Outcome::Error,
+            Ok(()) => TransitionOutcome::Success,
+            Err(Trouble::Failure(_)) => TransitionOutcome::Failure,
+            Err(Trouble::Error(_)) => TransitionOutcome::Error,
         };
         if let Err(trouble) = &went {
             tracing::error!("{} failed: {trouble}", transition.label);
@@ -288,7 +288,7 @@ impl<M: Managed> Lifecycle<M> {
         self.take(ended(transition.goal, outcome));
         if self.state() == LifecycleState::ErrorProcessing {
             // Only a new process recovers from a step that is half done.
-            self.take(ended(LifecycleState::ErrorProcessing, Outcome::Failure));
+            self.take(ended(LifecycleState::ErrorProcessing, TransitionOutcome::Failure));
             self.node.shutdown().fail(&format!("{} failed", transition.label));
         }
         if self.state() == LifecycleState::Finalized {

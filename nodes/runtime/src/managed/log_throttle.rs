@@ -12,12 +12,12 @@ const BURST: u32 = 100;
 const REFILL: Duration = Duration::from_millis(500);
 
 /// A line of the program that logs: file and number.
-pub(crate) type Place = (&'static str, u32);
+pub(crate) type LogSite = (&'static str, u32);
 
 /// What has been written, by place; there are only so many places.
 #[derive(Debug, Default)]
 pub(crate) struct Throttle {
-    places: BTreeMap<Place, Account>,
+    places: BTreeMap<LogSite, Account>,
 }
 
 #[derive(Debug)]
@@ -32,7 +32,7 @@ struct Account {
 impl Throttle {
     /// Whether this line may be written, and then how many like it were left
     /// out before it.
-    pub(crate) fn admit(&mut self, place: Place, now: Instant) -> Option<u64> {
+    pub(crate) fn admit(&mut self, place: LogSite, now: Instant) -> Option<u64> {
         let account =
             self.places.entry(place).or_insert(Account { left: BURST, since: now, left_out: 0 });
         let elapsed = now.saturating_duration_since(account.since);

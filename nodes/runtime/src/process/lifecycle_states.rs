@@ -80,7 +80,7 @@ pub(crate) struct Transition {
 
 /// The outcome of a transition's step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Outcome {
+pub(crate) enum TransitionOutcome {
     Success,
     /// It failed and changed nothing.
     Failure,
@@ -88,7 +88,7 @@ pub(crate) enum Outcome {
     Error,
 }
 
-impl Outcome {
+impl TransitionOutcome {
     fn label(self) -> &'static str {
         match self {
             Self::Success => "transition_success",
@@ -169,7 +169,7 @@ pub(crate) fn requested(state: LifecycleState, id: u8, label: &str) -> Result<Tr
 ///
 /// # Panics
 /// The state is not transitional: nothing is under transition.
-pub(crate) fn ended(state: LifecycleState, outcome: Outcome) -> Transition {
+pub(crate) fn ended(state: LifecycleState, outcome: TransitionOutcome) -> Transition {
     let transition = transitions_from(state).find(|transition| transition.label == outcome.label());
     *transition.unwrap_or_else(|| panic!("nothing is under transition in {}", state.label()))
 }
@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn what_was_under_way_ends_where_rcl_ends_it() {
-        use Outcome::{Error, Failure, Success};
+        use TransitionOutcome::{Error, Failure, Success};
         let table = [
             (Configuring, [Inactive, Unconfigured, ErrorProcessing]),
             (CleaningUp, [Unconfigured, Inactive, ErrorProcessing]),

@@ -4,14 +4,15 @@ use super::action::Action;
 use super::{Controller, ControllerState};
 use crate::axes::Vector;
 use crate::codes::ErrorCode;
-use crate::gcode::{Checked, Effect, FeedMode, Flow, Kind, NonModal, Spindle, check};
+use crate::gcode::{Checked, CommandKind, Effect, FeedMode, Flow, NonModal, Spindle, check};
 use crate::motion::{Move, ProgrammedSpeed};
 
 impl Controller {
     /// Checks a program line and queues its actions.
     pub(super) fn block(&mut self, text: &str) -> Result<(), ErrorCode> {
         let vocabulary = self.vocabulary();
-        let block = check(text, Kind::Program, &vocabulary, &self.parser, &self.memory.systems)?;
+        let block =
+            check(text, CommandKind::Program, &vocabulary, &self.parser, &self.memory.systems)?;
         self.queue_accessories(&block);
         self.queue_offsets(&block);
         self.queue_motion(&block);
@@ -40,7 +41,7 @@ impl Controller {
     /// Checks a `$J=` line and queues it.
     pub(super) fn jog(&mut self, text: &str) -> Result<(), ErrorCode> {
         let vocabulary = self.vocabulary();
-        let block = check(text, Kind::Jog, &vocabulary, &self.parser, &self.memory.systems)?;
+        let block = check(text, CommandKind::Jog, &vocabulary, &self.parser, &self.memory.systems)?;
         let Effect::Line(mut target) = block.effect else { return Err(ErrorCode::NoAxisWords) };
         let settings = &self.memory.settings;
         if settings.soft_limits() && !settings.within_travel(target) {

@@ -18,7 +18,7 @@ const LINE_NUMBER_MAX: f64 = 10_000_000.0;
 
 /// Program or jog (`$J=`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum CommandKind {
     Program,
     Jog,
 }
@@ -89,13 +89,13 @@ pub(crate) enum Flow {
 /// Checks a line (upper case, without blanks) and returns its effect.
 pub(crate) fn check(
     line: &str,
-    kind: Kind,
+    kind: CommandKind,
     vocabulary: &Vocabulary,
     state: &ParserState,
     systems: &CoordinateSystems,
 ) -> Result<Checked, ErrorCode> {
     let mut modal = state.modal;
-    if kind == Kind::Jog {
+    if kind == CommandKind::Jog {
         modal.motion = Motion::Line;
         modal.feed_mode = FeedMode::UnitsPerMinute;
     }
@@ -108,7 +108,7 @@ pub(crate) fn check(
     if line_number > LINE_NUMBER_MAX {
         return Err(ErrorCode::InvalidLineNumber);
     }
-    if kind == Kind::Jog {
+    if kind == CommandKind::Jog {
         let may = matches!(w.zero, None | Some(ZeroGroup::MachineCoordinates));
         if w.groups & !GROUPS_OF_JOGS != 0 || !may || w.tool_length.is_some() {
             return Err(ErrorCode::InvalidJog);
@@ -116,8 +116,8 @@ pub(crate) fn check(
     }
     let mm = if modal.units == Units::Inches { MM_PER_INCH } else { 1.0 };
     let feed = feed(&mut w, kind, &modal, state, mm)?;
-    let spindle_rpm = if kind == Kind::Jog { None } else { w.take('S') };
-    let tool = if kind == Kind::Jog { None } else { w.take('T') };
+    let spindle_rpm = if kind == CommandKind::Jog { None } else { w.take('S') };
+    let tool = if kind == CommandKind::Jog { None } else { w.take('T') };
     let dwell_s = match w.zero {
         Some(ZeroGroup::Dwell) => Some(w.take('P').ok_or(ErrorCode::ValueWordMissing)?),
         _ => None,
@@ -153,7 +153,7 @@ pub(crate) fn check(
     if w.values.iter().any(Option::is_some) {
         return Err(ErrorCode::UnusedWords);
     }
-    if kind == Kind::Jog && effect == Effect::None {
+    if kind == CommandKind::Jog && effect == Effect::None {
         return Err(ErrorCode::NoAxisWords);
     }
     Ok(Checked {
@@ -174,7 +174,7 @@ pub(crate) fn check(
 /// Returns the feed in force: mm/min, or moves per minute in G93; 0 is undefined.
 fn feed(
     w: &mut Words,
-    kind: Kind,
+    kind: CommandKind,
     modal: &Modal,
     state: &ParserState,
     mm: f64,
@@ -191,7 +191,7 @@ fn feed(
         }
         FeedMode::UnitsPerMinute => Ok(match given {
             Some(feed) => times(feed, mm),
-            None if kind == Kind::Jog => 0.0,
+            None if kind == CommandKind::Jog => 0.0,
             None if state.modal.feed_mode == FeedMode::UnitsPerMinute => state.feed,
             None => 0.0,
         }),
@@ -283,7 +283,7 @@ fn non_modal(
 
 /// What a motion needs to know of its block, apart from the words.
 struct Ask<'a> {
-    kind: Kind,
+    kind: CommandKind,
     vocabulary: &'a Vocabulary,
     modal: &'a Modal,
     target: Vector,
@@ -309,7 +309,7 @@ fn motion(w: &mut Words, ask: &Ask<'_>, state: &ParserState) -> Result<Effect, E
     let clockwise = modal.motion == Motion::ArcClockwise;
     match modal.motion {
         Motion::Line if w.has_axis() => Ok(Effect::Line(target)),
-        Motion::Line if kind == Kind::Jog => Err(ErrorCode::NoAxisWords),
+        Motion::Line if kind == CommandKind::Jog => Err(ErrorCode::NoAxisWords),
         Motion::Line => Ok(Effect::None),
         Motion::ArcClockwise | Motion::ArcCounterclockwise => {
             let (a, b, _) = modal.plane.axes();

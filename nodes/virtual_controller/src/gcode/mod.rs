@@ -11,7 +11,7 @@ mod sort;
 mod words;
 
 pub(crate) use arc::ArcPrecision;
-pub(crate) use check::{Checked, Effect, Flow, Kind, NonModal, check};
+pub(crate) use check::{Checked, CommandKind, Effect, Flow, NonModal, check};
 pub(crate) use modal::{
     Coolant, CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserState, Plane, Spindle,
     Units, system_name,

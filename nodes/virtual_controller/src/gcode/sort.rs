@@ -7,7 +7,7 @@ use crate::axes::AXES;
 use crate::codes::ErrorCode;
 use crate::firmware::Vocabulary;
 use crate::gcode::words::words;
-use crate::gcode::{Distance, FeedMode, Flow, Kind, Modal, Motion, Plane, Spindle, Units};
+use crate::gcode::{CommandKind, Distance, FeedMode, Flow, Modal, Motion, Plane, Spindle, Units};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum ZeroGroup {
@@ -94,7 +94,7 @@ pub(super) const GROUPS_OF_JOGS: u32 = 1 | 1 << 3 | 1 << 6;
 /// Sorts the words into groups and values; the first pass of the firmware.
 pub(super) fn sort(
     line: &str,
-    kind: Kind,
+    kind: CommandKind,
     vocabulary: &Vocabulary,
     modal: &mut Modal,
 ) -> Result<Words, ErrorCode> {
@@ -226,14 +226,14 @@ fn g_word(
 fn m_word(
     w: &mut Words,
     modal: &mut Modal,
-    kind: Kind,
+    kind: CommandKind,
     vocabulary: &Vocabulary,
     hundredths: i64,
 ) -> Result<(), ErrorCode> {
     if hundredths % 100 != 0 {
         return Err(ErrorCode::NotInteger);
     }
-    let has_mist = kind == Kind::Program && vocabulary.has_mist;
+    let has_mist = kind == CommandKind::Program && vocabulary.has_mist;
     let group = match hundredths / 100 {
         0 => {
             w.flow = Some(Flow::Pause);

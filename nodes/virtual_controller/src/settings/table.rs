@@ -4,7 +4,7 @@ use crate::firmware::Firmware;
 
 /// How a setting is stored and printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ValueKind {
     /// 0 to 255, or a mask.
     Integer,
     /// 0 to 65535, or a mask.
@@ -28,9 +28,9 @@ enum Owner {
 
 /// One setting.
 #[derive(Debug)]
-pub(super) struct Row {
+pub(super) struct SettingRow {
     pub(super) number: u16,
-    pub(super) kind: Kind,
+    pub(super) kind: ValueKind,
     /// Default of bare firmware.
     pub(super) generic: f64,
     /// Default of the small router.
@@ -38,20 +38,20 @@ pub(super) struct Row {
     owner: Owner,
 }
 
-use Kind::{Boolean, Float, Integer, Rpm, Word};
 use Owner::{All, Classic, GrblHal};
+use ValueKind::{Boolean, Float, Integer, Rpm, Word};
 
-const fn row(number: u16, kind: Kind, generic: f64, router: f64, owner: Owner) -> Row {
-    Row { number, kind, generic, router, owner }
+const fn row(number: u16, kind: ValueKind, generic: f64, router: f64, owner: Owner) -> SettingRow {
+    SettingRow { number, kind, generic, router, owner }
 }
 
 /// A setting that only grblHAL has, with the same default on every machine.
-const fn hal(number: u16, kind: Kind, default: f64) -> Row {
+const fn hal(number: u16, kind: ValueKind, default: f64) -> SettingRow {
     row(number, kind, default, default, GrblHal)
 }
 
 /// All settings, by number.
-static TABLE: &[Row] = &[
+static TABLE: &[SettingRow] = &[
     row(0, Integer, 10.0, 10.0, All),
     row(1, Integer, 25.0, 255.0, All),
     row(2, Integer, 0.0, 0.0, All),
@@ -138,7 +138,7 @@ static TABLE: &[Row] = &[
 ];
 
 /// The settings of a family, by number.
-pub(super) fn rows(firmware: Firmware) -> impl Iterator<Item = &'static Row> {
+pub(super) fn rows(firmware: Firmware) -> impl Iterator<Item = &'static SettingRow> {
     let is_hal = firmware == Firmware::GrblHal;
     TABLE.iter().filter(move |row| match row.owner {
         All => true,
@@ -147,7 +147,7 @@ pub(super) fn rows(firmware: Firmware) -> impl Iterator<Item = &'static Row> {
     })
 }
 
-impl Kind {
+impl ValueKind {
     /// A value as the firmware stores it.
     pub(super) fn stored(self, value: f64) -> f64 {
         match self {

@@ -11,8 +11,8 @@ impl Machine {
         let usual = Board::default();
         let setting = |number: u16| self.settings.get(&number).copied();
         let place = |name: &str| -> Position {
-            let told = self.offsets.iter().find(|offset: &&Offset| offset.name == name);
-            told.map_or([0.0; 3], |offset| offset.position)
+            let stored = self.offsets.iter().find(|offset: &&Offset| offset.name == name);
+            stored.map_or([0.0; 3], |offset| offset.position)
         };
         let shift = self.shift();
         let system = |index: usize| {
@@ -44,8 +44,8 @@ mod tests {
         }
         let shift = [0.0, 0.5, 10.0];
         let work_offsets = [shift, [-300.0, -200.0, -30.0], shift, shift, shift, shift];
-        let told = Board { arc_tolerance_mm: 0.01, is_laser: true, work_offsets };
-        assert_eq!(machine.board(), told);
+        let expected = Board { arc_tolerance_mm: 0.01, is_laser: true, work_offsets };
+        assert_eq!(machine.board(), expected);
         machine.on_setting(12, "0");
         assert_eq!(machine.board().arc_tolerance_mm, Board::default().arc_tolerance_mm);
     }

@@ -40,25 +40,25 @@ impl Context {
     /// Forgets a commander that was lost before this was begun: it has not begun it.
     pub(in crate::driver) fn forget_old_commander(&mut self) {
         let patience = self.commander_patience();
-        self.commander_heard = self.commander_heard.filter(|heard| self.now < *heard + patience);
+        self.commander_seen = self.commander_seen.filter(|seen| self.now < *seen + patience);
     }
 
     /// Takes a sign of life.
-    pub(in crate::driver) fn hear_commander(&mut self) -> Answer {
-        self.commander_heard = Some(self.now);
+    pub(in crate::driver) fn on_heartbeat(&mut self) -> Answer {
+        self.commander_seen = Some(self.now);
         Some(Ok("heard".into()))
     }
 
     /// When the commander counts as lost, if a run or a manual operation is under way.
     pub(in crate::driver) fn commander_deadline(&self) -> Option<Duration> {
-        let heard = self.commander_heard.filter(|_| !self.excuses_commander())?;
-        Some(heard + self.commander_patience())
+        let seen = self.commander_seen.filter(|_| !self.excuses_commander())?;
+        Some(seen + self.commander_patience())
     }
 
     /// Takes the commander for lost; gives the reason.
     pub(in crate::driver) fn lose_commander(&mut self) -> String {
         // It has to give another sign before it can be missed again.
-        self.commander_heard = None;
+        self.commander_seen = None;
         let patience = self.config.commander_timeout_ms;
         format!("{COMMANDER_LOST}: no sign of life for {patience} ms")
     }

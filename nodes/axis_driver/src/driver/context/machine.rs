@@ -24,8 +24,8 @@ pub(in crate::driver) struct Machine {
     #[serde(default)]
     pub(in crate::driver) options: String,
     /// The settings as they were reported.
-    #[serde(default)]
-    pub(in crate::driver) told: BTreeMap<u16, String>,
+    #[serde(default, rename = "told")]
+    pub(in crate::driver) reported: BTreeMap<u16, String>,
     #[serde(default)]
     pub(in crate::driver) offsets: Vec<Offset>,
     pub(in crate::driver) settings: BTreeMap<u16, f64>,
@@ -199,7 +199,7 @@ impl Machine {
     }
 
     pub(in crate::driver) fn on_setting(&mut self, number: u16, value: &str) {
-        self.told.insert(number, value.to_owned());
+        self.reported.insert(number, value.to_owned());
         if let Some(value) = value.parse::<f64>().ok().filter(|value| value.is_finite()) {
             self.settings.insert(number, value);
         }
@@ -207,7 +207,7 @@ impl Machine {
 
     /// A setting that is a mask, as it was reported.
     pub(in crate::driver) fn mask(&self, number: u16) -> Option<u32> {
-        self.told.get(&number)?.trim().parse().ok()
+        self.reported.get(&number)?.trim().parse().ok()
     }
 
     pub(in crate::driver) fn reports_in_inches(&self) -> bool {
@@ -218,7 +218,7 @@ impl Machine {
     /// has another request that gets them.
     pub(in crate::driver) fn reports_too_little(&self) -> bool {
         const WORK_OFFSET_AND_OVERRIDES: u32 = 0b110_0000;
-        let mask = self.told.get(&10).and_then(|value| value.parse::<u32>().ok());
+        let mask = self.reported.get(&10).and_then(|value| value.parse::<u32>().ok());
         let lacks = |mask: u32| mask & WORK_OFFSET_AND_OVERRIDES != WORK_OFFSET_AND_OVERRIDES;
         self.firmware.traits().has_full_report && mask.is_some_and(lacks)
     }

@@ -21,7 +21,7 @@ impl Machine {
 
     /// Why no position is known, and what helps.
     pub(in crate::driver) fn unknown_place(&self) -> String {
-        match self.told.get(&10) {
+        match self.reported.get(&10) {
             Some(mask) if self.status.is_some() => format!(
                 "the reports of the controller have not shown a work offset yet ($10={mask}): try \
                  again; if that lasts, $10=3 (grbl, FluidNC) or $10=511 (grblHAL) has reports show it"

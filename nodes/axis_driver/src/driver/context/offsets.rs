@@ -46,8 +46,8 @@ impl Machine {
 
     /// The shift of G92, zero if it was not reported.
     pub(in crate::driver) fn shift(&self) -> Position {
-        let told = self.offsets.iter().find(|offset| offset.name == "G92");
-        told.map_or([0.0; 3], |offset| offset.position)
+        let stored = self.offsets.iter().find(|offset| offset.name == "G92");
+        stored.map_or([0.0; 3], |offset| offset.position)
     }
 
     /// Keeps a stored offset.

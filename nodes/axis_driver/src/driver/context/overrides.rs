@@ -226,17 +226,18 @@ impl Context {
     }
 
     /// Looks in each report for overrides that were asked for.
-    pub(in crate::driver) fn watch_overrides(&mut self, told: Option<[u8; 3]>) {
+    pub(in crate::driver) fn watch_overrides(&mut self, reported: Option<[u8; 3]>) {
         let Some(mut watch) = self.overrides.take() else { return };
         watch.reports += 1;
-        let is_new = |told: &[u8; 3]| *told == watch.expected || watch.reports > OLD_REPORTS;
-        match told.filter(is_new) {
-            Some(told) if watch.wanted.are(told) => {
+        let is_new =
+            |reported: &[u8; 3]| *reported == watch.expected || watch.reports > OLD_REPORTS;
+        match reported.filter(is_new) {
+            Some(reported) if watch.wanted.are(reported) => {
                 for (id, _) in watch.requests {
-                    self.reply(id, Ok(shown(told)));
+                    self.reply(id, Ok(shown(reported)));
                 }
             }
-            Some(told) => self.begin_round(watch, told),
+            Some(reported) => self.begin_round(watch, reported),
             None if watch.reports >= REPORTS_OF_A_CHANGE => {
                 let reported = self.machine.overrides_percent;
                 self.begin_round(watch, reported);

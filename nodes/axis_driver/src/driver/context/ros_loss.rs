@@ -41,7 +41,7 @@ pub(in crate::driver) struct RosLoss {
 
 impl Context {
     /// The ROS side has come or gone.
-    pub(in crate::driver) fn hear_ros_face(&mut self, is_there: bool) -> Answer {
+    pub(in crate::driver) fn on_ros_face(&mut self, is_there: bool) -> Answer {
         match (is_there, self.ros_loss) {
             (false, None) => {
                 self.ros_loss = Some(RosLoss { since: self.now, is_answered: false });
@@ -50,7 +50,7 @@ impl Context {
                 self.ros_loss = None;
                 // A commander could not be heard, and has to find the face first.
                 if self.config.on_ros_loss == OnRosLoss::Finish {
-                    self.commander_heard = self.commander_heard.map(|_| self.now);
+                    self.commander_seen = self.commander_seen.map(|_| self.now);
                 }
             }
             _ => {}

@@ -132,7 +132,7 @@ impl Order {
             (true, false) => "G38.4",
             (true, true) => "G38.5",
         };
-        let task = Task::Probe { may_miss: request.may_miss, heard: None };
+        let task = Task::Probe { may_miss: request.may_miss, touch: None };
         Ok(Self::new(task, LineKind::Slow, [format!("G21G91G94{word}{words}")]))
     }
 

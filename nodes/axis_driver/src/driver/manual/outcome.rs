@@ -50,8 +50,8 @@ impl ManualOperation {
                 );
                 Err(Refusal::new(error_code::STOPPED_SHORT, text))
             }
-            Task::Probe { heard: Some((_, true)), .. } => Ok("done".into()),
-            Task::Probe { heard: Some((_, false)), may_miss: true } => {
+            Task::Probe { touch: Some((_, true)), .. } => Ok("done".into()),
+            Task::Probe { touch: Some((_, false)), may_miss: true } => {
                 Ok("the probe touched nothing on the way".into())
             }
             Task::Probe { .. } => {
@@ -71,11 +71,11 @@ impl ManualOperation {
         if !task.moves() {
             return Output::Reply { id, result };
         }
-        let heard = match task {
-            Task::Probe { heard, .. } => heard,
+        let touch = match task {
+            Task::Probe { touch, .. } => touch,
             _ => machine.machine_position().map(|at| (at, false)),
         };
-        let found = heard.is_some_and(|(_, found)| found);
+        let found = touch.is_some_and(|(_, found)| found);
         // Only a machine that stands is where it was reported last.
         let stands = match &result {
             Ok(_) => true,
@@ -84,7 +84,7 @@ impl ManualOperation {
             }
         };
         let is_place = found || stands && matches!(task, Task::Jog { .. });
-        let machine_position = heard.filter(|_| is_place).map(|(at, _)| at);
+        let machine_position = touch.filter(|_| is_place).map(|(at, _)| at);
         let work_position = machine_position.and_then(|at| machine.in_work_frame(at));
         let (outcome, error_code, message) = match result {
             Ok(message) => (RunOutcome::Succeeded, 0, message),

@@ -3,7 +3,7 @@
 use super::exit::{Exit, RunVerdict};
 use super::proof::Proven;
 use super::tool_change::ToolChange;
-use super::{Run, Stage, Then};
+use super::{ProgramRun, Stage, Then};
 use crate::codes::{self, error_code};
 use crate::driver::context::config::{ANSWER, RECORDER, SETTLED, WORK_POSITION};
 use crate::driver::context::place::PlaceWatch;
@@ -22,7 +22,7 @@ use std::time::Duration;
 /// The first word of the reason when an incomplete record has caused the hold.
 const RECORD_NOT_WHOLE: &str = "RECORD_NOT_WHOLE";
 
-impl Run {
+impl ProgramRun {
     pub(in crate::driver) fn on_time(&mut self, context: &mut Context) -> Option<Exit> {
         let now = context.now;
         let is_machine_held = context.machine.is_state(&ControllerState::Hold)
@@ -103,7 +103,7 @@ impl Run {
     }
 
     /// Takes what the recorder says of the run that is waiting for it, or under way.
-    pub(in crate::driver) fn hear_recorder(
+    pub(in crate::driver) fn on_recorder(
         &mut self,
         context: &mut Context,
         is_whole: bool,
@@ -302,7 +302,7 @@ impl Run {
 
     /// Takes a report of empty buffers, while lines have no answer. True when it came often
     /// enough to be believed.
-    pub(in crate::driver) fn hear_empty_buffers(&mut self, is_empty: bool) -> bool {
+    pub(in crate::driver) fn on_empty_buffers(&mut self, is_empty: bool) -> bool {
         /// Reports in a row that show it.
         const EMPTY_REPORTS: u32 = 2;
         self.empty_reports = if is_empty { self.empty_reports + 1 } else { 0 };

@@ -6,7 +6,7 @@
 
 use super::proof::{Proof, Proven};
 use super::request::RunRequest;
-use super::{Run, Stage};
+use super::{ProgramRun, Stage};
 use crate::codes::error_code;
 use crate::driver::answer::{Answer, Refusal, refused};
 use crate::driver::context::Context;
@@ -36,7 +36,7 @@ pub(in crate::driver) struct Replan {
     proof: Proof,
 }
 
-impl Run {
+impl ProgramRun {
     /// Elements that have been sent or made to be sent; the first that has not, with
     /// its event, is where another path may begin. `None` unless all stands still.
     pub(in crate::driver) fn settled(&self, is_machine_held: bool) -> Option<u64> {

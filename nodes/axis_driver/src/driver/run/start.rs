@@ -1,6 +1,6 @@
 //! Whether a run may begin where the tool and the machine are.
 
-use super::Run;
+use super::ProgramRun;
 use super::request::RunRequest;
 use crate::codes::error_code;
 use crate::driver::answer::Refusal;
@@ -51,7 +51,7 @@ impl Context {
     }
 }
 
-impl Run {
+impl ProgramRun {
     /// Whether the tool is where the path begins, if that can be known before the first words
     /// are sent: because those in force are the same.
     pub(in crate::driver) fn check_start_early(&self, machine: &Machine) -> Result<(), Refusal> {

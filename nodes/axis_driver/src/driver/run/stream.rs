@@ -2,14 +2,14 @@
 
 use super::block::BlockOfLine;
 use super::exit::Exit;
-use super::{Pending, Run, Stage, Then};
+use super::{Pending, ProgramRun, Stage, Then};
 use crate::codes::error_code;
 use crate::driver::context::{Context, Origin};
 use crate::encoder::{EncodedLine, EncoderStep, SYNC};
 use crate::link::LineKind;
 use crate::report::ControllerState;
 
-impl Run {
+impl ProgramRun {
     /// Sends as many lines as there is room for.
     pub(in crate::driver) fn feed(&mut self, context: &mut Context) -> Option<Exit> {
         let is_machine_held = context.machine.is_state(&ControllerState::Hold)

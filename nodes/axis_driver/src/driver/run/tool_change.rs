@@ -5,7 +5,7 @@
 //! in `driver/paused.rs`.
 
 use super::exit::{Exit, RunVerdict};
-use super::{Run, Stage, Then};
+use super::{ProgramRun, Stage, Then};
 use crate::codes::error_code;
 use crate::driver::answer::{Answer, Refusal, done, refused};
 use crate::driver::context::Context;
@@ -38,7 +38,7 @@ enum ToolReturn {
     Back(Position, Position),
 }
 
-impl Run {
+impl ProgramRun {
     /// The tool change that it waits for.
     pub(in crate::driver) fn tool_change(&self) -> Option<&ToolChange> {
         if let Stage::ToolChange(change) = &self.stage { Some(change) } else { None }

@@ -61,7 +61,7 @@ fn an_inactive_driver_moves_nothing_and_still_holds_and_resets() {
         bench.run_program(straight(3), 0, check_only);
         assert_eq!(refusal(bench.replies.pop().unwrap().1).0, error_code::NOT_ACTIVE);
     }
-    assert!(bench.sent[before..].iter().all(|byte| *byte == b'?'), "nothing was told");
+    assert!(bench.sent[before..].iter().all(|byte| *byte == b'?'), "nothing was sent");
     bench.ask(Command::FeedHold).unwrap();
     assert_eq!(bench.sent.last(), Some(&b'!'));
     bench.command(9, Command::SoftReset);

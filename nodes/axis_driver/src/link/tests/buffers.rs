@@ -1,9 +1,10 @@
-//! What reports say of the receive buffer, beside what was sent.
+//! What reports say of the receive buffer, compared with what was sent.
 
 use super::*;
 
-/// A link that knows the size of the buffer, told and as two reports at rest had it.
-fn told(free: u16) -> Link<u32> {
+/// A link that knows the size of the buffer: the controller reports it, and two reports at rest
+/// agree with it.
+fn sized(free: u16) -> Link<u32> {
     let mut link = started();
     link.set_receive_bytes(Some(128));
     for now in [200, 400, 600, 800] {
@@ -53,7 +54,7 @@ fn an_answer_that_came_twice_shows_as_more_bytes_held_than_sent() {
 
 #[test]
 fn an_answer_that_was_lost_shows_as_fewer_bytes_held_than_sent() {
-    let mut link = told(128);
+    let mut link = sized(128);
     send_now(&mut link, 5);
     // One line is being worked on, the next three are held, and one was answered unheard.
     for now in [1000, 1200] {
@@ -65,7 +66,7 @@ fn an_answer_that_was_lost_shows_as_fewer_bytes_held_than_sent() {
 
 #[test]
 fn the_line_that_is_worked_on_is_not_held_and_not_lost() {
-    let mut link = told(128);
+    let mut link = sized(128);
     send_now(&mut link, 5);
     for now in (1000..6400).step_by(200) {
         let held = 80 + if now % 400 == 0 { 20 } else { 0 };
@@ -74,8 +75,8 @@ fn the_line_that_is_worked_on_is_not_held_and_not_lost() {
 }
 
 #[test]
-fn what_was_sent_behind_the_request_need_not_have_arrived() {
-    let mut link = told(128);
+fn what_was_sent_after_the_request_need_not_have_arrived() {
+    let mut link = sized(128);
     for now in (1000..6400).step_by(200) {
         link.handle_time(ms(now));
         send(&mut link, 3);
@@ -86,11 +87,11 @@ fn what_was_sent_behind_the_request_need_not_have_arrived() {
     }
 }
 
-/// On a slow line each request waits behind lines for longer than the next one is away,
+/// On a slow line each request waits after lines for longer than the next one is away,
 /// so that each report answers the request before the last.
 #[test]
 fn a_report_answers_the_oldest_request_that_has_none() {
-    let mut link = told(128);
+    let mut link = sized(128);
     link.handle_time(ms(1000));
     link.poll_transmit();
     for now in (1200..9400).step_by(200) {
@@ -102,7 +103,7 @@ fn a_report_answers_the_oldest_request_that_has_none() {
 
 #[test]
 fn a_request_that_was_lost_leaves_one_that_proves_less() {
-    let mut link = told(128);
+    let mut link = sized(128);
     send_now(&mut link, 5);
     // Without a report.
     link.handle_time(ms(1000));
@@ -116,7 +117,7 @@ fn a_request_that_was_lost_leaves_one_that_proves_less() {
 
 #[test]
 fn requests_without_reports_are_forgotten_when_nothing_is_under_way() {
-    let mut link = told(128);
+    let mut link = sized(128);
     send_now(&mut link, 1);
     for now in [1000, 1200, 1400, 1600, 1800] {
         link.handle_time(ms(now));
@@ -136,8 +137,8 @@ fn requests_without_reports_are_forgotten_when_nothing_is_under_way() {
 
 /// A report of 100 bytes takes 104 ms there, and the next request comes after 200.
 #[test]
-fn a_slow_line_never_tells_which_request_a_report_answers() {
-    let mut link = told(128);
+fn a_slow_line_never_shows_which_request_a_report_answers() {
+    let mut link = sized(128);
     link.config.baud = 9600;
     link.receive(ms(900), b"Grbl 1.1h ['$' for help]\r\n");
     for now in (1100..3000).step_by(200) {
@@ -158,7 +159,7 @@ fn reports_are_compared_with_requests_only_where_that_says_something() {
         assert_eq!(report(&mut reading_ahead, now, "Idle", 256), []);
     }
     // grblHAL puts its buffer aside while a tool is changed.
-    let changing = told(128);
+    let changing = sized(128);
     for (mut link, state, free) in [(reading_ahead, "Run", 256), (changing, "Tool", 128)] {
         send_now(&mut link, 5);
         for now in (1000..4400).step_by(200) {
@@ -166,7 +167,7 @@ fn reports_are_compared_with_requests_only_where_that_says_something() {
         }
     }
     // Automatic reports, which come between request and report.
-    let mut link = told(128);
+    let mut link = sized(128);
     send_now(&mut link, 5);
     for now in (1000..4400).step_by(200) {
         assert_eq!(report(&mut link, now, "Run", 128), []);
@@ -187,7 +188,7 @@ fn the_window_is_never_more_than_what_was_free_at_rest() {
         assert_eq!(report(&mut link, now, "Idle", free), []);
         assert_eq!(link.window(), window, "at {now}");
     }
-    // A buffer that is bigger than told is not used.
+    // A buffer that is bigger than reported is not used.
     for now in [800, 1000] {
         assert_eq!(report(&mut link, now, "Idle", 1300), []);
     }
@@ -204,7 +205,7 @@ fn the_window_is_never_more_than_what_was_free_at_rest() {
 
 #[test]
 fn a_buffer_that_holds_what_was_never_sent_is_no_buffer_at_rest() {
-    let mut link = told(128);
+    let mut link = sized(128);
     send_now(&mut link, 1);
     link.receive(ms(410), b"ok\r\n");
     events(&mut link);
@@ -218,7 +219,7 @@ fn a_buffer_that_holds_what_was_never_sent_is_no_buffer_at_rest() {
 
 #[test]
 fn an_answer_before_its_line_was_written_is_no_trouble() {
-    let mut link = told(128);
+    let mut link = sized(128);
     send(&mut link, 2);
     link.receive(ms(500), b"ok\r\nok\r\n");
     link.handle_time(ms(1000));

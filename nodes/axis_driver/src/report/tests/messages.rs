@@ -12,7 +12,7 @@ fn message(line: &str) -> Message {
 }
 
 #[test]
-fn the_build_options_tell_what_the_firmware_tells() {
+fn the_build_options_say_what_the_firmware_reports() {
     for (line, letters, numbers) in [
         ("[OPT:V,15,128]", "V", [Some(15), Some(128), None, None]),
         ("[OPT:VNML+,100,1024,3,0]", "VNML+", [Some(100), Some(1024), Some(3), Some(0)]),
@@ -65,7 +65,7 @@ fn places_and_lengths_are_in_millimetres() {
 }
 
 #[test]
-fn a_probe_tells_where_and_whether_it_touched() {
+fn a_probe_reports_where_and_whether_it_touched() {
     for (line, has_touched) in [
         ("[PRB:5.000,0.000,-3.988:1]", true),
         ("[PRB:5.000,0.000,-3.988:0]", false),

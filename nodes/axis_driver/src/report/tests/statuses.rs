@@ -153,7 +153,7 @@ fn fields_that_nobody_knows_or_that_say_something_else_are_kept() {
 }
 
 #[test]
-fn spindle_and_coolant_are_off_when_left_out_beside_the_overrides_but_not_on_grblhal() {
+fn spindle_and_coolant_are_off_when_left_out_next_to_the_overrides_but_not_on_grblhal() {
     use Firmware::{FluidNc, Grbl, GrblHal};
     use SpindleMode::{Clockwise, CounterClockwise, Off};
     let on = |spindle, flood, mist| Some(Accessories { spindle, flood, mist });

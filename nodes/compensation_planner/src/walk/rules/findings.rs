@@ -7,7 +7,7 @@ use crate::geometry::tolerance::{MERGE_MM, RADIUS_MM};
 use cnc_msgs::contour::{Motion, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Plane, Shape};
-use cnc_msgs::numbers::told_apart;
+use cnc_msgs::numbers::with_enough_digits;
 use cnc_msgs::profile::{
     CancelBeforeEnd, HomeMode, InsideArc, LeadMove, Profile, RadiusChange, RapidMode, Reselect,
     SideChange, Strictness,
@@ -137,7 +137,7 @@ pub(crate) fn inside_arc(
     {
         return None;
     }
-    let [radius, needed] = told_apart(arc.radius, needed_mm);
+    let [radius, needed] = with_enough_digits(arc.radius, needed_mm);
     let mut finding = of(
         rule.strictness,
         Code::ArcRadius,
@@ -169,7 +169,7 @@ pub(crate) fn uneven_arc(
         return None;
     }
     let at_end = (end - arc.center).norm();
-    let [begin, end] = told_apart(arc.radius, at_end);
+    let [begin, end] = with_enough_digits(arc.radius, at_end);
     let mut finding = Finding::error(
         Code::ArcRadius,
         source,
@@ -252,7 +252,7 @@ pub(crate) fn radius_change(
     } else {
         return None;
     };
-    let [old, new] = told_apart(old_mm, new_mm);
+    let [old, new] = with_enough_digits(old_mm, new_mm);
     let message = format!("the radius changes {what} ({old} mm to {new} mm)");
     let mut finding = of(strictness, code, source, message).help(help);
     finding.needed_mm = Some(new_mm);

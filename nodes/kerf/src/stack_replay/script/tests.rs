@@ -67,7 +67,7 @@ fn script_from(
     };
     let ns = |second: usize| second as i64 * 1_000_000_000;
     let events = happened.into_iter().enumerate();
-    let run = Run {
+    let run = RunHistory {
         goal,
         began_ns: 0,
         events: events.map(|(at, what)| Event { stamp_ns: ns(at + 1), what }).collect(),
@@ -111,7 +111,7 @@ fn a_command_is_due_at_a_place_of_a_moving_machine_and_in_a_state_of_a_standing_
     let [hold, resume, overrides, confirm] = &cues[..] else { panic!("{cues:?}") };
 
     let When::Moving(watch) = &hold.when else { panic!("{hold:?}") };
-    assert_eq!(watch.place, Place::StopsAt([31.5, 0.0, 5.0]));
+    assert_eq!(watch.place, WatchPlace::StopsAt([31.5, 0.0, 5.0]));
     assert_eq!((watch.along_mm, watch.answers, watch.state), (Some(31.5), 1, RUN));
     assert!(hold.stops() && hold.line == 3);
     assert_eq!(
@@ -126,7 +126,7 @@ fn a_command_is_due_at_a_place_of_a_moving_machine_and_in_a_state_of_a_standing_
     assert_eq!(resume.when, stand(HOLD, 0, 0));
 
     let When::Moving(watch) = &overrides.when else { panic!("{overrides:?}") };
-    assert_eq!(watch.place, Place::Passes([60.0, 0.0, 5.0]));
+    assert_eq!(watch.place, WatchPlace::Passes([60.0, 0.0, 5.0]));
     assert_eq!(watch.along_mm, Some(140.0), "on its way back");
     assert!(!overrides.stops());
 
@@ -149,7 +149,7 @@ fn a_controller_that_reports_work_positions_is_followed_as_well() {
     )
     .unwrap();
     let When::Moving(watch) = &cues[0].when else { panic!("{cues:?}") };
-    assert_eq!(watch.place, Place::StopsAt([-169.0, 0.0, 0.0]));
+    assert_eq!(watch.place, WatchPlace::StopsAt([-169.0, 0.0, 0.0]));
     assert_eq!(watch.along_mm, Some(31.0));
     assert_eq!(cues[0].act, Act::CancelGoal);
 }

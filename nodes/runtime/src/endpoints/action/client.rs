@@ -1,6 +1,6 @@
 //! Action clients.
 
-use super::goals::Outcome;
+use super::goals::GoalOutcome;
 use super::messages::{
     ActionNames, FeedbackMessage, GetResult, GetResultRequest, SendGoal, SendGoalRequest,
 };
@@ -161,7 +161,7 @@ impl<A: Action + 'static> GoalHandle<A> {
     pub fn result(
         &self,
         within: Duration,
-    ) -> impl Future<Output = Result<(Outcome, A::Result), GoalError>> + Send + use<A> {
+    ) -> impl Future<Output = Result<(GoalOutcome, A::Result), GoalError>> + Send + use<A> {
         let (id, shared) = (self.id, Arc::clone(&self.shared));
         async move {
             let request = GetResultRequest { goal_id: UUID { uuid: id.0 } };
@@ -170,7 +170,7 @@ impl<A: Action + 'static> GoalHandle<A> {
                 RESULT_AGAIN.0 * 2_u32.pow(doublings.saturating_sub(1))
             };
             let (response, _) = shared.get_result.call_again(&request, within, again).await?;
-            match Outcome::from_status(response.status) {
+            match GoalOutcome::from_status(response.status) {
                 Some(outcome) => Ok((outcome, response.result)),
                 None => Err(GoalError::Forgotten { action: shared.name.clone() }),
             }

@@ -26,13 +26,13 @@ const ENDED_MAX: usize = 256;
 
 /// How a goal ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
+pub enum GoalOutcome {
     Succeeded,
     Canceled,
     Aborted,
 }
 
-impl Outcome {
+impl GoalOutcome {
     /// The value in `action_msgs/GoalStatus`.
     pub fn status(self) -> i8 {
         match self {
@@ -76,7 +76,7 @@ enum GoalState<R> {
     },
     Ended {
         accepted: RosTime,
-        outcome: Outcome,
+        outcome: GoalOutcome,
         result: R,
         at: Duration,
     },
@@ -115,7 +115,7 @@ pub(super) enum Offer {
 pub(super) enum Answer<R> {
     NotYet,
     Unknown,
-    Ended(Outcome, R),
+    Ended(GoalOutcome, R),
 }
 
 impl<R: Clone> Goals<R> {
@@ -179,7 +179,7 @@ impl<R: Clone> Goals<R> {
     }
 
     /// Ends a goal; one that has ended keeps its first end.
-    pub(super) fn end(&mut self, id: GoalId, outcome: Outcome, result: R, now: Duration) {
+    pub(super) fn end(&mut self, id: GoalId, outcome: GoalOutcome, result: R, now: Duration) {
         if let Some(state) = self.goals.get_mut(&id)
             && let GoalState::Active { accepted, .. } = *state
         {
@@ -294,7 +294,7 @@ impl<R: Clone> Goals<R> {
                 }
                 RecordState::Ended { accepted_ns, status, result } => GoalState::Ended {
                     accepted: RosTime::from_nanos(accepted_ns),
-                    outcome: Outcome::from_status(status)?,
+                    outcome: GoalOutcome::from_status(status)?,
                     result: cdr::from_body(&result).ok()?,
                     at,
                 },
@@ -367,9 +367,9 @@ mod tests {
         assert_eq!(goals.offer(A), Offer::Undecided);
         goals.accept(A, at(7));
         assert_eq!(goals.offer(A), Offer::Accepted(at(7)));
-        goals.end(A, Outcome::Succeeded, 42, Duration::ZERO);
+        goals.end(A, GoalOutcome::Succeeded, 42, Duration::ZERO);
         assert_eq!(goals.offer(A), Offer::Accepted(at(7)));
-        assert_eq!(goals.answer(A), Answer::Ended(Outcome::Succeeded, 42));
+        assert_eq!(goals.answer(A), Answer::Ended(GoalOutcome::Succeeded, 42));
     }
 
     #[test]
@@ -418,7 +418,7 @@ mod tests {
     fn cancel_distinguishes_unknown_and_ended_goals() {
         let mut goals = three();
         assert_eq!(cancel(&mut goals, GoalId([9; 16]), RosTime::ZERO), (2, vec![]));
-        goals.end(A, Outcome::Aborted, 0, Duration::ZERO);
+        goals.end(A, GoalOutcome::Aborted, 0, Duration::ZERO);
         assert_eq!(cancel(&mut goals, A, RosTime::ZERO), (3, vec![]));
         let mut idle = Goals::<u32>::new();
         assert_eq!(cancel(&mut idle, GoalId::default(), RosTime::ZERO), (0, vec![]));
@@ -428,7 +428,7 @@ mod tests {
     fn the_status_topic_shows_every_goal_that_was_accepted() {
         let mut goals = three();
         cancel(&mut goals, B, RosTime::ZERO);
-        goals.end(C, Outcome::Canceled, 0, Duration::ZERO);
+        goals.end(C, GoalOutcome::Canceled, 0, Duration::ZERO);
         goals.offer(GoalId([4; 16]));
         let shown: Vec<i8> = goals.statuses().iter().map(|status| status.status).collect();
         assert_eq!(shown, [2, 3, 5]);
@@ -438,13 +438,13 @@ mod tests {
     #[test]
     fn a_result_is_kept_a_quarter_of_an_hour_and_the_first_end_counts() {
         let mut goals = three();
-        goals.end(A, Outcome::Succeeded, 1, Duration::ZERO);
-        goals.end(A, Outcome::Aborted, 2, Duration::from_secs(1));
-        goals.end(B, Outcome::Succeeded, 3, KEEP_RESULT);
-        assert_eq!(goals.answer(A), Answer::Ended(Outcome::Succeeded, 1));
-        goals.end(C, Outcome::Succeeded, 4, KEEP_RESULT + Duration::from_secs(1));
+        goals.end(A, GoalOutcome::Succeeded, 1, Duration::ZERO);
+        goals.end(A, GoalOutcome::Aborted, 2, Duration::from_secs(1));
+        goals.end(B, GoalOutcome::Succeeded, 3, KEEP_RESULT);
+        assert_eq!(goals.answer(A), Answer::Ended(GoalOutcome::Succeeded, 1));
+        goals.end(C, GoalOutcome::Succeeded, 4, KEEP_RESULT + Duration::from_secs(1));
         assert_eq!(goals.answer(A), Answer::Unknown);
-        assert_eq!(goals.answer(B), Answer::Ended(Outcome::Succeeded, 3));
+        assert_eq!(goals.answer(B), Answer::Ended(GoalOutcome::Succeeded, 3));
     }
 
     #[test]
@@ -455,7 +455,7 @@ mod tests {
             id.0[..4].copy_from_slice(&index.to_be_bytes());
             goals.offer(id);
             goals.accept(id, at(1));
-            goals.end(id, Outcome::Succeeded, index, Duration::from_millis(index.into()));
+            goals.end(id, GoalOutcome::Succeeded, index, Duration::from_millis(index.into()));
         }
         assert_eq!(goals.statuses().len(), ENDED_MAX);
         let mut first = GoalId([7; 16]);

@@ -14,7 +14,7 @@ mod persistence;
 mod server;
 
 pub use client::{ActionClient, GoalError, GoalHandle};
-pub use goals::Outcome;
+pub use goals::GoalOutcome;
 pub use server::{ActionServer, Goal, GoalOffer, Unfinished};
 
 /// Names one goal; the client chooses it at random.

@@ -118,7 +118,7 @@ pub(super) fn decode<R: DeserializeOwned + Clone>(bytes: &[u8]) -> Option<(Goals
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::endpoints::action::Outcome;
+    use crate::endpoints::action::GoalOutcome;
     use crate::endpoints::action::goals::Offer;
     use std::time::Duration;
 
@@ -139,7 +139,7 @@ mod tests {
         for id in [active, canceling, ended] {
             goals.accept(id, RosTime::from_parts(5, 6));
         }
-        goals.end(ended, Outcome::Succeeded, "done".into(), Duration::ZERO);
+        goals.end(ended, GoalOutcome::Succeeded, "done".into(), Duration::ZERO);
         for id in [canceled_offer, canceling] {
             let goal_id = cnc_msgs::wire::unique_identifier_msgs::msg::UUID { uuid: id.0 };
             goals.cancel(&cnc_msgs::wire::action_msgs::msg::GoalInfo {

@@ -10,7 +10,7 @@ mod goal;
 pub use goal::{Goal, GoalOffer, Unfinished};
 
 use super::GoalId;
-use super::goals::{Answer, Goals, Offer, Outcome};
+use super::goals::{Answer, GoalOutcome, Goals, Offer};
 use super::messages::{
     ActionNames, FeedbackMessage, GetResult, GetResultRequest, GetResultResponse, SendGoal,
     SendGoalRequest, SendGoalResponse,
@@ -245,7 +245,7 @@ impl<A: Action> Shared<A> {
         (unfinished, goals_asked, results_asked)
     }
 
-    fn end(&self, id: GoalId, outcome: Outcome, result: A::Result) {
+    fn end(&self, id: GoalId, outcome: GoalOutcome, result: A::Result) {
         self.goals().end(id, outcome, result, self.start.elapsed());
         self.changed();
     }

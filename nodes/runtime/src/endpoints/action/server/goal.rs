@@ -4,7 +4,7 @@
 
 use super::Shared;
 use crate::endpoints::action::GoalId;
-use crate::endpoints::action::goals::Outcome;
+use crate::endpoints::action::goals::GoalOutcome;
 use crate::endpoints::action::messages::FeedbackMessage;
 use crate::endpoints::service::RequestInfo;
 use crate::process::time::RosTime;
@@ -177,7 +177,7 @@ impl<A: Action> Goal<A> {
     }
 
     /// Ends the goal and sends its result to all clients that wait for it.
-    pub fn end(mut self, outcome: Outcome, result: A::Result) {
+    pub fn end(mut self, outcome: GoalOutcome, result: A::Result) {
         self.fallback = None;
         self.shared.end(self.id, outcome, result);
     }
@@ -187,7 +187,7 @@ impl<A: Action> Drop for Goal<A> {
     fn drop(&mut self) {
         if let Some(result) = self.fallback.take() {
             tracing::error!("{}: goal {} was given up and is aborted", self.shared.name, self.id);
-            self.shared.end(self.id, Outcome::Aborted, result);
+            self.shared.end(self.id, GoalOutcome::Aborted, result);
         }
     }
 }
