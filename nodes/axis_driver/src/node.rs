@@ -89,7 +89,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let zero = RosTime::from_nanos(welcome.zero_wall_ns);
     let publisher = node.publisher("controller_traffic", Qos::EVENTS)?;
     let traffic = Traffic::new(publisher, zero, welcome.publish_from);
-    let driver = Arc::new(Driver {
+    let driver = Arc::new(RemoteDriver {
         node: node.clone(),
         motion: Arc::clone(&motion),
         // The face before may have given away ids that the driver has not seen.
@@ -207,7 +207,7 @@ struct Stops {
 }
 
 /// The driver in the motion process as this shell sees it.
-struct Driver {
+struct RemoteDriver {
     node: Handle,
     motion: Arc<MotionLink>,
     next_id: AtomicU64,
@@ -227,7 +227,7 @@ struct Driver {
     run_results: Publisher<RunResultMessage>,
 }
 
-impl Driver {
+impl RemoteDriver {
     fn waiting(&self) -> MutexGuard<'_, Waiting> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -156,14 +156,14 @@ fn written(options: WriteOptions) -> Vec<u8> {
 
 /// What came of one case.
 #[derive(Default)]
-pub(crate) struct Outcome {
+pub(crate) struct CaseOutcome {
     pub(crate) is_open: bool,
     pub(crate) has_problem: bool,
     pub(crate) has_message: bool,
 }
 
 /// One bag that was hurt.
-pub(crate) fn check(corpus: &[Whole], random: &mut Random) -> Outcome {
+pub(crate) fn check(corpus: &[Whole], random: &mut Random) -> CaseOutcome {
     // Golden bags are real, but what can be wrong with a bag is in the small ones too.
     let (golden, small) = corpus.split_at(GOLDEN.len());
     let some = if random.once_in(12) { golden } else { small };
@@ -229,8 +229,8 @@ pub(crate) fn check_bytes(random: &mut Random) {
 }
 
 /// Reads a bag in all ways there are; `judge` gets its messages and whether it is complete.
-fn survive(files: &[Vec<u8>], judge: impl FnOnce(Vec<RecordedMessage>, bool)) -> Outcome {
-    let mut outcome = Outcome::default();
+fn survive(files: &[Vec<u8>], judge: impl FnOnce(Vec<RecordedMessage>, bool)) -> CaseOutcome {
+    let mut outcome = CaseOutcome::default();
     let mut bag = match open(files) {
         Ok(bag) => bag,
         Err(error) => {

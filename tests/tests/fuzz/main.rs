@@ -76,15 +76,15 @@ fn mutated_programs_are_loaded_and_planned_or_refused_at_a_place() {
 
 /// Runs cases whose verdicts must not differ, and shows the first that do: as many as
 /// `KERF_FUZZ_SHOWN` says.
-fn agree(name: &str, cases: u64, mut case: impl FnMut(&mut Random) -> verdict::Outcome) {
+fn agree(name: &str, cases: u64, mut case: impl FnMut(&mut Random) -> verdict::ProgramOutcome) {
     let (mut accepted, mut disagreed) = (0_u64, Vec::new());
     let first = setting("KERF_FUZZ_SEED").unwrap_or(1);
     let mut count = 0;
     let cases = fuzz(name, cases, |random| {
         match case(random) {
-            verdict::Outcome::Refused => {}
-            verdict::Outcome::Accepted => accepted += 1,
-            verdict::Outcome::Disagreed(what) => {
+            verdict::ProgramOutcome::Refused => {}
+            verdict::ProgramOutcome::Accepted => accepted += 1,
+            verdict::ProgramOutcome::Disagreed(what) => {
                 disagreed.push(format!("KERF_FUZZ_SEED={}: {what}", first.wrapping_add(count)));
             }
         }

@@ -106,7 +106,7 @@ fn table(radius_mm: f64) -> ToolTable {
 
 /// What became of a program.
 #[derive(Debug)]
-pub(crate) enum Outcome {
+pub(crate) enum ProgramOutcome {
     Refused,
     Accepted,
     /// Control and tools, what the audit found, and the program.
@@ -114,7 +114,7 @@ pub(crate) enum Outcome {
 }
 
 /// A program of the project, changed.
-pub(crate) fn check(corpus: &[Program], random: &mut Random) -> Outcome {
+pub(crate) fn check(corpus: &[Program], random: &mut Random) -> ProgramOutcome {
     let mut program = random.of(corpus).clone();
     let other = &random.of(corpus).text;
     if random.once_in(6) {
@@ -137,7 +137,7 @@ pub(crate) fn check(corpus: &[Program], random: &mut Random) -> Outcome {
 }
 
 /// A contour on a grid.
-pub(crate) fn check_grid(random: &mut Random) -> Outcome {
+pub(crate) fn check_grid(random: &mut Random) -> ProgramOutcome {
     let mut program = grid_program(random);
     other_rules(&mut program.profile, random);
     verdict(&program)
@@ -178,12 +178,12 @@ fn fitting_radius(text: &[u8], random: &mut Random) -> f64 {
 }
 
 /// What `kerf plan` and the node say of a program.
-pub(crate) fn verdict(program: &Program) -> Outcome {
+pub(crate) fn verdict(program: &Program) -> ProgramOutcome {
     let Program { profile, text, tools, start } = program;
     let options = LoadOptions { start: *start, ..LoadOptions::default() };
     let loaded = load(text, profile, &options);
     if !loaded.is_accepted() {
-        return Outcome::Refused;
+        return ProgramOutcome::Refused;
     }
     let here = judge(&loaded.contour, profile, tools, Planning::default());
     let received = over_the_wire(loaded.contour.clone());
@@ -193,7 +193,11 @@ pub(crate) fn verdict(program: &Program) -> Outcome {
     let is_one = here.plan.accepted() == node.plan.accepted();
     if is_one && here.disagreement.is_none() && node.disagreement.is_none() {
         path_over_the_wire(node.plan.path);
-        return if here.plan.accepted() { Outcome::Accepted } else { Outcome::Refused };
+        return if here.plan.accepted() {
+            ProgramOutcome::Accepted
+        } else {
+            ProgramOutcome::Refused
+        };
     }
     let radius = tools.tools.get(&1).map(|tool| tool.diameter_mm / 2.0);
     let offset = tools.offsets.get(&1).map(|offset| offset.radius_mm);
@@ -208,7 +212,7 @@ pub(crate) fn verdict(program: &Program) -> Outcome {
         }
     }
     shown += &text_shown;
-    Outcome::Disagreed(shown)
+    ProgramOutcome::Disagreed(shown)
 }
 
 /// The contour as the planner's node gets it from the loader's.

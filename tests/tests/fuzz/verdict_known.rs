@@ -1,7 +1,7 @@
 //! Programs that `kerf plan` and the planner's node judged differently: the tool is 1e-6 mm
 //! larger than a fillet, and the conversion to a message moved a centre by less than 1e-9 mm.
 
-use crate::verdict::{Outcome, Program, verdict};
+use crate::verdict::{Program, ProgramOutcome, verdict};
 
 /// The radius of the tool, mm, and the program; all of NCT.
 const PROGRAMS: [(f64, &str); 3] = [
@@ -58,6 +58,6 @@ const PROGRAMS: [(f64, &str); 3] = [
 fn programs_that_got_two_verdicts_get_one() {
     for (radius_mm, text) in PROGRAMS {
         let outcome = verdict(&Program::of("nct", text, radius_mm));
-        assert!(!matches!(outcome, Outcome::Disagreed(_)), "{outcome:?}");
+        assert!(!matches!(outcome, ProgramOutcome::Disagreed(_)), "{outcome:?}");
     }
 }

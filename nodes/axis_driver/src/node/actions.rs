@@ -3,7 +3,7 @@
 use super::path::{Paths, Planned};
 use super::run_start;
 use super::source::text_of;
-use super::{Driver, Reply};
+use super::{RemoteDriver, Reply};
 use crate::codes::error_code;
 use crate::driver::{Command, MDI, Refusal, RunOutcome, RunResult};
 use crate::journal::{Order, RunOrder};
@@ -32,7 +32,11 @@ pub(super) const CANCEL_WITHIN: Duration = Duration::from_secs(10);
 pub(super) const FEEDBACK_PERIOD: Duration = Duration::from_millis(100);
 
 /// Offers `run_program`.
-pub(super) fn offer(node: &Handle, driver: &Arc<Driver>, paths: Paths) -> Result<(), NodeError> {
+pub(super) fn offer(
+    node: &Handle,
+    driver: &Arc<RemoteDriver>,
+    paths: Paths,
+) -> Result<(), NodeError> {
     let mut runs = node.action_server::<RunProgram>("run_program")?;
     let planner = Arc::new(node.client::<PlanStart>("plan_start")?);
     for unfinished in runs.take_unfinished() {
@@ -52,7 +56,7 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>, paths: Paths) -> Result
 }
 
 /// Goes on with a goal of the face before this one, where the driver took it up.
-async fn go_on(driver: &Arc<Driver>, unfinished: Unfinished<RunProgram>) {
+async fn go_on(driver: &Arc<RemoteDriver>, unfinished: Unfinished<RunProgram>) {
     let goal = match unfinished {
         Unfinished::Goal(goal) => goal,
         Unfinished::Offer(offer) => match (offer.kept_tag(), driver.was_taken_up(offer.kept_tag()))
@@ -89,7 +93,7 @@ pub(super) fn answer(reply: &Reply) -> Answer<'_> {
 
 /// Accepts a goal when the driver does, and follows it to its end.
 async fn decide(
-    driver: &Arc<Driver>,
+    driver: &Arc<RemoteDriver>,
     paths: &Paths,
     planner: &Client<PlanStart>,
     offer: GoalOffer<RunProgram>,
@@ -131,7 +135,7 @@ async fn decide(
 }
 
 async fn begin(
-    driver: &Driver,
+    driver: &RemoteDriver,
     paths: &Paths,
     planner: &Client<PlanStart>,
     id: u64,
@@ -162,7 +166,7 @@ async fn begin(
 }
 
 async fn follow(
-    driver: &Driver,
+    driver: &RemoteDriver,
     id: u64,
     goal: Goal<RunProgram>,
     finished: oneshot::Receiver<RunResult>,
@@ -197,7 +201,12 @@ async fn follow(
 }
 
 /// Ends a goal. The result of a run is on `run_result` too, for those who did not send the goal.
-fn end(driver: &Driver, goal: Goal<RunProgram>, outcome: GoalOutcome, result: RunProgramResult) {
+fn end(
+    driver: &RemoteDriver,
+    goal: Goal<RunProgram>,
+    outcome: GoalOutcome,
+    result: RunProgramResult,
+) {
     if !goal.goal().check_only {
         let RunProgramResult { outcome, error_code, message, last_line } = result.clone();
         driver.run_results.publish(RunResultMessage {
@@ -216,11 +225,11 @@ fn end(driver: &Driver, goal: Goal<RunProgram>, outcome: GoalOutcome, result: Ru
 /// Waits for the end of a goal, gives feedback, and hands a cancel on; also says whether
 /// one was asked for. `None` when the driver's thread is gone, and with it what it knew.
 pub(super) async fn ended<A: Action, R>(
-    driver: &Driver,
+    driver: &RemoteDriver,
     id: u64,
     goal: &Goal<A>,
     finished: oneshot::Receiver<R>,
-    feedback: impl Fn(&Driver) -> A::Feedback,
+    feedback: impl Fn(&RemoteDriver) -> A::Feedback,
 ) -> (Option<R>, bool) {
     let mut finished = std::pin::pin!(finished);
     let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
@@ -241,7 +250,7 @@ pub(super) async fn ended<A: Action, R>(
     (result.ok(), is_canceling)
 }
 
-fn feedback(driver: &Driver) -> RunProgramFeedback {
+fn feedback(driver: &RemoteDriver) -> RunProgramFeedback {
     let progress = *driver.progress.borrow();
     let left = Duration::try_from_secs_f64(progress.time_left_s).unwrap_or_default();
     RunProgramFeedback {

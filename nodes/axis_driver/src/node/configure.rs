@@ -1,6 +1,6 @@
 //! `configure_controller`: what of the controller's settings improves the watch over the link.
 
-use super::{Driver, REPLY_WITHIN, reply_fields};
+use super::{REPLY_WITHIN, RemoteDriver, reply_fields};
 use crate::driver::Command;
 use cnc_msgs::interface::Service;
 use cnc_msgs::wire::cnc_msgs::srv::{ConfigureController, ConfigureControllerResponse};
@@ -9,7 +9,7 @@ use runtime::{Handle, NodeResult, RequestInfo};
 use std::sync::Arc;
 
 /// Offers the service.
-pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
+pub(super) fn offer(node: &Handle, driver: &Arc<RemoteDriver>) -> NodeResult {
     const NAME: &str = "configure_controller";
     let driver = Arc::clone(driver);
     node.concurrent_service::<ConfigureController, _, _>(

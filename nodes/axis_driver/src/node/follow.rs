@@ -3,7 +3,7 @@
 //! What follows from either the core decides; this file hands it on. Which of two bags of a
 //! goal counts is decided here, since only bags have names.
 
-use super::{Driver, REPLY_WITHIN};
+use super::{REPLY_WITHIN, RemoteDriver};
 use crate::driver::Command;
 use cnc_msgs::chunk::hex;
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
@@ -56,7 +56,7 @@ impl Drop for Expected<'_> {
 }
 
 /// Follows both.
-pub(super) fn follow(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
+pub(super) fn follow(node: &Handle, driver: &Arc<RemoteDriver>) -> NodeResult {
     let mut beats = node.subscription::<Header>("commander_heartbeat", Qos::DEFAULT)?;
     let shared = Arc::clone(driver);
     node.spawn("commander heartbeat", async move {

@@ -4,7 +4,7 @@
 //! told by `machine_state`, not by the lifecycle: a line comes and goes while the driver
 //! lives, and is opened again by itself. Active is: goals and motion are taken up.
 
-use super::Driver;
+use super::RemoteDriver;
 use crate::driver::Command;
 use cnc_msgs::machine::{MachineState, Mode};
 use runtime::lifecycle::LifecycleState;
@@ -24,7 +24,7 @@ const REPLY_WITHIN: Duration = Duration::from_secs(5);
 
 /// The driver as a managed node.
 pub(super) struct Shell {
-    pub(super) driver: Arc<Driver>,
+    pub(super) driver: Arc<RemoteDriver>,
     pub(super) has_port: bool,
 }
 

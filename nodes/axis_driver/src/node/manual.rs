@@ -4,7 +4,7 @@
 //! the machine the core judges.
 
 use super::actions::{CANCEL_WITHIN, FEEDBACK_PERIOD, answer, ended};
-use super::{Asked, Driver, REPLY_WITHIN, reply_fields};
+use super::{Asked, REPLY_WITHIN, RemoteDriver, reply_fields};
 use crate::codes::error_code;
 use crate::driver::{
     Command, JogFrame, JogRequest, MoveResult, OffsetRequest, Overrides, ProbeRequest, Refusal,
@@ -35,7 +35,7 @@ use tokio::sync::oneshot;
 const HOME_WITHIN: Duration = Duration::from_secs(2 * 3_600);
 
 /// Offers all of it.
-pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
+pub(super) fn offer(node: &Handle, driver: &Arc<RemoteDriver>) -> NodeResult {
     let mut homes = node.action_server::<Home>("home")?;
     for unfinished in homes.take_unfinished() {
         let driver = Arc::clone(driver);
@@ -65,7 +65,7 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
 }
 
 /// Homes; the driver's answer comes when the machine is home or cannot be.
-async fn home(driver: &Arc<Driver>, offer: GoalOffer<Home>) {
+async fn home(driver: &Arc<RemoteDriver>, offer: GoalOffer<Home>) {
     let (info, asked) = (offer.info(), offer.goal().clone());
     if let Err(refusal) = driver.require_active() {
         let message = refusal.message.clone();
@@ -80,7 +80,7 @@ async fn home(driver: &Arc<Driver>, offer: GoalOffer<Home>) {
 }
 
 /// Follows homing to its end.
-async fn follow_home(driver: &Driver, goal: Goal<Home>, asked: Asked) {
+async fn follow_home(driver: &RemoteDriver, goal: Goal<Home>, asked: Asked) {
     let mut homed = std::pin::pin!(driver.answer(asked, HOME_WITHIN));
     let mut ticks = tokio::time::interval(FEEDBACK_PERIOD);
     let mut is_canceling = false;
@@ -170,7 +170,7 @@ impl Move for Probe {
 
 fn offer_move<M: Move + 'static>(
     node: &Handle,
-    driver: &Arc<Driver>,
+    driver: &Arc<RemoteDriver>,
     name: &'static str,
 ) -> NodeResult {
     let mut goals = node.action_server::<M>(name)?;
@@ -189,7 +189,7 @@ fn offer_move<M: Move + 'static>(
 }
 
 /// Goes on with a goal of the face before this one, where the driver took it up.
-async fn go_on<M: Move>(driver: &Arc<Driver>, unfinished: Unfinished<M>) {
+async fn go_on<M: Move>(driver: &Arc<RemoteDriver>, unfinished: Unfinished<M>) {
     let goal = match unfinished {
         Unfinished::Goal(goal) => Some(goal),
         Unfinished::Offer(offer) => {
@@ -216,7 +216,7 @@ async fn go_on<M: Move>(driver: &Arc<Driver>, unfinished: Unfinished<M>) {
 }
 
 /// Accepts a goal when the driver does, and follows it to its end.
-async fn decide<M: Move>(driver: &Arc<Driver>, name: &str, offer: GoalOffer<M>) {
+async fn decide<M: Move>(driver: &Arc<RemoteDriver>, name: &str, offer: GoalOffer<M>) {
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
     offer.tag(id);
     let finished = driver.waiting().moves.wait(id);
@@ -246,12 +246,12 @@ async fn decide<M: Move>(driver: &Arc<Driver>, name: &str, offer: GoalOffer<M>) 
 }
 
 async fn follow<M: Move>(
-    driver: &Driver,
+    driver: &RemoteDriver,
     id: u64,
     goal: Goal<M>,
     finished: oneshot::Receiver<MoveResult>,
 ) {
-    let feedback = |driver: &Driver| {
+    let feedback = |driver: &RemoteDriver| {
         let state = driver.state.borrow();
         M::feedback(mode_to_wire(state.mode), point(state.machine_position))
     };
@@ -274,7 +274,7 @@ async fn follow<M: Move>(
     goal.end(outcome, M::result(result));
 }
 
-fn offer_services(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
+fn offer_services(node: &Handle, driver: &Arc<RemoteDriver>) -> NodeResult {
     let shared = Arc::clone(driver);
     node.concurrent_service::<SetOverrides, _, _>(
         "set_overrides",

@@ -5,7 +5,7 @@
 //! they answer from standstill to standstill, or nothing at all.
 
 use super::actions::{CANCEL_WITHIN, PROVE_WITHIN};
-use super::{Driver, Reply, reply_fields};
+use super::{RemoteDriver, Reply, reply_fields};
 use crate::codes::error_code;
 use crate::driver::{Command, Refusal, RunOutcome};
 use cnc_msgs::chunk::Collector;
@@ -33,7 +33,7 @@ struct Advisers {
 }
 
 /// Offers `execute_mdi`. The answer comes when the block is done.
-pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
+pub(super) fn offer(node: &Handle, driver: &Arc<RemoteDriver>) -> NodeResult {
     let advisers = Arc::new(Advisers {
         loader: node.client::<ReadBlock>("read_block")?,
         planner: node.client::<PlanBlock>("plan_block")?,
@@ -65,7 +65,7 @@ fn refuse<T>(error_code: u16, message: impl Into<String>) -> Result<T, Refusal> 
     Err(Refusal { error_code, message: message.into() })
 }
 
-async fn execute(driver: &Driver, advisers: &Advisers, request: &ExecuteMdiRequest) -> Reply {
+async fn execute(driver: &RemoteDriver, advisers: &Advisers, request: &ExecuteMdiRequest) -> Reply {
     driver.require_active()?;
     let stops = driver.stops();
     let state = driver.state_now();

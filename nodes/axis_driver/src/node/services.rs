@@ -2,7 +2,7 @@
 
 use super::edges::Edges;
 use super::path::Paths;
-use super::{Driver, REPLY_WITHIN, Reply, reply_fields};
+use super::{REPLY_WITHIN, RemoteDriver, Reply, reply_fields};
 use crate::driver::{Command, MDI, STILL_STOPPING};
 use cnc_msgs::interface::{Message, Service};
 use cnc_msgs::wire::std_msgs::msg::Bool;
@@ -22,7 +22,11 @@ const STANDS_PERIOD: Duration = Duration::from_millis(50);
 const WISHES_MAX: usize = 10_000;
 
 /// The tool that was asked for is in the spindle: is it the one that was planned with?
-pub(super) fn offer_tool_change(node: &Handle, driver: &Arc<Driver>, paths: &Paths) -> NodeResult {
+pub(super) fn offer_tool_change(
+    node: &Handle,
+    driver: &Arc<RemoteDriver>,
+    paths: &Paths,
+) -> NodeResult {
     const NAME: &str = "confirm_tool_change";
     let (driver, paths) = (Arc::clone(driver), paths.clone());
     node.concurrent_service::<Trigger, _, _>(NAME, move |request, info: RequestInfo| {
@@ -45,7 +49,7 @@ pub(super) fn offer_tool_change(node: &Handle, driver: &Arc<Driver>, paths: &Pat
 }
 
 /// Offers the buttons, single block, and the hold by topic.
-pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
+pub(super) fn offer(node: &Handle, driver: &Arc<RemoteDriver>) -> NodeResult {
     for (name, command) in [
         ("feed_hold", Command::FeedHold),
         ("soft_reset", Command::SoftReset),
@@ -97,7 +101,7 @@ pub(super) fn offer(node: &Handle, driver: &Arc<Driver>) -> NodeResult {
 
 /// Resumes, as soon as the machine stands: who has seen HOLD need not know that it decelerates
 /// yet. A wish to stop that comes meanwhile ends the wait.
-async fn resume(driver: &Driver) -> Reply {
+async fn resume(driver: &RemoteDriver) -> Reply {
     let (stops, begun) = (driver.stops(), Instant::now());
     loop {
         let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
@@ -110,7 +114,7 @@ async fn resume(driver: &Driver) -> Reply {
     }
 }
 
-async fn hold_by_topic(driver: Arc<Driver>, mut holds: Subscription<Bool>) {
+async fn hold_by_topic(driver: Arc<RemoteDriver>, mut holds: Subscription<Bool>) {
     let (mut edges, mut wish) = (Edges::default(), None);
     loop {
         let (hold, info) = match wish.take() {

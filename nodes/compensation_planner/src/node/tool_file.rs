@@ -3,7 +3,7 @@
 //! The new file is written next to the old one, synced to the disk and renamed over it, so that a
 //! crash leaves one of the two. [`tool_file`](crate::tools::tool_file) decides what is in it.
 
-use crate::tools::set_tool::{Change, Refusal};
+use crate::tools::set_tool::{Refusal, ToolTableChange};
 use crate::tools::tool_file::{edited, whole};
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::srv::SetToolResponse;
@@ -27,7 +27,7 @@ impl ToolFile {
     }
 
     /// Writes the row of a change into the file; returns where the change is kept.
-    pub(super) fn write(&mut self, change: &Change) -> Result<String, Refusal> {
+    pub(super) fn write(&mut self, change: &ToolTableChange) -> Result<String, Refusal> {
         let name = self.path.display().to_string();
         let refuse = |why: String| {
             Refusal::new(SetToolResponse::TOOL_FILE, format!("{why}; nothing was changed"))
@@ -94,7 +94,7 @@ mod tests {
 
     const TEXT: &str = "tools:\n  1: {diameter_mm: 10.0} # HSS\n";
 
-    fn worn(tools: &ToolTable, wear_diameter: f64) -> Change {
+    fn worn(tools: &ToolTable, wear_diameter: f64) -> ToolTableChange {
         let (tool_number, mask) = (1, W::WEAR_DIAMETER);
         let request = W { tool_number, mask, wear_diameter, ..W::default() };
         change(tools, &request).expect("T1 is there")

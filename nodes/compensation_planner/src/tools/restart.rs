@@ -58,7 +58,7 @@ pub fn start(
     let (span, ended) = span_at(contour, profile, line);
     let span = span.or(ended.filter(|_| begins_in_span));
     let mut warning = None;
-    if let Some(Span { selected, nearest, .. }) = span
+    if let Some(SelectedSpan { selected, nearest, .. }) = span
         && profile.restart.rule == RestartMode::Forbidden
     {
         let text = format!(
@@ -95,7 +95,7 @@ pub fn start(
 
 /// Compensation that is on at the start of a line.
 #[derive(Debug, Clone, Copy)]
-struct Span {
+struct SelectedSpan {
     selected: Source,
     /// The last block before that which is not under compensation itself, or the selection.
     nearest: Source,
@@ -107,13 +107,13 @@ fn span_at(
     contour: &ProgrammedContour,
     profile: &Profile,
     line: u32,
-) -> (Option<Span>, Option<Span>) {
+) -> (Option<SelectedSpan>, Option<SelectedSpan>) {
     let mut plane = Plane::default();
     // The last block so far that is outside compensation or ends a lead-off, and the block before
     // it.
     let (mut last, mut is_free) = (Source::default(), true);
     let mut before = None;
-    let (mut span, mut ended): (Option<Span>, Option<Span>) = (None, None);
+    let (mut span, mut ended): (Option<SelectedSpan>, Option<SelectedSpan>) = (None, None);
     let mut is_cancelled = false;
     for event in &contour.events {
         if event.source.line >= line {
@@ -128,7 +128,7 @@ fn span_at(
             ContourEventKind::Select { .. } => {
                 let selected = event.source;
                 let nearest = before.unwrap_or(selected);
-                span.get_or_insert(Span { selected, nearest, plane });
+                span.get_or_insert(SelectedSpan { selected, nearest, plane });
                 is_cancelled = false;
             }
             ContourEventKind::Cancel { .. } => is_cancelled = span.is_some(),

@@ -54,7 +54,7 @@ impl std::fmt::Display for ToolTableRow {
 
 /// The changed table.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Change {
+pub struct ToolTableChange {
     pub tools: ToolTable,
     pub row: ToolTableRow,
     /// Whether the table had no such row.
@@ -63,7 +63,7 @@ pub struct Change {
     pub values: Vec<(&'static str, f64)>,
 }
 
-impl Change {
+impl ToolTableChange {
     /// `T1: wear_diameter_mm -0.5`
     pub fn describe(&self) -> String {
         let values: Vec<String> =
@@ -78,7 +78,7 @@ impl Change {
 /// # Errors
 /// The request names no row or two, a row that is not there, or a value that no
 /// tool can have.
-pub fn change(tools: &ToolTable, request: &SetToolRequest) -> Result<Change, Refusal> {
+pub fn change(tools: &ToolTable, request: &SetToolRequest) -> Result<ToolTableChange, Refusal> {
     type W = SetToolRequest;
     const KNOWN: u8 =
         W::DIAMETER | W::WEAR_DIAMETER | W::LENGTH | W::NOSE_RADIUS | W::TIP_DIRECTION;
@@ -153,7 +153,7 @@ pub fn change(tools: &ToolTable, request: &SetToolRequest) -> Result<Change, Ref
         set(&mut tools, row, key, value);
     }
     tools.check().map_err(|error| Refusal::invalid(error.to_string()))?;
-    Ok(Change { tools, row, is_new, values })
+    Ok(ToolTableChange { tools, row, is_new, values })
 }
 
 fn set(tools: &mut ToolTable, row: ToolTableRow, key: &str, value: f64) {
@@ -201,7 +201,7 @@ pub struct LoadedProgram<'a> {
 pub fn still_cuts(
     program: LoadedProgram<'_>,
     before: &ToolTable,
-    change: &Change,
+    change: &ToolTableChange,
 ) -> Result<(), Refusal> {
     let LoadedProgram { contour, profile, .. } = program;
     let judged = |tools| judge(contour, profile, tools, Planning::default());

@@ -4,13 +4,13 @@
 //! (docs/decisions/tool-file-editing.md). The caller reads the result again before it writes the
 //! file. If that is not the intended table, only [`whole`] is left.
 
-use crate::tools::set_tool::{Change, ToolTableRow};
+use crate::tools::set_tool::{ToolTableChange, ToolTableRow};
 use cnc_msgs::tool_table::ToolTable;
 use std::fmt::Write as _;
 use yaml_edit::{Mapping, YamlFile};
 
 /// The text with the changed row. `None` if the row has no place in it, or a comment would be lost.
-pub fn edited(text: &str, change: &Change) -> Option<String> {
+pub fn edited(text: &str, change: &ToolTableChange) -> Option<String> {
     let (section, number) = match change.row {
         ToolTableRow::Tool(number) => ("tools", number),
         ToolTableRow::Offset(number) => ("offsets", number),
@@ -33,13 +33,13 @@ pub fn edited(text: &str, change: &Change) -> Option<String> {
 }
 
 /// `{key: value, ...}`
-fn new_row(change: &Change) -> Mapping {
+fn new_row(change: &ToolTableChange) -> Mapping {
     let row = Mapping::new_flow();
     set_values(&row, change);
     row
 }
 
-fn set_values(row: &Mapping, change: &Change) {
+fn set_values(row: &Mapping, change: &ToolTableChange) {
     for &(key, value) in &change.values {
         if key == "tip_direction" {
             // A whole number; all else has a point.
