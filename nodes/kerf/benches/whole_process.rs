@@ -1,5 +1,5 @@
-//! How fast `kerf plan --quiet` is as a process, and how
-//! much memory it takes.
+//! How fast `kerf plan` is as a process, and how much memory it takes: with `--quiet`, and with
+//! each kind of output beside it.
 //!
 //! ```text
 //! cargo bench -p kerf --bench whole_process                      three programs of 1 M feed blocks
@@ -54,6 +54,14 @@ fn main() {
     let folder = tempfile::tempdir().expect("a folder for programs");
     let folder = arguments.keep.as_deref().unwrap_or(folder.path());
     std::fs::create_dir_all(folder).expect("the folder of the programs");
+    quiet(&arguments, folder);
+    // Some pages are too long for a browser, but not for this.
+    for blocks in [arguments.blocks / 10, arguments.blocks] {
+        outputs(blocks, arguments.runs, folder);
+    }
+}
+
+fn quiet(arguments: &Arguments, folder: &Path) {
     println!("{:<24} {:>10} {:>12} {:>14}", "1 core", "s", "M blocks/s", "bytes a block");
     type Program = fn(usize) -> String;
     let programs: [(&str, Program); 3] =
@@ -73,6 +81,42 @@ fn main() {
     }
 }
 
+/// Standard output goes nowhere, pictures and pages to files.
+fn outputs(blocks: usize, runs: usize, folder: &Path) {
+    let program = folder.join("outputs.ngc");
+    std::fs::write(&program, lines(blocks)).expect("a program can be written");
+    let file = |name: &str| folder.join(name).display().to_string();
+    let (svg, html) = (file("outputs.svg"), file("outputs.html"));
+    let outputs: [(&str, &[&str]); 5] = [
+        ("--quiet", &["--quiet"]),
+        ("with certificates", &[]),
+        ("--json, with them", &["--json"]),
+        ("--quiet --svg", &["--quiet", "--svg", &svg]),
+        ("--quiet --html", &["--quiet", "--html", &html]),
+    ];
+    // In turn, so that all see the same load of the host.
+    let mut best = [Duration::MAX; 5];
+    for _ in 0..runs {
+        for (best, (_, words)) in best.iter_mut().zip(outputs) {
+            *best = (*best).min(time(&program, words));
+        }
+    }
+    let quiet = best[0].as_secs_f64();
+    println!();
+    println!(
+        "{:<24} {:>10} {:>12} {:>14}",
+        format!("{blocks} lines, 1 core"),
+        "s",
+        "of --quiet",
+        "bytes a block"
+    );
+    for ((name, words), best) in outputs.into_iter().zip(best) {
+        let seconds = best.as_secs_f64();
+        let bytes = peak_bytes(&program, words) as f64 / blocks as f64;
+        println!("{name:<24} {seconds:>10.3} {:>12.2} {bytes:>14.0}", seconds / quiet);
+    }
+}
+
 /// Starts a plan of a program on the first processor.
 fn start(program: &Path, words: &[&str]) -> Child {
     Command::new("taskset")
@@ -80,6 +124,7 @@ fn start(program: &Path, words: &[&str]) -> Child {
         .args(words)
         .arg(program)
         .stdin(Stdio::null())
+        .stdout(Stdio::null())
         .spawn()
         .expect("taskset (of util-linux) starts kerf")
 }

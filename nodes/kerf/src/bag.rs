@@ -109,7 +109,7 @@ pub(crate) fn run(command: &BagCommand) -> CommandResult {
         BagCommand::Report { bag, html } => {
             let file = OutputFile::claim(html, &[bag])?;
             let page = report_page(bag).map_err(|error| failure(&error, bag))?;
-            file.write(&page.to_html())?;
+            file.write(|to| page.write_html(to))?;
             // The page says it, too; but a script may look at the status only.
             let mut bag = open_bag(bag).map_err(Failure::usage)?;
             bag.verify().map_err(Failure::usage)?;

@@ -1,16 +1,16 @@
 //! `kerf check`: compares how each control reads one program. No ROS.
 
 use crate::exit::{CommandResult, Failure, Status};
-use crate::files;
 use crate::plan::{Planned, plural, position};
-use crate::plan_json;
+use crate::{files, json, plan_json};
 use clap::Args;
 use cnc_msgs::finding::{Finding, Severity};
+use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 use compensation_planner::Planning;
 use program_loader::LoadOptions;
 use replay::path_distance::{PathDistance, between};
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::path::PathBuf;
 
 /// What `kerf check` takes.
@@ -87,7 +87,7 @@ pub(crate) fn run(args: &CheckArgs) -> CommandResult {
     let pairs = pairs(&results);
     let name = files::file_name(&args.file);
     if args.json {
-        println!("{:#}", to_json(&name, &results, &pairs));
+        json::print(&CheckJson::new(&name, &results, &pairs));
     } else {
         print!("{}", to_text(&name, &results, &pairs));
     }
@@ -111,38 +111,61 @@ fn pairs(results: &[ControlResult]) -> Vec<Pair> {
         .collect()
 }
 
-fn to_json(name: &str, results: &[ControlResult], pairs: &[Pair]) -> Value {
-    let controls: Vec<Value> = results
-        .iter()
-        .map(|result| {
-            json!({
-                "control": result.profile.name,
-                "read": result.is_read(),
-                "accepted": result.planned.accepted(),
-                "error_count": result.count(Severity::Error),
-                "warning_count": result.count(Severity::Warning),
-                "element_count": result.planned.path().elements.len(),
-                "findings": result.planned.findings.iter().map(plan_json::finding)
-                    .collect::<Vec<_>>(),
-            })
-        })
-        .collect();
-    let differences: Vec<Value> = pairs
-        .iter()
-        .map(|pair| {
-            json!({
-                "from": pair.from,
-                "to": pair.to,
-                "distance_mm": pair.difference.distance_mm,
-                "position": pair.difference.position,
-                "line": pair.difference.source.line,
-                "block": pair.difference.source.block,
-                "differing_functions": pair.difference.functions,
-                "differing_feeds": pair.difference.feeds,
-            })
-        })
-        .collect();
-    json!({"file": name, "controls": controls, "differences": differences})
+/// What `--json` prints; keys in the order of the alphabet.
+#[derive(Serialize)]
+struct CheckJson<'a> {
+    controls: Vec<ControlJson<'a>>,
+    differences: Vec<DifferenceJson<'a>>,
+    file: &'a str,
+}
+
+#[derive(Serialize)]
+struct ControlJson<'a> {
+    accepted: bool,
+    control: &'a str,
+    element_count: usize,
+    error_count: usize,
+    #[serde(serialize_with = "plan_json::findings")]
+    findings: &'a [Finding],
+    read: bool,
+    warning_count: usize,
+}
+
+#[derive(Serialize)]
+struct DifferenceJson<'a> {
+    block: Option<u32>,
+    differing_feeds: usize,
+    differing_functions: usize,
+    distance_mm: f64,
+    from: &'a str,
+    line: u32,
+    position: Position,
+    to: &'a str,
+}
+
+impl<'a> CheckJson<'a> {
+    fn new(file: &'a str, results: &'a [ControlResult], pairs: &'a [Pair]) -> Self {
+        let controls = results.iter().map(|result| ControlJson {
+            accepted: result.planned.accepted(),
+            control: &result.profile.name,
+            element_count: result.planned.path().elements.len(),
+            error_count: result.count(Severity::Error),
+            findings: &result.planned.findings,
+            read: result.is_read(),
+            warning_count: result.count(Severity::Warning),
+        });
+        let differences = pairs.iter().map(|pair| DifferenceJson {
+            block: pair.difference.source.block,
+            differing_feeds: pair.difference.feeds,
+            differing_functions: pair.difference.functions,
+            distance_mm: pair.difference.distance_mm,
+            from: &pair.from,
+            line: pair.difference.source.line,
+            position: pair.difference.position,
+            to: &pair.to,
+        });
+        Self { controls: controls.collect(), differences: differences.collect(), file }
+    }
 }
 
 fn to_text(name: &str, results: &[ControlResult], pairs: &[Pair]) -> String {

@@ -228,5 +228,6 @@ fn draw(path: &Path) -> Result<(), Failure> {
         &LoadOptions::default(),
         compensation_planner::Planning::default(),
     );
-    OutputFile::claim(path, &[])?.write(&planned.svg("contour.mpf, G41, radius 5 mm", &profile))
+    let title = "contour.mpf, G41, radius 5 mm";
+    OutputFile::claim(path, &[])?.write(|to| planned.write_svg(to, title, &profile))
 }

@@ -13,6 +13,7 @@ mod ctrl_c;
 mod demo;
 mod exit;
 mod files;
+mod json;
 mod load;
 mod local;
 mod manual;

@@ -7,11 +7,13 @@
 use crate::exit::Failure;
 use rustix::fs::{CWD, RenameFlags, Stat, fstat, renameat_with, stat};
 use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io::{self, BufWriter, Read};
 use std::path::{Path, PathBuf};
 
 /// How much of a file is read to recognise it.
 const BEGIN_BYTES: u64 = 64 << 10;
+/// Bytes that are collected before they are written.
+const BUFFER_BYTES: usize = 64 << 10;
 
 /// The target of a picture or a page.
 #[derive(Debug)]
@@ -60,7 +62,12 @@ impl OutputFile {
     }
 
     /// Replaces the file at once: readers see the old one or the new one.
-    pub(crate) fn write(self, content: &str) -> Result<(), Failure> {
+    ///
+    /// `write` is given a buffer before the file.
+    pub(crate) fn write(
+        self,
+        write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+    ) -> Result<(), Failure> {
         let Some(name) = self.place.file_name() else {
             return Err(failed(&self.path, io::ErrorKind::IsADirectory.into()));
         };
@@ -69,9 +76,9 @@ impl OutputFile {
         partial.push(format!(".{}.partial", std::process::id()));
         let partial = self.place.with_file_name(partial);
         let written = (|| {
-            let mut file = File::create_new(&partial)?;
-            file.write_all(content.as_bytes())?;
-            file.sync_all()
+            let mut file = BufWriter::with_capacity(BUFFER_BYTES, File::create_new(&partial)?);
+            write(&mut file)?;
+            file.into_inner()?.sync_all()
         })();
         let written = written.map_err(|error| failed(&self.path, error));
         let put = written.and_then(|()| self.put(&partial));
@@ -166,6 +173,11 @@ fn is_ours_or_empty(file: File) -> io::Result<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Write;
+
+    fn svg(to: &mut impl Write) -> io::Result<()> {
+        to.write_all(b"<svg>")
+    }
 
     #[test]
     fn a_file_made_in_the_meantime_is_not_overwritten() {
@@ -176,7 +188,7 @@ mod tests {
         for name in ["new.svg", "empty.svg"] {
             let file = OutputFile::claim(&at(name), &[]).expect("a place");
             fs::write(at(name), "the work of a day").expect("written");
-            let refused = file.write("<svg>").expect_err("somebody else's");
+            let refused = file.write(svg).expect_err("somebody else's");
             assert!(
                 refused.message.contains("not a picture or page of Kerf"),
                 "{}",
@@ -186,7 +198,7 @@ mod tests {
         }
         let file = OutputFile::claim(&at("linked.svg"), &[&at("part.ngc")]).expect("a place");
         fs::hard_link(at("part.ngc"), at("linked.svg")).expect("a link");
-        let refused = file.write("<svg>").expect_err("an input");
+        let refused = file.write(svg).expect_err("an input");
         assert!(refused.message.contains("an input of this command"), "{}", refused.message);
         assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 4, "no partial file");
     }

@@ -15,6 +15,10 @@ use layer::Outline;
 use replay::path_difference::first_difference;
 pub(crate) use run::{RunLog, of_recording};
 use serde::Serialize;
+use serde_json::Serializer;
+use serde_json::ser::Formatter;
+use std::borrow::Cow;
+use std::io::{self, Write};
 
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
@@ -22,15 +26,15 @@ const JS: &str = include_str!("page/page.js");
 
 /// The content of one file.
 #[derive(Debug, Default, Serialize)]
-pub(crate) struct Page {
+pub(crate) struct Page<'a> {
     /// One sheet is shown at a time.
-    pub(crate) sheets: Vec<Sheet>,
+    pub(crate) sheets: Vec<Sheet<'a>>,
     pub(crate) runs: Vec<RunLog>,
 }
 
 /// A plan, and its run if there is one.
 #[derive(Debug, Default, Serialize)]
-pub(crate) struct Sheet {
+pub(crate) struct Sheet<'a> {
     pub(crate) title: String,
     /// `accepted`, `DIFFERENT`
     pub(crate) verdict: String,
@@ -42,10 +46,11 @@ pub(crate) struct Sheet {
     pub(crate) axes: String,
     /// Whether the second axis points down on the paper.
     pub(crate) down: bool,
-    /// The lines of the program.
-    pub(crate) program: Vec<String>,
+    /// Its lines are listed.
+    #[serde(serialize_with = "lines")]
+    pub(crate) program: Cow<'a, str>,
     /// From the bottom to the top.
-    pub(crate) layers: Vec<Layer>,
+    pub(crate) layers: Vec<Layer<'a>>,
     pub(crate) uncut: Vec<Outline>,
     pub(crate) pins: Vec<Pin>,
     /// Place and text.
@@ -73,9 +78,9 @@ pub(crate) enum PinKind {
     Difference,
 }
 
-impl Sheet {
+impl<'a> Sheet<'a> {
     /// An empty sheet with this view.
-    pub(crate) fn new(title: String, view: View, text: &[u8]) -> Self {
+    pub(crate) fn new(title: String, view: View, program: Cow<'a, str>) -> Self {
         let [first, second, _] = view.plane.axes();
         let (right, up) = (AXIS_LETTERS[first], AXIS_LETTERS[second]);
         let way = if view.is_mirrored { "down" } else { "up" };
@@ -83,7 +88,7 @@ impl Sheet {
             title,
             axes: format!("{right} to the right, {up} {way}, mm"),
             down: view.is_mirrored,
-            program: String::from_utf8_lossy(text).lines().map(str::to_owned).collect(),
+            program,
             ..Self::default()
         }
     }
@@ -125,30 +130,48 @@ impl Sheet {
     }
 }
 
-impl Page {
-    /// The whole file.
-    pub(crate) fn to_html(&self) -> String {
-        let data = serde_json::to_string(self).expect("texts and numbers are always JSON");
-        // No text of a program can close the element that holds the data.
-        let data = data.replace('<', "\\u003c");
+fn lines<S: serde::Serializer>(text: &str, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(text.lines())
+}
+
+impl Page<'_> {
+    /// Writes the whole file.
+    pub(crate) fn write_html(&self, to: &mut impl Write) -> io::Result<()> {
         let title = self.sheets.first().map_or("kerf", |sheet| sheet.title.as_str());
         let title = crate::picture::escape(title);
         // One pass over the template: inserted text is not searched again.
-        let mut html = String::with_capacity(HTML.len() + CSS.len() + JS.len() + data.len());
         let mut rest = HTML;
         while let Some((before, rest_after)) = rest.split_once("{{") {
             let (name, after) = rest_after.split_once("}}").expect("the page closes its places");
-            html += before;
-            html += match name {
-                "css" => CSS,
-                "title" => &title,
-                "js" => JS,
-                "data" => &data,
+            to.write_all(before.as_bytes())?;
+            match name {
+                "css" => to.write_all(CSS.as_bytes())?,
+                "title" => to.write_all(title.as_bytes())?,
+                "js" => to.write_all(JS.as_bytes())?,
+                "data" => self.serialize(&mut Serializer::with_formatter(&mut *to, Data))?,
                 _ => panic!("the page has an unknown place {name}"),
-            };
+            }
             rest = after;
         }
-        html + rest
+        to.write_all(rest.as_bytes())
+    }
+}
+
+/// JSON inside an element of the page: no text of a program can close it.
+struct Data;
+
+impl Formatter for Data {
+    fn write_string_fragment<W: Write + ?Sized>(
+        &mut self,
+        to: &mut W,
+        part: &str,
+    ) -> io::Result<()> {
+        let mut parts = part.split('<');
+        to.write_all(parts.next().unwrap_or_default().as_bytes())?;
+        parts.try_for_each(|part| {
+            to.write_all(b"\\u003c")?;
+            to.write_all(part.as_bytes())
+        })
     }
 }
 
@@ -156,18 +179,17 @@ impl Page {
 mod tests {
     use super::*;
 
-    fn page(program: &str) -> Page {
-        let sheet = Sheet {
-            title: "a < b & c".into(),
-            program: program.lines().map(str::to_owned).collect(),
-            ..Sheet::default()
-        };
-        Page { sheets: vec![sheet], runs: Vec::new() }
+    fn html(title: &str, program: &str) -> String {
+        let sheet = Sheet { title: title.into(), program: program.into(), ..Sheet::default() };
+        let mut html = Vec::new();
+        let page = Page { sheets: vec![sheet], runs: Vec::new() };
+        page.write_html(&mut html).expect("memory takes everything");
+        String::from_utf8(html).expect("UTF-8")
     }
 
     #[test]
     fn a_page_is_whole_and_loads_nothing() {
-        let html = page("G1 X1").to_html();
+        let html = html("a < b & c", "G1 X1");
         for foreign in ["http:", "https:", "src=", "url(", "@import", "<link", "{{"] {
             assert!(!html.contains(foreign), "{foreign}");
         }
@@ -177,8 +199,7 @@ mod tests {
     #[test]
     fn a_title_is_not_a_template() {
         let title = "{{data}} {{js}}.mcap";
-        let sheet = Sheet { title: title.into(), ..Sheet::default() };
-        let html = Page { sheets: vec![sheet], runs: Vec::new() }.to_html();
+        let html = html(title, "");
         assert!(html.contains(&format!("<title>{title}</title>")));
         assert_eq!(html.matches("\"sheets\":").count(), 1);
     }
@@ -186,7 +207,7 @@ mod tests {
     #[test]
     fn no_text_of_a_program_leaves_the_data_element() {
         let evil = "(</script><script>alert(1)</script>) {{js}} {{data}} $& <!--";
-        let html = page(evil).to_html();
+        let html = html("evil", evil);
         assert_eq!(html.matches("<script").count(), 2);
         let (_, data) = html.split_once("id=\"data\">").expect("the data");
         let (data, _) = data.split_once("</script>").expect("its end");

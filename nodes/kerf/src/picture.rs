@@ -5,16 +5,18 @@
 //! files decide what is shown.
 
 pub(crate) mod look;
+mod strokes;
 pub(crate) mod view;
 
-use cnc_msgs::contour::{ContourEventKind, CutterSide, MotionClass, ProgrammedContour};
+use cnc_msgs::contour::{CutterSide, ProgrammedContour};
 use cnc_msgs::finding::{Finding, Severity};
-use cnc_msgs::geometry::{AXIS_LETTERS, Position, Shape};
+use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use cnc_msgs::path::PathElement;
 use cnc_msgs::profile::{OutputPoint, Profile};
 use compensation_planner::UncutRegion;
-use look::{CORNER, Look as ElementLook, PATH, PROGRAMMED, RAPID};
-use std::fmt::Write;
+use look::{CORNER, PATH, PROGRAMMED, RAPID};
+use std::io::{self, Write};
+use strokes::Bounds;
 use view::{Point, View};
 
 /// The content of a picture.
@@ -32,168 +34,33 @@ pub(crate) struct Picture<'a> {
     pub(crate) profile: &'a Profile,
 }
 
-/// Draws the picture; returns a complete SVG document.
-pub(crate) fn draw(picture: &Picture<'_>) -> String {
+/// Draws the picture: a complete SVG document.
+pub(crate) fn write(picture: &Picture<'_>, svg: &mut impl Write) -> io::Result<()> {
     let view = View::of(picture.contour, picture.profile);
-    let programmed = programmed_strokes(picture.contour, view);
-    let compensated = compensated_strokes(picture.start, picture.elements, view);
     let legend = legend(picture);
-    let mut frame = Frame::around(programmed.iter().chain(&compensated), picture.findings, view);
+    let programmed = || strokes::programmed(picture.contour);
+    let compensated = || strokes::compensated(picture.start, picture.elements);
+    let mut bounds = Bounds::new();
+    bounds.add_motions(programmed(), view);
+    bounds.add_motions(compensated(), view);
+    let pins = picture.findings.iter().filter_map(|finding| finding.position);
+    pins.for_each(|position| bounds.add(view.project(position)));
+    let mut frame = Frame::around(bounds);
     frame.make_room(&legend);
 
-    let mut svg = String::new();
-    frame.open(&mut svg, picture, view, &legend);
-    frame.grid(&mut svg, view);
-    for stroke in uncut_strokes(picture.uncut, view) {
-        stroke.write(&mut svg);
+    frame.open(svg, picture, view, &legend)?;
+    frame.grid(svg, view)?;
+    for region in picture.uncut {
+        strokes::write_uncut(svg, region, view)?;
     }
-    for stroke in programmed.iter().chain(&compensated) {
-        stroke.write(&mut svg);
-    }
+    strokes::write(svg, programmed(), view)?;
+    strokes::write(svg, compensated(), view)?;
     for (number, finding) in picture.findings.iter().enumerate() {
         if let Some(position) = finding.position {
-            frame.pin(&mut svg, view.project(position), number, finding);
+            frame.pin(svg, view.project(position), number, finding)?;
         }
     }
-    svg.push_str("</svg>\n");
-    svg
-}
-
-/// Drawing commands of one look.
-struct Stroke {
-    class: &'static str,
-    commands: String,
-    points: Vec<Point>,
-}
-
-impl Stroke {
-    fn new(class: &'static str, start: Point) -> Self {
-        let mut commands = String::new();
-        let _ = write!(commands, "M{:.6} {:.6}", start[0], start[1]);
-        Self { class, commands, points: vec![start] }
-    }
-
-    fn add(&mut self, start: Position, shape: &Shape, end: Position, view: View) {
-        let (from, to) = (view.project(start), view.project(end));
-        match shape {
-            Shape::Arc(arc) if arc.plane == view.plane => {
-                let center = view.project(arc.center);
-                let radius = (from[0] - center[0]).hypot(from[1] - center[1]);
-                let clockwise = view.turns_clockwise(arc.clockwise);
-                for &corner in &[[-1.0, -1.0], [1.0, 1.0]] {
-                    self.points
-                        .push([center[0] + corner[0] * radius, center[1] + corner[1] * radius]);
-                }
-                let mut half_circle = |point: Point| {
-                    let _ = write!(
-                        self.commands,
-                        "A{radius:.6} {radius:.6} 0 0 {} {:.6} {:.6}",
-                        u8::from(clockwise),
-                        point[0],
-                        point[1]
-                    );
-                };
-                if arc.turns > 0 {
-                    half_circle([2.0 * center[0] - from[0], 2.0 * center[1] - from[1]]);
-                    half_circle(from);
-                }
-                let _ = write!(
-                    self.commands,
-                    "A{radius:.6} {radius:.6} 0 {} {} {:.6} {:.6}",
-                    u8::from(is_major(from, to, center, clockwise)),
-                    u8::from(clockwise),
-                    to[0],
-                    to[1]
-                );
-            }
-            _ => {
-                let _ = write!(self.commands, "L{:.6} {:.6}", to[0], to[1]);
-            }
-        }
-        self.points.push(to);
-    }
-
-    fn write(&self, svg: &mut String) {
-        let _ = writeln!(svg, "<path class=\"{}\" d=\"{}\"/>", self.class, self.commands);
-    }
-}
-
-/// Whether the arc is longer than half a circle, on paper with y downwards.
-fn is_major(from: Point, to: Point, center: Point, clockwise: bool) -> bool {
-    let (a, b) =
-        ([from[0] - center[0], from[1] - center[1]], [to[0] - center[0], to[1] - center[1]]);
-    let cross = a[0] * b[1] - a[1] * b[0];
-    // With y downwards a clockwise turn has a positive cross product.
-    if clockwise { cross < 0.0 } else { cross > 0.0 }
-}
-
-/// The areas that stay uncut, filled.
-fn uncut_strokes(uncut: &[UncutRegion], view: View) -> impl Iterator<Item = Stroke> {
-    uncut.iter().map(move |region| {
-        let mut stroke = Stroke::new("uncut", view.project(region.start));
-        let mut start = region.start;
-        for piece in &region.outline {
-            stroke.add(start, &piece.shape, piece.end, view);
-            start = piece.end;
-        }
-        stroke
-    })
-}
-
-fn programmed_strokes(contour: &ProgrammedContour, view: View) -> Vec<Stroke> {
-    let mut strokes = Strokes::default();
-    let mut position = contour.start;
-    for event in &contour.events {
-        if let ContourEventKind::Motion(motion) = event.kind {
-            let class =
-                if motion.class == MotionClass::Feed { "programmed" } else { "programmed rapid" };
-            strokes.add(class, position, &motion.shape, motion.end, view);
-            position = motion.end;
-        }
-    }
-    strokes.done
-}
-
-fn compensated_strokes(start: Position, elements: &[PathElement], view: View) -> Vec<Stroke> {
-    let mut strokes = Strokes::default();
-    let mut position = start;
-    for element in elements {
-        let class = match ElementLook::of(element) {
-            ElementLook::Lead => "path lead",
-            ElementLook::Rapid => "path rapid",
-            ElementLook::Corner => "path corner",
-            ElementLook::Cut => "path",
-        };
-        strokes.add(class, position, &element.shape, element.end, view);
-        position = element.end;
-    }
-    strokes.done
-}
-
-/// Builds strokes; starts a new one when the look changes.
-#[derive(Default)]
-struct Strokes {
-    done: Vec<Stroke>,
-}
-
-impl Strokes {
-    fn add(
-        &mut self,
-        class: &'static str,
-        start: Position,
-        shape: &Shape,
-        end: Position,
-        view: View,
-    ) {
-        match self.done.last_mut() {
-            Some(stroke) if stroke.class == class => stroke.add(start, shape, end, view),
-            _ => {
-                let mut stroke = Stroke::new(class, view.project(start));
-                stroke.add(start, shape, end, view);
-                self.done.push(stroke);
-            }
-        }
-    }
+    svg.write_all(b"</svg>\n")
 }
 
 /// The part of the plane that the picture shows.
@@ -205,19 +72,8 @@ struct Frame {
 }
 
 impl Frame {
-    fn around<'a>(
-        strokes: impl Iterator<Item = &'a Stroke>,
-        findings: &[Finding],
-        view: View,
-    ) -> Self {
-        let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        let pins = findings.iter().filter_map(|finding| finding.position).map(|p| view.project(p));
-        for point in strokes.flat_map(|stroke| stroke.points.iter().copied()).chain(pins) {
-            for axis in 0..2 {
-                min[axis] = min[axis].min(point[axis]);
-                max[axis] = max[axis].max(point[axis]);
-            }
-        }
+    fn around(bounds: Bounds) -> Self {
+        let Bounds { mut min, mut max } = bounds;
         if !min.iter().chain(&max).all(|value| value.is_finite()) {
             (min, max) = ([0.0; 2], [1.0; 2]);
         }
@@ -236,10 +92,16 @@ impl Frame {
         self.size[0] = self.size[0].max((width + 1.0) * self.text);
     }
 
-    fn open(&self, svg: &mut String, picture: &Picture<'_>, view: View, legend: &[Look]) {
+    fn open(
+        &self,
+        svg: &mut impl Write,
+        picture: &Picture<'_>,
+        view: View,
+        legend: &[Look],
+    ) -> io::Result<()> {
         let (text, line) = (self.text, self.text * 0.12);
         let pixels = 1200.0 / self.size[0].max(self.size[1]);
-        let _ = writeln!(
+        writeln!(
             svg,
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{:.0}\" height=\"{:.0}\" \
              viewBox=\"{:.6} {:.6} {:.6} {:.6}\">",
@@ -249,8 +111,8 @@ impl Frame {
             self.min[1],
             self.size[0],
             self.size[1]
-        );
-        let _ = writeln!(
+        )?;
+        writeln!(
             svg,
             "<style>path{{fill:none;stroke-linejoin:round;stroke-linecap:round}}\
              .programmed{{stroke:{PROGRAMMED};stroke-width:{:.4}}}\
@@ -272,14 +134,14 @@ impl Frame {
             line * 0.8,
             text * 0.7,
             line * 0.8,
-        );
+        )?;
         let [first, second, _] = view.plane.axes();
-        let _ = writeln!(
+        writeln!(
             svg,
             "<rect x=\"{:.6}\" y=\"{:.6}\" width=\"{:.6}\" height=\"{:.6}\" fill=\"white\"/>",
             self.min[0], self.min[1], self.size[0], self.size[1]
-        );
-        let _ = writeln!(
+        )?;
+        writeln!(
             svg,
             "<text x=\"{:.6}\" y=\"{:.6}\">{} — {}{} to the right, {} {}, mm</text>",
             self.min[0] + text,
@@ -289,30 +151,31 @@ impl Frame {
             AXIS_LETTERS[first],
             AXIS_LETTERS[second],
             if view.is_mirrored { "down" } else { "up" },
-        );
-        self.legend(svg, legend);
+        )?;
+        self.legend(svg, legend)
     }
 
-    fn legend(&self, svg: &mut String, legend: &[Look]) {
+    fn legend(&self, svg: &mut impl Write, legend: &[Look]) -> io::Result<()> {
         let y = self.min[1] + self.size[1] - self.text;
         let mut x = self.min[0] + self.text;
         for look in legend {
             let Look { class, label } = look;
-            let _ = writeln!(
+            writeln!(
                 svg,
                 "<path class=\"{class}\" d=\"M{x:.6} {:.6}h{:.6}\"/>\
                  <text x=\"{:.6}\" y=\"{y:.6}\">{label}</text>",
                 y - 0.3 * self.text,
                 2.5 * self.text,
                 x + 3.0 * self.text,
-            );
+            )?;
             x += look.width() * self.text;
         }
+        Ok(())
     }
 
     /// Lines at round coordinates, about ten across, with their numbers: below the title and above
     /// the legend.
-    fn grid(&self, svg: &mut String, view: View) {
+    fn grid(&self, svg: &mut impl Write, view: View) -> io::Result<()> {
         let step = round_step(self.size[0].max(self.size[1]) / 10.0);
         let min = [self.min[0], self.min[1] + 2.2 * self.text];
         let size = [self.size[0], self.size[1] - 4.6 * self.text];
@@ -328,22 +191,29 @@ impl Frame {
                 } else {
                     (format!("M{:.6} {at:.6}h{:.6}", min[0], size[0]), min[0], at - 0.2 * self.text)
                 };
-                let _ = writeln!(
+                writeln!(
                     svg,
                     "<path class=\"{class}\" d=\"{line}\"/>\
                      <text class=\"tick\" x=\"{x:.6}\" y=\"{y:.6}\">{value}</text>"
-                );
+                )?;
             }
         }
+        Ok(())
     }
 
-    fn pin(&self, svg: &mut String, at: Point, number: usize, finding: &Finding) {
+    fn pin(
+        &self,
+        svg: &mut impl Write,
+        at: Point,
+        number: usize,
+        finding: &Finding,
+    ) -> io::Result<()> {
         let class = match finding.severity {
             Severity::Error => "error",
             Severity::Warning => "warning",
         };
         let text = self.text;
-        let _ = writeln!(
+        writeln!(
             svg,
             "<g><title>{}</title><circle class=\"{class}\" cx=\"{:.6}\" cy=\"{:.6}\" r=\"{:.6}\"/>\
              <text class=\"{class}\" x=\"{:.6}\" y=\"{:.6}\">{} line {}</text></g>",
@@ -356,7 +226,7 @@ impl Frame {
             at[1] - (0.4 + 1.1 * (number % 4) as f64) * text,
             finding.code.name(),
             finding.source.line,
-        );
+        )
     }
 }
 

@@ -4,9 +4,9 @@ use crate::exit::{CommandResult, Failure, Status};
 use crate::output_file::OutputFile;
 use crate::page::{Layer, Page, Sheet};
 use crate::picture::view::View;
-use crate::plan_json::PlanReport;
+use crate::plan_json::{Elements, PlanReport};
 use crate::terminal::show_findings;
-use crate::{files, picture};
+use crate::{files, json, picture};
 use clap::Args;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::finding::{Code, Finding};
@@ -21,7 +21,7 @@ use compensation_planner::{Certificate, Planning, Start, UncutRegion, Verdict, j
 use path_audit::Audit;
 use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::{LoadOptions, Loaded};
-use std::io::IsTerminal;
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 /// What `kerf plan` takes.
@@ -79,14 +79,14 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     planned.keep_disagreement(&name, &text);
 
     if let Some(file) = svg {
-        file.write(&planned.svg(&name, &profile))?;
+        file.write(|to| planned.write_svg(to, &name, &profile))?;
     }
     if let Some(file) = html {
-        file.write(&planned.page(&name, &text, &profile).to_html())?;
+        file.write(|to| planned.page(&name, &text, &profile).write_html(to))?;
     }
     let start = planned.start_at(args.start_line, &profile);
     if args.json {
-        println!("{:#}", planned.report(&profile.name, start.as_ref()).to_json());
+        json::print(&planned.report(&profile.name, start.as_ref()));
     } else {
         let shown: Vec<_> = planned
             .findings
@@ -197,27 +197,32 @@ impl Planned {
         started.ok()
     }
 
-    fn report<'a>(&'a self, control: &'a str, run_start: Option<&'a Start>) -> PlanReport<'a> {
+    fn report<'a>(&'a self, control: &'a str, start: Option<&'a Start>) -> PlanReport<'a> {
+        let elements = |elements| Elements { start: self.start(), elements };
         PlanReport {
-            control,
             accepted: self.accepted(),
-            start: self.start(),
-            run_start,
-            elements: &self.path().elements,
-            events: &self.path().events,
-            refused_elements: &self.verdict.plan.refused,
-            findings: &self.findings,
-            certificates: &self.verdict.plan.certificates,
-            uncut: &self.verdict.plan.uncut,
             audit: self.verdict.audit.as_ref(),
+            certificates: &self.verdict.plan.certificates,
+            control,
+            elements: elements(&self.path().elements),
+            events: &self.path().events,
+            findings: &self.findings,
+            refused_elements: (!self.accepted()).then(|| elements(&self.verdict.plan.refused)),
+            start,
+            uncut: &self.verdict.plan.uncut,
         }
     }
 
-    /// The picture; also of a refused program.
-    pub(crate) fn svg(&self, title: &str, profile: &Profile) -> String {
+    /// Draws the picture; also of a refused program.
+    pub(crate) fn write_svg(
+        &self,
+        to: &mut impl Write,
+        title: &str,
+        profile: &Profile,
+    ) -> io::Result<()> {
         let elements =
             if self.accepted() { &self.path().elements } else { &self.verdict.plan.refused };
-        picture::draw(&picture::Picture {
+        let picture = picture::Picture {
             title,
             contour: &self.loaded.contour,
             start: self.start(),
@@ -226,13 +231,14 @@ impl Planned {
             findings: &self.findings,
             uncut: &self.verdict.plan.uncut,
             profile,
-        })
+        };
+        picture::write(&picture, to)
     }
 
     /// The page; also of a refused program.
-    fn page(&self, name: &str, text: &[u8], profile: &Profile) -> Page {
+    fn page<'a>(&'a self, name: &str, text: &'a [u8], profile: &Profile) -> Page<'a> {
         let view = View::of(&self.loaded.contour, profile);
-        let mut sheet = Sheet::new(name.to_owned(), view, text);
+        let mut sheet = Sheet::new(name.to_owned(), view, String::from_utf8_lossy(text));
         let (layer, elements) = match self.accepted() {
             true => ("compensated", &self.path().elements),
             false => ("refused", &self.verdict.plan.refused),

@@ -1,188 +1,315 @@
 //! The JSON object that `kerf plan --json` prints, for scripts and tests.
 //!
-//! Millimetres and degrees. The keys are a contract; the Rust types may change.
+//! Millimetres and degrees. The keys are a contract, in the order of the alphabet; the Rust types
+//! may change. Lists are made item by item while they are written: see [`crate::json`].
 
-use cnc_msgs::contour::{CutterSide, Source};
+use cnc_msgs::contour::CutterSide;
 use cnc_msgs::finding::{Finding, Severity};
-use cnc_msgs::geometry::{Position, Shape};
+use cnc_msgs::geometry::{Arc, Position, Shape};
 use cnc_msgs::path::{PathElement, PathEvent, StartInSpan};
 use compensation_planner::{Certificate, CertificateLimit, OutlinePiece, Start, UncutRegion};
 use path_audit::Audit;
-use serde_json::{Map, Value, json};
+use serde::{Serialize, Serializer};
 
 /// The content of the object.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize)]
 pub(crate) struct PlanReport<'a> {
-    pub(crate) control: &'a str,
     pub(crate) accepted: bool,
+    /// `None`: there was no path to audit.
+    #[serde(serialize_with = "audit", skip_serializing_if = "Option::is_none")]
+    pub(crate) audit: Option<&'a Audit>,
+    #[serde(serialize_with = "certificates")]
+    pub(crate) certificates: &'a [Certificate],
+    pub(crate) control: &'a str,
+    pub(crate) elements: Elements<'a>,
+    #[serde(serialize_with = "events")]
+    pub(crate) events: &'a [PathEvent],
+    #[serde(serialize_with = "findings")]
+    pub(crate) findings: &'a [Finding],
+    /// What a refused program would have cut, for pictures.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) refused_elements: Option<Elements<'a>>,
+    /// How a run starts at the requested line.
+    #[serde(serialize_with = "start", skip_serializing_if = "Option::is_none")]
+    pub(crate) start: Option<&'a Start>,
+    #[serde(serialize_with = "uncut")]
+    pub(crate) uncut: &'a [UncutRegion],
+}
+
+/// A path.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Elements<'a> {
     /// Start of the first element.
     pub(crate) start: Position,
-    /// How a run starts at the requested line.
-    pub(crate) run_start: Option<&'a Start>,
     pub(crate) elements: &'a [PathElement],
-    pub(crate) events: &'a [PathEvent],
-    /// What a refused program would have cut, for pictures.
-    pub(crate) refused_elements: &'a [PathElement],
-    pub(crate) findings: &'a [Finding],
-    pub(crate) certificates: &'a [Certificate],
-    pub(crate) uncut: &'a [UncutRegion],
-    /// `None`: there was no path to audit.
-    pub(crate) audit: Option<&'a Audit>,
 }
 
-impl PlanReport<'_> {
-    /// The whole object.
-    pub(crate) fn to_json(self) -> Value {
-        let mut object = Map::new();
-        object.insert("control".into(), json!(self.control));
-        object.insert("accepted".into(), json!(self.accepted));
-        object.insert("elements".into(), elements(self.start, self.elements));
-        if !self.accepted {
-            object.insert("refused_elements".into(), elements(self.start, self.refused_elements));
-        }
-        object.insert("events".into(), self.events.iter().map(event).collect());
-        object.insert("findings".into(), self.findings.iter().map(finding).collect());
-        let certificates = self.certificates.iter().map(certificate).collect();
-        object.insert("certificates".into(), certificates);
-        object.insert("uncut".into(), self.uncut.iter().map(uncut).collect());
-        if let Some(start) = self.run_start {
-            object.insert("start".into(), Self::begun(start));
-        }
-        if let Some(audit) = self.audit {
-            object.insert("audit".into(), self::audit(audit));
-        }
-        Value::Object(object)
-    }
-
-    fn begun(start: &Start) -> Value {
-        json!({
-            "at_element": start.entry.element,
-            "position": start.at,
-            "in_span": start.in_span != StartInSpan::Refused,
-            "message": start.to_string(),
-        })
+impl Serialize for Elements<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let ends = self.elements.iter().map(|element| element.end);
+        let starts = std::iter::once(self.start).chain(ends);
+        let rows = starts.zip(self.elements);
+        serializer.collect_seq(rows.map(|(start, element)| ElementJson::new(start, element)))
     }
 }
 
-fn elements(start: Position, elements: &[PathElement]) -> Value {
-    let starts = std::iter::once(start).chain(elements.iter().map(|element| element.end));
-    starts.zip(elements).map(|(start, element)| self::element(start, element)).collect()
+/// A line or arc of the path.
+#[derive(Serialize)]
+struct ElementJson {
+    block: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    center: Option<Position>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    clockwise: Option<bool>,
+    end: Position,
+    feed_mm_per_min: Option<f64>,
+    kind: &'static str,
+    line: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    plane: Option<&'static str>,
+    rapid: bool,
+    role: &'static str,
+    start: Position,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    turns: Option<u16>,
 }
 
-/// A line or arc.
-fn shape(start: Position, shape: &Shape, end: Position) -> Map<String, Value> {
-    let mut object = Map::new();
-    let kind = match shape {
+impl ElementJson {
+    fn new(start: Position, element: &PathElement) -> Self {
+        let arc = arc(&element.shape);
+        Self {
+            block: element.source.block,
+            center: arc.map(|arc| arc.center),
+            clockwise: arc.map(|arc| arc.clockwise),
+            end: element.end,
+            feed_mm_per_min: element.feed_mm_per_min,
+            kind: kind(&element.shape),
+            line: element.source.line,
+            plane: arc.map(|arc| arc.plane.name()),
+            rapid: element.feed_mm_per_min.is_none(),
+            role: element.role.name(),
+            start,
+            turns: arc.map(|arc| arc.turns),
+        }
+    }
+}
+
+/// A line or arc of an outline.
+#[derive(Serialize)]
+struct PieceJson {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    center: Option<Position>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    clockwise: Option<bool>,
+    end: Position,
+    kind: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    plane: Option<&'static str>,
+    start: Position,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    turns: Option<u16>,
+}
+
+impl PieceJson {
+    fn new(start: Position, piece: &OutlinePiece) -> Self {
+        let arc = arc(&piece.shape);
+        Self {
+            center: arc.map(|arc| arc.center),
+            clockwise: arc.map(|arc| arc.clockwise),
+            end: piece.end,
+            kind: kind(&piece.shape),
+            plane: arc.map(|arc| arc.plane.name()),
+            start,
+            turns: arc.map(|arc| arc.turns),
+        }
+    }
+}
+
+fn arc(shape: &Shape) -> Option<&Arc> {
+    match shape {
+        Shape::Line => None,
+        Shape::Arc(arc) => Some(arc),
+    }
+}
+
+fn kind(shape: &Shape) -> &'static str {
+    match shape {
         Shape::Line => "line",
         Shape::Arc(_) => "arc",
-    };
-    object.insert("kind".into(), json!(kind));
-    object.insert("start".into(), json!(start));
-    object.insert("end".into(), json!(end));
-    if let Shape::Arc(arc) = shape {
-        object.insert("center".into(), json!(arc.center));
-        object.insert("clockwise".into(), json!(arc.clockwise));
-        object.insert("turns".into(), json!(arc.turns));
-        object.insert("plane".into(), json!(arc.plane.name()));
     }
-    object
 }
 
-/// An area that stays uncut, with its outline.
-fn uncut(region: &UncutRegion) -> Value {
+/// The areas that stay uncut, with their outlines.
+fn uncut<S: Serializer>(uncut: &[UncutRegion], serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct UncutJson<'a> {
+        area_mm2: f64,
+        first_line: u32,
+        last_line: u32,
+        #[serde(serialize_with = "outline")]
+        outline: &'a UncutRegion,
+    }
+    serializer.collect_seq(uncut.iter().map(|region| UncutJson {
+        area_mm2: region.area_mm2,
+        first_line: region.first.line,
+        last_line: region.last.line,
+        outline: region,
+    }))
+}
+
+fn outline<S: Serializer>(region: &UncutRegion, serializer: S) -> Result<S::Ok, S::Error> {
     let ends = region.outline.iter().map(|piece| piece.end);
     let starts = std::iter::once(region.start).chain(ends);
-    let piece = |(start, piece): (Position, &OutlinePiece)| {
-        Value::Object(shape(start, &piece.shape, piece.end))
-    };
-    json!({
-        "first_line": region.first.line,
-        "last_line": region.last.line,
-        "area_mm2": region.area_mm2,
-        "outline": starts.zip(&region.outline).map(piece).collect::<Vec<_>>(),
-    })
+    let rows = starts.zip(&region.outline);
+    serializer.collect_seq(rows.map(|(start, piece)| PieceJson::new(start, piece)))
 }
 
-fn element(start: Position, element: &PathElement) -> Value {
-    let mut object = shape(start, &element.shape, element.end);
-    object.insert("rapid".into(), json!(element.feed_mm_per_min.is_none()));
-    object.insert("feed_mm_per_min".into(), json!(element.feed_mm_per_min));
-    object.insert("role".into(), json!(element.role.name()));
-    place(&mut object, &element.source);
-    Value::Object(object)
+fn events<S: Serializer>(events: &[PathEvent], serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct EventJson {
+        at_element: usize,
+        block: Option<u32>,
+        kind: &'static str,
+        line: u32,
+        text: String,
+    }
+    serializer.collect_seq(events.iter().map(|event| EventJson {
+        at_element: event.at_element,
+        block: event.source.block,
+        kind: event.action.kind(),
+        line: event.source.line,
+        text: event.action.text(),
+    }))
 }
 
-fn event(event: &PathEvent) -> Value {
-    let mut object = Map::new();
-    object.insert("kind".into(), json!(event.action.kind()));
-    object.insert("text".into(), json!(event.action.text()));
-    place(&mut object, &event.source);
-    object.insert("at_element".into(), json!(event.at_element));
-    Value::Object(object)
-}
-
-/// One finding of the list.
-pub(crate) fn finding(finding: &Finding) -> Value {
-    json!({
-        "severity": match finding.severity {
+/// The findings as a list.
+pub(crate) fn findings<S: Serializer>(
+    findings: &[Finding],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct FindingJson<'a> {
+        alarm: Option<&'a str>,
+        available_mm: Option<f64>,
+        block: Option<u32>,
+        code: &'static str,
+        column: u16,
+        depth_mm: Option<f64>,
+        help: &'a str,
+        length: u16,
+        line: u32,
+        message: &'a str,
+        needed_mm: Option<f64>,
+        other_block: Option<u32>,
+        other_line: Option<u32>,
+        position: Option<Position>,
+        severity: &'static str,
+    }
+    serializer.collect_seq(findings.iter().map(|finding| FindingJson {
+        alarm: finding.alarm.as_deref(),
+        available_mm: finding.available_mm,
+        block: finding.source.block,
+        code: finding.code.name(),
+        column: finding.source.column,
+        depth_mm: finding.depth_mm,
+        help: &finding.help,
+        length: finding.source.length,
+        line: finding.source.line,
+        message: &finding.message,
+        needed_mm: finding.needed_mm,
+        other_block: finding.other.and_then(|other| other.block),
+        other_line: finding.other.map(|other| other.line),
+        position: finding.position,
+        severity: match finding.severity {
             Severity::Warning => "warning",
             Severity::Error => "error",
         },
-        "code": finding.code.name(),
-        "alarm": finding.alarm,
-        "line": finding.source.line,
-        "column": finding.source.column,
-        "length": finding.source.length,
-        "block": finding.source.block,
-        "other_line": finding.other.map(|other| other.line),
-        "other_block": finding.other.and_then(|other| other.block),
-        "position": finding.position,
-        "depth_mm": finding.depth_mm,
-        "needed_mm": finding.needed_mm,
-        "available_mm": finding.available_mm,
-        "message": finding.message,
-        "help": finding.help,
-    })
+    }))
 }
 
 /// The findings of the audit beyond the planner's own; they are in the list, too.
-fn audit(audit: &Audit) -> Value {
-    json!({
-        "accepted": !audit.refuses(),
-        "elements": audit.elements,
-        "spans": audit.spans,
-        "events": audit.events,
-        "nearest_mm": audit.nearest_mm,
-        "findings": audit.findings.iter().map(finding).collect::<Vec<_>>(),
-    })
+fn audit<S: Serializer>(audit: &Option<&Audit>, serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct AuditJson<'a> {
+        accepted: bool,
+        elements: usize,
+        events: usize,
+        #[serde(serialize_with = "findings")]
+        findings: &'a [Finding],
+        nearest_mm: Option<f64>,
+        spans: usize,
+    }
+    let audit = audit.map(|audit| AuditJson {
+        accepted: !audit.refuses(),
+        elements: audit.elements,
+        events: audit.events,
+        findings: &audit.findings,
+        nearest_mm: audit.nearest_mm,
+        spans: audit.spans,
+    });
+    audit.serialize(serializer)
 }
 
-/// The radii that a span is good for; `null` when nothing limits them.
-fn certificate(certificate: &Certificate) -> Value {
-    let limit = |limit: &CertificateLimit| {
-        json!({
-            "line": limit.source.line,
-            "block": limit.source.block,
-            "position": limit.position,
-        })
-    };
+/// The radii that each span is good for; `null` when nothing limits them.
+fn certificates<S: Serializer>(
+    certificates: &[Certificate],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct CertificateJson<'a> {
+        first_line: u32,
+        last_line: u32,
+        leads_valid_to_mm: Option<f64>,
+        #[serde(serialize_with = "limits")]
+        limited_by: &'a [CertificateLimit],
+        radius_mm: f64,
+        side: &'static str,
+        valid_from_mm: f64,
+        valid_to_mm: Option<f64>,
+    }
     let finite = |radius_mm: f64| radius_mm.is_finite().then_some(radius_mm);
-    json!({
-        "first_line": certificate.first_line,
-        "last_line": certificate.last_line,
-        "side": match certificate.side {
+    serializer.collect_seq(certificates.iter().map(|certificate| CertificateJson {
+        first_line: certificate.first_line,
+        last_line: certificate.last_line,
+        leads_valid_to_mm: finite(certificate.leads_valid_to_mm),
+        limited_by: &certificate.limited_by,
+        radius_mm: certificate.radius_mm,
+        side: match certificate.side {
             CutterSide::Left => "left",
             CutterSide::Right => "right",
         },
-        "radius_mm": certificate.radius_mm,
-        "valid_from_mm": certificate.valid_from_mm,
-        "valid_to_mm": finite(certificate.valid_to_mm),
-        "limited_by": certificate.limited_by.iter().map(limit).collect::<Vec<_>>(),
-        "leads_valid_to_mm": finite(certificate.leads_valid_to_mm),
-    })
+        valid_from_mm: certificate.valid_from_mm,
+        valid_to_mm: finite(certificate.valid_to_mm),
+    }))
 }
 
-fn place(object: &mut Map<String, Value>, source: &Source) {
-    object.insert("line".into(), json!(source.line));
-    object.insert("block".into(), json!(source.block));
+fn limits<S: Serializer>(limits: &[CertificateLimit], serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct LimitJson {
+        block: Option<u32>,
+        line: u32,
+        position: Position,
+    }
+    serializer.collect_seq(limits.iter().map(|limit| LimitJson {
+        block: limit.source.block,
+        line: limit.source.line,
+        position: limit.position,
+    }))
+}
+
+fn start<S: Serializer>(start: &Option<&Start>, serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct StartJson {
+        at_element: usize,
+        in_span: bool,
+        message: String,
+        position: Position,
+    }
+    let start = start.map(|start| StartJson {
+        at_element: start.entry.element,
+        in_span: start.in_span != StartInSpan::Refused,
+        message: start.to_string(),
+        position: start.at,
+    });
+    start.serialize(serializer)
 }

@@ -127,7 +127,7 @@ pub(crate) fn run(args: &ReplayArgs) -> CommandResult {
         println!("{}", json!({ "reproduced": is_reproduced, "bags": report.reports }));
     }
     if let Some(file) = html.filter(|_| !report.page.sheets.is_empty()) {
-        file.write(&report.page.to_html())?;
+        file.write(|to| report.page.write_html(to))?;
     }
     match failed {
         Some(status) => Err(Failure::said(status)),
@@ -141,7 +141,7 @@ pub(crate) fn run(args: &ReplayArgs) -> CommandResult {
 struct Report {
     /// Whether any bag differs.
     differs: bool,
-    page: Page,
+    page: Page<'static>,
     /// With `--json`, one object for each bag.
     reports: Vec<Value>,
 }
@@ -187,7 +187,7 @@ impl Report {
 }
 
 /// The page of a bag as it was recorded: `kerf bag report`.
-pub(crate) fn report_page(path: &Path) -> Result<Page, ReplayError> {
+pub(crate) fn report_page(path: &Path) -> Result<Page<'static>, ReplayError> {
     let mut bag = files::open_bag(path)?;
     let recording = Recording::read(&mut bag)?;
     let mut problems: Vec<String> = bag.problems().iter().map(ToString::to_string).collect();
@@ -218,7 +218,7 @@ pub(crate) fn failure(error: &ReplayError, bag: &Path) -> Failure {
 }
 
 /// Adds the recorded plans to the page, with today's plans and the differences.
-fn show(verdict: &ReplayResult, page: &mut Page, bag: &str) -> Result<(), ReplayError> {
+fn show(verdict: &ReplayResult, page: &mut Page<'static>, bag: &str) -> Result<(), ReplayError> {
     let (summary, differences) = (verdict.summary(), verdict.differences(SHOWN_ON_PAGE_MAX));
     of_recording(page, bag, verdict.recording(), &verdict.plans, |sheet| {
         sheet.good = verdict.is_reproduced();

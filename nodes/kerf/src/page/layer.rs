@@ -6,11 +6,11 @@ use cnc_msgs::contour::{ContourEventKind, MotionClass, ProgrammedContour};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::PathElement;
 use compensation_planner::UncutRegion;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 /// A path that can be switched on and off.
 #[derive(Debug, Serialize)]
-pub(crate) struct Layer {
+pub(crate) struct Layer<'a> {
     name: &'static str,
     color: &'static str,
     corner: &'static str,
@@ -18,7 +18,38 @@ pub(crate) struct Layer {
     /// Width of its lines, pixels.
     width: f64,
     start: Point,
-    elements: Vec<Row>,
+    elements: Rows<'a>,
+}
+
+/// The rows of a path.
+#[derive(Debug)]
+enum Rows<'a> {
+    /// Made while they are written.
+    Contour(&'a ProgrammedContour, View),
+    /// Made while they are written.
+    Path(&'a [PathElement], View),
+    Made(Vec<Row>),
+}
+
+impl Rows<'_> {
+    /// The same rows, made.
+    fn made(self) -> Vec<Row> {
+        match self {
+            Self::Contour(contour, view) => contour_rows(contour, view).collect(),
+            Self::Path(elements, view) => path_rows(elements, view).collect(),
+            Self::Made(rows) => rows,
+        }
+    }
+}
+
+impl Serialize for Rows<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match *self {
+            Self::Contour(contour, view) => serializer.collect_seq(contour_rows(contour, view)),
+            Self::Path(elements, view) => serializer.collect_seq(path_rows(elements, view)),
+            Self::Made(ref rows) => serializer.collect_seq(rows),
+        }
+    }
 }
 
 /// The outline of an area that stays uncut.
@@ -32,22 +63,10 @@ pub(crate) struct Outline {
 /// has the names of the columns.
 type Row = (u8, f64, f64, f64, f64, f64, f64, f64, u32, Option<u32>, u8, Option<f64>);
 
-impl Layer {
+impl<'a> Layer<'a> {
     /// The programmed contour.
-    pub(crate) fn programmed(contour: &ProgrammedContour, view: View) -> Self {
-        let motions = contour.events.iter().filter_map(|event| match event.kind {
-            ContourEventKind::Motion(motion) => Some((motion, event.source)),
-            _ => None,
-        });
-        let rows = motions.map(|(motion, source)| {
-            let is_feed = motion.class == MotionClass::Feed;
-            let look = if is_feed { Look::Cut } else { Look::Rapid };
-            // Feeds are shown for paths only.
-            let feed = is_feed.then_some(0.0);
-            row(view, &motion.shape, motion.end, (source.line, source.block), look, feed)
-        });
+    pub(crate) fn programmed(contour: &'a ProgrammedContour, view: View) -> Self {
         let (name, color, rapid) = ("programmed", look::PROGRAMMED, "#b3b8bf");
-        let elements = rows.collect();
         Self {
             name,
             color,
@@ -55,7 +74,7 @@ impl Layer {
             rapid,
             width: 1.2,
             start: view.project(contour.start),
-            elements,
+            elements: Rows::Contour(contour, view),
         }
     }
 
@@ -63,18 +82,25 @@ impl Layer {
     pub(crate) fn compensated(
         name: &'static str,
         start: Position,
-        elements: &[PathElement],
+        elements: &'a [PathElement],
         view: View,
     ) -> Self {
-        let elements = elements.iter().map(|element| element_row(element, view)).collect();
+        let elements = Rows::Path(elements, view);
         let (color, corner, rapid) = (look::PATH, look::CORNER, look::RAPID);
         Self { name, color, corner, rapid, width: 2.2, start: view.project(start), elements }
     }
 
     /// Today's path, drawn above a recorded one.
-    pub(crate) fn now(start: Position, elements: &[PathElement], view: View) -> Self {
+    pub(crate) fn now(start: Position, elements: &'a [PathElement], view: View) -> Self {
         let layer = Self::compensated("compensated now", start, elements, view);
         Self { color: "#e8590c", corner: "#e8590c", rapid: "#e8590c", width: 1.1, ..layer }
+    }
+
+    /// The same without the contour or path that it was made of.
+    pub(crate) fn into_owned(self) -> Layer<'static> {
+        let Self { name, color, corner, rapid, width, start, elements } = self;
+        let elements = Rows::Made(elements.made());
+        Layer { name, color, corner, rapid, width, start, elements }
     }
 }
 
@@ -91,9 +117,26 @@ impl Outline {
     }
 }
 
-fn element_row(element: &PathElement, view: View) -> Row {
-    let source = (element.source.line, element.source.block);
-    row(view, &element.shape, element.end, source, Look::of(element), element.feed_mm_per_min)
+fn contour_rows(contour: &ProgrammedContour, view: View) -> impl Iterator<Item = Row> {
+    let motions = contour.events.iter().filter_map(|event| match event.kind {
+        ContourEventKind::Motion(motion) => Some((motion, event.source)),
+        _ => None,
+    });
+    motions.map(move |(motion, source)| {
+        let is_feed = motion.class == MotionClass::Feed;
+        let look = if is_feed { Look::Cut } else { Look::Rapid };
+        // Feeds are shown for paths only.
+        let feed = is_feed.then_some(0.0);
+        row(view, &motion.shape, motion.end, (source.line, source.block), look, feed)
+    })
+}
+
+fn path_rows(elements: &[PathElement], view: View) -> impl Iterator<Item = Row> {
+    elements.iter().map(move |element| {
+        let source = (element.source.line, element.source.block);
+        let (look, feed) = (Look::of(element), element.feed_mm_per_min);
+        row(view, &element.shape, element.end, source, look, feed)
+    })
 }
 
 fn row(

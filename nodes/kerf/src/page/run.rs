@@ -145,11 +145,11 @@ fn name(byte: u8) -> String {
 /// is not in the bag has its own sheet, so that there is always one. `now` is empty when nothing
 /// was replayed.
 pub(crate) fn of_recording(
-    page: &mut Page,
+    page: &mut Page<'static>,
     name: &str,
     recording: &Recording,
     now: &[Replanned],
-    finish: impl Fn(&mut Sheet),
+    finish: impl Fn(&mut Sheet<'static>),
 ) -> Result<(), ReplayError> {
     let run_of = |revision| recording.states.iter().any(|it| it.state.path_revision == revision);
     let sheets_before = page.sheets.len();
@@ -164,17 +164,20 @@ pub(crate) fn of_recording(
             1 => name.to_owned(),
             _ => format!("{name}, plan {revision}"),
         };
-        let mut sheet = Sheet::new(title, view, &program.text);
-        sheet.layers.push(Layer::programmed(&program.contour, view));
+        let text = String::from_utf8_lossy(&program.text).into_owned();
+        let mut sheet = Sheet::new(title, view, text.into());
+        sheet.layers.push(Layer::programmed(&program.contour, view).into_owned());
         if let Some(path) = &plan.path {
-            sheet.layers.push(Layer::compensated("compensated", path.start, &path.elements, view));
+            let layer = Layer::compensated("compensated", path.start, &path.elements, view);
+            sheet.layers.push(layer.into_owned());
         }
         let findings: Vec<Finding> =
             plan.report.findings.iter().filter_map(|it| Finding::try_from(it).ok()).collect();
         sheet.find(&findings, view);
         if let Some(now) = now.iter().find(|now| now.revision == revision) {
             sheet.fill(&now.uncut, view);
-            sheet.layers.push(Layer::now(now.path.start, &now.path.elements, view));
+            let layer = Layer::now(now.path.start, &now.path.elements, view);
+            sheet.layers.push(layer.into_owned());
             if let Some(path) = &plan.path {
                 sheet.pin_difference(path, &now.path, view);
             }
@@ -192,8 +195,8 @@ pub(crate) fn of_recording(
         let view = View { plane: Plane::default(), is_mirrored: false };
         let is_alone = page.sheets.len() == sheets_before;
         let title = if is_alone { name.to_owned() } else { format!("{name}, the run") };
-        let mut sheet = Sheet::new(title, view, b"");
-        sheet.pins = alarms(recording, view, None, &[]);
+        let mut sheet = Sheet::new(title, view, "".into());
+        sheet.pins = alarms(recording, view, None, "");
         sheet.run = page.log(recording, view);
         sheet.end = end(recording);
         if is_alone || sheet.run.is_some() {
@@ -208,7 +211,7 @@ fn end(recording: &Recording) -> String {
     recording.end().map_or(String::new(), |end| format!("The run: {end}"))
 }
 
-impl Page {
+impl Page<'_> {
     /// Adds the run to the page, if there was one; returns its index.
     fn log(&mut self, recording: &Recording, view: View) -> Option<usize> {
         let log = RunLog::new(recording, view);
@@ -227,12 +230,7 @@ fn view(program: &RecordedProgram) -> Result<View, ReplayError> {
 
 /// Pins where the machine went into an alarm, was stopped, or did not answer any more: from the
 /// start of this program on, or during the whole recording when there is none.
-fn alarms(
-    recording: &Recording,
-    view: View,
-    program_id: Option<&str>,
-    program: &[String],
-) -> Vec<Pin> {
+fn alarms(recording: &Recording, view: View, program_id: Option<&str>, program: &str) -> Vec<Pin> {
     let mut pins: Vec<Pin> = Vec::new();
     let mut before = false;
     let mut at = None;
@@ -249,7 +247,7 @@ fn alarms(
         let is_meant = program_id.is_none_or(|id| ran.is_empty() || ran == id);
         if is_alarm && !before && is_meant {
             let block = usize::try_from(state.line).ok().and_then(|line| line.checked_sub(1));
-            let block = block.and_then(|index| program.get(index));
+            let block = block.and_then(|index| program.lines().nth(index));
             let block = block.map_or(String::new(), |text| format!(" ({})", text.trim()));
             let mode = mode_from_wire(state.state).name();
             pins.push(Pin {
