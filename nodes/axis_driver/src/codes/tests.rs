@@ -1,10 +1,8 @@
-//! Every number of the three firmwares, each with its own column.
+//! Every number of each firmware.
 
 use super::*;
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
-
-const FIRMWARES: [Firmware; 3] = Firmware::ALL;
 
 /// All numbers of these ranges.
 fn numbers(ranges: &[RangeInclusive<u16>]) -> BTreeSet<u16> {
@@ -18,7 +16,7 @@ fn listed(firmware: Firmware, text: fn(Firmware, u16) -> Option<&'static str>) -
 
 #[test]
 fn shared_codes_read_the_same_on_every_firmware() {
-    for firmware in FIRMWARES {
+    for firmware in Firmware::ALL {
         for code in (1..=17).chain(20..=37) {
             assert_eq!(error_text(firmware, code), error_text(Firmware::Grbl, code), "{code}");
             assert!(error_text(firmware, code).is_some(), "{code}");
@@ -69,7 +67,7 @@ fn every_alarm_that_a_firmware_has_is_listed_and_no_other() {
 
 #[test]
 fn a_number_is_listed_once_in_its_place() {
-    for firmware in FIRMWARES {
+    for firmware in Firmware::ALL {
         let traits = firmware.traits();
         for (shared, own) in [(errors::SHARED, traits.errors), (alarms::SHARED, traits.alarms)] {
             assert!(shared.is_sorted_by(|a, b| a.0 < b.0));
@@ -100,7 +98,7 @@ fn a_number_that_nobody_lists_stays_a_number() {
 
 #[test]
 fn the_position_is_kept_only_where_an_alarm_is_known_to_leave_it() {
-    for firmware in FIRMWARES {
+    for firmware in Firmware::ALL {
         let kept: Vec<u16> = (1..=30).filter(|alarm| !is_position_lost(firmware, *alarm)).collect();
         match firmware {
             Firmware::GrblHal => assert_eq!(kept, [2, 4, 5, 14]),
@@ -124,7 +122,7 @@ fn only_grbl_is_deaf_after_a_critical_alarm_and_all_want_a_reset() {
 
 #[test]
 fn settings_have_the_firmwares_own_name_and_unit() {
-    for firmware in FIRMWARES {
+    for firmware in Firmware::ALL {
         assert_eq!(setting_name(firmware, 110), Some(("X-axis maximum rate", "mm/min")));
         assert_eq!(setting_name(firmware, 122), Some(("Z-axis acceleration", "mm/s²")));
         assert_eq!(setting_name(firmware, 9999), None);
