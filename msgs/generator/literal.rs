@@ -83,7 +83,7 @@ fn parse_single(text: &str, of: LiteralType) -> Result<Literal, String> {
             }
         }
         primitive => {
-            let value = parse_integer(text).ok_or(format!("{text:?} is no whole number"))?;
+            let value = parse_integer(text).ok_or(format!("{text:?} is not a whole number"))?;
             let (least, most) = integer_range(primitive);
             if value < least || value > most {
                 return Err(format!("{value} does not fit; {least} to {most} do"));

@@ -307,7 +307,7 @@ fn a_port_that_answers_garbage_is_unknown_and_says_so() {
     let behaviour = Behaviour { garbage: Some(b"\xfe\x80 T:21\n"), ..Behaviour::default() };
     let controller = Controller::start(behaviour);
     let mut shell = Shell::new(&controller.path, Reopen::WhenTold);
-    shell.until("a verdict", |shell| shell.state.reason.contains("no controller of the grbl"));
+    shell.until("a verdict", |shell| shell.state.reason.contains("is not a grbl-class controller"));
     assert_eq!(shell.state.mode, Mode::Unknown);
 }
 

@@ -80,7 +80,7 @@ fn a_rest_that_cannot_change_leaves_the_program_as_it_is() {
         (-60.0, 2, "line "),
         (-8.0, 99, "no straight block"),
         (-8.0, 0, "no straight block"),
-        (-5.0, 2, "does not touch"),
+        (-5.0, 2, "does not affect"),
     ] {
         let text = refused(&tool(radius), settled);
         assert!(text.contains(part), "{text}");

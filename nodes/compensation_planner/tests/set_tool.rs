@@ -92,10 +92,18 @@ fn what_no_tool_can_be_is_refused_with_its_number() {
         ),
         // Millimetres where metres are meant.
         (W { diameter: 10.0, ..tool(1, W::DIAMETER) }, invalid, "10000 mm; at most 1000 mm"),
-        (W { tip_direction: 10, ..tool(7, W::TIP_DIRECTION) }, invalid, "T7 is 10; 0 to 9"),
+        (
+            W { tip_direction: 10, ..tool(7, W::TIP_DIRECTION) },
+            invalid,
+            "T7 is 10; it must be 0 to 9",
+        ),
         (W { nose_radius: 0.001, ..offset(1, W::NOSE_RADIUS) }, invalid, "set diameter"),
         (W { wear_diameter: -0.0005, ..tool(9, W::WEAR_DIAMETER) }, Code::UNKNOWN_TOOL, "no T9"),
-        (W { length: 0.05, ..offset(7, W::LENGTH) }, Code::UNKNOWN_TOOL, "D7 get T7 until then"),
+        (
+            W { length: 0.05, ..offset(7, W::LENGTH) },
+            Code::UNKNOWN_TOOL,
+            "D7 in a program means T7",
+        ),
     ];
     for (request, code, part) in cases {
         let Refusal { error_code, message, .. } = change(&table(), &request).expect_err(part);

@@ -101,7 +101,7 @@ fn main() {
 fn load_and_plan(machine: &Machine, elements: usize) -> Duration {
     let program = spiral_program(elements, 0.4, 6000.0);
     let path = machine.folder.file("large.ngc", program);
-    let here = || machine.log().matches(" is here: ").count();
+    let here = || machine.log().matches("received the path of ").count();
     let (before, begin) = (here(), Instant::now());
     let status = kerf()
         .env("ROS_DOMAIN_ID", &machine.domain)

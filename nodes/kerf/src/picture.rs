@@ -179,11 +179,16 @@ impl Frame {
         let step = round_step(self.size[0].max(self.size[1]) / 10.0);
         let min = [self.min[0], self.min[1] + 2.2 * self.text];
         let size = [self.size[0], self.size[1] - 4.6 * self.text];
+        // A number at the right edge would be cut.
+        let last_number = min[0] + size[0] - 2.0 * self.text;
         for axis in 0..2 {
             let first = (min[axis] / step).ceil() as i64;
             let last = ((min[axis] + size[axis]) / step).floor() as i64;
             for index in first..=last {
                 let at = index as f64 * step;
+                if axis == 0 && at > last_number {
+                    break;
+                }
                 let class = if index == 0 { "axis" } else { "grid" };
                 let value = if axis == 0 || view.is_mirrored { at } else { -at } + 0.0;
                 let (line, x, y) = if axis == 0 {

@@ -39,7 +39,7 @@ fn stop_of(status: &str) -> Value {
 
 /// Runs a program block by block and returns every stop.
 fn stops(machine: &Machine, program: &str, mut at_stop: impl FnMut(&Value)) -> Vec<Value> {
-    machine.kerf(&["single-block", "on"]).expect(0).says(&["every block waits"]);
+    machine.kerf(&["single-block", "on"]).expect(0).says(&["stops after every block"]);
     let running = machine.kerf_meanwhile(&["run", program, "--control", "sinumerik_840c"]);
     let mut stops: Vec<Value> = Vec::new();
     while !running.is_finished() {

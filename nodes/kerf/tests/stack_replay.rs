@@ -227,7 +227,7 @@ fn wear_that_is_entered_in_a_hold_is_entered_there_again() {
     machine.until_state("RUN");
     machine.kerf(&["hold"]).expect(0);
     machine.until_state("HOLD");
-    machine.kerf(&["tool", "D1", "--wear", "-0.2"]).expect(0).says(&["in the program that runs"]);
+    machine.kerf(&["tool", "D1", "--wear", "-0.2"]).expect(0).says(&["in the running program"]);
     machine.kerf(&["resume"]).expect(0);
     running.join().expect("it only runs a command").expect(0);
     let bag = machine.until_bags(1).remove(0).display().to_string();

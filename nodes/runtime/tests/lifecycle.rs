@@ -370,7 +370,7 @@ async fn the_level_of_the_log_changes_while_the_node_runs() {
         let level = |level| LoggerLevel { name: logger.clone(), level };
         let request = SetLoggerLevelsRequest { levels: vec![level(7), level(10)] };
         let results = set.call_within(request, PATIENCE).await.expect("an answer").results;
-        assert!(!results[0].successful && results[0].reason.contains("7 is no level"));
+        assert!(!results[0].successful && results[0].reason.contains("7 is not a level"));
         assert!(results[1].successful, "{results:?}");
         let _ = manager.works().await;
         let line = soon("a line", async {
