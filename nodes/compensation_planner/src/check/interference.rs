@@ -5,7 +5,7 @@
 //! that bends back to its neighbour. `reach` decides about what the tool cannot reach.
 
 use crate::check::walls::Walls;
-use crate::geometry::distance::{Nearest, nearest_between, nearest_on_element};
+use crate::geometry::distance::{Nearest, are_apart, nearest_between, nearest_on_element};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
 use crate::geometry::tree::{Bounds, LEAF, NO_CHAIN, Tree, budget};
@@ -95,10 +95,8 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     let Joined { links, placed, .. } = *joined;
     let paths = paths(walls, joined, slack);
     let element = |path: &ToolMove| path.element(joined);
-    let boxes = paths.iter().map(|path| {
-        (element(path).map_or(Bounds::EMPTY, |element| Bounds::of(&element)), path.chain)
-    });
-    let tree = Tree::new(boxes);
+    let elements = paths.iter().map(|path| (element(path), path.chain));
+    let tree = Tree::of_elements(elements, walls.tree().widest_mm);
     let reach = links.iter().map(|link| link.d_in_mm.abs().max(link.d_out_mm.abs()));
     let reach = reach.fold(0.0, f64::max);
     let mut found: Vec<(usize, Cut)> = Vec::new();
@@ -211,7 +209,10 @@ fn cut(
     let limit = radius_mm - on.slack;
     let whole = walls.element(into);
     // Cheap tests first.
-    if gap_squared >= limit * limit || (into == on.run && whole.is_line()) {
+    if gap_squared >= limit * limit
+        || (into == on.run && whole.is_line())
+        || are_apart(path, whole, limit)
+    {
         return None;
     }
     let mut near = nearest_between(path, whole);

@@ -4,7 +4,7 @@
 //! the contour went back over itself, or posted coordinates jumped to and fro.
 
 use crate::check::retraced_runs::RetracedRuns;
-use crate::geometry::distance::is_near;
+use crate::geometry::distance::{are_apart, is_near};
 use crate::geometry::element::{Element, Vec2, cross};
 use crate::geometry::intersect::crossings;
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
@@ -95,7 +95,8 @@ fn wide(runs: &[Run], mut found: Vec<SelfMeeting>) -> Vec<SelfMeeting> {
         let areas = Areas::of(runs);
         found.retain(|meeting| areas.width(meeting) > LOOP_MM);
     }
-    found.sort_by(|a, b| a.late.partial_cmp(&b.late).unwrap_or(std::cmp::Ordering::Equal));
+    let order = |meeting: &SelfMeeting| (meeting.late, meeting.early);
+    found.sort_by(|a, b| order(a).partial_cmp(&order(b)).unwrap_or(std::cmp::Ordering::Equal));
     found
 }
 
@@ -144,6 +145,9 @@ fn meet(
     found: &mut Vec<SelfMeeting>,
 ) {
     let (a, b) = (&runs[early].element, &runs[late].element);
+    if are_apart(a, b, 2.0 * LENGTH_MM) {
+        return;
+    }
     let mut add = |point: Vec2, is_end_of_late: bool| {
         if joint.is_some_and(|joint| (joint - point).norm() <= LENGTH_MM)
             || !is_near(a, point)

@@ -17,6 +17,9 @@ use cnc_msgs::profile::Strictness;
 use std::borrow::Cow;
 use std::ops::Range;
 
+/// How many radii of the tool a lowest box may be wide.
+const BOX_REACHES: f64 = 8.0;
+
 /// The walls of a span.
 #[derive(Debug)]
 pub(crate) struct Walls<'a> {
@@ -86,11 +89,12 @@ impl<'a> Walls<'a> {
         if judges_all {
             is_judged.fill(true);
         }
-        let tree = tree_of(runs, &chains, |_| true);
+        let widest_mm = widest_box(runs);
+        let tree = tree_of(runs, &chains, widest_mm, |_| true);
         let mut copies = None;
         let found = meetings(runs, &tree).or_else(|| {
             let copies = copies.insert(RetracedRuns::of(runs, |_| true));
-            let firsts = tree_of(runs, &chains, |run| copies.is_first(run));
+            let firsts = tree_of(runs, &chains, widest_mm, |run| copies.is_first(run));
             meetings_of_copies(runs, &firsts, copies)
         });
         let is_complete = found.is_some();
@@ -112,7 +116,8 @@ impl<'a> Walls<'a> {
         let is_judged = |run: usize| copies.of_run(run).any(|copy| self.is_judged(copy));
         let is_judged = (0..self.runs.len()).map(|run| copies.is_first(run) && is_judged(run));
         let is_judged: Vec<bool> = is_judged.collect();
-        let tree = tree_of(self.runs, &self.layout.chains, |run| copies.is_first(run));
+        let Layout { chains, tree, .. } = &*self.layout;
+        let tree = tree_of(self.runs, chains, tree.widest_mm, |run| copies.is_first(run));
         let layout = self.layout.to_mut();
         for (run, is_any_judged) in layout.is_judged.iter_mut().enumerate() {
             let first = copies.of_run(run).next().unwrap_or(run);
@@ -259,12 +264,28 @@ impl<'a> Walls<'a> {
 }
 
 /// The tree over the runs that `holds` selects.
-fn tree_of(runs: &[Run], chains: &[u32], holds: impl Fn(usize) -> bool) -> Tree {
-    let bounds = |run: usize| match holds(run) {
-        true => Bounds::of(&runs[run].element),
-        false => Bounds::EMPTY,
-    };
-    Tree::new((0..runs.len()).map(|run| (bounds(run), chains[run])))
+fn tree_of(
+    runs: &[Run],
+    chains: &[u32],
+    widest_mm: f64,
+    holds: impl Fn(usize) -> bool,
+) -> Tree {
+    let element = |run: usize| holds(run).then_some(runs[run].element);
+    let elements = (0..runs.len()).map(|run| (element(run), chains[run]));
+    Tree::of_elements(elements, widest_mm)
+}
+
+/// How wide a box may be, mm: so little that it overlaps only a few others where the contour fills
+/// the plane, and so much that there are few.
+fn widest_box(runs: &[Run]) -> f64 {
+    let reach = runs.iter().fold(0.0_f64, |reach, run| reach.max(run.d_in_mm.abs()));
+    let (mut length, mut all) = (0.0, Bounds::EMPTY);
+    for run in runs {
+        length += run.element.length();
+        all = all.union(Bounds::of(&run.element));
+    }
+    let least = length / (2 * runs.len().max(1)) as f64;
+    (BOX_REACHES * reach).max(2.0 * all.area() / length).max(least)
 }
 
 fn passes(runs: &[Run], meetings: &[SelfMeeting]) -> Vec<Pass> {

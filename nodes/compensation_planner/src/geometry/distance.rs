@@ -1,6 +1,6 @@
 //! How near the tool comes to a line or an arc.
 
-use crate::geometry::element::{Arc, Element, Line, Vec2, left};
+use crate::geometry::element::{Arc, Element, Line, Vec2, cross, left};
 use crate::geometry::intersect::crossings;
 use crate::geometry::tolerance::LENGTH_MM;
 
@@ -52,6 +52,19 @@ pub(crate) fn nearest_between(path: &Element, wall: &Element) -> Nearest {
         }
     }
     best
+}
+
+/// Whether two elements are certainly farther apart than this, mm: both are lines, and one is
+/// beside the other. Settles most pairs of long lines whose boxes overlap.
+pub(crate) fn are_apart(a: &Element, b: &Element, limit_mm: f64) -> bool {
+    let (Element::Line(a), Element::Line(b)) = (a, b) else { return false };
+    is_beside(a, b, limit_mm) || is_beside(b, a, limit_mm)
+}
+
+fn is_beside(line: &Line, other: &Line, limit_mm: f64) -> bool {
+    let off = |point: Vec2| cross(line.tangent, point - line.start);
+    let [from, to] = [off(other.start), off(other.start + other.tangent * other.length)];
+    from.min(to) > limit_mm || from.max(to) < -limit_mm
 }
 
 /// The pairs of points of two whole lines or circles that have a common normal.

@@ -1,18 +1,18 @@
-//! Boxes over consecutive elements, to find pairs that are near.
+//! Boxes over elements, to find pairs that are near.
 //!
-//! A binary tree in arrays: the lowest boxes hold a few elements each, every box above holds two. A
-//! node also knows its *chain*: consecutive elements whose directions stay within a right angle. If
-//! the joints of a chain hold, its offset is nowhere too near to the chain itself. So pairs within
-//! a chain need no check; that makes long smooth contours cheap.
+//! A binary tree in arrays: the lowest boxes hold a few consecutive elements each, or a part of a
+//! long one; every box above holds two. The lowest boxes are sorted along a Hilbert curve, so that a box above holds what is
+//! near in the plane: the turns of a spiral are far apart along the contour. A node also knows its
+//! *chain*: consecutive elements whose directions stay within a right angle. If the joints of a
+//! chain hold, its offset is nowhere too near to the chain itself. So pairs within a chain need no
+//! check; that makes long smooth contours cheap.
 
 use crate::geometry::element::{Element, Vec2, cross};
+use crate::geometry::tolerance::LENGTH_MM;
 use std::ops::{ControlFlow, Range};
 
 /// Boxes that may be visited for each element, plus a constant.
-///
-/// Boxes parallel to the axes are poor at nested turns: a spiral of a thousand turns needs more
-/// than 64 for each of its lines.
-const BUDGET: (usize, usize) = (256, 2_000_000);
+const BUDGET: (usize, usize) = (2048, 2_000_000);
 
 /// The boxes that may be visited for a contour of `count` elements.
 pub(crate) const fn budget(count: usize) -> usize {
@@ -53,8 +53,22 @@ impl Bounds {
         Self { low: chord.low - sagitta, high: chord.high + sagitta }
     }
 
+    fn is_empty(&self) -> bool {
+        self.low.x > self.high.x
+    }
+
     pub(crate) fn union(self, other: Self) -> Self {
         Self { low: self.low.inf(&other.low), high: self.high.sup(&other.high) }
+    }
+
+    /// The lesser of its extents, mm.
+    fn width(&self) -> f64 {
+        (self.high - self.low).min()
+    }
+
+    /// Its area, mm²; 0 when it holds nothing.
+    pub(crate) fn area(&self) -> f64 {
+        if self.is_empty() { 0.0 } else { (self.high - self.low).product() }
     }
 
     /// The square of the distance between two boxes, mm²; 0 when they overlap.
@@ -77,35 +91,59 @@ struct Node {
 pub(crate) struct Tree {
     /// The lowest first; the last has one node.
     levels: Vec<Vec<Node>>,
-    count: usize,
+    /// The elements of each of the lowest: the first, and how many.
+    items: Vec<(u32, u32)>,
+    /// No lowest box is wider in both directions, mm.
+    pub widest_mm: f64,
+}
+
+/// The lowest boxes of a tree.
+#[derive(Debug, Default)]
+struct Leaves {
+    nodes: Vec<Node>,
+    items: Vec<(u32, u32)>,
+    widest_mm: f64,
 }
 
 impl Tree {
-    /// Over boxes with their chains, in order.
+    /// Over boxes with their chains, in order. Empty boxes are near nothing.
     pub(crate) fn new(items: impl Iterator<Item = (Bounds, u32)>) -> Self {
-        let mut leaves: Vec<Node> = Vec::new();
-        let mut count = 0;
-        for (bounds, chain) in items {
-            let node = Node { bounds, chain };
-            match leaves.last_mut() {
-                Some(leaf) if count % LEAF != 0 => *leaf = leaf.and(&node),
-                _ => leaves.push(node),
+        let mut leaves = Leaves { widest_mm: f64::INFINITY, ..Leaves::default() };
+        for (index, (bounds, chain)) in items.enumerate() {
+            leaves.push(index, Node { bounds, chain });
+        }
+        leaves.tree()
+    }
+
+    /// Over elements with their chains, in order; `None` is near nothing. No lowest box is wider
+    /// than `widest_mm` in both directions: a long element across the axes has several.
+    pub(crate) fn of_elements(
+        items: impl Iterator<Item = (Option<Element>, u32)>,
+        widest_mm: f64,
+    ) -> Self {
+        let mut leaves = Leaves { widest_mm, ..Leaves::default() };
+        for (index, (element, chain)) in items.enumerate() {
+            let Some(element) = element else { continue };
+            let bounds = Bounds::of(&element);
+            let parts = (bounds.width() / widest_mm).ceil();
+            // Also false for what is not a number.
+            if !(parts > 1.0) {
+                leaves.push(index, Node { bounds, chain });
+                continue;
             }
-            count += 1;
+            let end = |part: f64| element.length() * part / parts;
+            for part in 0..parts as usize {
+                let (from, to) = (end(part as f64), end(part as f64 + 1.0));
+                let part = element.before(to).and_then(|part| part.after(from)).unwrap_or(element);
+                leaves.push(index, Node { bounds: Bounds::of(&part), chain });
+            }
         }
-        let mut levels = vec![leaves];
-        while let Some(top) = levels.last().filter(|top| top.len() > 1) {
-            let above = top.chunks(2).map(|pair| match pair {
-                [left, right] => left.and(right),
-                _ => pair[0],
-            });
-            levels.push(above.collect());
-        }
-        Self { levels, count }
+        leaves.tree()
     }
 
     /// Visits the elements of all pairs of lowest boxes that are nearer than `reach` mm and not
-    /// within one chain. A tree against itself visits each pair twice. Returns whether it saw all
+    /// within one chain. A tree against itself visits each pair twice, and long elements may meet
+    /// in several of their boxes. Returns whether it saw all
     /// pairs: it gives up when the budget is used up, where a visit counts as a box for each
     /// element.
     pub(crate) fn near_pairs(
@@ -115,7 +153,7 @@ impl Tree {
         budget: &mut usize,
         mut visit: impl FnMut(Range<usize>, Range<usize>) -> ControlFlow<()>,
     ) -> bool {
-        if self.count == 0 || other.count == 0 {
+        if self.items.is_empty() || other.items.is_empty() {
             return true;
         }
         let reach_squared = reach * reach;
@@ -152,8 +190,74 @@ impl Tree {
     }
 
     fn items(&self, leaf: usize) -> Range<usize> {
-        leaf * LEAF..((leaf + 1) * LEAF).min(self.count)
+        let (first, count) = self.items[leaf];
+        first as usize..(first + count) as usize
     }
+}
+
+impl Leaves {
+    fn push(&mut self, index: usize, node: Node) {
+        if node.bounds.is_empty() {
+            return;
+        }
+        if let (Some((first, count)), Some(last)) = (self.items.last_mut(), self.nodes.last_mut())
+            && (*count as usize) < LEAF
+            && *first as usize + *count as usize == index
+        {
+            let both = last.and(&node);
+            if both.bounds.width() <= self.widest_mm {
+                (*count, *last) = (*count + 1, both);
+                return;
+            }
+        }
+        self.items.push((index as u32, 1));
+        self.nodes.push(node);
+    }
+
+    /// Sorts them along a curve that fills their bounds, and builds the boxes above.
+    fn tree(self) -> Tree {
+        let all = self.nodes.iter().fold(Bounds::EMPTY, |all, node| all.union(node.bounds));
+        let side = f64::from(HILBERT_SIDE - 1);
+        let scale = (all.high - all.low).map(|extent| side / extent.max(LENGTH_MM));
+        let place = |(index, node): (usize, &Node)| {
+            let cell = ((node.bounds.low + node.bounds.high) / 2.0 - all.low).component_mul(&scale);
+            (hilbert(cell.x as u32, cell.y as u32), index as u32)
+        };
+        let mut order: Vec<(u32, u32)> = self.nodes.iter().enumerate().map(place).collect();
+        order.sort_unstable();
+        let items = order.iter().map(|(_, leaf)| self.items[*leaf as usize]).collect();
+        let mut levels: Vec<Vec<Node>> =
+            vec![order.iter().map(|(_, leaf)| self.nodes[*leaf as usize]).collect()];
+        while let Some(top) = levels.last().filter(|top| top.len() > 1) {
+            let above = top.chunks(2).map(|pair| match pair {
+                [left, right] => left.and(right),
+                _ => pair[0],
+            });
+            levels.push(above.collect());
+        }
+        Tree { levels, items, widest_mm: self.widest_mm }
+    }
+}
+
+/// Cells along one side of the square that a Hilbert curve fills.
+const HILBERT_SIDE: u32 = 1 << 16;
+
+/// The place of a cell along the Hilbert curve.
+fn hilbert(mut x: u32, mut y: u32) -> u32 {
+    let mut along = 0;
+    let mut side = HILBERT_SIDE / 2;
+    while side > 0 {
+        let (right, top) = (u32::from(x & side > 0), u32::from(y & side > 0));
+        along += side * side * ((3 * right) ^ top);
+        if top == 0 {
+            if right == 1 {
+                (x, y) = (HILBERT_SIDE - 1 - x, HILBERT_SIDE - 1 - y);
+            }
+            (x, y) = (y, x);
+        }
+        side /= 2;
+    }
+    along
 }
 
 fn children(node: usize, count: usize) -> Range<usize> {
