@@ -13,6 +13,7 @@ pub(crate) mod finding;
 pub(crate) mod interference;
 pub(crate) mod lead;
 pub(crate) mod reach;
+mod repeated_passes;
 mod retraced_runs;
 mod self_meeting;
 pub(crate) mod trim;

@@ -8,6 +8,7 @@
 use crate::check::interference::{self, Cut, Joined};
 use crate::check::lead;
 use crate::check::reach::{Unreachable, consumed, is_any_unreachable, left_of};
+use crate::check::repeated_passes::without_repetitions;
 use crate::check::walls::Walls;
 use crate::geometry::element::{Element, Vec2, cross, left};
 use crate::geometry::frame::{height, in_plane, in_work};
@@ -19,12 +20,16 @@ use crate::span::{Lead, Run, Span};
 use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
+use std::borrow::Cow;
 
 /// The largest tool, mm; an interval that reaches it has no upper end.
 const RADIUS_MM_MAX: f64 = 1e4;
 
 /// The precision of an end, mm.
 const EXACT_MM: f64 = 1e-7;
+
+/// The same, with the rounding of a difference.
+const CLOSED_MM: f64 = 1.01 * EXACT_MM;
 
 /// How much nearer than the radius a wall may be in a trial, mm: rounding.
 const TOUCH_MM: f64 = 1e-8;
@@ -68,10 +73,19 @@ pub struct CertificateLimit {
 
 /// A span whose radius is tried.
 pub(crate) struct Subject<'a> {
-    pub span: &'a Span<'a>,
-    pub runs: &'a [Run],
-    pub lead_off: Option<&'a Lead>,
-    pub profile: &'a Profile,
+    span: &'a Span<'a>,
+    /// All runs, and those that are tried.
+    all: &'a [Run],
+    runs: Cow<'a, [Run]>,
+    lead_off: Option<&'a Lead>,
+    profile: &'a Profile,
+}
+
+/// The end of the interval lies between two radii, mm; the larger one fails.
+struct Bracket {
+    valid: f64,
+    failing: f64,
+    failures: Vec<Failure>,
 }
 
 /// What fails in a trial.
@@ -81,16 +95,25 @@ enum Failure {
     Cut(Cut),
 }
 
-impl Subject<'_> {
+impl<'a> Subject<'a> {
+    pub(crate) fn new(
+        span: &'a Span<'a>,
+        runs: &'a [Run],
+        lead_off: Option<&'a Lead>,
+        profile: &'a Profile,
+    ) -> Self {
+        Self { span, all: runs, runs: without_repetitions(span, runs), lead_off, profile }
+    }
+
     pub(crate) fn certificate(&self) -> Certificate {
         let planned = self.span.d_mm.abs();
-        let (below, above) = if self.failures(planned).is_empty() {
-            (planned, self.first_failing_above(planned))
-        } else {
-            (0.0, Some(planned))
+        let at_planned = self.failures(planned);
+        let bracket = match at_planned.is_empty() {
+            true => self.bracket_above(planned),
+            false => Some(Bracket { valid: 0.0, failing: planned, failures: at_planned }),
         };
-        let (valid_to_mm, failures) = match above {
-            Some(failing) => self.end_between(below, failing),
+        let (valid_to_mm, failures) = match bracket {
+            Some(bracket) => self.end_within(bracket),
             None => (f64::INFINITY, Vec::new()),
         };
         let mut limited_by: Vec<CertificateLimit> =
@@ -110,10 +133,10 @@ impl Subject<'_> {
         }
     }
 
-    fn joined(&self, radius_mm: f64) -> (Vec<ChainLink>, Vec<Placed>) {
-        let mut links = Vec::with_capacity(self.runs.len() * 2);
+    fn joined(&self, runs: &[Run], radius_mm: f64) -> (Vec<ChainLink>, Vec<Placed>) {
+        let mut links = Vec::with_capacity(runs.len() * 2);
         let short_mm = self.profile.corner.short_block_mm;
-        push_runs(&mut links, self.runs, radius_mm / self.span.d_mm.abs(), short_mm);
+        push_runs(&mut links, runs, radius_mm / self.span.d_mm.abs(), short_mm);
         let placed = join(&links, 0.0);
         (links, placed)
     }
@@ -124,11 +147,11 @@ impl Subject<'_> {
 
     fn failures(&self, radius_mm: f64) -> Vec<Failure> {
         const FAILURES_MAX: usize = 32;
-        let (links, placed) = self.joined(radius_mm);
+        let (links, placed) = self.joined(&self.runs, radius_mm);
         let gaps = consumed(&links, &placed).take(FAILURES_MAX);
         let mut failures: Vec<Failure> = gaps.map(Failure::Consumed).collect();
         if failures.is_empty() {
-            let walls = Walls::new(self.runs, &links, &placed);
+            let walls = Walls::new(&self.runs, &links, &placed);
             let corners = self.corners();
             let joined = Joined { links: &links, placed: &placed, corners };
             let cuts = interference::cuts(&walls, &joined, 0.0, TOUCH_MM);
@@ -151,60 +174,94 @@ impl Subject<'_> {
         cosine > 0.0 && turn < BEND_RAD && cut.radius_mm - cut.distance_mm < GOUGE_MM
     }
 
-    fn first_failing_above(&self, valid: f64) -> Option<f64> {
-        let mut radius = valid * 2.0;
-        while radius <= RADIUS_MM_MAX {
-            if !self.failures(radius).is_empty() {
-                return Some(radius);
+    /// Tries larger radii until one fails; `None` when none does.
+    fn bracket_above(&self, planned: f64) -> Option<Bracket> {
+        let guess = self.vanishing_guess();
+        // Joining allows for rounding, so a run may vanish a little late.
+        let mut near = [guess + EXACT_MM / 2.0, guess * (1.0 + 1e-3), planned * 2.0];
+        near.sort_by(f64::total_cmp);
+        let far = std::iter::successors(Some(planned * 8.0), |radius| Some(radius * 4.0));
+        let mut valid = planned;
+        let known = |radius: &f64| *radius <= RADIUS_MM_MAX;
+        for radius in near.into_iter().filter(known).chain(far.take_while(known)) {
+            if radius <= valid + EXACT_MM {
+                continue;
             }
-            radius *= 4.0;
+            let failures = self.failures(radius);
+            if !failures.is_empty() {
+                return Some(Bracket { valid, failing: radius, failures });
+            }
+            valid = radius;
         }
         None
     }
 
+    /// The smallest radius at which a run between its neighbours vanishes, roughly, mm: exact for
+    /// lines.
+    fn vanishing_guess(&self) -> f64 {
+        let side = self.span.d_mm.signum();
+        // How much of a line the joint with the next run takes, for each mm of the radius.
+        let taken = |joint: &[Run]| {
+            let (before, after) =
+                (joint[0].element.end_tangent(), joint[1].element.start_tangent());
+            (cross(before, after) * side).max(0.0) / (1.0 + before.dot(&after)).max(f64::EPSILON)
+        };
+        let mut at_start = 0.0;
+        let mut least = f64::INFINITY;
+        for (index, run) in self.runs.iter().enumerate() {
+            let at_end = self.runs.get(index..index + 2).map_or(0.0, taken);
+            let vanishing = match &run.element {
+                Element::Line(line) => line.length / (at_start + at_end),
+                Element::Arc(arc) if arc.turn * side > 0.0 => arc.radius,
+                Element::Arc(_) => f64::INFINITY,
+            };
+            least = least.min(vanishing);
+            at_start = at_end;
+        }
+        least
+    }
+
     /// The end of the interval, between a valid and a failing radius, and what fails there.
-    fn end_between(&self, mut valid: f64, mut failing: f64) -> (f64, Vec<Failure>) {
-        let mut failures = self.failures(failing);
+    fn end_within(&self, bracket: Bracket) -> (f64, Vec<Failure>) {
+        let Bracket { mut valid, mut failing, mut failures } = bracket;
         let (most, elements) = TRIALS;
+        let (mut has_estimate, mut creeps) = (true, false);
+        // How far below the failing radius the next trial is; half of the interval at most.
+        let mut step = EXACT_MM;
         for _ in 0..(elements / self.runs.len().max(1)).clamp(12, most) {
-            if failing - valid <= EXACT_MM {
+            if failing - valid <= CLOSED_MM {
                 break;
             }
-            let scale = failing;
             let estimate = failures
                 .iter()
                 .map(|failure| match failure {
                     Failure::Consumed(place) => place.radius_mm_max,
-                    Failure::Cut(cut) => scale - (cut.radius_mm - cut.distance_mm) / 2.0,
+                    Failure::Cut(cut) => failing - (cut.radius_mm - cut.distance_mm) / 2.0,
                 })
                 .fold(f64::INFINITY, f64::min);
             // A little beyond the estimate, to close the interval from above.
-            let mut trial = estimate + EXACT_MM / 2.0;
-            if !(trial > valid && trial < failing - EXACT_MM / 4.0) {
-                trial = f64::midpoint(valid, failing);
-            }
+            let beyond = estimate + EXACT_MM / 2.0;
+            let is_estimate = has_estimate && beyond > valid && beyond < failing - EXACT_MM / 4.0;
+            let trial = match is_estimate {
+                true => beyond,
+                false => (failing - step).max(f64::midpoint(valid, failing)),
+            };
             let found = self.failures(trial);
             if found.is_empty() {
-                valid = trial;
-            } else {
-                let progress = (failing - trial) / (failing - valid);
-                (failing, failures) = (trial, found);
-                let below = failing - EXACT_MM;
-                if below > valid && self.failures(below).is_empty() {
-                    valid = below;
-                } else if progress < 0.5 {
-                    // Estimates that creep are no better than halving.
-                    let middle = f64::midpoint(valid, failing);
-                    let found = self.failures(middle);
-                    if found.is_empty() {
-                        valid = middle;
-                    } else {
-                        (failing, failures) = (middle, found);
-                    }
-                }
+                (valid, step) = (trial, if is_estimate { step } else { f64::INFINITY });
+                has_estimate = false;
+                continue;
             }
+            if is_estimate {
+                // Estimates that creep are no better than halving.
+                creeps = failing - trial < 0.5 * (failing - valid);
+                (has_estimate, step) = (false, EXACT_MM);
+            } else {
+                (has_estimate, step) = (!creeps, step * 8.0);
+            }
+            (failing, failures) = (trial, found);
         }
-        if failing - valid > EXACT_MM {
+        if failing - valid > CLOSED_MM {
             return (valid, failures);
         }
         // Joining allows for rounding, so a run seems to vanish a little late.
@@ -221,7 +278,7 @@ impl Subject<'_> {
     /// Joining allows for rounding, so the length left at smaller radii is extrapolated to zero.
     fn vanishing(&self, place: &Unreachable, failing: f64) -> f64 {
         let left = |radius_mm: f64| {
-            let (links, placed) = self.joined(radius_mm);
+            let (links, placed) = self.joined(&self.runs, radius_mm);
             left_of(&links, &placed, place.longest)
         };
         let (mut far, mut near) = (failing * (1.0 - 1e-3), failing * (1.0 - 1e-4));
@@ -256,8 +313,8 @@ impl Subject<'_> {
 
     fn leads_valid_to(&self, limit_mm: f64) -> f64 {
         let planned = self.span.d_mm.abs();
-        let (links, placed) = self.joined(planned);
-        let walls = Walls::new(self.runs, &links, &placed);
+        let (links, placed) = self.joined(self.all, planned);
+        let walls = Walls::new(self.all, &links, &placed);
         let exact = self.leads_free_to(&walls, limit_mm, LEAD_TOUCH_MM);
         // If a contour closes with the noise of its coordinates, leads cut a little into it.
         if exact < planned && self.leads_are_free(&walls, planned.min(limit_mm), GOUGE_MM) {
@@ -287,15 +344,15 @@ impl Subject<'_> {
     fn leads_are_free(&self, walls: &Walls<'_>, radius_mm: f64, touch_mm: f64) -> bool {
         let scale = radius_mm / self.span.d_mm.abs();
         let plane = self.span.plane;
-        let (head, tail) = (&self.runs[..self.runs.len().min(END_RUNS)], {
-            &self.runs[self.runs.len().saturating_sub(END_RUNS)..]
+        let (head, tail) = (&self.all[..self.all.len().min(END_RUNS)], {
+            &self.all[self.all.len().saturating_sub(END_RUNS)..]
         });
         let is_free = |path: &lead::LeadPath, end, lead: &Lead, radius_mm: f64| {
             let cuts = |is_above: &dyn Fn(usize) -> bool| {
                 path.cuts(walls, end, radius_mm - touch_mm, is_above).gouge.is_some()
             };
             !cuts(&|_| false) || {
-                let below = lead::Below::of(self.span, self.runs, walls, lead, self.profile);
+                let below = lead::Below::of(self.span, self.all, walls, lead, self.profile);
                 !cuts(&|run| below.is(walls, run))
             }
         };

@@ -264,12 +264,7 @@ impl<'a> Walls<'a> {
 }
 
 /// The tree over the runs that `holds` selects.
-fn tree_of(
-    runs: &[Run],
-    chains: &[u32],
-    widest_mm: f64,
-    holds: impl Fn(usize) -> bool,
-) -> Tree {
+fn tree_of(runs: &[Run], chains: &[u32], widest_mm: f64, holds: impl Fn(usize) -> bool) -> Tree {
     let element = |run: usize| holds(run).then_some(runs[run].element);
     let elements = (0..runs.len()).map(|run| (element(run), chains[run]));
     Tree::of_elements(elements, widest_mm)

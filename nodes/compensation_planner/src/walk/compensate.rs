@@ -98,8 +98,7 @@ pub(crate) fn solve(
     let mut chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
     if let Some(certificates) = certificates.as_mut().filter(|_| !is_zero(span.d_mm)) {
         let lead_off = exit.lead().filter(|_| matches!(exit, Exit::LeadOff(_)));
-        let subject = Subject { span, runs: &chain.runs, lead_off, profile };
-        certificates.push(subject.certificate());
+        certificates.push(Subject::new(span, &chain.runs, lead_off, profile).certificate());
     }
     if is_any_unreachable(&chain.links, &chain.placed, tolerance) {
         // Rounded coordinates bend short chords so much that the tool loses them, and break
