@@ -15,6 +15,7 @@ mod output;
 pub(crate) mod plan;
 mod rules;
 mod span_breaks;
+mod span_index;
 mod span_writer;
 mod spans;
 mod tool_tip;

@@ -13,10 +13,12 @@ use crate::geometry::tolerance::{GOUGE_MM, LENGTH_MM};
 use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, budget};
 use crate::span::{ItemKind, Run, Span};
 use crate::walk::compensate::{Exit, Solution};
+use crate::walk::span_index::SpanIndex;
 use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::{OtherSpans, Profile};
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 /// Findings of this kind in a program; more help nobody.
@@ -31,6 +33,9 @@ pub(crate) struct EarlierSpans<'a> {
     /// The first span waits for a second one: most long programs have one only.
     first: Option<Box<(Part, Span<'a>, Solution)>>,
     left: Vec<SpanWalls>,
+    /// Where they are, and which have a fingerprint.
+    places: SpanIndex,
+    known: BTreeMap<Fingerprint, Vec<usize>>,
     work_system: u8,
     /// Boxes that may still be visited.
     budget: usize,
@@ -46,8 +51,11 @@ struct SpanWalls {
     tree: Tree,
     bounds: Bounds,
     /// Equal for a contour that is cut again, in either direction.
-    fingerprint: (usize, u64),
+    fingerprint: Fingerprint,
 }
+
+/// How many walls, and a sum over them.
+type Fingerprint = (usize, u64);
 
 #[derive(Debug, Clone, Copy)]
 struct Wall {
@@ -72,6 +80,8 @@ impl<'a> EarlierSpans<'a> {
         Self {
             first: None,
             left: Vec::new(),
+            places: SpanIndex::default(),
+            known: BTreeMap::new(),
             work_system: 1,
             budget: budget(0),
             findings_left: FINDINGS_MAX,
@@ -111,7 +121,7 @@ impl<'a> EarlierSpans<'a> {
             return None;
         }
         if let Some((part, span, solution)) = self.first.take().map(|first| *first) {
-            self.left.extend(SpanWalls::of(part, &span, &solution));
+            SpanWalls::of(part, &span, &solution).into_iter().for_each(|left| self.push(left));
         }
         let left = SpanWalls::of(part, &span, &solution)?;
         // The span itself checks a link against the wall that it leaves.
@@ -119,12 +129,19 @@ impl<'a> EarlierSpans<'a> {
         let checked: Vec<Source> = said.iter().filter(by_link).filter_map(|it| it.other).collect();
         let pieces = pieces(&span, exit, &solution, profile, said);
         let found = self.cut(&left, pieces, &checked, &span, profile);
-        match self.left.iter_mut().find(|other| other.is_same(&left)) {
-            Some(same) => same.is_cut_again(&left),
-            None => self.left.push(left),
+        let mut known = self.known.get(&left.fingerprint).into_iter().flatten();
+        match known.find(|other| self.left[**other].is_same(&left)) {
+            Some(same) => self.left[*same].is_cut_again(&left),
+            None => self.push(left),
         }
         self.findings_left -= usize::from(found.is_some());
         found
+    }
+
+    fn push(&mut self, left: SpanWalls) {
+        self.known.entry(left.fingerprint).or_default().push(self.left.len());
+        self.places.push(left.bounds);
+        self.left.push(left);
     }
 
     /// The deepest cut into the latest span that is cut.
@@ -140,13 +157,9 @@ impl<'a> EarlierSpans<'a> {
         let boxes = || pieces.iter().map(|piece| Bounds::of(&piece.path));
         let reach = pieces.iter().fold(0.0, |reach: f64, piece| reach.max(piece.radius_mm));
         let bounds = boxes().fold(Bounds::EMPTY, Bounds::union);
-        let is_near = |left: &&SpanWalls| {
-            left.part == of.part
-                && !left.is_same(of)
-                && left.bounds.gap_squared(&bounds) < reach * reach
-        };
+        let near = self.places.near(&bounds, reach).into_iter().map(|left| &self.left[left]);
         let mut tree = None;
-        for left in self.left.iter().rev().filter(is_near) {
+        for left in near.filter(|left| left.part == of.part && !left.is_same(of)) {
             let tree =
                 tree.get_or_insert_with(|| Tree::new(boxes().map(|bounds| (bounds, NO_CHAIN))));
             let mut deepest: Option<OtherCut> = None;
