@@ -125,9 +125,9 @@ impl Tree {
         for (index, (element, chain)) in items.enumerate() {
             let Some(element) = element else { continue };
             let bounds = Bounds::of(&element);
-            let parts = (bounds.width() / widest_mm).ceil();
-            // Also false for what is not a number.
-            if !(parts > 1.0) {
+            // Not a number counts as one part.
+            let parts = (bounds.width() / widest_mm).ceil().max(1.0);
+            if parts <= 1.0 {
                 leaves.push(index, Node { bounds, chain });
                 continue;
             }
