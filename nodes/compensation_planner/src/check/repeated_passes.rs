@@ -12,7 +12,12 @@ const KEPT: usize = 3;
 
 /// The runs of a span, without most of their repetitions.
 pub(crate) fn without_repetitions<'a>(span: &Span<'_>, runs: &'a [Run]) -> Cow<'a, [Run]> {
-    let next = next_copies(span, runs);
+    let joint = |run: &Run| (run.d_in_mm, run.d_out_mm, span.legs[run.legs.start].corner);
+    without_repetitions_of(runs, |a, b| a.element == b.element && joint(a) == joint(b))
+}
+
+fn without_repetitions_of(runs: &[Run], is_same: impl Fn(&Run, &Run) -> bool) -> Cow<'_, [Run]> {
+    let next = next_copies(runs, is_same);
     let mut kept: Vec<Run> = Vec::new();
     // What is kept so far ends before this run.
     let mut from = 0;
@@ -39,21 +44,62 @@ pub(crate) fn without_repetitions<'a>(span: &Span<'_>, runs: &'a [Run]) -> Cow<'
     Cow::Owned(kept)
 }
 
-/// For each run the next one that is the same, bit for bit.
-fn next_copies(span: &Span<'_>, runs: &[Run]) -> Vec<Option<usize>> {
+/// For each run the next one with the same start, if it is the same.
+fn next_copies(runs: &[Run], is_same: impl Fn(&Run, &Run) -> bool) -> Vec<Option<usize>> {
     let start = |run: usize| runs[run].element.start().map(f64::to_bits);
     let mut order: Vec<([u64; 2], usize)> =
         (0..runs.len()).map(|run| (start(run).into(), run)).collect();
     order.sort_unstable();
-    let corner = |run: &Run| span.legs[run.legs.start].corner;
-    let is_same = |a: &Run, b: &Run| {
-        (a.element, a.d_in_mm, a.d_out_mm, corner(a))
-            == (b.element, b.d_in_mm, b.d_out_mm, corner(b))
-    };
     let mut next = vec![None; runs.len()];
     for pair in order.windows(2) {
-        let [(_, run), (_, later)] = [pair[0], pair[1]];
-        next[run] = (pair[0].0 == pair[1].0 && is_same(&runs[run], &runs[later])).then_some(later);
+        let [(at, run), (later_at, later)] = [pair[0], pair[1]];
+        next[run] = (at == later_at && is_same(&runs[run], &runs[later])).then_some(later);
     }
     next
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::element::{Element, Vec2};
+
+    /// Runs between the points of these letters, with a radius each, mm.
+    fn runs(letters: &str) -> Vec<Run> {
+        let point = |letter: u8| {
+            let number = f64::from(letter);
+            Vec2::new(number.sin(), number.cos()) * 40.0
+        };
+        (letters.as_bytes().windows(2).enumerate())
+            .map(|(index, ends)| Run {
+                element: Element::line(point(ends[0]), point(ends[1])).expect("two points"),
+                legs: index..index + 1,
+                d_in_mm: 5.0,
+                d_out_mm: 5.0,
+            })
+            .collect()
+    }
+
+    /// What is kept, as the letters at the starts of the runs and the last end.
+    fn kept(letters: &str, is_same: impl Fn(&Run, &Run) -> bool) -> String {
+        let runs = runs(letters);
+        let kept = without_repetitions_of(&runs, is_same);
+        let starts = kept.iter().map(|run| letters.as_bytes()[run.legs.start] as char);
+        starts.chain(letters.chars().last()).collect()
+    }
+
+    #[test]
+    fn of_a_pass_that_repeats_the_first_two_and_the_last_are_kept() {
+        let geometry = |a: &Run, b: &Run| a.element == b.element;
+        for (letters, expected) in [
+            ("xabcabcabcabcabcay", "xabcabcabcay"),
+            ("abcabcabca", "abcabcabca"),
+            ("xabababababcdcdcdcdcdcy", "xababababcdcdcdcy"),
+            ("abcdefgh", "abcdefgh"),
+            // A pass that is left out of the row ends the row.
+            ("abcabcabcaqabcabcabcabca", "abcabcabcaqabcabcabca"),
+        ] {
+            assert_eq!(kept(letters, geometry), expected, "{letters}");
+        }
+        assert_eq!(kept("abababababab", |_, _| false), "abababababab");
+    }
 }

@@ -367,6 +367,55 @@ mod tests {
         }
     }
 
+    /// Boxes visited for each line of a spiral of so many lines of 2 mm, with 12 mm between its
+    /// turns, to find what is near.
+    fn visits_of_a_spiral(count: usize) -> f64 {
+        let point = |index: usize| {
+            let radius = (12.0 * 2.0 * index as f64 / std::f64::consts::PI).sqrt();
+            let (y, x) = (radius / 12.0 * std::f64::consts::TAU).sin_cos();
+            Vec2::new(x, y) * radius
+        };
+        let lines = (0..count).map(|index| Element::line(point(index), point(index + 1)));
+        let tree = Tree::of_elements(lines.map(|line| (line, NO_CHAIN)), 24.0);
+        let all = usize::MAX;
+        let mut left = all;
+        assert!(tree.near_pairs(&tree, 3.0, &mut left, |_, _| ControlFlow::Continue(())));
+        (all - left) as f64 / count as f64
+    }
+
+    #[test]
+    fn ten_times_as_long_a_spiral_takes_about_ten_times_as_many_visits() {
+        let [short, long] = [10_000, 100_000].map(visits_of_a_spiral);
+        assert!(long < 1.5 * short, "{short} and {long} a line");
+    }
+
+    #[test]
+    fn a_long_element_has_several_boxes_and_short_ones_share_one() {
+        let lines = [[0.0, 0.0, 80.0, 60.0], [80.0, 60.0, 1.0, 1.0], [81.0, 61.0, 1.0, 2.0]];
+        let items = lines.iter().map(|numbers| (Some(line(numbers)), NO_CHAIN));
+        let tree = Tree::of_elements(items, 20.0);
+        let mut items = tree.items.clone();
+        items.sort_unstable();
+        assert_eq!(items, [(0, 1), (0, 1), (0, 1), (1, 2)]);
+    }
+
+    #[test]
+    fn the_curve_visits_each_cell_once_and_goes_to_a_neighbour_each_time() {
+        let shift = HILBERT_SIDE / 16;
+        let mut cells: Vec<(u32, [u32; 2])> = (0..256)
+            .map(|cell| [cell % 16, cell / 16])
+            .map(|[x, y]| (hilbert(x * shift, y * shift) / (shift * shift), [x, y]))
+            .collect();
+        cells.sort_unstable();
+        for (index, (along, _)) in cells.iter().enumerate() {
+            assert_eq!(*along as usize, index);
+        }
+        for pair in cells.windows(2) {
+            let [[ax, ay], [bx, by]] = [pair[0].1, pair[1].1];
+            assert_eq!(ax.abs_diff(bx) + ay.abs_diff(by), 1);
+        }
+    }
+
     #[test]
     fn a_chain_ends_before_its_directions_span_a_right_angle() {
         let mut chains = Chains::new();

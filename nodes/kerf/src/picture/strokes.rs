@@ -146,10 +146,8 @@ impl Bounds {
     }
 
     pub(super) fn add(&mut self, point: Point) {
-        for axis in 0..2 {
-            self.min[axis] = self.min[axis].min(point[axis]);
-            self.max[axis] = self.max[axis].max(point[axis]);
-        }
+        self.min = std::array::from_fn(|axis| self.min[axis].min(point[axis]));
+        self.max = std::array::from_fn(|axis| self.max[axis].max(point[axis]));
     }
 
     /// Adds motions; of an arc the whole circle.
