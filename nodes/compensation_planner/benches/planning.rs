@@ -4,6 +4,8 @@
 //! ```text
 //! cargo bench -p compensation_planner            all
 //! cargo bench -p compensation_planner -- closed  next to cavalier_contours
+//! cargo bench -p compensation_planner -- growth  how time grows with the length, with and without
+//!                                                valid radii
 //! cargo bench -p compensation_planner -- --test  each once
 //! ```
 //!
@@ -20,7 +22,7 @@ use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::{Offset, ToolTable};
 use compensation_planner::{plan, plan_certified};
 use criterion::{Criterion, SamplingMode, Throughput};
-use outline::Outline;
+use outline::{Outline, programmed};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
@@ -137,6 +139,38 @@ fn worst(criterion: &mut Criterion, best: &mut Best) {
     }
 }
 
+/// Programs that come back to where they were: time grows as n log n, whatever comes near to what.
+const GROWING: [(&str, fn(usize) -> Vec<Outline>); 6] = [
+    ("passes", |count| vec![Outline::passes(count, 0.1)]),
+    ("retrace", |count| vec![Outline::passes(count, 0.0)]),
+    ("spiral", |count| vec![Outline::even_spiral(count, 12.0)]),
+    ("comb", |count| vec![Outline::comb(count / 4, 12.0)]),
+    ("hilbert", |count| vec![Outline::hilbert(count)]),
+    ("bosses", |count| Outline::bosses(count / 2)),
+];
+
+const GROWING_COUNTS: [usize; 3] = [10_000, 40_000, 160_000];
+
+fn growth(criterion: &mut Criterion, best: &mut Best) {
+    let profile = profile();
+    let tools = tool(3.0, 0.0);
+    for (name, make) in GROWING {
+        for count in GROWING_COUNTS {
+            let outlines = make(count);
+            let contour = programmed(&outlines);
+            let group = format!("growth/{name}/{count}");
+            measure(criterion, best, [&group, "plan"], contour.events.len(), || {
+                let plan = plan(black_box(&contour), &profile, &tools);
+                assert!(plan.accepted(), "{name}: {:?}", plan.findings.first());
+            });
+            measure(criterion, best, [&group, "certified"], contour.events.len(), || {
+                let plan = plan_certified(black_box(&contour), &profile, &tools);
+                assert_eq!(plan.certificates.len(), outlines.len(), "{name}");
+            });
+        }
+    }
+}
+
 /// What follows a new wear, and the radii that a contour is good for.
 fn again(criterion: &mut Criterion, best: &mut Best) {
     let profile = profile();
@@ -165,8 +199,20 @@ fn main() {
     let mut best = Best::default();
     closed(&mut criterion, &mut best);
     worst(&mut criterion, &mut best);
+    growth(&mut criterion, &mut best);
     again(&mut criterion, &mut best);
     criterion.final_summary();
+    for (name, _) in GROWING {
+        for count in GROWING_COUNTS {
+            let time = |what| best.of(&format!("growth/{name}/{count}/{what}"));
+            let (Some(plan), Some(certified)) = (time("plan"), time("certified")) else { continue };
+            println!(
+                "{name}, {count} blocks: {:.2} us a block, {:.1} times that with valid radii",
+                plan.as_secs_f64() / count as f64 * 1e6,
+                certified.as_secs_f64() / plan.as_secs_f64()
+            );
+        }
+    }
     for Ring { name, .. } in RINGS {
         for count in COUNTS {
             let time = |who| best.of(&format!("closed/{name}/{count}/{who}"));

@@ -35,6 +35,9 @@ pub(crate) struct Outline {
     start: Point,
     segments: Vec<Segment>,
     side: CutterSide,
+    /// Before which segments the tool goes deeper, and to where, mm.
+    steps: Vec<(usize, f64)>,
+    depth_mm: f64,
 }
 
 /// Length of the elements of rings, mm: what a post processor writes for a fine finish.
@@ -43,7 +46,7 @@ const STEP_MM: f64 = 0.1;
 impl Outline {
     fn lines(points: &[Point], side: CutterSide) -> Self {
         let segments = points[1..].iter().map(|&end| Segment { end, arc: None }).collect();
-        Self { start: points[0], segments, side }
+        Self { start: points[0], segments, side, steps: Vec::new(), depth_mm: 0.0 }
     }
 
     /// A ring with seven waves, of so many lines, counter-clockwise, the tool outside.
@@ -55,8 +58,7 @@ impl Outline {
     pub(crate) fn rounded_wave(count: usize) -> Self {
         let points = wave_points(count / 2);
         let corners = points.len() - 1;
-        let mut outline =
-            Self { start: points[0], segments: Vec::with_capacity(count), side: CutterSide::Right };
+        let mut outline = Self::lines(&points[..1], CutterSide::Right);
         for index in 0..=corners {
             let before = points[(index + corners - 1) % corners];
             let (at, after) = (points[index % corners], points[(index + 1) % corners]);
@@ -141,6 +143,74 @@ impl Outline {
         Self::lines(&points, CutterSide::Left)
     }
 
+    /// A spiral outwards of so many lines of 2 mm, with this distance between its turns.
+    pub(crate) fn even_spiral(count: usize, pitch_mm: f64) -> Self {
+        let point = |index: usize| {
+            let length = 2.0 * (index + 10_000) as f64;
+            let radius = (pitch_mm * length * 2.0 / TAU).sqrt();
+            let (sin, cos) = (radius / pitch_mm * TAU).sin_cos();
+            [radius * cos, radius * sin]
+        };
+        let points: Vec<Point> = (0..=count).rev().map(point).collect();
+        Self::lines(&points, CutterSide::Left)
+    }
+
+    /// A ring of 500 chords that is cut again and again, each time a step deeper.
+    pub(crate) fn passes(count: usize, step_mm: f64) -> Self {
+        let ring: Vec<Point> = (0..=500).map(|index| wave_point(index, 500, 50.0)).collect();
+        let mut outline = Self::lines(&ring, CutterSide::Right);
+        let chords = outline.segments.clone();
+        while outline.count() < count {
+            outline.depth_mm -= step_mm;
+            outline.steps.push((outline.count(), outline.depth_mm));
+            outline.segments.extend(&chords);
+        }
+        outline
+    }
+
+    /// The Hilbert curve through at least so many points, 10 mm apart.
+    pub(crate) fn hilbert(count: usize) -> Self {
+        let mut side = 1;
+        while side * side < count {
+            side *= 2;
+        }
+        let point = |index: usize| {
+            let (mut x, mut y, mut rest, mut square) = (0, 0, index, 1);
+            while square < side {
+                let right = 1 & (rest / 2);
+                let up = 1 & (rest ^ right);
+                if up == 0 {
+                    if right == 1 {
+                        (x, y) = (square - 1 - x, square - 1 - y);
+                    }
+                    (x, y) = (y, x);
+                }
+                (x, y) = (x + square * right, y + square * up);
+                (rest, square) = (rest / 4, square * 2);
+            }
+            [x as f64 * 10.0, y as f64 * 10.0]
+        };
+        // From outside, so that the leads cross nothing.
+        let points = std::iter::once([-20.0, 0.0]).chain((0..side * side).map(point));
+        Self::lines(&points.collect::<Vec<Point>>(), CutterSide::Left)
+    }
+
+    /// So many round bosses of 10 mm in rows, each a contour of its own.
+    pub(crate) fn bosses(count: usize) -> Vec<Self> {
+        let side = count.isqrt().max(1);
+        let boss = |index: usize| {
+            let center = [(index % side) as f64 * 40.0, (index / side) as f64 * 40.0];
+            let at = |angle: f64| [center[0] + 5.0 * angle.cos(), center[1] + 5.0 * angle.sin()];
+            let half = |end: f64| Segment {
+                end: at(end),
+                arc: Some(Bend { center, clockwise: true, bulge: -1.0 }),
+            };
+            let segments = vec![half(TAU / 2.0), half(0.0)];
+            Self { start: at(0.0), segments, side: CutterSide::Left, steps: vec![], depth_mm: 0.0 }
+        };
+        (0..count).map(boss).collect()
+    }
+
     /// Number of lines and arcs.
     pub(crate) fn count(&self) -> usize {
         self.segments.len()
@@ -148,32 +218,20 @@ impl Outline {
 
     /// With D1, a lead-on and a lead-off of 20 mm perpendicular to the ends.
     pub(crate) fn programmed(&self) -> ProgrammedContour {
+        programmed(std::slice::from_ref(self))
+    }
+
+    /// Where the lead-on begins, and where the lead-off ends.
+    fn outside(&self) -> [Point; 2] {
         let (first, last) = (self.segments[0], self.segments[self.count() - 1]);
         let last_start =
             if self.count() > 1 { self.segments[self.count() - 2].end } else { self.start };
         let sign = if self.side == CutterSide::Left { 20.0 } else { -20.0 };
         let aside = |at: Point, along: Point| [at[0] - along[1] * sign, at[1] + along[0] * sign];
-        let from = aside(self.start, unit(self.start, first.end));
-        let to = aside(last.end, unit(last_start, last.end));
-
-        let mut events = Vec::with_capacity(self.count() + 6);
-        let mut line = 1;
-        let mut push = |kind| {
-            let source = Source { line, column: 1, length: 20, block: None };
-            line += u32::from(matches!(kind, ContourEventKind::Motion(_)));
-            events.push(ContourEvent { source, kind });
-        };
-        let approach = Some(Approach::Normal);
-        push(ContourEventKind::Radius(RadiusSource::Offset(1)));
-        push(motion(from, None, MotionClass::Rapid));
-        push(ContourEventKind::Select { side: self.side, approach, along: None });
-        push(motion(self.start, None, MotionClass::Feed));
-        for segment in &self.segments {
-            push(motion(segment.end, segment.arc, MotionClass::Feed));
-        }
-        push(ContourEventKind::Cancel { exit: approach });
-        push(motion(to, None, MotionClass::Feed));
-        ProgrammedContour { start: [from[0], from[1], 0.0], events, ..ProgrammedContour::default() }
+        [
+            aside(self.start, unit(self.start, first.end)),
+            aside(last.end, unit(last_start, last.end)),
+        ]
     }
 
     /// The closed polyline that others offset.
@@ -188,15 +246,49 @@ impl Outline {
     }
 }
 
+/// Contours one after another, with the leads of each.
+pub(crate) fn programmed(outlines: &[Outline]) -> ProgrammedContour {
+    let mut events = Vec::new();
+    let mut line = 1;
+    let mut push = |kind| {
+        let source = Source { line, column: 1, length: 20, block: None };
+        line += u32::from(matches!(kind, ContourEventKind::Motion(_)));
+        events.push(ContourEvent { source, kind });
+    };
+    let approach = Some(Approach::Normal);
+    push(ContourEventKind::Radius(RadiusSource::Offset(1)));
+    for outline in outlines {
+        let [from, to] = outline.outside();
+        push(motion(from, 0.0, None, MotionClass::Rapid));
+        push(ContourEventKind::Select { side: outline.side, approach, along: None });
+        push(motion(outline.start, 0.0, None, MotionClass::Feed));
+        let (mut steps, mut at, mut depth_mm) =
+            (outline.steps.iter().peekable(), outline.start, 0.0);
+        for (index, segment) in outline.segments.iter().enumerate() {
+            if let Some((_, deeper)) = steps.next_if(|(before, _)| *before == index) {
+                depth_mm = *deeper;
+                push(motion(at, depth_mm, None, MotionClass::Feed));
+            }
+            at = segment.end;
+            push(motion(at, depth_mm, segment.arc, MotionClass::Feed));
+        }
+        push(ContourEventKind::Cancel { exit: approach });
+        push(motion(to, depth_mm, None, MotionClass::Feed));
+    }
+    let [x, y] = outlines[0].outside()[0];
+    ProgrammedContour { start: [x, y, 0.0], events, ..ProgrammedContour::default() }
+}
+
 fn wave_points(count: usize) -> Vec<Point> {
     let radius = count as f64 * STEP_MM / TAU;
-    let point = |index: usize| {
-        let angle = TAU * (index % count) as f64 / count as f64;
-        let (sin, cos) = angle.sin_cos();
-        let out = radius * (1.0 + 0.05 * (7.0 * angle).cos());
-        [out * cos, out * sin]
-    };
-    (0..=count).map(point).collect()
+    (0..=count).map(|index| wave_point(index, count, radius)).collect()
+}
+
+fn wave_point(index: usize, count: usize, radius: f64) -> Point {
+    let angle = TAU * (index % count) as f64 / count as f64;
+    let (sin, cos) = angle.sin_cos();
+    let out = radius * (1.0 + 0.05 * (7.0 * angle).cos());
+    [out * cos, out * sin]
 }
 
 fn unit(from: Point, to: Point) -> Point {
@@ -205,17 +297,17 @@ fn unit(from: Point, to: Point) -> Point {
     [x / length, y / length]
 }
 
-fn motion(end: Point, bend: Option<Bend>, class: MotionClass) -> ContourEventKind {
+fn motion(end: Point, depth_mm: f64, bend: Option<Bend>, class: MotionClass) -> ContourEventKind {
     let shape = match bend {
         None => Shape::Line,
         Some(Bend { center, clockwise, .. }) => {
-            let center = [center[0], center[1], 0.0];
+            let center = [center[0], center[1], depth_mm];
             Shape::Arc(Arc { center, plane: Plane::Xy, clockwise, turns: 0 })
         }
     };
     ContourEventKind::Motion(Motion {
         shape,
-        end: [end[0], end[1], 0.0],
+        end: [end[0], end[1], depth_mm],
         class,
         feed_mm_per_min: if class == MotionClass::Feed { 1000.0 } else { 0.0 },
         axes: AxisSet::NONE.with(0).with(1),
