@@ -44,7 +44,7 @@ fn stops(machine: &Machine, program: &str, mut at_stop: impl FnMut(&Value)) -> V
     let mut stops: Vec<Value> = Vec::new();
     while !running.is_finished() {
         let status = machine.kerf(&["status"]).out;
-        if !status.starts_with("HOLD: SINGLE_BLOCK: resume goes on") {
+        if !status.starts_with("HOLD: SINGLE_BLOCK: resume to go on") {
             continue;
         }
         let stop = stop_of(&status);
