@@ -262,7 +262,7 @@ fn with_require_recording_nothing_is_sent_before_the_bag_is_open() {
     assert_eq!(line.mode(), Mode::Hold, "nothing resumes by itself");
     line.ask(Command::Resume).unwrap();
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);
-    assert!(line.log.iter().any(|text| text.contains("not whole: No space left")));
+    assert!(line.log.iter().any(|text| text.contains("not complete: No space left")));
 
     // An MDI block has no bag: it does not wait for one, and another bag does not hold it.
     line.finished = None;
@@ -284,7 +284,7 @@ fn without_require_recording_the_part_is_worth_more_than_its_record() {
     line.ask(Command::Recorder { is_whole: false, reason }).unwrap();
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);
     assert!(!line.said_since(then).contains('!'));
-    assert!(line.log.iter().any(|text| text.contains("not whole: No space left")));
+    assert!(line.log.iter().any(|text| text.contains("not complete: No space left")));
 }
 
 /// Cut at Z-5, a retract in the machine frame, another tool, on in rapid: as posted.
@@ -325,7 +325,7 @@ fn m28_behind_a_retract_the_tool_stays_up_and_is_never_taken_back_into_the_part(
     let mut line = homed(DriverConfig::default());
     let refusal = line.ask(request(&with_retract(), 5)).unwrap_err();
     assert_eq!(refusal.error_code, error_code::START_LINE);
-    assert!(refusal.message.contains("a position of Z that is not known since G53"), "{refusal}");
+    assert!(refusal.message.contains("Z has not been given since G53"), "{refusal}");
 }
 
 #[test]

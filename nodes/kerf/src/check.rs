@@ -87,7 +87,7 @@ pub(crate) fn run(args: &CheckArgs) -> CommandResult {
     let pairs = pairs(&results);
     let name = files::file_name(&args.file);
     if args.json {
-        json::print(&CheckJson::new(&name, &results, &pairs));
+        json::print(&CheckJson::new(&name, &results, &pairs))?;
     } else {
         print!("{}", to_text(&name, &results, &pairs));
     }

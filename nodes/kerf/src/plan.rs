@@ -86,7 +86,7 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     }
     let start = planned.start_at(args.start_line, &profile);
     if args.json {
-        json::print(&planned.report(&profile.name, start.as_ref()));
+        json::print(&planned.report(&profile.name, start.as_ref()))?;
     } else {
         let shown: Vec<_> = planned
             .findings

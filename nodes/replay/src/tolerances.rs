@@ -115,7 +115,12 @@ pub const ROWS: &[ToleranceRow] = &[
     length(wire::CompensationReport::TYPE_NAME, "certificates[*].valid_from"),
     length(wire::CompensationReport::TYPE_NAME, "certificates[*].valid_to"),
     length(wire::CompensationReport::TYPE_NAME, "certificates[*].leads_valid_to"),
-    length(wire::CompensationReport::TYPE_NAME, "certificates[*].limited_by[*].position.*"),
+    row(
+        wire::CompensationReport::TYPE_NAME,
+        "certificates[*].limited_by[*].position.*",
+        Rule::Within(1e-7, "m"),
+        "the valid radius is found to 1e-10 m, and at a tangent the place moves by the square root of that",
+    ),
     length(wire::CompensationReport::TYPE_NAME, "certificates[*].limited_by[*].missing"),
     row(
         wire::CompensationReport::TYPE_NAME,

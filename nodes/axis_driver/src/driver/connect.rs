@@ -132,12 +132,12 @@ impl Connecting {
         }
         let reason = match context.machine.needs_acknowledgement {
             true => {
-                "LINK_LOST: the line is back and the machine was still moving; feed hold sent, \
+                "LINK_LOST: the line is back and the machine is not idle; it is held, \
                  commands stay buffered; check the tool position, then soft_reset"
             }
             false => {
-                "DRIVER_RESTARTED: the machine was not idle when the port was opened; feed hold \
-                 sent, commands stay buffered; soft_reset to take it over"
+                "DRIVER_RESTARTED: the machine was not idle when the port was opened; it is held, \
+                 commands stay buffered; soft_reset to take it over"
             }
         };
         context.log(LogLevel::Warn, reason);

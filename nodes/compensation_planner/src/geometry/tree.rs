@@ -22,6 +22,9 @@ pub(crate) const fn budget(count: usize) -> usize {
 /// Elements in a lowest box.
 pub(crate) const LEAF: usize = 8;
 
+/// The most boxes of one element.
+const PARTS_MAX: f64 = 16.0;
+
 /// Belongs to no chain.
 pub(crate) const NO_CHAIN: u32 = u32::MAX;
 
@@ -125,9 +128,8 @@ impl Tree {
         for (index, (element, chain)) in items.enumerate() {
             let Some(element) = element else { continue };
             let bounds = Bounds::of(&element);
-            // Not a number counts as one part.
-            let parts = (bounds.width() / widest_mm).ceil().max(1.0);
-            if parts <= 1.0 {
+            let parts = (bounds.width() / widest_mm).ceil().clamp(1.0, PARTS_MAX);
+            if parts.is_nan() || parts <= 1.0 {
                 leaves.push(index, Node { bounds, chain });
                 continue;
             }
@@ -143,9 +145,8 @@ impl Tree {
 
     /// Visits the elements of all pairs of lowest boxes that are nearer than `reach` mm and not
     /// within one chain. A tree against itself visits each pair twice, and long elements may meet
-    /// in several of their boxes. Returns whether it saw all
-    /// pairs: it gives up when the budget is used up, where a visit counts as a box for each
-    /// element.
+    /// in several of their boxes. Returns whether it saw all pairs: it gives up when the budget is
+    /// used up, where a visit counts as a box for each element.
     pub(crate) fn near_pairs(
         &self,
         other: &Self,

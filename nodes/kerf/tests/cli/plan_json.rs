@@ -1,7 +1,7 @@
 //! `kerf plan --json`: every key of the contract, and two worked programs number by number.
 
 use super::said;
-use super::support::{CONTOUR, Folder, TOOLS};
+use super::support::{CONTOUR, Folder, TOOLS, kerf};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -271,4 +271,19 @@ fn the_page_on_json_names_all_that_is_printed() {
     let missing: Vec<_> =
         found.iter().filter(|name| !page.contains(&format!("`{name}`"))).collect();
     assert!(missing.is_empty(), "docs/json.md does not name {missing:?}");
+}
+
+#[test]
+fn json_that_a_full_disk_cuts_off_ends_with_2() {
+    let folder = Folder::new();
+    let full = std::fs::File::options().write(true).open("/dev/full").expect("/dev/full");
+    let ran = kerf()
+        .current_dir(folder.path())
+        .args(["plan", CONTOUR, "--control", "sinumerik_840c", "--tools", TOOLS, "--json"])
+        .stdout(full)
+        .output()
+        .expect("kerf");
+    let said = String::from_utf8_lossy(&ran.stderr).into_owned();
+    assert_eq!(ran.status.code(), Some(2), "{said}");
+    assert!(said.contains("cannot write to standard output: No space left"), "{said}");
 }

@@ -90,8 +90,12 @@ fn seal(plan: &mut Plan) {
 type Lie = (&'static str, fn(&mut Plan));
 
 const LIES: [Lie; 14] = [
-    ("1000000000 elements are announced; at most 50000000 are accepted", |plan| plan.manifest.element_count = 1_000_000_000),
-    ("18446744073709551615 events are announced; at most 50000000", |plan| plan.manifest.event_count = u64::MAX),
+    ("1000000000 elements are announced; at most 50000000 are accepted", |plan| {
+        plan.manifest.element_count = 1_000_000_000
+    }),
+    ("18446744073709551615 events are announced; at most 50000000", |plan| {
+        plan.manifest.event_count = u64::MAX
+    }),
     ("4294967295 chunks are announced", |plan| plan.manifest.chunk_count = u32::MAX),
     ("answered without chunk 1", |plan| drop(plan.chunks.remove(1))),
     ("revision 1, not of", |plan| plan.chunks[2].revision = 1),

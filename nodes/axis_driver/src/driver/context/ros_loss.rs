@@ -76,6 +76,6 @@ impl Context {
             loss.is_answered = true;
         }
         let patience = self.config.ros_loss_timeout_ms;
-        format!("{ROS_LOST}: no ROS node has been reachable for {patience} ms")
+        format!("{ROS_LOST}: the ROS side of the driver has been away for {patience} ms")
     }
 }
